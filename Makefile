@@ -1,0 +1,58 @@
+# make demo   edit the built-in scene and leave pictures in out/demo
+# make test   run the tests
+# Both start from a fresh clone: they make .venv and install everything first (make setup).
+# make check (lint, format, types) and make bench (measurements) are for those who change the code.
+
+PYTHON ?= python3
+BIN := .venv/bin
+STAMP := .venv/.installed
+
+# What open3d and pyvista load at run time on Linux; the core of gsedit needs none of them.
+LIBRARIES := libusb-1.0-0 libegl1 libgl1 libgl1-mesa-dri libx11-6 libudev1 libidn2-0
+
+.PHONY: setup demo test check bench
+
+setup: $(STAMP)
+
+$(STAMP): pyproject.toml constraints.txt
+	@$(system_packages)
+	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear .venv
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev,diffusers]'
+	@touch $@
+
+demo: setup
+	$(BIN)/python examples/demo.py out/demo
+
+test: setup
+	$(BIN)/python -m pytest
+
+check: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/basedpyright
+
+bench: setup
+	$(BIN)/python examples/bench.py
+
+# Debian and its children: install what is missing if we may, else say how. Never a reason to stop:
+# without the libraries only the viewers are missing, and without venv the next line says so itself.
+define system_packages
+if command -v dpkg-query >/dev/null 2>&1; then \
+	missing=''; \
+	for package in $(LIBRARIES); do \
+		dpkg-query -W -f '$${Status}\n' $$package 2>/dev/null | grep -q 'ok installed' \
+			|| missing="$$missing $$package"; \
+	done; \
+	$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || missing="$$missing python3-venv"; \
+	if [ -n "$$missing" ]; then \
+		echo "system packages to install:$$missing"; \
+		if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null 2>&1 \
+			&& apt-get update -qq \
+			&& DEBIAN_FRONTEND=noninteractive \
+				apt-get install -y -qq --no-install-recommends $$missing >/dev/null; \
+		then :; \
+		else echo "please run: sudo apt-get update && sudo apt-get install -y$$missing"; \
+		fi; \
+	fi; \
+fi
+endef

@@ -1,0 +1,1 @@
+"""The `gsedit` command line: words in, words out."""

@@ -1,0 +1,143 @@
+"""The `gsedit` program: its verbs, and one table from what went wrong to a line and an exit code."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import traceback
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from .edit import edit
+from .fit import fit
+from .info import info
+from .narrate import Interrupted, say
+from .options import flat
+from .preview import preview
+from .render import render
+
+OK, FAILED, USAGE, UNREADABLE, INTERRUPTED = 0, 1, 2, 3, 130
+
+
+def explain(error: BaseException) -> tuple[str, int]:
+    """One helpful line and the exit code for anything that can end a command."""
+    from gsedit.errors import GseditError, InputError, UsageError
+
+    match error:
+        case UsageError():
+            return one_line(error), USAGE
+        case InputError():
+            return one_line(error), UNREADABLE
+        case GseditError():
+            return one_line(error), FAILED
+        case Interrupted():
+            return one_line(error), INTERRUPTED
+        case KeyboardInterrupt():
+            return "interrupted; nothing was written", INTERRUPTED
+        case MemoryError():
+            return "out of memory: try a smaller --size, or close other programs", FAILED
+        case OSError():
+            where = f"{error.filename}: " if error.filename else ""
+            reason = error.strerror or one_line(error)
+            return f"{where}{reason}; check the disk's space and your permissions", FAILED
+        case _:
+            kind = type(error).__name__
+            return (
+                f"internal error ({kind}: {one_line(error)}); "
+                "rerun with --debug and report what it shows",
+                FAILED,
+            )
+
+
+def one_line(error: BaseException) -> str:
+    return " ".join(str(error).split())
+
+
+class Verbs(TyperGroup):
+    """The group of commands, ending every one of them through the table above."""
+
+    def main(self, args: Any = None, *rest: Any, **options: Any) -> Any:
+        words = sys.argv[1:] if args is None else list(args)
+        try:
+            # not standalone: typer would print its own boxes and tracebacks
+            code = super().main(words, *rest, **{**options, "standalone_mode": False})
+        except BrokenPipeError:  # the reader of stdout left, as `head` does: nobody is there to tell
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            code = FAILED
+        except Exception as error:
+            code = self.end(error, debug="--debug" in words)
+        sys.exit(code or OK)
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as interruption:  # before typer turns it into a bare exit code
+            raise Interrupted(explain(interruption)[0]) from None
+
+    def end(self, error: Exception, *, debug: bool) -> int:
+        """Say what went wrong; the exit code."""
+        if debug:
+            traceback.print_exception(error)
+        if hasattr(error, "format_message"):  # the command line itself was not understood
+            return self.misunderstood(error)
+        line, code = explain(error)
+        say(f"gsedit: {line}")
+        return code
+
+    def misunderstood(self, error: Any) -> int:
+        if not error.format_message().strip() or type(error).__name__ == "NoArgsIsHelpError":
+            error.show()
+        else:
+            verb = error.ctx.command_path if getattr(error, "ctx", None) else "gsedit"
+            say(f"{verb}: {one_line_text(error.format_message())} (see {verb} --help)")
+        return USAGE
+
+
+def one_line_text(text: str) -> str:
+    return " ".join(text.split())
+
+
+app = typer.Typer(
+    cls=Verbs,
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+for verb in (fit, edit, render, preview, info):
+    app.command()(flat(verb))
+
+
+def show_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"gsedit {version('gsedit')}")
+        raise typer.Exit
+
+
+@app.callback()
+def describe(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=show_version, is_eager=True, help="Show the version."),
+    ] = False,
+) -> None:
+    """Edit captured 3D scenes (Gaussian splats) from a sentence, on a machine without a GPU.
+
+    Messages go to stderr, results to stdout. Exit codes: 0 done, 1 failed, 2 the request was not
+    understood, 3 an input could not be read, 130 interrupted.
+    """
+
+
+def _stop(*_: Any) -> None:
+    raise KeyboardInterrupt
+
+
+def main() -> None:
+    """The entry point: `kill` ends the work as Ctrl-C does, with its checkpoint kept."""
+    signal.signal(signal.SIGTERM, _stop)
+    app()

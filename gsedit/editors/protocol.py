@@ -1,0 +1,57 @@
+"""What every 2D editor takes and gives. `v` views of `h w` pixels, `y x` latent cells."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from gsedit.correspond import Correspondences
+from gsedit.diffusion import SamplerSettings
+
+
+@dataclass(frozen=True, eq=False)
+class EditBatch:
+    """Views that are edited together."""
+
+    images: Float[Tensor, "v h w 3"]
+    """Where sampling starts: current renders; for an anchored view its finished edited image."""
+    originals: Float[Tensor, "v h w 3"]
+    """The condition: photos or renders of the unedited scene; never an edited picture."""
+    prompt: str
+    correspondences: Correspondences | None = None
+    """None: every view is edited on its own."""
+    anchored: Bool[Tensor, " v"] | None = None
+    """Views that are already edited: they stay as they are, and their clusters follow them."""
+
+
+@dataclass(frozen=True, eq=False)
+class EditProgress:
+    """One step of an editor. Only the last one carries the images."""
+
+    step: int
+    steps: int
+    images: Float[Tensor, "v h w 3"] | None = None
+    """Edited views, in [0, 1], same size and order as the batch."""
+
+
+class Editor(Protocol):
+    """A 2D editor of several views at once."""
+
+    name: str
+    cell: int
+    """Pixels per latent cell: the grid on which correspondences are wanted; sides are multiples."""
+
+    def check(self, prompt: str) -> None:
+        """Raise UsageError, with the next move, if this editor cannot follow the instruction."""
+        ...
+
+    def edit(
+        self, batch: EditBatch, settings: SamplerSettings, generator: torch.Generator
+    ) -> Iterator[EditProgress]:
+        """Edit the batch; yields at least once, the last item with the images."""
+        ...

@@ -1,0 +1,40 @@
+"""What must hold of an input before anything parses it: it exists, holds bytes, stays in its folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gsedit.errors import InputError
+
+
+def existing_file(path: str | Path) -> Path:
+    """The path of a file that exists and is not empty; otherwise InputError."""
+    path = Path(path)
+    if path.is_dir():
+        raise InputError(f"{path} is a folder, not a file: name a file inside it")
+    try:
+        size = path.stat().st_size
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error.strerror}): check the path") from None
+    if size == 0:
+        raise InputError(f"{path} is empty (0 bytes): copy or export it again")
+    return path
+
+
+def file_inside(folder: Path, relative: str, where: str) -> Path:
+    """`folder / relative`, which must not leave the folder: not by `..`, a root, or a link.
+
+    A dataset is data from strangers: it names its own files and no others. `where` is the place
+    that named the file, for the message.
+    """
+    path = folder / relative
+    try:
+        stays = path.resolve().is_relative_to(folder.resolve())
+    except (OSError, RuntimeError, ValueError):  # a loop of links; a zero byte in the name
+        stays = False
+    if not stays:
+        raise InputError(
+            f"{where}: {relative!r} leaves the dataset folder {folder}: "
+            "copy the file into the folder and name it relative to it"
+        )
+    return path

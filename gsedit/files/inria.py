@@ -1,0 +1,146 @@
+"""The .ply of INRIA's 3D Gaussian Splatting: one float column a number, one row a Gaussian.
+
+`n` Gaussians, `k` SH coefficients a channel. Scales are logarithms, opacities logits, rotations
+wxyz; f_rest is channel-major in the file (all of red, all of green, ...), coefficient-major here.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from rasterizer.scene import Gaussians
+
+from gsedit.errors import InputError, UsageError
+from gsedit.files.ply import PlyHeader, read_ply
+
+MAX_DEGREE = 3  # INRIA's layout ends at 45 f_rest columns; no reader expects more
+_MEANS = ("x", "y", "z")
+_NORMALS = ("nx", "ny", "nz")
+_SCALES = ("scale_0", "scale_1", "scale_2")
+_QUATS = ("rot_0", "rot_1", "rot_2", "rot_3")
+
+
+def sh_columns(k: int) -> tuple[tuple[str, str, str], ...]:
+    """The file's name of every SH coefficient: k rows of three channels."""
+    rest = k - 1
+    dc = (("f_dc_0", "f_dc_1", "f_dc_2"),)
+    return dc + tuple(tuple(f"f_rest_{c * rest + i}" for c in range(3)) for i in range(rest))  # pyright: ignore[reportReturnType]
+
+
+def columns(k: int) -> tuple[str, ...]:
+    """All columns in INRIA's order: 62 at degree 3."""
+    rest = tuple(f"f_rest_{i}" for i in range(3 * (k - 1)))
+    return (*_MEANS, *_NORMALS, *sh_columns(k)[0], *rest, "opacity", *_SCALES, *_QUATS)
+
+
+def field_columns(k: int) -> dict[str, np.ndarray]:
+    """The column of every number of `Gaussians`, in the shape of one row of each field."""
+    return {
+        "means": np.array(_MEANS),
+        "quats": np.array(_QUATS),
+        "log_scales": np.array(_SCALES),
+        "logit_opacities": np.array("opacity"),
+        "sh": np.array(sh_columns(k)),
+    }
+
+
+def read_inria(path: Path, header: PlyHeader) -> tuple[Gaussians, tuple[str, ...]]:
+    """The scene, float32, and notes on what the file holds beyond it.
+
+    Through gsply where the file is exactly what gsply expects, through our own reader otherwise:
+    any column order and type, ASCII, big-endian, more elements.
+    """
+    vertex = header.element("vertex")
+    k = _coefficients(path, vertex.names if vertex else ())
+    known = {*columns(k), *_NORMALS}
+    extra = [name for name in (vertex.names if vertex else ()) if name not in known]
+    others = [e.name for e in header.elements if e.name != "vertex"]
+    notes = [f"columns left out: {', '.join(extra)}"] if extra else []
+    notes += [f"elements left out: {', '.join(others)}"] if others else []
+    scene = _through_gsply(path) if _is_plain(header) else None
+    return scene or _tolerant(path, k), tuple(notes)
+
+
+def write_inria(scene: Gaussians, path: Path) -> None:
+    """Write INRIA's layout, float32, little-endian, no comments (some viewers choke on them).
+
+    Not through gsply, which leaves out the normals: INRIA's own viewer reads 62 columns blindly.
+    """
+    if scene.degree > MAX_DEGREE:
+        raise UsageError(
+            f"{path}: .ply holds SH up to degree {MAX_DEGREE}, the scene has {scene.degree}: "
+            "reduce its SH degree first"
+        )
+    n, k = scene.sh.shape[:2]
+    rest = scene.sh[:, 1:].transpose(1, 2).reshape(n, 3 * (k - 1))  # to channel-major
+    normals = torch.zeros_like(scene.means)
+    opacity = scene.logit_opacities[:, None]
+    fields = (scene.means, normals, scene.sh[:, 0], rest, opacity, scene.log_scales, scene.quats)
+    lines = [f"property float {name}" for name in columns(k)]
+    start = ["ply", "format binary_little_endian 1.0", f"element vertex {n}"]
+    with path.open("wb") as handle:
+        handle.write("\n".join([*start, *lines, "end_header\n"]).encode("ascii"))
+        torch.cat(fields, dim=1).numpy().astype("<f4").tofile(handle)
+
+
+def from_gsply(data: Any) -> Gaussians:
+    """gsply keeps log scales, logit opacities, and SH in two parts."""
+    sh = np.concatenate((data.sh0[:, None], data.shN.reshape(len(data), -1, 3)), axis=1)
+    arrays = (data.means, data.quats, data.scales, data.opacities.reshape(-1), sh)
+    # C order: the arrays are views into one table, and the scene should not keep that alive
+    return Gaussians(*(torch.from_numpy(np.array(a, dtype=np.float32, order="C")) for a in arrays))
+
+
+def _coefficients(path: Path, names: tuple[str, ...]) -> int:
+    """k, from the number of f_rest columns; InputError where splat columns are missing."""
+    count = sum(name.startswith("f_rest_") for name in names)
+    degree = next((d for d in range(MAX_DEGREE + 1) if 3 * ((d + 1) ** 2 - 1) >= count), MAX_DEGREE)
+    k = (degree + 1) ** 2
+    missing = [c for c in columns(k) if c not in names and c not in _NORMALS]
+    if not [c for c in missing if not c.startswith("f_rest_")] and (missing or count > 3 * (k - 1)):
+        raise InputError(
+            f"{path} has {count} f_rest columns; degree {degree} needs {3 * (k - 1)}. "
+            "Was it cropped? Export it again"
+        )
+    if missing == ["scale_2"]:
+        raise InputError(f"{path} has no column scale_2: it holds 2D splats, export 3D ones")
+    if missing:
+        raise InputError(
+            f"{path} is no splat scene, columns {', '.join(missing)} are missing: "
+            "a mesh or point cloud has none, `gsedit fit` makes splats from photos"
+        )
+    return k
+
+
+def _is_plain(header: PlyHeader) -> bool:
+    """gsply takes every other type and element for nothing, and reads on at the wrong byte."""
+    return (
+        header.format == "binary_little_endian"
+        and len(header.elements) == 1
+        and all(kind == "float" for _, kind in header.elements[0].columns)
+    )
+
+
+def _through_gsply(path: Path) -> Gaussians | None:
+    import gsply
+
+    try:
+        return from_gsply(gsply.plyread(path))
+    except ValueError:
+        return None
+
+
+def _tolerant(path: Path, k: int) -> Gaussians:
+    vertex = read_ply(path).elements.get("vertex")
+    if vertex is None:
+        raise InputError(f"{path}: a list element stands before vertex: export it without faces")
+
+    def gather(names: np.ndarray) -> torch.Tensor:
+        with np.errstate(over="ignore"):  # a double beyond float32 becomes inf: found later
+            parts = [vertex[name].astype(np.float32) for name in names.ravel().tolist()]
+        return torch.from_numpy(np.stack(parts, axis=-1).reshape(len(vertex), *names.shape))
+
+    return Gaussians(**{field: gather(names) for field, names in field_columns(k).items()})

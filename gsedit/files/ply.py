@@ -1,0 +1,203 @@
+"""Any PLY file as records: ASCII or binary, either byte order, any elements and columns.
+
+Nothing is allocated before the header's promise is compared with the size of the file.
+Format: G. Turk, "The PLY Polygon File Format", 1994."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from gsedit.errors import InputError
+from gsedit.files.inputs import existing_file
+
+_BYTE_ORDERS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
+_TYPES = {
+    **{"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"},
+    **{"half": "f2", "float": "f4", "double": "f8"},
+    **{"int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4"},
+    **{"int64": "i8", "uint64": "u8", "float16": "f2", "float32": "f4", "float64": "f8"},
+}
+_HEADER_MAX_BYTES = 1 << 20  # 62 columns take 1.5 kB; 1 MB leaves room for long comments
+_CUT_OFF = "it is cut off, copy or export it again"
+
+
+@dataclass(frozen=True)
+class PlyElement:
+    """One table of the file, as its header announces it."""
+
+    name: str
+    count: int
+    columns: tuple[tuple[str, str], ...]
+    """(name, type as written); a list column has the type "list"."""
+    count_types: tuple[str, ...] = ()
+    """The type of the length in front of each list column's values."""
+
+    @property
+    def has_lists(self) -> bool:
+        return bool(self.count_types)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(name for name, _ in self.columns)
+
+    def dtype(self, byte_order: str) -> np.dtype:
+        """One row; defined where there are no lists."""
+        return np.dtype([(name, byte_order + _TYPES[kind]) for name, kind in self.columns])
+
+    def min_row_bytes(self, ascii_values: bool) -> int:
+        """The fewest bytes that a row can take: in text, one digit and one separator a value."""
+        if ascii_values:
+            return 2 * len(self.columns)
+        kinds = [kind for _, kind in self.columns if kind != "list"] + list(self.count_types)
+        return sum(np.dtype(_TYPES[kind]).itemsize for kind in kinds)
+
+
+@dataclass(frozen=True)
+class PlyHeader:
+    """What a PLY file says about itself."""
+
+    format: str
+    """ascii, binary_little_endian or binary_big_endian."""
+    elements: tuple[PlyElement, ...]
+    comments: tuple[str, ...]
+    data_offset: int
+    """Bytes in front of the first row."""
+
+    def element(self, name: str) -> PlyElement | None:
+        return next((e for e in self.elements if e.name == name), None)
+
+
+@dataclass(frozen=True, eq=False)
+class PlyFile:
+    """Everything in a PLY file except lists (the faces of a mesh)."""
+
+    elements: dict[str, np.ndarray]
+    """One structured array an element, with the file's own column names, order and types."""
+    comments: tuple[str, ...]
+    format: str
+    """ascii, binary_little_endian or binary_big_endian."""
+    notes: tuple[str, ...] = ()
+    """What was left out, one sentence each."""
+
+
+def read_ply_header(path: str | Path) -> PlyHeader:
+    """The header, checked against the size of the file; InputError if it cannot be right."""
+    path = existing_file(path)
+    with path.open("rb") as handle:
+        header = _parse_header(path, handle)
+    _check_promise(path, header)
+    return header
+
+
+def read_ply(path: str | Path) -> PlyFile:
+    """Read every element of a PLY file up to the first one with list columns.
+
+    Raises InputError where the file is missing, empty, no PLY, cut off, or promises more rows than
+    its bytes can hold.
+    """
+    path = Path(path)
+    header = read_ply_header(path)
+    elements: dict[str, np.ndarray] = {}
+    notes: tuple[str, ...] = ()
+    with path.open("rb") as handle:
+        handle.seek(header.data_offset)
+        for i, element in enumerate(header.elements):
+            if element.has_lists:
+                left_out = ", ".join(e.name for e in header.elements[i:])
+                notes = (f"elements left out, from the first with lists on: {left_out}",)
+                break
+            elements[element.name] = _read_element(path, handle, element, header.format)
+    return PlyFile(elements, header.comments, header.format, notes)
+
+
+def _parse_header(path: Path, handle: BinaryIO) -> PlyHeader:
+    if handle.readline(8).strip() != b"ply":
+        raise InputError(f"{path} is not a PLY file (its first line is not 'ply'): check the path")
+    file_format, comments, elements = "", [], []
+    while True:
+        raw = handle.readline(_HEADER_MAX_BYTES)
+        if not raw or handle.tell() > _HEADER_MAX_BYTES:
+            raise InputError(f"{path}: the header has no end_header line: {_CUT_OFF}")
+        line = raw.decode("ascii", errors="replace").strip()
+        match line.split():
+            case ["end_header"]:
+                break
+            case ["format", name, *_] if name in _BYTE_ORDERS:
+                file_format = name
+            case ["comment" | "obj_info", *_]:
+                comments.append(line.partition(" ")[2])
+            case ["element", name, count] if count.isdecimal() and len(count) < 20:
+                elements.append(PlyElement(name, int(count), ()))
+            case ["property", *column] if elements:
+                elements[-1] = _with_column(path, elements[-1], column)
+            case []:
+                continue
+            case _:
+                raise InputError(f"{path}: header line {line[:80]!r} is not PLY: export it again")
+    if not file_format:
+        raise InputError(f"{path}: the header has no format line: export it again")
+    return PlyHeader(file_format, tuple(elements), tuple(comments), handle.tell())
+
+
+def _with_column(path: Path, element: PlyElement, words: list[str]) -> PlyElement:
+    count_types = element.count_types
+    match words:
+        case ["list", count_type, kind, name] if count_type in _TYPES and kind in _TYPES:
+            column, count_types = (name, "list"), (*count_types, count_type)
+        case [kind, name] if kind in _TYPES:
+            column = (name, kind)
+        case _:
+            raise InputError(
+                f"{path}: column {' '.join(words)[:80]!r} of element {element.name} has no type "
+                "that PLY knows: export it again"
+            )
+    if column[0] in element.names:
+        raise InputError(f"{path}: element {element.name} has two columns {column[0]}: rename one")
+    return PlyElement(element.name, element.count, (*element.columns, column), count_types)
+
+
+def _check_promise(path: Path, header: PlyHeader) -> None:
+    """A header is text: it can ask for a petabyte. Python integers do not overflow here."""
+    left = path.stat().st_size - header.data_offset
+    left += header.format == "ascii"  # the last value needs no separator
+    for element in header.elements:
+        left -= element.count * element.min_row_bytes(header.format == "ascii")
+        if left < 0:
+            raise InputError(
+                f"{path}: the header promises {element.count} rows of element {element.name}, "
+                f"{-left} bytes more than the file has: {_CUT_OFF}"
+            )
+
+
+def _read_element(path: Path, handle: BinaryIO, element: PlyElement, fmt: str) -> np.ndarray:
+    dtype = element.dtype(_BYTE_ORDERS[fmt])
+    if element.count == 0 or not element.columns:
+        return np.zeros(element.count if element.columns else 0, dtype)
+    if fmt != "ascii":
+        rows = np.fromfile(handle, dtype, element.count)
+    else:
+        filled = (line for line in handle if line.strip())
+        try:
+            with warnings.catch_warnings():  # no rows at all: said below, with the file's name
+                warnings.simplefilter("ignore", UserWarning)
+                lines = islice(filled, element.count)
+                rows = np.loadtxt(lines, dtype, comments=None, ndmin=1)
+        except (ValueError, OverflowError) as error:
+            place = f"{path}: element {element.name}"
+            raise InputError(f"{place}: {_first_line(error)}: export it again") from None
+    if len(rows) < element.count:
+        raise InputError(
+            f"{path}: element {element.name} ends after row {len(rows)} of {element.count}: "
+            f"{_CUT_OFF}"
+        )
+    return rows
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).split("\n")[0].split(";")[0]

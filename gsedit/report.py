@@ -1,0 +1,150 @@
+"""Error against run time: the records that long work yields, as JSON lines, tables and curves."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass, fields
+from itertools import groupby, pairwise
+from pathlib import Path
+from typing import Any, Literal, TextIO
+
+from rasterizer.scene import Gaussians
+
+from gsedit.errors import InputError
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened in a long piece of work: one line of metrics.jsonl."""
+
+    stage: str
+    """What was being done: render, correspond, sample, update, measure, fit, ..."""
+    seconds: float
+    """Wall clock since the work began."""
+    step: int = 0
+    steps: int = 0
+    """Position within the stage; 0 of 0 where it has no steps."""
+    loss: float | None = None
+    error: float | None = None
+    """RMSE of colours in [0, 1] against what the stage aims at: held-out photos, edited targets."""
+    note: str = ""
+    """One human sentence, where there is something to say."""
+
+
+@dataclass(frozen=True, eq=False)
+class Checkpoint:
+    """A complete scene in the middle of the work: worth keeping if the work is interrupted."""
+
+    scene: Gaussians
+    step: int
+    seconds: float
+
+
+def decibels(rmse: float) -> float:
+    """PSNR of colours in [0, 1], dB; infinite where there is no error."""
+    return -20 * math.log10(rmse) if rmse > 0 else math.inf
+
+
+def as_record(event: Event) -> dict[str, Any]:
+    """What is known about an event, ready for JSON (which has no NaN: such numbers are null)."""
+    known = {name: value for name, value in asdict(event).items() if value not in (None, "")}
+    return {
+        name: None if isinstance(value, float) and not math.isfinite(value) else value
+        for name, value in known.items()
+    }
+
+
+def write_event(file: TextIO, event: Event) -> None:
+    """Append one JSON line and flush it, so that what was measured survives an interruption."""
+    file.write(json.dumps(as_record(event), allow_nan=False) + "\n")
+    file.flush()
+
+
+def read_events(path: Path | str) -> list[Event]:
+    """The events of a metrics.jsonl. A last line without its newline was cut off: it is left out.
+
+    Raises InputError naming the file and the line where a line is not an event.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(
+            f"{path}: cannot be read as metrics ({error}); give the metrics.jsonl of an edit"
+        ) from error
+    lines = text.split("\n")[:-1]
+    return [_event(path, number, line) for number, line in enumerate(lines, 1) if line.strip()]
+
+
+def _event(path: Path | str, number: int, line: str) -> Event:
+    try:
+        return Event(**json.loads(line))
+    except (ValueError, TypeError) as error:
+        names = ", ".join(field.name for field in fields(Event))
+        raise InputError(
+            f"{path}, line {number}: not an event ({error}); a line is an object of {names}"
+        ) from error
+
+
+def curves(
+    events: Iterable[Event], field: Literal["error", "loss"] = "error"
+) -> dict[str, list[tuple[float, float]]]:
+    """(seconds, value) of every event that measured the field, by stage, in order."""
+    measured: dict[str, list[tuple[float, float]]] = {}
+    for event in events:
+        value = getattr(event, field)
+        if value is not None and math.isfinite(value):
+            measured.setdefault(event.stage, []).append((event.seconds, value))
+    return measured
+
+
+@dataclass(frozen=True)
+class Span:
+    """A stretch of consecutive events of one stage."""
+
+    stage: str
+    seconds: float
+    """Wall clock it took: from the end of the stretch before to its own last event."""
+    step: int
+    """Where it ended."""
+    loss: float | None
+    error: float | None
+    """The last ones that were measured."""
+
+
+def spans(events: Iterable[Event]) -> Iterator[Span]:
+    """The work as a list of stages, in order; their seconds add up to the whole."""
+    stretches = [list(stretch) for _, stretch in groupby(events, key=lambda event: event.stage)]
+    ends = [0.0, *(stretch[-1].seconds for stretch in stretches)]
+    for stretch, (start, end) in zip(stretches, pairwise(ends)):
+        yield Span(
+            stretch[-1].stage,
+            end - start,
+            stretch[-1].step,
+            next((e.loss for e in reversed(stretch) if e.loss is not None), None),
+            next((e.error for e in reversed(stretch) if e.error is not None), None),
+        )
+
+
+def table(events: Iterable[Event]) -> str:
+    """Where the time went and what it bought: a plain text table, one row a stretch of work."""
+    head = ("stage", "seconds", "steps", "loss", "error", "dB")
+    rows = [head, *(_cells(span) for span in spans(events))]
+    widths = [max(len(row[i]) for row in rows) for i in range(len(head))]
+    return "\n".join(
+        f"{row[0]:<{widths[0]}}  "
+        + "  ".join(f"{cell:>{width}}" for cell, width in zip(row[1:], widths[1:]))
+        for row in rows
+    )
+
+
+def _cells(span: Span) -> tuple[str, ...]:
+    return (
+        span.stage,
+        f"{span.seconds:.1f}",
+        str(span.step) if span.step else "",
+        "" if span.loss is None else f"{span.loss:.4f}",
+        "" if span.error is None else f"{span.error:.4f}",
+        "" if span.error is None else f"{decibels(span.error):.1f}",
+    )

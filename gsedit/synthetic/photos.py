@@ -1,0 +1,63 @@
+"""Pictures of a synthetic scene: cameras around it, and a dataset of exact photos."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import cos, radians, sin, tau
+
+import torch
+from rasterizer.camera import Camera, look_at
+from torch import Tensor
+
+from gsedit.synthetic.scene import SyntheticScene
+from gsedit.synthetic.splats import surface_points
+from gsedit.views import Dataset, View
+
+
+def ring_cameras(
+    scene: SyntheticScene,
+    count: int,
+    size: int,
+    elevation: float = 20.0,
+    fov: float = 45.0,
+    start: float = -90.0,
+) -> tuple[Camera, ...]:
+    """`count` cameras of `size`^2 pixels around the scene, at one height, looking at its centre,
+    as near as shows the scene's whole ball.
+
+    Angles in degrees: `elevation` above the horizon, `fov` of the picture, `start` the azimuth of the
+    first camera (-90 is the -y axis, the front of the demo scene); the rest follow counter-clockwise.
+    """
+    distance = scene.radius / sin(radians(fov) / 2)
+    centre, up = torch.zeros(3, dtype=torch.float64), scene.up.to(torch.float64)
+    across = _any_perpendicular(up)
+    along = torch.linalg.cross(up, across)
+    cameras = []
+    for i in range(count):
+        azimuth = radians(start) + tau * i / count
+        level = cos(azimuth) * across + sin(azimuth) * along
+        eye = distance * (cos(radians(elevation)) * level + sin(radians(elevation)) * up)
+        cameras.append(look_at(eye, centre, up, fov, size, size))
+    return tuple(cameras)
+
+
+def dataset(
+    scene: SyntheticScene,
+    cameras: Sequence[Camera],
+    supersample: int = 2,
+    points: int = 4000,
+    seed: int = 0,
+) -> Dataset:
+    """Traced photos, float32, with sparse surface points and their colours, as a capture has them."""
+    views = tuple(
+        View(f"{scene.name}_{i:03d}", camera, scene.trace(camera, supersample).image.float())
+        for i, camera in enumerate(cameras)
+    )
+    sparse = surface_points(scene, points, torch.Generator().manual_seed(seed))
+    return Dataset(views, sparse.float(), scene.albedo(sparse).float())
+
+
+def _any_perpendicular(up: Tensor) -> Tensor:
+    """A unit vector across `up`: the x axis where up is y or z."""
+    axis = torch.eye(3, dtype=up.dtype)[1 if abs(float(up[0])) > 0.9 else 0]
+    return torch.nn.functional.normalize(axis - (axis @ up) * up, dim=0)

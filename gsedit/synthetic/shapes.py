@@ -1,0 +1,166 @@
+"""Solids as signed distances: closures from points to distances, negative inside.
+
+`*b` any batch of points. Every closure is 1-Lipschitz (it never claims more room than there is), so
+that sphere tracing cannot step through a surface. Formulas: Quilez, "3D signed distance functions".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import reduce
+from math import cos, radians, sin
+from typing import TypeAlias
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+Points: TypeAlias = Float[Tensor, "*b 3"]
+Distances: TypeAlias = Float[Tensor, "*b"]
+Sdf: TypeAlias = Callable[[Tensor], Tensor]
+"""Points `*b 3`, world units -> signed distance `*b`, world units."""
+Triple: TypeAlias = Sequence[float]
+
+
+def length(*components: Distances) -> Distances:
+    """Euclidean length of a vector given by its components; its gradient at zero is zero."""
+    # the floor keeps d sqrt(0) finite in float32 too; a length of 1e-15 is below every tolerance
+    return sum(c * c for c in components).clamp_min(1e-30).sqrt()  # pyright: ignore
+
+
+def sphere(radius: float, centre: Triple = (0.0, 0.0, 0.0)) -> Sdf:
+    def distance(points: Points) -> Distances:
+        x, y, z = points.unbind(-1)
+        return length(x - centre[0], y - centre[1], z - centre[2]) - radius
+
+    return distance
+
+
+def box(half_sides: Triple, rounding: float = 0.0) -> Sdf:
+    """A box around the origin with edges rounded by `rounding`, which `half_sides` includes."""
+    inner = [side - rounding for side in half_sides]
+
+    def distance(points: Points) -> Distances:
+        x, y, z = (c.abs() - side for c, side in zip(points.unbind(-1), inner))
+        outside = length(x.clamp_min(0), y.clamp_min(0), z.clamp_min(0))
+        inside = torch.maximum(x, torch.maximum(y, z)).clamp_max(0)
+        return outside + inside - rounding
+
+    return distance
+
+
+def torus(major: float, minor: float) -> Sdf:
+    """A ring around the z axis: `major` is the radius of the ring, `minor` that of its tube."""
+
+    def distance(points: Points) -> Distances:
+        x, y, z = points.unbind(-1)
+        return length(length(x, y) - major, z) - minor
+
+    return distance
+
+
+def capsule(start: Triple, end: Triple, radius: float) -> Sdf:
+    """All points within `radius` of the segment from `start` to `end`."""
+    axis = [b - a for a, b in zip(start, end)]
+    square = sum(a * a for a in axis)
+
+    def distance(points: Points) -> Distances:
+        offset = [c - a for c, a in zip(points.unbind(-1), start)]
+        along = sum(o * (a / square) for o, a in zip(offset, axis)).clamp(0, 1)  # pyright: ignore
+        return length(*(o - along * a for o, a in zip(offset, axis))) - radius
+
+    return distance
+
+
+def cylinder(radius: float, half_height: float, rounding: float = 0.0) -> Sdf:
+    """A disc or pillar along z, around the origin, with its rims rounded by `rounding`."""
+
+    def distance(points: Points) -> Distances:
+        x, y, z = points.unbind(-1)
+        radial = length(x, y) - (radius - rounding)
+        axial = z.abs() - (half_height - rounding)
+        inside = torch.maximum(radial, axial).clamp_max(0)
+        return length(radial.clamp_min(0), axial.clamp_min(0)) + inside - rounding
+
+    return distance
+
+
+def plane(normal: Triple, offset: float) -> Sdf:
+    """The half space `normal . x < offset`; `normal` of any length but zero, `offset` along it."""
+    size = sum(n * n for n in normal) ** 0.5
+    x, y, z = (n / size for n in normal)
+
+    def distance(points: Points) -> Distances:
+        return points[..., 0] * x + points[..., 1] * y + points[..., 2] * z - offset
+
+    return distance
+
+
+def union(*solids: Sdf) -> Sdf:
+    def distance(points: Points) -> Distances:
+        return reduce(torch.minimum, (solid(points) for solid in solids))
+
+    return distance
+
+
+def intersection(*solids: Sdf) -> Sdf:
+    def distance(points: Points) -> Distances:
+        return reduce(torch.maximum, (solid(points) for solid in solids))
+
+    return distance
+
+
+def smooth_union(blend: float, *solids: Sdf) -> Sdf:
+    """A union whose creases are filled over about `blend` world units (Quilez' quadratic minimum)."""
+
+    def pair(a: Tensor, b: Tensor) -> Tensor:
+        overlap = (blend - (a - b).abs()).clamp_min(0)
+        return torch.minimum(a, b) - overlap * overlap / (4 * blend)
+
+    def distance(points: Points) -> Distances:
+        return reduce(pair, (solid(points) for solid in solids))
+
+    return distance
+
+
+def translate(solid: Sdf, offset: Triple) -> Sdf:
+    def distance(points: Points) -> Distances:
+        # by columns: the tracer's points are stored coordinate-major, and so they stay
+        return solid(torch.stack([c - o for c, o in zip(points.unbind(-1), offset)]).movedim(0, -1))
+
+    return distance
+
+
+def rotate(solid: Sdf, axis: Triple, degrees: float) -> Sdf:
+    """The solid turned about an axis through the origin, right-handed (Rodrigues' formula)."""
+    size = sum(a * a for a in axis) ** 0.5
+    x, y, z = (a / size for a in axis)
+    cross = torch.tensor([[0, -z, y], [z, 0, -x], [-y, x, 0]], dtype=torch.float64)
+    c, s = cos(radians(degrees)), sin(radians(degrees))
+    rotation = torch.eye(3, dtype=torch.float64) + s * cross + (1 - c) * (cross @ cross)
+    columns = rotation.T.tolist()  # x @ R is the inverse rotation of a row vector
+
+    def distance(points: Points) -> Distances:
+        coordinates = points.unbind(-1)
+        turned = [sum(p * r for p, r in zip(coordinates, column)) for column in columns]
+        return solid(torch.stack(turned).movedim(0, -1))  # pyright: ignore
+
+    return distance
+
+
+def mirror(solid: Sdf) -> Sdf:
+    """The solid's half at x > 0, and its reflection in the plane x = 0."""
+
+    def distance(points: Points) -> Distances:
+        x, y, z = points.unbind(-1)
+        return solid(torch.stack((x.abs(), y, z)).movedim(0, -1))
+
+    return distance
+
+
+def gradient(solid: Sdf, points: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 3"]:
+    """The exact gradient of the distance: of unit length, along the normal, near a surface."""
+    with torch.enable_grad():
+        variable = points.detach().requires_grad_()
+        (slope,) = torch.autograd.grad(solid(variable).sum(), variable)
+    return slope

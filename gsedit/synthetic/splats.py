@@ -1,0 +1,171 @@
+"""Gaussians that look like a synthetic scene: flat discs spread evenly over its surface.
+
+`n` points asked for, `m` candidates. Spacing is the square root of the area a point stands for.
+"""
+
+from __future__ import annotations
+
+from math import log, pi, sqrt
+
+import torch
+from jaxtyping import Float, Int
+from rasterizer.numerics import SH_DC
+from rasterizer.scene import Gaussians
+from torch import Tensor
+
+from gsedit.synthetic.scene import SyntheticScene
+from gsedit.synthetic.shapes import Sdf, gradient
+
+OVERSAMPLING = 5  # candidates per point: the thinned set is then near saturation
+SHELL = 0.03  # of the radius: half the thickness of the layer that candidates are drawn from
+NEWTON_STEPS = 12  # quadratic from the shell; a smooth union's slope below 1 costs one or two more
+ON_SURFACE = 1e-9  # world units; candidates that Newton leaves farther off are dropped
+PACKING = 0.75  # least distance / spacing at which thinning leaves about the points asked for
+DISC = 0.7  # in-plane standard deviation / spacing: alpha > 0.97 between neighbours
+FLATNESS = 0.1  # standard deviation along the normal / in-plane
+OPACITY = 0.99
+PROBES = 8  # directions in which a disc is tried against the surface
+OVERHANG = 0.35  # how far, in its radii, a disc may leave the surface at its own rim
+
+
+def surface_points(
+    scene: SyntheticScene, count: int, generator: torch.Generator
+) -> Float[Tensor, "n 3"]:
+    """`count` points spread evenly over the surface, to 1e-9 on it; float64, in no order."""
+    return _spread(scene, count, generator)[0]
+
+
+def surface_gaussians(
+    scene: SyntheticScene, count: int, generator: torch.Generator, sh_degree: int = 0
+) -> Gaussians:
+    """`count` opaque discs along the surface in its colours, float32; SH above degree 0 is zero."""
+    points, spacing = _spread(scene, count, generator)
+    normals = torch.nn.functional.normalize(gradient(scene.sdf, points), dim=-1)
+    radius = _fitting_radius(scene.sdf, points, normals, DISC * spacing)
+    scales = torch.stack((radius, radius, FLATNESS * radius), -1)
+    sh = points.new_zeros((count, (sh_degree + 1) ** 2, 3))
+    sh[:, 0] = (scene.albedo(points) - 0.5) / SH_DC
+    return Gaussians(
+        means=points,
+        quats=_z_to(normals),
+        log_scales=scales.log(),
+        logit_opacities=points.new_full((count,), log(OPACITY / (1 - OPACITY))),
+        sh=sh,
+    ).to(torch.float32)
+
+
+def _spread(
+    scene: SyntheticScene, count: int, generator: torch.Generator
+) -> tuple[Float[Tensor, "n 3"], float]:
+    """Points on the surface, evenly, and their spacing."""
+    candidates, area = _candidates(scene, OVERSAMPLING * count, generator)
+    spacing = sqrt(area / count)
+    # candidates come in random order, so "first come" is a fair draw
+    kept = _first_come(candidates, PACKING * spacing)
+    order = torch.cat((kept.nonzero(), (~kept).nonzero())).squeeze(-1)
+    return candidates[order[:count]], spacing
+
+
+def _candidates(
+    scene: SyntheticScene, count: int, generator: torch.Generator
+) -> tuple[Float[Tensor, "m 3"], float]:
+    """At least `count` points, uniform by area, and the area of the surface (within percents).
+
+    A thin layer of constant thickness is sampled by volume, then projected along the gradient.
+    """
+    shell = SHELL * scene.radius
+    cube = (2 * scene.radius) ** 3
+    batches, kept, drawn = [], 0, 0
+    while kept < count:
+        cloud = torch.rand((1 << 17, 3), generator=generator, dtype=torch.float64)
+        cloud = (2 * cloud - 1) * scene.radius
+        near = cloud[scene.sdf(cloud).abs() < shell]
+        if not len(near):
+            raise ValueError(f"scene {scene.name} has no surface within its radius")
+        near = _project(scene.sdf, near)
+        near = near[(near.norm(dim=-1) < scene.radius)]
+        batches.append(near)
+        kept, drawn = kept + len(near), drawn + len(cloud)
+    return torch.cat(batches), cube * kept / drawn / (2 * shell)
+
+
+def _project(sdf: Sdf, points: Float[Tensor, "m 3"]) -> Float[Tensor, "k 3"]:
+    """The points moved onto the surface along the gradient; those that do not arrive are left out."""
+    for _ in range(NEWTON_STEPS):
+        slope = gradient(sdf, points)
+        square = (slope * slope).sum(-1, keepdim=True).clamp_min(0.01)  # 0 on a medial axis
+        points = points - sdf(points)[..., None] * slope / square
+    return points[sdf(points).abs() < ON_SURFACE]
+
+
+def _first_come(points: Float[Tensor, "m 3"], distance: float) -> Tensor:
+    """A mask of points of which no two are nearer than `distance`: earlier ones win, none is left.
+
+    The greedy rule in rounds, all points at once: whoever has no earlier undecided neighbour stays,
+    and its neighbours go.
+    """
+    first, second = _near_pairs(points, distance)
+    kept = torch.zeros(len(points), dtype=torch.bool)
+    gone = torch.zeros_like(kept)
+    while len(first):
+        waiting = torch.zeros_like(kept)
+        waiting[second] = True
+        settled = ~waiting & ~gone
+        kept |= settled
+        gone[second[settled[first]]] = True
+        open_ = ~(gone[first] | gone[second] | settled[first])
+        first, second = first[open_], second[open_]
+    return ~gone
+
+
+def _near_pairs(
+    points: Float[Tensor, "m 3"], distance: float
+) -> tuple[Int[Tensor, " p"], Int[Tensor, " p"]]:
+    """All pairs of rows (i < j) nearer than `distance`, through a grid of cells of that size."""
+    cells = ((points - points.amin(0)) / distance).long() + 1  # 1: room for the neighbours of cell 0
+    extent = cells.amax(0) + 2
+    stride = torch.stack((extent[1] * extent[2], extent[2], torch.ones_like(extent[0])))
+    keys, order = (cells * stride).sum(-1).sort(stable=True)
+    reach = torch.arange(-1, 2)
+    offsets = torch.cartesian_prod(reach, reach, reach) @ stride
+    pairs = []
+    for offset in offsets[offsets >= 0].tolist():  # half of the neighbours: each pair once
+        begin = torch.searchsorted(keys, keys + offset)
+        end = torch.searchsorted(keys, keys + offset, right=True)
+        sizes = end - begin
+        left = torch.repeat_interleave(sizes)
+        right = torch.arange(len(left)) - (sizes.cumsum(0) - sizes - begin)[left]
+        left, right = order[left], order[right]
+        near = (points[left] - points[right]).square().sum(-1) < distance**2
+        if offset == 0:
+            near &= left < right
+        pairs.append(torch.stack((left[near], right[near])).sort(0).values)
+    first, second = torch.cat(pairs, -1)
+    return first, second
+
+
+def _fitting_radius(
+    sdf: Sdf, points: Float[Tensor, "n 3"], normals: Float[Tensor, "n 3"], radius: float
+) -> Float[Tensor, " n"]:
+    """Disc radii, shrunk where the surface bends away from the disc: at edges and on thin parts."""
+    across = torch.nn.functional.normalize(_perpendicular(normals), dim=-1)
+    along = torch.linalg.cross(normals, across)
+    overhang = torch.zeros(len(points), dtype=points.dtype)
+    for i in range(PROBES):
+        angle = torch.tensor(2 * pi * i / PROBES, dtype=points.dtype)
+        rim = points + radius * (angle.cos() * across + angle.sin() * along)
+        overhang = torch.maximum(overhang, sdf(rim).abs() / radius)
+    return radius * (OVERHANG / overhang.clamp_min(OVERHANG))
+
+
+def _perpendicular(vectors: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
+    """Some vector across each, never zero: the cross product with its smallest axis."""
+    axis = torch.nn.functional.one_hot(vectors.abs().argmin(-1), 3).to(vectors)
+    return torch.linalg.cross(vectors, axis)
+
+
+def _z_to(normals: Float[Tensor, "n 3"]) -> Float[Tensor, "n 4"]:
+    """Unit quaternions that turn the z axis to the normals, up to sign: a disc has no front."""
+    x, y, z = torch.where(normals[:, 2:] < 0, -normals, normals).unbind(-1)
+    # half-way formula; 1 + z is at least 1 after the flip, so it never degenerates
+    return torch.nn.functional.normalize(torch.stack((1 + z, -y, x, torch.zeros_like(z)), -1), dim=-1)

@@ -1,0 +1,8 @@
+"""A picture of 3D Gaussians and its gradient, on a CPU. Usable alone."""
+
+from rasterizer.camera import Camera, look_at
+from rasterizer.numerics import Numerics
+from rasterizer.render import Rendering, render
+from rasterizer.scene import Gaussians, concatenate
+
+__all__ = ["Camera", "Gaussians", "Numerics", "Rendering", "concatenate", "look_at", "render"]

@@ -1,0 +1,97 @@
+"""A pinhole camera: OpenCV axes (x right, y down, z forward), pixel centres at +0.5."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import radians, tan
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """Where the picture is taken from, and how the world falls on its pixels."""
+
+    world_to_camera: Float[Tensor, "4 4"]
+    """Rigid transform; may require gradients. Usually float64: cast to the scene's dtype when used."""
+    fx: float
+    """Focal lengths and principal point, pixels; the corner of the first pixel is (0, 0)."""
+    fy: float
+    cx: float
+    cy: float
+    width: int
+    height: int
+
+    @property
+    def rotation(self) -> Float[Tensor, "3 3"]:
+        return self.world_to_camera[:3, :3]
+
+    @property
+    def centre(self) -> Float[Tensor, "3"]:
+        """The camera's position in the world."""
+        return -self.rotation.T @ self.world_to_camera[:3, 3]
+
+    @property
+    def forward(self) -> Float[Tensor, "3"]:
+        """The viewing direction in the world, unit length."""
+        return self.world_to_camera[2, :3]
+
+    def resized(self, width: int, height: int) -> Camera:
+        """The same view on another pixel grid."""
+        x, y = width / self.width, height / self.height
+        return replace(
+            self,
+            fx=self.fx * x,
+            cx=self.cx * x,
+            fy=self.fy * y,
+            cy=self.cy * y,
+            width=width,
+            height=height,
+        )
+
+    def project(
+        self, points: Float[Tensor, "*b 3"]
+    ) -> tuple[Float[Tensor, "*b 2"], Float[Tensor, "*b"]]:
+        """Pixel positions and depth along the view (which may be negative: behind)."""
+        pose = self.world_to_camera.to(points)
+        x, y, z = (points @ pose[:3, :3].T + pose[:3, 3]).unbind(-1)
+        return torch.stack((self.fx * x / z + self.cx, self.fy * y / z + self.cy), -1), z
+
+    def unproject(
+        self, xy: Float[Tensor, "*b 2"], depth: Float[Tensor, "*b"]
+    ) -> Float[Tensor, "*b 3"]:
+        """World points at a depth along the view behind pixel positions: the inverse of project."""
+        pose = self.world_to_camera.to(xy)
+        x = (xy[..., 0] - self.cx) / self.fx * depth
+        y = (xy[..., 1] - self.cy) / self.fy * depth
+        return (torch.stack((x, y, depth), -1) - pose[:3, 3]) @ pose[:3, :3]
+
+    def pixel_centres(self) -> Float[Tensor, "h w 2"]:
+        """Positions of all pixel centres, float64."""
+        y, x = torch.meshgrid(
+            torch.arange(self.height, dtype=torch.float64) + 0.5,
+            torch.arange(self.width, dtype=torch.float64) + 0.5,
+            indexing="ij",
+        )
+        return torch.stack((x, y), -1)
+
+
+def look_at(
+    eye: Float[Tensor, "3"],
+    target: Float[Tensor, "3"],
+    up: Float[Tensor, "3"],
+    fov_y: float,
+    width: int,
+    height: int,
+) -> Camera:
+    """A camera at `eye` that looks at `target`; `fov_y` in degrees; `up` not along the view."""
+    eye, target, up = (v.to(torch.float64) for v in (eye, target, up))
+    forward = torch.nn.functional.normalize(target - eye, dim=0)
+    right = torch.nn.functional.normalize(torch.linalg.cross(forward, up), dim=0)
+    pose = torch.eye(4, dtype=torch.float64)
+    pose[:3, :3] = torch.stack((right, torch.linalg.cross(forward, right), forward))
+    pose[:3, 3] = -pose[:3, :3] @ eye
+    focal = height / 2 / tan(radians(fov_y) / 2)
+    return Camera(pose, focal, focal, width / 2, height / 2, width, height)

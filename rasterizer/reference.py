@@ -1,0 +1,105 @@
+"""The same picture by the textbook, in float64: the definition of correct. Slow; differentiable by autograd.
+
+Every pixel sums all Gaussians, front to back, by the plain formula: conic (inverse covariance), alpha capped and
+floored, no early stop. Blocks of pixels only skip Gaussians whose alpha there is certainly below the floor.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+from torch.utils.checkpoint import checkpoint
+
+from rasterizer import harmonics
+from rasterizer.camera import Camera
+from rasterizer.numerics import DEFAULT, Numerics
+from rasterizer.project import rotation_matrices, slope_limits
+from rasterizer.render import Rendering
+from rasterizer.scene import Gaussians
+
+SIDE = 16  # pixels of a block's side; changes memory and time, not the result
+
+
+def render_reference(
+    scene: Gaussians,
+    camera: Camera,
+    *,
+    background: Tensor | None = None,
+    numerics: Numerics = DEFAULT,
+) -> Rendering:
+    """Colour, alpha and both depths of a scene, as `render` defines them, in float64."""
+    scene = scene.to(torch.float64)
+    pose = camera.world_to_camera.to(torch.float64)
+    centres = scene.means @ pose[:3, :3].T + pose[:3, 3]
+    front = centres[:, 2].detach() > numerics.near
+    order = front.nonzero().squeeze(-1)
+    order = order[torch.argsort(centres[order, 2].detach(), stable=True)]
+    scene, centres = scene[order], centres[order]
+    x, y, z = centres.unbind(-1)
+
+    low_x, high_x, low_y, high_y = slope_limits(camera, numerics)
+    jacobian = torch.zeros(len(scene), 2, 3, dtype=torch.float64)
+    jacobian[:, 0, 0], jacobian[:, 1, 1] = camera.fx / z, camera.fy / z
+    jacobian[:, 0, 2] = -camera.fx / z * (x / z).clamp(low_x, high_x)
+    jacobian[:, 1, 2] = -camera.fy / z * (y / z).clamp(low_y, high_y)
+    factor = jacobian @ pose[:3, :3] @ rotation_matrices(scene.quats) * scene.scales[:, None, :]
+    covariance = factor @ factor.mT + numerics.blur * torch.eye(2, dtype=torch.float64)
+    xy = torch.stack((camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy), -1)
+    features = torch.cat(
+        (harmonics.colors(scene.sh, scene.means - camera.centre.to(scene.means)), z[:, None]), -1
+    )
+    radius = (2 * (scene.opacities / numerics.alpha_min).log().clamp_min(0)).sqrt() + 1e-6
+    reach = (radius[:, None] * covariance.diagonal(dim1=-2, dim2=-1).sqrt()).detach()
+
+    def block(left: int, top: int) -> tuple[Tensor, Tensor, Tensor]:
+        width, height = min(SIDE, camera.width - left), min(SIDE, camera.height - top)
+        low = xy.new_tensor((left, top))
+        high = low + xy.new_tensor((width, height))
+        near = ((xy.detach() > low - reach) & (xy.detach() < high + reach)).all(-1)
+        pixels = camera.pixel_centres()[top : top + height, left : left + width].reshape(-1, 2)
+        return _blend(
+            pixels, xy[near], covariance[near], scene.opacities[near], features[near], numerics
+        )
+
+    needs_grad = torch.is_grad_enabled() and any(
+        t.requires_grad for t in (xy, covariance, features, scene.logit_opacities)
+    )
+    color = torch.zeros(camera.height, camera.width, 4, dtype=torch.float64)
+    alpha, median = torch.zeros(2, camera.height, camera.width, dtype=torch.float64)
+    rows = []
+    for top in range(0, camera.height, SIDE):
+        blocks = [
+            checkpoint(block, left, top, use_reentrant=False) if needs_grad else block(left, top)
+            for left in range(0, camera.width, SIDE)
+        ]
+        height = min(SIDE, camera.height - top)
+        rows.append(
+            tuple(
+                torch.cat([part.view(height, -1, part.shape[-1]) for part in parts], 1)
+                for parts in zip(*blocks)
+            )
+        )
+    color, alpha, median = (torch.cat(parts, 0) for parts in zip(*rows))
+    alpha, median = alpha[..., 0], median[..., 0]
+    depth = color[..., 3] / alpha.masked_fill(alpha == 0, 1)
+    color = color[..., :3]
+    if background is not None:
+        color = color + (1 - alpha)[..., None] * background.to(color)
+    return Rendering(color, alpha, depth, median.detach())
+
+
+def _blend(
+    pixels: Tensor, xy: Tensor, covariance: Tensor, opacities: Tensor, features: Tensor,
+    numerics: Numerics,
+) -> tuple[Tensor, Tensor, Tensor]:  # fmt: skip
+    """Blended features, alpha and median depth (the last feature) of some pixels."""
+    offset = pixels[:, None, :] - xy
+    conic = torch.linalg.inv(covariance)
+    power = 0.5 * torch.einsum("pni,nij,pnj->pn", offset, conic, offset)
+    alpha = (opacities * torch.exp(-power)).clamp_max(numerics.alpha_max)
+    alpha = torch.where(alpha >= numerics.alpha_min, alpha, 0.0)
+    after = torch.cumprod(1 - alpha, -1)
+    before = torch.cat((torch.ones_like(after[:, :1]), after[:, :-1]), -1)
+    last = torch.cat((torch.ones_like(after[:, :1]), after), -1)[:, -1:]
+    crossing = ((before > 0.5) & (after <= 0.5)).to(features)
+    return (before * alpha) @ features, 1 - last, crossing @ features[:, -1:].detach()

@@ -1,0 +1,98 @@
+"""The picture of a scene: project, sort into tiles, blend, put over the background."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from rasterizer import harmonics, tiles
+from rasterizer.camera import Camera
+from rasterizer.composite import composite
+from rasterizer.numerics import DEFAULT, Numerics
+from rasterizer.project import Box, Projected, project, visible
+from rasterizer.scene import Gaussians
+
+
+@dataclass(frozen=True, eq=False)
+class Rendering:
+    """What a camera sees. Pixel [0, 0] is the top left."""
+
+    color: Float[Tensor, "h w 3"]
+    """Not clamped above; over the background."""
+    alpha: Float[Tensor, "h w"]
+    """1 - transmittance."""
+    depth: Float[Tensor, "h w"] | None = None
+    """Expected depth of the centres along the view, divided by alpha; 0 where alpha is 0."""
+    median_depth: Float[Tensor, "h w"] | None = None
+    """Where the transmittance falls to one half; 0 where it does not. No gradient."""
+
+
+def render(
+    scene: Gaussians,
+    camera: Camera,
+    *,
+    background: Float[Tensor, "3"] | None = None,
+    crop: Box | None = None,
+    depth: bool = False,
+    median_depth: bool = False,
+    numerics: Numerics = DEFAULT,
+    tile_size: int | None = None,
+) -> Rendering:
+    """Render Gaussians; differentiable in the scene, the background and the camera's pose.
+
+    `crop` (left, top, width, height) renders that part of the same picture at about the cost of its
+    area. `background` is black if None. float32 or float64, as the scene is.
+
+    Raises ValueError for an empty crop, or one that leaves the picture.
+    """
+    box = crop or (0, 0, camera.width, camera.height)
+    left, top, width, height = box
+    inside = 0 <= left and 0 <= top and left + width <= camera.width and top + height <= camera.height
+    if not inside or min(width, height) < 1:
+        raise ValueError(f"crop {box} does not lie in a picture of {camera.width}x{camera.height}")
+    seen = scene[visible(scene, camera, box, numerics)]
+    projected = project(seen, camera, numerics)
+    features = [harmonics.colors(seen.sh, seen.means - camera.centre.to(seen.means))]
+    if depth:
+        features.append(projected.depth[:, None])
+    order, bins = _bin(seen, projected, box, numerics, tile_size)
+    corner = projected.xy.new_tensor((left, top))
+    table = torch.cat(
+        (
+            projected.xy - corner,
+            projected.whitening,
+            torch.nn.functional.logsigmoid(seen.logit_opacities)[:, None],
+            *features,
+        ),
+        -1,
+    )[order]
+    blended, through, crossing = composite(table, bins, width, height, numerics, median_depth)
+    alpha = 1 - through
+    color = blended[..., :3]
+    if background is not None:
+        color = color + through[..., None] * background.to(color)
+    expected = median = None
+    if depth:
+        expected = blended[..., 3] / alpha.masked_fill(alpha == 0, 1)
+    if median_depth:
+        sorted_depth = torch.cat((projected.depth.detach()[order], corner.new_zeros(1)))
+        median = sorted_depth[crossing]  # -1, nothing there, reads the zero at the end
+    return Rendering(color, alpha, expected, median)
+
+
+def _bin(
+    seen: Gaussians, projected: Projected, box: Box, numerics: Numerics, tile_size: int | None
+) -> tuple[Tensor, tiles.Bins]:
+    left, top, width, height = box
+    with torch.no_grad():
+        order = tiles.depth_order(projected.depth)
+        radius = (2 * (seen.opacities / numerics.alpha_min).log().clamp_min(0)).sqrt()
+        corner = projected.xy.new_tensor((left, top))
+        footprints = tiles.Footprints(
+            (projected.xy - corner)[order], projected.covariance[order], radius[order]
+        )
+        size = tile_size or tiles.choose_tile_size(footprints, width, height)
+        return order, tiles.bin_tiles(footprints, size, width, height)

@@ -1,0 +1,63 @@
+"""The scene: parallel tensors, one row a Gaussian. `n` Gaussians, `k` SH coefficients a channel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from math import isqrt
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+
+@dataclass(frozen=True, eq=False)
+class Gaussians:
+    """A 3D Gaussian splat scene, in the parameters that are stored and optimised."""
+
+    means: Float[Tensor, "n 3"]
+    """Centres, world units."""
+    quats: Float[Tensor, "n 4"]
+    """Rotations, wxyz, any non-zero norm."""
+    log_scales: Float[Tensor, "n 3"]
+    """Natural logarithm of the standard deviations along the rotated axes, world units."""
+    logit_opacities: Float[Tensor, " n"]
+    """Opacity is the sigmoid of this."""
+    sh: Float[Tensor, "n k 3"]
+    """Spherical harmonics, coefficient-major: `sh[:, 0]` is the DC term; k = (degree + 1)^2."""
+
+    @property
+    def scales(self) -> Float[Tensor, "n 3"]:
+        return self.log_scales.exp()
+
+    @property
+    def opacities(self) -> Float[Tensor, " n"]:
+        return self.logit_opacities.sigmoid()
+
+    @property
+    def degree(self) -> int:
+        return isqrt(self.sh.shape[1]) - 1
+
+    def __len__(self) -> int:
+        return self.means.shape[0]
+
+    def __getitem__(self, index: Any) -> Gaussians:
+        """The rows that `index` (slice, mask or integer tensor) names."""
+        return self.map(lambda field: field[index])
+
+    def map(self, function: Callable[[Tensor], Tensor]) -> Gaussians:
+        """Apply one function to every field."""
+        return Gaussians(**{f.name: function(getattr(self, f.name)) for f in fields(self)})
+
+    def to(self, dtype: torch.dtype) -> Gaussians:
+        return self.map(lambda field: field.to(dtype))
+
+    def detach(self) -> Gaussians:
+        return self.map(Tensor.detach)
+
+
+def concatenate(*scenes: Gaussians) -> Gaussians:
+    """One scene of all rows, in order; every scene must have the same SH degree."""
+    joined = {f.name: torch.cat([getattr(s, f.name) for s in scenes]) for f in fields(Gaussians)}
+    return Gaussians(**joined)
