@@ -2,7 +2,16 @@
 
 from rasterizer.camera import Camera, look_at
 from rasterizer.numerics import Numerics
-from rasterizer.render import Rendering, render
+from rasterizer.render import Rendering, contributions, render
 from rasterizer.scene import Gaussians, concatenate
 
-__all__ = ["Camera", "Gaussians", "Numerics", "Rendering", "concatenate", "look_at", "render"]
+__all__ = [
+    "Camera",
+    "Gaussians",
+    "Numerics",
+    "Rendering",
+    "concatenate",
+    "contributions",
+    "look_at",
+    "render",
+]

@@ -15,7 +15,7 @@ class Camera:
     """Where the picture is taken from, and how the world falls on its pixels."""
 
     world_to_camera: Float[Tensor, "4 4"]
-    """Rigid transform; may require gradients. Usually float64: cast to the scene's dtype when used."""
+    """Rigid transform; may require gradients. Usually float64; cast to the scene's dtype."""
     fx: float
     """Focal lengths and principal point, pixels; the corner of the first pixel is (0, 0)."""
     fy: float

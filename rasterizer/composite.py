@@ -1,12 +1,14 @@
 """Front-to-back blending of tiles, forward and backward: the only autograd.Function.
 
-`m` Gaussians with `d` features; `t` tiles of `q` pixels; a wavefront is the j-th block of `k` Gaussians of `b` tiles at
+`m` Gaussians with `d` features; `t` tiles of `q` pixels; a wavefront is the j-th block of `k`
+Gaussians of `b` tiles at
 once, so that every step is one operation on a [k, b, q] block in cache. Per pixel, front to back,
 
     alpha_i = min(opacity_i exp(-|W_i (p - xy_i)|^2 / 2), alpha_max), 0 below alpha_min
     color   = sum_i T_i alpha_i c_i,   T_{i+1} = T_i (1 - alpha_i), 0 once below transmittance_min.
 
-The exponent, log-opacity included, is a quadratic in pixel coordinates local to the tile: one [k b, 6] @ [6, q] product.
+The exponent, log-opacity included, is a quadratic in pixel coordinates local to the tile: one [k
+b, 6] @ [6, q] product.
 """
 
 from __future__ import annotations
@@ -16,7 +18,6 @@ from typing import Any, NamedTuple
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
-from torch.nn.functional import threshold_
 
 from rasterizer.numerics import Numerics
 from rasterizer.tiles import Bins
@@ -33,7 +34,7 @@ class Composite(NamedTuple):
     features: Float[Tensor, "h w d"]
     transmittance: Float[Tensor, "h w"]
     crossing: Int[Tensor, "h w"]
-    """Gaussian at which the transmittance falls to one half; -1 where it does not, or not asked for."""
+    """Gaussian at which the transmittance falls to one half; -1: none, or not asked for."""
 
 
 def composite(
@@ -45,7 +46,9 @@ def composite(
 
 
 class _Wave(NamedTuple):
-    """What the backward pass needs of one block: which tiles, where in their lists, what came in."""
+    """What the backward pass needs of one block: which tiles, where in their lists, what came
+    in.
+    """
 
     tiles: Int[Tensor, " b"]
     depth: int
@@ -87,7 +90,7 @@ class _Grid:
     def alpha(
         self, rows: Float[Tensor, "k b g"], white: _Whitened
     ) -> tuple[Float[Tensor, "k b q"], Float[Tensor, "k b q"]]:
-        """(exponent, alpha): one clamp covers the cap and, as exp is slow on denormals, the floor."""
+        """(exponent, alpha): one clamp covers the cap and the floor (exp is slow on denormals)."""
         _, _, w0, w1, w2, u, v = white
         quadratic = (
             rows[..., 5] - 0.5 * (u * u + v * v), -(u * w0 + v * w1), -(v * w2),
@@ -98,7 +101,7 @@ class _Grid:
         exponent = (coefficients.flatten(0, 1) @ self.monomials).view(*rows.shape[:2], self.pixels)
         alpha = exponent.clamp(low - 1e-3, high).exp_()
         # threshold keeps what is greater: step one ulp down so that alpha == alpha_min is kept
-        return exponent, threshold_(alpha, self.numerics.alpha_min * (1 - 1e-7), 0.0)
+        return exponent, torch.threshold_(alpha, self.numerics.alpha_min * (1 - 1e-7), 0.0)
 
 
 class _Whitened(NamedTuple):
@@ -149,7 +152,7 @@ def _blend_group(
             alpha[i].mul_(t)
             t.mul_(passed[i])
             if stop:
-                threshold_(t, stop, 0.0)
+                torch.threshold_(t, stop, 0.0)
             if above_half is not None:
                 above_half[:active].add_(t > 0.5)
         block = rows[..., GEOMETRY:].permute(1, 2, 0)
@@ -166,8 +169,6 @@ def _blend_group(
                 above_half = above_half[keep] if above_half is not None else None
                 active = len(keep)
     store()
-
-
 
 
 def _to_picture(tiled: Tensor, bins: Bins, width: int, height: int) -> Tensor:
@@ -189,7 +190,13 @@ def _to_tiles(picture: Tensor, bins: Bins) -> Tensor:
 class _Blend(torch.autograd.Function):
     @staticmethod
     def forward(  # type: ignore[override]
-        ctx: Any, table: Tensor, bins: Bins, width: int, height: int, numerics: Numerics, median: bool
+        ctx: Any,
+        table: Tensor,
+        bins: Bins,
+        width: int,
+        height: int,
+        numerics: Numerics,
+        median: bool,
     ) -> tuple[Tensor, Tensor, Tensor]:
         grid = _Grid(table, bins, numerics)
         tile_count, depth = bins.rows * bins.columns, table.shape[1] - GEOMETRY
@@ -247,7 +254,7 @@ def _backward_wave(
     for i in range(BLOCK):
         torch.mul(reaching[i], passed[i], out=reaching[i + 1])
         if grid.numerics.transmittance_min:
-            threshold_(reaching[i + 1], grid.numerics.transmittance_min, 0.0)
+            torch.threshold_(reaching[i + 1], grid.numerics.transmittance_min, 0.0)
     reaching = reaching[:-1]
     weight = alpha * reaching
 
@@ -269,9 +276,7 @@ def _backward_wave(
     gradients[slots[pairs].flatten()] = torch.cat((geometry, grad_features), -1).flatten(0, 1)
 
 
-def _quadratic_backward(
-    grad: Float[Tensor, "k b 6"], white: _Whitened
-) -> Float[Tensor, "k b 6"]:
+def _quadratic_backward(grad: Float[Tensor, "k b 6"], white: _Whitened) -> Float[Tensor, "k b 6"]:
     """From the quadratic's coefficients (1, x, y, xx, xy, yy) to x, y, w0, w1, w2, log opacity."""
     g1, gx, gy, gxx, gxy, gyy = grad.unbind(-1)
     dx, dy, w0, w1, w2, u, v = white

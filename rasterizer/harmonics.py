@@ -1,6 +1,7 @@
 """Real spherical harmonics of degree 0 to 4: view-dependent colour. `k` = (degree + 1)^2.
 
-Signs and order are INRIA's (Condon-Shortley phase; y, z, x for degree 1), as every splat file stores them.
+Signs and order are INRIA's (Condon-Shortley phase; y, z, x for degree 1), as every splat file
+stores them.
 """
 
 from __future__ import annotations
@@ -11,10 +12,17 @@ from torch import Tensor
 
 from rasterizer.numerics import SH_DC
 
-# Normalisation of each polynomial in `basis`, sqrt((2l+1)/(4 pi) (l-m)!/(l+m)!) times the polynomial's own factor.
+# Normalisation of each polynomial in `basis`, sqrt((2l+1)/(4 pi) (l-m)!/(l+m)!) times the
+# polynomial's own factor.
 _C1 = 0.4886025119029199
 _C2 = (1.0925484305920792, 0.31539156525252005, 0.5462742152960396)
-_C3 = (0.5900435899266435, 2.890611442640554, 0.4570457994644658, 0.3731763325901154, 1.445305721320277)
+_C3 = (
+    0.5900435899266435,
+    2.890611442640554,
+    0.4570457994644658,
+    0.3731763325901154,
+    1.445305721320277,
+)
 _C4 = (2.5033429417967046, 1.7701307697799304, 0.9461746957575601, 0.6690465435572892,
        0.10578554691520431, 0.47308734787878004, 0.6258357354491761)  # fmt: skip
 
@@ -24,11 +32,11 @@ def basis(directions: Float[Tensor, "n 3"], degree: int) -> Float[Tensor, "n k"]
     if not 0 <= degree <= 4:
         raise ValueError(f"SH degree {degree} is not supported; 0 to 4 are")
     x, y, z = directions.unbind(-1)
+    xx, yy, zz = x * x, y * y, z * z
     terms = [torch.full_like(x, SH_DC)]
     if degree >= 1:
         terms += [-_C1 * y, _C1 * z, -_C1 * x]
     if degree >= 2:
-        xx, yy, zz = x * x, y * y, z * z
         terms += [
             _C2[0] * x * y,
             -_C2[0] * y * z,

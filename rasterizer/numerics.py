@@ -5,25 +5,27 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-SH_DC = 0.28209479177387814  # Y_00 = 1 / (2 sqrt(pi)): colour = 0.5 + SH_DC * sh[0] (INRIA's convention)
+SH_DC = 0.28209479177387814  # Y_00 = 1 / (2 sqrt(pi)); INRIA's colour is 0.5 + SH_DC sh[0]
 
 
 @dataclass(frozen=True)
 class Numerics:
-    """What the picture means. The defaults are gsplat's, so that scenes look the same here."""
+    """What the picture means. The defaults are gsplat's: scenes look the same here."""
 
     alpha_max: float = 0.99
-    """One splat never hides everything: (1 - 0.99)^2 is the stop threshold, so two must be met."""
+    """One splat never hides everything: (1 - 0.99)^2 is the stop threshold: two must be met."""
     alpha_min: float = 1 / 255
     """Below one step of an 8-bit picture a splat contributes nothing; bounds every footprint."""
     transmittance_min: float = 1e-4
-    """A pixel is finished when less than this shows through: an error of at most 1e-4. 0 disables."""
+    """A pixel is finished when less than this shows through: its largest error. 0: never."""
     blur: float = 0.3
     """Pixel variance added to each projected covariance (EWA low-pass)."""
     near: float = 0.01
     """Splats whose centre is nearer than this are not drawn (world units along the view)."""
     margin: float = 0.3
-    """The projection's Jacobian is taken at most this fraction of the half extent off the picture."""
+    """The projection's Jacobian is taken at most this fraction of the half extent off the
+    picture.
+    """
 
     @property
     def log_alpha_max(self) -> float:

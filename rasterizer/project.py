@@ -1,7 +1,9 @@
 """EWA projection: each 3D Gaussian to a 2D one on the picture plane. `n` Gaussians, xy in pixels.
 
-The 2D covariance M M^T + blur I, with M = J R_camera R S (2 x 3), is never inverted: its Cholesky factor is, and the
-determinant is summed from squares (Lagrange's identity |m1|^2 |m2|^2 - (m1 m2)^2 = |m1 x m2|^2), so that nothing
+The 2D covariance M M^T + blur I, with M = J R_camera R S (2 x 3), is never inverted: its Cholesky
+factor is, and the
+determinant is summed from squares (Lagrange's identity |m1|^2 |m2|^2 - (m1 m2)^2 = |m1 x m2|^2),
+so that nothing
 cancels on a needle.
 """
 
@@ -23,7 +25,7 @@ Box = tuple[int, int, int, int]
 
 @dataclass(frozen=True, eq=False)
 class Projected:
-    """2D Gaussians: alpha at an offset d from xy is opacity exp(-|W d|^2 / 2), W = [[w0, 0], [w1, w2]]."""
+    """2D Gaussians: alpha at xy + d is opacity exp(-|W d|^2 / 2), W = [[w0, 0], [w1, w2]]."""
 
     xy: Float[Tensor, "n 2"]
     whitening: Float[Tensor, "n 3"]
@@ -48,7 +50,7 @@ def rotation_matrices(quats: Float[Tensor, "n 4"]) -> Float[Tensor, "n 3 3"]:
 
 
 def slope_limits(camera: Camera, numerics: Numerics) -> tuple[float, float, float, float]:
-    """Bounds of x/z and y/z at which the Jacobian is taken (gsplat's): the picture plus a margin."""
+    """Bounds of x/z and y/z at which the Jacobian is taken: the picture plus a margin (gsplat)."""
     mx, my = numerics.margin * camera.width / 2, numerics.margin * camera.height / 2
     return (
         (-camera.cx - mx) / camera.fx,
@@ -59,12 +61,11 @@ def slope_limits(camera: Camera, numerics: Numerics) -> tuple[float, float, floa
 
 
 @torch.no_grad()
-def visible(
-    scene: Gaussians, camera: Camera, box: Box, numerics: Numerics
-) -> Int[Tensor, " m"]:
+def visible(scene: Gaussians, camera: Camera, box: Box, numerics: Numerics) -> Int[Tensor, " m"]:
     """Rows that may touch the box: in front of the near plane, not transparent, near enough to it.
 
-    The test bounds each footprint by the sphere of its largest axis, so it never drops what is seen.
+    The test bounds each footprint by the sphere of its largest axis, so it never drops what is
+    seen.
     """
     pose = camera.world_to_camera.detach().to(scene.means)
     x, y, z = (scene.means @ pose[:3, :3].T + pose[:3, 3]).unbind(-1)
@@ -80,7 +81,9 @@ def visible(
     ):
         slope = at / safe_z
         stretch = (1 + slope.clamp(low, high).square()).sqrt() * focal
-        reach = cut_off * ((sigma * stretch).square() + numerics.blur).sqrt() * 1.001 + 1  # rounding
+        reach = (
+            cut_off * ((sigma * stretch).square() + numerics.blur).sqrt() * 1.001 + 1
+        )  # rounding
         offset = slope * focal + (centre - start)
         keep &= (offset > -reach) & (offset < size + reach)
     return keep.nonzero().squeeze(-1)

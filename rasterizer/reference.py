@@ -1,7 +1,9 @@
-"""The same picture by the textbook, in float64: the definition of correct. Slow; differentiable by autograd.
+"""The same picture by the textbook, in float64: the definition of correct; slow.
 
-Every pixel sums all Gaussians, front to back, by the plain formula: conic (inverse covariance), alpha capped and
-floored, no early stop. Blocks of pixels only skip Gaussians whose alpha there is certainly below the floor.
+Every pixel sums all Gaussians, front to back, by the plain formula: conic (inverse covariance),
+alpha capped and
+floored, no early stop. Blocks of pixels only skip Gaussians whose alpha there is certainly below
+the floor.
 """
 
 from __future__ import annotations

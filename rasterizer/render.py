@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Float
@@ -11,7 +11,7 @@ from torch import Tensor
 from rasterizer import harmonics, tiles
 from rasterizer.camera import Camera
 from rasterizer.composite import composite
-from rasterizer.numerics import DEFAULT, Numerics
+from rasterizer.numerics import DEFAULT, SH_DC, Numerics
 from rasterizer.project import Box, Projected, project, visible
 from rasterizer.scene import Gaussians
 
@@ -50,7 +50,9 @@ def render(
     """
     box = crop or (0, 0, camera.width, camera.height)
     left, top, width, height = box
-    inside = 0 <= left and 0 <= top and left + width <= camera.width and top + height <= camera.height
+    inside = (
+        left >= 0 and top >= 0 and left + width <= camera.width and top + height <= camera.height
+    )
     if not inside or min(width, height) < 1:
         raise ValueError(f"crop {box} does not lie in a picture of {camera.width}x{camera.height}")
     seen = scene[visible(scene, camera, box, numerics)]
@@ -81,6 +83,21 @@ def render(
         sorted_depth = torch.cat((projected.depth.detach()[order], corner.new_zeros(1)))
         median = sorted_depth[crossing]  # -1, nothing there, reads the zero at the end
     return Rendering(color, alpha, expected, median)
+
+
+def contributions(
+    scene: Gaussians, camera: Camera, *, numerics: Numerics = DEFAULT
+) -> Float[Tensor, " n"]:
+    """Sum over the picture of each Gaussian's blending weight, in pixels: how much of it is
+    seen.
+    """
+    # the picture is linear in colour, so this is the gradient of its sum
+    flat = scene.detach()
+    dc = torch.zeros(len(scene), 1, 3, dtype=flat.means.dtype, requires_grad=True)
+    with torch.enable_grad():
+        picture = render(replace(flat, sh=dc), camera, numerics=numerics).color
+        (gradient,) = torch.autograd.grad(picture[..., 0].sum(), dc)
+    return gradient[:, 0, 0] / SH_DC
 
 
 def _bin(

@@ -1,6 +1,7 @@
-"""Which Gaussian touches which tile, in depth order. Integers only: nothing here has a gradient.
+"""Which Gaussian touches which tile, in depth order. Integers: nothing here has a gradient.
 
-`m` Gaussians sorted by depth, `t` tiles in rows, `p` (tile, Gaussian) pairs. Positions are relative to the box's corner.
+`m` Gaussians sorted by depth, `t` tiles in rows, `p` (tile, Gaussian) pairs. Positions are
+relative to the box's corner.
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 TILE_SIZES = (8, 16, 32)
-# Cost of a pair before any pixel is looked at, in units of one pixel of a pair: gather, sort, gradient row.
+# Cost of a pair before any pixel is looked at, in units of one pixel of a pair: gather, sort,
+# gradient row.
 PAIR_OVERHEAD = 48.0
 
 
@@ -90,7 +92,7 @@ def bin_tiles(footprints: Footprints, size: int, width: int, height: int) -> Bin
     owner, rank = _expand(row_count)
     row = first_row[owner] + rank
 
-    # In the slab of a row of tiles the ellipse's x is extreme at its own extreme point, or at the slab's edge nearest to it.
+    # In a row of tiles the ellipse's x is extreme at its own tip, or at the edge nearest to that.
     top = (row * size).to(y) + 0.5 - y[owner]
     bottom = top + (size - 1)
     tip = (radius * xy / xx.sqrt())[owner]

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Bool, Float
@@ -54,4 +54,21 @@ class Editor(Protocol):
         self, batch: EditBatch, settings: SamplerSettings, generator: torch.Generator
     ) -> Iterator[EditProgress]:
         """Edit the batch; yields at least once, the last item with the images."""
+        ...
+
+
+@runtime_checkable
+class KnowsAnswer(Protocol):
+    """An editor whose right answer is known, so that what is made of its pictures can be measured."""
+
+    def answer(
+        self,
+        prompt: str,
+        edited: Float[Tensor, "v h w 3"],
+        originals: Float[Tensor, "v h w 3"],
+    ) -> Callable[[Float[Tensor, "n h w 3"]], Float[Tensor, "n h w 3"]] | None:
+        """The map from unedited to truly edited pictures that these views agreed on.
+
+        None where the denoiser knows no answer.
+        """
         ...
