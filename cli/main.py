@@ -1,4 +1,4 @@
-"""The `gsedit` program: its verbs, and one table from what went wrong to a line and an exit code."""
+"""The `gsedit` program: its verbs, and one table from what went wrong to one line and a code."""
 
 from __future__ import annotations
 
@@ -64,7 +64,9 @@ class Verbs(TyperGroup):
         try:
             # not standalone: typer would print its own boxes and tracebacks
             code = super().main(words, *rest, **{**options, "standalone_mode": False})
-        except BrokenPipeError:  # the reader of stdout left, as `head` does: nobody is there to tell
+        except (
+            BrokenPipeError
+        ):  # the reader of stdout left, as `head` does: nobody is there to tell
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             code = FAILED
         except Exception as error:

@@ -6,13 +6,18 @@ import inspect
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass
+from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
+from .narrate import say
+
 if TYPE_CHECKING:
     import torch
+
+    from rasterizer.scene import Gaussians
 
 Scene = Annotated[
     Path, typer.Argument(metavar="SCENE", help="A Gaussian splat scene (.ply).", show_default=False)
@@ -46,35 +51,40 @@ def output(what: str) -> Any:
     return typer.Option("--output", "-o", metavar="PATH", show_default=False, help=what)
 
 
+def everywhere(name: str, help: str, **more: Any) -> Any:
+    """An option of every command."""
+    return typer.Option(name, help=help, rich_help_panel="Every command", **more)
+
+
 @dataclass(frozen=True)
 class Common:
     """What every verb understands."""
 
-    json: Annotated[
-        bool, typer.Option("--json", help="Results and events as JSON lines on stdout.")
-    ] = False
-    debug: Annotated[
-        bool, typer.Option("--debug", help="Show the traceback of an error.")
-    ] = False
+    json: Annotated[bool, everywhere("--json", "Results and events as JSON lines on stdout.")] = (
+        False
+    )
+    debug: Annotated[bool, everywhere("--debug", "Show the traceback of an error.")] = False
     threads: Annotated[
         int | None,
-        typer.Option("--threads", min=1, show_default="as torch finds", help="CPU threads to use."),
+        everywhere("--threads", "CPU threads to use.", min=1, show_default="as torch finds"),
     ] = None
 
-    def __post_init__(self) -> None:
-        if self.threads:  # read by OpenMP when torch is loaded, which has not happened yet
-            os.environ["OMP_NUM_THREADS"] = str(self.threads)
+    def apply(self) -> None:
+        """Give torch the threads that were asked for."""
+        if self.threads:
+            import torch
+
+            torch.set_num_threads(self.threads)
 
 
 @dataclass(frozen=True)
 class Seeded(Common):
     """What a verb that draws random numbers understands too."""
 
-    seed: Annotated[
-        int, typer.Option("--seed", help="Same seed, same threads: same result.")
-    ] = 0
+    seed: Annotated[int, everywhere("--seed", "Same seed, same threads: same result.")] = 0
 
     def generator(self) -> torch.Generator:
+        """The one source of randomness of a command."""
         import torch
 
         return torch.Generator().manual_seed(self.seed)
@@ -96,7 +106,9 @@ def flat(body: Callable[..., None]) -> Callable[..., None]:
         types = get_type_hints(group, include_extras=True)
         single += [
             inspect.Parameter(
-                field.name, inspect.Parameter.KEYWORD_ONLY, default=field.default,
+                field.name,
+                inspect.Parameter.KEYWORD_ONLY,
+                default=field.default,
                 annotation=types[field.name],
             )
             for field in fields(group)
@@ -118,24 +130,30 @@ def flat(body: Callable[..., None]) -> Callable[..., None]:
 
 def given(options: Any) -> dict[str, Any]:
     """The fields of a group of options that the user set: the rest is for the library to choose."""
+    values = {field.name: getattr(options, field.name) for field in fields(options)}
     return {
-        field.name: value
-        for field in fields(options)
-        if (value := getattr(options, field.name)) is not None
+        name: value.value if isinstance(value, Enum) else value
+        for name, value in values.items()
+        if value is not None
     }
 
 
-def check_file(path: Path, suffix: str, force: bool) -> None:
-    """Raise UsageError unless a file with this suffix can be written at `path`."""
-    from gsedit.errors import UsageError
+def check_file(path: Path, force: bool) -> None:
+    """Raise UsageError unless a file can be written at `path`: asked before the work, not after."""
+    from gsedit.files.atomic import check_writable
 
-    if path.suffix.lower() != suffix:
-        raise UsageError(f"-o {path}: name a {suffix} file, such as {path.with_suffix(suffix)}")
-    if path.is_dir():
-        raise UsageError(f"-o {path}: is a folder; name a {suffix} file")
-    if path.exists() and not force:
-        raise UsageError(f"-o {path}: exists already; choose another name, or overwrite it with -f")
-    _check_writable(path.parent)
+    check_writable(path, overwrite=force)
+    _check_permission(path.parent)
+
+
+def check_scene_file(path: Path, force: bool) -> None:
+    """Raise UsageError unless a scene can be written at `path`."""
+    from gsedit.errors import UsageError
+    from gsedit.files.scenes import WRITABLE
+
+    if not path.name.lower().endswith(WRITABLE):
+        raise UsageError(f"-o {path}: name a scene file: {', '.join(WRITABLE)}")
+    check_file(path, force)
 
 
 def check_folder(path: Path, force: bool) -> None:
@@ -143,15 +161,15 @@ def check_folder(path: Path, force: bool) -> None:
     from gsedit.errors import UsageError
 
     if path.exists() and not path.is_dir():
-        raise UsageError(f"-o {path}: is a file; name a folder")
-    _check_writable(path)
+        raise UsageError(f"-o {path} is a file: name a folder")
+    _check_permission(path)
     if path.is_dir() and any(path.iterdir()) and not force:
         raise UsageError(
-            f"-o {path}: has files in it already; choose another folder, or overwrite them with -f"
+            f"-o {path} has files in it already: add -f to replace them, or choose another folder"
         )
 
 
-def _check_writable(folder: Path) -> None:
+def _check_permission(folder: Path) -> None:
     from gsedit.errors import UsageError
 
     nearest = next(p for p in (folder, *folder.absolute().parents) if p.exists())
@@ -161,6 +179,16 @@ def _check_writable(folder: Path) -> None:
         raise UsageError(f"-o: no permission to write in {nearest}; choose another place")
 
 
+def read(path: Path, *, drop_invalid: bool) -> Gaussians:
+    """The scene at `path`; what the file held besides is said in a line each."""
+    from gsedit.files import read_scene
+
+    found = read_scene(path, drop_invalid=drop_invalid)
+    for note in found.notes:
+        say(f"{path}: {note}")
+    return found.scene
+
+
 def whole_numbers(text: str, option: str) -> list[int]:
     """Numbers separated by commas, as in `--views 0,8,16`; UsageError otherwise."""
     from gsedit.errors import UsageError
@@ -168,4 +196,6 @@ def whole_numbers(text: str, option: str) -> list[int]:
     try:
         return [int(part) for part in text.split(",")]
     except ValueError:
-        raise UsageError(f"{option} {text}: give numbers separated by commas, as in 0,8,16") from None
+        raise UsageError(
+            f"{option} {text}: give numbers separated by commas, as in 0,8,16"
+        ) from None

@@ -34,13 +34,16 @@ class Visibility:
     """Largest displacement there and back, in cells along either axis: the point stays in its
     cell. Nearest-cell rounding alone reaches 0.5, so less would leave periodic holes."""
     silhouette: float = 0.05
-    """Largest depth spread (max / min - 1) in a cell: beyond it the cell shows two surfaces."""
+    """Largest relative spread of 1 / depth in a cell about its best plane (a step keeps its whole
+    height, a slope has none), and of depth between neighbours: beyond it there are two surfaces."""
     footprint: float = 2.0
     """Largest ratio, either way, of the sizes in the world of the two cells: beyond it one cell
     holds several of the other, and one value cannot stand for all."""
 
 
 DEFAULT_RULES = Visibility()
+ROUNDING = 1e-6
+"""Pixels: a position on the border of a picture is inside it, whatever float64 makes of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,7 +219,7 @@ def warp(
         solid = (alpha_a > rules.min_alpha) & _drawn(depth_a)
         start = torch.where(solid, depth_a, 1.0)
         xy, z = camera_b.project(camera_a.unproject(centres, start))
-        xy, inside = _clip(xy, z, camera_b)
+        xy, inside = _clip(xy, z, camera_b, margin=0.5)  # between pixel centres
         there, opaque = _surface(depth_b, alpha_b, xy, rules)
         back, _ = camera_a.project(camera_b.unproject(xy, there))
         returns = (back - centres).abs().amax(-1) < 1
@@ -260,10 +263,9 @@ def _look(
             f"{camera.width}x{camera.height}; resize the camera with Camera.resized."
         )
     depth = depth.double()
-    blocks = depth.reshape(rows, cell, columns, cell)
-    near, far = blocks.amin((1, 3)), blocks.amax((1, 3))
-    opaque = alpha.reshape(rows, cell, columns, cell).amin((1, 3)) > rules.min_alpha
-    solid = opaque & _drawn(near) & _drawn(far) & (far <= (1 + rules.silhouette) * near)
+    opaque = (alpha > rules.min_alpha) & _drawn(depth)
+    solid = opaque.reshape(rows, cell, columns, cell).all(3).all(1)
+    solid &= _roughness(torch.where(opaque, 1 / depth, 0.0), cell) <= rules.silhouette
     grid = replace(camera, width=columns, height=rows)
     xy = grid.pixel_centres().reshape(-1, 2) * cell
     z, smooth = _surface(depth, alpha, xy, rules)
@@ -323,12 +325,28 @@ def _surface(
     return 1 / inverse, smooth
 
 
+def _roughness(inverse: Float[Tensor, "h w"], cell: int) -> Float[Tensor, "y x"]:
+    """Spread of 1 / depth in each cell about its least-squares plane, over its mean."""
+    height, width = inverse.shape
+    blocks = inverse.reshape(height // cell, cell, width // cell, cell).movedim(1, 2)
+    x = torch.arange(cell, dtype=inverse.dtype) - (cell - 1) / 2  # orthogonal to 1, and to y
+    y, norm = x[:, None], (cell * x.square().sum()).clamp_min(1)
+    mean, along_x, along_y = (
+        (blocks * basis).sum((2, 3), keepdim=True) / size
+        for basis, size in ((torch.ones(()), cell**2), (x, norm), (y, norm))
+    )
+    rest = blocks - along_x * x - along_y * y
+    return (rest.amax((2, 3)) - rest.amin((2, 3))) / mean[..., 0, 0]
+
+
 def _clip(
-    xy: Float[Tensor, "*p 2"], z: Float[Tensor, "*p"], camera: Camera
+    xy: Float[Tensor, "*p 2"], z: Float[Tensor, "*p"], camera: Camera, margin: float = 0.0
 ) -> tuple[Float[Tensor, "*p 2"], Bool[Tensor, "*p"]]:
-    """(positions, the origin instead where outside; in front of the camera and on the picture)."""
+    """(positions, the origin instead where outside; in front and `margin` pixels within)."""
     size = xy.new_tensor((camera.width, camera.height))
-    inside = (z > 0) & ((xy >= 0) & (xy < size)).all(-1)  # NaN compares false
+    low, high = margin - ROUNDING, size - margin + ROUNDING
+    inside = (z > 0) & ((xy > low) & (xy < high)).all(-1)  # NaN compares false
+    xy = xy.clamp(min=0).minimum(size.nextafter(torch.zeros_like(size)))
     return torch.where(inside[..., None], xy, 0.0), inside
 
 
@@ -375,5 +393,6 @@ def _merge(pairs: dict[tuple[int, int], Pairs], views: int, per_view: int) -> In
             occupied[one] |= occupied[other]
     names: dict[int, int] = {}
     for node in sorted({*left, *right}):
-        labels[node] = names.setdefault(root(node), len(names))
+        if occupied[root(node)].bit_count() > 1:  # a cell whose merges were all refused is alone
+            labels[node] = names.setdefault(root(node), len(names))
     return labels

@@ -1,13 +1,13 @@
-"""What the Gram matrix looks at: a fixed filter bank (no weights), or VGG16 from torchvision's file.
+"""What the Gram matrix looks at: a fixed filter bank, or VGG16 from torchvision's weights file.
 
-`n` pictures of `h w` pixels, `c` channels, `o` octaves, `k` kernel width."""
+`n` pictures of `h w` pixels, `c` channels of `y x` positions, kernels of `k k` pixels."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import sqrt
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import torch
 import torch.nn.functional as F
@@ -17,6 +17,7 @@ from torch import Tensor
 from gsedit.errors import InputError, UsageError
 
 
+@runtime_checkable
 class FeatureExtractor(Protocol):
     """Pictures to feature maps, one a layer; differentiable in the pictures."""
 
@@ -27,7 +28,11 @@ class FeatureExtractor(Protocol):
 
 # ---- a filter bank -------------------------------------------------------------------------------
 
-OPPONENT = ((1 / sqrt(3),) * 3, (1 / sqrt(2), -1 / sqrt(2), 0), (1 / sqrt(6), 1 / sqrt(6), -2 / sqrt(6)))  # fmt: skip
+OPPONENT = (
+    (1 / sqrt(3), 1 / sqrt(3), 1 / sqrt(3)),
+    (1 / sqrt(2), -1 / sqrt(2), 0.0),
+    (1 / sqrt(6), 1 / sqrt(6), -2 / sqrt(6)),
+)
 """Luminance, red - green, yellow - blue: an orthonormal basis of RGB, so no colour counts twice."""
 BINOMIAL = (1 / 16, 4 / 16, 6 / 16, 4 / 16, 1 / 16)
 """Low-pass before halving (Burt and Adelson 1983)."""
@@ -39,11 +44,11 @@ SPECTRUM_SIZE = 64  # pixels; the patch on which energies are made equal: the si
 class FilterBank:
     """Gaussian derivatives of opponent colours in octaves: 12 channels an octave, a layer each.
 
-    Blurred colour (3), first derivatives of all three (6), second derivatives of luminance (3); first
-    and second derivatives are steerable, so two and three orientations span all. Linear, no weights.
+    Blurred colour (3), first derivatives of all three (6), second derivatives of luminance (3);
+    derivatives are steerable, so two and three orientations span all. Linear, no weights.
     Each derivative is scaled to pass as much energy of a picture with the 1/f^2 power spectrum of
-    natural pictures (Field 1987) as that picture has, and colour is measured from mid-grey: channels
-    then have energies of one order, and no octave is louder than another. Chroma keeps its own size.
+    natural pictures (Field 1987) as that picture has, and colour is measured from mid-grey: the
+    channels of one colour have energies of one order, in every octave. Chroma is not amplified.
     """
 
     def __init__(self, octaves: int = 4) -> None:
@@ -146,7 +151,7 @@ class Vgg16:
         }
 
     def __call__(self, images: Float[Tensor, "n 3 h w"]) -> list[Float[Tensor, "n c y x"]]:
-        """The chosen layers, shallow first. A picture needs 2 pixels for each pooling: 8 for relu4."""
+        """The chosen layers, shallow first. Each pooling halves the sides: relu4 needs 8 pixels."""
         mean, std = (images.new_tensor(s)[:, None, None] for s in (IMAGENET_MEAN, IMAGENET_STD))
         x, found = (images - mean) / std, []
         for name, (weight, bias) in self.convolutions.items():
@@ -158,7 +163,7 @@ class Vgg16:
         return found
 
 
-def _read_state(path: Path) -> dict[str, Tensor]:
+def _read_state(path: Path) -> Mapping[str, object]:
     hint = "give torchvision's vgg16-397923af.pth or a .safetensors of the same tensors"
     if not path.is_file():
         raise InputError(f"{path}: no such file; {hint}.")
@@ -176,7 +181,7 @@ def _read_state(path: Path) -> dict[str, Tensor]:
     return state
 
 
-def _tensor(state: dict[str, Tensor], path: Path, key: str, shape: tuple[int, ...]) -> Tensor:
+def _tensor(state: Mapping[str, object], path: Path, key: str, shape: tuple[int, ...]) -> Tensor:
     found = state.get(key)
     if not isinstance(found, Tensor):
         raise InputError(

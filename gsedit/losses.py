@@ -15,10 +15,12 @@ SSIM_WINDOW = 11
 
 
 def mse(image: Float[Tensor, "*s"], target: Float[Tensor, "*s"]) -> Float[Tensor, ""]:
+    """Mean squared error over everything; the colour term of eq. (loss)."""
     return (image - target).square().mean()
 
 
 def l1(image: Float[Tensor, "*s"], target: Float[Tensor, "*s"]) -> Float[Tensor, ""]:
+    """Mean absolute error over everything."""
     return (image - target).abs().mean()
 
 

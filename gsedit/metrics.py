@@ -39,7 +39,7 @@ def psnr(
     target: Float[Tensor, "*n h w 3"],
     mask: Bool[Tensor, "*n h w"] | None = None,
 ) -> float:
-    """Peak signal-to-noise ratio, dB, of the mean error of all pictures; inf when they are equal."""
+    """Peak signal-to-noise ratio, dB, of the mean error of all pictures; inf when equal."""
     error = rmse(image, target, mask)
     return -20 * log10(error) if error else inf
 
@@ -98,13 +98,14 @@ def warp_error(
     """Each pair's RMSE between view a and view b seen from a, where `correspond.warp` is valid.
 
     `pairs` defaults to every pair once. On a camera path, short range is (t, t - 1) and long range
-    (t, t - 7). Depths are the unedited scene's, unless the edit moved the geometry. Compare with the
-    same number for the unedited pictures: view-dependent shading and resampling are not zero.
+    (t, t - 7). Depths are the unedited scene's, unless the edit moved the geometry. Compare with
+    the same number for the unedited pictures: shading and resampling make it more than zero.
     """
     pairs = tuple(pairs or itertools.combinations(range(len(images)), 2))
     errors, coverage = [], []
+    views = list(zip(cameras, depths, alphas, strict=True))
     for a, b in pairs:
-        seen, valid = warp(images[b], cameras[a], depths[a], alphas[a], cameras[b], depths[b], alphas[b])  # fmt: skip
+        seen, valid = warp(images[b], *views[a], *views[b])
         errors.append(rmse(seen, images[a], valid) if valid.any() else nan)
         coverage.append(valid.double().mean().item())
     return WarpError(pairs, tuple(errors), tuple(coverage))

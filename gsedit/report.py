@@ -8,11 +8,10 @@ from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, fields
 from itertools import groupby, pairwise
 from pathlib import Path
-from typing import Any, Literal, TextIO
-
-from rasterizer.scene import Gaussians
+from typing import IO, Any, Literal
 
 from gsedit.errors import InputError
+from rasterizer.scene import Gaussians
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,7 @@ def as_record(event: Event) -> dict[str, Any]:
     }
 
 
-def write_event(file: TextIO, event: Event) -> None:
+def write_event(file: IO[str], event: Event) -> None:
     """Append one JSON line and flush it, so that what was measured survives an interruption."""
     file.write(json.dumps(as_record(event), allow_nan=False) + "\n")
     file.flush()

@@ -1,7 +1,7 @@
 """Scenes and results as something to look at: contact sheets, depth pictures, curves, point clouds.
 
-`n` Gaussians, `h w` pixels. Only the functions that say so import open3d or pyvista: everything else
-works where those cannot be loaded.
+`n` Gaussians, `h w` pixels. Only the functions that say so import open3d or pyvista: everything
+else works where those cannot be loaded.
 """
 
 from __future__ import annotations
@@ -12,24 +12,27 @@ import sys
 from collections.abc import Iterable, Sequence
 from math import radians, sin
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import torch
 from jaxtyping import Float
 from PIL import Image, ImageDraw, ImageFont
-from rasterizer.camera import Camera, look_at
-from rasterizer.numerics import SH_DC
-from rasterizer.scene import Gaussians
 from torch import Tensor
 
 from gsedit.errors import GseditError, UsageError
 from gsedit.files.atomic import atomic_path
 from gsedit.report import Event, curves, decibels
-from gsedit.views import View
+from gsedit.views import View, bounds
+from rasterizer.camera import Camera, look_at
+from rasterizer.numerics import SH_DC
+from rasterizer.scene import Gaussians
 
 COLUMNS = 8  # more views than this on one sheet are too small to judge
-CELL = (128, 320)  # pixels: smaller pictures are enlarged to the first, larger reduced to the second
+CELL = (
+    128,
+    320,
+)  # pixels: smaller pictures are enlarged to the first, larger reduced to the second
 MARGIN, STRIP = 4, 22  # pixels between cells, and above a row for its label
 SOLID = 0.5  # a pixel shows a surface where at least half of it is covered
 UP_AXES = {"x": 0, "y": 1, "z": 2}
@@ -136,13 +139,14 @@ def depth_picture(depth: Float[Tensor, "h w"], alpha: Float[Tensor, "h w"]) -> I
 
 
 def error_vs_time(events: Iterable[Event], path: Path | str, *, overwrite: bool = False) -> None:
-    """Draw the error and the loss against run time, a curve a stage, into a PNG. Needs no screen."""
+    """A PNG of error and loss against run time, a curve a stage. Needs no screen."""
     from matplotlib.figure import Figure  # not pyplot: no global state, no window system
 
     events = list(events)
     figure = Figure(figsize=(7, 6), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
-    for axes, field in ((upper, "error"), (lower, "loss")):
+    fields: tuple[Literal["error", "loss"], ...] = ("error", "loss")
+    for axes, field in zip((upper, lower), fields):
         for stage, points in curves(events, field).items():
             axes.plot(*zip(*points), marker=".", label=stage)
         if axes.has_data():
@@ -177,20 +181,18 @@ def splat_colors(scene: Gaussians) -> Float[Tensor, "n 3"]:
 
 
 def guess_up(scene: Gaussians) -> str:
-    """ "z" (nerfstudio's frame) or "-y" (COLMAP's and INRIA's), along which the scene is flatter.
+    """ "z" (nerfstudio's frame) where the centres are layered along z most, else "-y" (INRIA's).
 
-    A guess from the spread of the middle 90 % of the centres: captures are wider than high.
+    A guess: most captures stand on something flat, whose Gaussians share one height. It compares
+    how evenly the centres near the middle spread along each axis (entropy of 64 bins).
     """
-    low, high = _middle(scene.means, 0.05)
-    _, y, z = (high - low).tolist()
-    return "z" if z <= y else "-y"
-
-
-def _middle(points: Float[Tensor, "n 3"], tail: float) -> tuple[Tensor, Tensor]:
-    """The box that leaves a fraction `tail` outside at either end of each axis."""
-    ordered = points.detach().double().sort(dim=0).values
-    last = len(ordered) - 1
-    return ordered[round(tail * last)], ordered[round((1 - tail) * last)]
+    bulk = bounds(scene.means)
+    near = (scene.means.detach().double() - torch.tensor(bulk.centre).double()) / bulk.radius
+    near = near[near.norm(dim=1) <= 1]
+    counts = torch.stack([torch.histc(axis, 64, -1, 1) for axis in near.T])
+    shares = counts / counts.sum(1, keepdim=True)
+    entropy = torch.special.entr(shares).sum(1)
+    return "z" if entropy.argmin() == 2 else "-y"
 
 
 def up_vector(up: str) -> Float[Tensor, "3"]:
@@ -207,24 +209,21 @@ def framing_camera(
 ) -> Camera:
     """A camera that sees the bulk of a scene from a little above; `size` is (width, height).
 
-    It aims at the median of the centres from where a ball with 80 % of them fills the picture: far
-    floaters and backgrounds do not matter. Raises UsageError for an empty scene.
+    It aims at the median of the centres; the ball of `views.bounds` fills two thirds of the
+    picture, so far floaters and backgrounds do not matter. Raises UsageError for an empty scene.
     """
     if not len(scene):
         raise UsageError("the scene has no Gaussians: there is nothing to frame")
     width, height = size
-    means = scene.means.detach().double()
-    centre = means.median(dim=0).values
-    distances = (means - centre).norm(dim=1).sort().values
-    radius = max(float(distances[round(0.8 * (len(distances) - 1))]), 1e-6)
+    bulk = bounds(scene.means)
     above = up_vector(up or guess_up(scene))
-    # COLMAP's cameras look along +z, nerfstudio's stand at -y: start there, then go round by 30 degrees
+    # COLMAP's cameras look along +z, nerfstudio's stand at -y: start there, then turn by 30 degrees
     front = torch.tensor([0, -1, 0] if above[2] else [0, 0, -1], dtype=torch.float64)
-    side = torch.linalg.cross(front, above)
-    direction = front * 0.87 + side * 0.5 + above * 0.4
+    direction = 0.87 * front + 0.5 * torch.linalg.cross(front, above) + 0.4 * above
     fov_y = 50.0
-    narrow = radians(fov_y) / 2 * min(1.0, width / height)
-    distance = radius / sin(narrow)
+    narrower = radians(fov_y) / 2 * min(1.0, width / height)
+    distance = 1.5 * bulk.radius / sin(narrower)  # the ball and what hangs out of it
+    centre = torch.tensor(bulk.centre, dtype=torch.float64)
     eye = centre + distance * direction / direction.norm()
     return look_at(eye, centre, above, fov_y, width, height)
 
@@ -233,7 +232,9 @@ def to_open3d(scene: Gaussians) -> Any:
     """An `open3d.t.geometry.PointCloud` with Open3D's names for splats. Imports open3d.
 
     positions; scale `n 3` (linear); rot `n 4` (wxyz); opacity `n 1` (logit); f_dc `n 3`; f_rest
-    `n k-1 3`. Its rotate() turns SH wrongly: turn the scene before. Raises GseditError without open3d.
+    `n k-1 3`. Its rotate() turns SH wrongly: turn the scene before.
+
+    Raises GseditError without open3d.
     """
     try:
         import open3d
@@ -254,15 +255,15 @@ def to_open3d(scene: Gaussians) -> Any:
     cloud = open3d.t.geometry.PointCloud()
     for name, field in fields.items():
         if field.numel() or name != "f_rest":
-            values = np.ascontiguousarray(field.detach().float().cpu().numpy())
-            cloud.point[name] = open3d.core.Tensor(values)
+            values = field.detach().float().contiguous().cpu().numpy()
+            cloud.point[name] = open3d.core.Tensor.from_numpy(values).clone()
     return cloud
 
 
 def to_pyvista(scene: Gaussians) -> Any:
-    """A `pyvista.PolyData` of the centres with `rgb` (uint8), `opacity` and `scales`. Imports pyvista.
+    """A `pyvista.PolyData` of the centres, with `rgb` (uint8), `opacity` and `scales`.
 
-    Raises GseditError without pyvista.
+    Imports pyvista; raises GseditError without pyvista.
     """
     cloud = _pyvista().PolyData(scene.means.detach().double().cpu().numpy())
     cloud["rgb"] = (splat_colors(scene) * 255).round().to(torch.uint8).cpu().numpy()
@@ -272,7 +273,7 @@ def to_pyvista(scene: Gaussians) -> Any:
 
 
 def snapshot(scene: Gaussians, camera: Camera, *, point_size: float | None = None) -> Image.Image:
-    """The scene's centres as coloured points, drawn off screen by pyvista, as `camera` sees them."""
+    """The scene's centres as coloured points as `camera` sees them, off screen. Imports pyvista."""
     _check_drawing()
     plotter = _plotter(scene, camera, point_size, off_screen=True)
     try:
@@ -295,8 +296,8 @@ def preview(
     """Show the scene as a point cloud: into a PNG at `path`, or in a window. Imports pyvista.
 
     Gaussians fainter than `min_opacity` are left out. Without a camera one is chosen by
-    `framing_camera(up=, size=)`. Raises UsageError where nothing is left or there is no screen for a
-    window, GseditError where pyvista or OpenGL is missing.
+    `framing_camera(up=, size=)`. Raises UsageError where nothing is left, or there is no screen for
+    a window; GseditError where pyvista or OpenGL is missing.
     """
     solid = scene[scene.opacities >= min_opacity]
     if not len(solid):
@@ -315,7 +316,7 @@ def _plotter(scene: Gaussians, camera: Camera, point_size: float | None, off_scr
     pyvista = _pyvista()
     width, height = camera.width, camera.height
     # a surface of n points looks closed when each is about as large as its share of the picture
-    size = point_size or min(max((width * height / len(scene)) ** 0.5, 2.0), 12.0)
+    size = point_size or min(max((width * height / len(scene)) ** 0.5, 3.0), 12.0)
     plotter = pyvista.Plotter(off_screen=off_screen, window_size=[width, height])
     plotter.set_background("white")
     plotter.add_points(
@@ -327,7 +328,9 @@ def _plotter(scene: Gaussians, camera: Camera, point_size: float | None, off_scr
     view.focal_point = (eye + camera.forward.detach().double()).tolist()
     view.up = (-camera.rotation[1].detach().double()).tolist()
     view.view_angle = float(np.degrees(2 * np.arctan(height / 2 / camera.fy)))
-    view.SetWindowCenter(-2 * (camera.cx - width / 2) / width, 2 * (camera.cy - height / 2) / height)
+    view.SetWindowCenter(
+        -2 * (camera.cx - width / 2) / width, 2 * (camera.cy - height / 2) / height
+    )
     plotter.reset_camera_clipping_range()
     return plotter
 

@@ -224,6 +224,8 @@ class _Blend(torch.autograd.Function):
         ctx: Any, grad_features: Tensor, grad_through: Tensor, _: Any
     ) -> tuple[Any, ...]:
         grid, bins = ctx.grid, ctx.bins
+        if not len(bins.counts):
+            return torch.zeros_like(grid.table[:-1]), None, None, None, None, None
         upstream = _to_tiles(torch.cat((grad_features, grad_through[..., None]), -1), bins)
         # what all that lies behind the current Gaussian adds to the loss: at first the background
         behind = upstream[:, -1] * ctx.through

@@ -100,8 +100,7 @@ def _blend(
     power = 0.5 * torch.einsum("pni,nij,pnj->pn", offset, conic, offset)
     alpha = (opacities * torch.exp(-power)).clamp_max(numerics.alpha_max)
     alpha = torch.where(alpha >= numerics.alpha_min, alpha, 0.0)
-    after = torch.cumprod(1 - alpha, -1)
-    before = torch.cat((torch.ones_like(after[:, :1]), after[:, :-1]), -1)
-    last = torch.cat((torch.ones_like(after[:, :1]), after), -1)[:, -1:]
+    passed = torch.cat((torch.ones_like(pixels[:, :1]), torch.cumprod(1 - alpha, -1)), -1)
+    before, after = passed[:, :-1], passed[:, 1:]
     crossing = ((before > 0.5) & (after <= 0.5)).to(features)
-    return (before * alpha) @ features, 1 - last, crossing @ features[:, -1:].detach()
+    return (before * alpha) @ features, 1 - passed[:, -1:], crossing @ features[:, -1:].detach()

@@ -59,7 +59,7 @@ class Editor(Protocol):
 
 @runtime_checkable
 class KnowsAnswer(Protocol):
-    """An editor whose right answer is known, so that what is made of its pictures can be measured."""
+    """An editor whose right answer is known: what is made of its pictures can be measured."""
 
     def answer(
         self,

@@ -1,4 +1,4 @@
-"""What must hold of an input before anything parses it: it exists, holds bytes, stays in its folder."""
+"""What must hold of an input before it is parsed: it exists, holds bytes, stays in its folder."""
 
 from __future__ import annotations
 

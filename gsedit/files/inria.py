@@ -6,17 +6,19 @@ wxyz; f_rest is channel-major in the file (all of red, all of green, ...), coeff
 
 from __future__ import annotations
 
+from math import isqrt
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from rasterizer.scene import Gaussians
 
 from gsedit.errors import InputError, UsageError
 from gsedit.files.ply import PlyHeader, read_ply
+from rasterizer.scene import Gaussians
 
 MAX_DEGREE = 3  # INRIA's layout ends at 45 f_rest columns; no reader expects more
+_REST_COUNTS = (0, 9, 24, 45)  # 3 ((degree + 1)^2 - 1)
 _MEANS = ("x", "y", "z")
 _NORMALS = ("nx", "ny", "nz")
 _SCALES = ("scale_0", "scale_1", "scale_2")
@@ -61,7 +63,7 @@ def read_inria(path: Path, header: PlyHeader) -> tuple[Gaussians, tuple[str, ...
     notes = [f"columns left out: {', '.join(extra)}"] if extra else []
     notes += [f"elements left out: {', '.join(others)}"] if others else []
     scene = _through_gsply(path) if _is_plain(header) else None
-    return scene or _tolerant(path, k), tuple(notes)
+    return _tolerant(path, k) if scene is None else scene, tuple(notes)
 
 
 def write_inria(scene: Gaussians, path: Path) -> None:
@@ -88,7 +90,10 @@ def write_inria(scene: Gaussians, path: Path) -> None:
 
 def from_gsply(data: Any) -> Gaussians:
     """gsply keeps log scales, logit opacities, and SH in two parts."""
-    sh = np.concatenate((data.sh0[:, None], data.shN.reshape(len(data), -1, 3)), axis=1)
+    bands = [data.sh0[:, None]]
+    if data.shN is not None:  # None from .spz of degree 0, an empty array from .ply
+        bands.append(data.shN.reshape(len(data), data.shN.shape[1], 3))
+    sh = np.concatenate(bands, axis=1)
     arrays = (data.means, data.quats, data.scales, data.opacities.reshape(-1), sh)
     # C order: the arrays are views into one table, and the scene should not keep that alive
     return Gaussians(*(torch.from_numpy(np.array(a, dtype=np.float32, order="C")) for a in arrays))
@@ -97,20 +102,21 @@ def from_gsply(data: Any) -> Gaussians:
 def _coefficients(path: Path, names: tuple[str, ...]) -> int:
     """k, from the number of f_rest columns; InputError where splat columns are missing."""
     count = sum(name.startswith("f_rest_") for name in names)
-    degree = next((d for d in range(MAX_DEGREE + 1) if 3 * ((d + 1) ** 2 - 1) >= count), MAX_DEGREE)
-    k = (degree + 1) ** 2
+    needed = next((rest for rest in _REST_COUNTS if rest >= count), _REST_COUNTS[-1])
+    k = 1 + needed // 3
     missing = [c for c in columns(k) if c not in names and c not in _NORMALS]
-    if not [c for c in missing if not c.startswith("f_rest_")] and (missing or count > 3 * (k - 1)):
-        raise InputError(
-            f"{path} has {count} f_rest columns; degree {degree} needs {3 * (k - 1)}. "
-            "Was it cropped? Export it again"
-        )
-    if missing == ["scale_2"]:
+    basic = [c for c in missing if not c.startswith("f_rest_")]
+    if basic == ["scale_2"]:
         raise InputError(f"{path} has no column scale_2: it holds 2D splats, export 3D ones")
-    if missing:
+    if basic:
         raise InputError(
-            f"{path} is no splat scene, columns {', '.join(missing)} are missing: "
+            f"{path} is no splat scene, columns {', '.join(basic)} are missing: "
             "a mesh or point cloud has none, `gsedit fit` makes splats from photos"
+        )
+    if missing or count > needed:
+        raise InputError(
+            f"{path} has {count} f_rest columns; degree {isqrt(k) - 1} needs {needed}. "
+            "Was it cropped? Export it again"
         )
     return k
 
@@ -125,11 +131,11 @@ def _is_plain(header: PlyHeader) -> bool:
 
 
 def _through_gsply(path: Path) -> Gaussians | None:
-    import gsply
-
     try:
+        import gsply  # numba inside: fails where its cache has no folder to write to
+
         return from_gsply(gsply.plyread(path))
-    except ValueError:
+    except (ValueError, ImportError, RuntimeError):
         return None
 
 

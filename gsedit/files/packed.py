@@ -9,17 +9,16 @@ from typing import Any
 
 import numpy as np
 import torch
+
+from gsedit.errors import InputError, UsageError
+from gsedit.files.inria import from_gsply
+from gsedit.files.ply import PlyHeader
 from rasterizer.numerics import SH_DC
 from rasterizer.scene import Gaussians
 
-from gsedit.errors import InputError, UsageError
-from gsedit.files.inputs import existing_file
-from gsedit.files.inria import from_gsply
-from gsedit.files.ply import PlyHeader
-
 LOGIT_MAX = 15.0
-"""These formats store opacity in 8 bits, and 255 means 1, whose logit is infinite. The sigmoid of 15
-is 1 - 3e-7: the largest round logit at which float32 still has a gradient."""
+"""These formats store opacity in 8 bits, and 255 means 1, whose logit is infinite. The sigmoid of
+15 is 1 - 3e-7: about the largest logit at which float32 still has a gradient."""
 _SPZ_LIMIT = (1 << 23) - 1  # positions are 24-bit signed fixed point
 _SPLAT_ROW = np.dtype(
     [("means", "<f4", 3), ("scales", "<f4", 3), ("rgba", "u1", 4), ("quats", "u1", 4)]
@@ -46,13 +45,11 @@ def read_spz(path: Path) -> Gaussians:
     """
     import gsply
 
-    path = existing_file(path)
     return _decoded(path, lambda: gsply.read_spz(path))
 
 
 def read_splat(path: Path) -> Gaussians:
     """antimatter15's .splat: rows of 32 bytes, no header, no SH, linear scales and opacities."""
-    path = existing_file(path)
     if path.stat().st_size % _SPLAT_ROW.itemsize:
         raise InputError(
             f"{path} is no whole number of {_SPLAT_ROW.itemsize}-byte rows: "

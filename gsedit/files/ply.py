@@ -189,15 +189,12 @@ def _read_element(path: Path, handle: BinaryIO, element: PlyElement, fmt: str) -
                 lines = islice(filled, element.count)
                 rows = np.loadtxt(lines, dtype, comments=None, ndmin=1)
         except (ValueError, OverflowError) as error:
-            place = f"{path}: element {element.name}"
-            raise InputError(f"{place}: {_first_line(error)}: export it again") from None
+            reason = str(error).split("\n")[0].split(";")[0]  # behind it is advice for programmers
+            reason = reason.replace("the dtype passed requires", "a row needs")
+            raise InputError(f"{path}: element {element.name}: {reason}: export it again") from None
     if len(rows) < element.count:
         raise InputError(
             f"{path}: element {element.name} ends after row {len(rows)} of {element.count}: "
             f"{_CUT_OFF}"
         )
     return rows
-
-
-def _first_line(error: Exception) -> str:
-    return str(error).split("\n")[0].split(";")[0]

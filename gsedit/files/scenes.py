@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from math import isfinite
 from pathlib import Path
 
 import torch
 from jaxtyping import Bool
-from rasterizer.scene import Gaussians
 from torch import Tensor
 
 from gsedit.errors import InputError, UsageError
 from gsedit.files.atomic import atomic_path
+from gsedit.files.inputs import existing_file
 from gsedit.files.inria import field_columns, read_inria, write_inria
 from gsedit.files.packed import (
     is_compressed,
@@ -22,6 +23,7 @@ from gsedit.files.packed import (
     write_spz,
 )
 from gsedit.files.ply import read_ply_header
+from rasterizer.scene import Gaussians
 
 READABLE = (".ply", ".compressed.ply", ".spz", ".splat")
 WRITABLE = (".ply", ".compressed.ply", ".spz")
@@ -92,6 +94,7 @@ def _suffix(path: Path) -> str:
 
 
 def _read(path: Path) -> tuple[Gaussians, tuple[str, ...]]:
+    existing_file(path)  # before the suffix: a missing file or a folder is the plainer news
     match _suffix(path):
         case ".ply" | ".compressed.ply":
             header = read_ply_header(path)
@@ -108,17 +111,20 @@ def _read(path: Path) -> tuple[Gaussians, tuple[str, ...]]:
 def _invalid_rows(scene: Gaussians) -> Bool[Tensor, " n"]:
     bad = scene.quats.norm(dim=1) < _MIN_NORM
     for field in fields(scene):
-        bad |= ~getattr(scene, field.name).isfinite().flatten(1).all(1)
+        bad |= ~getattr(scene, field.name).isfinite().reshape(len(scene), -1).all(1)
     return bad
 
 
 def _describe(scene: Gaussians, bad: Bool[Tensor, " n"]) -> str:
     """The first invalid number, where it is, and how many rows are like it."""
     row = int(bad.nonzero()[0])
-    place = "its quaternion rot_0..rot_3 is zero"
-    for field, names in field_columns(scene.sh.shape[1]).items():
-        values = getattr(scene, field)[row].flatten()
-        for name, value in zip(names.ravel(), values.tolist()):
-            if not abs(value) < float("inf"):  # also true of NaN
-                place = f"column {name} is {value}"
+    numbers = (
+        (name, value)
+        for field, names in field_columns(scene.sh.shape[1]).items()
+        for name, value in zip(names.ravel(), getattr(scene, field)[row].flatten().tolist())
+    )
+    broken = next(
+        (f"column {name} is {value}" for name, value in numbers if not isfinite(value)), ""
+    )
+    place = broken or "its quaternion rot_0..rot_3 is zero"
     return f"row {row} (from 0): {place}; {int(bad.sum())} of {len(scene)} rows are invalid"

@@ -44,9 +44,9 @@ def links() -> SyntheticScene:
     """Three interlocked rings: silhouettes everywhere, holes to look through."""
     ring = torus(0.55, 0.17)
     rings = (
-        translate(rotate(ring, (1, 0, 0), 20), (-0.55, 0, 0)),
-        rotate(ring, (1, 0, 0), 95),
-        translate(rotate(ring, (1, 0, 0), -15), (0.55, 0, 0)),
+        translate(rotate(ring, (1, 0, 0), 20.0), (-0.55, 0, 0)),
+        rotate(ring, (1, 0, 0), 95.0),
+        translate(rotate(ring, (1, 0, 0), -15.0), (0.55, 0, 0)),
     )
     coats = (
         mix(plain((0.85, 0.3, 0.25)), plain((0.95, 0.8, 0.6)), stripes((0.6, 0.8, 0), 0.3)),
@@ -64,7 +64,10 @@ def columns() -> SyntheticScene:
     floor = translate(cylinder(1.15, 0.06, rounding=0.03), (0, 0, -0.66))
     painted = (
         (pillars, mix(plain((0.85, 0.8, 0.7)), plain((0.5, 0.35, 0.3)), stripes((0, 0, 1), 0.3))),
-        (sphere(0.42, (0, 0, -0.15)), mix(plain((0.2, 0.5, 0.7)), plain((0.9, 0.7, 0.2)), waves(0.6))),
+        (
+            sphere(0.42, (0, 0, -0.15)),
+            mix(plain((0.2, 0.5, 0.7)), plain((0.9, 0.7, 0.2)), waves(0.6)),
+        ),
         (floor, mix(plain((0.35, 0.4, 0.35)), plain((0.7, 0.72, 0.65)), checker(0.5))),
     )
     return _painted("columns", painted, background=(0.75, 0.85, 0.95), radius=1.4)
@@ -78,7 +81,7 @@ def cage() -> SyntheticScene:
     hoops = union(
         translate(torus(0.75, 0.045), (0, 0, -0.6)), translate(torus(0.375, 0.045), (0, 0, 0.7))
     )
-    prisoner = rotate(box((0.3, 0.3, 0.3), rounding=0.08), (1, 1, 0.3), 40)
+    prisoner = rotate(box((0.3, 0.3, 0.3), rounding=0.08), (1, 1, 0.3), 40.0)
     painted = (
         (bars, mix(plain((0.85, 0.65, 0.2)), plain((0.55, 0.3, 0.15)), stripes((0, 0, 1), 0.25))),
         (hoops, mix(plain((0.3, 0.3, 0.4)), plain((0.6, 0.6, 0.75)), waves(0.4))),
@@ -126,21 +129,28 @@ def demo_scene() -> SyntheticScene:
     )
     dark = union(mirror(sphere(0.042, (0.115, -0.285, 0.49))), sphere(0.05, (0, -0.395, 0.39)))
     scarf = union(
-        translate(rotate(torus(0.225, 0.075), (1, 0, 0), 8), (0, -0.01, 0.125)),
+        translate(rotate(torus(0.225, 0.075), (1, 0, 0), 8.0), (0, -0.01, 0.125)),
         capsule((0.1, -0.28, 0.08), (0.16, -0.4, -0.2), 0.055),
     )
-    plinth = translate(cylinder(0.74, 0.09, rounding=0.03), (0, -0.05, -0.74))
-    floor = translate(cylinder(0.98, 0.04, rounding=0.02), (0, -0.05, -0.86))
+    plinth = translate(cylinder(0.68, 0.09, rounding=0.03), (0, -0.05, -0.74))
+    floor = translate(cylinder(0.86, 0.04, rounding=0.02), (0, -0.05, -0.86))
     painted = (
         (fur, mix(plain((0.62, 0.38, 0.18)), plain((0.86, 0.6, 0.34)), waves(0.22))),
         (cream, mix(plain((0.97, 0.87, 0.7)), plain((0.86, 0.72, 0.52)), waves(0.18))),
         (dark, plain((0.07, 0.06, 0.07))),
-        (scarf, mix(plain((0.85, 0.13, 0.15)), plain((0.97, 0.93, 0.88)), stripes((0.8, 0, 0.6), 0.14, 2))),
+        (
+            scarf,
+            mix(
+                plain((0.85, 0.13, 0.15)),
+                plain((0.97, 0.93, 0.88)),
+                stripes((0.8, 0, 0.6), 0.14, 2.0),
+            ),
+        ),
         (plinth, mix(plain((0.55, 0.6, 0.66)), plain((0.82, 0.84, 0.86)), waves(0.35))),
         (floor, mix(plain((0.92, 0.88, 0.8)), _slabs(), tiles(0.28, 0.02))),
     )
     raised = tuple((translate(part, RAISE), _shifted(coat, RAISE)) for part, coat in painted)
-    return _painted("bear", raised, background=(0.74, 0.84, 0.9), radius=1.3)
+    return _painted("bear", raised, background=(0.74, 0.84, 0.9), radius=1.2)
 
 
 def _shifted(coat: Paint, offset: Triple) -> Paint:

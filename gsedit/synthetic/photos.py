@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from math import cos, radians, sin, tau
 
 import torch
-from rasterizer.camera import Camera, look_at
 from torch import Tensor
 
 from gsedit.synthetic.scene import SyntheticScene
 from gsedit.synthetic.splats import surface_points
 from gsedit.views import Dataset, View
+from rasterizer.camera import Camera, look_at
 
 
 def ring_cameras(
@@ -25,8 +25,8 @@ def ring_cameras(
     """`count` cameras of `size`^2 pixels around the scene, at one height, looking at its centre,
     as near as shows the scene's whole ball.
 
-    Angles in degrees: `elevation` above the horizon, `fov` of the picture, `start` the azimuth of the
-    first camera (-90 is the -y axis, the front of the demo scene); the rest follow counter-clockwise.
+    Angles in degrees: `elevation` above the horizon, `fov` of the picture, `start` the azimuth of
+    the first camera (-90: the -y axis, before the demo's bear); the rest follow counter-clockwise.
     """
     distance = scene.radius / sin(radians(fov) / 2)
     centre, up = torch.zeros(3, dtype=torch.float64), scene.up.to(torch.float64)
@@ -48,7 +48,7 @@ def dataset(
     points: int = 4000,
     seed: int = 0,
 ) -> Dataset:
-    """Traced photos, float32, with sparse surface points and their colours, as a capture has them."""
+    """Traced photos, float32, and sparse surface points with their colours: a perfect capture."""
     views = tuple(
         View(f"{scene.name}_{i:03d}", camera, scene.trace(camera, supersample).image.float())
         for i, camera in enumerate(cameras)

@@ -11,18 +11,18 @@ from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Bool, Float
-from rasterizer.camera import Camera
 from torch import Tensor
 
 from gsedit.synthetic.paint import Paint
 from gsedit.synthetic.shapes import Sdf, gradient, length
+from rasterizer.camera import Camera
 
-OVERSTEP = 1e-5  # of the scene's radius: chords shorter than this may be missed, longer never
-STEPS = 400  # a ray that skims a sphere at OVERSTEP needs about this many
-ROOT_STEPS = 60  # regula falsi needs 3-6; a crease at worst halves the bracket: 1e-5 * 2^-60
+OVERSTEP = 1e-4  # of the scene's radius: a shorter chord may be missed: a silhouette off by 1e-9
+STEPS = 400  # to skim a ball of the scene's radius takes 2 sqrt(2 / OVERSTEP) = 280 steps
+ROOT_STEPS = 60  # regula falsi needs 3-6; a crease at worst halves the bracket
 ROOT_TOLERANCE = 1e-13  # |distance|, world units: a few roundings of coordinates of size 1
 SAME_POINT = 1e-6  # of the scene's radius: what is nearer than this to a point does not hide it
-RAYS = 1 << 15  # rays traced together: their distances stay in a second-level cache
+RAYS = 1 << 15  # points measured at once: their distances stay in a second-level cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,9 +136,7 @@ class SyntheticScene:
         near, far = _ball(origin, directions, self.radius)
         far = far if limit is None else torch.minimum(far, limit)
         overstep = OVERSTEP * self.radius
-        chunks = zip(directions.split(RAYS), near.split(RAYS), far.split(RAYS))
-        depths = [first_hit(self.sdf, origin, d, n, f, overstep) for d, n, f in chunks]
-        return torch.cat(depths) if depths else ones
+        return first_hit(self.sdf, origin, directions, near, far, overstep)
 
 
 def first_hit(
@@ -159,9 +157,9 @@ def first_hit(
     rows = (near < far).nonzero().squeeze(-1)
     if not len(rows):
         return hits
-    start, direction = origin[:, None], directions[rows].T.contiguous()  # coordinate-major: faster
+    direction = directions[rows].T.contiguous()  # coordinate-major: components are contiguous
     z, end = near[rows], far[rows]
-    distance = sdf((start + z * direction).T)
+    distance = _along(sdf, origin, direction, z)
     inside = distance <= 0
     hits[rows[inside]] = z[inside]
     keep = ~inside
@@ -172,7 +170,7 @@ def first_hit(
             break
         step = (distance + overstep) / length(*direction)
         z_next = torch.minimum(z + step, end)
-        distance_next = sdf((start + z_next * direction).T)
+        distance_next = _along(sdf, origin, direction, z_next)
         crossed = distance_next <= 0
         if crossed.any():
             bracket = _keep(crossed, rows, direction, z, distance, z_next, distance_next)
@@ -181,8 +179,14 @@ def first_hit(
         z, distance = z_next, distance_next
     if found:
         rows, direction, *bracket = (torch.cat(column, -1) for column in zip(*found))
-        hits[rows] = _root(lambda z: sdf((start + z * direction).T), *bracket)
+        hits[rows] = _root(lambda z: _along(sdf, origin, direction, z), *bracket)
     return hits
+
+
+def _along(sdf: Sdf, origin: Tensor, direction: Tensor, z: Tensor) -> Tensor:
+    """Distances ` m` at depth z of rays with directions `3 m`."""
+    rays = zip(direction.split(RAYS, -1), z.split(RAYS))
+    return torch.cat([sdf((origin[:, None] + part * d).T) for d, part in rays])
 
 
 def _keep(mask: Tensor, *tensors: Tensor) -> tuple[Tensor, ...]:

@@ -15,21 +15,22 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-Points: TypeAlias = Float[Tensor, "*b 3"]
-Distances: TypeAlias = Float[Tensor, "*b"]
 Sdf: TypeAlias = Callable[[Tensor], Tensor]
 """Points `*b 3`, world units -> signed distance `*b`, world units."""
-Triple: TypeAlias = Sequence[float]
+Triple: TypeAlias = Sequence[float | int]
 
 
-def length(*components: Distances) -> Distances:
+def length(*components: Tensor) -> Tensor:
     """Euclidean length of a vector given by its components; its gradient at zero is zero."""
-    # the floor keeps d sqrt(0) finite in float32 too; a length of 1e-15 is below every tolerance
-    return sum(c * c for c in components).clamp_min(1e-30).sqrt()  # pyright: ignore
+    first, *others = components
+    square = first * first
+    for component in others:
+        square = torch.addcmul(square, component, component)
+    return square.clamp_min(1e-30).sqrt()  # the floor keeps the slope finite, in float32 too
 
 
 def sphere(radius: float, centre: Triple = (0.0, 0.0, 0.0)) -> Sdf:
-    def distance(points: Points) -> Distances:
+    def distance(points: Tensor) -> Tensor:
         x, y, z = points.unbind(-1)
         return length(x - centre[0], y - centre[1], z - centre[2]) - radius
 
@@ -40,7 +41,7 @@ def box(half_sides: Triple, rounding: float = 0.0) -> Sdf:
     """A box around the origin with edges rounded by `rounding`, which `half_sides` includes."""
     inner = [side - rounding for side in half_sides]
 
-    def distance(points: Points) -> Distances:
+    def distance(points: Tensor) -> Tensor:
         x, y, z = (c.abs() - side for c, side in zip(points.unbind(-1), inner))
         outside = length(x.clamp_min(0), y.clamp_min(0), z.clamp_min(0))
         inside = torch.maximum(x, torch.maximum(y, z)).clamp_max(0)
@@ -52,7 +53,7 @@ def box(half_sides: Triple, rounding: float = 0.0) -> Sdf:
 def torus(major: float, minor: float) -> Sdf:
     """A ring around the z axis: `major` is the radius of the ring, `minor` that of its tube."""
 
-    def distance(points: Points) -> Distances:
+    def distance(points: Tensor) -> Tensor:
         x, y, z = points.unbind(-1)
         return length(length(x, y) - major, z) - minor
 
@@ -64,7 +65,7 @@ def capsule(start: Triple, end: Triple, radius: float) -> Sdf:
     axis = [b - a for a, b in zip(start, end)]
     square = sum(a * a for a in axis)
 
-    def distance(points: Points) -> Distances:
+    def distance(points: Tensor) -> Tensor:
         offset = [c - a for c, a in zip(points.unbind(-1), start)]
         along = sum(o * (a / square) for o, a in zip(offset, axis)).clamp(0, 1)  # pyright: ignore
         return length(*(o - along * a for o, a in zip(offset, axis))) - radius
@@ -75,7 +76,7 @@ def capsule(start: Triple, end: Triple, radius: float) -> Sdf:
 def cylinder(radius: float, half_height: float, rounding: float = 0.0) -> Sdf:
     """A disc or pillar along z, around the origin, with its rims rounded by `rounding`."""
 
-    def distance(points: Points) -> Distances:
+    def distance(points: Tensor) -> Tensor:
         x, y, z = points.unbind(-1)
         radial = length(x, y) - (radius - rounding)
         axial = z.abs() - (half_height - rounding)
@@ -90,41 +91,41 @@ def plane(normal: Triple, offset: float) -> Sdf:
     size = sum(n * n for n in normal) ** 0.5
     x, y, z = (n / size for n in normal)
 
-    def distance(points: Points) -> Distances:
+    def distance(points: Tensor) -> Tensor:
         return points[..., 0] * x + points[..., 1] * y + points[..., 2] * z - offset
 
     return distance
 
 
 def union(*solids: Sdf) -> Sdf:
-    def distance(points: Points) -> Distances:
+    def distance(points: Tensor) -> Tensor:
         return reduce(torch.minimum, (solid(points) for solid in solids))
 
     return distance
 
 
 def intersection(*solids: Sdf) -> Sdf:
-    def distance(points: Points) -> Distances:
+    def distance(points: Tensor) -> Tensor:
         return reduce(torch.maximum, (solid(points) for solid in solids))
 
     return distance
 
 
 def smooth_union(blend: float, *solids: Sdf) -> Sdf:
-    """A union whose creases are filled over about `blend` world units (Quilez' quadratic minimum)."""
+    """A union with its creases filled over about `blend` world units (Quilez' quadratic one)."""
 
     def pair(a: Tensor, b: Tensor) -> Tensor:
         overlap = (blend - (a - b).abs()).clamp_min(0)
         return torch.minimum(a, b) - overlap * overlap / (4 * blend)
 
-    def distance(points: Points) -> Distances:
+    def distance(points: Tensor) -> Tensor:
         return reduce(pair, (solid(points) for solid in solids))
 
     return distance
 
 
 def translate(solid: Sdf, offset: Triple) -> Sdf:
-    def distance(points: Points) -> Distances:
+    def distance(points: Tensor) -> Tensor:
         # by columns: the tracer's points are stored coordinate-major, and so they stay
         return solid(torch.stack([c - o for c, o in zip(points.unbind(-1), offset)]).movedim(0, -1))
 
@@ -140,7 +141,7 @@ def rotate(solid: Sdf, axis: Triple, degrees: float) -> Sdf:
     rotation = torch.eye(3, dtype=torch.float64) + s * cross + (1 - c) * (cross @ cross)
     columns = rotation.T.tolist()  # x @ R is the inverse rotation of a row vector
 
-    def distance(points: Points) -> Distances:
+    def distance(points: Tensor) -> Tensor:
         coordinates = points.unbind(-1)
         turned = [sum(p * r for p, r in zip(coordinates, column)) for column in columns]
         return solid(torch.stack(turned).movedim(0, -1))  # pyright: ignore
@@ -151,7 +152,7 @@ def rotate(solid: Sdf, axis: Triple, degrees: float) -> Sdf:
 def mirror(solid: Sdf) -> Sdf:
     """The solid's half at x > 0, and its reflection in the plane x = 0."""
 
-    def distance(points: Points) -> Distances:
+    def distance(points: Tensor) -> Tensor:
         x, y, z = points.unbind(-1)
         return solid(torch.stack((x.abs(), y, z)).movedim(0, -1))
 

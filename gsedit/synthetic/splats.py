@@ -9,23 +9,24 @@ from math import log, pi, sqrt
 
 import torch
 from jaxtyping import Float, Int
-from rasterizer.numerics import SH_DC
-from rasterizer.scene import Gaussians
 from torch import Tensor
 
 from gsedit.synthetic.scene import SyntheticScene
 from gsedit.synthetic.shapes import Sdf, gradient
+from rasterizer.numerics import SH_DC
+from rasterizer.scene import Gaussians
 
 OVERSAMPLING = 5  # candidates per point: the thinned set is then near saturation
 SHELL = 0.03  # of the radius: half the thickness of the layer that candidates are drawn from
-NEWTON_STEPS = 12  # quadratic from the shell; a smooth union's slope below 1 costs one or two more
+NEWTON_STEPS = 6  # quadratic: 4 do from this shell; what has not arrived lies between two solids
 ON_SURFACE = 1e-9  # world units; candidates that Newton leaves farther off are dropped
 PACKING = 0.75  # least distance / spacing at which thinning leaves about the points asked for
 DISC = 0.7  # in-plane standard deviation / spacing: alpha > 0.97 between neighbours
+SINK = 0.35  # depth of the centres under the surface / spacing: see surface_gaussians
 FLATNESS = 0.1  # standard deviation along the normal / in-plane
 OPACITY = 0.99
 PROBES = 8  # directions in which a disc is tried against the surface
-OVERHANG = 0.35  # how far, in its radii, a disc may leave the surface at its own rim
+OVERHANG = 0.2  # how far, in its radii, a disc may leave the surface at its own rim
 
 
 def surface_points(
@@ -36,9 +37,18 @@ def surface_points(
 
 
 def surface_gaussians(
-    scene: SyntheticScene, count: int, generator: torch.Generator, sh_degree: int = 0
+    scene: SyntheticScene,
+    count: int,
+    generator: torch.Generator,
+    sh_degree: int = 0,
+    sink: float = SINK,
 ) -> Gaussians:
-    """`count` opaque discs along the surface in its colours, float32; SH above degree 0 is zero."""
+    """`count` opaque discs along the surface in its colours, float32; SH above degree 0 is zero.
+
+    The centres lie `sink` spacings under the surface (0: on it). A renderer widens every splat by a
+    fraction of a pixel and blends the front of a layer of discs first, so that discs *on* a surface
+    draw it too fat and too near; sunk by a third of their spacing they draw it in its place.
+    """
     points, spacing = _spread(scene, count, generator)
     normals = torch.nn.functional.normalize(gradient(scene.sdf, points), dim=-1)
     radius = _fitting_radius(scene.sdf, points, normals, DISC * spacing)
@@ -46,7 +56,7 @@ def surface_gaussians(
     sh = points.new_zeros((count, (sh_degree + 1) ** 2, 3))
     sh[:, 0] = (scene.albedo(points) - 0.5) / SH_DC
     return Gaussians(
-        means=points,
+        means=points - sink * spacing * normals,
         quats=_z_to(normals),
         log_scales=scales.log(),
         logit_opacities=points.new_full((count,), log(OPACITY / (1 - OPACITY))),
@@ -77,7 +87,7 @@ def _candidates(
     cube = (2 * scene.radius) ** 3
     batches, kept, drawn = [], 0, 0
     while kept < count:
-        cloud = torch.rand((1 << 17, 3), generator=generator, dtype=torch.float64)
+        cloud = torch.rand((1 << 16, 3), generator=generator, dtype=torch.float64)
         cloud = (2 * cloud - 1) * scene.radius
         near = cloud[scene.sdf(cloud).abs() < shell]
         if not len(near):
@@ -90,7 +100,7 @@ def _candidates(
 
 
 def _project(sdf: Sdf, points: Float[Tensor, "m 3"]) -> Float[Tensor, "k 3"]:
-    """The points moved onto the surface along the gradient; those that do not arrive are left out."""
+    """The points moved onto the surface along the gradient, without those that do not arrive."""
     for _ in range(NEWTON_STEPS):
         slope = gradient(sdf, points)
         square = (slope * slope).sum(-1, keepdim=True).clamp_min(0.01)  # 0 on a medial axis
@@ -122,7 +132,9 @@ def _near_pairs(
     points: Float[Tensor, "m 3"], distance: float
 ) -> tuple[Int[Tensor, " p"], Int[Tensor, " p"]]:
     """All pairs of rows (i < j) nearer than `distance`, through a grid of cells of that size."""
-    cells = ((points - points.amin(0)) / distance).long() + 1  # 1: room for the neighbours of cell 0
+    cells = (
+        (points - points.amin(0)) / distance
+    ).long() + 1  # 1: room for the neighbours of cell 0
     extent = cells.amax(0) + 2
     stride = torch.stack((extent[1] * extent[2], extent[2], torch.ones_like(extent[0])))
     keys, order = (cells * stride).sum(-1).sort(stable=True)
@@ -168,4 +180,6 @@ def _z_to(normals: Float[Tensor, "n 3"]) -> Float[Tensor, "n 4"]:
     """Unit quaternions that turn the z axis to the normals, up to sign: a disc has no front."""
     x, y, z = torch.where(normals[:, 2:] < 0, -normals, normals).unbind(-1)
     # half-way formula; 1 + z is at least 1 after the flip, so it never degenerates
-    return torch.nn.functional.normalize(torch.stack((1 + z, -y, x, torch.zeros_like(z)), -1), dim=-1)
+    return torch.nn.functional.normalize(
+        torch.stack((1 + z, -y, x, torch.zeros_like(z)), -1), dim=-1
+    )

@@ -1,0 +1,39 @@
+"""Where pictures are taken from: a dataset's cameras, or cameras placed around a scene."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from rasterizer.camera import Camera
+    from rasterizer.scene import Gaussians
+
+Up = Annotated[
+    str | None,
+    typer.Option(
+        "--up",
+        metavar="AXIS",
+        show_default="z or -y, guessed",
+        help="Which way is up: x, -x, y, -y, z or -z.",
+    ),
+]
+
+
+def check_axis(up: str | None) -> None:
+    """Raise UsageError for an axis that is none, before a large file is read for it."""
+    if up is not None:
+        from gsedit.show import up_vector
+
+        up_vector(up)
+
+
+def around(scene: Gaussians, count: int, size: int, up: str | None) -> dict[str, Camera]:
+    """Named cameras on a circle around a scene that came without any."""
+    from gsedit.show import guess_up, up_vector
+    from gsedit.views import orbit
+
+    x, y, z = up_vector(up or guess_up(scene)).tolist()
+    cameras = orbit(scene, count, size, up=(x, y, z))
+    return {f"orbit_{index:03d}": camera for index, camera in enumerate(cameras)}

@@ -1,0 +1,413 @@
+"""Looks: what an instruction's words do to colours, in three variants each.
+
+Nearly every look maps a pixel by its own colour alone, so one surface point gets one edited colour
+in every view: the edited scene is known. `h w` pixels, sRGB in [0, 1]; any leading axes.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from gsedit.errors import UsageError
+
+Image = Float[Tensor, "*v h w 3"]
+ColourMap = Callable[[Tensor], Tensor]
+
+LUMA = (0.299, 0.587, 0.114)  # Rec. 601: weights of gamma-coded R, G, B
+VARIANTS = 3
+
+
+@dataclass(frozen=True)
+class Look:
+    """Words that ask for it, and its variants."""
+
+    words: tuple[str, ...]
+    """Lower case; a word may be a phrase. The first is not special."""
+    variants: tuple[ColourMap, ColourMap, ColourMap]
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """Looks applied one after the other: what an instruction means."""
+
+    names: tuple[str, ...]
+
+    def variant(self, images: Image, k: int) -> Image:
+        """The k-th variant of every look in turn, in [0, 1]."""
+        for name in self.names:
+            images = LOOKS[name].variants[k](images).clamp(0, 1)
+        return images
+
+    def variants(self, images: Float[Tensor, "v h w 3"]) -> Float[Tensor, "k v h w 3"]:
+        """All variants, in [0, 1]."""
+        return torch.stack([self.variant(images, k) for k in range(VARIANTS)])
+
+
+def parse(prompt: str) -> Recipe:
+    """The looks that an instruction names, in the order of its words.
+
+    Raises UsageError for an instruction that is empty or names none.
+    """
+    text = " ".join(re.findall(r"[a-z]+", prompt.lower()))
+    if not text:
+        raise UsageError('the instruction is empty: say what to change, e.g. "make it snow"')
+    names = [_NAMES[match.group()] for match in _PATTERN.finditer(text)]
+    if not names and _STATUE.search(text):
+        names = ["stone"]
+    if not names:
+        raise UsageError(
+            f"the closed-form editor does not know {prompt.strip()!r}; it knows "
+            f"{', '.join(LOOKS)}. For any instruction: --editor pix2pix --model FOLDER "
+            "(InstructPix2Pix weights)"
+        )
+    return Recipe(tuple(dict.fromkeys(names)))
+
+
+def agreed_variant(
+    recipe: Recipe, edited: Float[Tensor, "v h w 3"], originals: Float[Tensor, "v h w 3"]
+) -> tuple[int, tuple[int, ...]]:
+    """The variant that most views show, and each view's own (nearest in squared error).
+
+    A tie goes to the lower index.
+    """
+    errors = (recipe.variants(originals) - edited).square().mean((-3, -2, -1))
+    votes = tuple(int(k) for k in errors.argmin(0))
+    return max(range(VARIANTS), key=votes.count), votes
+
+
+def luma(images: Image) -> Float[Tensor, "*v h w 1"]:
+    return (images * images.new_tensor(LUMA)).sum(-1, keepdim=True)
+
+
+def _smoothstep(x: Tensor, low: float, high: float) -> Tensor:
+    x = ((x - low) / (high - low)).clamp(0, 1)
+    return x * x * (3 - 2 * x)
+
+
+def _colours(codes: str) -> list[tuple[float, float, float]]:
+    return [
+        (int(c[:2], 16) / 255, int(c[2:4], 16) / 255, int(c[4:], 16) / 255) for c in codes.split()
+    ]
+
+
+def _along(brightness: Tensor, codes: str) -> Tensor:
+    """Colours evenly spaced over brightness 0 to 1, linear in between."""
+    stops = brightness.new_tensor(_colours(codes))
+    position = brightness.clamp(0, 1) * (len(stops) - 1)
+    # a sum of hinges: unlike a table look-up it keeps gradients, and the leading axes
+    slopes = stops.diff(dim=0)
+    turns = torch.cat((slopes[:1], slopes.diff(dim=0)))
+    hinges = (position - torch.arange(len(turns)).to(position)).clamp_min(0)
+    return stops[0] + hinges @ turns
+
+
+def _contrast(x: Tensor, amount: float) -> Tensor:
+    """An S-curve about 0.45, where outdoor photos have their middle; 0 changes nothing."""
+    return x + amount * (_smoothstep(x, 0.0, 0.9) - x)
+
+
+def ramp(codes: str, *, keep: float = 0.1, contrast: float = 0.6, gamma: float = 1.5) -> ColourMap:
+    """Brightness becomes a colour; `keep` of the original's colour differences stays."""
+
+    def apply(images: Tensor) -> Tensor:
+        grey = luma(images)
+        toned = _along(_contrast(grey, contrast).clamp(0, 1) ** gamma, codes)
+        return toned + keep * (images - grey)
+
+    return apply
+
+
+def grade(
+    tint: str, *, exposure: float = 1.0, saturation: float = 1.0, contrast: float = 0.3
+) -> ColourMap:
+    """A colourist's grade: exposure, saturation, then a tint that multiplies."""
+
+    def apply(images: Tensor) -> Tensor:
+        image = _contrast(images * exposure, contrast)
+        grey = luma(image)
+        return (grey + saturation * (image - grey)) * image.new_tensor(_colours(tint)[0])
+
+    return apply
+
+
+def snow(shade: str, light: str, *, depth: float) -> ColourMap:
+    """What is bright and dull is covered; what is dark or colourful still shows through."""
+
+    def apply(images: Tensor) -> Tensor:
+        grey = luma(images)
+        chroma = images.amax(-1, keepdim=True) - images.amin(-1, keepdim=True)
+        cover = _smoothstep(grey - 0.25 * chroma, 0.55 - depth, 0.85 - depth)
+        bare = _along(_contrast(grey, 0.5), f"0a0f18 {shade} {light}") + 0.25 * (images - grey)
+        fallen = images.new_tensor(_colours(light)[0]) * (0.5 + 0.5 * _smoothstep(grey, 0.0, 1.0))
+        return bare + cover * (fallen - bare)
+
+    return apply
+
+
+def foliage(leaf: str, tint: str) -> ColourMap:
+    """Greens turn to a leaf colour of their own brightness; the rest is warmed."""
+
+    def apply(images: Tensor) -> Tensor:
+        red, green, blue = images.split(1, -1)
+        grey = luma(images)
+        leafy = _smoothstep(green - 0.5 * (red + blue), 0.0, 0.08)
+        turned = _along(_contrast(grey * 1.25, 0.5), f"140603 {leaf}")
+        warmed = grey + 1.15 * (images - grey)
+        warmed = _contrast(warmed, 0.3) * images.new_tensor(_colours(tint)[0])
+        return warmed + leafy * (turned - warmed)
+
+    return apply
+
+
+def veined(codes: str, vein: str, *, keep: float = 0.04) -> ColourMap:
+    """A ramp with thin veins along lines of equal brightness, so they stay on the surface."""
+    base = ramp(codes, keep=keep, contrast=0.35)
+
+    def apply(images: Tensor) -> Tensor:
+        phase = 6.0 * luma(images) + 1.5 * (images[..., :1] - images[..., 2:])
+        line = (-((torch.sin(torch.pi * phase) / 0.12) ** 2)).exp()
+        image = base(images)
+        return image + 0.15 * line * (images.new_tensor(_colours(vein)[0]) - image)
+
+    return apply
+
+
+def grained(codes: str) -> ColourMap:
+    """A ramp with growth rings along lines of equal brightness."""
+    base = ramp(codes, keep=0.12, contrast=0.5)
+
+    def apply(images: Tensor) -> Tensor:
+        rings = torch.sin(2 * torch.pi * (9.0 * luma(images) + 2.0 * images[..., :1]))
+        return base(images) * (1 + 0.10 * rings)
+
+    return apply
+
+
+def blur(images: Image, radius: int) -> Image:
+    """A box of 2 radius + 1 pixels, twice (a tent); the border repeats the edge."""
+    flat = images.reshape(-1, *images.shape[-3:]).movedim(-1, 1)
+    for _ in range(2):
+        padded = torch.nn.functional.pad(flat, (radius,) * 4, mode="replicate")
+        flat = torch.nn.functional.avg_pool2d(padded, 2 * radius + 1, stride=1)
+    return flat.movedim(1, -1).reshape(images.shape)
+
+
+def sketch(ink: str, paper: str) -> ColourMap:
+    """Pencil: brightness over its surroundings leaves lines; a light wash keeps the form."""
+
+    def apply(images: Tensor) -> Tensor:
+        grey = luma(images)
+        lines = (grey / (blur(grey, 2) + 0.02)).clamp(0, 1) ** 2.5
+        shading = 0.45 + 0.55 * _smoothstep(grey, 0.05, 0.6)
+        return _along(lines * shading, f"{ink} {paper}")
+
+    return apply
+
+
+def watercolor(tint: str, saturation: float) -> ColourMap:
+    """Soft flats that run into paper white, with pigment gathered at edges."""
+
+    def apply(images: Tensor) -> Tensor:
+        wash = blur(images, 1)
+        grey = luma(wash)
+        wash = (grey + saturation * (wash - grey)).clamp(0, 1) ** 0.7
+        pigment = (grey - blur(grey, 2)).clamp(-0.08, 0.08)
+        return (0.16 + 0.84 * wash) * images.new_tensor(_colours(tint)[0]) + 1.6 * pigment
+
+    return apply
+
+
+def cartoon(levels: int, saturation: float, lift: float, tint: str) -> ColourMap:
+    """Brightness in soft steps, strong colours."""
+
+    def apply(images: Tensor) -> Tensor:
+        grey = luma(images)
+        level = grey.clamp(0, 1) ** lift * levels
+        stepped = (level.floor() + _smoothstep(level - level.floor(), 0.35, 0.65)) / levels
+        image = stepped + saturation * (images - grey)
+        return image * images.new_tensor(_colours(tint)[0])
+
+    return apply
+
+
+LOOKS: dict[str, Look] = {
+    "bronze": Look(
+        ("bronze", "brass", "bronzed"),
+        (
+            ramp("140a04 5a3414 b07a2c f0c878 fff4d0"),  # polished, golden brown
+            ramp("080504 2a1810 5c3a26 9c6c4a e8c8a4"),  # dark, museum
+            ramp("06120f 1c4a40 4c9484 96ccb4 ecf4dc", keep=0.15),  # green patina
+        ),
+    ),
+    "gold": Look(
+        ("gold", "golden", "gilded"),
+        (
+            ramp("2a1600 8a5400 e0a010 ffdc50 fffbd8"),  # yellow gold
+            ramp("2a0e0a 8c4438 d88c78 f8c8b4 fff4ec"),  # rose gold
+            ramp("161206 4c4414 8c8030 c8c070 f8f4cc"),  # old green gold
+        ),
+    ),
+    "silver": Look(
+        ("silver", "chrome", "steel", "metal", "metallic", "iron", "platinum"),
+        (
+            ramp("08090c 43484f 8a919a a9b0b8 dfe4ea ffffff", keep=0.03, contrast=0.8),
+            ramp("040608 16202c 34485c 6a8298 a8bccc f0f8ff", keep=0.03, contrast=0.8),
+            ramp("0c0a0a 5e544e a8988a c4b6a6 ecdcca fffaf4", keep=0.03, contrast=0.8, gamma=0.9),
+        ),
+    ),
+    "marble": Look(
+        ("marble", "porcelain", "alabaster"),
+        (
+            veined("5c5c62 b4b4b8 e4e2de fbfaf6 ffffff", "54565e"),  # Carrara
+            veined("060608 1c1c20 3c3c42 6c6a70 d0ccc8", "e8dcc0"),  # black, gold veins
+            veined("4c2c28 a87068 dca89c f4d8cc fff6f0", "8c3c38"),  # rose
+        ),
+    ),
+    "stone": Look(
+        ("stone", "granite", "rock", "concrete", "limestone", "sandstone"),
+        (
+            ramp("18181a 4c4c4c 808080 acaca8 dcdcd4", keep=0.03, contrast=0.4),  # granite
+            ramp("38281a 806448 c0a078 e4d0a8 f8f0d8", keep=0.06, contrast=0.4),  # sandstone
+            ramp("0c1014 28343c 485864 78888c b8c4c4", keep=0.03, contrast=0.4),  # slate
+        ),
+    ),
+    "wood": Look(
+        ("wood", "wooden", "oak", "timber", "carved"),
+        (
+            grained("241004 6c3c14 b07838 dcb070 f8e0b0"),  # oak
+            grained("0c0402 301408 5c2c16 90543a d0a080"),  # walnut
+            grained("3c2c18 907848 d0b880 ecdcb0 fff8e0"),  # birch
+        ),
+    ),
+    "snow": Look(
+        ("snow", "snowy", "snowing", "snowfall", "snowed", "winter", "wintry", "blizzard"),
+        (
+            snow("6c7c90", "f8fbff", depth=0.22),  # a clear morning
+            snow("3c5878", "b4d0f4", depth=0.22),  # blue shade
+            snow("8c5c68", "ffd8c0", depth=0.26),  # evening light
+        ),
+    ),
+    "night": Look(
+        ("night", "nighttime", "midnight", "moonlight", "moonlit", "dark"),
+        (
+            ramp("01030c 0a1838 24447c 6890c8 d8ecff", keep=0.15, contrast=0.7, gamma=1.9),
+            ramp("02080a 06282c 145c5c 48a498 d0fff0", keep=0.15, contrast=0.7, gamma=1.9),
+            ramp("08020e 240c3c 54287c 9c68c0 f4dcff", keep=0.15, contrast=0.7, gamma=1.9),
+        ),
+    ),
+    "autumn": Look(
+        ("autumn", "autumnal", "fall foliage", "october"),
+        (
+            foliage("8c3c08 e88c1c ffd870", "ffecd0"),  # amber
+            foliage("64100c c4301c f89060", "ffd8cc"),  # crimson
+            foliage("847008 e8cc28 fff8a0", "fcf8c8"),  # yellow
+        ),
+    ),
+    "sepia": Look(
+        ("sepia", "vintage", "antique", "old photo", "old photograph"),
+        (
+            ramp("1c1008 644830 ac8c64 e0c8a0 fff4dc", keep=0.0, contrast=0.4),
+            ramp("0c0a0c 3c2c2c 745858 b49490 ecd4c8", keep=0.0, contrast=0.4),
+            ramp("302810 88784c c8bc88 ece4bc fffce8", keep=0.0, contrast=0.2, gamma=0.8),
+        ),
+    ),
+    "sketch": Look(
+        ("sketch", "sketched", "pencil", "drawing", "charcoal"),
+        (
+            sketch("1c1c20", "fcfcf8"),  # graphite
+            sketch("0c2468", "e4ecf8"),  # blue ink
+            sketch("6c1c0c", "f4dcc0"),  # red chalk
+        ),
+    ),
+    "black-and-white": Look(
+        ("black and white", "monochrome", "grayscale", "greyscale", "noir", "b w"),
+        (
+            ramp("000000 404040 808080 c0c0c0 ffffff", keep=0.0, contrast=0.8),
+            ramp("000000 141414 343434 6c6c6c f0f0f0", keep=0.0, contrast=0.9),  # low key
+            ramp("303030 8c8c8c c8c8c8 ececec ffffff", keep=0.0, contrast=0.4),  # high key
+        ),
+    ),
+    "neon": Look(
+        ("neon", "cyberpunk", "synthwave", "vaporwave"),
+        (
+            ramp("060014 3c0868 d01890 ff68b8 80f8ff", keep=0.5, contrast=0.8),  # magenta
+            ramp("000814 04385c 0898b4 30f8d8 f0ff80", keep=0.5, contrast=0.8),  # cyan
+            ramp("0c0018 2c1090 7048f8 f070ff fff0a0", keep=0.5, contrast=0.8),  # violet
+        ),
+    ),
+    "clay": Look(
+        ("clay", "terracotta", "ceramic", "pottery", "plasticine"),
+        (
+            ramp("2c0e06 803420 c86c48 e8a880 fce4cc", keep=0.06),  # terracotta
+            ramp("282420 6c645c a89c90 d0c8bc f4f0e8", keep=0.06),  # grey clay
+            ramp("442808 a06c28 dcac60 f4d8a0 fff8e0", keep=0.06),  # ochre
+        ),
+    ),
+    "ice": Look(
+        ("ice", "icy", "frozen", "frost", "frosty", "glacier", "crystal"),
+        (
+            ramp("082844 2c74a8 74bce4 c0e8fc ffffff", keep=0.08),  # blue
+            ramp("0c3438 3c9090 90d8d0 d4f8f0 ffffff", keep=0.08),  # green
+            ramp("282850 6468a8 a4a8e0 dcdcfc ffffff", keep=0.08),  # violet
+        ),
+    ),
+    "jade": Look(
+        ("jade", "emerald", "malachite"),
+        (
+            ramp("041c10 14603c 48ac74 a0dcac f0fff0", keep=0.05),  # green
+            ramp("020c08 083424 145c40 34906c a0d8bc", keep=0.05),  # dark
+            ramp("34401c 88985c c4d098 e8f0cc fffff4", keep=0.05),  # pale
+        ),
+    ),
+    "lava": Look(
+        ("lava", "fire", "fiery", "burning", "magma", "volcanic", "flames", "ember", "embers"),
+        (
+            ramp("0c0202 500804 d03404 ff9c10 fff8a0", keep=0.08, contrast=0.8),  # red
+            ramp("040208 180c54 2058d0 48b8ff f0ffff", keep=0.08, contrast=0.8),  # blue flame
+            ramp("140802 743404 e88c08 ffdc40 fffff0", keep=0.08, contrast=0.5, gamma=0.8),
+        ),
+    ),
+    "watercolor": Look(
+        ("watercolor", "watercolour", "aquarelle", "watercolors", "painting"),
+        (
+            watercolor("fff4e0", 1.9),  # warm paper
+            watercolor("c8e0ff", 1.6),  # cool wash
+            watercolor("ffccd0", 1.6),  # rose wash
+        ),
+    ),
+    "cartoon": Look(
+        ("cartoon", "comic", "anime", "toon", "pixar"),
+        (
+            cartoon(5, 2.2, 0.75, "fff8e8"),
+            cartoon(4, 2.4, 1.2, "e8f0ff"),
+            cartoon(5, 1.6, 0.55, "ffe0e8"),
+        ),
+    ),
+    "sunset": Look(
+        ("sunset", "sunrise", "dusk", "golden hour", "dawn", "evening"),
+        (
+            ramp("180c20 64283c d06440 ffb45c fff4c0", keep=0.5),  # orange
+            ramp("100c2c 50286c b44c88 f89090 ffe4c0", keep=0.5),  # purple
+            ramp("201408 70440c d89c28 ffdc70 fffce0", keep=0.5),  # gold
+        ),
+    ),
+    "rust": Look(
+        ("rust", "rusty", "rusted", "corroded"),
+        (
+            ramp("100806 4c2010 9c4818 cc7c38 e8c498", keep=0.15),
+            ramp("0a0808 281c1c 54342c 84584c c0a090", keep=0.15),
+            ramp("101814 3c5048 846c48 d08840 f8e0b0", keep=0.15),
+        ),
+    ),
+}
+"""By name, in the order in which they are listed to people. Variants are told apart at a glance."""
+
+_NAMES = {word: name for name, look in LOOKS.items() for word in look.words}
+_PATTERN = re.compile(rf"\b(?:{'|'.join(sorted(_NAMES, key=len, reverse=True))})\b")
+_STATUE = re.compile(r"\b(?:statue|sculpture|petrified)\b")  # a statue of nothing said is stone

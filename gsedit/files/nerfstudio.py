@@ -1,0 +1,152 @@
+"""nerfstudio's transforms.json: camera-to-world matrices in OpenGL axes (y up, z back).
+
+Also what Blender-style sets leave out: camera_angle_x for the focal length, photos named without
+suffix, sizes taken from the photos. Axes and keys: nerfstudio documentation, "Data conventions"."""
+
+from __future__ import annotations
+
+import json
+import os
+from math import isfinite, tan
+from pathlib import Path
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from gsedit.errors import InputError
+from gsedit.files.inputs import existing_file, file_inside
+from gsedit.files.photos import PosedPhoto, SparsePoints, missing_photo, read_points
+from gsedit.files.pictures import picture_size
+from gsedit.files.undistort import Lens
+
+_PERSPECTIVE = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE")
+_SUFFIXES = (".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG")
+_POINTS = ("sparse_pc.ply", "points3D.ply", "points3d.ply")
+_ORTHONORMAL = 1e-4  # of R^T R: rounding to six decimals stays below 1e-5, a scaled pose does not
+
+
+def read_nerfstudio(path: Path) -> tuple[tuple[PosedPhoto, ...], SparsePoints | None]:
+    """All photos of a transforms.json, sorted by name, and its sparse points. Raises InputError."""
+    path = existing_file(path)
+    record = _parse(path)
+    frames = record.get("frames")
+    if not isinstance(frames, list):
+        raise InputError(f"{path} has no list of frames: is it a transforms.json? Check the path")
+    photos = [_photo(path, record, i, frame) for i, frame in enumerate(frames)]
+    return tuple(sorted(photos, key=lambda photo: photo.name)), _points(path, record)
+
+
+def _parse(path: Path) -> dict[str, Any]:
+    try:
+        record = json.loads(path.read_bytes())
+    except json.JSONDecodeError as error:
+        place = f"line {error.lineno}, column {error.colno}"
+        raise InputError(f"{path}: {place}: {error.msg}: repair it or copy it again") from None
+    except (UnicodeDecodeError, RecursionError):
+        raise InputError(f"{path} is not JSON text: check the path or copy it again") from None
+    if not isinstance(record, dict):
+        raise InputError(f"{path} is no transforms.json (no object at the top): check the path")
+    return record
+
+
+def _photo(path: Path, record: dict[str, Any], index: int, frame: Any) -> PosedPhoto:
+    where = f"{path}: frame {index}"
+    file_path = frame.get("file_path") if isinstance(frame, dict) else None
+    if not isinstance(file_path, str) or not file_path:
+        raise InputError(f"{where} has no file_path: add one or remove the frame")
+    where = f"{where} ({file_path})"
+    file = _find(path.parent, file_path, where)
+    values = {**record, **frame}
+    name = Path(os.path.relpath(file, path.parent)).as_posix()
+    pose = _world_to_camera(values.get("transform_matrix"), where)
+    return PosedPhoto(name, file, pose, _lens(values, file, where))
+
+
+def _find(folder: Path, file_path: str, where: str) -> Path:
+    for suffix in ("", *_SUFFIXES):
+        file = file_inside(folder, file_path + suffix, where)
+        if file.is_file():
+            return file
+    raise missing_photo(folder / file_path, where)
+
+
+def _world_to_camera(matrix: Any, where: str) -> Float[Tensor, "4 4"]:
+    """Flip the y and z axes of the camera, then invert the rigid motion by transposing."""
+    try:
+        pose = torch.tensor(matrix, dtype=torch.float64)
+    except (TypeError, ValueError, RuntimeError, OverflowError):
+        pose = torch.zeros(0)
+    wrong = _wrong_pose(pose)
+    if wrong:
+        raise InputError(f"{where}: transform_matrix {wrong}: correct it or remove the frame")
+    rotation = pose[:3, :3] * torch.tensor([1.0, -1.0, -1.0], dtype=torch.float64)
+    inverse = torch.eye(4, dtype=torch.float64)
+    inverse[:3, :3] = rotation.T
+    inverse[:3, 3] = -rotation.T @ pose[:3, 3]
+    return inverse
+
+
+def _wrong_pose(pose: Tensor) -> str:
+    if pose.shape != (4, 4):
+        return "is not 4x4 numbers"
+    if not pose.isfinite().all():
+        return "is not finite"
+    rotation, eye = pose[:3, :3], torch.eye(4, dtype=torch.float64)
+    error = (rotation.T @ rotation - eye[:3, :3]).abs().max()
+    if error > _ORTHONORMAL or rotation.det() < 0 or not torch.equal(pose[3], eye[3]):
+        return "is no rigid motion (a rotation, a translation, 0 0 0 1)"
+    return ""
+
+
+def _lens(values: dict[str, Any], file: Path, where: str) -> Lens:
+    """Intrinsics of one frame: its own keys come before the file's."""
+    model = str(values.get("camera_model", "OPENCV")).upper()
+    if model not in _PERSPECTIVE or values.get("is_fisheye"):
+        name = model if model not in _PERSPECTIVE else "fisheye"
+        move = "run `colmap image_undistorter` and load its folder"
+        raise InputError(f"{where}: camera model {name} is not supported: {move}")
+
+    def number(key: str) -> float | None:
+        value = values.get(key)
+        if value is None:
+            return None
+        if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+            raise InputError(f"{where}: {key} is {value!r}, not a number: correct it")
+        return float(value)
+
+    width, height = number("w"), number("h")
+    if width is None or height is None:
+        width, height = map(float, picture_size(file))
+    fx = number("fl_x") or _focal(number("camera_angle_x"), width)
+    fy = number("fl_y") or _focal(number("camera_angle_y"), height) or fx
+    fx = fx or fy
+    if not fx or not fy or min(fx, fy, width, height) <= 0:
+        raise InputError(f"{where}: no positive focal length or size: add fl_x, w and h")
+    if number("k4"):
+        # a fourth polynomial term in nerfstudio, a denominator in OpenCV: nobody undoes it there
+        raise InputError(f"{where}: k4 has two meanings: run `colmap image_undistorter` first")
+    cx, cy = number("cx"), number("cy")
+    return Lens(
+        fx,
+        fy,
+        width / 2 if cx is None else cx,
+        height / 2 if cy is None else cy,
+        int(width),
+        int(height),
+        **{key: number(key) or 0.0 for key in ("k1", "k2", "k3", "p1", "p2")},
+    )
+
+
+def _focal(angle: float | None, side: float) -> float | None:
+    return None if not angle else side / 2 / tan(angle / 2)
+
+
+def _points(path: Path, record: dict[str, Any]) -> SparsePoints | None:
+    named = record.get("ply_file_path")
+    if isinstance(named, str) and named:
+        return read_points(file_inside(path.parent, named, f"{path}: ply_file_path"))
+    beside = (path.parent / name for name in _POINTS)
+    found = next((file for file in beside if file.is_file()), None)
+    return read_points(found) if found else None

@@ -1,0 +1,75 @@
+"""Photos from files: read as sRGB in [0, 1], and made smaller without aliasing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from gsedit.errors import InputError
+
+
+def picture_size(path: Path) -> tuple[int, int]:
+    """(width, height), from the header of the file alone."""
+    from PIL import Image
+
+    try:
+        with Image.open(path) as picture:
+            return picture.size
+    except Exception as error:  # see read_picture
+        raise _unreadable(path, error) from None
+
+
+def read_picture(path: Path) -> Float[Tensor, "h w 3"]:
+    """A photo as float32 in [0, 1]; its pixels as stored: EXIF rotation is not applied.
+
+    Transparent pictures are laid over white, as Blender's synthetic scenes expect.
+    """
+    from PIL import Image
+
+    try:
+        with Image.open(path) as picture:
+            if not picture.has_transparency_data:
+                return _unit(np.array(picture.convert("RGB")))
+            rgba = _unit(np.array(picture.convert("RGBA")))
+    except Exception as error:  # Pillow's decoders raise a dozen kinds, SyntaxError among them
+        raise _unreadable(path, error) from None
+    alpha = rgba[..., 3:]
+    return rgba[..., :3] * alpha + (1 - alpha)
+
+
+def fitted_size(width: int, height: int, size: int | None) -> tuple[int, int]:
+    """(width, height) with the longest side at most `size` pixels, aspect kept, never larger."""
+    longest = max(width, height)
+    if size is None or size >= longest:
+        return width, height
+    return max(1, round(width * size / longest)), max(1, round(height * size / longest))
+
+
+def downscale(image: Float[Tensor, "h w 3"], width: int, height: int) -> Float[Tensor, "... 3"]:
+    """Average the area under each new pixel, fractions of pixels included: the mean is kept."""
+    if (height, width) == tuple(image.shape[:2]):
+        return image
+    rows = _area_weights(image.shape[0], height)
+    columns = _area_weights(image.shape[1], width)
+    return torch.einsum("yh,hwc,xw->yxc", rows, image, columns)
+
+
+def _area_weights(old: int, new: int) -> Float[Tensor, "new old"]:
+    """Row i: which part of each old pixel lies under new pixel i; rows sum to 1."""
+    edges = torch.arange(new + 1, dtype=torch.float64) * (old / new)
+    pixels = torch.arange(old, dtype=torch.float64)
+    overlap = torch.minimum(edges[1:, None], pixels + 1) - torch.maximum(edges[:-1, None], pixels)
+    return (overlap.clamp_min(0) * (new / old)).float()
+
+
+def _unit(pixels: np.ndarray) -> Tensor:
+    return torch.from_numpy(pixels).float() / 255
+
+
+def _unreadable(path: Path, error: Exception) -> InputError:
+    reason = str(error).split("\n")[0].removesuffix(f" {str(path)!r}")
+    return InputError(f"{path} is no readable picture ({reason}): copy or export it again")

@@ -1,0 +1,35 @@
+"""What "close" means in these tests, by cause."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from rasterizer.scene import Gaussians
+
+EPS32 = float(np.finfo(np.float32).eps)
+
+INPUTS = ("means", "quats", "log_scales", "logit_opacities", "sh")
+
+
+def leaves(scene: Gaussians) -> Gaussians:
+    """A copy whose fields are leaves that take gradients."""
+    return scene.map(lambda t: t.clone().requires_grad_())
+
+
+def tensors(scene: Gaussians) -> list[Tensor]:
+    return [getattr(scene, name) for name in INPUTS]
+
+
+def relative(found: Tensor, wanted: Tensor) -> float:
+    """|found - wanted| / |wanted| as vectors; 0 where both are zero."""
+    scale = wanted.double().norm()
+    difference = (found.double() - wanted.double()).norm()
+    return float(difference / scale) if scale > 0 else float(difference)
+
+
+def weights_like(picture: Tensor, seed: int = 0) -> Tensor:
+    """Fixed random weights: their dot product with a picture is a loss that hides no pixel."""
+    generator = torch.Generator().manual_seed(seed)
+    return torch.randn(picture.shape, generator=generator, dtype=torch.float64).to(picture)

@@ -1,0 +1,228 @@
+"""A museum of Gaussian scenes for the renderer: each exhibit says why it exists.
+
+All float64, and none by a global draw. A camera looks along +z from the origin unless it says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import log, sqrt
+
+import torch
+
+from rasterizer.camera import Camera
+from rasterizer.numerics import DEFAULT, SH_DC
+from rasterizer.scene import Gaussians, concatenate
+
+Exhibit = tuple[Gaussians, Camera]
+
+
+def camera(width: int = 40, height: int = 32, focal: float = 40.0) -> Camera:
+    """At the origin along +z, with a principal point off the middle: symmetry hides mistakes."""
+    pose = torch.eye(4, dtype=torch.float64)
+    return Camera(pose, focal, 1.05 * focal, 0.52 * width, 0.47 * height, width, height)
+
+
+def gaussian(
+    mean: tuple[float, float, float],
+    scales: tuple[float, float, float] = (0.1, 0.1, 0.1),
+    quat: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0),
+    opacity: float = 0.7,
+    color: tuple[float, float, float] = (0.8, 0.4, 0.2),
+) -> Gaussians:
+    """A scene of one row, degree 0."""
+    return Gaussians(
+        means=torch.tensor([mean], dtype=torch.float64),
+        quats=torch.tensor([quat], dtype=torch.float64),
+        log_scales=torch.tensor([scales], dtype=torch.float64).log(),
+        logit_opacities=torch.tensor([log(opacity / (1 - opacity))], dtype=torch.float64),
+        sh=((torch.tensor([[color]], dtype=torch.float64) - 0.5) / SH_DC),
+    )
+
+
+def random_cloud(n: int, seed: int, degree: int = 0) -> Gaussians:
+    """`n` before `camera()`: all orientations, ratios up to 30, opacity 0.1 to 0.95."""
+    generator = torch.Generator().manual_seed(seed)
+
+    def normal(*shape: int) -> torch.Tensor:
+        return torch.randn(shape, generator=generator, dtype=torch.float64)
+
+    def uniform(low: float, high: float, *shape: int) -> torch.Tensor:
+        draw = torch.rand(shape, generator=generator, dtype=torch.float64)
+        return low + (high - low) * draw
+
+    z = uniform(2, 6, n, 1)
+    sh = 0.3 * normal(n, (degree + 1) ** 2, 3)
+    sh[:, 0] = uniform(-1, 1, n, 3)
+    opacities = uniform(0.1, 0.95, n)
+    return Gaussians(
+        means=torch.cat((uniform(-0.6, 0.6, n, 2) * z, z), -1),
+        quats=normal(n, 4),
+        log_scales=uniform(log(0.01), log(0.3), n, 3),
+        logit_opacities=opacities.logit(),
+        sh=sh,
+    )
+
+
+def one() -> Exhibit:
+    """One Gaussian off the centre of pixels and picture: every formula, alone."""
+    return gaussian((0.13, -0.07, 2.0), (0.3, 0.1, 0.2), (0.9, 0.2, -0.3, 0.1)), camera()
+
+
+def crossing() -> Exhibit:
+    """Two long Gaussians through each other: order is by centre, for every pixel alike."""
+    first = gaussian((0.0, 0.0, 2.0), (0.8, 0.05, 0.05), (0.9, 0.0, 0.4, 0.0))
+    second = gaussian(
+        (0.1, 0.05, 2.1), (0.8, 0.05, 0.05), (0.9, 0.0, -0.4, 0.1), color=(0.1, 0.6, 0.9)
+    )
+    return concatenate(first, second), camera()
+
+
+def wall() -> Exhibit:
+    """A flat grid of opaque discs, tilted: a surface, with depth that is known everywhere."""
+    y, x = torch.meshgrid(
+        torch.linspace(-1.2, 1.2, 17, dtype=torch.float64),
+        torch.linspace(-1.5, 1.5, 21, dtype=torch.float64),
+        indexing="ij",
+    )
+    rows = [
+        gaussian(
+            (u, v, 2.5 + 0.2 * u), (0.12, 0.12, 0.005), opacity=0.98, color=(0.5 + u / 4, 0.5, 0.3)
+        )
+        for u, v in zip(x.flatten().tolist(), y.flatten().tolist())
+    ]
+    return concatenate(*rows), camera()
+
+
+def shell() -> Exhibit:
+    """Discs on a sphere (a Fibonacci lattice): front hides back, the rim is seen edge-on."""
+    n = 400
+    i = torch.arange(n, dtype=torch.float64) + 0.5
+    z = 1 - 2 * i / n
+    angle = i * torch.pi * (3 - sqrt(5))
+    ring = (1 - z * z).sqrt()
+    normal = torch.stack((ring * angle.cos(), ring * angle.sin(), z), -1)
+    upper = torch.where(z[:, None] < 0, -normal, normal)
+    quats = torch.stack((1 + upper[:, 2], -upper[:, 1], upper[:, 0], torch.zeros(n)), -1)
+    return Gaussians(
+        means=0.8 * normal + torch.tensor((0.0, 0.0, 3.0), dtype=torch.float64),
+        quats=quats,
+        log_scales=torch.tensor((0.07, 0.07, 0.007), dtype=torch.float64).log().repeat(n, 1),
+        logit_opacities=torch.full((n,), 4.0, dtype=torch.float64),
+        sh=(0.45 * normal / SH_DC)[:, None, :],
+    ), camera()
+
+
+def needle() -> Exhibit:
+    """A ratio of 1e6 along the diagonal: the textbook conic loses its digits in float32."""
+    turned = (0.9238795325112867, 0.0, 0.0, 0.3826834323650898)  # 45 degrees about the view
+    return gaussian((0.0, 0.0, 2.0), (1.0, 1e-6, 1e-6), turned, 0.95), camera()
+
+
+def long_needle() -> Exhibit:
+    """The same over 1000 pixels: the exponent's terms are 1e6 times their sum."""
+    turned = (0.9238795325112867, 0.0, 0.0, 0.3826834323650898)
+    scene = gaussian((0.003, 0.0, 2.0), (0.35, 3.5e-7, 3.5e-7), turned, 0.95)
+    return scene, camera(720, 720, focal=2000.0)
+
+
+def behind() -> Exhibit:
+    """One behind the camera and one before it: the mirror image must not show."""
+    hidden = gaussian((0.1, 0.1, -2.0), color=(1.0, 0.0, 0.0))
+    return concatenate(hidden, gaussian((-0.2, 0.1, 2.0))), camera()
+
+
+def at_near() -> Exhibit:
+    """Centres just before and just behind the near plane: one is drawn, the other is not."""
+    before = gaussian((0.0, 0.0, DEFAULT.near * 0.99), (1e-3, 1e-3, 1e-3), color=(1.0, 0.0, 0.0))
+    after = gaussian((0.001, 0.0, DEFAULT.near * 1.01), (1e-3, 1e-3, 1e-3), color=(0.0, 1.0, 0.0))
+    return concatenate(before, after), camera()
+
+
+def off_screen() -> Exhibit:
+    """Centres outside the picture, footprints inside: culling is by footprint, not by centre."""
+    left = gaussian((-1.3, 0.0, 2.0), (0.3, 0.2, 0.1))
+    far_aside = gaussian((3.0, 2.0, 1.0), (1.5, 1.5, 0.5), color=(0.2, 0.3, 0.9))
+    return concatenate(left, far_aside), camera()
+
+
+def larger_than_screen() -> Exhibit:
+    """One that covers every tile, before a small one: counts of tiles at their most."""
+    small = gaussian((0.2, 0.1, 3.0), color=(0.1, 0.9, 0.3))
+    return concatenate(gaussian((0.0, 0.0, 2.0), (20.0, 20.0, 0.1)), small), camera()
+
+
+def empty() -> Exhibit:
+    """No Gaussians at all: a picture of the background, and no error."""
+    return one()[0][:0], camera()
+
+
+def opaque_stack() -> Exhibit:
+    """Forty opaque layers in a row: the stop at 1e-4, and the cap of alpha at 0.99."""
+    layers = [
+        gaussian(
+            (0.0, 0.0, 2 + 0.05 * i), (0.5, 0.5, 0.01), opacity=0.9999, color=(i / 40, 0.5, 0.3)
+        )
+        for i in range(40)
+    ]
+    return concatenate(*layers), camera()
+
+
+def coincident() -> Exhibit:
+    """A hundred at one place in different colours: equal depths keep the order of the file."""
+    colors = [((i % 7) / 6, (i % 5) / 4, (i % 3) / 2) for i in range(100)]
+    return concatenate(*(gaussian((0, 0, 2), opacity=0.05, color=c) for c in colors)), camera()
+
+
+def faint() -> Exhibit:
+    """Opacities around 1/255: on either side of the floor, and far below it."""
+    floor = DEFAULT.alpha_min
+    rows = [
+        gaussian((0.2 * i - 0.5, 0.1, 2.0), (0.2, 0.2, 0.2), opacity=floor * factor)
+        for i, factor in enumerate((1e-6, 0.99, 1.01, 1.5, 3.0))
+    ]
+    return concatenate(*rows), camera()
+
+
+def sub_pixel() -> Exhibit:
+    """Far smaller than a pixel, at pixel corners and centres: only the blur keeps them in sight."""
+    rows = [
+        gaussian((x / 20, y / 20, 2.0), (1e-4, 1e-4, 1e-4), opacity=0.9)
+        for x in (-4.8, 0.2, 3.0)
+        for y in (-2.0, 0.5, 4.1)
+    ]
+    return concatenate(*rows), camera()
+
+
+def cloud() -> Exhibit:
+    """300 random ones with view-dependent colour: everything at once."""
+    return random_cloud(300, seed=1, degree=3), camera()
+
+
+def one_pixel() -> Exhibit:
+    """A picture of 1 x 1: less than a tile, and than a block of tiles."""
+    return random_cloud(30, seed=2), camera(1, 1, focal=1.0)
+
+
+EXHIBITS: dict[str, Callable[[], Exhibit]] = {
+    exhibit.__name__: exhibit
+    for exhibit in (
+        one,
+        crossing,
+        wall,
+        shell,
+        needle,
+        long_needle,
+        behind,
+        at_near,
+        off_screen,
+        larger_than_screen,
+        empty,
+        opaque_stack,
+        coincident,
+        faint,
+        sub_pixel,
+        cloud,
+        one_pixel,
+    )
+}

@@ -1,0 +1,59 @@
+"""Spherical harmonics: orthonormal, in INRIA's signs, and the colour they give."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+
+from rasterizer import harmonics
+from rasterizer.numerics import SH_DC
+
+
+def sphere_quadrature(order: int = 12):
+    """Nodes and weights that integrate polynomials of degree < 2 order over the sphere exactly."""
+    import numpy as np
+
+    z, wz = np.polynomial.legendre.leggauss(order)
+    phi = np.arange(2 * order) * math.pi / order
+    z, phi = (torch.from_numpy(a).flatten() for a in np.meshgrid(z, phi, indexing="ij"))
+    weights = torch.from_numpy(wz).repeat_interleave(2 * order) * math.pi / order
+    r = (1 - z * z).sqrt()
+    return torch.stack((r * phi.cos(), r * phi.sin(), z), -1), weights
+
+
+@pytest.mark.parametrize("degree", range(5))
+def test_the_basis_is_orthonormal(degree):
+    directions, weights = sphere_quadrature()
+    values = harmonics.basis(directions, degree)
+    gram = values.T @ (weights[:, None] * values)
+    # the constants are written to 16 digits
+    assert (gram - torch.eye((degree + 1) ** 2, dtype=torch.float64)).abs().max() < 1e-12
+
+
+def test_degree_one_has_the_signs_of_splat_files():
+    axes = torch.eye(3, dtype=torch.float64)
+    values = harmonics.basis(axes, 1)[:, 1:]
+    c = math.sqrt(3 / (4 * math.pi))
+    wanted = torch.tensor([[0, 0, -c], [-c, 0, 0], [0, c, 0]], dtype=torch.float64)
+    assert (values - wanted).abs().max() < 1e-15
+
+
+def test_degree_zero_is_the_same_from_everywhere():
+    sh = torch.tensor([[[1.0, -0.5, 0.0]]])
+    for direction in ([[1.0, 0, 0]], [[0, -3.0, 4.0]]):
+        color = harmonics.colors(sh, torch.tensor(direction))
+        assert torch.allclose(color, (0.5 + SH_DC * sh[:, 0]).clamp_min(0))
+
+
+def test_colors_do_not_depend_on_the_length_of_the_direction():
+    generator = torch.Generator().manual_seed(0)
+    sh = torch.randn(5, 16, 3, generator=generator, dtype=torch.float64)
+    direction = torch.randn(5, 3, generator=generator, dtype=torch.float64)
+    assert torch.allclose(harmonics.colors(sh, direction), harmonics.colors(sh, 7 * direction))
+
+
+def test_a_degree_above_four_is_refused():
+    with pytest.raises(ValueError, match="degree 5"):
+        harmonics.basis(torch.zeros(1, 3), 5)

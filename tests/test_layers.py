@@ -1,0 +1,77 @@
+"""Imports point down: cli -> gsedit -> rasterizer -> torch, and within a folder down the list."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+# Each module may import only modules further down its list.
+ORDER = {
+    "gsedit": (
+        "show", "edit", "strategies", "plan", "fit", "optimiser", "editors", "diffusion",
+        "metrics", "losses", "features", "correspond", "report", "synthetic", "files", "views",
+        "errors",
+    ),
+    "rasterizer": (
+        "reference", "render", "composite", "tiles", "project", "harmonics", "camera", "scene",
+        "numerics",
+    ),
+}  # fmt: skip
+BELOW = {"cli": ("gsedit", "rasterizer"), "gsedit": ("rasterizer",), "rasterizer": ()}
+
+
+def imports(path: Path) -> list[str]:
+    """Absolute names of everything a file imports, at any depth of its code."""
+    found = []
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            found += [f"{node.module}.{alias.name}" for alias in node.names]
+    return found
+
+
+def offences(folder: str, path: Path, names: list[str]) -> list[str]:
+    """Imports that point up, of a file in a top-level folder."""
+    packages = {"cli": "gsedit_cli"}
+    own = packages.get(folder, folder)
+    wrong = []
+    for name in names:
+        top, *rest = name.split(".")
+        if (
+            top in ("gsedit_cli", "gsedit", "rasterizer")
+            and top != own
+            and top not in BELOW[folder]
+        ):
+            wrong.append(name)
+        order = ORDER.get(folder, ())
+        here = path.relative_to(ROOT / folder).parts[0].removesuffix(".py")
+        known = top == own and here in order and rest and rest[0] in order
+        if known and order.index(rest[0]) < order.index(here):
+            wrong.append(name)
+    return wrong
+
+
+@pytest.mark.parametrize("folder", ["cli", "gsedit", "rasterizer"])
+def test_imports_point_down(folder):
+    files = sorted((ROOT / folder).rglob("*.py"))
+    assert files
+    wrong = {str(p): bad for p in files if (bad := offences(folder, p, imports(p)))}
+    assert not wrong
+
+
+@pytest.mark.parametrize("folder", ["gsedit", "rasterizer"])
+def test_every_module_has_its_place(folder):
+    found = {p.name.removesuffix(".py") for p in (ROOT / folder).iterdir() if p.name[0] != "_"}
+    assert found - {"py.typed"} == set(ORDER[folder])
+
+
+def test_an_upward_import_is_an_offence():
+    path = ROOT / "rasterizer" / "tiles.py"
+    assert offences("rasterizer", path, ["gsedit.views"]) == ["gsedit.views"]
+    assert offences("rasterizer", path, ["rasterizer.render.render"])
+    assert not offences("rasterizer", path, ["rasterizer.numerics"])
