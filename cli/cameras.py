@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
+    from torch import Tensor
+
     from rasterizer.camera import Camera
     from rasterizer.scene import Gaussians
 
@@ -15,7 +17,7 @@ Up = Annotated[
     typer.Option(
         "--up",
         metavar="AXIS",
-        show_default="z or -y, guessed",
+        show_default="off the ground, or -y",
         help="Which way is up: x, -x, y, -y, z or -z.",
     ),
 ]
@@ -23,17 +25,24 @@ Up = Annotated[
 
 def check_axis(up: str | None) -> None:
     """Raise UsageError for an axis that is none, before a large file is read for it."""
-    if up is not None:
-        from gsedit.show import up_vector
+    up_vector(up)
 
-        up_vector(up)
+
+def up_vector(up: str | None) -> Tensor | None:
+    """The axis that was named; None where the scene itself must tell."""
+    if up is None:
+        return None
+    from gsedit import show
+
+    return show.up_vector(up)
 
 
 def around(scene: Gaussians, count: int, size: int, up: str | None) -> dict[str, Camera]:
     """Named cameras on a circle around a scene that came without any."""
-    from gsedit.show import guess_up, up_vector
+    from gsedit.show import guess_up
     from gsedit.views import orbit
 
-    x, y, z = up_vector(up or guess_up(scene)).tolist()
+    named = up_vector(up)
+    x, y, z = (guess_up(scene) if named is None else named).tolist()
     cameras = orbit(scene, count, size, up=(x, y, z))
     return {f"orbit_{index:03d}": camera for index, camera in enumerate(cameras)}

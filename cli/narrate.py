@@ -135,8 +135,14 @@ def _bars() -> Iterator[Tell]:
     tasks: dict[str, TaskID] = {}
     with Progress(*columns, console=Console(stderr=True)) as progress:
 
+        def end_stages_without_steps() -> None:
+            for task in progress.tasks:
+                if task.total is None:
+                    progress.update(task.id, total=1, completed=1)
+
         def tell(event: Event) -> None:
             if event.stage not in tasks:
+                end_stages_without_steps()
                 tasks[event.stage] = progress.add_task(event.stage, total=None, summary="")
             task = tasks[event.stage]
             if event.step < progress.tasks[task].completed:  # the stage has begun anew
@@ -146,6 +152,7 @@ def _bars() -> Iterator[Tell]:
             progress.update(task, completed=event.step, total=total, summary=measured)
 
         yield tell
+        end_stages_without_steps()
 
 
 @dataclass

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from .cameras import Up, check_axis
+from .cameras import Up, check_axis, up_vector
 from .narrate import answer, say
 from .options import Common, DropInvalid, Force, Scene, check_file, output, read
 
@@ -42,7 +42,8 @@ def preview(
     from gsedit import show
 
     found = read(scene, drop_invalid=drop_invalid)
-    show.preview(found, out, up=up, size=(width, height), min_opacity=min_opacity, overwrite=force)
+    axis, size = up_vector(up), (width, height)
+    show.preview(found, out, up=axis, size=size, min_opacity=min_opacity, overwrite=force)
     if out is not None:
         say(f"{out} shows {len(found)} Gaussians as points")
         answer({"picture": str(out)}, str(out), as_json=common.json)

@@ -139,11 +139,19 @@ class Branches(NamedTuple):
 class Denoiser(Protocol):
     """A diffusion model of edited images, in its own latent space. Stateless."""
 
-    name: str
-    cell: int
-    """Pixels per latent cell; image sides are multiples of it."""
-    channels: int
-    schedule: Schedule
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def cell(self) -> int:
+        """Pixels per latent cell; image sides are multiples of it."""
+        ...
+
+    @property
+    def channels(self) -> int: ...
+
+    @property
+    def schedule(self) -> Schedule: ...
 
     def check(self, prompt: str) -> None:
         """Raise UsageError, with the next move, for an instruction it cannot follow."""
@@ -151,6 +159,15 @@ class Denoiser(Protocol):
 
     def encode(self, images: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v c y x"]:
         """Latents, scaled as the sampler wants them, of images in [0, 1]."""
+        ...
+
+    def encode_edited(
+        self,
+        images: Float[Tensor, "v h w 3"],
+        originals: Float[Tensor, "v h w 3"],
+        prompt: str,
+    ) -> Float[Tensor, "v c y x"]:
+        """Latents of finished edits of these originals: what anchored views are held to."""
         ...
 
     def decode(self, latents: Float[Tensor, "v c y x"]) -> Float[Tensor, "v h w 3"]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -14,7 +14,7 @@ from torch import Tensor
 
 from gsedit import metrics, strategies
 from gsedit.correspond import Correspondences, correspond
-from gsedit.diffusion import SamplerSettings
+from gsedit.diffusion import Answer, SamplerSettings
 from gsedit.editors.protocol import EditBatch, Editor, KnowsAnswer
 from gsedit.errors import UsageError
 from gsedit.features import FeatureExtractor, FilterBank
@@ -29,8 +29,9 @@ from rasterizer.scene import Gaussians
 
 ORBIT_VIEWS = 24
 """Cameras placed around a scene that has none: 15 degrees apart, so that neighbours overlap."""
-WEAK_MATCH = 0.1
-"""Below this fraction of matched cells, views agree on too little: worth a warning."""
+ORBIT_SIZE = 256
+WEAK_MATCH = 0.05
+"""Below this fraction of matched cells a pair of views has little to agree on: worth a warning."""
 PROBES = 3
 """Held-out views measured while the work goes on; all of them are measured at its end."""
 MEASURE_EVERY = 50
@@ -82,25 +83,6 @@ class EditResult:
     """Seconds per stage."""
 
 
-class _Watch:
-    """Seconds since the start, and per stage."""
-
-    def __init__(self) -> None:
-        self.began, self.stages = time.monotonic(), dict[str, float]()
-
-    @property
-    def seconds(self) -> float:
-        return time.monotonic() - self.began
-
-    @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        entered = time.monotonic()
-        try:
-            yield
-        finally:
-            self.stages[name] = self.stages.get(name, 0.0) + time.monotonic() - entered
-
-
 def edit_steps(
     scene: Gaussians,
     prompt: str,
@@ -117,95 +99,17 @@ def edit_steps(
     the result is measured. Raises UsageError for an instruction the editor cannot follow, an empty
     scene, or views of different sizes.
     """
-    settings = settings or EditSettings()
-    features = features or FilterBank()
     editor.check(prompt)
     if not len(scene):
         raise UsageError("the scene is empty: there is nothing to edit")
     views, held_out = _views(scene, dataset)
-    watch, scene = _Watch(), scene.detach()
-
-    yield Event("survey", watch.seconds, note=f"{len(views)} views")
-    with watch.stage("survey"):
-        weights = survey(scene, [v.camera for v in views])
-        plan = plan_views(weights, settings.views_per_round, settings.rounds, settings.coverage)
-    note = f"{len(plan.views)} views cover {plan.coverage[-1]:.0%} of what all views see"
-    yield Event("survey", watch.seconds, len(views), len(views), note=note)
-
-    with watch.stage("render"):
-        before = {i: _render(scene, views[i].camera) for i in plan.views}
-        unedited = [_render(scene, v.camera).color for v in held_out]
-    originals = {i: _original(views[i], before[i], settings) for i in plan.views}
-    radius = bounds(scene.means, scene.opacities).radius
-    optimiser = SceneOptimiser(scene, strategies.rates(settings.geometry, radius))
-    targets: dict[int, View] = {}
-    matches: list[float] = []
-    answer: Callable[[Tensor], Tensor] | None = None
-
-    for number, batch in enumerate(plan.rounds):
-        members = (*batch, *_anchor(weights, batch, targets))
-        with watch.stage("correspond"):
-            found = _correspondences(before, members, views, editor.cell)
-        matches.append(_mean_match(found))
-        yield Event("correspond", watch.seconds, number + 1, len(plan.rounds), note=_told(found))
-        batch_in = _batch(optimiser.scene.detach(), members, batch, views, originals, targets,
-                          prompt, found if settings.sampler.consensus else None)  # fmt: skip
-        with watch.stage("sample"):
-            images = None
-            for progress in editor.edit(batch_in, settings.sampler, generator):
-                yield Event("sample", watch.seconds, progress.step, progress.steps)
-                images = progress.images
-        if images is None:
-            raise RuntimeError(f"editor {editor.name} ended without images")
-        for i, image in zip(members, images):
-            targets.setdefault(i, replace(views[i], image=image.to(scene.means)))
-        if isinstance(editor, KnowsAnswer):
-            answer = editor.answer(
-                prompt,
-                torch.stack([targets[i].image for i in targets]),
-                torch.stack([originals[i] for i in targets]),
-            )
-        done = number * settings.update.steps
-        total = len(plan.rounds) * settings.update.steps
-        fitted = tuple(targets.values())
-        with watch.stage("update"):
-            steps = update_steps(optimiser, fitted, settings.update, features, generator)
-            for step, loss in enumerate(steps, start=done + 1):
-                if step % MEASURE_EVERY == 0:
-                    psnr, aim = _measure(
-                        optimiser.scene.detach(), held_out[:PROBES], unedited, answer, fitted
-                    )
-                    note = f"{psnr:.2f} dB to the {aim}"
-                    yield Event(
-                        "update", watch.seconds, step, total, loss, 10 ** (-psnr / 20), note
-                    )
-                elif step % REPORT_EVERY == 0:
-                    yield Event("update", watch.seconds, step, total, loss)
-        yield Checkpoint(optimiser.scene.detach(), done + settings.update.steps, watch.seconds)
-
-    edited = optimiser.scene.detach().map(torch.clone)
-    with watch.stage("measure"):
-        names = [views[i].name for i in targets]
-        finals = capture(edited, [views[i].camera for i in targets], names)
-        psnr, aim = _measure(edited, held_out, unedited, answer, tuple(targets.values()))
-    shown = tuple(replace(views[i], image=before[i].color.clamp(0, 1)) for i in targets)
-    result = EditResult(
-        scene=edited,
-        originals=shown,
-        targets=tuple(targets.values()),
-        finals=finals,
-        settings=settings,
-        plan=plan,
-        matched=sum(matches) / len(matches),
-        strength=_mean(metrics.rmse(a.image, b.image) for a, b in zip(shown, finals)),
-        residual=_mean(metrics.psnr(f.image, t.image) for f, t in zip(finals, targets.values())),
-        answer=psnr if answer is not None and held_out else None,
-        timings=watch.stages | {"total": watch.seconds},
-    )
-    where = f"at {len(held_out)} held-out cameras" if result.answer is not None else "of the edit"
-    note = f"{psnr:.2f} dB to the {aim} {where}"
-    yield Event("measure", watch.seconds, error=10 ** (-psnr / 20), note=note)
-    yield result
+    settings, features = settings or EditSettings(), features or FilterBank()
+    work = _Work(scene.detach(), prompt, views, held_out, editor, settings, generator)
+    yield from work.survey()
+    for batch in work.plan.rounds:
+        yield from work.edit_views(batch)
+        yield from work.follow(features)
+    yield from work.finish()
 
 
 def edit(
@@ -237,7 +141,7 @@ def edit(
 def _views(scene: Gaussians, dataset: Dataset | None) -> tuple[tuple[View, ...], tuple[View, ...]]:
     """(views that may be edited, views that are only measured at)."""
     if dataset is None:
-        cameras = orbit(scene, ORBIT_VIEWS, 256)
+        cameras = orbit(scene, ORBIT_VIEWS, ORBIT_SIZE)
         names = [f"orbit_{i:02d}" for i in range(ORBIT_VIEWS)]
         dataset = Dataset(capture(scene.detach(), cameras, names))
     sizes = {(v.camera.width, v.camera.height) for v in dataset.views}
@@ -248,15 +152,176 @@ def _views(scene: Gaussians, dataset: Dataset | None) -> tuple[tuple[View, ...],
     return (views, held_out) if views else (held_out, ())
 
 
+class _Watch:
+    """Seconds since the start, and per stage."""
+
+    def __init__(self) -> None:
+        self.began, self.stages = time.monotonic(), dict[str, float]()
+
+    @property
+    def seconds(self) -> float:
+        return time.monotonic() - self.began
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        entered = time.monotonic()
+        try:
+            yield
+        finally:
+            self.stages[name] = self.stages.get(name, 0.0) + time.monotonic() - entered
+
+
+class _Work:
+    """An edit in progress: the one place with state. Indices are into `views`."""
+
+    def __init__(
+        self, scene: Gaussians, prompt: str, views: Sequence[View], held_out: Sequence[View],
+        editor: Editor, settings: EditSettings, generator: torch.Generator,
+    ) -> None:  # fmt: skip
+        self.scene, self.prompt, self.views, self.held_out = scene, prompt, views, held_out
+        self.editor, self.settings, self.generator = editor, settings, generator
+        self.watch = _Watch()
+        radius = bounds(scene.means, scene.opacities).radius
+        self.optimiser = SceneOptimiser(scene, strategies.rates(settings.geometry, radius))
+        self.plan = Plan((), ())
+        self.weights = torch.zeros(0)
+        self.before: dict[int, Rendering] = {}
+        self.unedited: list[Tensor] = []
+        self.targets: dict[int, View] = {}
+        self.matches: list[float] = []
+        self.answer: Answer | None = None
+        self.rounds_done = 0
+
+    def survey(self) -> Iterator[Event]:
+        """Which views to edit, and what they and the held-out ones look like before."""
+        yield Event("survey", self.watch.seconds, note=f"{len(self.views)} views")
+        with self.watch.stage("survey"):
+            self.weights = survey(self.scene, [v.camera for v in self.views])
+            s = self.settings
+            self.plan = plan_views(self.weights, s.views_per_round, s.rounds, s.coverage)
+            self.before = {i: _render(self.scene, self.views[i].camera) for i in self.plan.views}
+            self.unedited = [_render(self.scene, v.camera).color.clamp(0, 1) for v in self.held_out]
+        count = len(self.views)
+        note = f"{len(self.plan.views)} cover {self.plan.coverage[-1]:.0%} of what all views see"
+        yield Event("survey", self.watch.seconds, count, count, note=note)
+
+    def edit_views(self, batch: Sequence[int]) -> Iterator[Event]:
+        """Edit a batch of views consistently, tied to the finished ones by an anchor."""
+        members = (*batch, *_anchor(self.weights, batch, self.targets))
+        with self.watch.stage("correspond"):
+            found = self._correspondences(members)
+        self.matches.append(_mean_match(found))
+        rounds = len(self.plan.rounds)
+        yield Event("correspond", self.watch.seconds, self.rounds_done + 1, rounds,
+                    note=_told(found))  # fmt: skip
+        images = None
+        with self.watch.stage("sample"):
+            request = self._request(members, found if self.settings.sampler.consensus else None)
+            for progress in self.editor.edit(request, self.settings.sampler, self.generator):
+                yield Event("sample", self.watch.seconds, progress.step, progress.steps)
+                images = progress.images
+        if images is None:
+            raise RuntimeError(f"editor {self.editor.name} ended without images")
+        for i, image in zip(members, images):
+            target = replace(self.views[i], image=image.to(self.scene.means))
+            self.targets.setdefault(i, target)
+        if isinstance(self.editor, KnowsAnswer):
+            edited = torch.stack([view.image for view in self.targets.values()])
+            originals = torch.stack([self._original(i) for i in self.targets])
+            self.answer = self.editor.answer(self.prompt, edited, originals)
+
+    def follow(self, features: FeatureExtractor) -> Iterator[Event | Checkpoint]:
+        """Fit the scene to all views edited so far."""
+        update = self.settings.update
+        done, total = self.rounds_done * update.steps, len(self.plan.rounds) * update.steps
+        with self.watch.stage("update"):
+            losses = update_steps(
+                self.optimiser, tuple(self.targets.values()), update, features, self.generator
+            )
+            for step, loss in enumerate(losses, start=done + 1):
+                if step % MEASURE_EVERY == 0:
+                    psnr, aim = self.measure(PROBES)
+                    yield Event("update", self.watch.seconds, step, total, loss,
+                                10 ** (-psnr / 20), f"{psnr:.2f} dB to the {aim}")  # fmt: skip
+                elif step % REPORT_EVERY == 0:
+                    yield Event("update", self.watch.seconds, step, total, loss)
+        self.rounds_done += 1
+        yield Checkpoint(self.optimiser.scene.detach(), done + update.steps, self.watch.seconds)
+
+    def finish(self) -> Iterator[Event | EditResult]:
+        """Measure the edited scene and hand everything over."""
+        edited = self.optimiser.scene.detach().map(torch.clone)
+        targets = tuple(self.targets.values())
+        with self.watch.stage("measure"):
+            finals = capture(edited, [t.camera for t in targets], [t.name for t in targets])
+            psnr, aim = self.measure(len(self.held_out))
+        originals = tuple(
+            replace(self.views[i], image=self.before[i].color.clamp(0, 1)) for i in self.targets
+        )
+        yield Event("measure", self.watch.seconds, error=10 ** (-psnr / 20),
+                    note=f"{psnr:.2f} dB to the {aim}")  # fmt: skip
+        yield EditResult(
+            scene=edited,
+            originals=originals,
+            targets=targets,
+            finals=finals,
+            settings=self.settings,
+            plan=self.plan,
+            matched=_mean(self.matches),
+            strength=_mean(metrics.rmse(a.image, b.image) for a, b in zip(originals, finals)),
+            residual=_mean(metrics.psnr(a.image, b.image) for a, b in zip(finals, targets)),
+            answer=psnr if self.answer is not None and self.held_out else None,
+            timings=self.watch.stages | {"total": self.watch.seconds},
+        )
+
+    def measure(self, probes: int) -> tuple[float, str]:
+        """PSNR to the known answer where nothing was edited, or else to the edited pictures."""
+        if self.answer is not None and self.held_out:
+            shown, name = self.held_out[:probes], f"known answer at {probes} held-out cameras"
+            aims = [self.answer(picture[None])[0] for picture in self.unedited[:probes]]
+        else:
+            shown, name = tuple(self.targets.values()), "edited pictures"
+            aims = [view.image for view in shown]
+        scene = self.optimiser.scene.detach()
+        pictures = [render(scene, view.camera).color.clamp(0, 1) for view in shown]
+        return _mean(metrics.psnr(a, b) for a, b in zip(pictures, aims)), name
+
+    def _correspondences(self, members: Sequence[int]) -> Correspondences:
+        depths = [self.before[i].median_depth for i in members]
+        return correspond(
+            [self.views[i].camera for i in members],
+            torch.stack([d for d in depths if d is not None]),
+            torch.stack([self.before[i].alpha for i in members]),
+            cell=self.editor.cell,
+        )
+
+    def _original(self, i: int) -> Float[Tensor, "h w 3"]:
+        """What the editor sees as the unedited picture."""
+        rendered = self.before[i].color
+        picture = self.views[i].image if self.settings.condition == "photo" else rendered
+        return picture.clamp(0, 1).to(rendered)
+
+    def _request(self, members: Sequence[int], found: Correspondences | None) -> EditBatch:
+        """Current renders of the new views, and the anchor as it was edited."""
+        scene = self.optimiser.scene.detach()
+        images = [
+            self.targets[i].image
+            if i in self.targets
+            else render(scene, self.views[i].camera).color.clamp(0, 1)
+            for i in members
+        ]
+        return EditBatch(
+            images=torch.stack(images),
+            originals=torch.stack([self._original(i) for i in members]),
+            prompt=self.prompt,
+            correspondences=found,
+            anchored=torch.tensor([i in self.targets for i in members]),
+        )
+
+
 @torch.no_grad()
 def _render(scene: Gaussians, camera: Camera) -> Rendering:
     return render(scene, camera, median_depth=True)
-
-
-def _original(view: View, rendered: Rendering, settings: EditSettings) -> Float[Tensor, "h w 3"]:
-    """What the editor sees as the unedited picture."""
-    picture = view.image if settings.condition == "photo" else rendered.color
-    return picture.clamp(0, 1).to(rendered.color)
 
 
 def _anchor(
@@ -269,70 +334,22 @@ def _anchor(
     return (max(targets, key=lambda i: float(torch.minimum(weights[i], shared).sum())),)
 
 
-def _correspondences(
-    before: dict[int, Rendering], members: Sequence[int], views: Sequence[View], cell: int
-) -> Correspondences:
-    depths = [before[i].median_depth for i in members]
-    return correspond(
-        [views[i].camera for i in members],
-        torch.stack([d for d in depths if d is not None]),
-        torch.stack([before[i].alpha for i in members]),
-        cell=cell,
-    )
+def _off_diagonal(found: Correspondences) -> Float[Tensor, " p"]:
+    """Matched fractions of ordered pairs of different views; 1 for a single view."""
+    count = len(found.matched)
+    off = found.matched[~torch.eye(count, dtype=torch.bool)]
+    return off if count > 1 else found.matched.flatten()
 
 
 def _mean_match(found: Correspondences) -> float:
-    """Mean matched fraction over ordered pairs of different views; 1 for a single view."""
-    count = len(found.matched)
-    if count == 1:
-        return 1.0
-    return float((found.matched.sum() - found.matched.diagonal().sum()) / (count * (count - 1)))
+    return float(_off_diagonal(found).mean())
 
 
 def _told(found: Correspondences) -> str:
-    off = found.matched[~torch.eye(len(found.matched), dtype=torch.bool)]
-    if not len(off):
-        return "one view: nothing to agree with"
+    off = _off_diagonal(found)
     pairs = f"{off.mean():.0%} of cells matched per pair ({off.min():.0%} to {off.max():.0%})"
-    in_clusters = f"{float((found.labels >= 0).double().mean()):.0%} in a cluster"
     warning = "; the views see little of each other" if off.mean() < WEAK_MATCH else ""
-    return f"{pairs}, {in_clusters}{warning}"
-
-
-def _batch(
-    scene: Gaussians, members: Sequence[int], batch: Sequence[int], views: Sequence[View],
-    originals: dict[int, Tensor], targets: dict[int, View], prompt: str,
-    found: Correspondences | None,
-) -> EditBatch:  # fmt: skip
-    """Current renders of the new views, and the anchor as it was edited."""
-    fresh = {v.name: v.image for v in capture(scene, [views[i].camera for i in batch],
-                                              [views[i].name for i in batch])}  # fmt: skip
-    images = [targets[i].image if i in targets else fresh[views[i].name] for i in members]
-    return EditBatch(
-        images=torch.stack(images),
-        originals=torch.stack([originals[i] for i in members]),
-        prompt=prompt,
-        correspondences=found,
-        anchored=torch.tensor([i in targets for i in members]),
-    )
-
-
-def _measure(
-    scene: Gaussians,
-    held_out: Sequence[View],
-    unedited: Sequence[Tensor],
-    answer: Callable[[Tensor], Tensor] | None,
-    targets: Sequence[View],
-) -> tuple[float, str]:
-    """PSNR against the known answer where nothing was edited, or else against the 2D targets."""
-    if answer is not None and held_out:
-        truths = [answer(picture.clamp(0, 1)[None])[0] for picture in unedited[: len(held_out)]]
-        aims = [(v.camera, truth) for v, truth in zip(held_out, truths)]
-    else:
-        aims = [(v.camera, v.image) for v in targets]
-    with torch.no_grad():
-        found = [metrics.psnr(render(scene, c).color.clamp(0, 1), t) for c, t in aims]
-    return _mean(found), "known answer" if answer is not None and held_out else "edited pictures"
+    return f"{pairs}, {found.covered.mean():.0%} in a cluster{warning}"
 
 
 def _mean(values: Iterator[float] | Sequence[float]) -> float:

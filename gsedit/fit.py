@@ -120,7 +120,8 @@ def fit_steps(
             order = torch.randperm(len(train), generator=generator).tolist()
         view = pyramid[factor][order.pop()]
         scene = optimiser.scene
-        picture = render(scene, view.camera).color
+        # photos are opaque: before a random colour, every hole in the scene costs
+        picture = render(scene, view.camera, background=torch.rand(3, generator=generator)).color
         loss = (1 - settings.dssim_weight) * losses.l1(picture, view.image)
         if settings.dssim_weight:
             loss = loss + settings.dssim_weight * losses.dssim(picture, view.image)

@@ -21,8 +21,8 @@ SURVEY_SIZE = 64
 """Longest side, pixels, of the small renders that tell what a view sees."""
 SEEN = 0.2
 """A view covers a Gaussian that it shows this well, relative to the view that shows it best."""
-OVERLAP = 0.3
-"""Least fraction of a new view that the chosen ones see already: it ties the view to them."""
+OVERLAP = 0.5
+"""Least fraction of a new view that one chosen view sees as well: on a ring, about 35 degrees."""
 
 
 @dataclass(frozen=True)
@@ -89,11 +89,12 @@ def _best_view(
 ) -> int:
     gain = (covers & ~seen).to(worth) @ worth
     if chosen:
-        overlap = weights @ seen.to(worth) / weights.sum(1).clamp_min(1e-9)
-        enough = overlap >= OVERLAP
-        enough[chosen] = False
+        common = weights @ covers[chosen].to(worth).T
+        overlap = common.amax(1) / weights.sum(1).clamp_min(1e-9)
+        free = torch.ones(len(weights), dtype=torch.bool)
+        free[chosen] = False
+        enough = free & (overlap >= OVERLAP)
         if not enough.any():  # nothing touches what is chosen: then what comes nearest
-            gain, enough = overlap, torch.ones_like(enough)
-            enough[chosen] = False
+            gain, enough = overlap, free
         gain = torch.where(enough, gain, -1.0)
     return int(gain.argmax())

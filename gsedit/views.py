@@ -55,7 +55,7 @@ class Bounds:
 
 
 def bounds(points: Float[Tensor, "n 3"], weights: Float[Tensor, " n"] | None = None) -> Bounds:
-    """Median centre, and the radius that holds 60 % of the points around it.
+    """Median centre, and the radius that holds nearly all of it, or the dense middle of a capture.
 
     With weights, only the heavier half counts. Raises ValueError for no points.
     """
@@ -66,7 +66,9 @@ def bounds(points: Float[Tensor, "n 3"], weights: Float[Tensor, " n"] | None = N
         kept = kept[weights >= weights.median()]
     centre = kept.median(0).values
     distance = (kept - centre).norm(dim=-1).sort().values
-    radius = float(distance[int(0.6 * (len(distance) - 1))])
+    half, most = (float(distance[int(f * (len(distance) - 1))]) for f in (0.5, 0.98))
+    # an object alone ends within 2.5 times the median distance; surroundings go on and on
+    radius = min(most, 2.5 * half)
     return Bounds((float(centre[0]), float(centre[1]), float(centre[2])), max(radius, 1e-6))
 
 
@@ -90,7 +92,7 @@ def orbit(
     helper = torch.eye(3, dtype=torch.float64)[int(axis.abs().argmin())]
     east = torch.nn.functional.normalize(torch.linalg.cross(axis, helper), dim=0)
     north = torch.linalg.cross(axis, east)
-    distance = 1.2 * at.radius / sin(radians(fov) / 2)  # the sphere of the bounds, with a margin
+    distance = 1.05 * at.radius / sin(radians(fov) / 2)  # the sphere of the bounds, with a margin
     rise = radians(elevation)
     cameras = []
     for i in range(count):

@@ -1,14 +1,15 @@
 """Front-to-back blending of tiles, forward and backward: the only autograd.Function.
 
-`m` Gaussians with `d` features; `t` tiles of `q` pixels; a wavefront is the j-th block of `k`
-Gaussians of `b` tiles at
-once, so that every step is one operation on a [k, b, q] block in cache. Per pixel, front to back,
+`m` Gaussians with `d` features; `t` tiles of `q` pixels. A wavefront is the j-th block of `k`
+Gaussians of `b` tiles at once: every step is one operation on a [k, b, q] block in cache. Per
+pixel, front to back,
 
     alpha_i = min(opacity_i exp(-|W_i (p - xy_i)|^2 / 2), alpha_max), 0 below alpha_min
-    color   = sum_i T_i alpha_i c_i,   T_{i+1} = T_i (1 - alpha_i), 0 once below transmittance_min.
+    color   = sum_i T_i alpha_i c_i,   T_{i+1} = T_i (1 - alpha_i).
 
-The exponent, log-opacity included, is a quadratic in pixel coordinates local to the tile: one [k
-b, 6] @ [6, q] product.
+A tile leaves the front once less than transmittance_min passes each of its pixels: what is left
+out is at most that much of a colour. The exponent, log-opacity included, is a quadratic in pixel
+coordinates local to the tile: one [k b, 6] @ [6, q] product.
 """
 
 from __future__ import annotations
@@ -151,8 +152,6 @@ def _blend_group(
         for i in range(BLOCK):
             alpha[i].mul_(t)
             t.mul_(passed[i])
-            if stop:
-                torch.threshold_(t, stop, 0.0)
             if above_half is not None:
                 above_half[:active].add_(t > 0.5)
         block = rows[..., GEOMETRY:].permute(1, 2, 0)
@@ -160,7 +159,7 @@ def _blend_group(
         depth += BLOCK
         active = int((lengths > depth).sum())
         if active and stop:
-            open_ = (t.amax(-1) > 0)[:active]
+            open_ = t[:active].amax(-1) > stop
             if int(open_.sum()) < 0.8 * active:  # opaque tiles leave the front
                 store()
                 keep = open_.nonzero().squeeze(-1)
@@ -255,8 +254,6 @@ def _backward_wave(
     reaching[0] = wave.transmittance
     for i in range(BLOCK):
         torch.mul(reaching[i], passed[i], out=reaching[i + 1])
-        if grid.numerics.transmittance_min:
-            torch.threshold_(reaching[i + 1], grid.numerics.transmittance_min, 0.0)
     reaching = reaching[:-1]
     weight = alpha * reaching
 

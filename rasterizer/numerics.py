@@ -17,7 +17,9 @@ class Numerics:
     alpha_min: float = 1 / 255
     """Below one step of an 8-bit picture a splat contributes nothing; bounds every footprint."""
     transmittance_min: float = 1e-4
-    """A pixel is finished when less than this shows through: its largest error. 0: never."""
+    """A tile is finished when less than this shows through all its pixels: the largest error.
+
+    0: never, the whole sum."""
     blur: float = 0.3
     """Pixel variance added to each projected covariance (EWA low-pass)."""
     near: float = 0.01

@@ -119,7 +119,7 @@ def test_error_vs_time_is_a_picture_whatever_was_measured(tmp_path, events):
 def test_the_framing_camera_sees_the_scene_upright(axis):
     scene = ball()
     up = show.up_vector(axis)
-    camera = show.framing_camera(scene, up=axis, size=(64, 48))
+    camera = show.framing_camera(scene, up=up, size=(64, 48))
     xy, depth = camera.project(scene.means.double())
     inside = (depth > 0) & (xy > 0).all(1) & (xy < torch.tensor([64, 48])).all(1)
     assert inside.float().mean() > 0.8
@@ -132,14 +132,23 @@ def test_the_framing_camera_sees_the_scene_upright(axis):
 def test_framing_does_not_mind_far_floaters():
     scene = ball()
     far = cloud(torch.cat((scene.means, 1e4 * torch.ones(5, 3))))
-    here, there = (show.framing_camera(s, up="z").centre for s in (scene, far))
+    here, there = (show.framing_camera(s, up=show.up_vector("z")).centre for s in (scene, far))
     assert (here - there).norm() < 0.1 * here.norm()
 
 
-def test_up_is_where_the_ground_is_flat():
-    ground = ball().means * torch.tensor([1.0, 1.0, 0.02])
-    assert show.guess_up(cloud(ground)) == "z"
-    assert show.guess_up(cloud(ground[:, [0, 2, 1]])) == "-y"
+@pytest.mark.parametrize("up", [(0.0, 0.0, 1.0), (0.0, -1.0, 0.0), (-0.6, 0.48, 0.64)])
+def test_up_is_off_the_ground_whatever_the_frame(up):
+    generator = torch.Generator().manual_seed(0)
+    normal = torch.tensor(up, dtype=torch.float64)
+    ground = torch.randn(2000, 3, generator=generator, dtype=torch.float64)
+    ground = ground - (ground @ normal)[:, None] * normal
+    body = 0.3 * torch.randn(1000, 3, generator=generator, dtype=torch.float64) + 0.9 * normal
+    guess = show.guess_up(cloud(torch.cat((ground, body))))
+    assert guess @ normal > math.cos(math.radians(8))  # 400 directions: about 7 degrees apart
+
+
+def test_up_is_inrias_where_there_is_no_ground():
+    assert show.guess_up(ball(2000)).tolist() == [0, -1, 0]
 
 
 def test_wrong_axes_and_empty_scenes_are_refused():

@@ -297,6 +297,7 @@ def test_gaussians_look_like_the_scene(name):
     inner = traced.alpha == 1
     assert float(drawn.alpha[inner].quantile(0.02)) > 0.97
     for depth in (drawn.depth, drawn.median_depth):
+        assert depth is not None
         relative = ((depth.double() - traced.depth) / traced.depth)[inner & traced.hit].abs()
         assert float(relative.median()) < 0.005
 

@@ -1,27 +1,29 @@
 """A diffusion model of edited pictures whose score is known exactly: no weights, a known answer.
 
-`v` views, `k` components, `c y x` latents. In units of a clean latent, a noised one is
-q = x_t / sqrt(ab) = x0 + s n with unit noise n and s^2 = (1 - ab) / ab.
+`v` views, `k` components, `c y x` latents, `d` code channels. In units of a clean latent, a noised
+one is q = x_t / sqrt(ab) = x0 + s n with unit noise n and s^2 = (1 - ab) / ab.
 
-For a picture z (its latent) and an instruction, whose variants have latents m_k:
+A latent is the picture, 8x8 pixels a cell, and in every cell a code: which variant of the edit the
+cell shows; 0 for an unedited picture. For a picture z and an instruction with variants m_k:
   text + image   sum_k pi_k N(m_k, w^2): the variants, each as this view's editor would render it
   image alone    (1 - a) N(z, w^2) + a (text + image): the picture as it is; with the text dropped,
-                 this edit remains one possibility among all. Marginalising the instruction demands
-                 that share: it also ends the push of guidance where it has done its work (below)
-  neither        N(0, 1): a prior far broader than the pictures
+                 this edit remains one possibility among all
+  neither        (1 - b) N(0, 1) + b (image alone): a prior far broader than the pictures, which
+                 gives way to them where the noise is finer than it (b = 2^(-n/2), n dimensions)
 Each branch's eps is (q - E[x0 | q]) / s with the posterior mean in closed form.
 
-Guidance. Far from the variants the image branch answers z, so 7.5 / 1.5 pushes along 6 (m - z)
-beyond 1.5 m; near one of them it answers m_k too, and s_T falls out of the formula. Sampling then
-contracts at w^2's own rate for every s_T. (A single broad Gaussian instead of the mixture, of
-precision 1 / s_I^2 << 7.5 / w^2, has the right limit too, but its guided ODE has slope 1 - s_T in
-log s: 20 Euler steps of it diverge.)
+Guidance. While noise hides the picture the image branch answers z, and 7.5 / 1.5 exaggerates what
+the text adds. Near a variant it answers m_k too (a consistent marginal must), s_T falls out of the
+formula, and sampling ends exactly at m_k for every s_T. (A single broad Gaussian instead, of
+precision 1 / s_I^2 << 7.5 / w^2, has the right limit, but there the guided ODE has slope 1 - s_T
+in log s: 20 Euler steps of it diverge. A narrow one overshoots to 7.5 m - 6 z.)
 
-Choice of variant. All a view's cells choose together, by <q, m_j - m_k> / s^2. With one latent unit
-per pixel value this is decided within the first step at any useful size, before views can agree;
-so latents are scaled such that a picture's norm does not depend on its size (`Shape.radius`):
-the larger the picture, the more noise hides it (Hoogeboom et al. 2023, simple diffusion). A value
-of a pixel is then a small number, and the schedule must end at a smaller noise (`fine_schedule`).
+Choice. A view's cells choose their variant together, by <q, m_j - m_k> / s^2. Were it read off the
+pixels, some 10^5 of them would settle it in the first step, before views can agree, and in favour
+of the variant towards which guidance overshoots. So the picture's share of the latent is small
+(`Shape.radius`), the noise hides it at first, and the codes decide: equally far from each other
+and from the unedited picture, hence equally likely, and of a size (`Shape.code`) at which the
+decision falls into the consensus window. Without consensus every view chooses by its own noise.
 """
 
 from __future__ import annotations
@@ -37,32 +39,34 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.diffusion import Answer, Branches, Schedule
-from gsedit.editors.looks import agreed_variant, parse
+from gsedit.editors.looks import VARIANTS, agreed_variant, parse
 
+CODE = 2  # channels of a cell that say which variant it shows: a triangle lies in a plane
 CELL = 8  # Stable Diffusion's, so that correspondences are met at the size that real weights have
 FIRST_T = 932  # the first time of 20 steps at strength 0.98: where the variants are equally likely
 
 
 def fine_schedule() -> Schedule:
-    """Stable Diffusion's where s >= 1, with s^2 in place of s below: 20 dB less noise at the end.
+    """Stable Diffusion's down to s = 1, below with s^3 in place of s.
 
-    The end, s = 0.0009, is a hundredth of a pixel's range at 256x256 and the default radius.
+    The picture is a small part of the latent, so the noise must end lower for it to be clean: at
+    s = 2e-5, half an 8-bit step at 256x256 and the default radius.
     """
     ab = Schedule.scaled_linear().alphas_cumprod
     s = ((1 - ab) / ab).sqrt()
-    return Schedule(1 / (1 + (s * s.clamp_max(1)) ** 2))
+    return Schedule(1 / (1 + (s * s.clamp_max(1) ** 2) ** 2))
 
 
 @dataclass(frozen=True)
 class Perturbation:
     """What 2D editors do differently from view to view, as standard deviations.
 
-    Each is evident when views are flicked through and small enough that 4 fused views still give
-    26 dB or more against the unperturbed variant.
+    Single views of a detailed photo are then 23 to 26 dB from the unperturbed variant, which shows
+    when they are flicked through; the mean of four views comes back to 27 to 31 dB.
     """
 
     gain: float = 0.05
-    """Of the factor on all values: exposure flicker, half a stop at the far end."""
+    """Of the factor on all values: exposure flicker; three sigma are a fifth of a stop."""
     hue: float = 4.0
     """Degrees about the grey axis: tints drift, names of colours do not change."""
     shift: float = 0.35
@@ -71,16 +75,18 @@ class Perturbation:
 
 @dataclass(frozen=True)
 class Shape:
-    """The widths of the distributions, measured to give choices that views can still agree on."""
+    """Sizes and widths of the distributions, in units of the noise where not said."""
 
-    radius: float = 25.0
-    """Norm of the latent of a picture that is black or white everywhere. At the first step s = 11:
-    variants half as far apart (0.25 in colour) are then separated by about one standard deviation,
-    and by the end of the consensus window (s = 4) by three."""
+    radius: float = 2.5
+    """Norm of the latent of a picture that is black or white everywhere, of any size: at the end of
+    the consensus window (s = 4) variants half as far apart are still less than one sigma apart."""
+    code: float = 4.5
+    """Norm of all codes of a picture. Measured with 4 views over 12 seeds: from 2 to 3.5 views with
+    few matches do not agree yet, from 6.5 each view has chosen before consensus can tell it."""
     width: float = 0.03
     """w, standard deviation of a component in pixel values of [-1, 1]: below what is seen."""
     share: float = 0.1
-    """a, the share of this edit in the image branch."""
+    """a, the share of this edit in the image branch; agreement hardly depends on it."""
 
 
 class Mixture(NamedTuple):
@@ -92,15 +98,29 @@ class Mixture(NamedTuple):
     """float64."""
     width: float
 
+    def log_joint(self, q: Float[Tensor, "v c y x"], variance: float) -> Float[Tensor, "v k"]:
+        """log p(k, q) but for a term that is common to all k, float64.
+
+        q is a sample plus noise of that variance. The common term is -|q - base|^2 / (2 total):
+        left in, it would drown the differences.
+        """
+        direction = (q - self.base).flatten(1).double()
+        offsets = self.offsets.flatten(2).double()
+        fit = torch.einsum("vn,kvn->vk", direction, offsets) - offsets.square().sum(-1).T / 2
+        return self.log_weights + fit / (self.width**2 + variance)
+
     def responsibilities(
         self, q: Float[Tensor, "v c y x"], variance: float
     ) -> Float[Tensor, "v k"]:
-        """p(k | q), float64, where q is a sample plus noise of that variance."""
-        direction = (q - self.base).flatten(1).double()
-        offsets = self.offsets.flatten(2).double()
-        # |q - base - offset|^2 without |q - base|^2: common to all k, and it would drown the rest
-        fit = torch.einsum("vn,kvn->vk", direction, offsets) - offsets.square().sum(-1).T / 2
-        return (self.log_weights + fit / (self.width**2 + variance)).softmax(-1)
+        """p(k | q), float64."""
+        return self.log_joint(q, variance).softmax(-1)
+
+    def log_density(self, q: Float[Tensor, "v c y x"], variance: float) -> Float[Tensor, " v"]:
+        """log p(q) + n/2 log(2 pi), float64."""
+        total = self.width**2 + variance
+        distance = (q - self.base).flatten(1).double().square().sum(1)
+        common = -distance / (2 * total) - q[0].numel() / 2 * math.log(total)
+        return common + self.log_joint(q, variance).logsumexp(-1)
 
     def posterior_mean(
         self, q: Float[Tensor, "v c y x"], variance: float
@@ -127,20 +147,21 @@ class ClosedForm:
     schedule: Schedule = field(default_factory=fine_schedule)
     name: str = "closed-form"
     cell: int = CELL
-    channels: int = 3 * CELL * CELL
+    channels: int = 3 * CELL * CELL + CODE
 
     def check(self, prompt: str) -> None:
         """Raise UsageError if the instruction names no look."""
         parse(prompt)
 
     def encode(self, images: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v c y x"]:
-        """An isometry up to one factor: the values of each cell of 8x8 pixels become channels."""
+        """An isometry up to one factor: a cell's 8x8 pixels become channels; its code is 0."""
         pixels = (2 * images - 1).movedim(-1, 1)
-        return self._scale(images.shape[1:3].numel()) * F.pixel_unshuffle(pixels, CELL)
+        picture = self._scale(images.shape[1:3].numel()) * F.pixel_unshuffle(pixels, CELL)
+        return F.pad(picture, (0, 0, 0, 0, 0, CODE))
 
     def decode(self, latents: Float[Tensor, "v c y x"]) -> Float[Tensor, "v h w 3"]:
-        """The exact inverse of encode."""
-        pixels = F.pixel_shuffle(latents, CELL).movedim(1, -1)
+        """The exact inverse of encode; codes are not seen."""
+        pixels = F.pixel_shuffle(latents[:, :-CODE], CELL).movedim(1, -1)
         return pixels / (2 * self._scale(pixels.shape[1:3].numel())) + 0.5
 
     def condition(
@@ -150,6 +171,7 @@ class ClosedForm:
         variants = perturb(parse(prompt).variants(originals), self.perturbation, generator)
         base = self.encode(originals)
         offsets = torch.stack([self.encode(variant) for variant in variants]) - base
+        offsets[:, :, -CODE:] = self._codes(base)[:, None]
         width = self.shape.width * self._scale(originals.shape[1:3].numel())
         # weights pi_k such that from the noised original every variant is as likely as another
         ab = self.schedule.alpha(FIRST_T)
@@ -182,7 +204,7 @@ class ClosedForm:
         return Branches(
             eps(condition.text_image.posterior_mean(q, variance)),
             eps(condition.image.posterior_mean(q, variance)),
-            eps(q / (1 + variance)) if need_none else None,
+            eps(_prior_mean(q, variance, condition.image)) if need_none else None,
         )
 
     def answer(
@@ -196,9 +218,40 @@ class ClosedForm:
         agreed, _ = agreed_variant(recipe, edited, originals)
         return partial(recipe.variant, k=agreed)
 
+    def encode_edited(
+        self,
+        images: Float[Tensor, "v h w 3"],
+        originals: Float[Tensor, "v h w 3"],
+        prompt: str,
+    ) -> Float[Tensor, "v c y x"]:
+        """Latents of finished edits: each cell's code is that of the variant the view shows."""
+        _, votes = agreed_variant(parse(prompt), images, originals)
+        latents = self.encode(images)
+        latents[:, -CODE:] = self._codes(latents)[list(votes)]
+        return latents
+
+    def _codes(self, latents: Float[Tensor, "v c y x"]) -> Float[Tensor, "k d y x"]:
+        """The corners of a regular triangle about 0, the same in every cell."""
+        y, x = latents.shape[2:]
+        angles = 2 * torch.pi / VARIANTS * torch.arange(VARIANTS).to(latents)
+        corners = torch.stack((angles.cos(), angles.sin()), 1) * (self.shape.code / (y * x) ** 0.5)
+        return corners[:, :, None, None].expand(-1, -1, y, x)
+
     def _scale(self, pixels: int) -> float:
         """Latent units per unit of a value in [-1, 1]."""
         return self.shape.radius / math.sqrt(3 * pixels)
+
+
+def _prior_mean(
+    q: Float[Tensor, "v c y x"], variance: float, image: Mixture
+) -> Float[Tensor, "v c y x"]:
+    """E[x0 | q] of the branch that knows neither text nor image."""
+    n = q[0].numel()
+    broad = -q.flatten(1).double().square().sum(1) / (2 * (1 + variance))
+    broad = broad - n / 2 * math.log(1 + variance)
+    known = torch.sigmoid(image.log_density(q, variance) - n / 2 * math.log(2) - broad)
+    known = known.to(q)[:, None, None, None]
+    return torch.lerp(q / (1 + variance), image.posterior_mean(q, variance), known)
 
 
 def perturb(

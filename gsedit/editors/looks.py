@@ -123,19 +123,6 @@ def ramp(codes: str, *, keep: float = 0.1, contrast: float = 0.6, gamma: float =
     return apply
 
 
-def grade(
-    tint: str, *, exposure: float = 1.0, saturation: float = 1.0, contrast: float = 0.3
-) -> ColourMap:
-    """A colourist's grade: exposure, saturation, then a tint that multiplies."""
-
-    def apply(images: Tensor) -> Tensor:
-        image = _contrast(images * exposure, contrast)
-        grey = luma(image)
-        return (grey + saturation * (image - grey)) * image.new_tensor(_colours(tint)[0])
-
-    return apply
-
-
 def snow(shade: str, light: str, *, depth: float) -> ColourMap:
     """What is bright and dull is covered; what is dark or colourful still shows through."""
 
@@ -189,7 +176,7 @@ def grained(codes: str) -> ColourMap:
     return apply
 
 
-def blur(images: Image, radius: int) -> Image:
+def _blur(images: Tensor, radius: int) -> Tensor:
     """A box of 2 radius + 1 pixels, twice (a tent); the border repeats the edge."""
     flat = images.reshape(-1, *images.shape[-3:]).movedim(-1, 1)
     for _ in range(2):
@@ -203,7 +190,7 @@ def sketch(ink: str, paper: str) -> ColourMap:
 
     def apply(images: Tensor) -> Tensor:
         grey = luma(images)
-        lines = (grey / (blur(grey, 2) + 0.02)).clamp(0, 1) ** 2.5
+        lines = (grey / (_blur(grey, 2) + 0.02)).clamp(0, 1) ** 2.5
         shading = 0.45 + 0.55 * _smoothstep(grey, 0.05, 0.6)
         return _along(lines * shading, f"{ink} {paper}")
 
@@ -214,10 +201,10 @@ def watercolor(tint: str, saturation: float) -> ColourMap:
     """Soft flats that run into paper white, with pigment gathered at edges."""
 
     def apply(images: Tensor) -> Tensor:
-        wash = blur(images, 1)
+        wash = _blur(images, 1)
         grey = luma(wash)
         wash = (grey + saturation * (wash - grey)).clamp(0, 1) ** 0.7
-        pigment = (grey - blur(grey, 2)).clamp(-0.08, 0.08)
+        pigment = (grey - _blur(grey, 2)).clamp(-0.08, 0.08)
         return (0.16 + 0.84 * wash) * images.new_tensor(_colours(tint)[0]) + 1.6 * pigment
 
     return apply
@@ -278,7 +265,7 @@ LOOKS: dict[str, Look] = {
         ),
     ),
     "wood": Look(
-        ("wood", "wooden", "oak", "timber", "carved"),
+        ("wood", "wooden", "oak", "timber"),
         (
             grained("241004 6c3c14 b07838 dcb070 f8e0b0"),  # oak
             grained("0c0402 301408 5c2c16 90543a d0a080"),  # walnut
@@ -294,7 +281,7 @@ LOOKS: dict[str, Look] = {
         ),
     ),
     "night": Look(
-        ("night", "nighttime", "midnight", "moonlight", "moonlit", "dark"),
+        ("night", "nighttime", "midnight", "moonlight", "moonlit"),
         (
             ramp("01030c 0a1838 24447c 6890c8 d8ecff", keep=0.15, contrast=0.7, gamma=1.9),
             ramp("02080a 06282c 145c5c 48a498 d0fff0", keep=0.15, contrast=0.7, gamma=1.9),
@@ -310,7 +297,7 @@ LOOKS: dict[str, Look] = {
         ),
     ),
     "sepia": Look(
-        ("sepia", "vintage", "antique", "old photo", "old photograph"),
+        ("sepia", "vintage", "old photo", "old photograph"),
         (
             ramp("1c1008 644830 ac8c64 e0c8a0 fff4dc", keep=0.0, contrast=0.4),
             ramp("0c0a0c 3c2c2c 745858 b49490 ecd4c8", keep=0.0, contrast=0.4),

@@ -62,10 +62,21 @@ class Pix2Pix:
         if not prompt.strip():
             raise UsageError('the instruction is empty: say what to change, e.g. "make it snow"')
 
+    @torch.no_grad()
     def encode(self, images: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v c y x"]:
         """The posterior's mode times the VAE's scaling factor, float32."""
         return self._mode(images) * self.vae.config.scaling_factor
 
+    def encode_edited(
+        self,
+        images: Float[Tensor, "v h w 3"],
+        originals: Float[Tensor, "v h w 3"],
+        prompt: str,
+    ) -> Float[Tensor, "v c y x"]:
+        """As encode: these latents say nothing but the picture."""
+        return self.encode(images)
+
+    @torch.no_grad()
     def decode(self, latents: Float[Tensor, "v c y x"]) -> Float[Tensor, "v h w 3"]:
         latents = (latents / self.vae.config.scaling_factor).to(self.vae.dtype)
         chunks = [self.vae.decode(z).sample.float() for z in latents.split(self.micro_batch)]
@@ -143,8 +154,9 @@ def load_pix2pix(
     if micro_batch < 1:
         raise UsageError(f"micro_batch must be 1 or more, not {micro_batch}")
     try:
-        import diffusers
         import transformers
+        from diffusers.models.autoencoders.autoencoder_kl import AutoencoderKL
+        from diffusers.models.unets.unet_2d_condition import UNet2DConditionModel
     except ImportError as error:
         raise UsageError(
             f"the pix2pix editor needs diffusers and transformers ({error.name} is missing): "
@@ -166,8 +178,8 @@ def load_pix2pix(
     # low_cpu_mem_usage would need one more package (accelerate)
     options = {"torch_dtype": dtype, "low_cpu_mem_usage": False}
     return Pix2Pix(
-        unet=load("unet", diffusers.UNet2DConditionModel, **options).eval(),
-        vae=load("vae", diffusers.AutoencoderKL, **options).eval(),
+        unet=load("unet", UNet2DConditionModel, **options).eval(),
+        vae=load("vae", AutoencoderKL, **options).eval(),
         text_encoder=load("text_encoder", transformers.CLIPTextModel).to(dtype).eval(),
         tokenizer=load("tokenizer", transformers.CLIPTokenizer),
         schedule=schedule,

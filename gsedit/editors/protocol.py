@@ -39,12 +39,17 @@ class EditProgress:
     """Edited views, in [0, 1], same size and order as the batch."""
 
 
+@runtime_checkable
 class Editor(Protocol):
     """A 2D editor of several views at once."""
 
-    name: str
-    cell: int
-    """Pixels per latent cell: the grid on which correspondences are wanted; sides are multiples."""
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def cell(self) -> int:
+        """Pixels per latent cell: the grid on which correspondences are wanted."""
+        ...
 
     def check(self, prompt: str) -> None:
         """Raise UsageError, with the next move, if this editor cannot follow the instruction."""

@@ -61,17 +61,24 @@ class DiffusionEditor:
             return
         height, width = batch.images.shape[1:3]
         originals = pad_to_cells(batch.originals, self.cell)
-        z0 = self.denoiser.encode(pad_to_cells(batch.images, self.cell))
-        anchor = None
-        free = slice(None)
+        images = pad_to_cells(batch.images, self.cell)
+        z0 = self.denoiser.encode(images)
+        anchor, free = None, slice(None)
         if batch.anchored is not None and batch.anchored.any():
-            anchor, free = Anchor(batch.anchored, z0), ~batch.anchored
+            free = ~batch.anchored
+            answers = z0.clone()
+            answers[batch.anchored] = self.denoiser.encode_edited(
+                images[batch.anchored], originals[batch.anchored], batch.prompt
+            )
+            anchor = Anchor(batch.anchored, answers)
         agree, share = _hooks(batch, settings, z0)
 
         noise = torch.randn(z0.shape, generator=generator, dtype=z0.dtype)
         condition = self.denoiser.condition(originals[free], batch.prompt, generator)
         start = self.denoiser.schedule.timesteps(settings.steps, settings.strength)[0]
-        x = add_noise(z0, share(noise), self.denoiser.schedule.alpha(start))
+        x = add_noise(
+            z0 if anchor is None else anchor.x0, share(noise), self.denoiser.schedule.alpha(start)
+        )
         states = sample(
             self.denoiser,
             condition,

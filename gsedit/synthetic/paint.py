@@ -42,8 +42,8 @@ def stripes(direction: Triple, period: float, sharpness: float = 1.0) -> Callabl
     """A share that alternates along `direction` (unit length); sharper edges above 1."""
 
     def share(points: Tensor) -> Tensor:
-        phase = sum(points[..., i] * (d * 2 * pi / period) for i, d in enumerate(direction))
-        return 0.5 + 0.5 * _flatten(phase.sin(), sharpness)  # pyright: ignore
+        phase = points @ points.new_tensor(direction) * (2 * pi / period)
+        return 0.5 + 0.5 * _flatten(phase.sin(), sharpness)
 
     return share
 
@@ -67,7 +67,7 @@ def waves(period: float) -> Callable[[Tensor], Tensor]:
     def share(points: Tensor) -> Tensor:
         total = points.new_zeros(points.shape[:-1])
         for direction, frequency in zip(directions, frequencies):
-            phase = sum(points[..., i] * d for i, d in enumerate(direction))
+            phase = points @ points.new_tensor(direction)
             total = total + (phase * (2 * pi * frequency / period) + 3 * frequency).sin()
         return 0.5 + total / 8
 

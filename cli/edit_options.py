@@ -1,0 +1,172 @@
+"""What an edit can be told, in groups that mirror the library's settings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from .options import given
+
+if TYPE_CHECKING:
+    from gsedit.edit import EditSettings
+
+
+class EditorName(str, Enum):
+    closed_form = "closed-form"
+    pix2pix = "pix2pix"
+
+
+class Preset(str, Enum):
+    default = "default"
+    paper = "paper"
+
+
+class Geometry(str, Enum):
+    appearance = "appearance"
+    full = "full"
+
+
+class Condition(str, Enum):
+    render = "render"
+    photo = "photo"
+
+
+def option(name: str, help: str, **more: Any) -> Any:
+    """An option whose default is the library's, so it is only told here, not set."""
+    return typer.Option(name, help=help, show_default=False, **more)
+
+
+EDITOR, SAMPLER, UPDATE = "The 2D editor", "How it samples", "How the scene follows"
+
+
+@dataclass(frozen=True)
+class EditorOptions:
+    """Which 2D editor follows the instruction."""
+
+    editor: Annotated[
+        EditorName,
+        typer.Option(
+            "--editor",
+            rich_help_panel=EDITOR,
+            help="closed-form: built in, knows a list of looks; pix2pix: InstructPix2Pix weights.",
+        ),
+    ] = EditorName.closed_form
+    model: Annotated[
+        str | None,
+        option("--model", "pix2pix: a folder of weights, or a hub id.", rich_help_panel=EDITOR),
+    ] = None
+    weights_dir: Annotated[
+        Path | None,
+        option("--weights-dir", "pix2pix: where weights are kept.", rich_help_panel=EDITOR),
+    ] = None
+
+
+@dataclass(frozen=True)
+class SamplerOptions:
+    """Fields of gsedit.diffusion.SamplerSettings; None leaves the preset's value."""
+
+    steps: Annotated[
+        int | None,
+        option("--steps", "Sampling steps (default 20).", rich_help_panel=SAMPLER),
+    ] = None
+    guidance_text: Annotated[
+        float | None,
+        option(
+            "--guidance", "How strongly the instruction (default 7.5).", rich_help_panel=SAMPLER
+        ),
+    ] = None
+    guidance_image: Annotated[
+        float | None,
+        option(
+            "--image-guidance", "... and the picture hold (default 1.5).", rich_help_panel=SAMPLER
+        ),
+    ] = None
+    consensus: Annotated[
+        bool | None,
+        option(
+            "--consensus/--no-consensus",
+            "Views agree on corresponding cells while they are sampled (default yes).",
+            rich_help_panel=SAMPLER,
+        ),
+    ] = None
+
+
+@dataclass(frozen=True)
+class UpdateOptions:
+    """Fields of gsedit.strategies.UpdateSettings; None leaves the library's value."""
+
+    update_steps: Annotated[
+        int | None,
+        option("--update-steps", "Fitting steps a round (default 200).", rich_help_panel=UPDATE),
+    ] = None
+    patches: Annotated[
+        int | None,
+        option("--patches", "Crops rendered a step (default 4).", rich_help_panel=UPDATE),
+    ] = None
+    patch: Annotated[
+        int | None,
+        option("--patch", "Side of a crop, pixels (default 64).", rich_help_panel=UPDATE),
+    ] = None
+    gram_weight: Annotated[
+        float | None,
+        option("--gram-weight", "Weight of the Gram loss (default 0.1).", rich_help_panel=UPDATE),
+    ] = None
+
+
+@dataclass(frozen=True)
+class RoundOptions:
+    """Fields of gsedit.edit.EditSettings; None leaves the library's value."""
+
+    views_per_round: Annotated[
+        int | None,
+        option("--views", "Views edited together in a round (default 4).", rich_help_panel=UPDATE),
+    ] = None
+    rounds: Annotated[
+        int | None, option("--rounds", "Rounds at most (default 2).", rich_help_panel=UPDATE)
+    ] = None
+    coverage: Annotated[
+        float | None,
+        option(
+            "--coverage",
+            "Stop when this share of what the cameras see was edited (default 0.95).",
+            rich_help_panel=UPDATE,
+        ),
+    ] = None
+    geometry: Annotated[
+        Geometry | None,
+        option(
+            "--geometry",
+            "Move colours and opacities only, or everything (default appearance).",
+            rich_help_panel=UPDATE,
+        ),
+    ] = None
+    condition: Annotated[
+        Condition | None,
+        option(
+            "--condition",
+            "What the editor is shown as the unedited picture (default render).",
+            rich_help_panel=UPDATE,
+        ),
+    ] = None
+
+
+def resolve(
+    preset: Preset, sampler: SamplerOptions, update: UpdateOptions, plan: RoundOptions
+) -> EditSettings:
+    """The preset's settings with what the user gave put over them. Raises UsageError."""
+    from gsedit.diffusion import SamplerSettings
+    from gsedit.edit import EditSettings
+    from gsedit.strategies import UpdateSettings
+
+    fitting = given(update)
+    if "update_steps" in fitting:
+        fitting["steps"] = fitting.pop("update_steps")
+    return EditSettings(
+        sampler=replace(SamplerSettings.preset(preset.value), **given(sampler)),
+        update=UpdateSettings(**fitting),
+        **given(plan),
+    )

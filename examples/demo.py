@@ -1,0 +1,26 @@
+"""Edit the built-in scene from a sentence and leave the pictures to look at: `make demo`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import torch
+from gsedit_cli.main import app
+
+import gsedit
+from gsedit.synthetic import demo_scene, surface_gaussians
+
+INSTRUCTION = "turn the bear into a bronze statue"
+
+
+def demo(folder: Path) -> int:
+    """Make the scene, edit it as the command line does, and say what to look at."""
+    scene = surface_gaussians(demo_scene(), 30_000, torch.Generator().manual_seed(0))
+    source = folder.with_name(folder.name + "_scene.ply")
+    gsedit.save(scene, source, overwrite=True)
+    return app(["edit", str(source), INSTRUCTION, "-o", str(folder), "--force"])
+
+
+if __name__ == "__main__":
+    sys.exit(demo(Path(sys.argv[1] if len(sys.argv) > 1 else "out/demo")))

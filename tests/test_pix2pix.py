@@ -1,0 +1,277 @@
+"""Our loop against diffusers' own pipeline on a tiny random model; model folders that are wrong."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+import torch
+
+from gsedit.correspond import Correspondences
+from gsedit.diffusion import Anchor, SamplerSettings, sample
+from gsedit.editors import EditBatch, make_editor
+from gsedit.errors import InputError, UsageError
+
+diffusers = pytest.importorskip("diffusers", reason="pip install 'gsedit[diffusers]'")
+transformers = pytest.importorskip("transformers", reason="pip install 'gsedit[diffusers]'")
+
+from gsedit.editors.pix2pix import load_pix2pix  # noqa: E402
+
+PROMPT = "make it snow"
+SD = {
+    "beta_start": 0.00085,
+    "beta_end": 0.012,
+    "beta_schedule": "scaled_linear",
+    "clip_sample": False,
+    "set_alpha_to_one": False,
+    "steps_offset": 1,
+}
+
+
+def tiny_unet() -> diffusers.UNet2DConditionModel:
+    return diffusers.UNet2DConditionModel(
+        block_out_channels=(32, 64),
+        layers_per_block=2,
+        sample_size=32,
+        in_channels=8,
+        out_channels=4,
+        down_block_types=("DownBlock2D", "CrossAttnDownBlock2D"),
+        up_block_types=("CrossAttnUpBlock2D", "UpBlock2D"),
+        cross_attention_dim=32,
+    )
+
+
+def tiny_vae() -> diffusers.AutoencoderKL:
+    return diffusers.AutoencoderKL(
+        block_out_channels=(32, 64),
+        in_channels=3,
+        out_channels=3,
+        down_block_types=("DownEncoderBlock2D",) * 2,
+        up_block_types=("UpDecoderBlock2D",) * 2,
+        latent_channels=4,
+    )
+
+
+def tiny_tokenizer(folder: Path) -> transformers.CLIPTokenizer:
+    """Bytes of a few letters, one merge, and the two special tokens."""
+    letters = "abcdefghijklmnopqrstuvwxyz"
+    ends = [f"{letter}</w>" for letter in letters]
+    words = [*letters, *ends, "it</w>", "<|startoftext|>", "<|endoftext|>"]
+    folder.mkdir()
+    vocabulary = {word: index for index, word in enumerate(words)}
+    (folder / "vocab.json").write_text(json.dumps(vocabulary))
+    (folder / "merges.txt").write_text("#version: 0.2\ni t</w>\n")
+    return transformers.CLIPTokenizer(
+        str(folder / "vocab.json"), str(folder / "merges.txt"), model_max_length=77
+    )
+
+
+@pytest.fixture(scope="module", autouse=True)
+def offline(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HF_HUB_OFFLINE", "1")
+        patch.setattr("huggingface_hub.constants.HF_HUB_OFFLINE", True)
+        patch.setattr("huggingface_hub.constants.HF_HUB_CACHE", str(tmp_path_factory.mktemp("hub")))
+        yield
+
+
+@pytest.fixture(scope="module")
+def pipeline(tmp_path_factory):
+    with torch.random.fork_rng():
+        torch.manual_seed(0)  # the modules offer no generator for their initial weights
+        text = transformers.CLIPTextModel(
+            transformers.CLIPTextConfig(
+                bos_token_id=53,
+                eos_token_id=54,
+                pad_token_id=54,
+                hidden_size=32,
+                intermediate_size=37,
+                num_attention_heads=4,
+                num_hidden_layers=2,
+                vocab_size=55,
+                projection_dim=32,
+            )
+        )
+        pipe = diffusers.StableDiffusionInstructPix2PixPipeline(
+            unet=tiny_unet().eval(),
+            vae=tiny_vae().eval(),
+            text_encoder=text.eval(),
+            tokenizer=tiny_tokenizer(tmp_path_factory.mktemp("words") / "tokenizer"),
+            scheduler=diffusers.DDIMScheduler(**SD),
+            safety_checker=None,
+            feature_extractor=None,
+            requires_safety_checker=False,
+        )
+    pipe.set_progress_bar_config(disable=True)
+    return pipe
+
+
+@pytest.fixture(scope="module")
+def folder(pipeline, tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("models") / "tiny"
+    pipeline.save_pretrained(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def model(folder):
+    return load_pix2pix(folder)
+
+
+def images(views: int = 2, side: int = 32) -> torch.Tensor:
+    return torch.rand(views, side, side, 3, generator=torch.Generator().manual_seed(1))
+
+
+def noise(views: int = 2, cells: int = 16) -> torch.Tensor:
+    return torch.randn(views, 4, cells, cells, generator=torch.Generator().manual_seed(2))
+
+
+def ours(model, settings: SamplerSettings, prediction: str = "epsilon") -> torch.Tensor:
+    condition = model.condition(images(), PROMPT, torch.Generator())
+    *_, state = sample(model, condition, noise(), settings)
+    return state.x
+
+
+def theirs(pipeline, settings: SamplerSettings) -> torch.Tensor:
+    return pipeline(
+        [PROMPT] * 2,
+        image=images().movedim(-1, 1),
+        num_inference_steps=settings.steps,
+        guidance_scale=settings.guidance_text,
+        image_guidance_scale=settings.guidance_image,
+        latents=noise(),
+        output_type="latent",
+    ).images
+
+
+@pytest.mark.parametrize(
+    ("steps", "s_T", "s_I"), [(4, 7.5, 1.5), (4, 7.5, 1.0), (7, 3.0, 2.0), (1, 7.5, 1.5)]
+)
+def test_sampling_equals_diffusers(pipeline, model, steps, s_T, s_I):
+    settings = SamplerSettings(
+        steps=steps, guidance_text=s_T, guidance_image=s_I, strength=1.0, consensus=False
+    )
+    expected = theirs(pipeline, settings)
+    # float32 networks, and betas that diffusers sums in float32; latents are of order 1 to 10
+    torch.testing.assert_close(ours(model, settings), expected, rtol=1e-5, atol=1e-4)
+
+
+@pytest.mark.parametrize("steps", [1, 7, 20, 50, 100])
+def test_times_equal_diffusers(model, steps):
+    scheduler = diffusers.DDIMScheduler(**SD)
+    scheduler.set_timesteps(steps)
+    assert model.schedule.timesteps(steps) == scheduler.timesteps.tolist()
+
+
+def test_v_prediction_equals_diffusers(pipeline, folder, tmp_path):
+    shutil.copytree(folder, tmp_path / "v")
+    config = {**SD, "prediction_type": "v_prediction"}
+    diffusers.DDIMScheduler(**config).save_pretrained(tmp_path / "v" / "scheduler")
+    settings = SamplerSettings(steps=3, strength=1.0, consensus=False)
+    pipe = diffusers.StableDiffusionInstructPix2PixPipeline(
+        **{**pipeline.components, "scheduler": diffusers.DDIMScheduler(**config)},
+        requires_safety_checker=False,
+    )
+    pipe.set_progress_bar_config(disable=True)
+    expected = theirs(pipe, settings)
+    torch.testing.assert_close(
+        ours(load_pix2pix(tmp_path / "v"), settings), expected, rtol=1e-5, atol=1e-4
+    )
+
+
+def test_micro_batches_change_nothing(folder, model):
+    together = load_pix2pix(folder, micro_batch=3)
+    settings = SamplerSettings(steps=2)
+    # a batch of another size may take another convolution kernel: roundings only
+    torch.testing.assert_close(ours(together, settings), ours(model, settings), rtol=0, atol=1e-4)
+
+
+def test_condition_is_unscaled_and_start_is_scaled(model):
+    condition = model.condition(images(), PROMPT, torch.Generator())
+    torch.testing.assert_close(condition.images * 0.18215, model.encode(images()))
+    assert condition.text.shape == condition.null.shape == (77, 32)
+    assert not torch.equal(condition.text, condition.null)
+
+
+def test_decode_undoes_the_scaling(pipeline, model):
+    z = noise()
+    with torch.no_grad():
+        expected = pipeline.vae.decode(z / 0.18215).sample.movedim(1, -1) / 2 + 0.5
+        torch.testing.assert_close(model.decode(z), expected)
+
+
+def test_anchored_view_costs_no_pass_and_stays(model):
+    known = torch.tensor([True, False])
+    start = model.encode(images())
+    condition = model.condition(images()[~known], PROMPT, torch.Generator())
+    states = sample(
+        model, condition, noise(), SamplerSettings(steps=2), anchor=Anchor(known, start)
+    )
+    *_, state = states
+    torch.testing.assert_close(state.x0[0], start[0], rtol=0, atol=1e-5)
+
+
+def test_the_whole_editor(folder):
+    editor = make_editor("pix2pix", model=folder)
+    assert editor.cell == 2  # two blocks, one halving
+    labels = torch.full((2, 17, 16), -1)
+    labels[:, 3:9, 3:9] = torch.arange(36).reshape(6, 6)
+    views = torch.rand(2, 33, 32, 3, generator=torch.Generator().manual_seed(1))
+    batch = EditBatch(views, views, PROMPT, Correspondences(labels, torch.eye(2), 2))
+    *steps, last = editor.edit(batch, SamplerSettings(steps=2), torch.Generator().manual_seed(0))
+    assert [progress.images for progress in steps] == [None]
+    assert last.images.shape == views.shape
+    assert last.images.isfinite().all()
+    with pytest.raises(UsageError, match="empty"):
+        editor.check("  ")
+
+
+def test_found_by_name_in_the_weights_folder(folder):
+    assert load_pix2pix("tiny", weights_dir=folder.parent).channels == 4
+    assert load_pix2pix("someone/tiny", weights_dir=folder.parent).channels == 4
+
+
+def broken(folder: Path, tmp_path: Path, part: str, **changes: object) -> Path:
+    copy = Path(shutil.copytree(folder, tmp_path / "broken"))
+    path = copy / part
+    path.write_text(json.dumps({**json.loads(path.read_text()), **changes}))
+    return copy
+
+
+@pytest.mark.parametrize(
+    ("part", "changes", "message"),
+    [
+        ("unet/config.json", {"in_channels": 4}, "not an InstructPix2Pix model.*4 channels"),
+        ("scheduler/scheduler_config.json", {"beta_schedule": "cosine"}, "beta_schedule"),
+        ("scheduler/scheduler_config.json", {"prediction_type": "sample"}, "prediction_type"),
+        ("scheduler/scheduler_config.json", {"trained_betas": [0.1]}, "trained"),
+    ],
+)
+def test_models_of_another_kind(folder, tmp_path, part, changes, message):
+    with pytest.raises(InputError, match=message):
+        load_pix2pix(broken(folder, tmp_path, part, **changes))
+
+
+def test_missing_and_truncated_parts(folder, tmp_path):
+    copy = Path(shutil.copytree(folder, tmp_path / "copy"))
+    weights = copy / "unet" / "diffusion_pytorch_model.safetensors"
+    weights.write_bytes(weights.read_bytes()[:1000])
+    with pytest.raises(InputError, match="unet cannot be loaded"):
+        load_pix2pix(copy)
+    (copy / "unet" / "config.json").write_text("{")
+    with pytest.raises(InputError, match=r"config\.json cannot be read"):
+        load_pix2pix(copy)
+    shutil.rmtree(copy / "vae")
+    with pytest.raises(InputError, match="has no vae/"):
+        load_pix2pix(copy)
+
+
+def test_a_model_that_is_nowhere(tmp_path):
+    with pytest.raises(InputError, match="no such model folder"):
+        load_pix2pix(tmp_path / "nothing" / "here")
+    with pytest.raises(InputError, match=r"hf download owner/name.*--model FOLDER"):
+        load_pix2pix("owner/name", weights_dir=tmp_path)
+    with pytest.raises(UsageError, match="micro_batch"):
+        load_pix2pix(tmp_path, micro_batch=0)
