@@ -32,17 +32,14 @@ def up_vector(up: str | None) -> Tensor | None:
     """The axis that was named; None where the scene itself must tell."""
     if up is None:
         return None
-    from gsedit import show
+    from gsedit import framing
 
-    return show.up_vector(up)
+    return framing.up_vector(up)
 
 
 def around(scene: Gaussians, count: int, size: int, up: str | None) -> dict[str, Camera]:
     """Named cameras on a circle around a scene that came without any."""
-    from gsedit.show import guess_up
-    from gsedit.views import orbit
+    from gsedit.framing import orbit
 
-    named = up_vector(up)
-    x, y, z = (guess_up(scene) if named is None else named).tolist()
-    cameras = orbit(scene, count, size, up=(x, y, z))
+    cameras = orbit(scene, count, size, up=up_vector(up))
     return {f"orbit_{index:03d}": camera for index, camera in enumerate(cameras)}

@@ -18,11 +18,12 @@ from gsedit.diffusion import Answer, SamplerSettings
 from gsedit.editors.protocol import EditBatch, Editor, KnowsAnswer
 from gsedit.errors import UsageError
 from gsedit.features import FeatureExtractor, FilterBank
+from gsedit.framing import bounds, orbit
 from gsedit.optimiser import SceneOptimiser
 from gsedit.plan import Plan, plan_views, survey
 from gsedit.report import Checkpoint, Event
 from gsedit.strategies import UpdateSettings, update_steps
-from gsedit.views import Dataset, View, bounds, capture, orbit
+from gsedit.views import Dataset, View, capture
 from rasterizer.camera import Camera
 from rasterizer.render import Rendering, render
 from rasterizer.scene import Gaussians
@@ -32,6 +33,8 @@ ORBIT_VIEWS = 24
 ORBIT_SIZE = 256
 WEAK_MATCH = 0.05
 """Below this fraction of matched cells a pair of views has little to agree on: worth a warning."""
+ANCHORS = 4
+"""Finished views that the next batch is tied to. They cost no network call, only comparisons."""
 PROBES = 3
 """Held-out views measured while the work goes on; all of them are measured at its end."""
 MEASURE_EVERY = 50
@@ -191,6 +194,7 @@ class _Work:
         self.matches: list[float] = []
         self.answer: Answer | None = None
         self.rounds_done = 0
+        self.seed = int(torch.randint(1 << 31, (), generator=generator))
 
     def survey(self) -> Iterator[Event]:
         """Which views to edit, and what they and the held-out ones look like before."""
@@ -206,8 +210,8 @@ class _Work:
         yield Event("survey", self.watch.seconds, count, count, note=note)
 
     def edit_views(self, batch: Sequence[int]) -> Iterator[Event]:
-        """Edit a batch of views consistently, tied to the finished ones by an anchor."""
-        members = (*batch, *_anchor(self.weights, batch, self.targets))
+        """Edit a batch of views consistently, tied to the finished ones by anchors."""
+        members = (*batch, *_anchors(self.weights, batch, self.targets))
         with self.watch.stage("correspond"):
             found = self._correspondences(members)
         self.matches.append(_mean_match(found))
@@ -302,7 +306,7 @@ class _Work:
         return picture.clamp(0, 1).to(rendered)
 
     def _request(self, members: Sequence[int], found: Correspondences | None) -> EditBatch:
-        """Current renders of the new views, and the anchor as it was edited."""
+        """Current renders of the new views, and the anchors as they were edited."""
         scene = self.optimiser.scene.detach()
         images = [
             self.targets[i].image
@@ -316,6 +320,7 @@ class _Work:
             prompt=self.prompt,
             correspondences=found,
             anchored=torch.tensor([i in self.targets for i in members]),
+            seed=self.seed,
         )
 
 
@@ -324,14 +329,13 @@ def _render(scene: Gaussians, camera: Camera) -> Rendering:
     return render(scene, camera, median_depth=True)
 
 
-def _anchor(
+def _anchors(
     weights: Float[Tensor, "v n"], batch: Sequence[int], targets: dict[int, View]
 ) -> tuple[int, ...]:
-    """The finished view that sees most of what the new ones see: it ties the rounds together."""
-    if not targets:
-        return ()
+    """The finished views that see most of what the new ones see: they tie the rounds together."""
     shared = weights[list(batch)].sum(0)
-    return (max(targets, key=lambda i: float(torch.minimum(weights[i], shared).sum())),)
+    common = {i: float(torch.minimum(weights[i], shared).sum()) for i in targets}
+    return tuple(sorted(common, key=lambda i: -common[i])[:ANCHORS])
 
 
 def _off_diagonal(found: Correspondences) -> Float[Tensor, " p"]:

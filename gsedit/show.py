@@ -10,7 +10,6 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterable, Sequence
-from math import pi, radians, sin
 from pathlib import Path
 from typing import Any, Literal
 
@@ -22,9 +21,10 @@ from torch import Tensor
 
 from gsedit.errors import GseditError, UsageError
 from gsedit.files.atomic import atomic_path
+from gsedit.framing import framing_camera, guess_up
 from gsedit.report import Event, curves, decibels
-from gsedit.views import View, bounds
-from rasterizer.camera import Camera, look_at
+from gsedit.views import View
+from rasterizer.camera import Camera
 from rasterizer.numerics import SH_DC
 from rasterizer.scene import Gaussians
 
@@ -35,7 +35,6 @@ CELL = (
 )  # pixels: smaller pictures are enlarged to the first, larger reduced to the second
 MARGIN, STRIP = 4, 22  # pixels between cells, and above a row for its label
 SOLID = 0.5  # a pixel shows a surface where at least half of it is covered
-UP_AXES = {"x": 0, "y": 1, "z": 2}
 
 
 def as_picture(image: Float[Tensor, "h w 3"]) -> Image.Image:
@@ -179,75 +178,6 @@ def _add_decibels(axes: Any) -> None:
 def splat_colors(scene: Gaussians) -> Float[Tensor, "n 3"]:
     """The colour of every Gaussian without its view dependence (SH degree 0), in [0, 1]."""
     return (0.5 + SH_DC * scene.sh[:, 0]).detach().clamp(0, 1)
-
-
-def guess_up(scene: Gaussians) -> Float[Tensor, "3"]:
-    """The normal of the ground the scene stands on, or INRIA's -y where there is no clear ground.
-
-    Capture frames are seldom level. Of directions all around, this takes the one along which the
-    middle 60 % of the centres pile up most in one of 32 layers. A ground has much in it, much above
-    it and little below; the shares were chosen on two captures with a ground and three without.
-    """
-    if not len(scene):
-        return up_vector("-y")
-    near = scene.means.detach().double()
-    near = near - near.median(0).values
-    distance = near.norm(dim=1)
-    radius = distance.sort().values[int(0.6 * (len(near) - 1))]
-    near = near[distance <= radius] / radius.clamp_min(1e-12)
-    near = near[:: 1 + len(near) // 20_000]  # enough to find a plane
-    directions = _hemisphere(400)
-    layers = torch.stack([torch.histc(height, 32, -1, 1) for height in directions @ near.T])
-    best = int(layers.amax(1).argmax())
-    shares = layers[best] / layers[best].sum()
-    ground = int(shares.argmax())
-    ahead, behind = float(shares[ground + 2 :].sum()), float(shares[: max(ground - 1, 0)].sum())
-    above, below = max(ahead, behind), min(ahead, behind)
-    if shares[ground] < 0.22 or above < 0.2 or below > 0.2 * above:
-        return up_vector("-y")
-    return directions[best] if ahead > behind else -directions[best]
-
-
-def _hemisphere(count: int) -> Float[Tensor, "n 3"]:
-    """Evenly spread directions, one of each opposite pair (a Fibonacci spiral)."""
-    index = torch.arange(count, dtype=torch.float64) + 0.5
-    z = 1 - index / count
-    turn = index * pi * (1 + 5**0.5)
-    return torch.stack(((1 - z**2).sqrt() * turn.cos(), (1 - z**2).sqrt() * turn.sin(), z), 1)
-
-
-def up_vector(axis: str) -> Float[Tensor, "3"]:
-    """The unit vector of an axis name: x, -x, y, -y, z or -z. Raises UsageError otherwise."""
-    if axis.lstrip("-") not in UP_AXES or axis.count("-") > 1:
-        raise UsageError(f"up axis '{axis}': use one of x, -x, y, -y, z, -z")
-    vector = torch.zeros(3, dtype=torch.float64)
-    vector[UP_AXES[axis[-1]]] = -1.0 if axis.startswith("-") else 1.0
-    return vector
-
-
-def framing_camera(
-    scene: Gaussians, *, up: Float[Tensor, "3"] | None = None, size: tuple[int, int] = (960, 720)
-) -> Camera:
-    """A camera that sees the bulk of a scene from a little above; `size` is (width, height).
-
-    It aims at the median of the centres; the ball of `views.bounds` fills the picture, so
-    far floaters and backgrounds do not matter. Raises UsageError for an empty scene.
-    """
-    if not len(scene):
-        raise UsageError("the scene has no Gaussians: there is nothing to frame")
-    width, height = size
-    bulk = bounds(scene.means)
-    above = guess_up(scene) if up is None else up
-    # COLMAP's cameras look along +z, nerfstudio's (z up) stand at -y: 30 degrees from there
-    front = -torch.eye(3, dtype=torch.float64)[1 if above[2].abs() > 0.7 else 2]
-    side = torch.nn.functional.normalize(torch.linalg.cross(front, above), dim=0)
-    direction = 0.87 * torch.linalg.cross(above, side) + 0.5 * side + 0.4 * above
-    fov_y = 50.0
-    narrower = radians(fov_y) / 2 * min(1.0, width / height)
-    distance = bulk.radius / sin(narrower)
-    centre = torch.tensor(bulk.centre, dtype=torch.float64)
-    eye = centre + distance * direction / direction.norm()
-    return look_at(eye, centre, above, fov_y, width, height)
 
 
 def to_open3d(scene: Gaussians) -> Any:

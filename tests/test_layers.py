@@ -14,7 +14,7 @@ ORDER = {
     "gsedit": (
         "show", "edit", "strategies", "plan", "fit", "optimiser", "editors", "diffusion",
         "metrics", "losses", "features", "correspond", "report", "synthetic", "files", "views",
-        "errors",
+        "framing", "errors",
     ),
     "rasterizer": (
         "reference", "render", "composite", "tiles", "project", "harmonics", "camera", "scene",

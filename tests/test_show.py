@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import subprocess
 import sys
 
@@ -10,36 +9,17 @@ import numpy as np
 import pytest
 import torch
 from PIL import Image
+from point_clouds import ball, cloud
 
 from gsedit import show
 from gsedit.errors import GseditError, UsageError
 from gsedit.files import load
+from gsedit.framing import framing_camera
 from gsedit.report import Event
 from gsedit.views import View
 from rasterizer.camera import Camera
-from rasterizer.numerics import SH_DC
-from rasterizer.scene import Gaussians
 
 BLOCKED = "import sys; sys.modules.update(open3d=None, pyvista=None, vtk=None)\n"
-
-
-def cloud(means: torch.Tensor, color=(1.0, 0.0, 0.0), degree: int = 0) -> Gaussians:
-    """Opaque round Gaussians of one colour."""
-    n = len(means)
-    sh = torch.zeros(n, (degree + 1) ** 2, 3)
-    sh[:, 0] = (torch.tensor(color) - 0.5) / SH_DC
-    return Gaussians(
-        means.float(),
-        torch.tensor([1.0, 0, 0, 0]).repeat(n, 1),
-        torch.full((n, 3), math.log(0.05)),
-        torch.full((n,), 3.0),
-        sh,
-    )
-
-
-def ball(n: int = 200) -> Gaussians:
-    generator = torch.Generator().manual_seed(0)
-    return cloud(torch.randn(n, 3, generator=generator))
 
 
 def view(color: float, size: tuple[int, int] = (20, 30)) -> View:
@@ -115,48 +95,7 @@ def test_error_vs_time_is_a_picture_whatever_was_measured(tmp_path, events):
         show.error_vs_time(events, path)
 
 
-@pytest.mark.parametrize("axis", ["x", "-x", "y", "-y", "z", "-z"])
-def test_the_framing_camera_sees_the_scene_upright(axis):
-    scene = ball()
-    up = show.up_vector(axis)
-    camera = show.framing_camera(scene, up=up, size=(64, 48))
-    xy, depth = camera.project(scene.means.double())
-    inside = (depth > 0) & (xy > 0).all(1) & (xy < torch.tensor([64, 48])).all(1)
-    assert inside.float().mean() > 0.8
-    feet = camera.centre + 5 * camera.forward
-    (foot_x, foot_y), (head_x, head_y) = camera.project(torch.stack((feet, feet + up)))[0]
-    assert head_y < foot_y  # y points down in a picture
-    assert abs(head_x - foot_x) < 1e-10  # upright: float64 rounding of 64 pixels
-
-
-def test_framing_does_not_mind_far_floaters():
-    scene = ball()
-    far = cloud(torch.cat((scene.means, 1e4 * torch.ones(5, 3))))
-    here, there = (show.framing_camera(s, up=show.up_vector("z")).centre for s in (scene, far))
-    assert (here - there).norm() < 0.1 * here.norm()
-
-
-@pytest.mark.parametrize("up", [(0.0, 0.0, 1.0), (0.0, -1.0, 0.0), (-0.6, 0.48, 0.64)])
-def test_up_is_off_the_ground_whatever_the_frame(up):
-    generator = torch.Generator().manual_seed(0)
-    normal = torch.tensor(up, dtype=torch.float64)
-    ground = torch.randn(2000, 3, generator=generator, dtype=torch.float64)
-    ground = ground - (ground @ normal)[:, None] * normal
-    body = 0.3 * torch.randn(1000, 3, generator=generator, dtype=torch.float64) + 0.9 * normal
-    guess = show.guess_up(cloud(torch.cat((ground, body))))
-    assert guess @ normal > math.cos(math.radians(8))  # 400 directions: about 7 degrees apart
-
-
-def test_up_is_inrias_where_there_is_no_ground():
-    assert show.guess_up(ball(2000)).tolist() == [0, -1, 0]
-
-
-def test_wrong_axes_and_empty_scenes_are_refused():
-    for axis in ("w", "", "--x", "xy"):
-        with pytest.raises(UsageError, match="-z"):
-            show.up_vector(axis)
-    with pytest.raises(UsageError, match="no Gaussians"):
-        show.framing_camera(ball()[:0])
+def test_a_scene_with_nothing_to_show_is_refused():
     with pytest.raises(UsageError, match="opacity"):
         show.preview(ball(), min_opacity=0.99)
 
@@ -188,7 +127,7 @@ def test_without_opengl_the_advice_is_one_line(monkeypatch):
     monkeypatch.setattr(show, "_PROBE", "import os; os.abort()")  # as VTK ends: by a signal
     monkeypatch.setattr(show, "_pyvista", lambda: None)
     with pytest.raises(GseditError, match="apt-get install -y libegl1") as raised:
-        show.snapshot(ball(), show.framing_camera(ball()))
+        show.snapshot(ball(), framing_camera(ball()))
     assert "\n" not in str(raised.value)
 
 

@@ -27,6 +27,8 @@ class EditBatch:
     """None: every view is edited on its own."""
     anchored: Bool[Tensor, " v"] | None = None
     """Views that are already edited: they stay as they are, and their clusters follow them."""
+    seed: int = 0
+    """The same for all batches of one edit: what corresponds to nothing starts alike everywhere."""
 
 
 @dataclass(frozen=True, eq=False)

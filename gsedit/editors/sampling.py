@@ -119,7 +119,24 @@ def _hooks(batch: EditBatch, settings: SamplerSettings, z0: Tensor) -> tuple[Hoo
     )
     if settings.noise == "independent":
         return agree, lambda noise: noise
-    return agree, partial(share_noise, labels=labels)
+    return agree, _Sharing(labels, torch.Generator().manual_seed(batch.seed))
+
+
+@dataclass(frozen=True, eq=False)
+class _Sharing:
+    """Noise that views have in common: a draw for each cluster, one picture of it for the rest.
+
+    Where few cells correspond, it is the common picture that lets views choose alike: it weighs
+    the same preference for every view, and it is the same in every batch of an edit. Inside a view
+    no draw is used twice, so noise stays white.
+    """
+
+    labels: Int[Tensor, "v y x"]
+    common: torch.Generator
+
+    def __call__(self, noise: Float[Tensor, "v c y x"]) -> Float[Tensor, "v c y x"]:
+        picture = torch.randn(noise.shape[1:], generator=self.common, dtype=noise.dtype)
+        return torch.where(self.labels[:, None] >= 0, share_noise(noise, self.labels), picture)
 
 
 def _labels_on(labels: Int[Tensor, "v y x"], z0: Tensor) -> Int[Tensor, "v Y X"]:

@@ -1,0 +1,200 @@
+"""An edit ends where its known answer is, leaves alone what it did not see, and can be followed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+import gsedit
+from gsedit.diffusion import SamplerSettings
+from gsedit.edit import EditResult, EditSettings, edit_steps
+from gsedit.editors import make_editor
+from gsedit.editors.protocol import EditBatch, EditProgress
+from gsedit.errors import UsageError
+from gsedit.report import Checkpoint, Event
+from gsedit.strategies import UpdateSettings, rates, update_steps
+from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
+from gsedit.views import Dataset, capture
+from rasterizer.scene import concatenate
+
+PROMPT = "turn the bear into a bronze statue"
+SMALL = EditSettings(
+    update=UpdateSettings(steps=40, patches=4, patch=32), views_per_round=3, rounds=2
+)
+
+
+class Negative:
+    """A 2D editor that needs no diffusion: every view becomes its own negative."""
+
+    name, cell = "negative", 8
+
+    def check(self, prompt):
+        if not prompt:
+            raise UsageError("say something")
+
+    def edit(self, batch: EditBatch, settings, generator):
+        self.batch = batch
+        yield EditProgress(1, 1, 1 - batch.originals)
+
+    def answer(self, prompt, edited, originals):
+        return lambda pictures: 1 - pictures
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return surface_gaussians(demo_scene(), 3000, torch.Generator().manual_seed(0))
+
+
+@pytest.fixture(scope="module")
+def data(scene):
+    cameras = ring_cameras(demo_scene(), 16, 64)
+    return Dataset(capture(scene, cameras, [f"{i:02d}" for i in range(16)]))
+
+
+def run(scene, data, editor, settings=SMALL, seed=0, prompt=PROMPT):
+    generator = torch.Generator().manual_seed(seed)
+    return list(
+        edit_steps(
+            scene, prompt, editor=editor, generator=generator, dataset=data, settings=settings
+        )
+    )
+
+
+def test_an_edit_moves_the_scene_to_the_known_answer(scene, data):
+    items = run(scene, data, Negative())
+    result = items[-1]
+    assert isinstance(result, EditResult)
+    measured = [e.error for e in items if isinstance(e, Event) and e.error is not None]
+    assert measured[-1] == pytest.approx(10 ** (-result.answer / 20))
+    before = capture(scene, [v.camera for v in data.views[::8]], ["a", "b"])
+    unedited = torch.stack([(1 - 2 * v.image).square().mean() for v in before]).mean().sqrt()
+    assert measured[-1] < 0.6 * unedited
+    assert result.strength > 0.2
+    # the same cameras three times
+    assert [v.name for v in result.originals] == [v.name for v in result.targets]
+    assert [v.name for v in result.finals] == [v.name for v in result.targets]
+    assert len(result.targets) == len(result.plan.views) == 6
+    assert {"survey", "correspond", "sample", "update", "measure", "total"} <= set(result.timings)
+
+
+def test_every_round_ends_with_a_complete_scene(scene, data):
+    items = run(scene, data, Negative())
+    kept = [c for c in items if isinstance(c, Checkpoint)]
+    assert [c.step for c in kept] == [40, 80]
+    assert torch.equal(kept[-1].scene.sh, items[-1].scene.sh)
+
+
+def test_held_out_views_are_never_edited(scene, data):
+    result = run(scene, data, Negative())[-1]
+    assert not {v.name for v in result.targets} & {v.name for v in data.views[::8]}
+
+
+def test_later_batches_are_anchored_by_finished_views_as_they_are(scene, data):
+    editor = Negative()
+    result = run(scene, data, editor)[-1]
+    batch = editor.batch
+    assert batch.anchored.tolist() == [False] * 3 + [True] * 3
+    finished = torch.stack([v.image for v in result.targets[:3]])
+    anchors = batch.images[batch.anchored]
+    for image in anchors:
+        assert min(float((image - f).abs().max()) for f in finished) == 0
+
+
+def test_what_no_edited_view_sees_does_not_move(scene, data):
+    hidden = scene[:50].map(torch.clone)
+    hidden = replace(hidden, means=hidden.means * 0.01)  # inside the solid body
+    far = replace(hidden, means=hidden.means + 500.0)
+    whole = concatenate(scene, far)
+    result = run(whole, data, Negative())[-1]
+    for name in ("means", "sh", "logit_opacities", "log_scales", "quats"):
+        assert torch.equal(getattr(result.scene, name)[-50:], getattr(whole, name)[-50:])
+
+
+def test_appearance_leaves_geometry_alone_and_full_does_not(scene, data):
+    quick = replace(SMALL, update=replace(SMALL.update, steps=3), rounds=1)
+    still = run(scene, data, Negative(), quick)[-1].scene
+    moved = run(scene, data, Negative(), replace(quick, geometry="full"))[-1].scene
+    for name in ("means", "quats", "log_scales"):
+        assert torch.equal(getattr(still, name), getattr(scene, name))
+        assert not torch.equal(getattr(moved, name), getattr(scene, name))
+
+
+def test_the_closed_form_edit_agrees_and_beats_the_same_without_consensus(scene, data):
+    settings = replace(SMALL, update=replace(SMALL.update, steps=80))
+    alone = replace(settings, sampler=SamplerSettings(consensus=False))
+    gains = []
+    for seed in range(3):
+        together = run(scene, data, make_editor(), settings, seed)[-1].answer
+        apart = run(scene, data, make_editor(), alone, seed)[-1].answer
+        gains.append(together - apart)
+    assert sorted(gains)[1] > 1.0  # dB, the median of three
+
+
+def test_photos_can_be_the_condition(scene, data):
+    grey = Dataset(tuple(replace(v, image=torch.full_like(v.image, 0.5)) for v in data.views))
+    editor = Negative()
+    quick = replace(SMALL, update=replace(SMALL.update, steps=1), rounds=1)
+    run(scene, grey, editor, replace(quick, condition="photo"))
+    assert (editor.batch.originals == 0.5).all()
+    run(scene, grey, editor, quick)
+    assert (editor.batch.originals != 0.5).any()
+
+
+def test_an_edit_without_cameras_places_them(scene):
+    quick = replace(SMALL, update=replace(SMALL.update, steps=1), rounds=1)
+    result = run(scene, None, Negative(), quick)[-1]
+    assert all(v.name.startswith("orbit") for v in result.targets)
+    assert result.matched > 0
+
+
+def test_the_same_seed_gives_the_same_edit(scene, data):
+    quick = replace(SMALL, update=replace(SMALL.update, steps=5))
+    one, two = (run(scene, data, make_editor(), quick, seed=4)[-1].scene for _ in range(2))
+    assert torch.equal(one.sh, two.sh)
+
+
+def test_requests_that_cannot_be_met_are_refused_before_any_work(scene, data):
+    with pytest.raises(UsageError, match="bronze"):
+        run(scene, data, make_editor(), prompt="qwertyuiop")
+    with pytest.raises(UsageError, match="empty"):
+        run(scene[:0], data, make_editor())
+    first, other = data.views[:2]
+    small = replace(other, camera=other.camera.resized(32, 32), image=other.image[:32, :32])
+    mixed = Dataset((first, small))
+    with pytest.raises(UsageError, match="64x64"):
+        run(scene, mixed, make_editor())
+    with pytest.raises(UsageError, match="coverage"):
+        EditSettings(coverage=0.0)
+
+
+def test_an_update_lowers_the_loss(scene, data):
+    from gsedit.features import FilterBank
+    from gsedit.optimiser import SceneOptimiser
+
+    targets = tuple(replace(v, image=1 - v.image) for v in data.views[1:4])
+    optimiser = SceneOptimiser(scene, rates("appearance", 1.0))
+    settings = UpdateSettings(steps=30, patch=32)
+    losses = list(
+        update_steps(optimiser, targets, settings, FilterBank(), torch.Generator().manual_seed(0))
+    )
+    assert len(losses) == 30
+    assert sum(losses[-5:]) < 0.5 * sum(losses[:5])
+
+
+def test_the_python_api_reads_edits_and_writes(tmp_path, scene):
+    path = tmp_path / "scene.ply"
+    gsedit.save(scene, path)
+    quick = replace(SMALL, update=replace(SMALL.update, steps=1), rounds=1)
+    result = gsedit.edit(gsedit.load(path), "make it snow", settings=quick)
+    gsedit.save(result.scene, tmp_path / "edited.ply")
+    again = gsedit.load(tmp_path / "edited.ply")
+    assert torch.equal(again.sh, result.scene.sh)
+
+
+def test_all_errors_of_a_user_are_gsedit_errors(tmp_path):
+    with pytest.raises(gsedit.GseditError, match="nowhere"):
+        gsedit.load(tmp_path / "nowhere.ply")
+    assert issubclass(gsedit.UsageError, gsedit.GseditError)
+    assert issubclass(gsedit.InputError, gsedit.GseditError)
