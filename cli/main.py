@@ -64,9 +64,7 @@ class Verbs(TyperGroup):
         try:
             # not standalone: typer would print its own boxes and tracebacks
             code = super().main(words, *rest, **{**options, "standalone_mode": False})
-        except (
-            BrokenPipeError
-        ):  # the reader of stdout left, as `head` does: nobody is there to tell
+        except BrokenPipeError:  # the reader of stdout left, as `head` does
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             code = FAILED
         except Exception as error:

@@ -14,13 +14,14 @@ from gsedit.synthetic import demo_scene, surface_gaussians
 INSTRUCTION = "turn the bear into a bronze statue"
 
 
-def demo(folder: Path) -> int:
-    """Make the scene, edit it as the command line does, and say what to look at."""
-    scene = surface_gaussians(demo_scene(), 30_000, torch.Generator().manual_seed(0))
+def demo(folder: Path, count: int = 30_000, size: int = 256) -> None:
+    """Make the scene and edit it as the command line does; exits with that command's code."""
+    scene = surface_gaussians(demo_scene(), count, torch.Generator().manual_seed(0))
     source = folder.with_name(folder.name + "_scene.ply")
     gsedit.save(scene, source, overwrite=True)
-    return app(["edit", str(source), INSTRUCTION, "-o", str(folder), "--force"])
+    request = ["edit", str(source), INSTRUCTION, "-o", str(folder), "--size", str(size)]
+    app([*request, "--force"])
 
 
 if __name__ == "__main__":
-    sys.exit(demo(Path(sys.argv[1] if len(sys.argv) > 1 else "out/demo")))
+    demo(Path(sys.argv[1] if len(sys.argv) > 1 else "out/demo"))

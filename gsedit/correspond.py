@@ -1,7 +1,7 @@
 """Which latent cells of several views show the same piece of surface, through rendered depth.
 
-`v` views of `h w` pixels, `y x` latent cells of `cell` pixels, `n` = y x cells in a view, `c`
-channels, `m` pairs, `p` positions. xy is in pixels, the corner of the first pixel at (0, 0). Depth
+`v` views of `h w` pixels, `y x` latent cells of `cell` pixels, `n` = y x cells in a view,
+`m` pairs, `p` positions. xy is in pixels, the corner of the first pixel at (0, 0). Depth
 is along the view, 0 where nothing was drawn: the rendered *median* depth of the unedited scene.
 """
 
@@ -77,73 +77,6 @@ class Pairs(NamedTuple):
     """Row-major cell index in view b; each occurs once."""
     error: Float[Tensor, " m"]
     """Round trip in cells: the larger of the two directions' displacements along either axis."""
-
-
-def consensus(
-    x: Float[Tensor, "v c y x"],
-    labels: Int[Tensor, "v y x"],
-    *,
-    anchored: Bool[Tensor, " v"] | None = None,
-    strength: float = 1.0,
-) -> Float[Tensor, "v c y x"]:
-    """Replace every cell by its cluster's mean: the nearest x that agrees at all correspondences.
-
-    Where a cluster has cells of anchored views, its value is the mean of those alone and they stay
-    as they are. Cells in no cluster are untouched. `strength` in [0, 1] leads from x to agreement;
-    at 1 this is a linear projection, idempotent and blind to the order of views. Differentiable.
-    It is eq. (averageall) of Efficient-NeRF2NeRF for any number of views. Raises UsageError.
-    """
-    if not 0 <= strength <= 1:
-        raise UsageError(f"Consensus strength {strength} is outside [0, 1]; use 1 for agreement.")
-    values, rows, cluster, count = _members(x, labels)
-    if not len(rows):
-        return x
-    weight = torch.ones(len(rows), dtype=x.dtype, device=x.device)
-    follows = torch.ones(len(rows), dtype=torch.bool, device=x.device)
-    if anchored is not None:
-        leads = anchored[rows // labels[0].numel()]
-        led = torch.zeros(count, dtype=torch.bool, device=x.device)
-        led[cluster[leads]] = True
-        weight = (leads | ~led[cluster]).to(x.dtype)
-        follows = ~leads
-    member = values[rows]
-    total = weight.new_zeros(count, x.shape[1]).index_add(0, cluster, member * weight[:, None])
-    mean = total / weight.new_zeros(count).index_add(0, cluster, weight)[:, None]
-    agreed = torch.lerp(member, mean[cluster], strength)  # lerp: exact at both ends
-    return _as_grid(values.index_copy(0, rows[follows], agreed[follows]), x)
-
-
-def share_noise(
-    noise: Float[Tensor, "v c y x"], labels: Int[Tensor, "v y x"]
-) -> Float[Tensor, "v c y x"]:
-    """Give every cell of a cluster the draw of its member in the lowest view.
-
-    Never a mean of draws, whose variance would be 1 / members. Because a cluster has at most one
-    cell a view, noise that was white inside each view stays white inside each view.
-    """
-    values, rows, cluster, count = _members(noise, labels)
-    if not len(rows):
-        return noise
-    first = rows.new_full((count,), values.shape[0]).scatter_reduce(0, cluster, rows, "amin")
-    return _as_grid(values.index_copy(0, rows, values[first[cluster]]), noise)
-
-
-def _members(
-    x: Float[Tensor, "v c y x"], labels: Int[Tensor, "v y x"]
-) -> tuple[Float[Tensor, "vn c"], Int[Tensor, " m"], Int[Tensor, " m"], int]:
-    """(all cells as rows, the rows that are in a cluster, their clusters, number of clusters)."""
-    flat = labels.reshape(-1).long()
-    rows = torch.nonzero(flat >= 0).squeeze(1)
-    cluster = flat[rows]
-    count = int(cluster.max()) + 1 if len(rows) else 0
-    return x.permute(0, 2, 3, 1).reshape(-1, x.shape[1]), rows, cluster, count
-
-
-def _as_grid(
-    rows: Float[Tensor, "vn c"], like: Float[Tensor, "v c y x"]
-) -> Float[Tensor, "v c y x"]:
-    views, channels, height, width = like.shape
-    return rows.reshape(views, height, width, channels).permute(0, 3, 1, 2).contiguous()
 
 
 # ---- geometry: from depth maps to pairs, from pairs to clusters ---------------------------------

@@ -49,7 +49,7 @@ def edit(
 ):
     editor = DiffusionEditor(model or ClosedForm())
     originals = views if originals is None else originals
-    batch = EditBatch(views, originals, prompt, matches, anchored)
+    batch = EditBatch(views, originals, prompt, matches, anchored, seed)
     *_, progress = editor.edit(batch, settings, generator(seed))
     return progress.images
 

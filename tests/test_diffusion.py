@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import pytest
 import torch
 
-from gsedit.correspond import consensus, share_noise
+from gsedit.agreement import consensus, share_noise
 from gsedit.diffusion import Anchor, Branches, SamplerSettings, Schedule, add_noise, guide, sample
 from gsedit.errors import UsageError
 

@@ -13,8 +13,8 @@ ROOT = Path(__file__).parents[1]
 ORDER = {
     "gsedit": (
         "show", "edit", "strategies", "plan", "fit", "optimiser", "editors", "diffusion",
-        "metrics", "losses", "features", "correspond", "report", "synthetic", "files", "views",
-        "framing", "errors",
+        "metrics", "losses", "features", "correspond", "agreement", "report", "synthetic",
+        "files", "views", "framing", "errors",
     ),
     "rasterizer": (
         "reference", "render", "composite", "tiles", "project", "harmonics", "camera", "scene",

@@ -11,7 +11,7 @@ import torch.nn.functional as F
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from gsedit.correspond import consensus, share_noise
+from gsedit.agreement import consensus, share_noise
 from gsedit.diffusion import Anchor, Answer, Denoiser, Hook, SamplerSettings, add_noise, sample
 from gsedit.editors.protocol import EditBatch, EditProgress
 from gsedit.errors import UsageError
@@ -124,19 +124,14 @@ def _hooks(batch: EditBatch, settings: SamplerSettings, z0: Tensor) -> tuple[Hoo
 
 @dataclass(frozen=True, eq=False)
 class _Sharing:
-    """Noise that views have in common: a draw for each cluster, one picture of it for the rest.
-
-    Where few cells correspond, it is the common picture that lets views choose alike: it weighs
-    the same preference for every view, and it is the same in every batch of an edit. Inside a view
-    no draw is used twice, so noise stays white.
-    """
+    """Noise that views have in common, and with them all batches of an edit: one set of draws."""
 
     labels: Int[Tensor, "v y x"]
     common: torch.Generator
 
     def __call__(self, noise: Float[Tensor, "v c y x"]) -> Float[Tensor, "v c y x"]:
-        picture = torch.randn(noise.shape[1:], generator=self.common, dtype=noise.dtype)
-        return torch.where(self.labels[:, None] >= 0, share_noise(noise, self.labels), picture)
+        first = torch.randn(noise[:1].shape, generator=self.common, dtype=noise.dtype)
+        return share_noise(torch.cat((first, noise[1:])), self.labels)
 
 
 def _labels_on(labels: Int[Tensor, "v y x"], z0: Tensor) -> Int[Tensor, "v Y X"]:
