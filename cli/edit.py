@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .cameras import Up, around, check_axis
+from .cameras import Up, check_axis, up_vector
 from .edit_options import (
     SAMPLER,
     UPDATE,
@@ -100,7 +100,6 @@ def edit(
     features = _vgg(vgg)
     found = read(scene, drop_invalid=drop_invalid)
     dataset = load_views(data, found, size, up)
-    check_cells(dataset, editor.cell)
 
     journal = Journal(out / "metrics.jsonl")
     checkpoints = Checkpoints(
@@ -122,8 +121,10 @@ def edit(
         request = {
             "instruction": instruction,
             "scene": scene,
+            "drop_invalid": drop_invalid,
             "data": data,
             "size": size,
+            "up": up,
             "editor": chosen,
             "preset": preset.value,
             "vgg": vgg,
@@ -133,24 +134,6 @@ def edit(
     explain_results(out, journal.events)
     record = {"folder": out, "scene": out / "scene.ply", "answer": result.answer}
     answer(record, str(out / "scene.ply"), as_json=common.json)
-
-
-def check_cells(dataset: Dataset, cell: int) -> None:
-    """Raise UsageError, with a size that fits, unless all views divide into the editor's cells."""
-    from gsedit.errors import UsageError
-
-    for view in dataset.views:
-        sides = (view.camera.width, view.camera.height)
-        if any(side % cell for side in sides):
-            fits = (
-                size
-                for size in range(max(sides), cell - 1, -1)
-                if all(round(side * size / max(sides)) % cell == 0 for side in sides)
-            )
-            raise UsageError(
-                f"{view.name} is {sides[0]}x{sides[1]} pixels, but the editor needs sides that are "
-                f"multiples of {cell}: try --size {next(fits, cell)}"
-            )
 
 
 @dataclass
@@ -187,6 +170,7 @@ def write_results(
     from gsedit.files import atomic_path, save
     from gsedit.show import contact_sheet, error_vs_time, save_picture
 
+    (out / "edit.json").unlink(missing_ok=True)  # an earlier run's: it would seal mixed files
     save(result.scene, out / "scene.ply", overwrite=True)
     rows = (
         ("original", result.originals),
@@ -203,6 +187,8 @@ def write_results(
         "edited_views": [view.name for view in result.targets],
         "measured": {
             "matched": result.matched,
+            "pairs": result.pairs,
+            "coverage": result.plan.coverage[-1],
             "strength": result.strength,
             "residual": result.residual,
             "answer": result.answer,
@@ -221,7 +207,7 @@ def surroundings() -> dict[str, Any]:
     import torch
 
     return {
-        "versions": {name: version(name) for name in ("gsedit", "torch", "numpy")},
+        "versions": {name: version(name) for name in ("gsedit", "torch", "numpy", "kornia")},
         "python": platform.python_version(),
         "platform": platform.platform(),
         "threads": torch.get_num_threads(),
@@ -252,8 +238,6 @@ def load_views(data: Path | None, scene: Gaussians, size: int, up: str | None) -
         from gsedit.files import load_dataset
 
         return load_dataset(data, size=size)
-    from gsedit.edit import ORBIT_VIEWS
-    from gsedit.views import Dataset, capture
+    from gsedit.edit import around
 
-    cameras = around(scene, ORBIT_VIEWS, size, up)
-    return Dataset(capture(scene, list(cameras.values()), list(cameras)))
+    return around(scene, size, up_vector(up))

@@ -36,8 +36,10 @@ def explain(error: BaseException) -> tuple[str, int]:
         case Interrupted():
             return one_line(error), INTERRUPTED
         case KeyboardInterrupt():
-            return "interrupted; nothing was written", INTERRUPTED
+            return "interrupted; files that were written before are whole", INTERRUPTED
         case MemoryError():
+            return "out of memory: try a smaller --size, or close other programs", FAILED
+        case RuntimeError() if "can't allocate memory" in str(error):  # torch's own words
             return "out of memory: try a smaller --size, or close other programs", FAILED
         case OSError():
             where = f"{error.filename}: " if error.filename else ""

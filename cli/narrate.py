@@ -184,7 +184,9 @@ class Checkpoints:
 
     def remains(self) -> str:
         if self.kept is None:
-            return "no checkpoint was complete yet, so nothing was kept"
+            if self.path.exists():
+                return f"no new checkpoint was complete yet; the earlier one is {self.path}"
+            return "no checkpoint was complete yet; add -f to start again"
         step = self.kept.step
         return f"the last complete checkpoint is {self.path} (step {step}); {self.advice}"
 

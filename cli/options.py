@@ -95,13 +95,13 @@ def flat(body: Callable[..., None]) -> Callable[..., None]:
 
     Options that travel together are a type in the code and stay single options on the command line.
     """
-    hints = get_type_hints(body, include_extras=True)
     single, grouped = [], {}
-    for name, parameter in inspect.signature(body).parameters.items():
-        if is_dataclass(hints[name]):
-            grouped[name] = hints[name]
+    # not get_type_hints: before Python 3.11 it wraps what defaults to None, hiding the option
+    for name, parameter in inspect.signature(body, eval_str=True).parameters.items():
+        if is_dataclass(parameter.annotation):
+            grouped[name] = parameter.annotation
         else:
-            single.append(parameter.replace(annotation=hints[name]))
+            single.append(parameter)
     for group in grouped.values():
         types = get_type_hints(group, include_extras=True)
         single += [

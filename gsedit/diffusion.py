@@ -99,6 +99,8 @@ class SamplerSettings:
             value = getattr(self, name)
             _require(math.isfinite(value) and value >= 0, name, value, "finite and not negative")
         _require(0 < self.strength <= 1, "strength", self.strength, "above 0 and at most 1")
+        most = int(1000 * self.strength)  # noise levels of Stable Diffusion's schedule
+        _require(self.steps <= most, "steps", self.steps, f"at most {most} at this strength")
         for name in ("eta", "t_end", "consensus_strength"):
             value = getattr(self, name)
             _require(0 <= value <= 1, name, value, "from 0 to 1")
@@ -117,7 +119,7 @@ class SamplerSettings:
             case "default":
                 return cls()
             case "paper":
-                return cls(steps=50, target="xt", noise="independent")
+                return cls(steps=50, strength=1.0, target="xt", noise="independent")
         raise UsageError(f"preset must be default or paper, not {name!r}")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -35,6 +36,8 @@ WEAK_MATCH = 0.05
 """Below this fraction of matched cells a pair of views has little to agree on: worth a warning."""
 ANCHORS = 4
 """Finished views that the next batch is tied to. They cost no network call, only comparisons."""
+UNSEEN = 1e-3
+"""A Gaussian that shows in less than this many (survey) pixels of all edited views is not seen."""
 PROBES = 3
 """Held-out views measured while the work goes on; all of them are measured at its end."""
 MEASURE_EVERY = 50
@@ -74,8 +77,10 @@ class EditResult:
     """Renders of the edited scene."""
     settings: EditSettings
     plan: Plan
-    matched: float
-    """Mean fraction of latent cells matched between two views of a batch."""
+    matched: float | None
+    """Mean fraction of latent cells matched between two views of a batch; None without any two."""
+    pairs: tuple[tuple[str, str, float], ...]
+    """(view, view, matched fraction) of every two views that were in a batch together."""
     strength: float
     """RMSE between original and final renders: 0 is no edit at all."""
     residual: float
@@ -105,8 +110,8 @@ def edit_steps(
     editor.check(prompt)
     if not len(scene):
         raise UsageError("the scene is empty: there is nothing to edit")
-    views, held_out = _views(scene, dataset)
     settings, features = settings or EditSettings(), features or FilterBank()
+    views, held_out = _views(dataset or around(scene))
     work = _Work(scene.detach(), prompt, views, held_out, editor, settings, generator)
     yield from work.survey()
     for batch in work.plan.rounds:
@@ -141,12 +146,16 @@ def edit(
     return last
 
 
-def _views(scene: Gaussians, dataset: Dataset | None) -> tuple[tuple[View, ...], tuple[View, ...]]:
+def around(
+    scene: Gaussians, size: int = ORBIT_SIZE, up: Float[Tensor, "3"] | None = None
+) -> Dataset:
+    """Renders of a scene that came without photos, `size` pixels square, from all around it."""
+    cameras = orbit(scene, ORBIT_VIEWS, size, up=up)
+    return Dataset(capture(scene.detach(), cameras, [f"orbit_{i:03d}" for i in range(ORBIT_VIEWS)]))
+
+
+def _views(dataset: Dataset) -> tuple[tuple[View, ...], tuple[View, ...]]:
     """(views that may be edited, views that are only measured at)."""
-    if dataset is None:
-        cameras = orbit(scene, ORBIT_VIEWS, ORBIT_SIZE)
-        names = [f"orbit_{i:02d}" for i in range(ORBIT_VIEWS)]
-        dataset = Dataset(capture(scene.detach(), cameras, names))
     sizes = {(v.camera.width, v.camera.height) for v in dataset.views}
     if len(sizes) != 1:
         told = ", ".join(f"{w}x{h}" for w, h in sorted(sizes)) or "none"
@@ -184,14 +193,14 @@ class _Work:
         self.scene, self.prompt, self.views, self.held_out = scene, prompt, views, held_out
         self.editor, self.settings, self.generator = editor, settings, generator
         self.watch = _Watch()
-        radius = bounds(scene.means, scene.opacities).radius
+        radius = bounds(scene).radius
         self.optimiser = SceneOptimiser(scene, strategies.rates(settings.geometry, radius))
         self.plan = Plan((), ())
         self.weights = torch.zeros(0)
         self.before: dict[int, Rendering] = {}
         self.unedited: list[Tensor] = []
         self.targets: dict[int, View] = {}
-        self.matches: list[float] = []
+        self.pairs: list[tuple[str, str, float]] = []
         self.answer: Answer | None = None
         self.rounds_done = 0
         self.seed = int(torch.randint(1 << 31, (), generator=generator))
@@ -202,6 +211,11 @@ class _Work:
         with self.watch.stage("survey"):
             self.weights = survey(self.scene, [v.camera for v in self.views])
             s = self.settings
+            if not self.weights.any():
+                raise UsageError(
+                    "no camera sees any of the scene: are both in the same frame? "
+                    "Leave out --data to have cameras placed around the scene"
+                )
             self.plan = plan_views(self.weights, s.views_per_round, s.rounds, s.coverage)
             self.before = {i: _render(self.scene, self.views[i].camera) for i in self.plan.views}
             self.unedited = [_render(self.scene, v.camera).color.clamp(0, 1) for v in self.held_out]
@@ -214,7 +228,7 @@ class _Work:
         members = (*batch, *_anchors(self.weights, batch, self.targets))
         with self.watch.stage("correspond"):
             found = self._correspondences(members)
-        self.matches.append(_mean_match(found))
+        self.pairs += _named_pairs(found, [self.views[i].name for i in members])
         rounds = len(self.plan.rounds)
         yield Event("correspond", self.watch.seconds, self.rounds_done + 1, rounds,
                     note=_told(found))  # fmt: skip
@@ -239,9 +253,9 @@ class _Work:
         update = self.settings.update
         done, total = self.rounds_done * update.steps, len(self.plan.rounds) * update.steps
         with self.watch.stage("update"):
-            losses = update_steps(
-                self.optimiser, tuple(self.targets.values()), update, features, self.generator
-            )
+            targets = tuple(self.targets.values())
+            seen = self.weights[list(self.targets)].sum(0) > UNSEEN
+            losses = update_steps(self.optimiser, targets, seen, update, features, self.generator)
             for step, loss in enumerate(losses, start=done + 1):
                 if step % MEASURE_EVERY == 0:
                     psnr, aim = self.measure(PROBES)
@@ -271,7 +285,8 @@ class _Work:
             finals=finals,
             settings=self.settings,
             plan=self.plan,
-            matched=_mean(self.matches),
+            matched=_mean([f for *_, f in self.pairs]) if self.pairs else None,
+            pairs=tuple(self.pairs),
             strength=_mean(metrics.rmse(a.image, b.image) for a, b in zip(originals, finals)),
             residual=_mean(metrics.psnr(a.image, b.image) for a, b in zip(finals, targets)),
             answer=psnr if self.answer is not None and self.held_out else None,
@@ -281,7 +296,8 @@ class _Work:
     def measure(self, probes: int) -> tuple[float, str]:
         """PSNR to the known answer where nothing was edited, or else to the edited pictures."""
         if self.answer is not None and self.held_out:
-            shown, name = self.held_out[:probes], f"known answer at {probes} held-out cameras"
+            shown = self.held_out[:probes]
+            name = f"known answer at {len(shown)} held-out cameras"
             aims = [self.answer(picture[None])[0] for picture in self.unedited[:probes]]
         else:
             shown, name = tuple(self.targets.values()), "edited pictures"
@@ -291,12 +307,14 @@ class _Work:
         return _mean(metrics.psnr(a, b) for a, b in zip(pictures, aims)), name
 
     def _correspondences(self, members: Sequence[int]) -> Correspondences:
+        cell = self.editor.cell
         depths = [self.before[i].median_depth for i in members]
+        alphas = [self.before[i].alpha for i in members]
         return correspond(
-            [self.views[i].camera for i in members],
-            torch.stack([d for d in depths if d is not None]),
-            torch.stack([self.before[i].alpha for i in members]),
-            cell=self.editor.cell,
+            [_whole_cells(self.views[i].camera, cell) for i in members],
+            _padded(torch.stack([d for d in depths if d is not None]), cell),
+            _padded(torch.stack(alphas), cell),
+            cell=cell,
         )
 
     def _original(self, i: int) -> Float[Tensor, "h w 3"]:
@@ -329,6 +347,20 @@ def _render(scene: Gaussians, camera: Camera) -> Rendering:
     return render(scene, camera, median_depth=True)
 
 
+def _whole_cells(camera: Camera, cell: int) -> Camera:
+    """The camera with a picture that goes on to the right and below to whole cells."""
+    return replace(
+        camera,
+        width=camera.width + -camera.width % cell,
+        height=camera.height + -camera.height % cell,
+    )
+
+
+def _padded(maps: Float[Tensor, "v h w"], cell: int) -> Float[Tensor, "v H W"]:
+    """Nothing (0) to the right and below, as far as whole cells go."""
+    return torch.nn.functional.pad(maps, (0, -maps.shape[2] % cell, 0, -maps.shape[1] % cell))
+
+
 def _anchors(
     weights: Float[Tensor, "v n"], batch: Sequence[int], targets: dict[int, View]
 ) -> tuple[int, ...]:
@@ -338,22 +370,23 @@ def _anchors(
     return tuple(sorted(common, key=lambda i: -common[i])[:ANCHORS])
 
 
-def _off_diagonal(found: Correspondences) -> Float[Tensor, " p"]:
-    """Matched fractions of ordered pairs of different views; 1 for a single view."""
-    count = len(found.matched)
-    off = found.matched[~torch.eye(count, dtype=torch.bool)]
-    return off if count > 1 else found.matched.flatten()
-
-
-def _mean_match(found: Correspondences) -> float:
-    return float(_off_diagonal(found).mean())
+def _named_pairs(found: Correspondences, names: Sequence[str]) -> list[tuple[str, str, float]]:
+    """Every two views of a batch with the fraction of their cells that match."""
+    together = itertools.combinations(range(len(names)), 2)
+    return [(names[a], names[b], float(found.matched[a, b])) for a, b in together]
 
 
 def _told(found: Correspondences) -> str:
-    off = _off_diagonal(found)
-    pairs = f"{off.mean():.0%} of cells matched per pair ({off.min():.0%} to {off.max():.0%})"
-    warning = "; the views see little of each other" if off.mean() < WEAK_MATCH else ""
-    return f"{pairs}, {found.covered.mean():.0%} in a cluster{warning}"
+    """How much the views of a batch have in common, for a person."""
+    views = range(len(found.matched))
+    shares = [float(found.matched[a, b]) for a, b in itertools.combinations(views, 2)]
+    if not shares:
+        return "one view: nothing to agree with"
+    warning = "; the views see little of each other" if _mean(shares) < WEAK_MATCH else ""
+    return (
+        f"{_mean(shares):.0%} of cells matched per pair ({min(shares):.0%} to {max(shares):.0%}), "
+        f"{found.covered.mean():.0%} in a cluster{warning}"
+    )
 
 
 def _mean(values: Iterator[float] | Sequence[float]) -> float:

@@ -54,6 +54,16 @@ class FitSettings:
     """Times that the held-out views are measured."""
     checkpoint_seconds: float = 30.0
 
+    def __post_init__(self) -> None:
+        if self.steps is None and self.seconds is None:
+            raise UsageError("fit needs a budget: give --steps, --minutes or both")
+        for name in ("steps", "seconds"):
+            value = getattr(self, name)
+            if value is not None and not value > 0:
+                raise UsageError(f"the budget in {name} is {value}: give a number above 0")
+        if not 0 <= self.sh_degree <= 3:
+            raise UsageError(f"SH degree {self.sh_degree} is not in 0 to 3, what .ply files hold")
+
 
 @dataclass(frozen=True, eq=False)
 class FitResult:
@@ -78,8 +88,6 @@ RATES = {
 }
 FINAL_RATE = {"means": 0.02, "sh": 0.2, "log_scales": 0.3, "logit_opacities": 0.3, "quats": 0.3}
 """Each rate decays exponentially to this fraction at the end of the budget."""
-SH_REST = 1 / 20
-"""View-dependent coefficients learn this much slower than the base colour (Kerbl et al.)."""
 RESET_OPACITY = 0.1
 
 
@@ -92,17 +100,15 @@ def fit_steps(
 ) -> Iterator[Event | Checkpoint | FitResult]:
     """Fit a scene; yields progress, complete scenes now and then, and last the result.
 
-    Every 8th view is never trained on. Raises UsageError if there is no budget, or nothing to fit.
+    Every 8th view is never trained on. Raises UsageError if there is nothing to train on.
     """
-    if settings.steps is None and settings.seconds is None:
-        raise UsageError("fit needs a budget: give --steps, --minutes or both")
     train, held_out = dataset.split()
     if not train:
         raise UsageError(
             f"{len(dataset)} view(s) are too few to fit: every 8th is held out; add photos"
         )
     clock = _Clock(settings)
-    radius = _scene_radius(train)
+    radius = _scene_radius(dataset.views)
     scene = start if start is not None else initial_scene(dataset, settings.sh_degree, generator)
     optimiser = SceneOptimiser(scene, {**RATES, "means": RATES["means"] * radius})
     pyramid = {
@@ -127,7 +133,6 @@ def fit_steps(
             loss = loss + settings.dssim_weight * losses.dssim(picture, view.image)
         loss.backward()
         tracker.add(optimiser.gradient("means"), scene, view.camera)
-        optimiser.gradient("sh")[:, 1:] *= SH_REST
         optimiser.step({k: v**clock.progress for k, v in FINAL_RATE.items()})
         clock.step += 1
         running = loss.item() if running is None else 0.95 * running + 0.05 * loss.item()
@@ -189,8 +194,9 @@ class _Clock:
 
     @property
     def progress(self) -> float:
-        by_step = self.step / self.settings.steps if self.settings.steps else 0.0
-        by_time = self.seconds / self.settings.seconds if self.settings.seconds else 0.0
+        steps, seconds = self.settings.steps, self.settings.seconds
+        by_step = 0.0 if steps is None else self.step / steps
+        by_time = 0.0 if seconds is None else self.seconds / seconds
         return max(by_step, by_time)
 
     @property
@@ -316,7 +322,7 @@ def densify(
     A dividing Gaussian becomes two, drawn from itself and 1.6 times smaller (Kerbl et al., split);
     both have the opacity that together looks like the one: 1 - sqrt(1 - o).
     """
-    alive = scene.opacities > settings.prune_opacity
+    alive = scene.opacities > min(settings.prune_opacity, float(scene.opacities.max()) / 2)
     room = max(0, settings.max_gaussians - int(alive.sum()))
     wanted = min(room, int(settings.densify_fraction * int(alive.sum())))
     strongest = torch.where(alive, gradients, -1.0).topk(wanted).indices

@@ -24,22 +24,22 @@ class Bounds:
     radius: float
 
 
-def bounds(points: Float[Tensor, "n 3"], weights: Float[Tensor, " n"] | None = None) -> Bounds:
+def bounds(scene: Gaussians) -> Bounds:
     """Median centre, and the radius that holds nearly all of it, or the dense middle of a capture.
 
-    With weights, only the heavier half counts. Raises ValueError for no points.
+    Only the more opaque half counts. Raises UsageError for an empty scene.
     """
-    if not len(points):
-        raise ValueError("bounds of no points")
-    kept = points.detach().to(torch.float64)
-    if weights is not None:
-        kept = kept[weights >= weights.median()]
-    centre = kept.median(0).values
-    distance = (kept - centre).norm(dim=-1).sort().values
+    if not len(scene):
+        raise UsageError("the scene has no Gaussians: there is nothing to frame")
+    opacities = scene.opacities.detach()
+    kept = scene[opacities >= opacities.median()].detach().to(torch.float64)
+    x, y, z = kept.means.median(0).values.tolist()
+    distance = (kept.means - kept.means.new_tensor((x, y, z))).norm(dim=-1).sort().values
     half, most = (float(distance[int(f * (len(distance) - 1))]) for f in (0.5, 0.98))
     # an object alone ends within 2.5 times the median distance; surroundings go on and on
-    radius = min(most, 2.5 * half)
-    return Bounds((float(centre[0]), float(centre[1]), float(centre[2])), max(radius, 1e-6))
+    extent = min(most, 2.5 * half)
+    splat = 3 * float(kept.scales.amax(-1).median())  # they reach beyond their centres
+    return Bounds((x, y, z), extent + splat)
 
 
 def guess_up(scene: Gaussians) -> Float[Tensor, "3"]:
@@ -94,10 +94,8 @@ def framing_camera(
     It aims at the median of the centres; the ball of `bounds` fills the picture, so
     far floaters and backgrounds do not matter. Raises UsageError for an empty scene.
     """
-    if not len(scene):
-        raise UsageError("the scene has no Gaussians: there is nothing to frame")
     width, height = size
-    bulk = bounds(scene.means)
+    bulk = bounds(scene)
     above = guess_up(scene) if up is None else up
     # COLMAP's cameras look along +z, nerfstudio's (z up) stand at -y: 30 degrees from there
     front = -torch.eye(3, dtype=torch.float64)[1 if above[2].abs() > 0.7 else 2]
@@ -124,7 +122,7 @@ def orbit(
 
     `up` is guessed if None; `elevation` and `fov` are in degrees.
     """
-    at = bounds(scene.means, scene.opacities)
+    at = bounds(scene)
     target = torch.tensor(at.centre, dtype=torch.float64)
     axis = torch.nn.functional.normalize(guess_up(scene) if up is None else up, dim=0)
     helper = torch.eye(3, dtype=torch.float64)[int(axis.abs().argmin())]

@@ -6,8 +6,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import torch
+from jaxtyping import Bool
 from torch import Tensor
 
+from gsedit.errors import UsageError
 from gsedit.features import FeatureExtractor
 from gsedit.losses import edit_loss
 from gsedit.optimiser import SceneOptimiser
@@ -20,10 +22,11 @@ APPEARANCE_RATES = {"sh": 2.5e-2, "logit_opacities": 5e-3}
 GEOMETRY_RATES = {"log_scales": 2e-3, "quats": 1e-3}
 MEANS_RATE = 1.6e-4
 """Times the scene's radius (Kerbl et al.)."""
-SH_REST = 1 / 20
-"""View-dependent colour learns slower: it is where contradictions between views would hide."""
 FINAL_RATE = 0.05
 """Rates fall linearly to this fraction in each round: its last steps average, not chase."""
+
+SMALLEST_PATCH = 16
+"""Pixels a side: the coarsest filters under the Gram matrix reach this far."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,15 @@ class UpdateSettings:
     gram_weight: float = 0.1
     """lambda of eq. (loss)."""
 
+    def __post_init__(self) -> None:
+        if self.steps < 1 or self.patches < 1 or self.patch < SMALLEST_PATCH:
+            raise UsageError(
+                f"update steps and patches must be 1 or more, and a patch {SMALLEST_PATCH} pixels "
+                f"or more, not {self.steps}, {self.patches} and {self.patch}"
+            )
+        if not self.gram_weight >= 0:
+            raise UsageError(f"gram weight {self.gram_weight} is not 0 or more")
+
 
 def rates(geometry: str, radius: float) -> dict[str, float]:
     """Learning rates of a preset: `appearance` (colours, opacities) or `full` (everything)."""
@@ -50,11 +62,15 @@ def rates(geometry: str, radius: float) -> dict[str, float]:
 def update_steps(
     optimiser: SceneOptimiser,
     targets: Sequence[View],
+    seen: Bool[Tensor, " n"],
     settings: UpdateSettings,
     features: FeatureExtractor,
     generator: torch.Generator,
 ) -> Iterator[float]:
-    """Fit the scene to random patches of the edited views; yields the loss of every step."""
+    """Fit the scene to random patches of the edited views; yields the loss of every step.
+
+    Only the Gaussians that are `seen` move.
+    """
     for step in range(settings.steps):
         scene = optimiser.scene
         drawn = [_patch(targets, settings.patch, generator) for _ in range(settings.patches)]
@@ -62,8 +78,7 @@ def update_steps(
         wanted = torch.stack([_cut(v.image, box) for v, box in drawn])
         loss = edit_loss(found, wanted, features, settings.gram_weight)
         loss.backward()
-        optimiser.gradient("sh")[:, 1:] *= SH_REST
-        optimiser.step(1 - (1 - FINAL_RATE) * step / max(1, settings.steps - 1))
+        optimiser.step(1 - (1 - FINAL_RATE) * step / max(1, settings.steps - 1), only=seen)
         yield loss.item()
 
 

@@ -10,16 +10,17 @@ SH_DC = 0.28209479177387814  # Y_00 = 1 / (2 sqrt(pi)); INRIA's colour is 0.5 + 
 
 @dataclass(frozen=True)
 class Numerics:
-    """What the picture means. The defaults are gsplat's: scenes look the same here."""
+    """What the picture means. The defaults are gsplat's, but for the stop: scenes look the same."""
 
     alpha_max: float = 0.99
     """One splat never hides everything: (1 - 0.99)^2 is the stop threshold: two must be met."""
     alpha_min: float = 1 / 255
     """Below one step of an 8-bit picture a splat contributes nothing; bounds every footprint."""
-    transmittance_min: float = 1e-4
-    """A tile is finished when less than this shows through all its pixels: the largest error.
-
-    0: never, the whole sum."""
+    transmittance_min: float = 1e-5
+    """A tile is finished when less than this shows through all its pixels: the largest error of a
+    colour. 0: never, the whole sum. At gsplat's 1e-4 the gradients of opacities behind a nearly
+    opaque splat, which divide what is left out by 1 - alpha, were wrong by 1.5e-3; a tenth of it
+    costs 5 % more time and leaves 6e-5."""
     blur: float = 0.3
     """Pixel variance added to each projected covariance (EWA low-pass)."""
     near: float = 0.01

@@ -8,7 +8,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from importlib import import_module
 from pathlib import Path
 
@@ -371,9 +370,7 @@ def test_a_signal_ends_a_real_process_as_ctrl_c_does(photos, tmp_path, stop):
     assert process.stderr is not None
     assert "fit 5/10" in process.stderr.readline()
     process.send_signal(stop)
-    began = time.monotonic()
     told = process.communicate(timeout=30)[1]
-    assert time.monotonic() - began < 30
     assert process.returncode == 130
     assert "(step 5)" in told
     assert len(load(tmp_path / "s.checkpoint.ply")) == 3
@@ -402,6 +399,7 @@ def stub_edit(monkeypatch, *, end: BaseException | None = None):
             settings=settings,
             plan=Plan(((0,),), (1.0,)),
             matched=0.5,
+            pairs=(("a", "b", 0.5),),
             strength=0.1,
             residual=float("inf"),
             answer=None,
@@ -415,9 +413,6 @@ def stub_edit(monkeypatch, *, end: BaseException | None = None):
 def test_edit_leaves_the_scene_and_its_evidence(monkeypatch, scene, photos, tmp_path):
     given = stub_edit(monkeypatch)
     out = tmp_path / "out"
-    monkeypatch.setattr(
-        import_module("gsedit_cli.edit"), "check_cells", lambda *_: None
-    )  # 8 x 6 pixels
     result = gsedit("edit", scene, "make it snow", "--data", photos, "-o", out, "--rounds", 1)
     assert result.exit_code == 0, result.stderr
     assert result.stdout.strip() == str(out / "scene.ply")

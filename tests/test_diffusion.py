@@ -109,6 +109,11 @@ def test_presets():
     paper = SamplerSettings.preset("paper")
     assert (paper.steps, paper.target, paper.noise) == (50, "xt", "independent")
     assert SamplerSettings.preset("default") == SamplerSettings()
+    for settings, wanted in ((paper, 10), (SamplerSettings(), 4)):  # the paper's T_end of 50; ours
+        schedule = Schedule.scaled_linear()
+        times = schedule.timesteps(settings.steps, settings.strength)
+        t_stop = settings.t_end * schedule.t_max(settings.strength)
+        assert sum(t > t_stop for t in times) == wanted
     with pytest.raises(UsageError, match="default or paper"):
         SamplerSettings.preset("fast")
 

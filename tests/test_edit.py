@@ -15,20 +15,20 @@ from gsedit.editors.protocol import EditBatch, EditProgress
 from gsedit.errors import UsageError
 from gsedit.report import Checkpoint, Event
 from gsedit.strategies import UpdateSettings, rates, update_steps
-from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
+from gsedit.synthetic import demo_scene, ring_cameras, scenes, surface_gaussians
 from gsedit.views import Dataset, capture
 from rasterizer.scene import concatenate
 
 PROMPT = "turn the bear into a bronze statue"
 SMALL = EditSettings(
-    update=UpdateSettings(steps=40, patches=4, patch=32), views_per_round=3, rounds=2
+    update=UpdateSettings(steps=20, patches=3, patch=32), views_per_round=3, rounds=2
 )
 
 
-class Negative:
-    """A 2D editor that needs no diffusion: every view becomes its own negative."""
+class Swapped:
+    """A 2D editor that needs no diffusion: red and blue change places, black stays black."""
 
-    name, cell = "negative", 8
+    name, cell = "swapped", 8
 
     def check(self, prompt):
         if not prompt:
@@ -36,10 +36,10 @@ class Negative:
 
     def edit(self, batch: EditBatch, settings, generator):
         self.batch = batch
-        yield EditProgress(1, 1, 1 - batch.originals)
+        yield EditProgress(1, 1, batch.originals.flip(-1))
 
     def answer(self, prompt, edited, originals):
-        return lambda pictures: 1 - pictures
+        return lambda pictures: pictures.flip(-1)
 
 
 @pytest.fixture(scope="module")
@@ -63,15 +63,15 @@ def run(scene, data, editor, settings=SMALL, seed=0, prompt=PROMPT):
 
 
 def test_an_edit_moves_the_scene_to_the_known_answer(scene, data):
-    items = run(scene, data, Negative())
+    items = run(scene, data, Swapped())
     result = items[-1]
     assert isinstance(result, EditResult)
     measured = [e.error for e in items if isinstance(e, Event) and e.error is not None]
     assert measured[-1] == pytest.approx(10 ** (-result.answer / 20))
     before = capture(scene, [v.camera for v in data.views[::8]], ["a", "b"])
-    unedited = torch.stack([(1 - 2 * v.image).square().mean() for v in before]).mean().sqrt()
-    assert measured[-1] < 0.6 * unedited
-    assert result.strength > 0.2
+    unedited = [(v.image - v.image.flip(-1)).square().mean() for v in before]
+    assert measured[-1] < 0.8 * torch.stack(unedited).mean().sqrt()
+    assert result.strength > 0.05
     # the same cameras three times
     assert [v.name for v in result.originals] == [v.name for v in result.targets]
     assert [v.name for v in result.finals] == [v.name for v in result.targets]
@@ -80,19 +80,19 @@ def test_an_edit_moves_the_scene_to_the_known_answer(scene, data):
 
 
 def test_every_round_ends_with_a_complete_scene(scene, data):
-    items = run(scene, data, Negative())
+    items = run(scene, data, Swapped())
     kept = [c for c in items if isinstance(c, Checkpoint)]
-    assert [c.step for c in kept] == [40, 80]
+    assert [c.step for c in kept] == [20, 40]
     assert torch.equal(kept[-1].scene.sh, items[-1].scene.sh)
 
 
 def test_held_out_views_are_never_edited(scene, data):
-    result = run(scene, data, Negative())[-1]
+    result = run(scene, data, Swapped())[-1]
     assert not {v.name for v in result.targets} & {v.name for v in data.views[::8]}
 
 
 def test_later_batches_are_anchored_by_finished_views_as_they_are(scene, data):
-    editor = Negative()
+    editor = Swapped()
     result = run(scene, data, editor)[-1]
     batch = editor.batch
     assert batch.anchored.tolist() == [False] * 3 + [True] * 3
@@ -103,38 +103,70 @@ def test_later_batches_are_anchored_by_finished_views_as_they_are(scene, data):
 
 
 def test_what_no_edited_view_sees_does_not_move(scene, data):
-    hidden = scene[:50].map(torch.clone)
-    hidden = replace(hidden, means=hidden.means * 0.01)  # inside the solid body
-    far = replace(hidden, means=hidden.means + 500.0)
-    whole = concatenate(scene, far)
-    result = run(whole, data, Negative())[-1]
+    solid = scenes()[0]  # a closed ball
+    ball = surface_gaussians(solid, 3000, torch.Generator().manual_seed(0))
+    some = ball[:20]
+    shells = [
+        replace(ball, means=ball.means * r) for r in (1.0, 0.95, 0.9)
+    ]  # nothing shines through
+    inside = replace(some, means=some.means * 0.2, log_scales=some.log_scales - 2)
+    far = replace(some, means=some.means + 500.0)
+    whole = concatenate(*shells, inside, far)
+    cameras = ring_cameras(solid, 16, 64)
+    views = Dataset(capture(whole, cameras, [f"{i:02d}" for i in range(16)]))
+    result = run(whole, views, Swapped(), replace(SMALL, geometry="full"))[-1]
     for name in ("means", "sh", "logit_opacities", "log_scales", "quats"):
-        assert torch.equal(getattr(result.scene, name)[-50:], getattr(whole, name)[-50:])
+        assert torch.equal(getattr(result.scene, name)[-40:], getattr(whole, name)[-40:])
+    assert not torch.equal(result.scene.sh[:3000], whole.sh[:3000])
+
+
+def test_cameras_that_see_nothing_of_the_scene_are_refused(scene, data):
+    elsewhere = replace(scene, means=scene.means + 1000.0)
+    with pytest.raises(UsageError, match="same frame"):
+        run(elsewhere, data, Swapped())
+
+
+@pytest.mark.parametrize("preset", ["default", "paper"])
+def test_views_need_not_divide_into_cells(scene, preset):
+    cameras = [replace(c, height=84, cy=42.0) for c in ring_cameras(demo_scene(), 18, 100)]
+    views = Dataset(capture(scene, cameras, [str(i) for i in range(18)]))
+    sampler = replace(SamplerSettings.preset(preset), steps=6)
+    settings = replace(
+        SMALL, sampler=sampler, geometry="full", update=replace(SMALL.update, steps=2)
+    )
+    result = run(scene, views, make_editor(), settings)[-1]
+    assert result.targets[0].image.shape == (84, 100, 3)
+    assert result.matched > 0
+
+
+def test_one_view_can_be_edited_alone(scene, data):
+    quick = replace(SMALL, update=replace(SMALL.update, steps=2), views_per_round=1, rounds=1)
+    result = run(scene, Dataset(data.views[:1]), make_editor(), quick)[-1]
+    assert result.matched is None
+    assert result.answer is None
+    assert len(result.targets) == 1
 
 
 def test_appearance_leaves_geometry_alone_and_full_does_not(scene, data):
     quick = replace(SMALL, update=replace(SMALL.update, steps=3), rounds=1)
-    still = run(scene, data, Negative(), quick)[-1].scene
-    moved = run(scene, data, Negative(), replace(quick, geometry="full"))[-1].scene
+    still = run(scene, data, Swapped(), quick)[-1].scene
+    moved = run(scene, data, Swapped(), replace(quick, geometry="full"))[-1].scene
     for name in ("means", "quats", "log_scales"):
         assert torch.equal(getattr(still, name), getattr(scene, name))
         assert not torch.equal(getattr(moved, name), getattr(scene, name))
 
 
 def test_the_closed_form_edit_agrees_and_beats_the_same_without_consensus(scene, data):
-    settings = replace(SMALL, update=replace(SMALL.update, steps=80))
+    settings = replace(SMALL, update=replace(SMALL.update, steps=40))
     alone = replace(settings, sampler=SamplerSettings(consensus=False))
-    gains = []
-    for seed in range(3):
-        together = run(scene, data, make_editor(), settings, seed)[-1].answer
-        apart = run(scene, data, make_editor(), alone, seed)[-1].answer
-        gains.append(together - apart)
-    assert sorted(gains)[1] > 1.0  # dB, the median of three
+    together = run(scene, data, make_editor(), settings)[-1].answer
+    apart = run(scene, data, make_editor(), alone)[-1].answer
+    assert together > apart + 2
 
 
 def test_photos_can_be_the_condition(scene, data):
     grey = Dataset(tuple(replace(v, image=torch.full_like(v.image, 0.5)) for v in data.views))
-    editor = Negative()
+    editor = Swapped()
     quick = replace(SMALL, update=replace(SMALL.update, steps=1), rounds=1)
     run(scene, grey, editor, replace(quick, condition="photo"))
     assert (editor.batch.originals == 0.5).all()
@@ -144,7 +176,7 @@ def test_photos_can_be_the_condition(scene, data):
 
 def test_an_edit_without_cameras_places_them(scene):
     quick = replace(SMALL, update=replace(SMALL.update, steps=1), rounds=1)
-    result = run(scene, None, Negative(), quick)[-1]
+    result = run(scene, None, Swapped(), quick)[-1]
     assert all(v.name.startswith("orbit") for v in result.targets)
     assert result.matched > 0
 
@@ -167,20 +199,30 @@ def test_requests_that_cannot_be_met_are_refused_before_any_work(scene, data):
         run(scene, mixed, make_editor())
     with pytest.raises(UsageError, match="coverage"):
         EditSettings(coverage=0.0)
+    for wrong in ({"steps": 0}, {"patches": 0}, {"patch": 4}, {"gram_weight": -1.0}):
+        with pytest.raises(UsageError):
+            UpdateSettings(**wrong)
 
 
 def test_an_update_lowers_the_loss(scene, data):
     from gsedit.features import FilterBank
     from gsedit.optimiser import SceneOptimiser
 
-    targets = tuple(replace(v, image=1 - v.image) for v in data.views[1:4])
+    targets = tuple(replace(v, image=v.image.flip(-1)) for v in data.views[1:4])
     optimiser = SceneOptimiser(scene, rates("appearance", 1.0))
-    settings = UpdateSettings(steps=30, patch=32)
+    settings = UpdateSettings(steps=40, patches=3, patch=32)
     losses = list(
-        update_steps(optimiser, targets, settings, FilterBank(), torch.Generator().manual_seed(0))
+        update_steps(
+            optimiser,
+            targets,
+            torch.ones(len(scene), dtype=torch.bool),
+            settings,
+            FilterBank(),
+            torch.Generator().manual_seed(0),
+        )
     )
-    assert len(losses) == 30
-    assert sum(losses[-5:]) < 0.5 * sum(losses[:5])
+    assert len(losses) == 40
+    assert sum(losses[-5:]) < 0.6 * sum(losses[:5])
 
 
 def test_the_python_api_reads_edits_and_writes(tmp_path, scene):

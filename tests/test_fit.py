@@ -18,15 +18,17 @@ from gsedit.fit import (
     initial_scene,
     neighbour_distance,
 )
-from gsedit.optimiser import SceneOptimiser
+from gsedit.optimiser import SH_REST, SceneOptimiser
 from gsedit.report import Checkpoint, Event
 from gsedit.synthetic import dataset, ring_cameras, scenes
 from rasterizer.render import render
 
 
-def photos(count: int = 9, size: int = 48):
-    scene = scenes()[0]
-    return dataset(scene, ring_cameras(scene, count, size), points=500)
+def photos(count: int = 16, size: int = 48):
+    """A globe that fills the pictures, and points on it without colours."""
+    ring = ring_cameras(scenes()[0], count, size)
+    cameras = [replace(c, fx=2.2 * c.fx, fy=2.2 * c.fy) for c in ring]
+    return replace(dataset(scenes()[0], cameras, points=500), point_colors=None)
 
 
 def generator(seed: int = 0) -> torch.Generator:
@@ -37,7 +39,12 @@ def test_a_short_fit_gains_many_decibels_on_views_it_never_saw():
     data = photos()
     before = evaluate(initial_scene(data, 0, generator()), data.split()[1])
     settings = FitSettings(
-        steps=120, seconds=None, sh_degree=0, densify_every=40, checkpoint_seconds=0.0
+        steps=120,
+        seconds=None,
+        sh_degree=0,
+        densify_every=40,
+        checkpoint_seconds=0.0,
+        opacity_reset=None,
     )
     items = list(fit_steps(data, settings, generator=generator()))
     result = items[-1]
@@ -70,7 +77,10 @@ def test_a_fit_continues_from_a_scene():
 def test_a_fit_without_budget_or_photos_is_refused():
     data = photos(3, 16)
     with pytest.raises(UsageError, match="--minutes"):
-        next(fit_steps(data, FitSettings(seconds=None), generator=generator()))
+        FitSettings(seconds=None)
+    for wrong in ({"steps": 0}, {"seconds": float("nan")}, {"seconds": -1.0}, {"sh_degree": 4}):
+        with pytest.raises(UsageError, match="is"):
+            FitSettings(**wrong)
     with pytest.raises(UsageError, match="photos"):
         next(fit_steps(replace(data, views=data.views[:1]), generator=generator()))
 
@@ -152,3 +162,22 @@ def test_replacing_the_scene_keeps_the_moments_of_the_rows_that_stay():
     pull(two)
     assert torch.allclose(one.scene.means[order[:2]], two.scene.means[:2])
     assert not torch.allclose(one.scene.means[5], two.scene.means[2])
+
+
+def test_view_dependent_colour_learns_slower_than_base_colour():
+    data = photos(3, 24)
+    start = initial_scene(data, 2, generator())
+    optimiser = SceneOptimiser(start, {"sh": 0.1})
+    for _ in range(5):
+        render(optimiser.scene, data.views[0].camera).color.square().sum().backward()
+        optimiser.step()
+    moved = (optimiser.scene.sh - start.sh).detach().abs().amax((0, 2))
+    # Adam's first steps are of the size of the rate, whatever the gradient
+    assert moved[1:].max() < 1.2 * SH_REST * moved[0]
+    assert moved[1:].max() > 0
+
+
+def test_a_fading_scene_keeps_its_most_opaque():
+    scene = replace(ball(20), logit_opacities=torch.linspace(-20, -10, 20))
+    kept, _, _ = densify(scene, torch.zeros(20), FitSettings(), generator())
+    assert len(kept) > 0

@@ -10,6 +10,7 @@ from point_clouds import ball, cloud
 
 from gsedit import framing
 from gsedit.errors import UsageError
+from rasterizer.render import render
 
 
 @pytest.mark.parametrize("axis", ["x", "-x", "y", "-y", "z", "-z"])
@@ -54,7 +55,7 @@ def test_an_orbit_stands_around_the_scene_and_sees_all_of_it():
     scene = ball()
     up = torch.tensor([0.3, 0.5, 0.8], dtype=torch.float64)
     cameras = framing.orbit(scene, 7, 64, up=up, elevation=30.0)
-    centre = torch.tensor(framing.bounds(scene.means).centre, dtype=torch.float64)
+    centre = torch.tensor(framing.bounds(scene).centre, dtype=torch.float64)
     offsets = torch.stack([c.centre - centre for c in cameras])
     heights = offsets @ up / up.norm()
     distances = offsets.norm(dim=1)
@@ -70,8 +71,13 @@ def test_a_capture_is_framed_by_its_dense_middle():
     generator = torch.Generator().manual_seed(2)
     middle = torch.randn(1000, 3, generator=generator)
     surroundings = 40 * torch.randn(300, 3, generator=generator)
-    assert framing.bounds(torch.cat((middle, surroundings))).radius < 6
-    assert framing.bounds(middle).radius > 2
+    assert framing.bounds(cloud(torch.cat((middle, surroundings)))).radius < 6
+    assert framing.bounds(cloud(middle)).radius > 2
+
+
+def test_a_single_gaussian_is_framed_by_its_size():
+    (camera,) = framing.orbit(ball(1), 1, 32, up=framing.up_vector("z"))
+    assert render(ball(1), camera).alpha.max() > 0.5
 
 
 @pytest.mark.parametrize("axis", ["w", "", "--x", "xy"])

@@ -6,18 +6,16 @@ import json
 import shutil
 from pathlib import Path
 
+import diffusers
 import pytest
 import torch
+import transformers
 
 from gsedit.correspond import Correspondences
 from gsedit.diffusion import Anchor, SamplerSettings, sample
 from gsedit.editors import EditBatch, make_editor
+from gsedit.editors.pix2pix import load_pix2pix
 from gsedit.errors import InputError, UsageError
-
-diffusers = pytest.importorskip("diffusers", reason="pip install 'gsedit[diffusers]'")
-transformers = pytest.importorskip("transformers", reason="pip install 'gsedit[diffusers]'")
-
-from gsedit.editors.pix2pix import load_pix2pix  # noqa: E402
 
 PROMPT = "make it snow"
 SD = {

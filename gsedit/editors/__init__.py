@@ -26,8 +26,8 @@ def make_editor(
     from gsedit.editors.sampling import DiffusionEditor
 
     if name == "closed-form":
-        if model is not None:
-            raise UsageError("the closed-form editor takes no model: add --editor pix2pix")
+        if model is not None or weights_dir is not None:
+            raise UsageError("the closed-form editor takes no weights: add --editor pix2pix")
         from gsedit.editors.closed_form import ClosedForm
 
         return DiffusionEditor(ClosedForm())

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -245,6 +245,8 @@ def _schedule(folder: Path) -> tuple[Schedule, str]:
         raise InputError(f"{path}: prediction_type {prediction!r} is not epsilon or v_prediction")
     if config.get("trained_betas") is not None or config.get("rescale_betas_zero_snr"):
         raise InputError(f"{path}: trained or rescaled betas are not supported, only a formula")
+    if config.get("set_alpha_to_one"):
+        raise InputError(f"{path}: set_alpha_to_one must be false, as in Stable Diffusion")
     if kind in (None, "scaled_linear"):
         schedule = Schedule.scaled_linear(start, end, steps)
     elif kind == "linear":
@@ -252,7 +254,7 @@ def _schedule(folder: Path) -> tuple[Schedule, str]:
         schedule = Schedule((1 - betas).cumprod(0))
     else:
         raise InputError(f"{path}: beta_schedule {kind!r} is not scaled_linear or linear")
-    return schedule, prediction
+    return replace(schedule, offset=config.get("steps_offset", 1)), prediction
 
 
 def _config(path: Path) -> dict[str, Any]:

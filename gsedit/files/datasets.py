@@ -31,12 +31,14 @@ def load_dataset(path: str | Path, *, size: int | None = None, limit: int | None
     for photo in photos:
         check_size(photo, str(path))
     chosen = photos if limit is None else _spread(photos, limit)
-    undone: dict[Lens, Undistortion] = {}
-    for lens in {photo.lens for photo in chosen}:
-        undone[lens] = _undistortion(path, lens)
-    views = tuple(_view(photo, undone[photo.lens], size) for photo in chosen)
+    views: dict[PosedPhoto, View] = {}
+    for lens in dict.fromkeys(photo.lens for photo in chosen):  # one at a time: each is a large map
+        undo = _undistortion(path, lens)
+        views |= {photo: _view(photo, undo, size) for photo in chosen if photo.lens == lens}
     xyz, rgb = points or (None, None)
-    return Dataset(views, points=xyz, point_colors=rgb, source=path)
+    return Dataset(
+        tuple(views[photo] for photo in chosen), points=xyz, point_colors=rgb, source=path
+    )
 
 
 def _read(path: Path) -> tuple[tuple[PosedPhoto, ...], SparsePoints | None]:

@@ -13,7 +13,8 @@ def existing_file(path: str | Path) -> Path:
     if path.is_dir():
         raise InputError(f"{path} is a folder, not a file: name a file inside it")
     try:
-        size = path.stat().st_size
+        with path.open("rb") as file:
+            size = file.seek(0, 2)
     except OSError as error:
         raise InputError(f"{path} cannot be read ({error.strerror}): check the path") from None
     if size == 0:

@@ -28,6 +28,7 @@ from rasterizer.scene import Gaussians
 READABLE = (".ply", ".compressed.ply", ".spz", ".splat")
 WRITABLE = (".ply", ".compressed.ply", ".spz")
 _MIN_NORM = 1e-12  # a shorter quaternion has no direction: torch's normalize gives up here too
+_MAX_LOG_SCALE = 40.0  # e^40 squared still has room in float32; a scene never does
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +111,7 @@ def _read(path: Path) -> tuple[Gaussians, tuple[str, ...]]:
 
 def _invalid_rows(scene: Gaussians) -> Bool[Tensor, " n"]:
     bad = scene.quats.norm(dim=1) < _MIN_NORM
+    bad |= (scene.log_scales > _MAX_LOG_SCALE).any(1)
     for field in fields(scene):
         bad |= ~getattr(scene, field.name).isfinite().reshape(len(scene), -1).all(1)
     return bad
@@ -126,5 +128,7 @@ def _describe(scene: Gaussians, bad: Bool[Tensor, " n"]) -> str:
     broken = next(
         (f"column {name} is {value}" for name, value in numbers if not isfinite(value)), ""
     )
+    if not broken and float(scene.log_scales[row].max()) > _MAX_LOG_SCALE:
+        broken = f"a scale is exp({float(scene.log_scales[row].max()):g}), beyond any scene"
     place = broken or "its quaternion rot_0..rot_3 is zero"
     return f"row {row} (from 0): {place}; {int(bad.sum())} of {len(scene)} rows are invalid"

@@ -24,7 +24,7 @@ PACKING = 0.75  # least distance / spacing at which thinning leaves about the po
 DISC = 0.7  # in-plane standard deviation / spacing: alpha > 0.97 between neighbours
 SINK = 0.38  # depth of the centres under the surface / spacing: see surface_gaussians
 FLATNESS = 0.1  # standard deviation along the normal / in-plane
-OPACITY = 0.99
+OPACITY = 0.985  # below the cap of alpha: at it, float32 and float64 disagree on the gradient
 PROBES = 8  # directions in which a disc is tried against the surface
 OVERHANG = 0.2  # how far, in its radii, a disc may leave the surface at its own rim
 
