@@ -45,7 +45,7 @@ def check_against_reference(scene, camera):
 
 @pytest.mark.parametrize("name", SCENES)
 def test_float32_pictures_and_gradients_are_the_references(name, fewer_splats):
-    check_against_reference(fewer_splats[name], ring_cameras(SCENES[name], 1, 64)[0])
+    check_against_reference(fewer_splats[name], ring_cameras(SCENES[name], 1, 128)[0])
 
 
 @pytest.mark.skipif(not POINTS.exists(), reason=f"the garden's points are not at {POINTS}")

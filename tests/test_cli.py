@@ -173,14 +173,6 @@ def test_bad_input_is_one_line_3_and_nothing_written(bad: BadFile, tmp_path):
     assert not out.exists()
 
 
-def test_views_that_do_not_fit_the_editor_are_refused_before_the_work(scene, tmp_path):
-    result = gsedit("edit", scene, "make it snow", "-o", tmp_path / "out", "--size", 21)
-    assert result.exit_code == 2
-    assert one_line(result.stderr)
-    assert "--size 16" in result.stderr
-    assert not (tmp_path / "out").exists()
-
-
 @pytest.mark.parametrize("instruction", ["", "  ", "blorp the frumious zizzle"])
 def test_an_instruction_nobody_can_follow_is_2(scene, tmp_path, instruction):
     result = gsedit("edit", scene, instruction, "-o", tmp_path / "out")

@@ -71,7 +71,7 @@ def test_an_edit_moves_the_scene_to_the_known_answer(scene, data):
     before = capture(scene, [v.camera for v in data.views[::8]], ["a", "b"])
     unedited = [(v.image - v.image.flip(-1)).square().mean() for v in before]
     assert measured[-1] < 0.8 * torch.stack(unedited).mean().sqrt()
-    assert result.strength > 0.05
+    assert result.strength > 0.02  # of the 0.13 that lie between the pictures and their answers
     # the same cameras three times
     assert [v.name for v in result.originals] == [v.name for v in result.targets]
     assert [v.name for v in result.finals] == [v.name for v in result.targets]
