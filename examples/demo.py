@@ -19,7 +19,17 @@ def demo(folder: Path, count: int = 30_000, size: int = 256) -> None:
     scene = surface_gaussians(demo_scene(), count, torch.Generator().manual_seed(0))
     source = folder.with_name(folder.name + "_scene.ply")
     gsedit.save(scene, source, overwrite=True)
-    request = ["edit", str(source), INSTRUCTION, "-o", str(folder), "--size", str(size)]
+    request = [
+        "edit",
+        str(source),
+        INSTRUCTION,
+        "-o",
+        str(folder),
+        "--size",
+        str(size),
+        "--up",
+        "z",
+    ]
     app([*request, "--force"])
 
 

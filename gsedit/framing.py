@@ -25,7 +25,7 @@ class Bounds:
 
 
 def bounds(scene: Gaussians) -> Bounds:
-    """Median centre, and the radius that holds nearly all of it, or the dense middle of a capture.
+    """Centre and radius that hold nearly all of an object, or the dense middle of a capture.
 
     Only the more opaque half counts. Raises UsageError for an empty scene.
     """
@@ -33,13 +33,23 @@ def bounds(scene: Gaussians) -> Bounds:
         raise UsageError("the scene has no Gaussians: there is nothing to frame")
     opacities = scene.opacities.detach()
     kept = scene[opacities >= opacities.median()].detach().to(torch.float64)
-    x, y, z = kept.means.median(0).values.tolist()
-    distance = (kept.means - kept.means.new_tensor((x, y, z))).norm(dim=-1).sort().values
-    half, most = (float(distance[int(f * (len(distance) - 1))]) for f in (0.5, 0.98))
-    # an object alone ends within 2.5 times the median distance; surroundings go on and on
-    extent = min(most, 2.5 * half)
+    centre = kept.means.median(0).values
+    half, most = _distances(kept.means, centre)
+    extent = 2.5 * half  # of a capture: its surroundings go on and on
+    if most <= extent:  # an object alone: the middle of all of it, not of where most splats are
+        low, high = (kept.means.sort(0).values[int(f * (len(kept) - 1))] for f in (0.01, 0.99))
+        centre = (low + high) / 2
+        _, extent = _distances(kept.means, centre)
+    x, y, z = centre.tolist()
     splat = 3 * float(kept.scales.amax(-1).median())  # they reach beyond their centres
     return Bounds((x, y, z), extent + splat)
+
+
+def _distances(points: Float[Tensor, "n 3"], centre: Float[Tensor, "3"]) -> tuple[float, float]:
+    """Within which half of the points lie, and within which 98 % do."""
+    distance = (points - centre).norm(dim=-1).sort().values
+    half, most = (float(distance[int(f * (len(distance) - 1))]) for f in (0.5, 0.98))
+    return half, most
 
 
 def guess_up(scene: Gaussians) -> Float[Tensor, "3"]:
@@ -128,7 +138,7 @@ def orbit(
     helper = torch.eye(3, dtype=torch.float64)[int(axis.abs().argmin())]
     east = torch.nn.functional.normalize(torch.linalg.cross(axis, helper), dim=0)
     north = torch.linalg.cross(axis, east)
-    distance = 1.05 * at.radius / sin(radians(fov) / 2)  # the sphere of the bounds, with a margin
+    distance = at.radius / sin(radians(fov) / 2)  # the sphere of the bounds fills the height
     rise = radians(elevation)
     cameras = []
     for i in range(count):
