@@ -34,29 +34,27 @@ def bounds(scene: Gaussians) -> Bounds:
     opacities = scene.opacities.detach()
     kept = scene[opacities >= opacities.median()].detach().to(torch.float64)
     centre = kept.means.median(0).values
-    half, most = _distances(kept.means, centre)
-    extent = 2.5 * half  # of a capture: its surroundings go on and on
-    if most <= extent:  # an object alone: the middle of all of it, not of where most splats are
-        low, high = (kept.means.sort(0).values[int(f * (len(kept) - 1))] for f in (0.01, 0.99))
+    extent, half, most = _distances(kept.means, centre)  # of a capture: most is surroundings
+    if most <= 3 * half:  # an object alone: the middle of all of it, not of where most splats are
+        low, high = (kept.means.sort(0).values[int(f * (len(kept) - 1))] for f in (0.03, 0.97))
         centre = (low + high) / 2
-        _, extent = _distances(kept.means, centre)
+        extent = 1.15 * _distances(kept.means, centre)[2]  # what stands out is wanted too
     x, y, z = centre.tolist()
     splat = 3 * float(kept.scales.amax(-1).median())  # they reach beyond their centres
     return Bounds((x, y, z), extent + splat)
 
 
-def _distances(points: Float[Tensor, "n 3"], centre: Float[Tensor, "3"]) -> tuple[float, float]:
-    """Within which half of the points lie, and within which 98 % do."""
+def _distances(points: Float[Tensor, "n 3"], centre: Float[Tensor, "3"]) -> tuple[float, ...]:
+    """Within which 30 % of the points lie, half of them, and 95 %."""
     distance = (points - centre).norm(dim=-1).sort().values
-    half, most = (float(distance[int(f * (len(distance) - 1))]) for f in (0.5, 0.98))
-    return half, most
+    return tuple(float(distance[int(f * (len(distance) - 1))]) for f in (0.3, 0.5, 0.95))
 
 
 def guess_up(scene: Gaussians) -> Float[Tensor, "3"]:
     """The normal of the ground the scene stands on, or INRIA's -y where there is no clear ground.
 
     Capture frames are seldom level. Of directions all around, this takes the one along which the
-    middle 60 % of the centres pile up most in one of 32 layers. A ground has much in it, much above
+    middle 40 % of the centres pile up most in one of 32 layers. A ground has much in it, much above
     it and little below; the shares were chosen on two captures with a ground and three without.
     """
     if not len(scene):
@@ -64,7 +62,7 @@ def guess_up(scene: Gaussians) -> Float[Tensor, "3"]:
     near = scene.means.detach().double()
     near = near - near.median(0).values
     distance = near.norm(dim=1)
-    radius = distance.sort().values[int(0.6 * (len(near) - 1))]
+    radius = distance.sort().values[int(0.4 * (len(near) - 1))]
     near = near[distance <= radius] / radius.clamp_min(1e-12)
     near = near[:: 1 + len(near) // 20_000]  # enough to find a plane
     directions = _hemisphere(400)

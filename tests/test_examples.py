@@ -17,7 +17,7 @@ from gsedit.synthetic import ring_cameras, scenes
 def test_the_demo_leaves_its_folder(tmp_path):
     folder = tmp_path / "demo"
     with pytest.raises(SystemExit) as ended:
-        demo(folder, count=1500, size=64)
+        demo(folder, count=1500, size=64, steps=10)
     assert ended.value.code == 0
     names = {"scene.ply", "edit.json", "metrics.jsonl", "before_after.png", "error_vs_time.png"}
     assert names == {p.name for p in folder.iterdir()}

@@ -28,7 +28,7 @@ def test_the_framing_camera_sees_the_scene_upright(axis):
 
 
 def test_framing_does_not_mind_far_floaters():
-    scene = ball()
+    scene = ball(2000)
     far = cloud(torch.cat((scene.means, 1e4 * torch.ones(5, 3))))
     here, there = (
         framing.framing_camera(s, up=framing.up_vector("z")).centre for s in (scene, far)
