@@ -22,7 +22,7 @@ from gsedit.features import FeatureExtractor, FilterBank
 from gsedit.framing import bounds, orbit
 from gsedit.optimiser import SceneOptimiser
 from gsedit.plan import Plan, plan_views, survey
-from gsedit.report import Checkpoint, Event
+from gsedit.report import Checkpoint, Event, rmse_of
 from gsedit.strategies import UpdateSettings, update_steps
 from gsedit.views import Dataset, View, capture
 from rasterizer.camera import Camera
@@ -260,7 +260,7 @@ class _Work:
                 if step % MEASURE_EVERY == 0:
                     psnr, aim = self.measure(PROBES)
                     yield Event("update", self.watch.seconds, step, total, loss,
-                                10 ** (-psnr / 20), f"{psnr:.2f} dB to the {aim}")  # fmt: skip
+                                rmse_of(psnr), f"{psnr:.2f} dB to the {aim}")  # fmt: skip
                 elif step % REPORT_EVERY == 0:
                     yield Event("update", self.watch.seconds, step, total, loss)
         self.rounds_done += 1
@@ -276,7 +276,7 @@ class _Work:
         originals = tuple(
             replace(self.views[i], image=self.before[i].color.clamp(0, 1)) for i in self.targets
         )
-        yield Event("measure", self.watch.seconds, error=10 ** (-psnr / 20),
+        yield Event("measure", self.watch.seconds, error=rmse_of(psnr),
                     note=f"{psnr:.2f} dB to the {aim}")  # fmt: skip
         yield EditResult(
             scene=edited,
@@ -287,7 +287,9 @@ class _Work:
             plan=self.plan,
             matched=_mean([f for *_, f in self.pairs]) if self.pairs else None,
             pairs=tuple(self.pairs),
-            strength=_mean(metrics.rmse(a.image, b.image) for a, b in zip(originals, finals)),
+            strength=_mean(
+                metrics.edit_strength(a.image, b.image) for a, b in zip(originals, finals)
+            ),
             residual=_mean(metrics.psnr(a.image, b.image) for a, b in zip(finals, targets)),
             answer=psnr if self.answer is not None and self.held_out else None,
             timings=self.watch.stages | {"total": self.watch.seconds},

@@ -18,7 +18,7 @@ from torch import Tensor
 from gsedit import losses
 from gsedit.errors import UsageError
 from gsedit.optimiser import SceneOptimiser
-from gsedit.report import Checkpoint, Event
+from gsedit.report import Checkpoint, Event, rmse_of
 from gsedit.views import Dataset, View
 from rasterizer.camera import Camera
 from rasterizer.numerics import SH_DC
@@ -210,7 +210,7 @@ class _Clock:
 
 
 def _event(stage: str, clock: _Clock, loss: float | None, psnr: float | None, note: str) -> Event:
-    error = None if psnr is None else 10 ** (-psnr / 20)
+    error = None if psnr is None else rmse_of(psnr)
     return Event(stage, clock.seconds, clock.step, clock.steps, loss, error, note)
 
 

@@ -41,6 +41,11 @@ class Checkpoint:
     seconds: float
 
 
+def rmse_of(decibels: float) -> float:
+    """RMSE of colours in [0, 1] at a PSNR: the inverse of `decibels`."""
+    return 10 ** (-decibels / 20)
+
+
 def decibels(rmse: float) -> float:
     """PSNR of colours in [0, 1], dB; infinite where there is no error."""
     return -20 * math.log10(rmse) if rmse > 0 else math.inf

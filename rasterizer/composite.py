@@ -47,9 +47,7 @@ def composite(
 
 
 class _Wave(NamedTuple):
-    """What the backward pass needs of one block: which tiles, where in their lists, what came
-    in.
-    """
+    """What the backward pass needs of a block: its tiles, where in their lists, what came in."""
 
     tiles: Int[Tensor, " b"]
     depth: int
