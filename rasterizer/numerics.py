@@ -1,9 +1,10 @@
-"""Every constant of the renderer, once, with its reason."""
+"""What a picture means (Numerics), how it is computed (Execution): every knob and its reason."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 SH_DC = 0.28209479177387814  # Y_00 = 1 / (2 sqrt(pi)); INRIA's colour is 0.5 + SH_DC sh[0]
 
@@ -40,3 +41,20 @@ class Numerics:
 
 
 DEFAULT = Numerics()
+
+
+@dataclass(frozen=True)
+class Execution:
+    """How the picture is computed. Changes time, memory and rounding; nothing else."""
+
+    tile_size: int | None = None
+    """Side of a tile, pixels; None: chosen from the splats' footprints."""
+    block: int | None = None
+    """Gaussians of a tile that are blended at once; None: chosen from the lists' lengths."""
+    cull: Literal["ellipse", "box"] = "ellipse"
+    """A tile lists what its ellipse touches, or all whose bounding box does (more, for nothing)."""
+    compile: bool = False
+    """Blend with a compiled kernel: needs a C++ compiler, falls back with a warning without."""
+
+
+AUTO = Execution()

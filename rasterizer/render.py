@@ -8,12 +8,12 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from rasterizer import harmonics, tiles
+from rasterizer import harmonics
 from rasterizer.camera import Camera
-from rasterizer.composite import composite
-from rasterizer.numerics import DEFAULT, SH_DC, Numerics
-from rasterizer.project import Box, Projected, project, visible
+from rasterizer.numerics import AUTO, DEFAULT, SH_DC, Execution, Numerics
+from rasterizer.project import Box, project, visible
 from rasterizer.scene import Gaussians
+from rasterizer.splat import splat
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ def render(
     depth: bool = False,
     median_depth: bool = False,
     numerics: Numerics = DEFAULT,
-    tile_size: int | None = None,
+    execution: Execution = AUTO,
 ) -> Rendering:
     """Render Gaussians; differentiable in the scene, the background and the camera's pose.
 
@@ -60,28 +60,25 @@ def render(
     features = [harmonics.colors(seen.sh, seen.means - camera.centre.to(seen.means))]
     if depth:
         features.append(projected.depth[:, None])
-    order, bins = _bin(seen, projected, camera, box, numerics, tile_size)
-    corner = projected.xy.new_tensor((left, top))
-    table = torch.cat(
-        (
-            projected.xy - corner,
-            projected.whitening,
-            torch.nn.functional.logsigmoid(seen.logit_opacities)[:, None],
-            *features,
-        ),
-        -1,
-    )[order]
-    blended, through, crossing = composite(table, bins, width, height, numerics, median_depth)
-    alpha = 1 - through
-    color = blended[..., :3]
+    drawn = splat(
+        projected,
+        torch.nn.functional.logsigmoid(seen.logit_opacities),
+        torch.cat(features, -1),
+        box,
+        numerics,
+        execution=execution,
+        median=median_depth,
+    )
+    alpha = 1 - drawn.transmittance
+    color = drawn.features[..., :3]
     if background is not None:
-        color = color + through[..., None] * background.to(color)
+        color = color + drawn.transmittance[..., None] * background.to(color)
     expected = median = None
     if depth:
-        expected = blended[..., 3] / alpha.masked_fill(alpha == 0, 1)
+        expected = drawn.features[..., 3] / alpha.masked_fill(alpha == 0, 1)
     if median_depth:
-        sorted_depth = torch.cat((projected.depth.detach()[order], corner.new_zeros(1)))
-        median = sorted_depth[crossing]  # -1, nothing there, reads the zero at the end
+        centres = torch.cat((projected.depth.detach(), projected.depth.new_zeros(1)))
+        median = centres[drawn.crossing]  # -1, nothing there, reads the zero at the end
     return Rendering(color, alpha, expected, median)
 
 
@@ -98,25 +95,3 @@ def contributions(
         picture = render(replace(flat, sh=dc), camera, numerics=numerics).color
         (gradient,) = torch.autograd.grad(picture[..., 0].sum(), dc)
     return gradient[:, 0, 0] / SH_DC
-
-
-def _bin(
-    seen: Gaussians,
-    projected: Projected,
-    camera: Camera,
-    box: Box,
-    numerics: Numerics,
-    tile_size: int | None,
-) -> tuple[Tensor, tiles.Bins]:
-    left, top, width, height = box
-    with torch.no_grad():
-        # in float64: float32 puts two of 10,000 in the wrong order, and a pixel then jumps
-        pose = camera.world_to_camera.double()
-        order = tiles.depth_order(seen.means.double() @ pose[2, :3] + pose[2, 3])
-        radius = (2 * (seen.opacities / numerics.alpha_min).log().clamp_min(0)).sqrt()
-        corner = projected.xy.new_tensor((left, top))
-        footprints = tiles.Footprints(
-            (projected.xy - corner)[order], projected.covariance[order], radius[order]
-        )
-        size = tile_size or tiles.choose_tile_size(footprints, width, height)
-        return order, tiles.bin_tiles(footprints, size, width, height)

@@ -17,8 +17,8 @@ ORDER = {
         "files", "views", "framing", "errors",
     ),
     "rasterizer": (
-        "reference", "render", "composite", "tiles", "project", "harmonics", "camera", "scene",
-        "numerics",
+        "reference", "render", "splat", "composite", "tiles", "project", "harmonics", "camera",
+        "scene", "numerics",
     ),
 }  # fmt: skip
 BELOW = {"cli": ("gsedit", "rasterizer"), "gsedit": ("rasterizer",), "rasterizer": ()}

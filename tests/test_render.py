@@ -9,7 +9,7 @@ import torch
 from closeness import EPS32, leaves, relative, tensors, weights_like
 from scenes import EXHIBITS, cloud, coincident, opaque_stack, random_cloud, wall
 
-from rasterizer import Camera, Numerics, contributions, look_at, render
+from rasterizer import Camera, Execution, Numerics, contributions, look_at, render
 from rasterizer.reference import render_reference
 from rasterizer.scene import Gaussians
 
@@ -119,7 +119,10 @@ def test_gradcheck_in_float64():
 @pytest.mark.parametrize("dtype", [torch.float64, torch.float32])
 def test_tile_size_changes_nothing(dtype):
     scene, camera = cloud()
-    pictures = [render(scene.to(dtype), camera, tile_size=size).color for size in (4, 8, 16, 32)]
+    pictures = [
+        render(scene.to(dtype), camera, execution=Execution(tile_size=size)).color
+        for size in (4, 8, 16, 32)
+    ]
     # the exponent is summed from squares of up to (1.8 sigma a pixel x 23 pixels)^2 / 2 = 860
     rounding = 860 * torch.finfo(dtype).eps
     for picture in pictures[1:]:
@@ -156,7 +159,9 @@ def test_input_order_changes_nothing_away_from_equal_depths():
 
 def test_equal_depths_keep_file_order():
     scene, camera = coincident()
-    pictures = [render(scene, camera, tile_size=size).color for size in (8, 32)]
+    pictures = [
+        render(scene, camera, execution=Execution(tile_size=size)).color for size in (8, 32)
+    ]
     assert (pictures[0] - pictures[1]).abs().max() < 1e-12
     first = render(scene, camera).color - render(scene.map(lambda t: t.flip(0)), camera).color
     assert first.abs().max() > 1e-3  # so the order did matter
