@@ -2,6 +2,7 @@
 
 from rasterizer.camera import Camera, look_at
 from rasterizer.numerics import Execution, Numerics
+from rasterizer.rasterization import rasterization
 from rasterizer.render import Rendering, contributions, render
 from rasterizer.scene import Gaussians, concatenate
 
@@ -14,5 +15,6 @@ __all__ = [
     "concatenate",
     "contributions",
     "look_at",
+    "rasterization",
     "render",
 ]

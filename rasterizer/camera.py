@@ -1,9 +1,10 @@
-"""A pinhole camera: OpenCV axes (x right, y down, z forward), pixel centres at +0.5."""
+"""A camera: OpenCV axes (x right, y down, z forward), pixel centres at +0.5."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import radians, tan
+from typing import Literal
 
 import torch
 from jaxtyping import Float
@@ -23,6 +24,8 @@ class Camera:
     cy: float
     width: int
     height: int
+    model: Literal["pinhole", "ortho"] = "pinhole"
+    """ortho: parallel rays. x of a pixel is fx x + cx whatever the depth; fx is pixels per unit."""
 
     @property
     def rotation(self) -> Float[Tensor, "3 3"]:
@@ -57,15 +60,17 @@ class Camera:
         """Pixel positions and depth along the view (which may be negative: behind)."""
         pose = self.world_to_camera.to(points)
         x, y, z = (points @ pose[:3, :3].T + pose[:3, 3]).unbind(-1)
-        return torch.stack((self.fx * x / z + self.cx, self.fy * y / z + self.cy), -1), z
+        scale = z if self.model == "pinhole" else 1
+        return torch.stack((self.fx * x / scale + self.cx, self.fy * y / scale + self.cy), -1), z
 
     def unproject(
         self, xy: Float[Tensor, "*b 2"], depth: Float[Tensor, "*b"]
     ) -> Float[Tensor, "*b 3"]:
         """World points at a depth along the view behind pixel positions: the inverse of project."""
         pose = self.world_to_camera.to(xy)
-        x = (xy[..., 0] - self.cx) / self.fx * depth
-        y = (xy[..., 1] - self.cy) / self.fy * depth
+        scale = depth if self.model == "pinhole" else 1
+        x = (xy[..., 0] - self.cx) / self.fx * scale
+        y = (xy[..., 1] - self.cy) / self.fy * scale
         return (torch.stack((x, y, depth), -1) - pose[:3, 3]) @ pose[:3, :3]
 
     def pixel_centres(self) -> Float[Tensor, "h w 2"]:

@@ -24,8 +24,17 @@ class Numerics:
     costs 5 % more time and leaves 6e-5."""
     blur: float = 0.3
     """Pixel variance added to each projected covariance (EWA low-pass)."""
+    antialiased: bool = False
+    """Scale each opacity by sqrt(det(covariance) / det(covariance + blur)): what the blur spreads
+    out is not added to the picture (Mip-Splatting, arXiv 2311.16493)."""
     near: float = 0.01
-    """Splats whose centre is nearer than this are not drawn (world units along the view)."""
+    """Splats whose centre is not farther than this are not drawn (world units along the view).
+    Below 0 only for an orthographic camera."""
+    far: float = math.inf
+    """Splats whose centre is farther than this are not drawn."""
+    radius_clip: float = 0.0
+    """Splats are not drawn whose footprint reaches no more than this many pixels to its sides and
+    up and down, rounded up to whole pixels: far away ones, for time."""
     margin: float = 0.3
     """The projection's Jacobian is taken at most this fraction of the half extent off the
     picture.

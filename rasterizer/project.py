@@ -1,15 +1,15 @@
 """EWA projection: each 3D Gaussian to a 2D one on the picture plane. `n` Gaussians, xy in pixels.
 
 The 2D covariance M M^T + blur I, with M = J R_camera R S (2 x 3), is never inverted: its Cholesky
-factor is, and the
-determinant is summed from squares (Lagrange's identity |m1|^2 |m2|^2 - (m1 m2)^2 = |m1 x m2|^2),
-so that nothing
-cancels on a needle.
+factor is, and the variance of y at a given x is summed from squares (Lagrange's identity
+|m1|^2 |m2|^2 - (m1 m2)^2 = |m1 x m2|^2), so that nothing cancels on a needle. Centres are moved to
+the camera in float64: 1e7 from the origin, float32 would lose what is left of them.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import torch
 from jaxtyping import Float, Int
@@ -33,23 +33,36 @@ class Projected:
     depth: Float[Tensor, " n"]
     """Of the centre, along the view."""
     order: Float[Tensor, " n"]
-    """The same in float64, to sort by: float32 puts two of 10,000 in the wrong order, and a pixel
-    then jumps. Without gradients."""
+    """The same in float64 and above 0, to sort by: float32 puts two of 10,000 in the wrong order,
+    and a pixel then jumps. Without gradients."""
     covariance: Float[Tensor, "n 4"]
-    """xx, xy, yy and the determinant; for choosing tiles only, without gradients."""
+    """xx, xy, yy, and the variance of x at a given y; for choosing tiles only, without
+    gradients."""
+    log_gain: Float[Tensor, " n"] | None = None
+    """Natural logarithm of what antialiasing multiplies each opacity by; None: with 1."""
 
 
 def rotation_matrices(quats: Float[Tensor, "n 4"]) -> Float[Tensor, "n 3 3"]:
-    """Rotations of wxyz quaternions of any norm; the zero quaternion is the identity."""
-    squared = (quats * quats).sum(-1, keepdim=True)
-    degenerate = squared == 0
-    w, x, y, z = (quats * squared.masked_fill(degenerate, 1).rsqrt()).unbind(-1)
+    """Rotations of wxyz quaternions of any norm; the zero quaternion is the identity.
+
+    Gradients grow as 1 / norm. They are zero for the zero quaternion, and where they would
+    overflow: below a norm of about 1e-31 in float32, 1e-292 in float64.
+    """
+    quats = quats.T.contiguous()  # rows of n numbers: steps over them are long ones
+    largest = quats.detach().abs().amax(0)
+    limits = torch.finfo(quats.dtype)
+    tiny = largest < limits.smallest_normal / limits.eps
+    # by the largest first: neither 1e-30 nor 1e30 has a square in float32
+    held = quats.detach() / largest.masked_fill(largest == 0, 1)
+    scaled = torch.where(tiny, held, quats / largest.masked_fill(tiny, 1))
+    squared = (scaled * scaled).sum(0).masked_fill(largest == 0, 1)
+    w, x, y, z = (scaled * squared.rsqrt()).unbind()
     rows = (
         1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
         2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
         2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y),
     )  # fmt: skip
-    return torch.stack(rows, -1).unflatten(-1, (3, 3))
+    return torch.stack(rows).T.unflatten(-1, (3, 3))
 
 
 def slope_limits(camera: Camera, numerics: Numerics) -> tuple[float, float, float, float]:
@@ -65,52 +78,182 @@ def slope_limits(camera: Camera, numerics: Numerics) -> tuple[float, float, floa
 
 @torch.no_grad()
 def visible(scene: Gaussians, camera: Camera, box: Box, numerics: Numerics) -> Int[Tensor, " m"]:
-    """Rows that may touch the box: in front of the near plane, not transparent, near enough to it.
+    """Rows that may touch the box: between the planes, not transparent, near enough to it."""
+    first, second, third = scene.log_scales.unbind(-1)
+    extents = first.maximum(second).maximum(third).exp()
+    return in_sight(scene.means, extents, scene.opacities, camera, box, numerics)
 
-    The test bounds each footprint by the sphere of its largest axis, so it never drops what is
-    seen.
+
+@torch.no_grad()
+def in_sight(
+    means: Float[Tensor, "n 3"],
+    extents: Float[Tensor, " n"],
+    opacities: Float[Tensor, " n"],
+    camera: Camera,
+    box: Box,
+    numerics: Numerics,
+) -> Int[Tensor, " m"]:
+    """Rows that may touch the box, of Gaussians no wider than `extents` (standard deviations).
+
+    Each footprint is bounded by the sphere of that radius, so what is seen is never dropped.
+    Raises ValueError for a near plane behind a pinhole.
     """
-    pose = camera.world_to_camera.detach().to(scene.means)
-    x, y, z = (scene.means @ pose[:3, :3].T + pose[:3, 3]).unbind(-1)
-    keep = (z > numerics.near) & (scene.opacities >= numerics.alpha_min)
-    safe_z = z.clamp_min(numerics.near)
+    if camera.model == "pinhole" and numerics.near < 0:
+        raise ValueError(f"near is {numerics.near}: below 0 only for an orthographic camera")
+    centres = _in_camera(means, camera)
+    keep = (centres[2] > numerics.near) & (centres[2] <= numerics.far)
+    keep &= opacities >= numerics.alpha_min
+    x, y, z = centres.to(means)
+    distance = z.clamp_min(numerics.near) if camera.model == "pinhole" else torch.ones_like(z)
     low_x, high_x, low_y, high_y = slope_limits(camera, numerics)
-    sigma = scene.log_scales.amax(-1).exp() / safe_z
-    cut_off = (2 * (scene.opacities / numerics.alpha_min).log().clamp_min(0)).sqrt()
+    sigma = extents / distance
+    cut_off = (2 * (opacities / numerics.alpha_min).log().clamp_min(0)).sqrt()
     left, top, width, height = box
     for at, focal, centre, low, high, start, size in (
         (x, camera.fx, camera.cx, low_x, high_x, left, width),
         (y, camera.fy, camera.cy, low_y, high_y, top, height),
     ):
-        slope = at / safe_z
+        slope = at / distance
         stretch = (1 + slope.clamp(low, high).square()).sqrt() * focal
-        reach = (
-            cut_off * ((sigma * stretch).square() + numerics.blur).sqrt() * 1.001 + 1
-        )  # rounding
-        offset = slope * focal + (centre - start)
-        keep &= (offset > -reach) & (offset < size + reach)
+        place = slope * focal
+        # float32 rounds a place by 1e-7 of it, which counts where a sensor is shifted by 1e7 pixels
+        rounding = 1 + 1e-6 * place.abs().clamp_max(1e30)
+        reach = cut_off * ((sigma * stretch).square() + numerics.blur).sqrt() * 1.001 + rounding
+        offset = place + (centre - start)
+        keep &= ~((offset < -reach) | (offset > size + reach))  # NaN stays, to be refused
     return keep.nonzero().squeeze(-1)
 
 
 def project(scene: Gaussians, camera: Camera, numerics: Numerics) -> Projected:
     """Project Gaussians that lie in front of the camera; differentiable in scene and pose."""
-    pose = camera.world_to_camera.to(scene.means)
-    x, y, z = (scene.means @ pose[:3, :3].T + pose[:3, 3]).unbind(-1)
+    axes = rotation_matrices(scene.quats) * scene.scales[:, None, :]
+    return project_axes(scene.means, axes, camera, numerics)
+
+
+def project_axes(
+    means: Float[Tensor, "n 3"], axes: Float[Tensor, "n 3 3"], camera: Camera, numerics: Numerics
+) -> Projected:
+    """Project Gaussians of covariance A A^T; the columns of A are their axes in the world."""
+    lines = _linearise(means, camera, numerics)
+    rows = axes.permute(1, 2, 0)
+    m1, m2 = ((line[:, None] * rows).sum(0) for line in (lines.to_x, lines.to_y))
+    xx = m1.square().sum(0)
+    # divided before it is squared: the determinant overflows where the moments do not
+    cross = torch.linalg.cross(m1 * (xx + numerics.blur).rsqrt(), m2, dim=0)
+    moments = (xx, (m1 * m2).sum(0), m2.square().sum(0), cross.square().sum(0))
+    return _whiten(means, lines, moments, camera, numerics)
+
+
+def project_covariances(
+    means: Float[Tensor, "n 3"],
+    covariances: Float[Tensor, "n 3 3"],
+    camera: Camera,
+    numerics: Numerics,
+) -> Projected:
+    """Project Gaussians of given covariances: symmetric, of any rank.
+
+    Without their axes the determinant is a difference, which is taken in float64.
+    """
+    lines = _linearise(means, camera, numerics)
+    to_x, to_y, covariances = (t.double() for t in (lines.to_x, lines.to_y, covariances))
+    rows = covariances.permute(1, 2, 0)
+    half_x, half_y = ((rows * line).sum(1) for line in (to_x, to_y))
+    # rounded covariances may have a small negative eigenvalue
+    xx, yy = ((line * half).sum(0).clamp_min(0) for line, half in ((to_x, half_x), (to_y, half_y)))
+    xy = (to_y * half_x).sum(0)
+    moments = (xx, xy, yy, (xx * yy - xy * xy).clamp_min(0) / (xx + numerics.blur))
+    return _whiten(means, lines, moments, camera, numerics)
+
+
+class _Lines(NamedTuple):
+    """The projection to first order about each centre."""
+
+    xy: Float[Tensor, "n 2"]
+    depth: Float[Tensor, " n"]
+    """float64."""
+    to_x: Float[Tensor, "3 n"]
+    """Rows of J R_camera: how far a step in the world moves x, and y, on the picture."""
+    to_y: Float[Tensor, "3 n"]
+
+
+def _in_camera(means: Float[Tensor, "n 3"], camera: Camera) -> Float[Tensor, "3 n"]:
+    """Centres in the camera's axes, float64."""
+    pose = camera.world_to_camera.double()
+    return pose[:3, :3] @ means.double().T + pose[:3, 3:]
+
+
+def view_directions(means: Float[Tensor, "n 3"], camera: Camera) -> Float[Tensor, "n 3"]:
+    """Unit vectors from the camera's centre to each Gaussian's, taken in float64."""
+    pose = camera.world_to_camera.double()
+    centre = -pose[:3, :3].T @ pose[:3, 3]
+    return torch.nn.functional.normalize(means.double() - centre, dim=-1).to(means)
+
+
+def _linearise(means: Float[Tensor, "n 3"], camera: Camera, numerics: Numerics) -> _Lines:
+    right, down, ahead = camera.rotation.to(means)[:, :, None]
+    x, y, z = _in_camera(means, camera)
+    if camera.model == "ortho":
+        xy = _stack(means, camera.fx * x + camera.cx, camera.fy * y + camera.cy)
+        to_x, to_y = camera.fx * right, camera.fy * down
+        return _Lines(xy, z, to_x.expand(-1, len(means)), to_y.expand(-1, len(means)))
     slope_x, slope_y = x / z, y / z
-    pose64 = camera.world_to_camera.detach().double()
+    xy = _stack(means, camera.fx * slope_x + camera.cx, camera.fy * slope_y + camera.cy)
     low_x, high_x, low_y, high_y = slope_limits(camera, numerics)
-    jx, jy = slope_x.clamp(low_x, high_x), slope_y.clamp(low_y, high_y)
-    axes = pose[:3, :3] @ (rotation_matrices(scene.quats) * scene.scales[:, None, :])
-    m1 = (camera.fx / z)[:, None] * (axes[:, 0] - jx[:, None] * axes[:, 2])
-    m2 = (camera.fy / z)[:, None] * (axes[:, 1] - jy[:, None] * axes[:, 2])
-    s1, s2, cross = m1.square().sum(-1), m2.square().sum(-1), torch.linalg.cross(m1, m2)
-    xx, xy, yy = s1 + numerics.blur, (m1 * m2).sum(-1), s2 + numerics.blur
-    determinant = cross.square().sum(-1) + numerics.blur * (s1 + s2) + numerics.blur**2
-    w2 = (xx / determinant).sqrt()
-    return Projected(
-        xy=torch.stack((camera.fx * slope_x + camera.cx, camera.fy * slope_y + camera.cy), -1),
-        whitening=torch.stack((xx.rsqrt(), -xy / xx * w2, w2), -1),
+    jx = slope_x.clamp(low_x, high_x).to(means)
+    jy = slope_y.clamp(low_y, high_y).to(means)
+    per_z = z.reciprocal().to(means)  # in float32 its gradient, 1 / z^2, underflows at z = 1e23
+    return _Lines(
+        xy=xy,
         depth=z,
-        order=scene.means.detach().double() @ pose64[2, :3] + pose64[2, 3],
-        covariance=torch.stack((xx, xy, yy, determinant), -1).detach(),
+        to_x=(camera.fx * per_z) * (right - jx * ahead),
+        to_y=(camera.fy * per_z) * (down - jy * ahead),
     )
+
+
+def _whiten(
+    means: Float[Tensor, "n 3"], lines: _Lines, moments: tuple[Tensor, Tensor, Tensor, Tensor],
+    camera: Camera, numerics: Numerics,
+) -> Projected:  # fmt: skip
+    """From the second moments xx, xy, yy on the picture, and their determinant over the blurred
+    xx; all else unblurred.
+    """
+    s1, xy, s2, sharp = moments
+    xx, yy = s1 + numerics.blur, s2 + numerics.blur
+    conditional = sharp + numerics.blur * (1 + s2 / xx)  # the blurred determinant over xx
+    w2 = conditional.rsqrt()
+    gain = None
+    if numerics.antialiased:  # tiny: far below the floor, and no logarithm of zero
+        gain = 0.5 * (sharp.clamp_min(torch.finfo(sharp.dtype).tiny) / conditional).log()
+    return Projected(
+        xy=lines.xy,
+        whitening=_stack(means, xx.rsqrt(), -xy / xx * w2, w2),
+        depth=lines.depth.to(means),
+        order=lines.depth.detach() - min(numerics.near, 0.0),
+        covariance=_stack(means, xx, xy, yy, conditional * (xx / yy)).detach(),
+        log_gain=None if gain is None else gain.to(means),
+    )
+
+
+def _stack(like: Tensor, *columns: Float[Tensor, " n"]) -> Float[Tensor, "n k"]:
+    return torch.stack([column.to(like) for column in columns], -1)
+
+
+def drawn_log_opacities(
+    projected: Projected, log_opacities: Float[Tensor, " n"], numerics: Numerics
+) -> Float[Tensor, " n"]:
+    """What to blend with: opacities with their gain; below the floor where radius_clip drops."""
+    if projected.log_gain is not None:
+        log_opacities = log_opacities + projected.log_gain
+    if numerics.radius_clip > 0:
+        small = footprint_radii(projected, log_opacities, numerics).amax(-1) <= numerics.radius_clip
+        log_opacities = log_opacities.masked_fill(small, 2 * numerics.log_alpha_min)
+    return log_opacities
+
+
+@torch.no_grad()
+def footprint_radii(
+    projected: Projected, log_opacities: Float[Tensor, " n"], numerics: Numerics
+) -> Int[Tensor, "n 2"]:
+    """Whole pixels that each footprint reaches to its sides, and up and down; 0: never visible."""
+    cut_off = (2 * (log_opacities - numerics.log_alpha_min)).clamp_min(0).sqrt()
+    return (cut_off[:, None] * projected.covariance[:, ::2].sqrt()).ceil().int()

@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 import torch
 from jaxtyping import Float
 from torch import Tensor
+from torch.nn.functional import logsigmoid
 
-from rasterizer import harmonics
+from rasterizer import checks, harmonics
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, DEFAULT, SH_DC, Execution, Numerics
-from rasterizer.project import Box, project, visible
+from rasterizer.project import Box, drawn_log_opacities, project, view_directions, visible
 from rasterizer.scene import Gaussians
 from rasterizer.splat import splat
 
@@ -46,8 +47,15 @@ def render(
     `crop` (left, top, width, height) renders that part of the same picture at about the cost of its
     area. `background` is black if None. float32 or float64, as the scene is.
 
-    Raises ValueError for an empty crop, or one that leaves the picture.
+    Raises ValueError for an empty crop, or one that leaves the picture; and for NaN or infinity in
+    an input, with its name and the first row. Two are meant: log-scales of -inf (a point), logit
+    opacities of -inf and inf (0 and 1). SH of rows that are not in sight are not looked at.
     """
+    checks.settings(numerics)
+    checks.camera(camera)
+    checks.scene(scene)
+    if background is not None:
+        checks.all_finite("background", background)
     box = crop or (0, 0, camera.width, camera.height)
     left, top, width, height = box
     inside = (
@@ -55,14 +63,19 @@ def render(
     )
     if not inside or min(width, height) < 1:
         raise ValueError(f"crop {box} does not lie in a picture of {camera.width}x{camera.height}")
-    seen = scene[visible(scene, camera, box, numerics)]
+    scene = replace(scene, sh=harmonics.without_zeros(scene.sh))
+    rows = visible(scene, camera, box, numerics)
+    seen = scene[rows]
+    checks.finite("sh", seen.sh, rows)
     projected = project(seen, camera, numerics)
-    features = [harmonics.colors(seen.sh, seen.means - camera.centre.to(seen.means))]
+    checks.footprints(projected, rows)
+    features = [harmonics.colors(seen.sh, view_directions(seen.means, camera))]
+    checks.finite("sh", features[0], rows)  # sums of finite numbers may overflow
     if depth:
         features.append(projected.depth[:, None])
     drawn = splat(
         projected,
-        torch.nn.functional.logsigmoid(seen.logit_opacities),
+        drawn_log_opacities(projected, logsigmoid(seen.logit_opacities), numerics),
         torch.cat(features, -1),
         box,
         numerics,
@@ -83,7 +96,7 @@ def render(
 
 
 def contributions(
-    scene: Gaussians, camera: Camera, *, numerics: Numerics = DEFAULT
+    scene: Gaussians, camera: Camera, *, numerics: Numerics = DEFAULT, execution: Execution = AUTO
 ) -> Float[Tensor, " n"]:
     """Sum over the picture of each Gaussian's blending weight, in pixels: how much of it is
     seen.
@@ -92,6 +105,6 @@ def contributions(
     flat = scene.detach()
     dc = torch.zeros(len(scene), 1, 3, dtype=flat.means.dtype, requires_grad=True)
     with torch.enable_grad():
-        picture = render(replace(flat, sh=dc), camera, numerics=numerics).color
+        picture = render(replace(flat, sh=dc), camera, numerics=numerics, execution=execution).color
         (gradient,) = torch.autograd.grad(picture[..., 0].sum(), dc)
     return gradient[:, 0, 0] / SH_DC

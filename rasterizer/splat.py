@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from rasterizer import tiles
+from rasterizer import compiled, tiles, wavefront
 from rasterizer.composite import composite
 from rasterizer.numerics import AUTO, Execution, Numerics
 from rasterizer.project import Box, Projected
@@ -19,8 +20,8 @@ class Splatted(NamedTuple):
 
     features: Float[Tensor, "h w d"]
     transmittance: Float[Tensor, "h w"]
-    crossing: Int[Tensor, "h w"]
-    """Row at which the transmittance falls to one half; -1: none, or not asked for."""
+    crossing: Int[Tensor, "h w"] | None
+    """Row at which the transmittance falls to one half; -1: none. None: not asked for."""
     tile_size: int
 
 
@@ -38,18 +39,29 @@ def splat(
 
     Differentiable in xy, whitening, log-opacities and features.
     """
+    if execution.compile and compiled.load() is None:
+        execution = replace(execution, compile=False)
+    _, _, width, height = box
+    xy, bins = list_tiles(projected, log_opacities, box, numerics, execution)
+    table = torch.cat((xy, projected.whitening, log_opacities[:, None], features), -1)
+    blended, through, crossing = composite(
+        table, bins, width, height, numerics, execution, median=median
+    )
+    return Splatted(blended, through, crossing, bins.size)
+
+
+def list_tiles(
+    projected: Projected, log_opacities: Float[Tensor, " n"], box: Box, numerics: Numerics,
+    execution: Execution,
+) -> tuple[Float[Tensor, "n 2"], tiles.Bins]:  # fmt: skip
+    """Positions relative to the box's corner, and who is in which tile."""
     left, top, width, height = box
     xy = projected.xy - projected.xy.new_tensor((left, top))
     with torch.no_grad():
+        radius = (2 * (log_opacities - numerics.log_alpha_min)).clamp_min(0).sqrt()
+        footprints = tiles.Footprints(xy.detach(), projected.covariance, radius)
+        overhead = (compiled if execution.compile else wavefront).PAIR_OVERHEAD
+        size = execution.tile_size or tiles.choose_tile_size(footprints, width, height, overhead)
         order = tiles.depth_order(projected.order)
-        reach = 2 * (log_opacities - numerics.log_alpha_min)
-        footprints = tiles.Footprints(
-            xy[order], projected.covariance[order], reach.clamp_min(0).sqrt()[order]
-        )
-        size = execution.tile_size or tiles.choose_tile_size(footprints, width, height)
-        bins = tiles.bin_tiles(footprints, size, width, height)
-    table = torch.cat((xy, projected.whitening, log_opacities[:, None], features), -1)[order]
-    blended, through, crossing = composite(table, bins, width, height, numerics, median)
-    if median:  # from rank in depth to row; -1 stays
-        crossing = torch.cat((order, order.new_tensor([-1])))[crossing]
-    return Splatted(blended, through, crossing, size)
+        boxes = execution.cull == "box"
+        return xy, tiles.bin_tiles(footprints, order, size, width, height, boxes=boxes)

@@ -1,7 +1,7 @@
 """Which Gaussian touches which tile, in depth order. Integers: nothing here has a gradient.
 
-`m` Gaussians sorted by depth, `t` tiles in rows, `p` (tile, Gaussian) pairs. Positions are
-relative to the box's corner.
+`m` Gaussians, `t` tiles in rows, `p` (tile, Gaussian) pairs. Positions are relative to the box's
+corner. A Gaussian's rank is its place in depth.
 """
 
 from __future__ import annotations
@@ -13,10 +13,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-TILE_SIZES = (8, 16, 32)
-# Cost of a pair before any pixel is looked at, in units of one pixel of a pair: gather, sort,
-# gradient row.
-PAIR_OVERHEAD = 48.0
+TILE_SIZES = (4, 8, 16, 32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,10 +24,12 @@ class Bins:
     """Gaussian of each pair; pairs of one tile are contiguous."""
     starts: Int[Tensor, " t1"]
     """Tile i holds members[starts[i] : starts[i + 1]]; tiles are in row-major order."""
-    slots: Int[Tensor, " p1"]
-    """Where each pair stands when pairs are grouped by Gaussian; one more for the padding pair."""
-    counts: Int[Tensor, " m"]
-    """Pairs of each Gaussian."""
+    slots: Int[Tensor, " p"]
+    """Where each pair stands when pairs are grouped by rank."""
+    firsts: Int[Tensor, " m"]
+    """Where, among those, each rank's pairs begin."""
+    rank: Int[Tensor, " m"]
+    """Of each Gaussian."""
     size: int
     """Side of a tile, pixels."""
     columns: int
@@ -43,14 +42,14 @@ class Footprints:
 
     xy: Float[Tensor, "m 2"]
     covariance: Float[Tensor, "m 4"]
-    """xx, xy, yy, determinant."""
+    """xx, xy, yy, and the variance of x at a given y."""
     radius: Float[Tensor, " m"]
     """In standard deviations; 0: never visible."""
 
 
 @torch.no_grad()
-def choose_tile_size(footprints: Footprints, width: int, height: int) -> int:
-    """The side for which the pairs' pixels, plus each pair's overhead, are fewest."""
+def choose_tile_size(footprints: Footprints, width: int, height: int, pair_overhead: float) -> int:
+    """The side for which the pairs' pixels, plus each pair's overhead (in pixels), are fewest."""
     half = footprints.radius[:, None] * footprints.covariance[:, ::2].sqrt()
     extent = torch.tensor((width, height), dtype=half.dtype)
     low = (footprints.xy - half).clamp_min(0).minimum(extent)
@@ -58,7 +57,7 @@ def choose_tile_size(footprints: Footprints, width: int, height: int) -> int:
 
     def cost(size: int) -> float:
         tiles = (span / size + 1).prod(-1).sum().item()
-        return tiles * (size * size + PAIR_OVERHEAD)
+        return tiles * (size * size + pair_overhead)
 
     return min(TILE_SIZES, key=cost)
 
@@ -72,56 +71,72 @@ def _span(
     return first.long(), (last - first + 1).clamp_min(0).long()
 
 
-def _expand(counts: Int[Tensor, " m"]) -> tuple[Int[Tensor, " p"], Int[Tensor, " p"]]:
-    """(owner, rank) of each of sum(counts) items: owner i has ranks 0 .. counts[i] - 1."""
-    owner = torch.repeat_interleave(counts)
-    first = counts.cumsum(0) - counts
-    return owner, torch.arange(owner.shape[0]) - first[owner]
-
-
 @torch.no_grad()
-def bin_tiles(footprints: Footprints, size: int, width: int, height: int) -> Bins:
-    """List the Gaussians of every tile that an ellipse touches: exact, a row of tiles at a time."""
+def bin_tiles(
+    footprints: Footprints, order: Int[Tensor, " m"], size: int, width: int, height: int,
+    *, boxes: bool = False,
+) -> Bins:  # fmt: skip
+    """List the Gaussians of every tile that an ellipse touches: exact, a row of tiles at a time.
+
+    `order` lists the Gaussians front to back.
+    `boxes` lists those of every tile that the ellipse's bounding box touches: what it would cost.
+    """
     columns, rows = -(-width // size), -(-height // size)
     # Rounding must never lose a pair: a superset is harmless, each pixel tests its own alpha.
     radius = footprints.radius * 1.0005 + 1e-3
-    xx, xy, yy, determinant = footprints.covariance.unbind(-1)
-    x, y = footprints.xy.unbind(-1)
+    columns_of = (*footprints.xy.unbind(-1), *footprints.covariance.unbind(-1), radius)
+    x, y, xx, xy, yy, within, radius = _columns(torch.stack(columns_of), order)
     reach = radius * yy.sqrt()
     first_row, row_count = _span(y - reach, y + reach, size, rows)
-    owner, rank = _expand(row_count)
-    row = first_row[owner] + rank
+    owner = torch.repeat_interleave(row_count)
+    row_ends = row_count.cumsum(0)
+    row = (first_row - row_ends + row_count).index_select(0, owner) + torch.arange(len(owner))
 
     # In a row of tiles the ellipse's x is extreme at its own tip, or at the edge nearest to that.
-    top = (row * size).to(y) + 0.5 - y[owner]
+    tip = radius * xy / xx.sqrt()
+    shapes = torch.stack((x, y, tip, reach, xy / yy, within, 1 / yy, radius.square()))
+    x, y, tip, reach, shear, within, per_yy, radius_squared = _columns(shapes, owner)
+    top = (row * size).to(y) + 0.5 - y
     bottom = top + (size - 1)
-    tip = (radius * xy / xx.sqrt())[owner]
-    limit, shear = reach[owner], (xy / yy)[owner]
-    half_squared, yy_row = (determinant / yy)[owner], yy[owner]
-    radius_squared = radius.square()[owner]
 
     def edge(sign: float) -> Float[Tensor, " r"]:
+        if boxes:
+            return x + sign * (within * radius_squared + (shear * reach).square()).sqrt()
         dy = torch.minimum(torch.maximum(sign * tip, top), bottom)
-        dy = torch.minimum(torch.maximum(dy, -limit), limit)
-        half = (half_squared * (radius_squared - dy * dy / yy_row).clamp_min(0)).sqrt()
-        return x[owner] + shear * dy + sign * half
+        dy = torch.minimum(torch.maximum(dy, -reach), reach)
+        half = (within * (radius_squared - dy * dy * per_yy).clamp_min(0)).sqrt()
+        return x + shear * dy + sign * half
 
     first_column, column_count = _span(edge(-1.0), edge(1.0), size, columns)
-    pair, rank = _expand(column_count)
-    tile = row[pair] * columns + first_column[pair] + rank
-    order = stable_argsort(tile, columns * rows)
+    pair = torch.repeat_interleave(column_count)
+    ends = column_count.cumsum(0)
+    first_tile = row * columns + first_column - ends + column_count
+    tile = first_tile.index_select(0, pair) + torch.arange(len(pair))
+    by_tile = stable_argsort(tile, columns * rows)
     counts = torch.bincount(tile, minlength=columns * rows)
-    starts = torch.cat((torch.zeros(1, dtype=torch.long), counts.cumsum(0)))
-    members = owner[pair]
+    members = order.index_select(0, owner).index_select(0, pair)
+    before = torch.cat((ends.new_zeros(1), ends))  # pairs of all rows up to one
     return Bins(
-        members=members[order],
-        starts=starts,
-        slots=torch.cat((order, order.new_tensor([len(order)]))),
-        counts=torch.bincount(members, minlength=len(x)),
+        members=members.index_select(0, by_tile),
+        starts=torch.cat((counts.new_zeros(1), counts.cumsum(0))),
+        slots=by_tile,
+        firsts=before.index_select(0, row_ends - row_count),
+        rank=inverse(order),
         size=size,
         columns=columns,
         rows=rows,
     )
+
+
+def _columns(values: Tensor, index: Int[Tensor, " n"]) -> Tensor:
+    """values[:, index], on all threads."""
+    return values.gather(1, index.expand(len(values), -1))
+
+
+def inverse(permutation: Int[Tensor, " n"]) -> Int[Tensor, " n"]:
+    places = torch.empty_like(permutation)
+    places[permutation] = torch.arange(len(permutation))
+    return places
 
 
 def stable_argsort(keys: Int[Tensor, " p"], bound: int) -> Int[Tensor, " p"]:
