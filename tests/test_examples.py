@@ -6,12 +6,13 @@ import json
 
 import pytest
 import torch
-from bench import row
 from demo import demo
+from from_gsplat import turn
+from PIL import Image
 from scenes import random_cloud
 
+import gsedit
 from gsedit.report import read_events
-from gsedit.synthetic import ring_cameras, scenes
 
 
 def test_the_demo_leaves_its_folder(tmp_path):
@@ -28,6 +29,12 @@ def test_the_demo_leaves_its_folder(tmp_path):
     assert events[-1].error is not None
 
 
-def test_a_row_of_the_benchmark_has_error_and_time():
-    cells = row("cloud", random_cloud(50, 0).to(torch.float32), ring_cameras(scenes()[0], 1, 24)[0])
-    assert len(cells.strip("|").split("|")) == 8
+def test_a_gsplat_script_renders_a_turn(tmp_path, capsys):
+    gsedit.save(random_cloud(200, 0, degree=1).to(torch.float32), tmp_path / "scene.ply")
+    turn(tmp_path / "turn", str(tmp_path / "scene.ply"), count=2, size=24)
+    sheets = [Image.open(tmp_path / "turn" / f"00{i}.png") for i in range(2)]
+    assert [sheet.size for sheet in sheets] == [(48, 24)] * 2
+    assert sheets[0].tobytes() != sheets[1].tobytes()
+    assert sheets[0].getpixel((0, 0)) == (255, 255, 255)  # the background; no depth beside it
+    assert sheets[0].getpixel((24, 0)) == (0, 0, 0)
+    assert capsys.readouterr().out.startswith("2 views in ")
