@@ -10,6 +10,9 @@ STAMP := .venv/.installed
 # What open3d and pyvista load at run time on Linux; the core of gsedit needs none of them.
 LIBRARIES := libusb-1.0-0 libegl1 libgl1 libgl1-mesa-dri libx11-6 libudev1 libidn2-0
 
+# The benchmark scene's points (gsplat's garden.npz); without them make bench leaves its rows out.
+GARDEN ?= $(or $(GSEDIT_GARDEN),../shared/data/garden_points.npz)
+
 .PHONY: setup demo test check bench
 
 setup: $(STAMP)
@@ -32,7 +35,7 @@ check: setup
 	$(BIN)/basedpyright
 
 bench: setup
-	$(BIN)/python examples/bench.py
+	$(BIN)/gsedit bench bars $(if $(wildcard $(GARDEN)),--points $(GARDEN)) $(SCENES)
 
 # Debian and its children: install what is missing if we may, else say how. Never a reason to stop:
 # without the libraries only the viewers are missing, and without venv the next line says so itself.

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from .bench import bench
 from .edit import edit
 from .fit import fit
 from .info import info
@@ -111,6 +112,7 @@ app = typer.Typer(
 )
 for verb in (fit, edit, render, preview, info):
     app.command()(flat(verb))
+app.add_typer(bench, name="bench")
 
 
 def show_version(wanted: bool) -> None:

@@ -1,67 +1,22 @@
-"""A museum of Gaussian scenes for the renderer: each exhibit says why it exists.
+"""Small Gaussian scenes for the laws of the renderer: each exhibit says why it exists.
 
 All float64, and none by a global draw. A camera looks along +z from the origin unless it says so.
+The stiff and extreme ones are in gsedit/bench/museum.py.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import log, sqrt
+from math import sqrt
 
 import torch
 
+from gsedit.bench.museum import DIAGONAL, camera, gaussian, random_cloud
 from rasterizer.camera import Camera
 from rasterizer.numerics import DEFAULT, SH_DC
 from rasterizer.scene import Gaussians, concatenate
 
 Exhibit = tuple[Gaussians, Camera]
-
-
-def camera(width: int = 40, height: int = 32, focal: float = 40.0) -> Camera:
-    """At the origin along +z, with a principal point off the middle: symmetry hides mistakes."""
-    pose = torch.eye(4, dtype=torch.float64)
-    return Camera(pose, focal, 1.05 * focal, 0.52 * width, 0.47 * height, width, height)
-
-
-def gaussian(
-    mean: tuple[float, float, float],
-    scales: tuple[float, float, float] = (0.1, 0.1, 0.1),
-    quat: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0),
-    opacity: float = 0.7,
-    color: tuple[float, float, float] = (0.8, 0.4, 0.2),
-) -> Gaussians:
-    """A scene of one row, degree 0."""
-    return Gaussians(
-        means=torch.tensor([mean], dtype=torch.float64),
-        quats=torch.tensor([quat], dtype=torch.float64),
-        log_scales=torch.tensor([scales], dtype=torch.float64).log(),
-        logit_opacities=torch.tensor([log(opacity / (1 - opacity))], dtype=torch.float64),
-        sh=((torch.tensor([[color]], dtype=torch.float64) - 0.5) / SH_DC),
-    )
-
-
-def random_cloud(n: int, seed: int, degree: int = 0) -> Gaussians:
-    """`n` before `camera()`: all orientations, ratios up to 30, opacity 0.1 to 0.95."""
-    generator = torch.Generator().manual_seed(seed)
-
-    def normal(*shape: int) -> torch.Tensor:
-        return torch.randn(shape, generator=generator, dtype=torch.float64)
-
-    def uniform(low: float, high: float, *shape: int) -> torch.Tensor:
-        draw = torch.rand(shape, generator=generator, dtype=torch.float64)
-        return low + (high - low) * draw
-
-    z = uniform(2, 6, n, 1)
-    sh = 0.3 * normal(n, (degree + 1) ** 2, 3)
-    sh[:, 0] = uniform(-1, 1, n, 3)
-    opacities = uniform(0.1, 0.95, n)
-    return Gaussians(
-        means=torch.cat((uniform(-0.6, 0.6, n, 2) * z, z), -1),
-        quats=normal(n, 4),
-        log_scales=uniform(log(0.01), log(0.3), n, 3),
-        logit_opacities=opacities.logit(),
-        sh=sh,
-    )
 
 
 def one() -> Exhibit:
@@ -115,15 +70,13 @@ def shell() -> Exhibit:
 
 def needle() -> Exhibit:
     """A ratio of 1e6 along the diagonal: the textbook conic loses its digits in float32."""
-    turned = (0.9238795325112867, 0.0, 0.0, 0.3826834323650898)  # 45 degrees about the view
-    return gaussian((0.0, 0.0, 2.0), (1.0, 1e-6, 1e-6), turned, 0.95), camera()
+    return gaussian((0.0, 0.0, 2.0), (1.0, 1e-6, 1e-6), DIAGONAL, 0.95), camera()
 
 
 def long_needle() -> Exhibit:
-    """The same over 1000 pixels: the exponent's terms are 1e6 times their sum."""
-    turned = (0.9238795325112867, 0.0, 0.0, 0.3826834323650898)
-    scene = gaussian((0.003, 0.0, 2.0), (0.35, 3.5e-7, 3.5e-7), turned, 0.95)
-    return scene, camera(720, 720, focal=2000.0)
+    """1000 pixels long, 200 of them in sight: the exponent's terms are 1e6 times their sum."""
+    scene = gaussian((0.003, 0.0, 2.0), (0.35, 3.5e-7, 3.5e-7), DIAGONAL, 0.95)
+    return scene, camera(200, 200, focal=2000.0)
 
 
 def behind() -> Exhibit:
@@ -171,7 +124,9 @@ def opaque_stack() -> Exhibit:
 def coincident() -> Exhibit:
     """A hundred at one place in different colours: equal depths keep the order of the file."""
     colors = [((i % 7) / 6, (i % 5) / 4, (i % 3) / 2) for i in range(100)]
-    return concatenate(*(gaussian((0, 0, 2), opacity=0.05, color=c) for c in colors)), camera()
+    return concatenate(
+        *(gaussian((0.0, 0.0, 2.0), opacity=0.05, color=c) for c in colors)
+    ), camera()
 
 
 def faint() -> Exhibit:

@@ -1,0 +1,257 @@
+"""`gsedit bench`: error against run time of the renderer, extreme inputs, the promised bars."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from .narrate import Interrupted, Tell, answer, as_line, narrator, say
+from .options import Common, Force, check_folder, flat, output
+
+if TYPE_CHECKING:
+    from gsedit.bench.rows import Row
+    from gsedit.bench.workloads import Workload
+
+bench = typer.Typer(no_args_is_help=True)
+
+Points = Annotated[
+    Path | None,
+    typer.Option(
+        "--points",
+        metavar="FILE",
+        envvar="GSEDIT_GARDEN",
+        show_default=False,
+        help="The garden's points: gsplat's test asset garden.npz.",
+    ),
+]
+Quick = Annotated[bool, typer.Option("--quick", help="Fewer and smaller: a first look.")]
+Folder = Annotated[Path, output("Folder for the results.")]
+
+
+@bench.callback()
+def describe() -> None:
+    """Measure the renderer on this machine."""
+
+
+def rasterizer(
+    scenes: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="SCENE", show_default=False, help="Fitted scenes to measure too (.ply)."
+        ),
+    ] = None,
+    out: Folder = Path("out/bench"),
+    points: Points = None,
+    knobs: Annotated[
+        str | None,
+        typer.Option(
+            "--knobs",
+            metavar="stop,tile,...",
+            show_default="all",
+            help="What is varied: floor, stop, tile, block, cull, compile, dtype, degree, "
+            "resolution, baseline, peers.",
+        ),
+    ] = None,
+    runs: Annotated[int, typer.Option("--runs", min=1, help="Times are medians of so many.")] = 5,
+    quick: Quick = False,
+    compare: Annotated[
+        Path | None,
+        typer.Option(
+            "--compare",
+            metavar="bench.jsonl",
+            show_default=False,
+            help="Print the ratio to these earlier measurements.",
+        ),
+    ] = None,
+    force: Force = False,
+    *,
+    common: Common,
+) -> None:
+    """Error against run time: bench.jsonl, bench.md and two plots, on scenes made here and given.
+
+    gsedit bench rasterizer bear.ply --points garden.npz -o out/bench
+    """
+    check_folder(out, force)
+    common.apply()
+
+    from gsedit.bench import rows as measured
+    from gsedit.bench.sweep import KNOBS, Plan, parse_knobs, sweep
+
+    chosen = tuple(KNOBS) if knobs is None else parse_knobs(knobs)
+    earlier = None if compare is None else measured.read_rows(compare)
+    workloads = workloads_of(scenes or [], points, quick=quick)
+    plan = Plan(chosen, runs, quick=quick, pieces=38 if quick else 381)
+    for stale in ("bench.md", "image_error.png", "gradient_error.png"):  # of an earlier run
+        (out / stale).unlink(missing_ok=True)
+    journal = Journal(out / "bench.jsonl", measured.write_row)
+    with keeping(journal), narrator(as_json=common.json) as tell:
+        for row in journal.following(sweep(workloads, plan, out / "references"), tell):
+            if common.json:
+                typer.echo(as_line("row", measured.as_record(row)))
+    found = journal.rows
+    write_results(out, found)
+    compared = None if earlier is None else measured.comparison(found, earlier)
+    say(f"{len(found)} measurements are in {out}; look at {out / 'image_error.png'}")
+    files = ("bench.jsonl", "bench.md", "image_error.png", "gradient_error.png")
+    record = {"folder": out, "rows": len(found), "files": [out / name for name in files]}
+    told = [str(out / "bench.md")]
+    if compared is not None:
+        record["compared"] = compared
+        told.insert(0, compared)
+    answer(record, "\n\n".join(told), as_json=common.json)
+
+
+def stability(
+    out: Folder = Path("out/stability"),
+    quick: Quick = False,
+    force: Force = False,
+    *,
+    common: Common,
+) -> None:
+    """Extreme inputs, one after the other: what is drawn, and how wrong it is.
+
+    gsedit bench stability -o out/stability
+    """
+    check_folder(out, force)
+    common.apply()
+
+    import json
+
+    from gsedit.bench import stability as museum
+    from gsedit.files import atomic_path
+    from gsedit.report import Event
+
+    from .narrate import plain
+
+    def write(file: Any, row: Any) -> None:
+        file.write(json.dumps(plain(row), allow_nan=False) + "\n")
+        file.flush()
+
+    journal = Journal(out / "stability.jsonl", write)
+    with keeping(journal), narrator(as_json=common.json) as tell:
+        from time import perf_counter
+
+        began = perf_counter()
+        for row in museum.rows(quick=quick):
+            journal.write(row)
+            seconds = perf_counter() - began
+            tell(Event("stability", seconds, len(journal.rows), note=row.name))
+    table = museum.table(journal.rows)
+    with atomic_path(out / "stability.md", overwrite=True) as temporary:
+        temporary.write_text(table + "\n", encoding="utf-8")
+    say(f"{len(journal.rows)} cases are in {out}")
+    record = {"folder": out, "rows": journal.rows}
+    answer(record, table, as_json=common.json)
+
+
+def bars(
+    points: Points = None,
+    scenes: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="SCENE", show_default=False, help="Fitted scenes (.ply)."),
+    ] = None,
+    cache: Annotated[
+        Path,
+        typer.Option("--cache", metavar="FOLDER", help="Where the reference's pictures are kept."),
+    ] = Path("out/bench/references"),
+    quick: Quick = False,
+    *,
+    common: Common,
+) -> None:
+    """What the renderer promises, and whether it is so here. Ends well either way.
+
+    gsedit bench bars --points garden.npz
+    """
+    common.apply()
+
+    from gsedit.bench import bars as promised
+    from gsedit.report import Event
+
+    size = promised.QUICK if quick else promised.FULL
+    found = []
+    with narrator(as_json=common.json) as tell:
+        for item in promised.measure_bars(size, points, scenes or [], cache):
+            if isinstance(item, Event):
+                tell(item)
+            else:
+                found.append(item)
+    record = {"bars": found, "reached": sum(bar.reached is True for bar in found)}
+    answer(record, promised.table(found), as_json=common.json)
+
+
+for verb in (rasterizer, stability, bars):
+    bench.command()(flat(verb))
+
+
+@dataclass
+class Journal:
+    """Rows as they are measured: each is on disk before the next one begins."""
+
+    path: Path
+    write_row: Callable[[Any, Any], None]
+    rows: list[Any] = field(default_factory=list)
+
+    def write(self, row: Any) -> None:
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        with self.path.open("a" if self.rows else "w", encoding="utf-8") as file:
+            self.write_row(file, row)
+        self.rows.append(row)
+
+    def following(self, items: Iterable[Any], tell: Tell) -> Iterator[Row]:
+        """Tell the events, write and hand on the rows."""
+        from gsedit.report import Event
+
+        for item in items:
+            if isinstance(item, Event):
+                tell(item)
+            else:
+                self.write(item)
+                yield item
+
+
+@contextmanager
+def keeping(journal: Journal) -> Iterator[None]:
+    """Say what an interruption leaves behind."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        count = len(journal.rows)
+        kept = f"{count} rows are in {journal.path}" if count else "nothing was measured yet"
+        raise Interrupted(f"interrupted; {kept}") from None
+
+
+def workloads_of(scenes: list[Path], points: Path | None, *, quick: bool) -> list[Workload]:
+    """The garden at two sizes if its points are at hand, the files, and scenes made here."""
+    from gsedit.bench import workloads as make
+    from gsedit.errors import UsageError
+
+    fitted = [make.fitted(path) for path in dict.fromkeys(scenes)]
+    names = [one.name for one in fitted]
+    fitted = [  # rows are told apart by their scene's name
+        replace(one, name=str(path)) if names.count(one.name) > 1 else one
+        for one, path in zip(fitted, dict.fromkeys(scenes))
+    ]
+    if points is None:
+        say("the garden is left out: give its points with --points FILE or GSEDIT_GARDEN")
+    gardens = [] if points is None else [make.garden(scale, points) for scale in (0.25, 1.0)]
+    found = [*gardens, *fitted, *make.synthetic()]
+    if not found:
+        raise UsageError("nothing to measure: name a scene file")
+    return [make.smaller(one, 8) for one in found] if quick else found
+
+
+def write_results(out: Path, rows: list[Row]) -> None:
+    """The table and the plots."""
+    from gsedit.bench.plots import work_precision
+    from gsedit.bench.rows import table
+    from gsedit.files import atomic_path
+
+    with atomic_path(out / "bench.md", overwrite=True) as temporary:
+        temporary.write_text(table(rows), encoding="utf-8")
+    work_precision(rows, out / "image_error.png", "image", overwrite=True)
+    work_precision(rows, out / "gradient_error.png", "gradients", overwrite=True)

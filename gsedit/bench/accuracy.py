@@ -1,0 +1,122 @@
+"""How far a picture and its gradients are from the reference's.
+
+`n` Gaussians, `h w` pixels. The loss is the picture's dot product with fixed random weights: it
+hides no pixel.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from gsedit.files.atomic import atomic_path
+from rasterizer import Camera, Gaussians, harmonics, numerics, project, reference
+
+FIELDS = ("means", "quats", "log_scales", "logit_opacities", "sh")
+POSE = "pose"
+
+Draw = Callable[[Gaussians, Camera], Float[Tensor, "h w 3"]]
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """A picture, and the gradient of the loss by every input, the pose among them."""
+
+    picture: Float[Tensor, "h w 3"]
+    gradients: dict[str, Tensor]
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Of colours, in absolute value, over all pixels and channels; and of gradients."""
+
+    mean: float
+    tail: float
+    """99.9 % are at most this."""
+    largest: float
+    gradient: float | None = None
+    """Of the worst input: |difference| / |truth|."""
+    cosine: float | None = None
+    """Of the worst input: with the truth's direction."""
+
+
+def differentiate(draw: Draw, scene: Gaussians, camera: Camera) -> Drawn:
+    """Draw a picture and its gradients, in the scene's dtype."""
+    leaves = scene.map(lambda t: t.detach().requires_grad_())
+    pose = camera.world_to_camera.detach().requires_grad_()
+    picture = draw(leaves, replace(camera, world_to_camera=pose))
+    weights = torch.randn(picture.shape, generator=torch.Generator().manual_seed(0))
+    inputs = [*(getattr(leaves, field) for field in FIELDS), pose]
+    found = torch.autograd.grad((picture * weights.to(picture)).sum(), inputs, allow_unused=True)
+    gradients = [torch.zeros_like(x) if g is None else g for g, x in zip(found, inputs)]
+    return Drawn(picture.detach(), dict(zip((*FIELDS, POSE), gradients)))
+
+
+def picture_errors(
+    found: Float[Tensor, "h w 3"], truth: Float[Tensor, "h w 3"]
+) -> tuple[float, float, float]:
+    """Mean, 99.9 % (nearest rank) and largest error of a colour."""
+    error = (found.double() - truth.double()).abs().flatten()
+    tail = error.kthvalue(max(1, round(0.999 * len(error)))).values
+    return float(error.mean()), float(tail), float(error.max())
+
+
+def errors(found: Drawn, truth: Drawn) -> Errors:
+    """Picture and gradients against the truth's; gradients by the inputs that `found` has."""
+    names = found.gradients
+    pairs = [(found.gradients[n].double(), truth.gradients[n].double()) for n in names]
+    mean, tail, largest = picture_errors(found.picture, truth.picture)
+    if not pairs:
+        return Errors(mean, tail, largest)
+    worst = max(relative(a, b) for a, b in pairs)
+    return Errors(mean, tail, largest, worst, min(cosine(a, b) for a, b in pairs))
+
+
+def relative(found: Tensor, truth: Tensor) -> float:
+    """|found - truth| / |truth| as vectors; where the truth is zero, |found|."""
+    scale = float(truth.norm())
+    return float((found - truth).norm()) / (scale or 1.0)
+
+
+def cosine(found: Tensor, truth: Tensor) -> float:
+    """Of the angle between two gradients; 1 where both are zero, 0 where one is."""
+    lengths = float(found.norm()), float(truth.norm())
+    if 0.0 in lengths:
+        return float(lengths == (0.0, 0.0))
+    return min(1.0, float((found.flatten() / lengths[0]) @ (truth.flatten() / lengths[1])))
+
+
+def truth_of(scene: Gaussians, camera: Camera, cache: Path | None = None) -> Drawn:
+    """Picture and gradients of the float64 reference; slow, so kept in the folder `cache`.
+
+    What is kept is named by the scene, the camera and the reference's own code: it is never stale.
+    """
+    path = None if cache is None else cache / f"{_fingerprint(scene, camera)}.pt"
+    if path is not None and path.is_file():
+        kept = torch.load(path, weights_only=True)
+        return Drawn(kept.pop("picture"), kept)
+    scene = scene.to(torch.float64)
+    truth = differentiate(lambda s, c: reference.render_reference(s, c).color, scene, camera)
+    if path is not None:
+        with atomic_path(path, overwrite=True) as temporary:
+            torch.save({"picture": truth.picture, **truth.gradients}, temporary)
+    return truth
+
+
+def _fingerprint(scene: Gaussians, camera: Camera) -> str:
+    parts = hashlib.sha256()
+    for module in (reference, project, harmonics, numerics):
+        parts.update(inspect.getsource(module).encode())
+    for tensor in (*(getattr(scene, f) for f in FIELDS), camera.world_to_camera):
+        parts.update(str((tensor.dtype, tensor.shape)).encode())
+        parts.update(tensor.detach().contiguous().numpy().tobytes())
+    numbers = (camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height)
+    parts.update(repr(numbers).encode())
+    return parts.hexdigest()[:16]

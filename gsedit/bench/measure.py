@@ -1,0 +1,137 @@
+"""Time and surroundings of a measurement, and the yardstick it is told in.
+
+The yardstick Y is the time in which this machine, with the threads it has at that moment, takes
+`torch.exp` of 10^8 float32 numbers: a piece of 2^18 numbers in [-8, 0), read and written in cache,
+again and again. A pass is taken before every timed run, so that a busy neighbour slows both; a
+Timing quotes the medians of the two.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import statistics
+import subprocess
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from math import inf
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+PIECE = 1 << 18
+"""Numbers of a piece: 1 MB read and 1 MB written, which two cores keep in their caches."""
+NUMBERS = 100_000_000
+"""Numbers of the yardstick."""
+PIECES = NUMBERS // PIECE
+"""Whole pieces of a pass; the time of the missing tenth of a piece is added in proportion."""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Medians of some runs, seconds."""
+
+    wall: float
+    cpu: float
+    """Of the process: all its threads together."""
+    runs: int
+    yardstick: float
+    """Median wall clock of the passes between the runs."""
+
+
+@cache
+def _piece() -> tuple[Tensor, Tensor]:
+    generator = torch.Generator().manual_seed(0)
+    numbers = -8 * torch.rand(PIECE, generator=generator)  # no denormal on either side
+    return numbers, torch.empty_like(numbers)
+
+
+def yardstick(pieces: int = PIECES) -> float:
+    """Wall clock of one pass, seconds per 10^8 numbers; fewer pieces: quicker and less exact."""
+    numbers, result = _piece()
+    began = time.perf_counter()
+    for _ in range(pieces):
+        torch.exp(numbers, out=result)
+    return (time.perf_counter() - began) * NUMBERS / (pieces * PIECE)
+
+
+def timed(
+    work: Callable[[], Any], runs: int = 5, budget: float = inf, pieces: int = PIECES
+) -> tuple[Timing, Any]:
+    """Medians of `runs` after a warm-up, and what the last run gave.
+
+    No run begins once `budget` seconds are spent. Where the warm-up alone spends them, it is the
+    one run that counts: slow work is not run twice.
+    """
+    timings, results = timed_together({"": work}, runs, budget, pieces)
+    return timings[""], results[""]
+
+
+def timed_together(
+    works: Mapping[str, Callable[[], Any]],
+    runs: int = 5,
+    budget: float = inf,
+    pieces: int = PIECES,
+) -> tuple[dict[str, Timing], dict[str, Any]]:
+    """Timings and last results of works that take turns, so that a drifting machine is fair."""
+    began = time.perf_counter()
+    samples: dict[str, list[tuple[float, float, float]]] = {name: [] for name in works}
+    results: dict[str, Any] = {}
+    for turn in range(runs + 1):
+        if turn and time.perf_counter() - began > budget:
+            break
+        for name, work in works.items():
+            unit = yardstick(pieces)
+            results.pop(name, None)  # memory of the run before must not weigh on this one
+            wall, cpu = time.perf_counter(), time.process_time()
+            results[name] = work()
+            sample = (time.perf_counter() - wall, time.process_time() - cpu, unit)
+            samples[name].append(sample)
+    return {name: _medians(taken) for name, taken in samples.items()}, results
+
+
+def _medians(samples: list[tuple[float, float, float]]) -> Timing:
+    counted = samples[1:] or samples
+    wall, cpu, unit = (statistics.median(column) for column in zip(*counted))
+    return Timing(wall, cpu, len(counted), unit)
+
+
+@cache
+def commit() -> str:
+    """Hash of the code that runs, with a + where files differ from it; else the version."""
+    folder = Path(__file__).parent
+    try:
+        git = ("git", "-C", str(folder))
+        # a checkout of something else may surround an installed package: ask for this very file
+        subprocess.run(
+            (*git, "ls-files", "--error-unmatch", "measure.py"), capture_output=True, check=True
+        )
+        known = subprocess.run((*git, "describe", "--always", "--dirty=+", "--exclude=*"),
+                               capture_output=True, check=True, text=True)  # fmt: skip
+        return known.stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            return version("gsedit")
+        except PackageNotFoundError:
+            return "unknown"
+
+
+@cache
+def machine() -> str:
+    """Processor, cores and torch, in words."""
+    return f"{_processor()}, {os.cpu_count()} cores, torch {torch.__version__.split('+')[0]}"
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        lines = []
+    models = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return models[0] if models else platform.processor() or platform.machine()
