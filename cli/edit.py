@@ -23,6 +23,7 @@ from .edit_options import (
 )
 from .narrate import Checkpoints, answer, follow, narrator, plain, say
 from .options import (
+    Compile,
     Data,
     DropInvalid,
     Force,
@@ -72,6 +73,7 @@ def edit(
             rich_help_panel=UPDATE,
         ),
     ] = None,
+    compile: Compile = False,
     drop_invalid: DropInvalid = False,
     force: Force = False,
     common: Seeded,
@@ -94,7 +96,7 @@ def edit(
     from gsedit.edit import edit_steps
     from gsedit.editors import make_editor
 
-    settings = resolve(preset, sampler, update, plan)
+    settings = resolve(preset, sampler, update, plan, compile=compile)
     editor = make_editor(chosen.editor.value, model=chosen.model, weights_dir=chosen.weights_dir)
     editor.check(instruction)
     features = _vgg(vgg)

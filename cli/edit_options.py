@@ -155,12 +155,18 @@ class RoundOptions:
 
 
 def resolve(
-    preset: Preset, sampler: SamplerOptions, update: UpdateOptions, plan: RoundOptions
+    preset: Preset,
+    sampler: SamplerOptions,
+    update: UpdateOptions,
+    plan: RoundOptions,
+    *,
+    compile: bool = False,
 ) -> EditSettings:
     """The preset's settings with what the user gave put over them. Raises UsageError."""
     from gsedit.diffusion import SamplerSettings
     from gsedit.edit import EditSettings
     from gsedit.strategies import UpdateSettings
+    from rasterizer.numerics import Execution
 
     fitting = given(update)
     if "update_steps" in fitting:
@@ -168,5 +174,6 @@ def resolve(
     return EditSettings(
         sampler=replace(SamplerSettings.preset(preset.value), **given(sampler)),
         update=UpdateSettings(**fitting),
+        execution=Execution(compile=compile),
         **given(plan),
     )

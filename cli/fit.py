@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from .narrate import Checkpoints, answer, follow, narrator, say
-from .options import DropInvalid, Force, Seeded, Size, check_scene_file, output, read
+from .options import Compile, DropInvalid, Force, Seeded, Size, check_scene_file, output, read
 
 
 @dataclass(frozen=True)
@@ -32,6 +32,8 @@ class FitOptions:
         ),
     ] = None
 
+    compile: Compile = False
+
     def fields(self) -> dict[str, Any]:
         """What was given, as fields of FitSettings."""
         fields: dict[str, Any] = {}
@@ -39,6 +41,10 @@ class FitOptions:
             fields = {"steps": self.steps, "seconds": self.minutes and 60 * self.minutes}
         if self.sh_degree is not None:
             fields["sh_degree"] = self.sh_degree
+        if self.compile:
+            from rasterizer.numerics import Execution
+
+            fields["execution"] = Execution(compile=True)
         return fields
 
 

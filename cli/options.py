@@ -35,6 +35,14 @@ Size = Annotated[
     int,
     typer.Option("--size", min=16, metavar="PIXELS", help="Longer side of the pictures worked on."),
 ]
+Compile = Annotated[
+    bool,
+    typer.Option(
+        "--compile",
+        show_default=False,
+        help="Draw with a compiled kernel: the same, sooner; needs a C++ compiler, the first time.",
+    ),
+]
 DropInvalid = Annotated[
     bool,
     typer.Option(

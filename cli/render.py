@@ -11,6 +11,7 @@ from .cameras import Up, around, check_axis
 from .narrate import answer, narrator, say
 from .options import (
     Common,
+    Compile,
     Data,
     DropInvalid,
     Force,
@@ -52,6 +53,7 @@ def render(
             "light is stopped; 0 where nothing is) and NAME.depth.png (the same in colour).",
         ),
     ] = False,
+    compile: Compile = False,
     drop_invalid: DropInvalid = False,
     force: Force = False,
     *,
@@ -79,7 +81,9 @@ def render(
 
         began = perf_counter()
         for step, (name, camera) in enumerate(cameras.items(), 1):
-            for path in draw(found, camera, out / name, depth=depth, overwrite=force):
+            for path in draw(
+                found, camera, out / name, depth=depth, compile=compile, overwrite=force
+            ):
                 answer({"picture": str(path)}, str(path), as_json=common.json)
             tell(Event("render", perf_counter() - began, step, len(cameras)))
     say(f"{len(cameras)} views are in {out}")
@@ -115,7 +119,7 @@ def named(dataset: Dataset, index: int, data: Path) -> tuple[str, Camera]:
 
 
 def draw(
-    scene: Gaussians, camera: Camera, stem: Path, *, depth: bool, overwrite: bool
+    scene: Gaussians, camera: Camera, stem: Path, *, depth: bool, compile: bool, overwrite: bool
 ) -> list[Path]:
     """Write one view's picture, and its depth if wanted; the files written."""
     import numpy as np
@@ -123,10 +127,11 @@ def draw(
 
     from gsedit.files import atomic_path
     from gsedit.show import as_picture, depth_picture, save_picture
+    from rasterizer.numerics import Execution
     from rasterizer.render import render as rasterize
 
     with torch.no_grad():
-        seen = rasterize(scene, camera, median_depth=depth)
+        seen = rasterize(scene, camera, median_depth=depth, execution=Execution(compile=compile))
     picture = stem.with_name(f"{stem.name}.png")
     save_picture(as_picture(seen.color), picture, overwrite=overwrite)
     if seen.median_depth is None:

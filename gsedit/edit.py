@@ -26,6 +26,7 @@ from gsedit.report import Checkpoint, Event, rmse_of
 from gsedit.strategies import UpdateSettings, update_steps
 from gsedit.views import Dataset, View, capture
 from rasterizer.camera import Camera
+from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import Rendering, render
 from rasterizer.scene import Gaussians
 
@@ -57,6 +58,8 @@ class EditSettings:
     geometry: Literal["appearance", "full"] = "appearance"
     condition: Literal["render", "photo"] = "render"
     """What the editor is shown as the unedited picture."""
+    execution: Execution = AUTO
+    """How pictures are drawn: `Execution(compile=True)` draws the same ones sooner."""
 
     def __post_init__(self) -> None:
         if self.views_per_round < 1 or self.rounds < 1:
@@ -209,16 +212,18 @@ class _Work:
         """Which views to edit, and what they and the held-out ones look like before."""
         yield Event("survey", self.watch.seconds, note=f"{len(self.views)} views")
         with self.watch.stage("survey"):
-            self.weights = survey(self.scene, [v.camera for v in self.views])
             s = self.settings
+            self.weights = survey(self.scene, [v.camera for v in self.views], s.execution)
             if not self.weights.any():
                 raise UsageError(
                     "no camera sees any of the scene: are both in the same frame? "
                     "Leave out --data to have cameras placed around the scene"
                 )
             self.plan = plan_views(self.weights, s.views_per_round, s.rounds, s.coverage)
-            self.before = {i: _render(self.scene, self.views[i].camera) for i in self.plan.views}
-            self.unedited = [_render(self.scene, v.camera).color.clamp(0, 1) for v in self.held_out]
+            before = [self._render(self.scene, self.views[i].camera) for i in self.plan.views]
+            self.before = dict(zip(self.plan.views, before))
+            unedited = (self._render(self.scene, v.camera) for v in self.held_out)
+            self.unedited = [rendering.color.clamp(0, 1) for rendering in unedited]
         count = len(self.views)
         note = f"{len(self.plan.views)} cover {self.plan.coverage[-1]:.0%} of what all views see"
         yield Event("survey", self.watch.seconds, count, count, note=note)
@@ -255,7 +260,15 @@ class _Work:
         with self.watch.stage("update"):
             targets = tuple(self.targets.values())
             seen = self.weights[list(self.targets)].sum(0) > UNSEEN
-            losses = update_steps(self.optimiser, targets, seen, update, features, self.generator)
+            losses = update_steps(
+                self.optimiser,
+                targets,
+                seen,
+                update,
+                features,
+                self.generator,
+                self.settings.execution,
+            )
             for step, loss in enumerate(losses, start=done + 1):
                 if step % MEASURE_EVERY == 0:
                     psnr, aim = self.measure(PROBES)
@@ -271,7 +284,8 @@ class _Work:
         edited = self.optimiser.scene.detach().map(torch.clone)
         targets = tuple(self.targets.values())
         with self.watch.stage("measure"):
-            finals = capture(edited, [t.camera for t in targets], [t.name for t in targets])
+            cameras, names = [t.camera for t in targets], [t.name for t in targets]
+            finals = capture(edited, cameras, names, self.settings.execution)
             psnr, aim = self.measure(len(self.held_out))
         originals = tuple(
             replace(self.views[i], image=self.before[i].color.clamp(0, 1)) for i in self.targets
@@ -305,7 +319,7 @@ class _Work:
             shown, name = tuple(self.targets.values()), "edited pictures"
             aims = [view.image for view in shown]
         scene = self.optimiser.scene.detach()
-        pictures = [render(scene, view.camera).color.clamp(0, 1) for view in shown]
+        pictures = [self._render(scene, view.camera).color.clamp(0, 1) for view in shown]
         return _mean(metrics.psnr(a, b) for a, b in zip(pictures, aims)), name
 
     def _correspondences(self, members: Sequence[int]) -> Correspondences:
@@ -319,6 +333,10 @@ class _Work:
             cell=cell,
         )
 
+    @torch.no_grad()
+    def _render(self, scene: Gaussians, camera: Camera) -> Rendering:
+        return render(scene, camera, median_depth=True, execution=self.settings.execution)
+
     def _original(self, i: int) -> Float[Tensor, "h w 3"]:
         """What the editor sees as the unedited picture."""
         rendered = self.before[i].color
@@ -331,7 +349,7 @@ class _Work:
         images = [
             self.targets[i].image
             if i in self.targets
-            else render(scene, self.views[i].camera).color.clamp(0, 1)
+            else self._render(scene, self.views[i].camera).color.clamp(0, 1)
             for i in members
         ]
         return EditBatch(
@@ -342,11 +360,6 @@ class _Work:
             anchored=torch.tensor([i in self.targets for i in members]),
             seed=self.seed,
         )
-
-
-@torch.no_grad()
-def _render(scene: Gaussians, camera: Camera) -> Rendering:
-    return render(scene, camera, median_depth=True)
 
 
 def _whole_cells(camera: Camera, cell: int) -> Camera:

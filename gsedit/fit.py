@@ -21,7 +21,7 @@ from gsedit.optimiser import SceneOptimiser
 from gsedit.report import Checkpoint, Event, rmse_of
 from gsedit.views import Dataset, View
 from rasterizer.camera import Camera
-from rasterizer.numerics import SH_DC
+from rasterizer.numerics import AUTO, SH_DC, Execution
 from rasterizer.project import rotation_matrices
 from rasterizer.render import render
 from rasterizer.scene import Gaussians, concatenate
@@ -53,6 +53,8 @@ class FitSettings:
     evaluations: int = 10
     """Times that the held-out views are measured."""
     checkpoint_seconds: float = 30.0
+    execution: Execution = AUTO
+    """How pictures are drawn: `Execution(compile=True)` draws the same ones sooner."""
 
     def __post_init__(self) -> None:
         if self.steps is None and self.seconds is None:
@@ -127,7 +129,10 @@ def fit_steps(
         view = pyramid[factor][order.pop()]
         scene = optimiser.scene
         # photos are opaque: before a random colour, every hole in the scene costs
-        picture = render(scene, view.camera, background=torch.rand(3, generator=generator)).color
+        background = torch.rand(3, generator=generator)
+        picture = render(
+            scene, view.camera, background=background, execution=settings.execution
+        ).color
         loss = (1 - settings.dssim_weight) * losses.l1(picture, view.image)
         if settings.dssim_weight:
             loss = loss + settings.dssim_weight * losses.dssim(picture, view.image)
@@ -150,7 +155,7 @@ def fit_steps(
             optimiser.replace(scene, everyone, torch.zeros(len(scene), dtype=torch.bool))
         if clock.progress >= due and not clock.finished:
             due += 1 / settings.evaluations
-            psnr = evaluate(optimiser.scene.detach(), held_out)
+            psnr = evaluate(optimiser.scene.detach(), held_out, settings.execution)
             curve.append((clock.seconds, psnr))
             yield _event(
                 "measure", clock, running, psnr, f"{len(scene):,} Gaussians, {psnr:.2f} dB"
@@ -162,7 +167,7 @@ def fit_steps(
             yield Checkpoint(optimiser.scene.detach(), clock.step, clock.seconds)
 
     scene = optimiser.scene.detach().map(torch.clone)
-    psnr = evaluate(scene, held_out)
+    psnr = evaluate(scene, held_out, settings.execution)
     curve.append((clock.seconds, psnr))
     yield _event("measure", clock, running, psnr, f"{len(scene):,} Gaussians, {psnr:.2f} dB")
     yield FitResult(scene, psnr, clock.step, clock.seconds, tuple(curve))
@@ -215,9 +220,10 @@ def _event(stage: str, clock: _Clock, loss: float | None, psnr: float | None, no
 
 
 @torch.no_grad()
-def evaluate(scene: Gaussians, views: tuple[View, ...]) -> float:
+def evaluate(scene: Gaussians, views: tuple[View, ...], execution: Execution = AUTO) -> float:
     """Mean PSNR over views, dB."""
-    errors = [losses.mse(render(scene, v.camera).color.clamp(0, 1), v.image).item() for v in views]
+    pictures = (render(scene, v.camera, execution=execution).color.clamp(0, 1) for v in views)
+    errors = [losses.mse(picture, v.image).item() for picture, v in zip(pictures, views)]
     return sum(-10 * log10(max(e, 1e-12)) for e in errors) / len(errors)
 
 

@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from rasterizer.camera import Camera
+from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import contributions
 from rasterizer.scene import Gaussians
 
@@ -40,7 +41,9 @@ class Plan:
         return tuple(view for batch in self.rounds for view in batch)
 
 
-def survey(scene: Gaussians, cameras: Sequence[Camera]) -> Float[Tensor, "v n"]:
+def survey(
+    scene: Gaussians, cameras: Sequence[Camera], execution: Execution = AUTO
+) -> Float[Tensor, "v n"]:
     """How much each view sees of each Gaussian, in pixels of a small picture."""
     rows = []
     for camera in cameras:
@@ -48,7 +51,7 @@ def survey(scene: Gaussians, cameras: Sequence[Camera]) -> Float[Tensor, "v n"]:
         small = camera.resized(
             max(1, round(camera.width * scale)), max(1, round(camera.height * scale))
         )
-        rows.append(contributions(scene, small))
+        rows.append(contributions(scene, small, execution=execution))
     return torch.stack(rows)
 
 

@@ -14,6 +14,7 @@ from gsedit.features import FeatureExtractor
 from gsedit.losses import edit_loss
 from gsedit.optimiser import SceneOptimiser
 from gsedit.views import View
+from rasterizer.numerics import AUTO, Execution
 from rasterizer.project import Box
 from rasterizer.render import render
 
@@ -66,6 +67,7 @@ def update_steps(
     settings: UpdateSettings,
     features: FeatureExtractor,
     generator: torch.Generator,
+    execution: Execution = AUTO,
 ) -> Iterator[float]:
     """Fit the scene to random patches of the edited views; yields the loss of every step.
 
@@ -74,7 +76,9 @@ def update_steps(
     for step in range(settings.steps):
         scene = optimiser.scene
         drawn = [_patch(targets, settings.patch, generator) for _ in range(settings.patches)]
-        found = torch.stack([render(scene, v.camera, crop=box).color for v, box in drawn])
+        found = torch.stack(
+            [render(scene, v.camera, crop=box, execution=execution).color for v, box in drawn]
+        )
         wanted = torch.stack([_cut(v.image, box) for v, box in drawn])
         loss = edit_loss(found, wanted, features, settings.gram_weight)
         loss.backward()

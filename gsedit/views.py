@@ -11,6 +11,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from rasterizer.camera import Camera
+from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
@@ -46,9 +47,14 @@ class Dataset:
 
 
 @torch.no_grad()
-def capture(scene: Gaussians, cameras: Sequence[Camera], names: Sequence[str]) -> tuple[View, ...]:
+def capture(
+    scene: Gaussians,
+    cameras: Sequence[Camera],
+    names: Sequence[str],
+    execution: Execution = AUTO,
+) -> tuple[View, ...]:
     """Pictures of a scene from some cameras, clamped to [0, 1]."""
     return tuple(
-        View(name, camera, render(scene, camera).color.clamp(0, 1))
+        View(name, camera, render(scene, camera, execution=execution).color.clamp(0, 1))
         for name, camera in zip(names, cameras, strict=True)
     )
