@@ -188,7 +188,8 @@ def _blend_backward(
         if grid.capped:  # no gradient where alpha is held at its cap
             torch.ops.aten.hardtanh_backward(grad, alpha, -torch.inf, capped, grad_input=grad)
         from_quadratic = (grad.flatten(0, 1) @ grid.monomials.T).view(*grad.shape[:2], 6)
-        blocks.put(gradients, torch.cat((from_quadratic, from_features), -1))
+        blocks.put(gradients[..., :GEOMETRY], from_quadratic)
+        blocks.put(gradients[..., GEOMETRY:], from_features)
     group.chain(gradients)
     return gradients
 

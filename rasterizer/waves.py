@@ -85,7 +85,10 @@ class Blocks(NamedTuple):
         """Their part of an array of all blocks."""
         if self.keep is None:
             return values.narrow(axis, self.start, self.count)
-        return values.index_select(axis, self.keep + self.start)
+        chosen = self.keep + self.start
+        if axis == values.ndim - 1:  # on all threads
+            return values.gather(axis, chosen.expand(*values.shape[:-1], -1))
+        return values.index_select(axis, chosen)
 
     def tiles_of(self, values: Tensor) -> Tensor:
         """Their part (a view, if it is the first tiles) of an array of all tiles."""

@@ -10,7 +10,7 @@ import sys
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from math import nan
+from math import isqrt, nan
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -31,6 +31,7 @@ from gsedit.errors import InputError, UsageError
 from gsedit.report import Event
 from rasterizer import render
 from rasterizer.numerics import DEFAULT
+from rasterizer.tiles import TILE_SIZES
 
 
 @pytest.fixture
@@ -658,12 +659,15 @@ def test_without_its_points_the_garden_is_left_out_and_said(monkeypatch):
 
 @pytest.mark.parametrize(("chosen", "reached"), [(1.05, True), (1.3, False)])
 def test_a_bar_is_missed_where_it_is_missed(tiny, monkeypatch, chosen, reached):
-    seconds = {"4": 2.0, "8": 1.0, "16": 1.5, "32": 3.0, "chosen": chosen}
+    pairs_, pixels = pairs.listed_pairs(tiny.scene, tiny.camera)
+    side = isqrt(pixels // pairs_)
+    other = max(set(TILE_SIZES) - {side})
+    seconds = dict.fromkeys(TILE_SIZES, 2.0) | {other: 1.0, side: chosen}
     timings = {name: measure.Timing(s, s, 5, 0.015) for name, s in seconds.items()}
     monkeypatch.setattr(bars, "timed_together", lambda *_, **__: (timings, {}))
     (bar,) = bars.tile_bars(tiny, bars.QUICK)
     assert bar.reached is reached
-    assert bar.measured.startswith(f"{chosen:.2f} of side 8 ")
+    assert bar.measured.startswith(f"{side}: {chosen:.2f} of {other} ")
 
 
 def test_two_threads_are_given_back(tiny, monkeypatch):
@@ -673,8 +677,8 @@ def test_two_threads_are_given_back(tiny, monkeypatch):
     bars.thread_bars(tiny, bars.Size(runs=1, pieces=1))
     assert torch.get_num_threads() == before
     monkeypatch.setattr(bars.os, "cpu_count", lambda: 1)
-    (bar,) = bars.thread_bars(tiny, bars.QUICK)
-    assert bar.reached is None
+    (alone,) = bars.thread_bars(tiny, bars.QUICK)
+    assert alone.reached is None
 
 
 def test_a_slope_above_one_is_not_linear():

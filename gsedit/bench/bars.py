@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
+from math import isqrt
 from pathlib import Path
 from time import perf_counter
 
@@ -25,8 +26,9 @@ from gsedit.bench.worker import Worker, WorkerError, peak_memory
 from gsedit.bench.workloads import Workload, cloud, fitted, garden, smaller, synthetic
 from gsedit.report import Event
 from rasterizer import render
-from rasterizer.numerics import AUTO, DEFAULT
+from rasterizer.numerics import AUTO, DEFAULT, Execution
 from rasterizer.project import Box
+from rasterizer.tiles import TILE_SIZES
 
 GOALS = {  # yardsticks: garden's scale, eager or compiled, forward or both
     (1.0, "eager"): (15.0, 40.0),
@@ -35,7 +37,6 @@ GOALS = {  # yardsticks: garden's scale, eager or compiled, forward or both
     (0.25, "compiled"): (5.0, 10.0),
 }
 EXECUTIONS = {"eager": AUTO, "compiled": replace(AUTO, compile=True)}
-TILES = (4, 8, 16, 32)
 
 
 @dataclass(frozen=True)
@@ -181,21 +182,17 @@ def gradient_bar(label: str, drawn: Drawn, truth: Drawn) -> Bar:
 
 def tile_bars(workload: Workload, size: Size) -> list[Bar]:
     """Forward and backward with the chosen tile size, against the best of all sizes."""
-    sizes = {str(n): replace(AUTO, tile_size=n) for n in TILES} | {"chosen": AUTO}
-    jobs = {
-        name: partial(
-            differentiate,
-            partial(draw, Setting(execution=execution)),
-            workload.scene,
-            workload.camera,
-        )
-        for name, execution in sizes.items()
-    }
+    jobs = {}
+    for side in TILE_SIZES:
+        drawing = partial(draw, Setting(execution=replace(AUTO, tile_size=side)))
+        jobs[side] = partial(differentiate, drawing, workload.scene, workload.camera)
     timings, _ = timed_together(jobs, size.runs, pieces=size.pieces)
-    best = min(map(str, TILES), key=lambda name: timings[name].wall)
-    ratio = timings["chosen"].wall / timings[best].wall
-    spread = ", ".join(f"{name}: {1e3 * timing.wall:.0f}" for name, timing in timings.items())
-    measured = f"{ratio:.2f} of side {best} (ms by side {spread})"
+    best = min(TILE_SIZES, key=lambda side: timings[side].wall)
+    pairs, pixels = listed_pairs(workload.scene, workload.camera)
+    chosen = isqrt(pixels // max(1, pairs))
+    ratio = timings[chosen].wall / timings[best].wall
+    spread = ", ".join(f"{side}: {1e3 * timing.wall:.0f}" for side, timing in timings.items())
+    measured = f"{chosen}: {ratio:.2f} of {best} (ms by side {spread})"
     return [Bar(f"{workload.name}: tile choice", "1.1 of the best", measured, ratio <= 1.1)]
 
 
@@ -219,24 +216,27 @@ def crop_bars(workload: Workload, size: Size) -> list[Bar]:
 
 def thread_bars(workload: Workload, size: Size) -> list[Bar]:
     """Forward and backward, on two threads against one."""
-    name, goal = f"{workload.name}: 2 threads against 1", "1.7 times as fast"
+    name, goal = f"{workload.name}, 2 threads against 1", "1.7 times as fast"
     cores = os.cpu_count() or 1
     if cores < 2:
         return [Bar(name, goal, "this machine has one core", None)]
     before = torch.get_num_threads()
-    drawing = partial(draw, Setting())
 
-    def job(threads: int) -> None:
+    def job(threads: int, execution: Execution) -> None:
         torch.set_num_threads(threads)
+        drawing = partial(draw, Setting(execution=execution))
         differentiate(drawing, workload.scene, workload.camera)
 
-    try:
-        jobs = {str(n): partial(job, n) for n in (1, 2)}
-        timings, _ = timed_together(jobs, size.runs, pieces=size.pieces)
-    finally:
-        torch.set_num_threads(before)
-    ratio = timings["1"].wall / timings["2"].wall
-    return [Bar(name, goal, f"{ratio:.2f} times", ratio >= 1.7)]
+    found = []
+    for kind, execution in EXECUTIONS.items():
+        try:
+            jobs = {n: partial(job, n, execution) for n in (1, 2)}
+            timings, _ = timed_together(jobs, size.runs, pieces=size.pieces)
+        finally:
+            torch.set_num_threads(before)
+        ratio = timings[1].wall / timings[2].wall
+        found.append(Bar(f"{name}, {kind}", goal, f"{ratio:.2f} times", ratio >= 1.7))
+    return found
 
 
 def scaling_bars(size: Size) -> list[Bar]:

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from functools import cache
 from math import inf
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
 from torch import Tensor
@@ -59,6 +59,9 @@ def yardstick(pieces: int = PIECES) -> float:
     return (time.perf_counter() - began) * NUMBERS / (pieces * PIECE)
 
 
+Name = TypeVar("Name", str, int)
+
+
 def timed(
     work: Callable[[], Any], runs: int = 5, budget: float = inf, pieces: int = PIECES
 ) -> tuple[Timing, Any]:
@@ -72,15 +75,15 @@ def timed(
 
 
 def timed_together(
-    works: Mapping[str, Callable[[], Any]],
+    works: Mapping[Name, Callable[[], Any]],
     runs: int = 5,
     budget: float = inf,
     pieces: int = PIECES,
-) -> tuple[dict[str, Timing], dict[str, Any]]:
+) -> tuple[dict[Name, Timing], dict[Name, Any]]:
     """Timings and last results of works that take turns, so that a drifting machine is fair."""
     began = time.perf_counter()
-    samples: dict[str, list[tuple[float, float, float]]] = {name: [] for name in works}
-    results: dict[str, Any] = {}
+    samples: dict[Name, list[tuple[float, float, float]]] = {name: [] for name in works}
+    results: dict[Name, Any] = {}
     for turn in range(runs + 1):
         if turn and time.perf_counter() - began > budget:
             break
