@@ -11,12 +11,14 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from bad_files import BAD_FILES, BadFile, dataset, ply_bytes, scene_table
 from gsedit_cli import main as cli
 from gsedit_cli.edit_options import Preset, RoundOptions, SamplerOptions, UpdateOptions, resolve
 from gsedit_cli.narrate import Interrupted, plain_line
+from PIL import Image
 from typer.testing import CliRunner
 
 from gsedit.diffusion import SamplerSettings
@@ -262,6 +264,20 @@ def test_render_places_cameras_where_there_are_none(scene, tmp_path):
     assert set(files(tmp_path / "out")) == set(pictures)
 
 
+@pytest.mark.filterwarnings("ignore:.*without the compiled kernel")
+def test_compile_draws_the_same_pictures(scene, tmp_path):
+    for words in ([], ["--compile"]):
+        out = tmp_path / f"out{len(words)}"
+        result = gsedit("render", scene, "--count", 1, "--size", 32, "-o", out, *words)
+        assert result.exit_code == 0, result.stderr
+    a, b = (decode(tmp_path / f"out{i}" / "orbit_000.png") for i in (0, 1))
+    assert (a - b).abs().max() <= 1  # rounding may fall to either side
+
+
+def decode(path: Path) -> torch.Tensor:
+    return torch.from_numpy(np.asarray(Image.open(path)).astype(int))
+
+
 # ---- fit: events, checkpoints, interruption ------------------------------------------------------
 
 
@@ -306,6 +322,7 @@ def test_fit_writes_the_scene_and_removes_its_checkpoint(monkeypatch, photos, tm
     }  # fmt: skip
     assert given["settings"].seconds == 120
     assert given["settings"].steps is None
+    assert not given["settings"].execution.compile
     assert given["seed"] == 7
     assert len(load(out)) == 3
     assert set(files(tmp_path)) - set(files(photos)) == {out}
@@ -443,6 +460,14 @@ def test_what_is_not_given_is_the_librarys_choice():
     )
     assert (some.sampler.steps, some.sampler.consensus, some.sampler.target) == (7, False, "xt")
     assert (some.update.steps, some.views_per_round) == (9, 2)
+    assert resolve(Preset.default, *nothing, compile=True).execution.compile
+
+
+def test_a_fit_can_be_compiled(monkeypatch, photos, tmp_path):
+    given = stub_fit(monkeypatch)
+    result = gsedit("fit", photos, "-o", tmp_path / "scene.ply", "--minutes", 2, "--compile")
+    assert result.exit_code == 0, result.stderr
+    assert given["settings"].execution.compile
 
 
 def test_the_defaults_in_the_help_are_the_librarys():
