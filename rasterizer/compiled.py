@@ -111,7 +111,9 @@ def _run(
         alpha_min=numerics.alpha_min, stop=numerics.transmittance_min,
         **{key: value.data_ptr() for key, value in held.items() if value is not None},
     )  # fmt: skip
-    getattr(kernel, f"{name}_{str(table.dtype).removeprefix('torch.')}")(ctypes.byref(job))
+    run = getattr(kernel, f"{name}_{str(table.dtype).removeprefix('torch.')}")
+    if run(ctypes.byref(job)):
+        raise MemoryError(f"no memory for tiles of {bins.size} pixels on {job.threads} threads")
 
 
 @functools.cache
@@ -142,9 +144,21 @@ class _Failed(Exception):
 
 def _kept(compiler: str) -> Path:
     """The kernel's place in the cache, where it now is."""
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    try:
+        base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    except RuntimeError as error:  # nobody's home
+        raise OSError(*error.args) from error
     version = subprocess.run([compiler, "--version"], capture_output=True, text=True, check=False)
-    key = "\n".join((SOURCE.read_text(), compiler, version.stdout, *FLAGS, _processor()))
+    key = "\n".join(
+        (
+            SOURCE.read_text(),
+            compiler,
+            version.stdout,
+            *FLAGS,
+            str(FOR_THIS_PROCESSOR),
+            _processor(),
+        )
+    )
     place = Path(base) / "gsedit" / f"kernel-{hashlib.sha256(key.encode()).hexdigest()[:16]}.so"
     if place.exists():
         return place

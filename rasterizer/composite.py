@@ -48,6 +48,7 @@ def composite(
 
 class _Blend(torch.autograd.Function):
     @staticmethod
+    @torch.autocast("cpu", enabled=False)
     def forward(  # type: ignore[override]
         ctx: Any, table: Tensor, bins: Bins, width: int, height: int,
         numerics: Numerics, execution: Execution, median: bool,
@@ -72,10 +73,12 @@ class _Blend(torch.autograd.Function):
         return picture, light, crossing
 
     @staticmethod
-    @torch.autograd.function.once_differentiable
+    @torch.autocast("cpu", enabled=False)
     def backward(  # type: ignore[override]
         ctx: Any, grad_features: Tensor, grad_light: Tensor, _: Any
     ) -> tuple[Tensor | None, ...]:
+        if torch.is_grad_enabled():  # the gradients of these gradients would be silently wrong
+            raise RuntimeError("a picture has first derivatives only: leave out create_graph=True")
         upstream = grad_features.contiguous(), grad_light.contiguous()
         rows = ctx.pairs_backward(*ctx.saved_tensors, *upstream)
         # each Gaussian's pairs, tile by tile: the same sum on every run

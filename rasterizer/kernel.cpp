@@ -40,7 +40,7 @@ struct Job {
   T* gradients;                // [pairs, GEOMETRY + depth], by slot; zero
 };
 
-// exp on [-745, 1], to an ulp or two: 2^n times the Taylor series of what remains, |r| <= ln2 / 2.
+// exp on [-87, 1] (double: [-700, 1]), to an ulp or two: 2^n times the Taylor series of what remains, |r| <= ln2 / 2.
 inline float exponential(float x) {
   const float n = std::nearbyint(x * 1.44269504f);
   const float r = std::fma(n, 1.90465420e-09f, std::fma(n, -0.693147183f, x));
@@ -88,8 +88,9 @@ struct Tile {
     s.cx = -(s.u * w0 + s.v * w1), s.cy = -(s.v * w2);
     s.cxx = T(-0.5) * (w0 * w0 + w1 * w1), s.cxy = -(w1 * w2), s.cyy = T(-0.5) * w2 * w2;
     // |y + dy| <= radius sigma_y, with sigma_y = |(w0, w1)| / (w0 w2); a row too many is harmless
-    const T reach = std::sqrt(std::max(T(0), T(2) * (g[5] - T(job.log_alpha_min)))) * T(1.001) *
+    T reach = std::sqrt(std::max(T(0), T(2) * (g[5] - T(job.log_alpha_min)))) * T(1.001) *
                         std::sqrt(w0 * w0 + w1 * w1) / (w0 * w2) + T(1);
+    if (!(reach < T(1e9))) reach = T(1e9);  // all rows; no cast of what has no integer
     const T middle = T(0.5) * job.side - s.dy;
     const T low = std::min(std::max(middle - reach, T(0)), T(rows));
     const T high = std::min(std::max(middle + reach, T(0)), T(rows));
@@ -126,7 +127,8 @@ inline T exponent(const Splat<T>& s, T x, T y) {
 // alpha over the splat's rows of pixels; the exponent never goes where exp underflows
 template <typename T>
 inline void alphas(const Job<T>& job, const Splat<T>& s, const T* x, const T* y, T* alpha) {
-  const T low = T(job.log_alpha_min) - T(1e-3), high = T(job.log_alpha_max);
+  const T least = sizeof(T) == 4 ? T(-87) : T(-700);  // where exp is still a normal number
+  const T low = std::max(T(job.log_alpha_min) - T(1e-3), least), high = T(job.log_alpha_max);
   const T floor = T(job.alpha_min) * (1 - std::numeric_limits<T>::epsilon());
 #pragma omp simd
   for (int64_t p = s.begin; p < s.end; p++) {
@@ -287,32 +289,42 @@ void backward(const Job<T>& job, int64_t index, Buffers<T>& b) {
   }
 }
 
+// 0, or 1 where there was no memory: an exception must not leave, Python would not see it.
 template <typename T>
-void each_tile(const Job<T>& job, void (*work)(const Job<T>&, int64_t, Buffers<T>&)) {
+int each_tile(const Job<T>& job, void (*work)(const Job<T>&, int64_t, Buffers<T>&)) {
   std::atomic<int64_t> next{0};
   const int64_t tiles = job.columns * job.rows;
+  std::atomic<int> failed{0};
   auto loop = [&] {
-    Buffers<T> buffers(job);
-    for (int64_t t; (t = next.fetch_add(1)) < tiles;) work(job, t, buffers);
+    try {
+      Buffers<T> buffers(job);
+      for (int64_t t; (t = next.fetch_add(1)) < tiles;) work(job, t, buffers);
+    } catch (...) {
+      failed = 1;
+    }
   };
   std::vector<std::thread> others;
-  for (int64_t i = 1; i < std::min(job.threads, tiles); i++) others.emplace_back(loop);
+  try {
+    for (int64_t i = 1; i < std::min(job.threads, tiles); i++) others.emplace_back(loop);
+  } catch (...) {
+  }  // the threads that did start will do
   loop();
   for (auto& thread : others) thread.join();
+  return failed;
 }
 
 template <typename T>
-void run(const Job<T>& job, bool back) {
+int run(const Job<T>& job, bool back) {
   const bool colors = job.depth == 3;
-  each_tile(job, back ? (colors ? backward<T, 3> : backward<T, 0>)
+  return each_tile(job, back ? (colors ? backward<T, 3> : backward<T, 0>)
                       : (colors ? forward<T, 3> : forward<T, 0>));
 }
 
 }  // namespace
 
 extern "C" {
-void forward_float32(const Job<float>* job) { run(*job, false); }
-void forward_float64(const Job<double>* job) { run(*job, false); }
-void backward_float32(const Job<float>* job) { run(*job, true); }
-void backward_float64(const Job<double>* job) { run(*job, true); }
+int forward_float32(const Job<float>* job) { return run(*job, false); }
+int forward_float64(const Job<double>* job) { return run(*job, false); }
+int backward_float32(const Job<float>* job) { return run(*job, true); }
+int backward_float64(const Job<double>* job) { return run(*job, true); }
 }

@@ -65,5 +65,13 @@ class Execution:
     compile: bool = False
     """Blend with a compiled kernel: needs a C++ compiler, falls back with a warning without."""
 
+    def __post_init__(self) -> None:
+        for name in ("tile_size", "block"):
+            value = getattr(self, name)
+            if value is not None and value < 1:
+                raise ValueError(f"{name} is {value}: give 1 or more, or None for a good one")
+        if self.cull not in ("ellipse", "box"):
+            raise ValueError(f"cull is {self.cull!r}: ellipse or box")
+
 
 AUTO = Execution()

@@ -33,7 +33,7 @@ class Projected:
     depth: Float[Tensor, " n"]
     """Of the centre, along the view."""
     order: Float[Tensor, " n"]
-    """The same in float64 and above 0, to sort by: float32 puts two of 10,000 in the wrong order,
+    """The same in float64, to sort by: float32 puts two of 10,000 in the wrong order,
     and a pixel then jumps. Without gradients."""
     covariance: Float[Tensor, "n 4"]
     """xx, xy, yy, and the variance of x at a given y; for choosing tiles only, without
@@ -223,12 +223,12 @@ def _whiten(
     w2 = conditional.rsqrt()
     gain = None
     if numerics.antialiased:  # tiny: far below the floor, and no logarithm of zero
-        gain = 0.5 * (sharp.clamp_min(torch.finfo(sharp.dtype).tiny) / conditional).log()
+        gain = 0.5 * (sharp.clamp_min(torch.finfo(sharp.dtype).tiny).log() - conditional.log())
     return Projected(
         xy=lines.xy,
         whitening=_stack(means, xx.rsqrt(), -xy / xx * w2, w2),
         depth=lines.depth.to(means),
-        order=lines.depth.detach() - min(numerics.near, 0.0),
+        order=lines.depth.detach(),
         covariance=_stack(means, xx, xy, yy, conditional * (xx / yy)).detach(),
         log_gain=None if gain is None else gain.to(means),
     )

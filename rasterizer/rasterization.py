@@ -38,6 +38,7 @@ UPPER = ((0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2))  # rows and columns of covars' 
 SYMMETRIC = (0, 1, 2, 1, 3, 4, 2, 4, 5)  # and back to 3x3
 
 
+@torch.autocast("cpu", enabled=False)
 def rasterization(
     means: Float[Tensor, "*batch N 3"],
     quats: Float[Tensor, "*batch N 4"] | None,

@@ -31,6 +31,7 @@ class Rendering:
     """Where the transmittance falls to one half; 0 where it does not. No gradient."""
 
 
+@torch.autocast("cpu", enabled=False)  # eight bits would not do
 def render(
     scene: Gaussians,
     camera: Camera,
@@ -102,9 +103,9 @@ def contributions(
     seen.
     """
     # the picture is linear in colour, so this is the gradient of its sum
-    flat = scene.detach()
-    dc = torch.zeros(len(scene), 1, 3, dtype=flat.means.dtype, requires_grad=True)
-    with torch.enable_grad():
+    with torch.inference_mode(False), torch.enable_grad():
+        flat = scene.map(lambda field: field.detach().clone())
+        dc = torch.zeros(len(scene), 1, 3, dtype=flat.means.dtype, requires_grad=True)
         picture = render(replace(flat, sh=dc), camera, numerics=numerics, execution=execution).color
         (gradient,) = torch.autograd.grad(picture[..., 0].sum(), dc)
     return gradient[:, 0, 0] / SH_DC

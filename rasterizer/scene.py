@@ -44,7 +44,8 @@ class Gaussians:
 
     def __getitem__(self, index: Any) -> Gaussians:
         """The rows that `index` (slice, mask or integer tensor) names."""
-        if isinstance(index, Tensor) and index.dtype == torch.int64 and index.ndim == 1:
+        rows = isinstance(index, Tensor) and index.dtype == torch.int64 and index.ndim == 1
+        if rows and (not len(index) or index.min() >= 0):
             return self.map(lambda field: field.index_select(0, index))  # 4 times faster
         return self.map(lambda field: field[index])
 

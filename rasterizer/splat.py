@@ -63,5 +63,6 @@ def list_tiles(
         overhead = (compiled if execution.compile else wavefront).PAIR_OVERHEAD
         size = execution.tile_size or tiles.choose_tile_size(footprints, width, height, overhead)
         order = tiles.depth_order(projected.order)
+        size = min(size, max(width, height))
         boxes = execution.cull == "box"
         return xy, tiles.bin_tiles(footprints, order, size, width, height, boxes=boxes)

@@ -147,6 +147,9 @@ def stable_argsort(keys: Int[Tensor, " p"], bound: int) -> Int[Tensor, " p"]:
 
 
 def depth_order(depth: Float[Tensor, " m"]) -> Int[Tensor, " m"]:
-    """Front to back; equal depths keep file order. Positive floats sort like their bits."""
+    """Front to back; equal depths keep file order. Floats above 0 sort like their bits, faster."""
+    depth = depth.detach()
+    if len(depth) and depth.min() <= 0:  # an orthographic camera sees what is behind it
+        return torch.argsort(depth, stable=True)
     bits = {torch.float32: torch.int32, torch.float64: torch.int64}[depth.dtype]
-    return torch.argsort(depth.detach().view(bits), stable=True)
+    return torch.argsort(depth.view(bits), stable=True)

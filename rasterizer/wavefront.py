@@ -64,7 +64,7 @@ def forward(
     if median:
         crossing = _to_picture(_crossing(grid, out)[:, None], bins, width, height)[..., 0]
     picture = _to_picture(features, bins, width, height).contiguous()
-    passed = _to_picture(light[:, None], bins, width, height)[..., 0].contiguous()
+    passed = _to_picture(light[:, None], bins, width, height)[..., 0].clone()
     return picture, passed, crossing, Kept(grid, groups, saved, light)
 
 

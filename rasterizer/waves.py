@@ -163,7 +163,7 @@ class Group:
 
     def chain(self, rows: Float[Tensor, "k n g"]) -> None:
         """In place: from those of the quadratic to those of x, y, w0, w1, w2, log opacity."""
-        g1, gx, gy, gxx, gxy, gyy = (rows[..., i].contiguous() for i in range(GEOMETRY))
+        g1, gx, gy, gxx, gxy, gyy = (rows[..., i].clone() for i in range(GEOMETRY))
         dx, dy, w0, w1, w2, u, v = self.white
         gu = -(u * g1 + w0 * gx)
         gv = -(v * g1 + w1 * gx + w2 * gy)
