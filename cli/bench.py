@@ -184,7 +184,43 @@ def bars(
     answer(record, promised.table(found), as_json=common.json)
 
 
-for verb in (rasterizer, stability, bars):
+def sampler(
+    out: Folder = Path("out/sampler"),
+    runs: Annotated[int, typer.Option("--runs", min=1, help="Times are medians of so many.")] = 5,
+    quick: Quick = False,
+    force: Force = False,
+    *,
+    common: Common,
+) -> None:
+    """The sampler: solvers on stiff problems, ways of agreeing, the sweep of T_end, our overhead.
+
+    gsedit bench sampler -o out/sampler
+    """
+    check_folder(out, force)
+    common.apply()
+
+    from gsedit.bench import sampler as measured
+    from gsedit.bench.sampler_plots import sweep_plot, work_precision
+    from gsedit.files import atomic_path
+
+    journal = Journal(out / "bench.jsonl", measured.write_row)
+    with keeping(journal), narrator(as_json=common.json) as tell:
+        for row in journal.following(measured.measure(quick=quick, runs=runs), tell):
+            if common.json:
+                typer.echo(as_line("row", measured.as_record(row)))
+    table = measured.table(journal.rows)
+    with atomic_path(out / "bench.md", overwrite=True) as temporary:
+        temporary.write_text(table, encoding="utf-8")
+    work_precision(journal.rows, out / "evaluations.png", "evaluations", overwrite=True)
+    work_precision(journal.rows, out / "seconds.png", "seconds", overwrite=True)
+    sweep_plot(journal.rows, out / "t_end.png", overwrite=True)
+    files = ("bench.jsonl", "bench.md", "evaluations.png", "seconds.png", "t_end.png")
+    say(f"{len(journal.rows)} measurements are in {out}; look at {out / 'evaluations.png'}")
+    record = {"folder": out, "rows": len(journal.rows), "files": [out / name for name in files]}
+    answer(record, table, as_json=common.json)
+
+
+for verb in (rasterizer, stability, bars, sampler):
     bench.command()(flat(verb))
 
 
@@ -202,7 +238,7 @@ class Journal:
             self.write_row(file, row)
         self.rows.append(row)
 
-    def following(self, items: Iterable[Any], tell: Tell) -> Iterator[Row]:
+    def following(self, items: Iterable[Any], tell: Tell) -> Iterator[Any]:
         """Tell the events, write and hand on the rows."""
         from gsedit.report import Event
 

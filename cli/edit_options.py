@@ -13,16 +13,26 @@ from .options import given
 
 if TYPE_CHECKING:
     from gsedit.edit import EditSettings
-
-
-class EditorName(str, Enum):
-    closed_form = "closed-form"
-    pix2pix = "pix2pix"
+    from gsedit.editors import Editor
 
 
 class Preset(str, Enum):
     default = "default"
     paper = "paper"
+
+
+class SolverName(str, Enum):
+    ddim = "ddim"
+    euler = "euler"
+    heun = "heun"
+    multistep = "dpm++2m"
+    ancestral = "ancestral"
+
+
+class PrecisionName(str, Enum):
+    float32 = "float32"
+    bfloat16 = "bfloat16"
+    auto = "auto"
 
 
 class Geometry(str, Enum):
@@ -48,13 +58,15 @@ class EditorOptions:
     """Which 2D editor follows the instruction."""
 
     editor: Annotated[
-        EditorName,
+        str,
         typer.Option(
             "--editor",
+            metavar="NAME",
             rich_help_panel=EDITOR,
-            help="closed-form: built in, knows a list of looks; pix2pix: InstructPix2Pix weights.",
+            help="closed-form: built in, knows a list of looks; pix2pix: InstructPix2Pix weights; "
+            "command: any program; others: see gsedit editors.",
         ),
-    ] = EditorName.closed_form
+    ] = "closed-form"
     model: Annotated[
         str | None,
         option("--model", "pix2pix: a folder of weights, or a hub id.", rich_help_panel=EDITOR),
@@ -63,6 +75,38 @@ class EditorOptions:
         Path | None,
         option("--weights-dir", "pix2pix: where weights are kept.", rich_help_panel=EDITOR),
     ] = None
+    run: Annotated[
+        str | None,
+        option(
+            "--run",
+            'command: the program, as in "my_editor {input} {output} {prompt}"; it must fill the '
+            "folder {output} with a PNG for each in {input}. No shell is involved.",
+            metavar="COMMAND",
+            rich_help_panel=EDITOR,
+        ),
+    ] = None
+    timeout: Annotated[
+        float | None,
+        option(
+            "--timeout",
+            "command: seconds that it may take for the views of a round (default: any).",
+            metavar="SECONDS",
+            rich_help_panel=EDITOR,
+        ),
+    ] = None
+
+    def make(self, out: Path) -> Editor:
+        """The editor, which may keep files below `out`. Raises UsageError."""
+        from gsedit.editors import make_editor
+
+        return make_editor(
+            self.editor,
+            model=self.model,
+            weights_dir=self.weights_dir,
+            run=self.run,
+            timeout=self.timeout,
+            folder=out / "command",
+        )
 
 
 @dataclass(frozen=True)
@@ -90,6 +134,27 @@ class SamplerOptions:
         option(
             "--consensus/--no-consensus",
             "Views agree on corresponding cells while they are sampled (default yes).",
+            rich_help_panel=SAMPLER,
+        ),
+    ] = None
+    solver: Annotated[
+        SolverName | None,
+        option("--solver", "How a step is taken (default ddim).", rich_help_panel=SAMPLER),
+    ] = None
+    memory: Annotated[
+        float | None,
+        option(
+            "--memory",
+            "GB that a network may use for views at once (default: half of what is free).",
+            metavar="GB",
+            rich_help_panel=SAMPLER,
+        ),
+    ] = None
+    precision: Annotated[
+        PrecisionName | None,
+        option(
+            "--precision",
+            "Of a network; auto: bfloat16 if the processor has it and it errs little (default).",
             rich_help_panel=SAMPLER,
         ),
     ] = None

@@ -8,7 +8,17 @@ import pytest
 import torch
 
 from gsedit.agreement import consensus, share_noise
-from gsedit.diffusion import Anchor, Branches, SamplerSettings, Schedule, add_noise, guide, sample
+from gsedit.diffusion import (
+    Anchor,
+    Branches,
+    Need,
+    SamplerSettings,
+    Schedule,
+    add_noise,
+    guide,
+    levels_of,
+    sample,
+)
 from gsedit.errors import UsageError
 
 EPS32 = torch.finfo(torch.float32).eps
@@ -30,6 +40,7 @@ class Point:
     cell: int = 8
     channels: int = 2
     schedule: Schedule = SCHEDULE
+    predicts: str = "eps"
 
     def check(self, prompt): ...
     def encode(self, images): ...
@@ -38,10 +49,10 @@ class Point:
     def condition(self, originals, prompt, generator): ...
     def answer(self, prompt, edited, originals): ...
 
-    def branches(self, x, t, condition, need_none):
+    def branches(self, x, t, condition, need):
         ab = self.schedule.alpha(t)
         eps = (x - ab**0.5 * self.x0[condition]) / (1 - ab) ** 0.5
-        return Branches(eps, eps, eps if need_none else None)
+        return Branches(*(eps if asked else None for asked in need))
 
 
 def last(states):
@@ -66,7 +77,8 @@ def test_schedule_is_stable_diffusions():
 @pytest.mark.parametrize("steps", [1, 7, 20, 50, 1000])
 def test_times_at_full_strength_are_leading_spacing(steps):
     times = Schedule.scaled_linear().timesteps(steps)
-    expected = [min(i * (1000 // steps) + 1, 999) for i in range(steps)][::-1]
+    offset = 1 if steps < 1000 else 0  # with all 1000 steps there is no room above for one
+    expected = [i * (1000 // steps) + offset for i in range(steps)][::-1]
     assert times == expected
 
 
@@ -134,19 +146,43 @@ def test_unit_image_guidance_needs_no_third_branch():
     assert torch.equal(guide(text, image, None, 7.5, 1.0), guide(text, image, none, 7.5, 1.0))
 
 
-@pytest.mark.parametrize("guidance_image", [1.0, 1.5])
-def test_third_branch_is_asked_for_only_where_needed(guidance_image):
+@pytest.mark.parametrize(
+    ("guidance_text", "guidance_image", "expected"),
+    [
+        (7.5, 1.5, Need(True, True, True)),
+        (7.5, 1.0, Need(True, True, False)),
+        (1.0, 1.5, Need(True, True, True)),
+        (1.0, 1.0, Need(True, False, False)),
+        (1.5, 1.5, Need(True, False, True)),
+        (0.0, 1.5, Need(False, True, True)),
+        (0.0, 1.0, Need(False, True, False)),
+        (0.0, 0.0, Need(False, False, True)),
+    ],
+)
+def test_branches_are_asked_for_only_where_their_weight_is_not_zero(
+    guidance_text, guidance_image, expected
+):
     asked = []
 
     class Spy(Point):
-        def branches(self, x, t, condition, need_none):
-            asked.append(need_none)
-            return super().branches(x, t, condition, need_none)
+        def branches(self, x, t, condition, need):
+            asked.append(need)
+            return super().branches(x, t, condition, need)
 
     model = Spy(noise(1, 2, 1, 3))
-    settings = SamplerSettings(steps=2, guidance_image=guidance_image)
+    settings = SamplerSettings(steps=2, guidance_text=guidance_text, guidance_image=guidance_image)
     last(sample(model, VIEWS[:1], noise(1, 2, 1, 3, seed=1), settings))
-    assert asked == [guidance_image != 1] * 2
+    assert asked == [expected] * 2
+    # and the formula says the same, with every branch and without those that are not needed
+    text, image, none = noise(3, 1, 2, 2, 2).unbind()
+    formula = none + guidance_image * (image - none) + guidance_text * (text - image)
+    given = [branch if ask else None for branch, ask in zip((text, image, none), expected)]
+    torch.testing.assert_close(guide(*given, guidance_text, guidance_image), formula)
+    for missing in range(3):
+        if expected[missing]:
+            lacking = [None if i == missing else branch for i, branch in enumerate(given)]
+            with pytest.raises(ValueError, match="missing"):
+                guide(*lacking, guidance_text, guidance_image)
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
@@ -164,10 +200,12 @@ def test_noise_that_belongs_to_the_answer_survives():
     """DDIM with the true eps moves along x0 and noise: exact at every step."""
     model = Point(noise(3, 2, 1, 3))
     n = noise(3, 2, 1, 3, seed=1)
-    start = model.schedule.timesteps(20, 0.98)[0]
-    x = add_noise(model.x0, n, model.schedule.alpha(start))
-    for state in sample(model, VIEWS, x, SamplerSettings()):
-        expected = add_noise(model.x0, n, model.schedule.alpha(state.t))
+    levels = levels_of(model.schedule, SamplerSettings())
+    assert levels[0].t == model.schedule.timesteps(20, 0.98)[0]
+    x = add_noise(model.x0, n, levels[0])
+    for state, level in zip(sample(model, VIEWS, x, SamplerSettings()), levels[1:]):
+        assert state.t == level.t
+        expected = add_noise(model.x0, n, level)
         torch.testing.assert_close(state.x, expected)
 
 

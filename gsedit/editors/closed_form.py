@@ -38,7 +38,7 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.diffusion import Answer, Branches, Schedule
+from gsedit.diffusion import Answer, Branches, Need, Prediction, Schedule
 from gsedit.editors.looks import VARIANTS, agreed_variant, parse
 
 CODE = 2  # channels of a cell that say which variant it shows: a triangle lies in a plane
@@ -148,6 +148,7 @@ class ClosedForm:
     name: str = "closed-form"
     cell: int = CELL
     channels: int = 3 * CELL * CELL + CODE
+    predicts: Prediction = "eps"
 
     def check(self, prompt: str) -> None:
         """Raise UsageError if the instruction names no look."""
@@ -191,9 +192,9 @@ class ClosedForm:
         )
 
     def branches(
-        self, x: Float[Tensor, "v c y x"], t: int, condition: Condition, need_none: bool
+        self, x: Float[Tensor, "v c y x"], t: float, condition: Condition, need: Need
     ) -> Branches:
-        """eps of the three exact distributions."""
+        """eps of the exact distributions that are needed."""
         ab = self.schedule.alpha(t)
         variance = (1 - ab) / ab
         q = x / ab**0.5
@@ -202,9 +203,9 @@ class ClosedForm:
             return (q - x0) / variance**0.5
 
         return Branches(
-            eps(condition.text_image.posterior_mean(q, variance)),
-            eps(condition.image.posterior_mean(q, variance)),
-            eps(_prior_mean(q, variance, condition.image)) if need_none else None,
+            eps(condition.text_image.posterior_mean(q, variance)) if need.text_image else None,
+            eps(condition.image.posterior_mean(q, variance)) if need.image else None,
+            eps(_prior_mean(q, variance, condition.image)) if need.none else None,
         )
 
     def answer(

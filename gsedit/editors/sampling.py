@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass, replace
 from functools import partial
 
 import torch
@@ -12,7 +12,19 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from gsedit.agreement import consensus, share_noise
-from gsedit.diffusion import Anchor, Answer, Denoiser, Hook, SamplerSettings, add_noise, sample
+from gsedit.diffusion import (
+    Anchor,
+    Answer,
+    Denoiser,
+    Hook,
+    Predictor,
+    SamplerSettings,
+    add_noise,
+    levels_of,
+    predict_guided,
+    sample,
+)
+from gsedit.diffusion.machine import InBfloat16, faster, peak_bytes, views_at_once
 from gsedit.editors.protocol import EditBatch, EditProgress
 from gsedit.errors import UsageError
 
@@ -75,12 +87,10 @@ class DiffusionEditor:
 
         noise = torch.randn(z0.shape, generator=generator, dtype=z0.dtype)
         condition = self.denoiser.condition(originals[free], batch.prompt, generator)
-        start = self.denoiser.schedule.timesteps(settings.steps, settings.strength)[0]
-        x = add_noise(
-            z0 if anchor is None else anchor.x0, share(noise), self.denoiser.schedule.alpha(start)
-        )
+        start = levels_of(self.denoiser.schedule, settings)[0]
+        x = add_noise(z0 if anchor is None else anchor.x0, share(noise), start)
         states = sample(
-            self.denoiser,
+            prepared(self.denoiser, x[free], originals[free], batch.prompt, settings),
             condition,
             x,
             settings,
@@ -97,6 +107,29 @@ class DiffusionEditor:
         images = self.denoiser.decode(x[free])[:, :height, :width]
         edited[free] = images.clamp(0, 1).to(edited.dtype)
         yield EditProgress(settings.steps, settings.steps, edited)
+
+
+def prepared(
+    denoiser: Denoiser, x: Tensor, originals: Tensor, prompt: str, settings: SamplerSettings
+) -> Predictor:
+    """The denoiser with as many views at once, and as few bits, as suit it and this machine.
+
+    A network (see Denoiser) is measured on the first view: what a pass and a decoding hold in
+    memory, and what bfloat16 would change. What computes without one is left alone.
+    """
+    if getattr(denoiser, "micro_batch", None) is None or not is_dataclass(denoiser):
+        return denoiser
+    first = levels_of(denoiser.schedule, settings)[0]
+    condition = denoiser.condition(originals[:1], prompt, torch.Generator())
+
+    def ask(asked: Predictor) -> Tensor:
+        return predict_guided(asked, condition, x[:1], first, settings)
+
+    held = max(peak_bytes(lambda: ask(denoiser)), peak_bytes(lambda: denoiser.decode(x[:1])))
+    found = faster(denoiser, ask, settings.precision)
+    views = views_at_once(len(x), held, settings.memory)
+    sized = replace(denoiser, micro_batch=views)
+    return sized if found is denoiser else InBfloat16(sized)
 
 
 def pad_to_cells(images: Float[Tensor, "v h w c"], cell: int) -> Float[Tensor, "v H W c"]:

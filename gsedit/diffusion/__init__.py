@@ -1,0 +1,52 @@
+"""Diffusion sampling with consensus between views: any denoiser, schedule and solver.
+
+A denoiser predicts; `levels_of` says between which noise levels to step; `sample` yields a state a
+step. Conventions: latents are [v c y x], `t` a training step, x_t = a x0 + b noise.
+"""
+
+from __future__ import annotations
+
+from gsedit.diffusion.denoisers import Answer, Denoiser, Predictor
+from gsedit.diffusion.guidance import Branches, Need, guide, needed
+from gsedit.diffusion.predictions import Pair, Prediction, as_pair
+from gsedit.diffusion.sample import (
+    Anchor,
+    Hook,
+    State,
+    add_noise,
+    levels_of,
+    predict_guided,
+    sample,
+)
+from gsedit.diffusion.schedules import CLEAN, Level, Schedule, Spacing, karras_sigmas
+from gsedit.diffusion.settings import Noise, Precision, SamplerSettings, Solver, Target
+
+__all__ = [
+    "CLEAN",
+    "Anchor",
+    "Answer",
+    "Branches",
+    "Denoiser",
+    "Hook",
+    "Level",
+    "Need",
+    "Noise",
+    "Pair",
+    "Precision",
+    "Prediction",
+    "Predictor",
+    "SamplerSettings",
+    "Schedule",
+    "Solver",
+    "Spacing",
+    "State",
+    "Target",
+    "add_noise",
+    "as_pair",
+    "guide",
+    "karras_sigmas",
+    "levels_of",
+    "needed",
+    "predict_guided",
+    "sample",
+]

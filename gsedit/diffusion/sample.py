@@ -1,0 +1,211 @@
+"""The sampler: guidance, consensus and a solver, as a generator of every state.
+
+`v` views, `c` channels, `y x` latent cells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
+from typing import Any
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from gsedit.diffusion import solvers
+from gsedit.diffusion.denoisers import Predictor
+from gsedit.diffusion.guidance import guide, needed
+from gsedit.diffusion.predictions import Pair, as_pair, clean_of, noise_of
+from gsedit.diffusion.schedules import Level, Schedule
+from gsedit.diffusion.settings import SamplerSettings
+from gsedit.errors import UsageError
+
+Hook = Callable[[Tensor], Tensor]
+"""A linear map of [v c y x] to itself: what makes corresponding cells agree."""
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """The latents after one step of the sampler."""
+
+    step: int
+    """1 to `steps`."""
+    steps: int
+    t: float
+    """The noise level that `x` has reached; 0 at the end."""
+    x: Float[Tensor, "v c y x"]
+    """x_t."""
+    x0: Float[Tensor, "v c y x"]
+    """The clean latents that this step moved towards."""
+
+
+@dataclass(frozen=True, eq=False)
+class Anchor:
+    """Views whose answer is known: their x0 is given, and the denoiser is not asked."""
+
+    views: Bool[Tensor, " v"]
+    x0: Float[Tensor, "v c y x"]
+    """Only the rows of `views` are read."""
+
+
+def add_noise(
+    x0: Float[Tensor, "v c y x"], noise: Float[Tensor, "v c y x"], level: Level
+) -> Float[Tensor, "v c y x"]:
+    """x_t of clean latents: where sampling starts."""
+    return level.a * x0 + level.b * noise
+
+
+def levels_of(schedule: Schedule, settings: SamplerSettings) -> list[Level]:
+    """The `steps` + 1 levels between which these settings step; the first is where x starts."""
+    # Stable Diffusion's own DDIM ends with the little noise of step 0 (set_alpha_to_one false)
+    ends_at_zero = settings.solver == "ddim" and settings.spacing == "leading"
+    return schedule.levels(
+        settings.steps, settings.strength, settings.spacing, clean=not ends_at_zero
+    )
+
+
+def sample(
+    denoiser: Predictor,
+    condition: Any,
+    x: Float[Tensor, "v c y x"],
+    settings: SamplerSettings,
+    *,
+    levels: Sequence[Level] | None = None,
+    consensus: Hook | None = None,
+    share: Hook | None = None,
+    anchor: Anchor | None = None,
+    generator: torch.Generator | None = None,
+) -> Iterator[State]:
+    """From `x`, latents noised to the first of the levels, to the last; yields every step.
+
+    `consensus` acts on `settings.target` while t > t_end * t_max, at t_end 0 always; `share` acts
+    on fresh noise, which only eta > 0 and `ancestral` draw (from `generator`, then required).
+    `condition` is that of the views that are not anchored, in their order. `levels` overrule the
+    settings' steps.
+    The state keeps the dtype of `x`, float32 or float64, whatever the network computes in. Raises
+    UsageError, also where a number stops being finite: it names the settings that did it.
+    """
+    _check_start(x, settings, generator)
+    levels = levels_of(denoiser.schedule, settings) if levels is None else levels
+    t_stop = settings.t_end * denoiser.schedule.t_max(settings.strength)
+    everywhere = settings.t_end == 0  # also at t = 0, where some spacings have a step
+    past: solvers.Past | None = None
+    steps = len(levels) - 1
+
+    for step, (here, there) in enumerate(pairwise(levels), start=1):
+        acts = settings.consensus and (everywhere or here.t > t_stop)
+        agree = consensus if acts else None
+        ask = partial(_predict_agreed, denoiser, condition, settings, anchor, agree)
+        pair = ask(x, here)
+        match settings.solver:
+            case "heun":
+                x = solvers.heun(pair, here, there, ask)
+            case "dpm++2m":
+                x = solvers.multistep(pair, here, there, past)
+            case "euler" | "ddim" | "ancestral":
+                x = _one_step(pair, here, there, settings.fresh_noise, share, generator)
+        past = solvers.Past(here, pair.x0)
+        if agree and settings.target == "xt":
+            x = agree(x)
+            if settings.solver == "dpm++2m":  # its next step is linear in x and in this x0
+                past = solvers.Past(here, agree(pair.x0))
+        _check_finite(x, f"the latents after step {step} of {steps}", here, settings)
+        yield State(step, steps, there.t, x, pair.x0)
+
+
+def _predict_agreed(
+    denoiser: Predictor,
+    condition: Any,
+    settings: SamplerSettings,
+    anchor: Anchor | None,
+    agree: Hook | None,
+    x: Tensor,
+    level: Level,
+) -> Pair:
+    """What the solver is told: the views' predictions, or what they have in common of them."""
+    pair = _predict(denoiser, condition, x, level, settings, anchor)
+    if agree is None or settings.target == "xt":
+        return pair
+    if settings.target == "x0":
+        return Pair(agree(pair.x0), pair.eps)  # each view keeps its eps: SyncTweedies' best case
+    eps = agree(pair.eps)
+    return Pair(clean_of(eps, x, level), eps)
+
+
+def _one_step(
+    pair: Pair,
+    here: Level,
+    there: Level,
+    eta: float,
+    share: Hook | None,
+    generator: torch.Generator | None,
+) -> Tensor:
+    if eta == 0 or there.b == 0:
+        return solvers.straight_on(pair, there)
+    noise = torch.randn(pair.x0.shape, generator=generator, dtype=pair.x0.dtype)
+    return solvers.ancestral(pair, here, there, eta, share(noise) if share else noise)
+
+
+def _predict(
+    denoiser: Predictor,
+    condition: Any,
+    x: Tensor,
+    level: Level,
+    settings: SamplerSettings,
+    anchor: Anchor | None,
+) -> Pair:
+    """The guided pair; of an anchored view, its known x0 and the eps that leads there."""
+    if anchor is None:
+        return _ask(denoiser, condition, x, level, settings)
+    free = ~anchor.views
+    pair = Pair(anchor.x0.to(x).clone(), noise_of(anchor.x0.to(x), x, level))
+    if free.any():
+        asked = _ask(denoiser, condition, x[free], level, settings)
+        pair.x0[free], pair.eps[free] = asked
+    return pair
+
+
+def _ask(
+    denoiser: Predictor, condition: Any, x: Tensor, level: Level, settings: SamplerSettings
+) -> Pair:
+    guided = predict_guided(denoiser, condition, x, level, settings)
+    # a prediction of noise is what models answer that do not say
+    return as_pair(getattr(denoiser, "predicts", "eps"), guided, x, level)
+
+
+def predict_guided(
+    denoiser: Predictor, condition: Any, x: Tensor, level: Level, settings: SamplerSettings
+) -> Tensor:
+    """What the denoiser says with guidance, in the dtype of x. Raises UsageError if not finite."""
+    s_T, s_I = settings.guidance_text, settings.guidance_image
+    branches = denoiser.branches(x, level.t, condition, needed(s_T, s_I))
+    answered = next(branch.dtype for branch in branches if branch is not None)
+    text_image, image, none = (b if b is None else b.to(x.dtype) for b in branches)
+    guided = guide(text_image, image, none, s_T, s_I)
+    _check_finite(guided, f"{denoiser.name}'s answer (in {answered})", level, settings)
+    return guided
+
+
+def _check_start(x: Tensor, settings: SamplerSettings, generator: torch.Generator | None) -> None:
+    if settings.fresh_noise > 0 and generator is None:
+        told = "ancestral" if settings.solver == "ancestral" else "eta above 0"
+        raise UsageError(f"{told} draws fresh noise and needs a generator")
+    if x.dtype not in (torch.float32, torch.float64):
+        raise UsageError(
+            f"latents in {x.dtype} lose the small steps: give them in float32 or float64; "
+            "a network may compute in any dtype"
+        )
+
+
+def _check_finite(x: Tensor, what: str, level: Level, settings: SamplerSettings) -> None:
+    # one sum is not finite where a number is not; a sum that overflows is out of bounds too
+    if not torch.isfinite(x.sum()):
+        raise UsageError(
+            f"{what} at t = {level.t:g} (sigma {level.sigma:.3g}) are not finite, with solver "
+            f"{settings.solver}, {settings.steps} steps, guidance {settings.guidance_text:g} and "
+            f"image guidance {settings.guidance_image:g}: compute in float32, lower the guidance, "
+            "or take more steps"
+        )
