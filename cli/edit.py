@@ -94,10 +94,9 @@ def edit(
     common.apply()
 
     from gsedit.edit import edit_steps
-    from gsedit.editors import make_editor
 
     settings = resolve(preset, sampler, update, plan, compile=compile)
-    editor = make_editor(chosen.editor.value, model=chosen.model, weights_dir=chosen.weights_dir)
+    editor = chosen.make(out)
     editor.check(instruction)
     features = _vgg(vgg)
     found = read(scene, drop_invalid=drop_invalid)

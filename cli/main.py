@@ -12,7 +12,9 @@ import typer
 from typer.core import TyperGroup
 
 from .bench import bench
+from .doctor import doctor
 from .edit import edit
+from .editors import editors
 from .fit import fit
 from .info import info
 from .narrate import Interrupted, say
@@ -110,7 +112,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for verb in (fit, edit, render, preview, info):
+for verb in (fit, edit, render, preview, info, editors, doctor):
     app.command()(flat(verb))
 app.add_typer(bench, name="bench")
 

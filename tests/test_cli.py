@@ -29,7 +29,7 @@ from gsedit.fit import FitResult
 from gsedit.report import Checkpoint, Event, read_events
 from gsedit.strategies import UpdateSettings
 
-VERBS = ("fit", "edit", "render", "preview", "info")
+VERBS = ("fit", "edit", "render", "preview", "info", "editors", "doctor")
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from gsedit.correspond import Correspondences
-from gsedit.diffusion import SamplerSettings, guide
+from gsedit.diffusion import Need, SamplerSettings, guide
 from gsedit.editors import EDITORS, EditBatch, looks, make_editor
 from gsedit.editors.closed_form import CODE, ClosedForm, Mixture, Perturbation, perturb
 from gsedit.editors.looks import LOOKS, agreed_variant, parse
@@ -123,7 +123,9 @@ def test_guidance_is_inert_at_a_variant():
     views = picture()[None].double()
     condition = model.condition(views, "bronze", generator())
     target = model.encode_edited(parse("bronze").variant(views, 2), views, "bronze")
-    text, image, none = model.branches(target * model.schedule.alpha(1) ** 0.5, 1, condition, True)
+    text, image, none = model.branches(
+        target * model.schedule.alpha(1) ** 0.5, 1.0, condition, Need()
+    )
     assert none is not None
     torch.testing.assert_close(
         guide(text, image, none, 7.5, 1.5), guide(text, image, none, 30.0, 1.5)
@@ -306,7 +308,7 @@ def test_answer_is_the_majoritys_variant():
 def test_editors_by_name():
     assert make_editor("closed-form").cell == 8
     assert "closed-form" in EDITORS
-    with pytest.raises(UsageError, match="closed-form or pix2pix"):
+    with pytest.raises(UsageError, match="closed-form, pix2pix, command"):
         make_editor("photoshop")
     with pytest.raises(UsageError, match="--editor pix2pix"):
         make_editor(model="folder")

@@ -10,9 +10,12 @@ from demo import demo
 from from_gsplat import turn
 from PIL import Image
 from scenes import random_cloud
+from write_an_editor import Fade, run
 
 import gsedit
+from gsedit.editors import Editor
 from gsedit.report import read_events
+from gsedit.strategies import UpdateSettings
 
 
 def test_the_demo_leaves_its_folder(tmp_path):
@@ -38,3 +41,16 @@ def test_a_gsplat_script_renders_a_turn(tmp_path, capsys):
     assert sheets[0].getpixel((0, 0)) == (255, 255, 255)  # the background; no depth beside it
     assert sheets[0].getpixel((24, 0)) == (0, 0, 0)
     assert capsys.readouterr().out.startswith("2 views in ")
+
+
+def test_an_editor_of_one_s_own_edits_the_bear(tmp_path):
+    assert isinstance(Fade(), Editor)
+    quick = gsedit.EditSettings(
+        update=UpdateSettings(steps=4, patches=2, patch=16), views_per_round=2, rounds=1
+    )
+    run(tmp_path, count=1000, size=48, settings=quick)
+    assert len(gsedit.load(tmp_path / "scene.ply")) == 1000
+    with Image.open(tmp_path / "before_after.png") as sheet:
+        assert sheet.size[1] > 3 * 48  # three rows
+    with pytest.raises(gsedit.UsageError, match="only fades"):
+        Fade().check("make it snow")

@@ -1,13 +1,14 @@
 """InstructPix2Pix (Brooks et al. 2023) as a denoiser, from any folder in diffusers' layout.
 
+Of Stable Diffusion 1.5 (one text encoder) or SDXL (two, a pooled feature and the picture's size).
 The only file that imports diffusers and transformers. `v` views, `b` views at once, `l d` text
-tokens and features.
+tokens and features, `p` pooled features.
 """
 
 from __future__ import annotations
 
-import json
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,12 +17,22 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.diffusion import Branches, Schedule
+from gsedit.diffusion import Branches, Need, Prediction, Schedule
+from gsedit.editors.weights import UNWANTED, WANTED, config_of, inspect
 from gsedit.errors import InputError, UsageError
 
-PARTS = ("unet", "vae", "text_encoder", "tokenizer")  # no safety checker, no feature extractor
-FILES = tuple(f"{p}/*" for p in (*PARTS, "scheduler"))
-SKIPPED = ("*.bin", "*.ckpt", "*.fp16.*", "*.non_ema.*", "*.msgpack", "*.h5")  # second copies
+DEFAULT = "timbrooks/instruct-pix2pix"
+"""The authors' own weights on the hub."""
+PREDICTIONS: dict[str, Prediction] = {"epsilon": "eps", "v_prediction": "v"}
+"""By their names in diffusers' configs."""
+
+
+class Told(NamedTuple):
+    """An instruction as the UNet reads it."""
+
+    tokens: Float[Tensor, "l d"]
+    pooled: Float[Tensor, " p"] | None = None
+    """Of the second text encoder (SDXL)."""
 
 
 class Condition(NamedTuple):
@@ -29,9 +40,34 @@ class Condition(NamedTuple):
 
     images: Float[Tensor, "v c y x"]
     """Latents of the unedited pictures: the posterior's mode, *not* scaled."""
-    text: Float[Tensor, "l d"]
-    null: Float[Tensor, "l d"]
-    """The text features of the empty instruction."""
+    text: Told
+    null: Told
+    """The empty instruction."""
+    size: tuple[int, int]
+    """(height, width) of the pictures, pixels: SDXL is told it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reader:
+    """One text encoder with its tokenizer."""
+
+    encoder: Any
+    tokenizer: Any
+
+    def ids(self, text: str) -> Tensor:
+        """Token numbers, cut off or filled up to what the encoder reads."""
+        return self.tokenizer(
+            text,
+            padding="max_length",
+            max_length=self.tokenizer.model_max_length,
+            truncation=True,
+            return_tensors="pt",
+        ).input_ids
+
+    def excess(self, text: str) -> int:
+        """How many tokens of the text would be cut off."""
+        found = len(self.tokenizer(text, truncation=False).input_ids)
+        return max(0, found - self.tokenizer.model_max_length)
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,13 +76,14 @@ class Pix2Pix:
 
     unet: Any
     vae: Any
-    text_encoder: Any
-    tokenizer: Any
+    readers: tuple[Reader, ...]
+    """One of Stable Diffusion, two of SDXL."""
     schedule: Schedule
-    prediction: str = "epsilon"
-    """epsilon or v_prediction (Salimans and Ho 2022)."""
+    predicts: Prediction = "eps"
     micro_batch: int = 1
     """Views in one pass of a network: memory against speed; the result is the same."""
+    zeros_for_empty: bool = True
+    """SDXL: the empty instruction is zeros, not what the encoders make of it."""
     name: str = "pix2pix"
 
     @property
@@ -54,13 +91,24 @@ class Pix2Pix:
         return 2 ** (len(self.vae.config.block_out_channels) - 1)
 
     @property
+    def multiple(self) -> int:
+        """Pixels: sides that the VAE and then the UNet can halve to the end without a rest."""
+        return self.cell * 2 ** (len(self.unet.config.block_out_channels) - 1)
+
+    @property
     def channels(self) -> int:
         return self.vae.config.latent_channels
 
     def check(self, prompt: str) -> None:
-        """Raise UsageError for an empty instruction; any other is for the model to interpret."""
+        """Raise UsageError for an instruction that is empty, or longer than the model can read."""
         if not prompt.strip():
             raise UsageError('the instruction is empty: say what to change, e.g. "make it snow"')
+        excess = max(reader.excess(prompt) for reader in self.readers)
+        if excess:
+            raise UsageError(
+                f"the instruction is {excess} tokens (word parts) longer than this model reads, "
+                "and its end would be ignored: say it in fewer words"
+            )
 
     @torch.no_grad()
     def encode(self, images: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v c y x"]:
@@ -87,38 +135,51 @@ class Pix2Pix:
         self, originals: Float[Tensor, "v h w 3"], prompt: str, generator: torch.Generator
     ) -> Condition:
         """Nothing is drawn: `generator` is not used."""
-        return Condition(self._mode(originals), self._embed(prompt), self._embed(""))
+        text, null = self._embed(prompt), self._embed("")
+        if text.pooled is not None and self.zeros_for_empty:
+            null = Told(torch.zeros_like(text.tokens), torch.zeros_like(text.pooled))
+        height, width = originals.shape[1:3]
+        return Condition(self._mode(originals), text, null, (height, width))
 
     @torch.no_grad()
     def branches(
-        self, x: Float[Tensor, "v c y x"], t: int, condition: Condition, need_none: bool
+        self, x: Float[Tensor, "v c y x"], t: float, condition: Condition, need: Need
     ) -> Branches:
-        """Two or three UNet passes a view: (text, image), (null, image) and (null, zeros)."""
+        """A UNet pass a view for each of (text, image), (null, image), (null, zeros) in need."""
         size = self.micro_batch
         chunks = [
-            self._predict(noised, images, t, condition, need_none)
+            self._predict(noised, images, t, condition, need)
             for noised, images in zip(x.split(size), condition.images.split(size))
         ]
-        eps = [torch.cat(branch) for branch in zip(*chunks)]
-        if self.prediction == "v_prediction":
-            ab = self.schedule.alpha(t)
-            eps = [ab**0.5 * v + (1 - ab) ** 0.5 * x for v in eps]
-        return Branches(eps[0], eps[1], eps[2] if need_none else None)
+        predicted = iter(torch.cat(branch) for branch in zip(*chunks))
+        return Branches(*(next(predicted) if asked else None for asked in need))
 
     def answer(self, prompt: str, edited: Tensor, originals: Tensor) -> None:
         """Nobody knows what a network should have answered."""
 
     def _predict(
-        self, x: Tensor, images: Tensor, t: int, condition: Condition, need_none: bool
+        self, x: Tensor, images: Tensor, t: float, condition: Condition, need: Need
     ) -> tuple[Tensor, ...]:
-        branches = 3 if need_none else 2
-        shown = [images, images, torch.zeros_like(images)][:branches]
-        told = [condition.text, condition.null, condition.null][:branches]
-        sample = torch.cat((torch.cat([x.to(images)] * branches), torch.cat(shown)), 1)
-        text = torch.cat([features.expand(len(x), -1, -1) for features in told])
+        text, null = condition.text, condition.null
+        shown = [(text, images), (null, images), (null, torch.zeros_like(images))]
+        told, seen = zip(*(branch for branch, asked in zip(shown, need) if asked))
         dtype = self.unet.dtype
-        out = self.unet(sample.to(dtype), t, encoder_hidden_states=text.to(dtype)).sample
-        return out.to(x.dtype).chunk(branches)
+        sample = torch.cat((torch.cat([x.to(images)] * len(told)), torch.cat(seen)), 1).to(dtype)
+        tokens = torch.cat([each.tokens.expand(len(x), -1, -1) for each in told]).to(dtype)
+        added = self._added(told, len(x), condition.size)
+        out = self.unet(sample, t, encoder_hidden_states=tokens, added_cond_kwargs=added).sample
+        return out.to(x.dtype).chunk(len(told))
+
+    def _added(
+        self, told: Sequence[Told], views: int, size: tuple[int, int]
+    ) -> dict[str, Tensor] | None:
+        """What SDXL is told besides: pooled text; size before scaling, crop corner, size wanted."""
+        pooled = [each.pooled.expand(views, -1) for each in told if each.pooled is not None]
+        if not pooled:
+            return None
+        ids = torch.tensor([*size, 0, 0, *size], dtype=self.unet.dtype)
+        text = torch.cat(pooled).to(self.unet.dtype)
+        return {"text_embeds": text, "time_ids": ids.expand(len(text), -1)}
 
     @torch.no_grad()
     def _mode(self, images: Tensor) -> Tensor:
@@ -127,15 +188,14 @@ class Pix2Pix:
             [self.vae.encode(p).latent_dist.mode().float() for p in pixels.split(self.micro_batch)]
         )
 
-    def _embed(self, text: str) -> Tensor:
-        tokens = self.tokenizer(
-            text,
-            padding="max_length",
-            max_length=self.tokenizer.model_max_length,
-            truncation=True,
-            return_tensors="pt",
-        )
-        return self.text_encoder(tokens.input_ids)[0][0].float()
+    def _embed(self, text: str) -> Told:
+        if len(self.readers) == 1:
+            reader = self.readers[0]
+            return Told(reader.encoder(reader.ids(text))[0][0].float())
+        read = [r.encoder(r.ids(text), output_hidden_states=True) for r in self.readers]
+        # the last but one layer of both, and the projection of the second: Podell et al. 2023
+        tokens = torch.cat([each.hidden_states[-2][0].float() for each in read], -1)
+        return Told(tokens, read[-1].text_embeds[0].float())
 
 
 def load_pix2pix(
@@ -147,9 +207,9 @@ def load_pix2pix(
 ) -> Pix2Pix:
     """The model of a folder or hub id, looked for on this machine before the hub is asked.
 
-    In order: `model` as a folder, `weights_dir`/`model`, the hub's local cache, the hub. Raises
-    UsageError without diffusers, InputError for a model that is missing, incomplete or of another
-    kind.
+    In order: `model` as a folder, `weights_dir`/`model`, the hub's local cache, the hub. Weights
+    are read from safetensors alone. Raises UsageError without diffusers, InputError for a model
+    that is missing, incomplete, a pickle or of another kind.
     """
     if micro_batch < 1:
         raise UsageError(f"micro_batch must be 1 or more, not {micro_batch}")
@@ -162,9 +222,9 @@ def load_pix2pix(
             f"the pix2pix editor needs diffusers and transformers ({error.name} is missing): "
             "pip install 'gsedit[diffusers]'"
         ) from error
-    folder = _find(str(model), weights_dir)
-    _check_kind(folder)
-    schedule, prediction = _schedule(folder)
+    folder = find(str(model), weights_dir)
+    found = inspect(folder).require()
+    schedule, predicts = _schedule(folder)
 
     def load(part: str, kind: Any, **options: Any) -> Any:
         try:
@@ -175,76 +235,119 @@ def load_pix2pix(
                 f"{folder / part} cannot be loaded ({reason}): download the model again"
             ) from error
 
+    def network(part: str, kind: Any, **options: Any) -> Any:
+        options |= {"use_safetensors": True, "variant": found.variant(part)}
+        return load(part, kind, **options).eval()
+
+    def reader(part: str, kind: Any) -> Reader:
+        words = load(part.replace("text_encoder", "tokenizer"), transformers.CLIPTokenizer)
+        return Reader(network(part, kind).to(dtype), words)
+
     # low_cpu_mem_usage would need one more package (accelerate)
     options = {"torch_dtype": dtype, "low_cpu_mem_usage": False}
+    readers = [reader("text_encoder", transformers.CLIPTextModel)]
+    if found.kind == "SDXL":
+        readers += [reader("text_encoder_2", transformers.CLIPTextModelWithProjection)]
+    vae = network("vae", AutoencoderKL, **options)
+    if getattr(vae.config, "latents_mean", None) is not None:
+        raise InputError(f"{folder / 'vae'}: latents with a mean (latents_mean) are not supported")
     return Pix2Pix(
-        unet=load("unet", UNet2DConditionModel, **options).eval(),
-        vae=load("vae", AutoencoderKL, **options).eval(),
-        text_encoder=load("text_encoder", transformers.CLIPTextModel).to(dtype).eval(),
-        tokenizer=load("tokenizer", transformers.CLIPTokenizer),
+        unet=network("unet", UNet2DConditionModel, **options),
+        vae=vae,
+        readers=tuple(readers),
         schedule=schedule,
-        prediction=prediction,
+        predicts=predicts,
         micro_batch=micro_batch,
+        zeros_for_empty=_pipeline(folder).get("force_zeros_for_empty_prompt", True),
     )
 
 
-def _find(model: str, weights_dir: str | Path | None) -> Path:
-    """The folder that holds the model. Raises InputError."""
+def find(model: str, weights_dir: str | Path | None = None, *, offline: bool = False) -> Path:
+    """The folder that holds the model, whole or not. Raises InputError.
+
+    What the hub's cache holds is taken if it is whole, since the hub can complete it; with
+    `offline` the hub is not asked, and what the cache holds is taken as it is.
+    """
     places = [Path(model).expanduser()]
     if weights_dir is not None:
         places += [Path(weights_dir).expanduser() / name for name in (model, Path(model).name)]
     for place in places:
-        if place.is_dir():
+        if place.exists():
             return place
+    looked = " and ".join(str(place) for place in places)
     if not re.fullmatch(r"[\w.-]+/[\w.-]+", model):
-        raise InputError(f"{model}: no such model folder, and no hub id (like owner/name) either")
-
-    from huggingface_hub import snapshot_download
-
-    for offline in (True, False):
+        raise InputError(
+            f"{model}: no such model folder (looked for {looked}), and no hub id (like owner/name) "
+            "either"
+        )
+    try:
+        from huggingface_hub import constants
+    except ImportError:
+        raise UsageError(
+            "a hub id needs huggingface_hub: pip install 'gsedit[diffusers]'"
+        ) from None
+    failed = ""
+    for local in (True,) if offline else (True, False):
         try:
-            options = {"allow_patterns": FILES, "ignore_patterns": SKIPPED}
-            folder = Path(snapshot_download(model, local_files_only=offline, **options))
-            if offline and not all((folder / part).is_dir() for part in PARTS):
-                continue  # an interrupted download: let the hub complete it
-            return folder
+            folder = _fetch(model, local)
         except Exception as error:  # network, permission and cache errors have no common base
-            reason = type(error).__name__
+            failed = "" if local else f" and could not be downloaded ({_why(error)})"
+            continue
+        if offline or not local or inspect(folder).complete:
+            return folder
     raise InputError(
-        f"{model} is not on this machine and could not be downloaded ({reason}): "
-        f"on a machine with a network run 'hf download {model} --local-dir FOLDER', "
-        "then give --model FOLDER"
+        f"{model} is not on this machine (looked for {looked} and in {constants.HF_HUB_CACHE})"
+        f"{failed}; {advice(model)}"
     )
 
 
-def _check_kind(folder: Path) -> None:
-    """Refuse a folder that is not InstructPix2Pix before gigabytes are read. Raises InputError."""
-    missing = [part for part in PARTS if not (folder / part).is_dir()]
-    if missing:
-        raise InputError(
-            f"{folder} has no {' and no '.join(f'{m}/' for m in missing)}: a model folder in "
-            f"diffusers' layout has {', '.join(PARTS)}; download it again"
-        )
-    shown = _config(folder / "unet" / "config.json").get("in_channels")
-    latent = _config(folder / "vae" / "config.json").get("latent_channels", 4)
-    if shown != 2 * latent:
-        raise InputError(
-            f"{folder}: this is not an InstructPix2Pix model (its unet takes {shown} channels, "
-            f"not {2 * latent}): one of that kind is timbrooks/instruct-pix2pix"
-        )
+def _fetch(model: str, local: bool) -> Path:
+    """The folder of the hub's cache, completed from the hub unless `local`."""
+    from huggingface_hub import snapshot_download
+
+    wanted = {"allow_patterns": list(WANTED), "ignore_patterns": list(UNWANTED)}
+    return Path(snapshot_download(model, local_files_only=local, **wanted))
 
 
-def _schedule(folder: Path) -> tuple[Schedule, str]:
-    """(schedule, prediction type) of the folder's scheduler; Stable Diffusion's if it has none."""
+def advice(model: str) -> str:
+    """How to bring a model of the hub to a machine without a network."""
+    patterns = [f"--include '{each}'" for each in WANTED]
+    patterns += [f"--exclude '{each}'" for each in UNWANTED]
+    return (
+        "where there is a network, run: "
+        f"hf download {model} --local-dir FOLDER {' '.join(patterns)} "
+        "(about 4 GB for SD 1.5, 14 GB for SDXL); then bring FOLDER here and add --model FOLDER"
+    )
+
+
+def _why(error: Exception) -> str:
+    """The last and most telling line of a network error."""
+    name = type(error).__name__
+    if "Offline" in name or "LocalEntry" in name:
+        return "no network, or HF_HUB_OFFLINE is set"
+    if "RepositoryNotFound" in name:
+        return "the hub knows no such model, or it needs a login"
+    return name
+
+
+def _pipeline(folder: Path) -> dict[str, Any]:
+    """The settings of the whole; none where a folder comes without."""
+    path = folder / "model_index.json"
+    return config_of(path) if path.exists() else {}
+
+
+def _schedule(folder: Path) -> tuple[Schedule, Prediction]:
+    """(schedule, what is predicted) of the folder's scheduler; Stable Diffusion's without one."""
     path = folder / "scheduler" / "scheduler_config.json"
-    config = _config(path) if path.exists() else {}
+    config = config_of(path) if path.exists() else {}
     start, end = config.get("beta_start", 0.00085), config.get("beta_end", 0.012)
     steps, kind = config.get("num_train_timesteps", 1000), config.get("beta_schedule")
-    prediction = config.get("prediction_type", "epsilon")
-    if prediction not in ("epsilon", "v_prediction"):
-        raise InputError(f"{path}: prediction_type {prediction!r} is not epsilon or v_prediction")
-    if config.get("trained_betas") is not None or config.get("rescale_betas_zero_snr"):
-        raise InputError(f"{path}: trained or rescaled betas are not supported, only a formula")
+    told = config.get("prediction_type", "epsilon")
+    if told not in PREDICTIONS:
+        names = " or ".join(PREDICTIONS)
+        raise InputError(f"{path}: prediction_type {told!r} is not {names}")
+    if config.get("trained_betas") is not None:
+        raise InputError(f"{path}: trained betas are not supported, only a formula")
     if config.get("set_alpha_to_one"):
         raise InputError(f"{path}: set_alpha_to_one must be false, as in Stable Diffusion")
     if kind in (None, "scaled_linear"):
@@ -254,14 +357,6 @@ def _schedule(folder: Path) -> tuple[Schedule, str]:
         schedule = Schedule((1 - betas).cumprod(0))
     else:
         raise InputError(f"{path}: beta_schedule {kind!r} is not scaled_linear or linear")
-    return replace(schedule, offset=config.get("steps_offset", 1)), prediction
-
-
-def _config(path: Path) -> dict[str, Any]:
-    try:
-        config = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path} cannot be read ({error}): download the model again") from error
-    if not isinstance(config, dict):
-        raise InputError(f"{path} holds no settings: download the model again")
-    return config
+    if config.get("rescale_betas_zero_snr"):
+        schedule = schedule.zero_terminal_snr()
+    return replace(schedule, offset=config.get("steps_offset", 1)), PREDICTIONS[told]
