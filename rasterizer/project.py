@@ -15,6 +15,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from rasterizer import harmonics
 from rasterizer.camera import Camera
 from rasterizer.numerics import Numerics
 from rasterizer.scene import Gaussians
@@ -141,7 +142,7 @@ def project_axes(
     # divided before it is squared: the determinant overflows where the moments do not
     cross = torch.linalg.cross(m1 * (xx + numerics.blur).rsqrt(), m2, dim=0)
     moments = (xx, (m1 * m2).sum(0), m2.square().sum(0), cross.square().sum(0))
-    return _whiten(means, lines, moments, camera, numerics)
+    return _whiten(means, lines, moments, numerics)
 
 
 def project_covariances(
@@ -162,7 +163,7 @@ def project_covariances(
     xx, yy = ((line * half).sum(0).clamp_min(0) for line, half in ((to_x, half_x), (to_y, half_y)))
     xy = (to_y * half_x).sum(0)
     moments = (xx, xy, yy, (xx * yy - xy * xy).clamp_min(0) / (xx + numerics.blur))
-    return _whiten(means, lines, moments, camera, numerics)
+    return _whiten(means, lines, moments, numerics)
 
 
 class _Lines(NamedTuple):
@@ -189,6 +190,14 @@ def view_directions(means: Float[Tensor, "n 3"], camera: Camera) -> Float[Tensor
     return torch.nn.functional.normalize(means.double() - centre, dim=-1).to(means)
 
 
+def colors_seen(
+    sh: Float[Tensor, "n k 3"], means: Float[Tensor, "n 3"], camera: Camera
+) -> Float[Tensor, "n 3"]:
+    """Colours as the camera sees them; what has one colour from everywhere needs no directions."""
+    directions = means if sh.shape[1] == 1 else view_directions(means, camera)
+    return harmonics.colors(sh, directions)
+
+
 def _linearise(means: Float[Tensor, "n 3"], camera: Camera, numerics: Numerics) -> _Lines:
     right, down, ahead = camera.rotation.to(means)[:, :, None]
     x, y, z = _in_camera(means, camera)
@@ -212,7 +221,7 @@ def _linearise(means: Float[Tensor, "n 3"], camera: Camera, numerics: Numerics) 
 
 def _whiten(
     means: Float[Tensor, "n 3"], lines: _Lines, moments: tuple[Tensor, Tensor, Tensor, Tensor],
-    camera: Camera, numerics: Numerics,
+    numerics: Numerics,
 ) -> Projected:  # fmt: skip
     """From the second moments xx, xy, yy on the picture, and their determinant over the blurred
     xx; all else unblurred.
@@ -251,9 +260,15 @@ def drawn_log_opacities(
 
 
 @torch.no_grad()
+def cut_offs(log_opacities: Float[Tensor, " n"], numerics: Numerics) -> Float[Tensor, " n"]:
+    """Standard deviations at which alpha falls to its floor; 0: never above it."""
+    return (2 * (log_opacities - numerics.log_alpha_min)).clamp_min(0).sqrt()
+
+
+@torch.no_grad()
 def footprint_radii(
     projected: Projected, log_opacities: Float[Tensor, " n"], numerics: Numerics
 ) -> Int[Tensor, "n 2"]:
     """Whole pixels that each footprint reaches to its sides, and up and down; 0: never visible."""
-    cut_off = (2 * (log_opacities - numerics.log_alpha_min)).clamp_min(0).sqrt()
+    cut_off = cut_offs(log_opacities, numerics)
     return (cut_off[:, None] * projected.covariance[:, ::2].sqrt()).ceil().int()

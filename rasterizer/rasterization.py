@@ -20,13 +20,13 @@ from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, DEFAULT, Execution, Numerics
 from rasterizer.project import (
     Projected,
+    colors_seen,
     drawn_log_opacities,
     footprint_radii,
     in_sight,
     project_axes,
     project_covariances,
     rotation_matrices,
-    view_directions,
 )
 from rasterizer.splat import splat
 
@@ -318,7 +318,7 @@ def _colors(
     checks.finite("colors", paint, rows)
     if sh_degree is None:
         return paint
-    colors = harmonics.colors(paint, view_directions(means, camera))
+    colors = colors_seen(paint, means, camera)
     checks.finite("colors", colors, rows)  # sums of finite numbers may overflow
     return colors
 

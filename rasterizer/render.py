@@ -12,7 +12,7 @@ from torch.nn.functional import logsigmoid
 from rasterizer import checks, harmonics
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, DEFAULT, SH_DC, Execution, Numerics
-from rasterizer.project import Box, drawn_log_opacities, project, view_directions, visible
+from rasterizer.project import Box, colors_seen, drawn_log_opacities, project, visible
 from rasterizer.scene import Gaussians
 from rasterizer.splat import splat
 
@@ -70,7 +70,7 @@ def render(
     checks.finite("sh", seen.sh, rows)
     projected = project(seen, camera, numerics)
     checks.footprints(projected, rows)
-    features = [harmonics.colors(seen.sh, view_directions(seen.means, camera))]
+    features = [colors_seen(seen.sh, seen.means, camera)]
     checks.finite("sh", features[0], rows)  # sums of finite numbers may overflow
     if depth:
         features.append(projected.depth[:, None])

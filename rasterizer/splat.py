@@ -12,7 +12,7 @@ from torch import Tensor
 from rasterizer import compiled, tiles, wavefront
 from rasterizer.composite import composite
 from rasterizer.numerics import AUTO, Execution, Numerics
-from rasterizer.project import Box, Projected
+from rasterizer.project import Box, Projected, cut_offs
 
 
 class Splatted(NamedTuple):
@@ -58,7 +58,7 @@ def list_tiles(
     left, top, width, height = box
     xy = projected.xy - projected.xy.new_tensor((left, top))
     with torch.no_grad():
-        radius = (2 * (log_opacities - numerics.log_alpha_min)).clamp_min(0).sqrt()
+        radius = cut_offs(log_opacities, numerics)
         footprints = tiles.Footprints(xy.detach(), projected.covariance, radius)
         overhead = (compiled if execution.compile else wavefront).PAIR_OVERHEAD
         size = execution.tile_size or tiles.choose_tile_size(footprints, width, height, overhead)

@@ -178,10 +178,7 @@ def _blend_backward(
         for i in range(len(after) - 1, 0, -1):
             torch.add(after[i], gains[i], out=after[i - 1])
         last = torch.add(after[0], gains[0])
-        if blocks.keep is None:
-            behind[: blocks.count] = last
-        else:
-            behind[blocks.keep] = last
+        blocks.put_tiles(behind, last)
 
         odds = torch.div(alpha, torch.sub(1, alpha, out=weight), out=weight)
         grad = gain.addcmul_(rest, odds, value=-1)

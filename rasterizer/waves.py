@@ -94,6 +94,13 @@ class Blocks(NamedTuple):
         """Their part (a view, if it is the first tiles) of an array of all tiles."""
         return values[: self.count] if self.keep is None else values.index_select(0, self.keep)
 
+    def put_tiles(self, values: Tensor, rows: Tensor) -> None:
+        """Store into an array of all tiles."""
+        if self.keep is None:
+            values[: self.count] = rows
+        else:
+            values[self.keep] = rows
+
     def put(self, values: Tensor, rows: Tensor) -> None:
         """Store into an array of all blocks, second axis."""
         if self.keep is None:
