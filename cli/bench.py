@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .narrate import Interrupted, Tell, answer, as_line, narrator, say
+from .narrate import Interrupted, answer, as_line, narrator, plain, say
 from .options import Common, Force, check_folder, flat, output
 
 if TYPE_CHECKING:
@@ -89,10 +89,7 @@ def rasterizer(
     for stale in ("bench.md", "image_error.png", "gradient_error.png"):  # of an earlier run
         (out / stale).unlink(missing_ok=True)
     journal = Journal(out / "bench.jsonl", measured.write_row)
-    with keeping(journal), narrator(as_json=common.json) as tell:
-        for row in journal.following(sweep(workloads, plan, out / "references"), tell):
-            if common.json:
-                typer.echo(as_line("row", measured.as_record(row)))
+    journal.follow(sweep(workloads, plan, out / "references"), measured.as_record, common)
     found = journal.rows
     write_results(out, found)
     compared = None if earlier is None else measured.comparison(found, earlier)
@@ -120,19 +117,11 @@ def stability(
     check_folder(out, force)
     common.apply()
 
-    import json
-
     from gsedit.bench import stability as museum
     from gsedit.files import atomic_path
-    from gsedit.report import Event
+    from gsedit.report import Event, write_line
 
-    from .narrate import plain
-
-    def write(file: Any, row: Any) -> None:
-        file.write(json.dumps(plain(row), allow_nan=False) + "\n")
-        file.flush()
-
-    journal = Journal(out / "stability.jsonl", write)
+    journal = Journal(out / "stability.jsonl", lambda file, row: write_line(file, plain(row)))
     with keeping(journal), narrator(as_json=common.json) as tell:
         from time import perf_counter
 
@@ -204,10 +193,7 @@ def sampler(
     from gsedit.files import atomic_path
 
     journal = Journal(out / "bench.jsonl", measured.write_row)
-    with keeping(journal), narrator(as_json=common.json) as tell:
-        for row in journal.following(measured.measure(quick=quick, runs=runs), tell):
-            if common.json:
-                typer.echo(as_line("row", measured.as_record(row)))
+    journal.follow(measured.measure(quick=quick, runs=runs), measured.as_record, common)
     table = measured.table(journal.rows)
     with atomic_path(out / "bench.md", overwrite=True) as temporary:
         temporary.write_text(table, encoding="utf-8")
@@ -238,16 +224,20 @@ class Journal:
             self.write_row(file, row)
         self.rows.append(row)
 
-    def following(self, items: Iterable[Any], tell: Tell) -> Iterator[Any]:
-        """Tell the events, write and hand on the rows."""
+    def follow(
+        self, items: Iterable[Any], as_record: Callable[[Any], dict[str, Any]], common: Common
+    ) -> None:
+        """Tell the events and write the rows, which --json tells too."""
         from gsedit.report import Event
 
-        for item in items:
-            if isinstance(item, Event):
-                tell(item)
-            else:
+        with keeping(self), narrator(as_json=common.json) as tell:
+            for item in items:
+                if isinstance(item, Event):
+                    tell(item)
+                    continue
                 self.write(item)
-                yield item
+                if common.json:
+                    typer.echo(as_line("row", as_record(item)))
 
 
 @contextmanager

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, fields
 from itertools import groupby, pairwise
 from pathlib import Path
@@ -54,16 +54,26 @@ def decibels(rmse: float) -> float:
 def as_record(event: Event) -> dict[str, Any]:
     """What is known about an event, ready for JSON (which has no NaN: such numbers are null)."""
     known = {name: value for name, value in asdict(event).items() if value not in (None, "")}
+    return without_nan(known)
+
+
+def without_nan(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The same, with null for the numbers that JSON lacks (NaN, infinity)."""
     return {
         name: None if isinstance(value, float) and not math.isfinite(value) else value
-        for name, value in known.items()
+        for name, value in values.items()
     }
 
 
-def write_event(file: IO[str], event: Event) -> None:
+def write_line(file: IO[str], record: Mapping[str, Any]) -> None:
     """Append one JSON line and flush it, so that what was measured survives an interruption."""
-    file.write(json.dumps(as_record(event), allow_nan=False) + "\n")
+    file.write(json.dumps(record, allow_nan=False) + "\n")
     file.flush()
+
+
+def write_event(file: IO[str], event: Event) -> None:
+    """Append an event as one JSON line."""
+    write_line(file, as_record(event))
 
 
 def read_events(path: Path | str) -> list[Event]:

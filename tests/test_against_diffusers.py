@@ -11,6 +11,7 @@ from typing import Any
 import diffusers
 import pytest
 import torch
+from denoisers import Unasked
 
 from gsedit.diffusion import Branches, SamplerSettings, Schedule, guide, levels_of, sample
 
@@ -34,7 +35,7 @@ IMAGES, NOISE = draw(2, 2, 4, 9, 8, seed=2)  # sides that are odd, and not equal
 
 
 @dataclass(frozen=True, eq=False)
-class Network:
+class Network(Unasked):
     """Our contract over a bare UNet: text, null text, image latents."""
 
     unet: Any
@@ -43,13 +44,6 @@ class Network:
     channels: int = 4
     schedule: Schedule = STABLE_DIFFUSION
     predicts: str = "eps"
-
-    def check(self, prompt): ...
-    def encode(self, images): ...
-    def encode_edited(self, images, originals, prompt): ...
-    def decode(self, latents): ...
-    def condition(self, originals, prompt, generator): ...
-    def answer(self, prompt, edited, originals): ...
 
     @torch.no_grad()
     def branches(self, x, t, condition, need):

@@ -11,6 +11,7 @@ from functools import partial
 
 import pytest
 import torch
+from denoisers import Unasked
 
 from gsedit.agreement import consensus, share_noise
 from gsedit.diffusion import (
@@ -40,7 +41,7 @@ def noise(*shape: int, seed: int = 0) -> torch.Tensor:
 
 
 @dataclass(frozen=True, eq=False)
-class OneGaussian:
+class OneGaussian(Unasked):
     """x0 of every view is normal about its own centre; `condition` names the views."""
 
     centres: torch.Tensor
@@ -49,13 +50,6 @@ class OneGaussian:
     channels: int = 2
     schedule: Schedule = SD
     predicts: str = "x0"
-
-    def check(self, prompt): ...
-    def encode(self, images): ...
-    def encode_edited(self, images, originals, prompt): ...
-    def decode(self, latents): ...
-    def condition(self, originals, prompt, generator): ...
-    def answer(self, prompt, edited, originals): ...
 
     def branches(self, x, t, condition, need):
         level = self.schedule.level(t)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import pytest
 import torch
+from denoisers import Unasked
 
 from gsedit.agreement import consensus, share_noise
 from gsedit.diffusion import (
@@ -32,7 +33,7 @@ SCHEDULE = Schedule.scaled_linear()
 
 
 @dataclass(frozen=True, eq=False)
-class Point:
+class Point(Unasked):
     """A denoiser that knows x0 of every view: all three branches point at it."""
 
     x0: torch.Tensor
@@ -41,13 +42,6 @@ class Point:
     channels: int = 2
     schedule: Schedule = SCHEDULE
     predicts: str = "eps"
-
-    def check(self, prompt): ...
-    def encode(self, images): ...
-    def encode_edited(self, images, originals, prompt): ...
-    def decode(self, latents): ...
-    def condition(self, originals, prompt, generator): ...
-    def answer(self, prompt, edited, originals): ...
 
     def branches(self, x, t, condition, need):
         ab = self.schedule.alpha(t)

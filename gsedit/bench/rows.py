@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 from itertools import groupby
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from gsedit.errors import InputError
+from gsedit.report import without_nan, write_line
 
 OURS = "gsedit"
 
@@ -72,17 +72,8 @@ class Row:
 
 
 def write_row(file: IO[str], row: Row) -> None:
-    """Append one JSON line and flush it: what was measured survives an interruption.
-
-    Numbers that JSON lacks (NaN, infinity) are null.
-    """
-    values = {field.name: getattr(row, field.name) for field in fields(Row)}
-    known = {
-        name: None if isinstance(value, float) and not math.isfinite(value) else value
-        for name, value in values.items()
-    }
-    file.write(json.dumps(known, allow_nan=False) + "\n")
-    file.flush()
+    """Append a row as one JSON line; numbers that JSON lacks (NaN, infinity) are null."""
+    write_line(file, without_nan(as_record(row)))
 
 
 def read_rows(path: Path) -> list[Row]:

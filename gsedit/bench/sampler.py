@@ -6,7 +6,6 @@ deviation. Agreement is told with what it may not cost: contrast, and the edit i
 
 from __future__ import annotations
 
-import json
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -44,7 +43,7 @@ from gsedit.diffusion import (
 )
 from gsedit.diffusion.machine import InBfloat16, has_bfloat16, relative_error
 from gsedit.errors import UsageError
-from gsedit.report import Event
+from gsedit.report import Event, without_nan, write_line
 
 Study = Literal["solver", "stiff", "consensus", "cost"]
 SOLVERS: tuple[Solver, ...] = ("ddim", "heun", "dpm++2m")
@@ -337,17 +336,13 @@ def _rms(x: Tensor) -> float:
 
 
 def write_row(file: IO[str], row: SamplerRow) -> None:
-    """Append one JSON line and flush it; NaN and infinity are null."""
-    file.write(json.dumps(as_record(row), allow_nan=False) + "\n")
-    file.flush()
+    """Append a row as one JSON line; NaN and infinity are null."""
+    write_line(file, as_record(row))
 
 
 def as_record(row: SamplerRow) -> dict[str, object]:
     """The fields by name, without numbers that JSON lacks."""
-    return {
-        name: None if isinstance(value, float) and not math.isfinite(value) else value
-        for name, value in asdict(row).items()
-    }
+    return without_nan(asdict(row))
 
 
 COLUMNS = {
