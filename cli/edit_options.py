@@ -63,13 +63,18 @@ class EditorOptions:
             "--editor",
             metavar="NAME",
             rich_help_panel=EDITOR,
-            help="closed-form: built in, knows a list of looks; pix2pix: InstructPix2Pix weights; "
-            "command: any program; others: see gsedit editors.",
+            help="closed-form: built in, knows a list of looks; small: learned, weights from "
+            "examples/train_small.py; pix2pix: InstructPix2Pix weights; command: any program; "
+            "others: see gsedit editors.",
         ),
     ] = "closed-form"
     model: Annotated[
         str | None,
-        option("--model", "pix2pix: a folder of weights, or a hub id.", rich_help_panel=EDITOR),
+        option(
+            "--model",
+            "pix2pix: a folder of weights, or a hub id. small: a file of weights.",
+            rich_help_panel=EDITOR,
+        ),
     ] = None
     weights_dir: Annotated[
         Path | None,
@@ -120,13 +125,17 @@ class SamplerOptions:
     guidance_text: Annotated[
         float | None,
         option(
-            "--guidance", "How strongly the instruction (default 7.5).", rich_help_panel=SAMPLER
+            "--guidance",
+            "How strongly the instruction (default: what suits the editor; 7.5, small 1.5)",
+            rich_help_panel=SAMPLER,
         ),
     ] = None
     guidance_image: Annotated[
         float | None,
         option(
-            "--image-guidance", "... and the picture hold (default 1.5).", rich_help_panel=SAMPLER
+            "--image-guidance",
+            "... and the picture hold (likewise; 1.5, small 1).",
+            rich_help_panel=SAMPLER,
         ),
     ] = None
     consensus: Annotated[

@@ -92,8 +92,8 @@ def theirs(network: Network, scheduler: Any, settings: SamplerSettings) -> torch
         negative_prompt_embeds=NULL.expand(2, -1, -1),
         image=IMAGES,  # four channels: taken for latents
         num_inference_steps=settings.steps,
-        guidance_scale=settings.guidance_text,
-        image_guidance_scale=settings.guidance_image,
+        guidance_scale=settings.scales[0],
+        image_guidance_scale=settings.scales[1],
         latents=NOISE.clone(),
         generator=torch.Generator().manual_seed(5),
         output_type="latent",

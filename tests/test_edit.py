@@ -134,14 +134,14 @@ def test_views_need_not_divide_into_cells(scene, preset):
     settings = replace(
         SMALL, sampler=sampler, geometry="full", update=replace(SMALL.update, steps=2)
     )
-    result = run(scene, views, make_editor(), settings)[-1]
+    result = run(scene, views, make_editor("closed-form"), settings)[-1]
     assert result.targets[0].image.shape == (84, 100, 3)
     assert result.matched > 0
 
 
 def test_one_view_can_be_edited_alone(scene, data):
     quick = replace(SMALL, update=replace(SMALL.update, steps=2), views_per_round=1, rounds=1)
-    result = run(scene, Dataset(data.views[:1]), make_editor(), quick)[-1]
+    result = run(scene, Dataset(data.views[:1]), make_editor("closed-form"), quick)[-1]
     assert result.matched is None
     assert result.answer is None
     assert len(result.targets) == 1
@@ -159,8 +159,8 @@ def test_appearance_leaves_geometry_alone_and_full_does_not(scene, data):
 def test_the_closed_form_edit_agrees_and_beats_the_same_without_consensus(scene, data):
     settings = replace(SMALL, update=replace(SMALL.update, steps=40))
     alone = replace(settings, sampler=SamplerSettings(consensus=False))
-    together = run(scene, data, make_editor(), settings)[-1].answer
-    apart = run(scene, data, make_editor(), alone)[-1].answer
+    together = run(scene, data, make_editor("closed-form"), settings)[-1].answer
+    apart = run(scene, data, make_editor("closed-form"), alone)[-1].answer
     assert together > apart + 2
 
 
@@ -183,20 +183,22 @@ def test_an_edit_without_cameras_places_them(scene):
 
 def test_the_same_seed_gives_the_same_edit(scene, data):
     quick = replace(SMALL, update=replace(SMALL.update, steps=5))
-    one, two = (run(scene, data, make_editor(), quick, seed=4)[-1].scene for _ in range(2))
+    one, two = (
+        run(scene, data, make_editor("closed-form"), quick, seed=4)[-1].scene for _ in range(2)
+    )
     assert torch.equal(one.sh, two.sh)
 
 
 def test_requests_that_cannot_be_met_are_refused_before_any_work(scene, data):
     with pytest.raises(UsageError, match="bronze"):
-        run(scene, data, make_editor(), prompt="qwertyuiop")
+        run(scene, data, make_editor("closed-form"), prompt="qwertyuiop")
     with pytest.raises(UsageError, match="empty"):
-        run(scene[:0], data, make_editor())
+        run(scene[:0], data, make_editor("closed-form"))
     first, other = data.views[:2]
     small = replace(other, camera=other.camera.resized(32, 32), image=other.image[:32, :32])
     mixed = Dataset((first, small))
     with pytest.raises(UsageError, match="64x64"):
-        run(scene, mixed, make_editor())
+        run(scene, mixed, make_editor("closed-form"))
     with pytest.raises(UsageError, match="coverage"):
         EditSettings(coverage=0.0)
     for wrong in ({"steps": 0}, {"patches": 0}, {"patch": 4}, {"gram_weight": -1.0}):

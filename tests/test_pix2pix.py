@@ -185,8 +185,8 @@ def theirs(pipeline, settings: SamplerSettings) -> torch.Tensor:
         [PROMPT] * 2,
         image=images().movedim(-1, 1),
         num_inference_steps=settings.steps,
-        guidance_scale=settings.guidance_text,
-        image_guidance_scale=settings.guidance_image,
+        guidance_scale=settings.scales[0],
+        image_guidance_scale=settings.scales[1],
         latents=noise(),
         output_type="latent",
     ).images

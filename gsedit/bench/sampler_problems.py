@@ -164,7 +164,7 @@ def truth(
     slopes between 0 and 1 however narrow it is. No noise is a ten-thousandth of the width: below,
     q moves by less than 1e-8 widths. Needs a first level with some signal.
     """
-    s_T, s_I = settings.guidance_text, settings.guidance_image
+    s_T, s_I = settings.scales
     weighted = [
         (weight, mixture)
         for weight, mixture in zip(weights(s_T, s_I), (model.told, model.shown, model.neither))

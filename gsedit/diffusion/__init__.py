@@ -19,10 +19,11 @@ from gsedit.diffusion.sample import (
     sample,
 )
 from gsedit.diffusion.schedules import CLEAN, Level, Schedule, Spacing, karras_sigmas
-from gsedit.diffusion.settings import Noise, Precision, SamplerSettings, Solver, Target
+from gsedit.diffusion.settings import GUIDANCE, Noise, Precision, SamplerSettings, Solver, Target
 
 __all__ = [
     "CLEAN",
+    "GUIDANCE",
     "Anchor",
     "Answer",
     "Branches",

@@ -180,7 +180,7 @@ def predict_guided(
     denoiser: Predictor, condition: Any, x: Tensor, level: Level, settings: SamplerSettings
 ) -> Tensor:
     """What the denoiser says with guidance, in the dtype of x. Raises UsageError if not finite."""
-    s_T, s_I = settings.guidance_text, settings.guidance_image
+    s_T, s_I = settings.scales
     branches = denoiser.branches(x, level.t, condition, needed(s_T, s_I))
     answered = next(branch.dtype for branch in branches if branch is not None)
     text_image, image, none = (b if b is None else b.to(x.dtype) for b in branches)
@@ -203,9 +203,10 @@ def _check_start(x: Tensor, settings: SamplerSettings, generator: torch.Generato
 def _check_finite(x: Tensor, what: str, level: Level, settings: SamplerSettings) -> None:
     # one sum is not finite where a number is not; a sum that overflows is out of bounds too
     if not torch.isfinite(x.sum()):
+        s_T, s_I = settings.scales
         raise UsageError(
             f"{what} at t = {level.t:g} (sigma {level.sigma:.3g}) are not finite, with solver "
-            f"{settings.solver}, {settings.steps} steps, guidance {settings.guidance_text:g} and "
-            f"image guidance {settings.guidance_image:g}: compute in float32, lower the guidance, "
+            f"{settings.solver}, {settings.steps} steps, guidance {s_T:g} and "
+            f"image guidance {s_I:g}: compute in float32, lower the guidance, "
             "or take more steps"
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 from gsedit.diffusion.schedules import Spacing
@@ -13,6 +13,8 @@ Target = Literal["x0", "xt", "eps"]
 Noise = Literal["shared", "independent"]
 Solver = Literal["ddim", "euler", "heun", "dpm++2m", "ancestral"]
 Precision = Literal["float32", "bfloat16", "auto"]
+GUIDANCE = (7.5, 1.5)
+"""(s_T, s_I) of InstructPix2Pix: what suits a denoiser that does not say."""
 
 
 @dataclass(frozen=True)
@@ -20,10 +22,10 @@ class SamplerSettings:
     """How a batch of views is sampled. Every range is checked; a bad value is a UsageError."""
 
     steps: int = 20
-    guidance_text: float = 7.5
-    """s_T: 1 or less means no push towards the instruction."""
-    guidance_image: float = 1.5
-    """s_I: 1 skips the unconditional branch, a third of the cost, exactly."""
+    guidance_text: float | None = None
+    """s_T: 1 or less means no push towards the instruction. None: what suits the denoiser."""
+    guidance_image: float | None = None
+    """s_I: 1 skips the unconditional branch, a third of the cost, exactly. None: as above."""
     strength: float = 0.98
     """Fraction of the schedule at which the noised render starts, in (0, 1]."""
     solver: Solver = "ddim"
@@ -52,7 +54,8 @@ class SamplerSettings:
         _require(1 <= self.steps <= 1000, "steps", self.steps, "from 1 to 1000")
         for name in ("guidance_text", "guidance_image"):
             value = getattr(self, name)
-            _require(math.isfinite(value) and value >= 0, name, value, "finite and not negative")
+            known = value is None or (math.isfinite(value) and value >= 0)
+            _require(known, name, value, "finite and not negative")
         _require(0 < self.strength <= 1, "strength", self.strength, "above 0 and at most 1")
         choices = {"target": Target, "noise": Noise, "solver": Solver, "spacing": Spacing}
         for name, allowed in (choices | {"precision": Precision}).items():
@@ -77,6 +80,21 @@ class SamplerSettings:
                 "target eps needs noise shared: the mean of independent predictions is not noise "
                 "of unit variance, and sampling diverges; use --noise shared or --target x0"
             )
+
+    @property
+    def scales(self) -> tuple[float, float]:
+        """(s_T, s_I) in force; GUIDANCE's where nothing was said."""
+        s_T, s_I = GUIDANCE
+        return (
+            s_T if self.guidance_text is None else self.guidance_text,
+            s_I if self.guidance_image is None else self.guidance_image,
+        )
+
+    def suited(self, guidance: tuple[float, float]) -> SamplerSettings:
+        """With this guidance (s_T, s_I) where nothing was said."""
+        names = ("guidance_text", "guidance_image")
+        unsaid = {n: scale for n, scale in zip(names, guidance) if getattr(self, n) is None}
+        return replace(self, **unsaid)
 
     @property
     def fresh_noise(self) -> float:

@@ -65,6 +65,15 @@ class Editor(Protocol):
 
 
 @runtime_checkable
+class Advises(Protocol):
+    """An editor that can foresee where an instruction it accepts leads nowhere."""
+
+    def advise(self, prompt: str) -> str:
+        """What whoever asks should know before it works; empty where there is nothing to say."""
+        ...
+
+
+@runtime_checkable
 class KnowsAnswer(Protocol):
     """An editor whose right answer is known: what is made of its pictures can be measured."""
 

@@ -13,6 +13,7 @@ from torch import Tensor
 
 from gsedit.agreement import consensus, share_noise
 from gsedit.diffusion import (
+    GUIDANCE,
     Anchor,
     Answer,
     Denoiser,
@@ -25,7 +26,7 @@ from gsedit.diffusion import (
     sample,
 )
 from gsedit.diffusion.machine import InBfloat16, faster, peak_bytes, views_at_once
-from gsedit.editors.protocol import EditBatch, EditProgress
+from gsedit.editors.protocol import Advises, EditBatch, EditProgress
 from gsedit.errors import UsageError
 
 
@@ -43,9 +44,18 @@ class DiffusionEditor:
     def cell(self) -> int:
         return self.denoiser.cell
 
+    @property
+    def guidance(self) -> tuple[float, float]:
+        """(s_T, s_I) where the settings say nothing; most denoisers leave it at GUIDANCE."""
+        return getattr(self.denoiser, "guidance", GUIDANCE)
+
     def check(self, prompt: str) -> None:
         """Raise UsageError if the denoiser cannot follow the instruction."""
         self.denoiser.check(prompt)
+
+    def advise(self, prompt: str) -> str:
+        """What the denoiser has to say about the instruction; most say nothing."""
+        return self.denoiser.advise(prompt) if isinstance(self.denoiser, Advises) else ""
 
     def answer(
         self,
@@ -68,6 +78,7 @@ class DiffusionEditor:
         """
         self.check(batch.prompt)
         _check_shapes(batch)
+        settings = settings.suited(self.guidance)
         if batch.anchored is not None and batch.anchored.all():
             yield EditProgress(settings.steps, settings.steps, batch.images.clone())
             return

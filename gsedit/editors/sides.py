@@ -20,8 +20,8 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.diffusion import SamplerSettings
-from gsedit.editors.protocol import EditBatch, Editor, EditProgress
+from gsedit.diffusion import GUIDANCE, SamplerSettings
+from gsedit.editors.protocol import Advises, EditBatch, Editor, EditProgress
 
 
 def extend(images: Float[Tensor, "v h w c"], multiple: int) -> Float[Tensor, "v H W c"]:
@@ -52,9 +52,18 @@ class WholeSides:
     def cell(self) -> int:
         return self.inner.cell
 
+    @property
+    def guidance(self) -> tuple[float, float]:
+        """(s_T, s_I) that suit the inner editor."""
+        return getattr(self.inner, "guidance", GUIDANCE)
+
     def check(self, prompt: str) -> None:
         """Raise UsageError if the inner editor cannot follow the instruction."""
         self.inner.check(prompt)
+
+    def advise(self, prompt: str) -> str:
+        """What the inner editor has to say about the instruction."""
+        return self.inner.advise(prompt) if isinstance(self.inner, Advises) else ""
 
     def edit(
         self, batch: EditBatch, settings: SamplerSettings, generator: torch.Generator
