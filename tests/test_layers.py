@@ -12,9 +12,9 @@ ROOT = Path(__file__).parents[1]
 # Each module may import only modules further down its list.
 ORDER = {
     "gsedit": (
-        "bench", "doctor", "show", "edit", "strategies", "plan", "fit", "optimiser", "editors",
-        "diffusion", "metrics", "losses", "features", "correspond", "agreement", "report",
-        "synthetic", "files", "views", "framing", "errors",
+        "bench", "teaching", "doctor", "show", "edit", "strategies", "plan", "fit", "optimiser",
+        "editors", "diffusion", "metrics", "losses", "features", "correspond", "agreement",
+        "report", "synthetic", "files", "views", "framing", "errors",
     ),
     "rasterizer": (
         "reference", "rasterization", "render", "checks", "splat", "composite", "compiled",

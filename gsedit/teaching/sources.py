@@ -1,0 +1,95 @@
+"""Pictures to be edited, with what is known of their scenes: as floats, and as compact bytes.
+
+`n` pictures of `h w` pixels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import NamedTuple
+
+import torch
+from jaxtyping import Float, Float16, Int, Int8, UInt8
+from torch import Tensor
+
+FAR = 8.0  # distances of the subject: where the sky is, and whatever lies beyond
+
+
+class Sources(NamedTuple):
+    """Pictures to be edited, with what is known of their scenes."""
+
+    image: Float[Tensor, "n h w 3"]
+    """sRGB in [0, 1], float32."""
+    depth: Float[Tensor, "n h w 1"]
+    """Along the view, in distances of the subject (it is at about 1); at most FAR, as the sky."""
+    normal: Float[Tensor, "n h w 3"]
+    """Unit, in a world with +z up, toward the camera; 0 where there is nothing (sky)."""
+    subject: Float[Tensor, "n h w 1"]
+    """The share of the pixel that is the main subject, in [0, 1]."""
+
+    def rows(self, index: Int[Tensor, " m"]) -> Sources:
+        """The pictures of these numbers, in this order."""
+        return Sources(*(field[index] for field in self))
+
+
+def cat(parts: Sequence[Sources]) -> Sources:
+    """All pictures of all parts, one after another."""
+    return Sources(*(torch.cat(columns) for columns in zip(*parts)))
+
+
+@dataclass(frozen=True, eq=False)
+class Stored:
+    """The same in 9 bytes a pixel: steps of 1/255 in colour and mask, 1/127 in normals, 11 bits of
+    depth."""
+
+    image: UInt8[Tensor, "n h w 3"]
+    depth: Float16[Tensor, "n h w 1"]
+    normal: Int8[Tensor, "n h w 3"]
+    subject: UInt8[Tensor, "n h w 1"]
+
+    def __len__(self) -> int:
+        return len(self.image)
+
+    def __getitem__(self, index: Int[Tensor, " m"]) -> Sources:
+        """The pictures of these numbers, as floats."""
+        return Sources(
+            image=self.image[index].float() / 255,
+            depth=self.depth[index].float(),
+            normal=torch.nn.functional.normalize(self.normal[index].float(), dim=-1),
+            subject=self.subject[index].float() / 255,
+        )
+
+    def halved(self) -> Stored:
+        """Half as high and wide, the mean of 2x2 pixels."""
+        return cat_stored(
+            [store(_halved(self[part])) for part in torch.arange(len(self)).split(64)]
+        )
+
+
+def _halved(sources: Sources) -> Sources:
+    stacked = torch.cat(sources, -1).movedim(-1, 1)
+    pooled = torch.nn.functional.avg_pool2d(stacked, 2).movedim(1, -1)
+    image, depth, normal, subject = pooled.split((3, 1, 3, 1), -1)
+    return Sources(image, depth, torch.nn.functional.normalize(normal, dim=-1), subject)
+
+
+def store(sources: Sources) -> Stored:
+    """The pictures as bytes."""
+    return Stored(
+        image=_to_byte(sources.image),
+        depth=sources.depth.half(),
+        normal=(sources.normal * 127).round().to(torch.int8),
+        subject=_to_byte(sources.subject),
+    )
+
+
+def cat_stored(parts: Sequence[Stored]) -> Stored:
+    """All pictures of all parts, one after another, still as bytes."""
+    names = [field.name for field in fields(Stored)]
+    columns = ([getattr(part, name) for part in parts] for name in names)
+    return Stored(*(torch.cat(column) for column in columns))
+
+
+def _to_byte(share: Float[Tensor, "*b"]) -> UInt8[Tensor, "*b"]:
+    return (share.clamp(0, 1) * 255).round().to(torch.uint8)
