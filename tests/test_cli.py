@@ -21,8 +21,9 @@ from gsedit_cli.narrate import Interrupted, plain_line
 from PIL import Image
 from typer.testing import CliRunner
 
-from gsedit.diffusion import SamplerSettings
+from gsedit.diffusion import GUIDANCE, SamplerSettings
 from gsedit.edit import EditSettings
+from gsedit.editors.small import Small
 from gsedit.errors import GseditError, InputError, UsageError
 from gsedit.files import load
 from gsedit.fit import FitResult
@@ -475,8 +476,8 @@ def test_the_defaults_in_the_help_are_the_librarys():
     sampler, update, edit = SamplerSettings(), UpdateSettings(), EditSettings()
     for value in (
         f"Sampling steps (default {sampler.steps})",
-        f"(default {sampler.guidance_text})",
-        f"(default {sampler.guidance_image})",
+        f"what suits the editor; {GUIDANCE[0]}, small {Small.guidance[0]:g})",
+        f"(likewise; {GUIDANCE[1]}, small {Small.guidance[1]:g})",
         f"(default {update.steps})",
         f"(default {update.patches})",
         f"(default {update.patch})",

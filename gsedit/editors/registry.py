@@ -50,6 +50,25 @@ class Listing:
 # ---- ours: each factory's docstring is its line in the list -------------------------------------
 
 
+def _small(model: str | Path | None = None) -> Editor:
+    """Learned from scratch, 8 M weights: some fifty looks of subject and scene, from sentences."""
+    from gsedit.editors.sampling import DiffusionEditor
+    from gsedit.editors.sides import WholeSides
+    from gsedit.editors.small import load_small
+
+    denoiser = load_small(None if model is None else Path(model).expanduser())
+    return WholeSides(DiffusionEditor(denoiser), denoiser.multiple)
+
+
+def _small_missing() -> Iterable[str]:
+    from gsedit.editors.small import WEIGHTS
+
+    if not WEIGHTS.exists():
+        yield (
+            "weights: add --model FILE, made by examples/train_small.py (90 minutes on two cores)"
+        )
+
+
 def _closed_form() -> Editor:
     """Built in, no weights: known looks with a known answer, to measure the method by."""
     from gsedit.editors.closed_form import ClosedForm
@@ -107,6 +126,7 @@ def _command_missing() -> Iterable[str]:
 
 BUILT_IN: dict[str, tuple[Factory, Missing]] = {
     "closed-form": (_closed_form, tuple),
+    "small": (_small, _small_missing),
     "pix2pix": (_pix2pix, _pix2pix_missing),
     "command": (_command, _command_missing),
 }
@@ -120,9 +140,10 @@ EDITORS = tuple(BUILT_IN)
 def make_editor(name: str = DEFAULT, **options: Any) -> Editor:
     """The editor of that name; `options` that are None are as if they were not given.
 
-    `model` and `weights_dir` are for pix2pix (see load_pix2pix), `run`, `timeout` (seconds) and
-    `folder` for command (see Command). Raises UsageError for a name or an option that there is not,
-    GseditError where a third party's editor cannot be made.
+    `model` is for small (a file, see load_small) and pix2pix, `weights_dir` for pix2pix (see
+    load_pix2pix), `run`, `timeout` (seconds) and `folder` for command (see Command). Raises
+    UsageError for a name or an option that there is not, GseditError where a third party's editor
+    cannot be made.
     """
     factory, source = _factory(name)
     takes = _parameters(factory)

@@ -1,0 +1,9 @@
+"""The learned editor: a small InstructPix2Pix that is trained from scratch, on a CPU.
+
+gsedit.teaching makes what it learns from; examples/train_small.py trains it.
+"""
+
+from gsedit.editors.small.denoiser import WEIGHTS, Small, load_small, save_small
+from gsedit.editors.small.network import Architecture, Network
+
+__all__ = ["WEIGHTS", "Architecture", "Network", "Small", "load_small", "save_small"]

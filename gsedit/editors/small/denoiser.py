@@ -1,0 +1,217 @@
+"""`small` as a denoiser. `v` views of `h w` pixels, `y x` cells of 4x4, `d` of an instruction."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+import torch
+import torch.nn.functional as F
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from gsedit.diffusion import Branches, Need, Prediction, Schedule
+from gsedit.editors.small.network import CELL, CHANNELS, Architecture, Network, Seen
+from gsedit.editors.small.text import WORDS, tokenise, words_of
+from gsedit.errors import InputError, UsageError
+from gsedit.files.atomic import atomic_path
+
+WEIGHTS = Path(__file__).with_name("small.safetensors")
+ANEW = "train the weights with examples/train_small.py, and add --model FILE"
+NOISE = 4.0  # sigma in the middle of the schedule
+STEPS = 1000
+
+
+def schedule() -> Schedule:
+    """sigma = NOISE tan(pi t / 2): a cosine schedule moved towards the noise.
+
+    A cell's pixels are alike, and so are neighbouring cells: their mean shows through noise that
+    hides each of them, the more so the larger the picture (Hoogeboom et al. 2023, section 2.1).
+    At the start of strength 0.98 sigma is 127: a render that is noised so far holds no more than a
+    breath of its mean colour.
+    """
+    t = torch.arange(1, STEPS + 1, dtype=torch.float64) / (STEPS + 1)
+    return Schedule(1 / (1 + (NOISE * (t * torch.pi / 2).tan()) ** 2))
+
+
+class Condition(NamedTuple):
+    """What the network is told at every step."""
+
+    pictures: Float[Tensor, "v c y x"]
+    """Latents of the unedited pictures."""
+    seen: Seen
+    """What there is to see in them."""
+    unseen: Seen
+    """What there is to see in a picture that is not shown; of one view."""
+    text: Float[Tensor, "1 d"]
+    null: Float[Tensor, "1 d"]
+    """The empty instruction."""
+
+
+@dataclass(frozen=True, eq=False)
+class Small:
+    """The Denoiser over our own network. Its latent is the picture: an isometry, cell by cell."""
+
+    network: Network
+    schedule: Schedule = field(default_factory=schedule)
+    micro_batch: int = 4
+    """Views in one pass of the network; the result is the same."""
+    guidance: tuple[float, float] = (1.5, 1.0)
+    """(s_T, s_I) that suit it: its sentences have one right answer, not a thousand."""
+    looks: tuple[str, ...] = ()
+    """Names of what it was taught."""
+    words: frozenset[str] = frozenset()
+    """That name one of them."""
+    predicts: Prediction = "v"
+    name: str = "small"
+    cell: int = CELL
+    channels: int = CHANNELS
+
+    @property
+    def multiple(self) -> int:
+        """Pixels: sides that the network can halve to the end without a rest."""
+        return CELL * self.network.architecture.multiple
+
+    def check(self, prompt: str) -> None:
+        """Raise UsageError for an instruction without words, or with more than are read."""
+        words = len(prompt.split())
+        if not tokenise([prompt]).words.any():
+            raise UsageError('the instruction is empty: say what to change, e.g. "make it snow"')
+        if words > WORDS:
+            raise UsageError(
+                f"the instruction has {words} words and this editor reads {WORDS}: "
+                "say it in fewer words"
+            )
+
+    def advise(self, prompt: str) -> str:
+        """What whoever asks should know before it works: nothing, or that the result is a guess."""
+        if not self.words or self.words.intersection(words_of(prompt)):
+            return ""
+        return (
+            f"no word of {prompt.strip()!r} names a look that the {self.name} editor was taught, "
+            f"so the result is a guess; it was taught {', '.join(self.looks)}. "
+            "For any sentence: --editor pix2pix --model FOLDER (InstructPix2Pix weights)"
+        )
+
+    def encode(self, images: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v c y x"]:
+        """Values in [-1, 1]; a cell's 4x4 pixels become channels."""
+        return F.pixel_unshuffle((2 * images - 1).movedim(-1, 1).float(), CELL)
+
+    def encode_edited(
+        self, images: Float[Tensor, "v h w 3"], originals: Float[Tensor, "v h w 3"], prompt: str
+    ) -> Float[Tensor, "v c y x"]:
+        """As any picture."""
+        return self.encode(images)
+
+    def decode(self, latents: Float[Tensor, "v c y x"]) -> Float[Tensor, "v h w 3"]:
+        """The exact inverse of encode."""
+        return F.pixel_shuffle(latents, CELL).movedim(1, -1) / 2 + 0.5
+
+    @torch.no_grad()
+    def condition(
+        self, originals: Float[Tensor, "v h w 3"], prompt: str, generator: torch.Generator
+    ) -> Condition:
+        """Looked at and read once, whatever the number of steps."""
+        text, null = self.network.text(tokenise([prompt, ""])).split(1)
+        pictures = self.encode(originals)
+        looks = [self._look(part, 1.0) for part in pictures.split(self.micro_batch)]
+        seen = Seen(*(torch.cat(parts) for parts in zip(*looks)))
+        return Condition(pictures, seen, self._look(pictures[:1], 0.0), text, null)
+
+    @torch.no_grad()
+    def branches(
+        self, x: Float[Tensor, "v c y x"], t: float, condition: Condition, need: Need
+    ) -> Branches:
+        """A pass a view for each of (text, picture), (null, picture), (null, nothing) in need."""
+        parts = torch.arange(len(x)).split(self.micro_batch)
+        chunks = [self._answers(x, rows, t, condition, need) for rows in parts]
+        predicted = iter(torch.cat(branch) for branch in zip(*chunks))
+        return Branches(*(next(predicted) if wanted else None for wanted in need))
+
+    def _answers(
+        self, x: Tensor, rows: Int[Tensor, " n"], t: float, condition: Condition, need: Need
+    ) -> tuple[Tensor, ...]:
+        """v of some views under each condition in need, in one pass."""
+        level, n = self.schedule.level(t), len(rows)
+        pictures, seen, unseen, text, null = condition
+        here = Seen(*(part[rows] for part in seen))
+        blind = Seen(*(part.expand(n, -1, -1, -1) for part in unseen))
+        branches = [(text, 1.0, here), (null, 1.0, here), (null, 0.0, blind)]
+        told, shown, sights = zip(*(each for each, wanted in zip(branches, need) if wanted))
+        noised = x[rows].float().repeat(len(told), 1, 1, 1)
+        x0 = self.network(
+            noised,
+            noised.new_full((len(noised),), level.sigma),
+            pictures[rows].repeat(len(told), 1, 1, 1),
+            noised.new_tensor(shown).repeat_interleave(n),
+            Seen(*(torch.cat(parts) for parts in zip(*sights))),
+            torch.cat([each.expand(n, -1) for each in told]),
+        )
+        return ((level.a * noised - x0) / level.b).chunk(len(told))
+
+    def _look(self, pictures: Tensor, shown: float) -> Seen:
+        return self.network.look(pictures, pictures.new_full((len(pictures),), shown))
+
+    def answer(self, prompt: str, edited: Tensor, originals: Tensor) -> None:
+        """Nobody knows what a network should have answered."""
+
+
+def save_small(small: Small, path: Path, metadata: Mapping[str, str] | None = None) -> None:
+    """Write the weights in half precision, with what is needed to make the editor again.
+
+    `metadata` says how they came about (seed, steps, ...). Raises what writing a file raises.
+    """
+    from safetensors.torch import save
+
+    told = {
+        "architecture": json.dumps(asdict(small.network.architecture)),
+        "looks": json.dumps(small.looks),
+        "words": json.dumps(sorted(small.words)),
+        **(metadata or {}),
+    }
+    state = small.network.state_dict()
+    halves = {name: value.half().contiguous() for name, value in state.items()}
+    with atomic_path(path, overwrite=True) as temporary:
+        temporary.write_bytes(save(halves, told))
+
+
+@lru_cache(maxsize=2)
+def load_small(path: Path | None = None) -> Small:
+    """The editor of these weights; None: those beside this file, if there are any.
+
+    Raises InputError for a file that is missing, broken or of another network.
+    """
+    path = path or WEIGHTS
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; {ANEW}")
+    try:
+        return _load(path)
+    except Exception as error:  # safetensors, json and torch raise their own, without a common base
+        reason = next(iter(str(error).strip().splitlines()), type(error).__name__)
+        raise InputError(
+            f"{path} does not hold the weights of the small editor ({reason}): {ANEW}"
+        ) from error
+
+
+def _load(path: Path) -> Small:
+    from safetensors import safe_open
+
+    with safe_open(path, framework="pt") as file:
+        told = file.metadata() or {}
+        state = {name: file.get_tensor(name).float() for name in file.keys()}  # noqa: SIM118
+    sizes = json.loads(told["architecture"])
+    network = Network(Architecture(**{n: _whole(size) for n, size in sizes.items()}))
+    network.load_state_dict(state)
+    return Small(
+        network.eval().requires_grad_(False),
+        looks=tuple(json.loads(told["looks"])),
+        words=frozenset(json.loads(told["words"])),
+    )
+
+
+def _whole(size: int | list[int]) -> int | tuple[int, ...]:
+    return tuple(size) if isinstance(size, list) else size
