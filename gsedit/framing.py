@@ -128,11 +128,15 @@ def orbit(
 ) -> tuple[Camera, ...]:
     """Cameras on a circle around the scene, `size` pixels square, for a scene without any.
 
-    `up` is guessed if None; `elevation` and `fov` are in degrees.
+    `up` is guessed if None; `elevation` and `fov` are in degrees. Raises UsageError for an `up`
+    that is no direction.
     """
     at = bounds(scene)
     target = torch.tensor(at.centre, dtype=torch.float64)
-    axis = torch.nn.functional.normalize(guess_up(scene) if up is None else up, dim=0)
+    axis = (guess_up(scene) if up is None else up).detach().double()
+    if not axis.isfinite().all() or not axis.any():
+        raise UsageError(f"up {axis.tolist()} is no direction: three finite numbers, not all 0")
+    axis = torch.nn.functional.normalize(axis, dim=0)
     helper = torch.eye(3, dtype=torch.float64)[int(axis.abs().argmin())]
     east = torch.nn.functional.normalize(torch.linalg.cross(axis, helper), dim=0)
     north = torch.linalg.cross(axis, east)

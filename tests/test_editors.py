@@ -118,12 +118,13 @@ def test_what_pix2pix_misses_is_named(monkeypatch, tmp_path):
         (
             "closed-from",
             {},
-            r"no editor 'closed-from': choose one of closed-form, pix2pix, command",
+            r"no editor 'closed-from': choose one of closed-form, small, pix2pix, command",
         ),
         (
             "closed-form",
             {"model": "x"},
-            "closed-form editor has no option --model: it takes none; --editor pix2pix has it",
+            "closed-form editor has no option --model: it takes none; --editor small or --editor "
+            "pix2pix has it",
         ),
         ("pix2pix", {"run": "x"}, "no option --run: it takes --model, --weights-dir"),
         ("command", {"weights_dir": "x"}, "no option --weights-dir: it takes --run, --timeout"),

@@ -80,8 +80,8 @@ def test_what_there_is_to_see_is_bounded(stored):
     geometry = lessons(stored, 32, 8, 1, seeded()).geometry
     subject, near, up = geometry.unbind(-1)
     assert geometry.shape == (8, 32, 32, 3)
-    assert ((subject >= 0) & (subject <= 1)).all()
-    assert ((near > 0) & (near <= 1 / NEAR)).all()
+    assert ((subject > -1e-5) & (subject < 1 + 1e-5)).all()
+    assert ((near > 0) & (near < 1 / NEAR + 1e-5)).all()
     assert (up.abs() <= 1 + 1e-5).all()
 
 

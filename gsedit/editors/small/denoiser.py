@@ -204,14 +204,11 @@ def _load(path: Path) -> Small:
         told = file.metadata() or {}
         state = {name: file.get_tensor(name).float() for name in file.keys()}  # noqa: SIM118
     sizes = json.loads(told["architecture"])
-    network = Network(Architecture(**{n: _whole(size) for n, size in sizes.items()}))
+    lists = {name: tuple(size) for name, size in sizes.items() if isinstance(size, list)}
+    network = Network(Architecture(**sizes | lists))
     network.load_state_dict(state)
     return Small(
         network.eval().requires_grad_(False),
         looks=tuple(json.loads(told["looks"])),
         words=frozenset(json.loads(told["words"])),
     )
-
-
-def _whole(size: int | list[int]) -> int | tuple[int, ...]:
-    return tuple(size) if isinstance(size, list) else size
