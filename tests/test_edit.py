@@ -8,7 +8,7 @@ import pytest
 import torch
 
 import gsedit
-from gsedit.diffusion import SamplerSettings
+from gsedit.diffusion import GUIDANCE, SamplerSettings
 from gsedit.edit import EditResult, EditSettings, edit_steps
 from gsedit.editors import make_editor
 from gsedit.editors.protocol import EditBatch, EditProgress
@@ -118,6 +118,22 @@ def test_what_no_edited_view_sees_does_not_move(scene, data):
     for name in ("means", "sh", "logit_opacities", "log_scales", "quats"):
         assert torch.equal(getattr(result.scene, name)[-40:], getattr(whole, name)[-40:])
     assert not torch.equal(result.scene.sh[:3000], whole.sh[:3000])
+
+
+def test_an_editor_is_heard_before_the_work_and_its_guidance_is_on_record(scene, data):
+    class Wary(Swapped):
+        guidance = (2.0, 1.0)
+
+        def advise(self, prompt):
+            return f"nobody taught me {prompt!r}"
+
+    settings = replace(SMALL, rounds=1, update=replace(SMALL.update, steps=2))
+    first, *_, result = run(scene, data, Wary(), settings, prompt="as a dinosaur")
+    assert (first.stage, first.note) == ("advice", "nobody taught me 'as a dinosaur'")
+    assert result.settings.sampler.scales == (2.0, 1.0)
+    first, *_, result = run(scene, data, Swapped(), settings)
+    assert first.stage == "survey"
+    assert result.settings.sampler.scales == GUIDANCE
 
 
 def test_cameras_that_see_nothing_of_the_scene_are_refused(scene, data):

@@ -13,7 +13,7 @@ from gsedit.diffusion import Need, SamplerSettings, predict_guided
 from gsedit.editors.protocol import EditBatch
 from gsedit.editors.sampling import DiffusionEditor
 from gsedit.editors.small import Architecture, Network, Small, load_small, save_small
-from gsedit.editors.small.denoiser import schedule
+from gsedit.editors.small.denoiser import NOISE, schedule
 from gsedit.editors.small.network import CELL, CHANNELS, SPREAD
 from gsedit.editors.small.text import ROWS, WORDS, pieces_of, tokenise, words_of
 from gsedit.errors import InputError, UsageError
@@ -158,10 +158,10 @@ def test_the_latent_is_the_picture(small):
     torch.testing.assert_close(latents.norm(), (2 * images - 1).norm())
 
 
-def test_sampling_starts_where_a_render_hardly_shows():
-    first = schedule().level(980)
-    assert first.sigma > 100
+def test_the_schedule_goes_from_hardly_any_noise_to_nothing_else():
     assert schedule().level(0).sigma < 1e-2
+    assert schedule().level(500).sigma == pytest.approx(NOISE, rel=0.01)
+    assert schedule().level(999).sigma > 1000
 
 
 @pytest.mark.parametrize(
@@ -191,6 +191,11 @@ def test_micro_batches_change_nothing():
         )
     for other in answers[1:]:
         torch.testing.assert_close(other, answers[0], atol=1e-3, rtol=1e-3)
+
+
+def test_words_are_counted_as_they_are_read(small):
+    with pytest.raises(UsageError, match=f"26 words and this editor reads {WORDS}"):
+        small.check("black-and-white " * 8 + "it all")
 
 
 @pytest.mark.parametrize("prompt", ["", "  ", "?!"])
@@ -265,6 +270,19 @@ def test_weights_come_back_in_half_precision(tmp_path):
 def test_weights_that_are_missing_say_where(tmp_path):
     with pytest.raises(InputError, match=r"nowhere\.safetensors: no such file; train the weights"):
         load_small(tmp_path / "nowhere.safetensors")
+
+
+def test_a_folder_is_no_file_of_weights(tmp_path):
+    with pytest.raises(InputError, match=r"is a folder: give the \.safetensors file in it"):
+        load_small(tmp_path)
+
+
+def test_weights_that_were_written_anew_are_read_anew(tmp_path):
+    path = tmp_path / "tiny.safetensors"
+    for seed in (0, 1):
+        save_small(Small(stirred(seed=seed)), path)
+        found = load_small(path).network.state_dict()["rest.weight"]
+        assert torch.equal(found, stirred(seed=seed).rest.weight.half().float())
 
 
 def test_a_broken_file_is_named(tmp_path):

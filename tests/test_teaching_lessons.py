@@ -7,11 +7,14 @@ from dataclasses import replace
 
 import pytest
 import torch
+from train_small import train
 
-from gsedit.diffusion import SamplerSettings
+from gsedit.diffusion import SamplerSettings, levels_of
 from gsedit.editors import EditProgress
-from gsedit.editors.small import Architecture, Network
-from gsedit.errors import GseditError
+from gsedit.editors.small import Architecture, Network, load_small
+from gsedit.editors.small.denoiser import NOISE, schedule
+from gsedit.editors.small.text import words_of
+from gsedit.errors import GseditError, UsageError
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 from gsedit.teaching import (
     Case,
@@ -27,11 +30,11 @@ from gsedit.teaching import (
 )
 from gsedit.teaching.captured import Column, captured, looked_at, mean_up
 from gsedit.teaching.lessons import NEAR, developed, framed, lessons, mirrored, random_looks
-from gsedit.teaching.phrases import held_out_pair, held_out_prompts, telling_words
+from gsedit.teaching.phrases import PHRASES, held_out_pair, held_out_prompts, telling_words
 from gsedit.teaching.pictures import procedural
 from gsedit.teaching.score import UNEDITED
 from gsedit.teaching.sources import FAR, Stored, store
-from gsedit.teaching.train import HIGH, HIGHEST, LOWEST, noised
+from gsedit.teaching.train import HIGH, HIGHEST, LOWEST, OFTEN, START, loss_of, noised
 from gsedit.teaching.truths import TRUTHS, edited
 from gsedit.views import capture
 
@@ -136,16 +139,66 @@ def test_a_pool_is_made_once(tmp_path):
 # ---- training ------------------------------------------------------------------------------------
 
 
-def test_noise_is_as_the_schedule_has_it(stored):
+def test_noise_is_as_the_schedule_has_it():
     answers, pictures = torch.zeros(4000, 1, 1, 1), torch.ones(4000, 1, 1, 1)
     sigma, x = noised(answers, pictures, seeded())
-    t = 2 / math.pi * torch.atan(sigma / 4)
+    t = 2 / math.pi * torch.atan(sigma / NOISE)
     assert t.min() + 1e-6 >= LOWEST
     assert t.max() <= HIGHEST + 1e-6
-    assert (t > HIGH).float().mean() > 0.4
+    share = OFTEN + (1 - OFTEN) * (HIGHEST - HIGH) / (HIGHEST - LOWEST)
+    assert abs(float((t > HIGH).float().mean()) - share) < 0.03
     b = sigma * (1 + sigma**2).rsqrt()
     low = t < 0.9
     assert abs(float((x.flatten()[low] / b[low]).std()) - 1) < 0.05
+
+
+def test_half_of_the_noisiest_lessons_start_from_the_unedited_picture():
+    answers, pictures = torch.zeros(4000, 1, 1, 1), torch.ones(4000, 1, 1, 1)
+    sigma, x = noised(answers, pictures, seeded())
+    _, without = noised(answers, answers, seeded())
+    a = (1 + sigma**2).rsqrt()
+    shown = (x - without).flatten() / a
+    high = 2 / math.pi * torch.atan(sigma / NOISE) > START
+    assert not shown[~high].any()
+    started = shown[high] > 0.5
+    torch.testing.assert_close(shown[high], started.float(), atol=1e-3, rtol=0)
+    assert abs(float(started.float().mean()) - 0.5) < 0.05
+
+
+def test_the_default_sampling_starts_where_the_training_does():
+    assert levels_of(schedule(), SamplerSettings())[0].t > START * 1000
+
+
+def test_a_step_in_bfloat16_is_near_one_in_float32(stored):
+    torch.manual_seed(0)
+    network, batch = Network(TINY), lessons(stored, 32, 4, 2, seeded())
+    exact, rounded = (
+        loss_of(network, batch, seeded(), TrainSettings(precision=precision))
+        for precision in (torch.float32, torch.bfloat16)
+    )
+    rounded.backward()
+    assert all(p.grad is None or p.grad.isfinite().all() for p in network.parameters())
+    torch.testing.assert_close(rounded, exact, rtol=0.03, atol=0)
+
+
+def test_another_training_is_not_gone_on_with():
+    one, other = (Student(Network(TINY), seeded(), TrainSettings(rate=r)) for r in (1e-3, 2e-3))
+    with pytest.raises(UsageError, match=r"of another training.*delete it, or take another folder"):
+        other.restore(one.state())
+
+
+def test_the_example_trains_and_goes_on(tmp_path):
+    chunks, phases = (Chunk(3, 24, 4, 0),), (Phase(16, 2, 2),)
+    train(tmp_path, chunks, phases, Network(TINY))
+    weights = tmp_path / "small.safetensors"
+    first = load_small(weights).network.state_dict()
+    weights.unlink()
+    train(tmp_path, chunks, phases, Network(TINY))  # done: only what is missing is written
+    again = load_small(weights)
+    assert all(
+        torch.equal(value, first[name]) for name, value in again.network.state_dict().items()
+    )
+    assert "bronze" in again.words
 
 
 def test_a_training_goes_on_exactly_where_it_stopped(stored):
@@ -181,8 +234,11 @@ def test_a_loss_that_is_not_finite_ends_the_training(stored):
     student = Student(Network(TINY), seeded(), FLOAT)
     with torch.no_grad():
         next(student.network.parameters()).fill_(math.nan)
-    with pytest.raises(GseditError, match=r"the loss is nan at step 1: lower the rate \(0\.001\)"):
+    before = student.state()["average"]
+    with pytest.raises(GseditError, match=r"at step 1: lower the rate \(0\.001\)"):
         next(train_steps(student, stored, [Phase(16, 1, 2)]))
+    assert all(torch.equal(v, before[k]) or v.isnan().any() for k, v in before.items())
+    assert student.step == 0
 
 
 # ---- examination ---------------------------------------------------------------------------------
@@ -221,6 +277,21 @@ def test_another_look_is_wrong(stored):
     assert all(each.nearest == ("blue",) for each in scores)
 
 
+def test_the_wrong_partner_is_wrong(stored):
+    sources = stored[torch.arange(3)]
+    asked = Case(sources, ("bronze", "night"), "")
+    right = list(judge(asked, edited(sources, ("bronze", "night"))))
+    wrong = list(judge(asked, edited(sources, ("gold", "night"))))
+    assert all(each.right for each in right)
+    assert all(each.nearest == ("gold", "night") for each in wrong)
+
+
+def test_what_a_look_would_not_change_is_left_out(stored):
+    sources = stored[torch.arange(3)]
+    sources = sources._replace(subject=torch.zeros_like(sources.subject))
+    assert not list(judge(Case(sources, ("red",), ""), sources.image))
+
+
 def test_an_editor_is_examined_picture_by_picture(stored):
     class Truthful:
         name, cell = "truthful", 4
@@ -246,8 +317,18 @@ def test_no_scores_have_no_summary():
 def test_words_that_name_a_look_are_told_from_those_that_do_not():
     words = telling_words()
     assert {"bronze", "snow", "snowy", "sketch", "foggy", "red"} <= words
-    assert not {"a", "it", "the", "make", "in", "statue", "into"} & words
+    assert not {"a", "it", "the", "make", "in", "statue", "into", "and", "put", "up"} & words
     assert all(words & set(name.split("-")) for name in TRUTHS)
+    vague = [f for name in PHRASES for f in PHRASES[name] if not words & set(words_of(f))]
+    assert all({"bright", "dark", "light", "color", "colour"} & set(words_of(f)) for f in vague)
+
+
+@pytest.mark.parametrize("name", TRUTHS)
+def test_the_first_sentences_held_out_use_no_wording_that_is_trained(name):
+    own = name.replace("-", " ")
+    known = [f for f in PHRASES[name] if len(f.split()) > 2 and f != own]
+    for sentence in held_out_prompts((name,))[:2]:
+        assert not [fragment for fragment in known if fragment in sentence]
 
 
 @pytest.fixture(scope="module")

@@ -72,10 +72,11 @@ def _one(scene: Gaussians, view: View, subject: Column) -> Sources:
     mask = subject.holds(points) & solid
     near = depth[mask].median() if mask.any() else depth[solid].median()
     normal = _normals(points, camera.centre.double()) @ _upright(subject.up.double()).T
+    beside = F.max_pool2d((~solid)[None].float(), 3, 1, 1)[0] > 0  # differences reach into nothing
     return Sources(
         image=view.image[None].float(),
         depth=(depth / near).masked_fill(~solid, FAR).clamp(max=FAR)[None, ..., None].float(),
-        normal=(normal * solid[..., None])[None].float(),
+        normal=(normal * ~beside[..., None])[None].float(),
         subject=mask[None, ..., None].float(),
     )
 

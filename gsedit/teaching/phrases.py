@@ -2,7 +2,8 @@
 
 A look has four forms of wording: things ("a bronze statue"), states ("made of bronze"), orders
 ("give {it} a bronze finish") and changes that fit "make it ..." ("bronze"). Sentences for training
-and held-out sentences take different wordings, nouns and frames, so they never meet.
+and held-out sentences take different wordings and frames (and nouns, of a subject's look), so they
+never meet.
 """
 
 from __future__ import annotations
@@ -229,7 +230,7 @@ WORDINGS: dict[str, Wording] = {
         "in the style of pop art | in pop art style | printed as pop art",
         "make a pop art poster of {it} | print it as pop art | posterize it",
         "pop art | look like pop art | a pop art poster",
-        "printed on a pop art poster | with pop art colors | +make it into a print of pop art",
+        "printed like pop art posters | with pop art colors | +make it into a print of pop art",
     ),
     "blueprint": _worded(
         "a blueprint | a blueprint drawing | an architect's blueprint",
@@ -243,7 +244,7 @@ WORDINGS: dict[str, Wording] = {
         "in black and white | in monochrome | in greyscale | without color",
         "remove the colors | remove the colours | take all the colour out",
         "black and white | monochrome | grayscale",
-        "with no color but black and white | in black and white style | +use only black and white",
+        "with no color but black and white | shot on black and white film | +use only black and white",
     ),
     "sepia": _worded(
         "a sepia photo | an old sepia photograph | a vintage photo",
@@ -332,6 +333,14 @@ PHRASES: dict[str, tuple[str, ...]] = {
 
 COMMON = 3
 """A word that is said of more looks than this does not tell which one is meant."""
+IDLE = frozenset(
+    (
+        *("after", "age", "all", "among", "and", "at", "bit", "by", "down", "during", "fill"),
+        *("have", "increase", "into", "is", "more", "move", "much", "over", "put", "raise", "s"),
+        *("seen", "show", "take", "to", "under", "up", "without"),
+    )
+)
+"""Words that are said of few looks and mean none of them."""
 
 
 def telling_words() -> frozenset[str]:
@@ -339,7 +348,7 @@ def telling_words() -> frozenset[str]:
     said = Counter(
         word for name in PHRASES for word in {*words_of(" ".join(PHRASES[name])), *words_of(name)}
     )
-    return frozenset(word for word, looks in said.items() if looks <= COMMON)
+    return frozenset(word for word, looks in said.items() if looks <= COMMON) - IDLE
 
 
 NOUNS = (
@@ -388,7 +397,8 @@ def training_prompt(names: Sequence[str], generator: torch.Generator) -> str:
 
 
 def held_out_prompts(names: Sequence[str]) -> tuple[str, ...]:
-    """Sentences that `training_prompt` never says: other wordings, other frames, other nouns."""
+    """Sentences that `training_prompt` never says: first those in wordings that it does not know,
+    then known ones in frames that it does not know. A subject's have nouns of their own."""
     ordered = sorted(names, key=lambda name: TRUTHS[name].scope == "scene")
     singles = [tuple(_held_out_single(name)) for name in ordered]
     if len(singles) == 1:
@@ -401,8 +411,7 @@ def held_out_prompts(names: Sequence[str]) -> tuple[str, ...]:
 def _held_out_single(name: str) -> Iterable[str]:
     wording = WORDINGS[name]
     nouns = itertools.cycle(HELD_OUT_NOUNS if TRUTHS[name].scope == "subject" else ("it", "this"))
-    held_things = wording.held_things or wording.things[:1]
-    for look, frame in zip(held_things, itertools.cycle(HELD_THING_FRAMES)):
+    for look, frame in zip(wording.held_things, itertools.cycle(HELD_THING_FRAMES)):
         yield frame.format(look=look, it=next(nouns))
     for look, frame in zip(wording.held_states, itertools.cycle(HELD_STATE_FRAMES)):
         yield frame.format(look=look, it=next(nouns))

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, fields
 from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 
 import torch
@@ -37,7 +38,7 @@ def pool(folder: Path, chunks: Sequence[Chunk], processes: int = 1) -> Stored:
     folder.mkdir(parents=True, exist_ok=True)
     missing = [chunk for chunk in chunks if not (folder / chunk.name).exists()]
     if missing and processes > 1:
-        with ProcessPoolExecutor(processes, initializer=_alone) as workers:
+        with ProcessPoolExecutor(processes, get_context("spawn"), _alone) as workers:
             list(workers.map(partial(_make, folder), missing))
     else:
         for chunk in missing:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
@@ -35,13 +36,16 @@ class Score(NamedTuple):
     names: tuple[str, ...]
     prompt: str
     nearest: tuple[str, ...]
-    """The looks whose true edit is nearest, of all single looks, the unedited and those asked."""
+    """The looks whose true edit is nearest: of all single looks and the unedited picture, and for
+    a pair of every pair that shares one look with it."""
     gain: float
     """By how many dB it is nearer to its true edit than the unedited picture is."""
     error: float
     """RMSE to the true edit."""
     kept: float | None
     """PSNR to the unedited picture outside the subject, dB; None where all of it may change."""
+    seconds: float = 0.0
+    """That the edit took."""
 
     @property
     def right(self) -> bool:
@@ -58,27 +62,37 @@ class Summary(NamedTuple):
     """Mean, dB."""
     kept: float | None
     """Of the mean squared error, dB."""
+    seconds: float
+    """Mean."""
 
 
 def score(
     editor: Editor, cases: Iterable[Case], settings: SamplerSettings, seed: int = 0
 ) -> Iterator[Score]:
-    """Edit every case's pictures, each on its own, and compare."""
+    """Edit every case's pictures, each on its own, and compare.
+
+    Pictures that the look would not change (no subject in sight, say) are left out.
+    """
     generator = torch.Generator().manual_seed(seed)
     for case in cases:
         images = case.sources.image
         batch = EditBatch(images=images, originals=images, prompt=case.prompt, seed=seed)
+        began = time.perf_counter()
         *_, last = editor.edit(batch, settings, generator)
+        seconds = (time.perf_counter() - began) / len(images)
         assert last.images is not None
-        yield from judge(case, last.images)
+        for each in judge(case, last.images):
+            yield each._replace(seconds=seconds)
 
 
 def judge(case: Case, found: Float[Tensor, "n h w 3"]) -> Iterator[Score]:
     """A score for each picture that was made of the case's."""
     options: dict[tuple[str, ...], Tensor] = {(UNEDITED,): case.sources.image}
-    options |= {(name,): edited(case.sources, (name,)) for name in TRUTHS}
+    options |= {names: edited(case.sources, names) for names in _others(case.names)}
     options[case.names] = edited(case.sources, case.names)
     for i, image in enumerate(found):
+        if torch.equal(options[case.names][i], case.sources.image[i]):
+            continue
         errors = {names: float((image - at[i]).square().mean()) for names, at in options.items()}
         truth, before = options[case.names][i], case.sources.image[i]
         kept = None
@@ -95,6 +109,15 @@ def judge(case: Case, found: Float[Tensor, "n h w 3"]) -> Iterator[Score]:
         )
 
 
+def _others(names: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
+    """What else it might have been."""
+    yield from ((name,) for name in TRUTHS)
+    for i, name in enumerate(names if len(names) == 2 else ()):
+        for other in TRUTHS:
+            if TRUTHS[other].scope == TRUTHS[name].scope:
+                yield (other, names[1]) if i == 0 else (names[0], other)
+
+
 def summary(scores: Sequence[Score]) -> Summary:
     """Shares and means. Raises ValueError for no scores."""
     if not scores:
@@ -105,4 +128,5 @@ def summary(scores: Sequence[Score]) -> Summary:
         sum(each.right for each in scores) / len(scores),
         sum(each.gain for each in scores) / len(scores),
         decibels(math.sqrt(sum(kept) / len(kept))) if kept else None,
+        sum(each.seconds for each in scores) / len(scores),
     )

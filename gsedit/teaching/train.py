@@ -17,7 +17,7 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.editors.small.denoiser import NOISE
+from gsedit.editors.small.denoiser import sigma_at
 from gsedit.editors.small.network import CELL, SPREAD, Network, Seen
 from gsedit.editors.small.text import tokenise
 from gsedit.errors import GseditError, UsageError
@@ -62,7 +62,8 @@ class TrainSettings:
     keep: float = 0.999
     """Of the moving average of the weights, which is what is used in the end."""
     drop: float = 0.05
-    """Shares of lessons without text, without picture, and without both (InstructPix2Pix)."""
+    """Share of pictures that are not shown with their text, and the same without; and of what is
+    shown, the share without text (InstructPix2Pix drops 5 % of each)."""
     sight: float = 0.1
     """Weight of what the eye missees: about that of the edit's error at the start."""
     precision: torch.dtype = torch.bfloat16
@@ -96,13 +97,24 @@ class Student:
         )
         self.step = 0
 
+    @property
+    def kind(self) -> str:
+        """What must not change on the way."""
+        return f"{self.network.architecture}, {self.settings}"
+
     def state(self) -> dict[str, Any]:
         """To be saved, and given to `restore` of a student that was made alike."""
         parts = {name: getattr(self, name).state_dict() for name in PARTS}
-        return parts | {"step": self.step, "generator": self.generator.get_state()}
+        told = {"step": self.step, "generator": self.generator.get_state(), "kind": self.kind}
+        return parts | told
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Go on from there, exactly."""
+        """Go on from there, exactly. Raises UsageError if that was another kind of training."""
+        if state["kind"] != self.kind:
+            raise UsageError(
+                f"what was kept is of another training ({state['kind']}, this is {self.kind}): "
+                "delete it, or take another folder"
+            )
         for name in PARTS:
             getattr(self, name).load_state_dict(state[name])
         self.generator.set_state(state["generator"])
@@ -126,15 +138,16 @@ def train_steps(student: Student, stored: Stored, phases: Sequence[Phase]) -> It
         loss = loss_of(student.network, batch, student.generator, s)
         student.optimiser.zero_grad()
         loss.backward()
-        torch.nn.utils.clip_grad_norm_(student.network.parameters(), CLIP)
+        norm = torch.nn.utils.clip_grad_norm_(student.network.parameters(), CLIP)
+        found = float(loss.detach())
+        if not math.isfinite(found + float(norm)):  # before anything is changed by it
+            raise GseditError(
+                f"the loss is {found} and its gradient {float(norm)} at step {student.step + 1}: "
+                f"lower the rate ({s.rate:g})"
+            )
         student.optimiser.step()
         student.step += 1
         _follow(student, min(s.keep, (1 + student.step) / (10 + student.step)))
-        found = float(loss.detach())
-        if not math.isfinite(found):
-            raise GseditError(
-                f"the loss is {found} at step {student.step}: lower the rate ({s.rate:g})"
-            )
         yield Trained(student.step, total, found, time.monotonic() - began)
 
 
@@ -158,7 +171,7 @@ def loss_of(
     no_text = lost < torch.where(no_picture, 0.5, s.drop)
     prompts = ["" if drop else prompt for drop, prompt in zip(no_text.tolist(), batch.prompts)]
     fast = s.precision != torch.float32
-    with torch.autocast("cpu", dtype=torch.bfloat16, enabled=fast):
+    with torch.autocast("cpu", dtype=s.precision, enabled=fast):
         once = network.look(looked, (~blind).float())
         seen = Seen(*(part.repeat_interleave(edits, 0) for part in once))
         told = network.text(tokenise(prompts))
@@ -191,7 +204,7 @@ def noised(
     u, often = torch.rand(2, len(answers), generator=generator)
     lowest = torch.where(often < OFTEN, HIGH, LOWEST)
     t = lowest + (HIGHEST - lowest) * u
-    sigma = NOISE * (t * torch.pi / 2).tan()
+    sigma = sigma_at(t)
     unedited = (t > START) & (torch.rand(len(answers), generator=generator) < 0.5)
     clean = torch.where(unedited[:, None, None, None], pictures, answers)
     a = (1 + sigma**2).rsqrt()[:, None, None, None]

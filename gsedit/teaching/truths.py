@@ -1,7 +1,8 @@
 """The edits that the small model learns: what a picture must become, by the name of the look.
 
 A look is a smooth function of a pixel's colour, normal and depth, with blurs relative to the
-picture's size: one surface point becomes one colour in every view, at every resolution.
+picture's size: nearly one colour for a surface point in every view, at every resolution. (Skies and
+water grow darker by the picture's rows; materials start from the subject's mean brightness.)
 `n` pictures of `h w` pixels, sRGB in [0, 1]; shares are in [0, 1].
 """
 

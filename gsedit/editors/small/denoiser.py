@@ -31,11 +31,16 @@ def schedule() -> Schedule:
 
     A cell's pixels are alike, and so are neighbouring cells: their mean shows through noise that
     hides each of them, the more so the larger the picture (Hoogeboom et al. 2023, section 2.1).
-    At the start of strength 0.98 sigma is 127: a render that is noised so far holds no more than a
-    breath of its mean colour.
+    The default 20 steps start at sigma 37, where a render still shows through by its mean colour;
+    training takes care of that (see gsedit.teaching.train.noised).
     """
     t = torch.arange(1, STEPS + 1, dtype=torch.float64) / (STEPS + 1)
-    return Schedule(1 / (1 + (NOISE * (t * torch.pi / 2).tan()) ** 2))
+    return Schedule(1 / (1 + sigma_at(t) ** 2))
+
+
+def sigma_at(t: Float[Tensor, " t"]) -> Float[Tensor, " t"]:
+    """Of times from 0 to 1, both excluded."""
+    return NOISE * (t * torch.pi / 2).tan()
 
 
 class Condition(NamedTuple):
@@ -78,8 +83,8 @@ class Small:
 
     def check(self, prompt: str) -> None:
         """Raise UsageError for an instruction without words, or with more than are read."""
-        words = len(prompt.split())
-        if not tokenise([prompt]).words.any():
+        words = len(words_of(prompt))
+        if not words:
             raise UsageError('the instruction is empty: say what to change, e.g. "make it snow"')
         if words > WORDS:
             raise UsageError(
@@ -126,7 +131,7 @@ class Small:
     def branches(
         self, x: Float[Tensor, "v c y x"], t: float, condition: Condition, need: Need
     ) -> Branches:
-        """A pass a view for each of (text, picture), (null, picture), (null, nothing) in need."""
+        """One pass for (text, picture), (null, picture), (null, nothing), as far as in need."""
         parts = torch.arange(len(x)).split(self.micro_batch)
         chunks = [self._answers(x, rows, t, condition, need) for rows in parts]
         predicted = iter(torch.cat(branch) for branch in zip(*chunks))
@@ -179,17 +184,18 @@ def save_small(small: Small, path: Path, metadata: Mapping[str, str] | None = No
         temporary.write_bytes(save(halves, told))
 
 
-@lru_cache(maxsize=2)
 def load_small(path: Path | None = None) -> Small:
     """The editor of these weights; None: those beside this file, if there are any.
 
     Raises InputError for a file that is missing, broken or of another network.
     """
     path = path or WEIGHTS
-    if not path.is_file():
+    if path.is_dir():
+        raise InputError(f"{path} is a folder: give the .safetensors file in it")
+    if not path.exists():
         raise InputError(f"{path}: no such file; {ANEW}")
     try:
-        return _load(path)
+        return _load(path.resolve(), path.stat().st_mtime_ns)
     except Exception as error:  # safetensors, json and torch raise their own, without a common base
         reason = next(iter(str(error).strip().splitlines()), type(error).__name__)
         raise InputError(
@@ -197,7 +203,9 @@ def load_small(path: Path | None = None) -> Small:
         ) from error
 
 
-def _load(path: Path) -> Small:
+@lru_cache(maxsize=2)
+def _load(path: Path, written: int) -> Small:
+    """`written` tells one file from the next of its name."""
     from safetensors import safe_open
 
     with safe_open(path, framework="pt") as file:

@@ -34,6 +34,7 @@ from gsedit.editors.small.text import TextEncoder
 CELL = 4
 CHANNELS = 3 * CELL * CELL
 SPREAD = 0.15  # of values in [-1, 1]: about how far off the network's mean is where it is unsure
+TAUGHT = (0.02, 360.0)  # of sigma: the range of gsedit.teaching.train
 LOUD = 4.0  # noise of a sigma above this is turned down before the hand sees it
 SEEN = 3  # what the eye is taught of every pixel: subject, depth, height of the normal
 WAVES = 16  # frequencies of the noise level's embedding
@@ -247,7 +248,8 @@ def _modulated(h: Float[Tensor, "b c y x"], told: Float[Tensor, "b d"]) -> Tenso
 
 
 def _waves(sigma: Float[Tensor, " b"]) -> Float[Tensor, "b e"]:
-    """log sigma at frequencies that tell a thousandth from a million."""
+    """log sigma at frequencies that tell a hundredth from a hundred. Beyond what is ever taught it
+    is as at the last sigma that is."""
     frequencies = torch.exp(torch.linspace(math.log(0.1), math.log(10.0), WAVES)).to(sigma)
-    angles = sigma.log()[:, None] * frequencies
+    angles = sigma.clamp(*TAUGHT).log()[:, None] * frequencies
     return torch.cat((angles.cos(), angles.sin()), 1)

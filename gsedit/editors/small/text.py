@@ -19,9 +19,9 @@ import torch.nn.functional as F
 from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
-ROWS = 8192  # of the table; 0 is padding. The training words have some 5000 pieces
+ROWS = 8192  # of the table; 0 is padding
 WORDS = 24  # of a sentence that are read; instructions have about ten
-PIECES = 24  # of a word: its own and those of 10 letters
+PIECES = 24  # of a word: its own and those of 8 letters; of longer ones the first
 LENGTHS = (3, 4, 5)
 
 
@@ -38,8 +38,8 @@ class Tokens(NamedTuple):
 
 
 def words_of(sentence: str) -> list[str]:
-    """The words that are read, lower case."""
-    return re.findall(r"[^\W_]+", sentence.lower())[:WORDS]
+    """Its words, lower case; of a sentence the first WORDS are read."""
+    return re.findall(r"[^\W_]+", sentence.lower())
 
 
 @lru_cache(maxsize=1 << 14)
@@ -55,7 +55,7 @@ def tokenise(sentences: Sequence[str]) -> Tokens:
     """Any text; an empty sentence has no words."""
     pieces = torch.zeros(len(sentences), WORDS, PIECES, dtype=torch.int64)
     for table, sentence in zip(pieces, sentences):
-        for row, word in zip(table, words_of(sentence)):
+        for row, word in zip(table, words_of(sentence)[:WORDS]):
             found = pieces_of(word)
             row[: len(found)] = torch.tensor(found)
     return Tokens(pieces)
