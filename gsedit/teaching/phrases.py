@@ -244,7 +244,7 @@ WORDINGS: dict[str, Wording] = {
         "in black and white | in monochrome | in greyscale | without color",
         "remove the colors | remove the colours | take all the colour out",
         "black and white | monochrome | grayscale",
-        "with no color but black and white | shot on black and white film | +use only black and white",
+        "with no color but black and white | on black and white film | +use only black and white",
     ),
     "sepia": _worded(
         "a sepia photo | an old sepia photograph | a vintage photo",
