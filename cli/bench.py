@@ -188,13 +188,14 @@ def sampler(
     check_folder(out, force)
     common.apply()
 
-    from gsedit.bench import sampler as measured
+    from gsedit.bench import sampler_rows as told
+    from gsedit.bench.sampler import measure
     from gsedit.bench.sampler_plots import sweep_plot, work_precision
     from gsedit.files import atomic_path
 
-    journal = Journal(out / "bench.jsonl", measured.write_row)
-    journal.follow(measured.measure(quick=quick, runs=runs), measured.as_record, common)
-    table = measured.table(journal.rows)
+    journal = Journal(out / "bench.jsonl", told.write_row)
+    journal.follow(measure(quick=quick, runs=runs), told.as_record, common)
+    table = told.table(journal.rows)
     with atomic_path(out / "bench.md", overwrite=True) as temporary:
         temporary.write_text(table, encoding="utf-8")
     work_precision(journal.rows, out / "evaluations.png", "evaluations", overwrite=True)

@@ -9,9 +9,9 @@ import torch
 
 from gsedit.bench import sampler
 from gsedit.bench.curves import slope
-from gsedit.bench.sampler import SamplerRow, as_record, table, write_row
 from gsedit.bench.sampler_plots import sweep_plot, work_precision
 from gsedit.bench.sampler_problems import crops, network, picture_scene, texture_scene
+from gsedit.bench.sampler_rows import SamplerRow, as_record, table, write_row
 from gsedit.diffusion import Need, SamplerSettings
 
 

@@ -9,17 +9,15 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import replace
 from datetime import datetime, timezone
 from functools import partial
-from itertools import chain, groupby, product
-from typing import IO, Literal
+from itertools import chain, product
 
 import torch
 from torch import Tensor
 
 from gsedit.bench.measure import commit, machine, timed, timed_together
-from gsedit.bench.rows import markdown
 from gsedit.bench.sampler_problems import (
     Network,
     Problem,
@@ -31,6 +29,7 @@ from gsedit.bench.sampler_problems import (
     texture_scene,
     truth,
 )
+from gsedit.bench.sampler_rows import SamplerRow
 from gsedit.diffusion import (
     Level,
     Need,
@@ -43,9 +42,8 @@ from gsedit.diffusion import (
 )
 from gsedit.diffusion.machine import InBfloat16, has_bfloat16, relative_error
 from gsedit.errors import UsageError
-from gsedit.report import Event, without_nan, write_line
+from gsedit.report import Event
 
-Study = Literal["solver", "stiff", "consensus", "cost"]
 SOLVERS: tuple[Solver, ...] = ("ddim", "heun", "dpm++2m")
 WIDTHS = (1.0, 1e-1, 1e-2, 1e-3, 1e-4)
 GUIDANCE = (1.0, 7.5, 30.0)
@@ -53,36 +51,6 @@ STEPS = (5, 10, 20, 40, 80, 160, 320)
 FIRST = Schedule.scaled_linear().level(999).sigma
 GONE = 10.0
 """Of the data's standard deviation: a result farther from the truth has left the data."""
-
-
-@dataclass(frozen=True)
-class SamplerRow:
-    """One measurement; None where it does not apply."""
-
-    study: Study
-    problem: str
-    variant: str
-    """The solver, or the way of agreeing, or what was timed."""
-    steps: int
-    evaluations: int
-    seconds: float
-    yardstick: float | None = None
-    """Seconds of torch.exp over 10^8 numbers, beside it."""
-    error: float | None = None
-    disagreement: float | None = None
-    """RMS difference of corresponding cells from their mean, in the units of the result."""
-    contrast: float | None = None
-    """Standard deviation inside a view, over that of views sampled alone."""
-    strength: float | None = None
-    """RMS difference from the unedited views."""
-    t_end: float | None = None
-    overhead: float | None = None
-    """Our loop's seconds over those of the bare network calls, less 1."""
-    note: str = ""
-    threads: int = 0
-    commit: str = ""
-    machine: str = ""
-    date: str = ""
 
 
 def measure(*, quick: bool = False, runs: int = 5) -> Iterator[Event | SamplerRow]:
@@ -330,86 +298,3 @@ def _bare(model: Network, x: Tensor, times: list[float]) -> Callable[[], None]:
 
 def _rms(x: Tensor) -> float:
     return float(x.double().square().mean().sqrt())
-
-
-# --- rows as text ---
-
-
-def write_row(file: IO[str], row: SamplerRow) -> None:
-    """Append a row as one JSON line; NaN and infinity are null."""
-    write_line(file, as_record(row))
-
-
-def as_record(row: SamplerRow) -> dict[str, object]:
-    """The fields by name, without numbers that JSON lacks."""
-    return without_nan(asdict(row))
-
-
-COLUMNS = {
-    "solver": ("error", "seconds"),
-    "stiff": ("error", "note"),
-    "consensus": ("disagreement", "contrast", "strength", "seconds"),
-    "cost": ("seconds", "overhead", "error", "note"),
-}
-TITLES = {
-    "solver": "Error against the exact path, standard deviations of the data",
-    "stiff": "Extremes, float32: distance from the nearest component, standard deviations",
-    "consensus": "Agreement, contrast kept and edit strength",
-    "cost": "Cost",
-}
-
-
-def table(rows: Iterable[SamplerRow]) -> str:
-    """Markdown: a heading and a table a study. Solver errors stand beside each other by steps."""
-    parts = []
-    for study, found in groupby(rows, key=lambda row: row.study):
-        group = list(found)
-        parts.append(f"## {TITLES[study]}")
-        match study:
-            case "solver":
-                parts.append(_across(group, "evaluations", lambda row: row.variant))
-            case "stiff":
-                parts.append(_across(group, "steps", lambda row: row.variant))
-            case _:
-                parts.append(_plain(group, COLUMNS[study]))
-        if study == "solver":
-            parts.append("Columns: evaluations of the network, of all branches at once.")
-    if not parts:
-        return "Nothing was measured.\n"
-    first = f"{machine()}, {torch.get_num_threads()} threads, commit {commit()}"
-    return "\n\n".join((first, *parts)) + "\n"
-
-
-def _across(rows: list[SamplerRow], column: str, variant: Callable[[SamplerRow], str]) -> str:
-    """A line a problem and solver, its errors in columns."""
-    columns = sorted({getattr(row, column) for row in rows})
-    cells: dict[tuple[str, str], dict[int, str]] = {}
-    for row in rows:
-        cells.setdefault((row.problem, variant(row)), {})[getattr(row, column)] = _error(row)
-    lines = [
-        [f"{problem}: {solver}", *(found.get(c, "") for c in columns)]
-        for (problem, solver), found in cells.items()
-    ]
-    return markdown(("", *map(str, columns)), lines)
-
-
-def _error(row: SamplerRow) -> str:
-    return row.note if row.error is None else f"{row.error:.1e}" + "!" * bool(row.note)
-
-
-def _plain(rows: list[SamplerRow], columns: tuple[str, ...]) -> str:
-    head = ("", "steps", *columns)
-    return markdown(head, [[_name(row), str(row.steps), *_values(row, columns)] for row in rows])
-
-
-def _name(row: SamplerRow) -> str:
-    at = "" if row.t_end is None else f" {row.t_end:g}"
-    return f"{row.problem}{at}: {row.variant}"
-
-
-def _values(row: SamplerRow, columns: tuple[str, ...]) -> list[str]:
-    def told(value: object) -> str:
-        return "" if value is None else f"{value:.3g}" if isinstance(value, float) else str(value)
-
-    known = {field.name for field in fields(SamplerRow)}
-    return [told(getattr(row, column)) for column in columns if column in known]

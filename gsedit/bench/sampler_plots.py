@@ -7,7 +7,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, Literal
 
-from gsedit.bench.sampler import SamplerRow
+from gsedit.bench.sampler_rows import SamplerRow
 from gsedit.files.atomic import atomic_path
 
 Cost = Literal["evaluations", "seconds"]
