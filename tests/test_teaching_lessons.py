@@ -13,7 +13,7 @@ from gsedit.diffusion import SamplerSettings, levels_of
 from gsedit.editors import EditProgress
 from gsedit.editors.small import Architecture, Network, load_small
 from gsedit.editors.small.denoiser import NOISE, schedule
-from gsedit.editors.small.text import words_of
+from gsedit.editors.small.text import WORDS, words_of
 from gsedit.errors import GseditError, UsageError
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 from gsedit.teaching import (
@@ -30,7 +30,14 @@ from gsedit.teaching import (
 )
 from gsedit.teaching.captured import Column, captured, looked_at, mean_up
 from gsedit.teaching.lessons import NEAR, developed, framed, lessons, mirrored, random_looks
-from gsedit.teaching.phrases import PHRASES, held_out_pair, held_out_prompts, telling_words
+from gsedit.teaching.phrases import (
+    PHRASES,
+    garbled,
+    held_out_pair,
+    held_out_prompts,
+    telling_words,
+    training_prompt,
+)
 from gsedit.teaching.pictures import procedural
 from gsedit.teaching.score import UNEDITED
 from gsedit.teaching.sources import FAR, Stored, store
@@ -188,12 +195,12 @@ def test_another_training_is_not_gone_on_with():
 
 
 def test_the_example_trains_and_goes_on(tmp_path):
-    chunks, phases = (Chunk(3, 24, 4, 0),), (Phase(16, 2, 2),)
-    train(tmp_path, chunks, phases, Network(TINY))
+    chunks, rounds = (Chunk(3, 24, 4, 0),), [(Phase(16, 1, 2),), (Phase(16, 1, 2, rate=0.5),)]
+    train(tmp_path, chunks, rounds, Network(TINY))
     weights = tmp_path / "small.safetensors"
     first = load_small(weights).network.state_dict()
     weights.unlink()
-    train(tmp_path, chunks, phases, Network(TINY))  # done: only what is missing is written
+    train(tmp_path, chunks, rounds, Network(TINY))  # done: only what is missing is written
     again = load_small(weights)
     assert all(
         torch.equal(value, first[name]) for name, value in again.network.state_dict().items()
@@ -206,16 +213,32 @@ def test_a_training_goes_on_exactly_where_it_stopped(stored):
         torch.manual_seed(0)
         return Student(Network(TINY), seeded(), FLOAT)
 
-    phases = [Phase(16, 2, 3), Phase(24, 2, 2)]
+    rounds = [Phase(16, 2, 3), Phase(24, 1, 2)], [Phase(16, 1, 3)]
     whole, first, second = student(), student(), student()
-    losses = [trained.loss for trained in train_steps(whole, stored, phases)]
-    steps = train_steps(first, stored, phases)
+    losses = [trained.loss for trained in train_steps(whole, stored, *rounds)]
+    steps = train_steps(first, stored, *rounds)
     before = [next(steps).loss for _ in range(3)]
     second.restore(first.state())
-    after = [trained.loss for trained in train_steps(second, stored, phases)]
+    after = [trained.loss for trained in train_steps(second, stored, *rounds)]
     assert before + after == losses
     for one, two in zip(whole.average.parameters(), second.average.parameters()):
         assert torch.equal(one, two)
+
+
+def test_a_phase_may_take_fewer_pictures(stored):
+    def loss(given: Stored, **options: int) -> float:
+        torch.manual_seed(0)
+        student = Student(Network(TINY), seeded(), FLOAT)
+        return next(train_steps(student, given, [Phase(16, 1, 4, **options)])).loss
+
+    assert loss(stored, pictures=2) == loss(stored.first(2)) != loss(stored)
+
+
+def test_the_rate_rises_and_falls_once_a_round(stored):
+    student = Student(Network(TINY), seeded(), TrainSettings(rate=1e-3, warm_up=2))
+    rounds = [Phase(16, 3, 1), Phase(16, 1, 1)], [Phase(16, 4, 1, rate=0.5)]
+    rates = [student.optimiser.param_groups[0]["lr"] for _ in train_steps(student, stored, *rounds)]
+    assert rates == pytest.approx([5e-4, 1e-3, 1e-3, 5e-4, 2.5e-4, 5e-4, 5e-4, 2.5e-4])
 
 
 def test_a_minute_of_training_is_learned_from():
@@ -312,6 +335,25 @@ def test_an_editor_is_examined_picture_by_picture(stored):
 def test_no_scores_have_no_summary():
     with pytest.raises(ValueError, match="no scores"):
         summary([])
+
+
+@pytest.mark.parametrize("name", TRUTHS)
+def test_a_stranger_s_words_ask_for_the_same(name):
+    generator, told = seeded(), telling_words()
+    plain = [training_prompt((name,), generator) for _ in range(20)]
+    strange = [garbled(sentence, generator) for sentence in plain]
+    for sentence, other in zip(plain, strange):
+        telling = [word for word in words_of(sentence) if word in told]
+        assert [word for word in words_of(other) if word in told] == telling
+        assert telling or other == sentence
+        assert len(words_of(other)) <= WORDS
+    assert sum(a != b for a, b in zip(plain, strange)) > 10
+
+
+def test_strange_lessons_are_the_same_lessons(stored):
+    plain, strange = (lessons(stored, 16, 4, 2, seeded(), share) for share in (0.0, 1.0))
+    assert torch.equal(plain.answers, strange.answers)
+    assert plain.prompts != strange.prompts
 
 
 def test_words_that_name_a_look_are_told_from_those_that_do_not():

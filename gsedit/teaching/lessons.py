@@ -12,7 +12,7 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.teaching.phrases import held_out_pair, training_prompt
+from gsedit.teaching.phrases import garbled, held_out_pair, pick, training_prompt
 from gsedit.teaching.sources import Sources, Stored, cat
 from gsedit.teaching.truths import TRUTHS, Draw, edited
 
@@ -40,10 +40,17 @@ class Lessons(NamedTuple):
 
 
 def lessons(
-    stored: Stored, size: int, count: int, edits: int, generator: torch.Generator
+    stored: Stored,
+    size: int,
+    count: int,
+    edits: int,
+    generator: torch.Generator,
+    strange: float = 0.0,
+    borrowed: float = 0.0,
 ) -> Lessons:
     """Parts of `count` random pictures, `size` pixels square and differently exposed, each with
-    `edits` instructions: a random look or two in random words."""
+    `edits` instructions: a random look or two in random words, a share of them `strange` (see
+    garbled, and there `borrowed`)."""
     index = torch.randint(len(stored), (count,), generator=generator)
     sources = cat([framed(stored[i], size, generator) for i in index[:, None]])
     sources = sources._replace(image=developed(sources.image, generator))
@@ -54,9 +61,15 @@ def lessons(
         edited(sources.rows(torch.tensor([i // edits])), each, Draw.random(generator))
         for i, each in enumerate(names)
     ]
-    prompts = tuple(training_prompt(each, generator) for each in names)
+    prompts = [training_prompt(each, generator) for each in names]
+    if strange:
+        drawn = torch.rand(len(prompts), generator=generator) < strange
+        prompts = [
+            garbled(prompt, generator, borrowed) if odd else prompt
+            for prompt, odd in zip(prompts, drawn.tolist())
+        ]
     geometry = (sources.subject, 1 / sources.depth.clamp_min(NEAR), sources.normal[..., 2:])
-    return Lessons(sources.image, prompts, torch.cat(answers), torch.cat(geometry, -1))
+    return Lessons(sources.image, tuple(prompts), torch.cat(answers), torch.cat(geometry, -1))
 
 
 def random_looks(generator: torch.Generator) -> tuple[str, ...]:
@@ -64,9 +77,9 @@ def random_looks(generator: torch.Generator) -> tuple[str, ...]:
     kind = float(torch.rand((), generator=generator))
     if kind >= PAIRED:
         share = (kind - PAIRED) / (1 - PAIRED)
-        return (_one(SUBJECT_LOOKS if share < SUBJECT else SCENE_LOOKS, generator),)
+        return (pick(SUBJECT_LOOKS if share < SUBJECT else SCENE_LOOKS, generator),)
     while True:
-        pair = _one(SUBJECT_LOOKS, generator), _one(SCENE_LOOKS, generator)
+        pair = pick(SUBJECT_LOOKS, generator), pick(SCENE_LOOKS, generator)
         if not held_out_pair(*pair):
             return pair
 
@@ -78,10 +91,10 @@ def framed(sources: Sources, size: int, generator: torch.Generator) -> Sources:
     side = round(share * min(height, width))
     top = int(torch.randint(height - side + 1, (), generator=generator))
     left = int(torch.randint(width - side + 1, (), generator=generator))
-    stacked = torch.cat(sources, -1)[:, top : top + side, left : left + side].movedim(-1, 1)
-    resized = F.interpolate(stacked, (size, size), mode="bilinear", antialias=True)
-    image, depth, normal, subject = resized.movedim(1, -1).split((3, 1, 3, 1), -1)
-    return Sources(image, depth, F.normalize(normal, dim=-1), subject)
+    part = (..., slice(top, top + side), slice(left, left + side))
+    return sources.mapped(
+        lambda planes: F.interpolate(planes[part], (size, size), mode="bilinear", antialias=True)
+    )
 
 
 def developed(
@@ -104,7 +117,3 @@ def developed(
 def mirrored(sources: Sources) -> Sources:
     """Left and right exchanged; of normals the height is kept, and no look asks for more."""
     return Sources(*(field.flip(2) for field in sources))
-
-
-def _one(names: tuple[str, ...], generator: torch.Generator) -> str:
-    return names[int(torch.randint(len(names), (), generator=generator))]

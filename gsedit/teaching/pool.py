@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -52,14 +52,8 @@ def _make(folder: Path, chunk: Chunk) -> None:
     if chunk.traced:
         made.append(store(traced(chunk.traced, chunk.size, generator)))
     with atomic_path(folder / chunk.name, overwrite=True) as temporary:
-        save_file(_tensors(cat_stored(made)), temporary)
-
-
-def _tensors(stored: Stored) -> dict[str, torch.Tensor]:
-    return {
-        name: getattr(stored, name).contiguous()
-        for name in (field.name for field in fields(stored))
-    }
+        columns = vars(cat_stored(made)).items()
+        save_file({name: column.contiguous() for name, column in columns}, temporary)
 
 
 def _alone() -> None:

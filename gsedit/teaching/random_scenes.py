@@ -10,7 +10,7 @@ from math import cos, pi, radians, sin
 from typing import NamedTuple
 
 import torch
-from jaxtyping import Float
+import torch.nn.functional as F
 from torch import Tensor
 
 from gsedit.synthetic.paint import Paint, checker, lit, mix, parts, plain, stripes, tiles, waves
@@ -204,18 +204,15 @@ def _pictured(view: Staged, camera: Camera, size: int) -> Sources:
         subject = subject.clone()
         subject[seen.hit] = view.subject(points) < view.surroundings(points)
     fields = (seen.image, depth[..., None], seen.normal, subject[..., None])
-    image, depth, normal, share = (_pooled(field.float(), size)[None] for field in fields)
-    normal = torch.nn.functional.normalize(normal, dim=-1)
-    return Sources(image.clamp(0, 1), depth.clamp_max(FAR), normal, share.clamp(0, 1))
-
-
-def _pooled(fine: Float[Tensor, "s s c"], size: int) -> Float[Tensor, "t t c"]:
-    """Averaged down, each pixel over the rays around it."""
-    planes = fine.movedim(-1, 0)[None]
-    small = torch.nn.functional.interpolate(
-        planes, size=(size, size), mode="bilinear", antialias=True
+    fine = Sources(*(field[None].float() for field in fields))
+    pooled = fine.mapped(
+        lambda planes: F.interpolate(planes, (size, size), mode="bilinear", antialias=True)
     )
-    return small[0].movedim(0, -1).contiguous()
+    return pooled._replace(
+        image=pooled.image.clamp(0, 1),
+        depth=pooled.depth.clamp_max(FAR),
+        subject=pooled.subject.clamp(0, 1),
+    )
 
 
 def traced(count: int, size: int, generator: torch.Generator) -> Sources:

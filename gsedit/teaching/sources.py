@@ -5,11 +5,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import torch
+import torch.nn.functional as F
 from jaxtyping import Float, Float16, Int, Int8, UInt8
 from torch import Tensor
 
@@ -31,6 +32,12 @@ class Sources(NamedTuple):
     def rows(self, index: Int[Tensor, " m"]) -> Sources:
         """The pictures of these numbers, in this order."""
         return Sources(*(field[index] for field in self))
+
+    def mapped(self, change: Callable[[Tensor], Tensor]) -> Sources:
+        """All that is known, as planes [n c h w], resampled alike; normals are unit again."""
+        planes = change(torch.cat(self, -1).movedim(-1, 1))
+        image, depth, normal, subject = planes.movedim(1, -1).split((3, 1, 3, 1), -1)
+        return Sources(image, depth, F.normalize(normal, dim=-1), subject)
 
 
 def cat(parts: Sequence[Sources]) -> Sources:
@@ -56,22 +63,20 @@ class Stored:
         return Sources(
             image=self.image[index].float() / 255,
             depth=self.depth[index].float(),
-            normal=torch.nn.functional.normalize(self.normal[index].float(), dim=-1),
+            normal=F.normalize(self.normal[index].float(), dim=-1),
             subject=self.subject[index].float() / 255,
         )
 
+    def first(self, count: int) -> Stored:
+        """The first pictures, not copied."""
+        return Stored(*(column[:count] for column in vars(self).values()))
+
     def halved(self) -> Stored:
         """Half as high and wide, the mean of 2x2 pixels."""
+        parts = (self[rows] for rows in torch.arange(len(self)).split(64))
         return cat_stored(
-            [store(_halved(self[part])) for part in torch.arange(len(self)).split(64)]
+            [store(part.mapped(lambda planes: F.avg_pool2d(planes, 2))) for part in parts]
         )
-
-
-def _halved(sources: Sources) -> Sources:
-    stacked = torch.cat(sources, -1).movedim(-1, 1)
-    pooled = torch.nn.functional.avg_pool2d(stacked, 2).movedim(1, -1)
-    image, depth, normal, subject = pooled.split((3, 1, 3, 1), -1)
-    return Sources(image, depth, torch.nn.functional.normalize(normal, dim=-1), subject)
 
 
 def store(sources: Sources) -> Stored:
@@ -86,9 +91,7 @@ def store(sources: Sources) -> Stored:
 
 def cat_stored(parts: Sequence[Stored]) -> Stored:
     """All pictures of all parts, one after another, still as bytes."""
-    names = [field.name for field in fields(Stored)]
-    columns = ([getattr(part, name) for part in parts] for name in names)
-    return Stored(*(torch.cat(column) for column in columns))
+    return Stored(*(torch.cat(column) for column in zip(*(vars(part).values() for part in parts))))
 
 
 def _to_byte(share: Float[Tensor, "*b"]) -> UInt8[Tensor, "*b"]:

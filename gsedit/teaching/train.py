@@ -18,7 +18,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.editors.small.denoiser import sigma_at
-from gsedit.editors.small.network import CELL, SPREAD, Network, Seen
+from gsedit.editors.small.network import SPREAD, Network, Seen, to_cells
 from gsedit.editors.small.text import tokenise
 from gsedit.errors import GseditError, UsageError
 from gsedit.teaching.lessons import SMALLEST, Lessons, lessons
@@ -49,6 +49,14 @@ class Phase:
     """Pictures a step."""
     edits: int = 2
     """Of each picture: it is looked at once."""
+    rate: float = 1.0
+    """Share of the settings' rate."""
+    pictures: int | None = None
+    """Only the first so many of those that there are."""
+    strange: float = 0.0
+    """Share of sentences in a stranger's words (see phrases.garbled)."""
+    borrowed: float = 0.0
+    """Share of those words that other sentences have; the others are nonsense."""
 
 
 @dataclass(frozen=True)
@@ -56,8 +64,9 @@ class TrainSettings:
     """How it is trained."""
 
     rate: float = 1e-3
-    """Of AdamW at its highest; it rises for `warm_up` steps and falls as a half cosine."""
+    """Of AdamW at its highest."""
     warm_up: int = 200
+    """Steps of a round in which the rate rises; in the others it falls as half a cosine."""
     decay: float = 0.01
     keep: float = 0.999
     """Of the moving average of the weights, which is what is used in the end."""
@@ -121,20 +130,24 @@ class Student:
         self.step = state["step"]
 
 
-def train_steps(student: Student, stored: Stored, phases: Sequence[Phase]) -> Iterator[Trained]:
-    """Train to the end of the last phase, from wherever the student is; yields every step.
+def train_steps(student: Student, stored: Stored, *rounds: Sequence[Phase]) -> Iterator[Trained]:
+    """Train to the end of the last round, from wherever the student is; yields every step.
 
-    Raises GseditError if the loss is no longer finite.
+    The rate rises and falls once a round (Loshchilov and Hutter 2017, warm restarts). Raises
+    GseditError if the loss is no longer finite.
     """
     s, began = student.settings, time.monotonic()
-    total = sum(phase.steps for phase in phases)
-    plan = [phase for phase in phases for _ in range(phase.steps)]
-    halves = stored.halved() if any(_halves_do(phase, stored) for phase in phases) else stored
-    for phase in plan[student.step :]:
+    plan = [step for phases in rounds for step in _paced(phases, s.warm_up)]
+    left = plan[student.step :]
+    halves = stored.halved() if any(_halves_do(phase, stored) for phase, _ in left) else stored
+    for phase, pace in left:
         for group in student.optimiser.param_groups:
-            group["lr"] = s.rate * _pace(student.step, total, s.warm_up)
-        pictures = halves if _halves_do(phase, stored) else stored
-        batch = lessons(pictures, phase.size, phase.batch, phase.edits, student.generator)
+            group["lr"] = s.rate * pace
+        pictures = (halves if _halves_do(phase, stored) else stored).first(
+            len(stored) if phase.pictures is None else phase.pictures
+        )
+        how = phase.size, phase.batch, phase.edits, student.generator
+        batch = lessons(pictures, *how, strange=phase.strange, borrowed=phase.borrowed)
         loss = loss_of(student.network, batch, student.generator, s)
         student.optimiser.zero_grad()
         loss.backward()
@@ -148,7 +161,7 @@ def train_steps(student: Student, stored: Stored, phases: Sequence[Phase]) -> It
         student.optimiser.step()
         student.step += 1
         _follow(student, min(s.keep, (1 + student.step) / (10 + student.step)))
-        yield Trained(student.step, total, found, time.monotonic() - began)
+        yield Trained(student.step, len(plan), found, time.monotonic() - began)
 
 
 def _halves_do(phase: Phase, stored: Stored) -> bool:
@@ -162,7 +175,7 @@ def loss_of(
     """Weighted squared error of x0 at random noise levels, with what is dropped dropped, and how
     badly the eye saw."""
     count, edits = len(batch.pictures), len(batch.prompts) // len(batch.pictures)
-    looked, answers = _latents(batch.pictures), _latents(batch.answers)
+    looked, answers = to_cells(batch.pictures), to_cells(batch.answers)
     pictures = looked.repeat_interleave(edits, 0)
     sigma, x = noised(answers, pictures, generator)
     blind = torch.rand(count, generator=generator) < 2 * s.drop
@@ -212,12 +225,14 @@ def noised(
     return sigma, a * (clean + sigma[:, None, None, None] * noise)
 
 
-def _latents(images: Float[Tensor, "b h w 3"]) -> Float[Tensor, "b c y x"]:
-    return F.pixel_unshuffle((2 * images - 1).movedim(-1, 1), CELL)
+def _paced(phases: Sequence[Phase], warm_up: int) -> list[tuple[Phase, float]]:
+    """A round's steps, each with its share of the settings' rate."""
+    steps = [phase for phase in phases for _ in range(phase.steps)]
+    return [(phase, phase.rate * _pace(i, len(steps), warm_up)) for i, phase in enumerate(steps)]
 
 
 def _pace(step: int, total: int, warm_up: int) -> float:
-    """The share of the highest rate."""
+    """Up in a straight line, down as half a cosine."""
     if step < warm_up:
         return (step + 1) / warm_up
     return 0.5 + 0.5 * math.cos(math.pi * (step - warm_up) / max(total - warm_up, 1))

@@ -42,6 +42,16 @@ HEAD = 32  # channels of an attention head
 GROUPS = 8
 
 
+def to_cells(images: Float[Tensor, "b h w 3"]) -> Float[Tensor, "b 48 y x"]:
+    """Of values in [0, 1]: a cell's 4x4 pixels, in [-1, 1], become channels."""
+    return F.pixel_unshuffle((2 * images - 1).movedim(-1, 1), CELL)
+
+
+def from_cells(cells: Float[Tensor, "b 48 y x"]) -> Float[Tensor, "b h w 3"]:
+    """The exact inverse of to_cells."""
+    return F.pixel_shuffle(cells, CELL).movedim(1, -1) / 2 + 0.5
+
+
 class Seen(NamedTuple):
     """What the eye makes of pictures."""
 
