@@ -15,8 +15,8 @@ from torch import Tensor
 
 from gsedit import metrics, strategies
 from gsedit.correspond import Correspondences, correspond
-from gsedit.diffusion import GUIDANCE, Answer, SamplerSettings
-from gsedit.editors.protocol import Advises, EditBatch, Editor, KnowsAnswer
+from gsedit.diffusion import Answer, SamplerSettings, suits
+from gsedit.editors.protocol import EditBatch, Editor, KnowsAnswer, advice_of
 from gsedit.errors import UsageError
 from gsedit.features import FeatureExtractor, FilterBank
 from gsedit.framing import bounds, orbit
@@ -114,9 +114,9 @@ def edit_steps(
     if not len(scene):
         raise UsageError("the scene is empty: there is nothing to edit")
     settings, features = settings or EditSettings(), features or FilterBank()
-    sampler = settings.sampler.suited(getattr(editor, "guidance", GUIDANCE))
+    sampler = settings.sampler.suited(suits(editor))
     settings = replace(settings, sampler=sampler)  # the result says what was in force
-    if isinstance(editor, Advises) and (advice := editor.advise(prompt)):
+    if advice := advice_of(editor, prompt):
         yield Event("advice", 0.0, note=advice)
     views, held_out = _views(dataset or around(scene))
     work = _Work(scene.detach(), prompt, views, held_out, editor, settings, generator)
@@ -137,7 +137,7 @@ def edit(
     features: FeatureExtractor | None = None,
     generator: torch.Generator | None = None,
 ) -> EditResult:
-    """`edit_steps` to the end, with the built-in editor if none is given."""
+    """`edit_steps` to the end, with the editor `small` if none is given."""
     from gsedit.editors import make_editor
 
     *_, last = edit_steps(

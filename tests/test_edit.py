@@ -8,7 +8,7 @@ import pytest
 import torch
 
 import gsedit
-from gsedit.diffusion import GUIDANCE, SamplerSettings
+from gsedit.diffusion import SamplerSettings, Suits
 from gsedit.edit import EditResult, EditSettings, edit_steps
 from gsedit.editors import make_editor
 from gsedit.editors.protocol import EditBatch, EditProgress
@@ -120,9 +120,9 @@ def test_what_no_edited_view_sees_does_not_move(scene, data):
     assert not torch.equal(result.scene.sh[:3000], whole.sh[:3000])
 
 
-def test_an_editor_is_heard_before_the_work_and_its_guidance_is_on_record(scene, data):
+def test_an_editor_is_heard_before_the_work_and_what_suits_it_is_on_record(scene, data):
     class Wary(Swapped):
-        guidance = (2.0, 1.0)
+        suits = Suits(2.0, 1.0, 0.5)
 
         def advise(self, prompt):
             return f"nobody taught me {prompt!r}"
@@ -131,9 +131,11 @@ def test_an_editor_is_heard_before_the_work_and_its_guidance_is_on_record(scene,
     first, *_, result = run(scene, data, Wary(), settings, prompt="as a dinosaur")
     assert (first.stage, first.note) == ("advice", "nobody taught me 'as a dinosaur'")
     assert result.settings.sampler.scales == (2.0, 1.0)
+    assert result.settings.sampler.temperature == 0.5
     first, *_, result = run(scene, data, Swapped(), settings)
     assert first.stage == "survey"
-    assert result.settings.sampler.scales == GUIDANCE
+    assert result.settings.sampler.scales == Suits()[:2]
+    assert result.settings.sampler.temperature == 1
 
 
 def test_cameras_that_see_nothing_of_the_scene_are_refused(scene, data):

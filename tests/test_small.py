@@ -216,10 +216,10 @@ def test_a_sentence_without_any_word_it_was_taught_is_remarked_on():
     assert "it was taught bronze, snow. For any sentence: --editor pix2pix" in small.advise("zxqv")
 
 
-def edit(editor, images, prompt="as a bronze statue", **settings):
+def edit(editor, images, prompt="as a bronze statue", seed=0, **settings):
     batch = EditBatch(images=images, originals=images, prompt=prompt)
     chosen = SamplerSettings(**{"steps": 3} | settings)
-    *_, last = editor.edit(batch, chosen, torch.Generator().manual_seed(0))
+    *_, last = editor.edit(batch, chosen, torch.Generator().manual_seed(seed))
     return last.images
 
 
@@ -247,11 +247,18 @@ def test_words_nobody_taught_degrade_and_do_not_crash(small):
     assert torch.isfinite(edited).all()
 
 
-def test_its_own_guidance_is_used_unless_another_is_asked_for(small):
+@pytest.mark.parametrize("other", [{"guidance_text": 7.5}, {"temperature": 1.0}])
+def test_what_suits_it_is_used_unless_something_else_is_asked_for(small, other):
     editor, images = DiffusionEditor(small), pictures(1, 16, 16)
-    told = dict(zip(("guidance_text", "guidance_image"), small.guidance))
-    assert torch.equal(edit(editor, images), edit(editor, images, **told))
-    assert not torch.equal(edit(editor, images), edit(editor, images, guidance_text=7.5))
+    assert torch.equal(edit(editor, images), edit(editor, images, **small.suits._asdict()))
+    assert not torch.equal(edit(editor, images), edit(editor, images, **other))
+
+
+@pytest.mark.parametrize(("temperature", "chance"), [(0.0, False), (0.5, True), (1.0, True)])
+def test_without_noise_there_is_no_chance(small, temperature, chance):
+    editor, images = DiffusionEditor(small), pictures(1, 16, 16)
+    first, second = (edit(editor, images, seed=s, temperature=temperature) for s in (0, 1))
+    assert torch.equal(first, second) is not chance
 
 
 # ---- files ---------------------------------------------------------------------------------------
@@ -268,12 +275,12 @@ def test_weights_come_back_in_half_precision(tmp_path):
 
 
 def test_weights_that_are_missing_say_where(tmp_path):
-    with pytest.raises(InputError, match=r"nowhere\.safetensors: no such file; train the weights"):
+    with pytest.raises(InputError, match=r"nowhere\.safetensors: no such file; leave --model out"):
         load_small(tmp_path / "nowhere.safetensors")
 
 
 def test_a_folder_is_no_file_of_weights(tmp_path):
-    with pytest.raises(InputError, match=r"is a folder: give the \.safetensors file in it"):
+    with pytest.raises(InputError, match=r"is a folder and no file.*need --editor pix2pix"):
         load_small(tmp_path)
 
 

@@ -19,11 +19,18 @@ from gsedit.diffusion.sample import (
     sample,
 )
 from gsedit.diffusion.schedules import CLEAN, Level, Schedule, Spacing, karras_sigmas
-from gsedit.diffusion.settings import GUIDANCE, Noise, Precision, SamplerSettings, Solver, Target
+from gsedit.diffusion.settings import (
+    Noise,
+    Precision,
+    SamplerSettings,
+    Solver,
+    Suits,
+    Target,
+    suits,
+)
 
 __all__ = [
     "CLEAN",
-    "GUIDANCE",
     "Anchor",
     "Answer",
     "Branches",
@@ -41,6 +48,7 @@ __all__ = [
     "Solver",
     "Spacing",
     "State",
+    "Suits",
     "Target",
     "add_noise",
     "as_pair",
@@ -50,4 +58,5 @@ __all__ = [
     "needed",
     "predict_guided",
     "sample",
+    "suits",
 ]

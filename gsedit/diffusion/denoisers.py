@@ -44,7 +44,8 @@ class Denoiser(Predictor, Protocol):
     """A diffusion model of edited images, in its own latent space. Stateless.
 
     A frozen dataclass with a field `micro_batch` (views in one pass of its network; 1: choose) is
-    given as many as memory allows, and may be asked for its products in bfloat16.
+    given as many as memory allows, and may be asked for its products in bfloat16. An attribute
+    `suits` (see Suits) says which guidance and temperature are used unless others are asked for.
     """
 
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 from gsedit.diffusion.schedules import Spacing
 from gsedit.errors import UsageError
@@ -13,8 +13,19 @@ Target = Literal["x0", "xt", "eps"]
 Noise = Literal["shared", "independent"]
 Solver = Literal["ddim", "euler", "heun", "dpm++2m", "ancestral"]
 Precision = Literal["float32", "bfloat16", "auto"]
-GUIDANCE = (7.5, 1.5)
-"""(s_T, s_I) of InstructPix2Pix: what suits a denoiser that does not say."""
+
+
+class Suits(NamedTuple):
+    """What suits a denoiser where the settings say nothing; as it stands, InstructPix2Pix."""
+
+    guidance_text: float = 7.5
+    guidance_image: float = 1.5
+    temperature: float = 1.0
+
+
+def suits(denoiser: object) -> Suits:
+    """What a denoiser, or an editor, says of itself: few do."""
+    return getattr(denoiser, "suits", Suits())
 
 
 @dataclass(frozen=True)
@@ -49,6 +60,9 @@ class SamplerSettings:
     precision: Precision = "auto"
     """Of a network's arithmetic; auto: bfloat16 where the processor has it and the error, measured
     on the first pass, is below the bound of gsedit.diffusion.machine."""
+    temperature: float | None = None
+    """Factor of the starting noise: 1 draws from what the denoiser finds possible, less stays near
+    the middle of it. None: what suits the denoiser."""
 
     def __post_init__(self) -> None:
         _require(1 <= self.steps <= 1000, "steps", self.steps, "from 1 to 1000")
@@ -56,6 +70,8 @@ class SamplerSettings:
             value = getattr(self, name)
             known = value is None or (math.isfinite(value) and value >= 0)
             _require(known, name, value, "finite and not negative")
+        known = self.temperature is None or 0 <= self.temperature <= 1
+        _require(known, "temperature", self.temperature, "from 0 to 1")
         _require(0 < self.strength <= 1, "strength", self.strength, "above 0 and at most 1")
         choices = {"target": Target, "noise": Noise, "solver": Solver, "spacing": Spacing}
         for name, allowed in (choices | {"precision": Precision}).items():
@@ -83,18 +99,16 @@ class SamplerSettings:
 
     @property
     def scales(self) -> tuple[float, float]:
-        """(s_T, s_I) in force; GUIDANCE's where nothing was said."""
-        s_T, s_I = GUIDANCE
-        return (
-            s_T if self.guidance_text is None else self.guidance_text,
-            s_I if self.guidance_image is None else self.guidance_image,
-        )
+        """(s_T, s_I) in force; InstructPix2Pix's where nothing was said."""
+        told = self.suited(Suits())
+        assert told.guidance_text is not None
+        assert told.guidance_image is not None
+        return told.guidance_text, told.guidance_image
 
-    def suited(self, guidance: tuple[float, float]) -> SamplerSettings:
-        """With this guidance (s_T, s_I) where nothing was said."""
-        names = ("guidance_text", "guidance_image")
-        unsaid = {n: scale for n, scale in zip(names, guidance) if getattr(self, n) is None}
-        return replace(self, **unsaid)
+    def suited(self, to: Suits) -> SamplerSettings:
+        """With what suits a denoiser where nothing was said."""
+        unsaid = {n: value for n, value in to._asdict().items() if getattr(self, n) is None}
+        return replace(self, **unsaid) if unsaid else self
 
     @property
     def fresh_noise(self) -> float:
@@ -108,7 +122,9 @@ class SamplerSettings:
             case "default":
                 return cls()
             case "paper":
-                return cls(steps=50, strength=1.0, target="xt", noise="independent")
+                return cls(
+                    steps=50, strength=1.0, target="xt", noise="independent", temperature=1.0
+                )
         raise UsageError(f"preset must be default or paper, not {name!r}")
 
 

@@ -73,6 +73,11 @@ class Advises(Protocol):
         ...
 
 
+def advice_of(editor: object, prompt: str) -> str:
+    """What an editor, or a denoiser, has to say about an instruction; most say nothing."""
+    return editor.advise(prompt) if isinstance(editor, Advises) else ""
+
+
 @runtime_checkable
 class KnowsAnswer(Protocol):
     """An editor whose right answer is known: what is made of its pictures can be measured."""

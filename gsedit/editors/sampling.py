@@ -13,20 +13,21 @@ from torch import Tensor
 
 from gsedit.agreement import consensus, share_noise
 from gsedit.diffusion import (
-    GUIDANCE,
     Anchor,
     Answer,
     Denoiser,
     Hook,
     Predictor,
     SamplerSettings,
+    Suits,
     add_noise,
     levels_of,
     predict_guided,
     sample,
+    suits,
 )
 from gsedit.diffusion.machine import InBfloat16, faster, peak_bytes, views_at_once
-from gsedit.editors.protocol import Advises, EditBatch, EditProgress
+from gsedit.editors.protocol import EditBatch, EditProgress, advice_of
 from gsedit.errors import UsageError
 
 
@@ -45,17 +46,17 @@ class DiffusionEditor:
         return self.denoiser.cell
 
     @property
-    def guidance(self) -> tuple[float, float]:
-        """(s_T, s_I) where the settings say nothing; most denoisers leave it at GUIDANCE."""
-        return getattr(self.denoiser, "guidance", GUIDANCE)
+    def suits(self) -> Suits:
+        """What suits the denoiser."""
+        return suits(self.denoiser)
 
     def check(self, prompt: str) -> None:
         """Raise UsageError if the denoiser cannot follow the instruction."""
         self.denoiser.check(prompt)
 
     def advise(self, prompt: str) -> str:
-        """What the denoiser has to say about the instruction; most say nothing."""
-        return self.denoiser.advise(prompt) if isinstance(self.denoiser, Advises) else ""
+        """What the denoiser has to say about the instruction."""
+        return advice_of(self.denoiser, prompt)
 
     def answer(
         self,
@@ -78,7 +79,8 @@ class DiffusionEditor:
         """
         self.check(batch.prompt)
         _check_shapes(batch)
-        settings = settings.suited(self.guidance)
+        settings = settings.suited(self.suits)
+        assert settings.temperature is not None
         if batch.anchored is not None and batch.anchored.all():
             yield EditProgress(settings.steps, settings.steps, batch.images.clone())
             return
@@ -99,7 +101,8 @@ class DiffusionEditor:
         noise = torch.randn(z0.shape, generator=generator, dtype=z0.dtype)
         condition = self.denoiser.condition(originals[free], batch.prompt, generator)
         start = levels_of(self.denoiser.schedule, settings)[0]
-        x = add_noise(z0 if anchor is None else anchor.x0, share(noise), start)
+        noise = settings.temperature * share(noise)
+        x = add_noise(z0 if anchor is None else anchor.x0, noise, start)
         states = sample(
             prepared(self.denoiser, x[free], originals[free], batch.prompt, settings),
             condition,

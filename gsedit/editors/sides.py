@@ -20,8 +20,8 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.diffusion import GUIDANCE, SamplerSettings
-from gsedit.editors.protocol import Advises, EditBatch, Editor, EditProgress
+from gsedit.diffusion import SamplerSettings, Suits, suits
+from gsedit.editors.protocol import EditBatch, Editor, EditProgress, advice_of
 
 
 def extend(images: Float[Tensor, "v h w c"], multiple: int) -> Float[Tensor, "v H W c"]:
@@ -53,9 +53,9 @@ class WholeSides:
         return self.inner.cell
 
     @property
-    def guidance(self) -> tuple[float, float]:
-        """(s_T, s_I) that suit the inner editor."""
-        return getattr(self.inner, "guidance", GUIDANCE)
+    def suits(self) -> Suits:
+        """What suits the inner editor."""
+        return suits(self.inner)
 
     def check(self, prompt: str) -> None:
         """Raise UsageError if the inner editor cannot follow the instruction."""
@@ -63,7 +63,7 @@ class WholeSides:
 
     def advise(self, prompt: str) -> str:
         """What the inner editor has to say about the instruction."""
-        return self.inner.advise(prompt) if isinstance(self.inner, Advises) else ""
+        return advice_of(self.inner, prompt)
 
     def edit(
         self, batch: EditBatch, settings: SamplerSettings, generator: torch.Generator

@@ -3,7 +3,7 @@
 gsedit.teaching makes what it learns from; examples/train_small.py trains it.
 """
 
-from gsedit.editors.small.denoiser import WEIGHTS, Small, load_small, save_small
+from gsedit.editors.small.denoiser import REINSTALL, WEIGHTS, Small, load_small, save_small
 from gsedit.editors.small.network import Architecture, Network
 
-__all__ = ["WEIGHTS", "Architecture", "Network", "Small", "load_small", "save_small"]
+__all__ = ["REINSTALL", "WEIGHTS", "Architecture", "Network", "Small", "load_small", "save_small"]

@@ -10,20 +10,33 @@ from pathlib import Path
 from typing import NamedTuple
 
 import torch
-import torch.nn.functional as F
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from gsedit.diffusion import Branches, Need, Prediction, Schedule
-from gsedit.editors.small.network import CELL, CHANNELS, Architecture, Network, Seen
+from gsedit.diffusion import Branches, Need, Prediction, Schedule, Suits
+from gsedit.editors.small.network import (
+    CELL,
+    CHANNELS,
+    Architecture,
+    Network,
+    Seen,
+    from_cells,
+    to_cells,
+)
 from gsedit.editors.small.text import WORDS, tokenise, words_of
 from gsedit.errors import InputError, UsageError
 from gsedit.files.atomic import atomic_path
 
 WEIGHTS = Path(__file__).with_name("small.safetensors")
-ANEW = "train the weights with examples/train_small.py, and add --model FILE"
+REINSTALL = "they come with gsedit: install it again, or check the file out again in a clone"
+ANEW = (
+    "leave --model out for the weights that come with gsedit; "
+    "InstructPix2Pix weights need --editor pix2pix"
+)
 NOISE = 4.0  # sigma in the middle of the schedule
 STEPS = 1000
+SUITS = Suits(guidance_text=1.4, guidance_image=1.0, temperature=0.2)
+"""Its sentences have one right answer, not a thousand: it is looked for near the middle."""
 
 
 def schedule() -> Schedule:
@@ -65,8 +78,7 @@ class Small:
     schedule: Schedule = field(default_factory=schedule)
     micro_batch: int = 4
     """Views in one pass of the network; the result is the same."""
-    guidance: tuple[float, float] = (1.5, 1.0)
-    """(s_T, s_I) that suit it: its sentences have one right answer, not a thousand."""
+    suits: Suits = SUITS
     looks: tuple[str, ...] = ()
     """Names of what it was taught."""
     words: frozenset[str] = frozenset()
@@ -104,7 +116,7 @@ class Small:
 
     def encode(self, images: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v c y x"]:
         """Values in [-1, 1]; a cell's 4x4 pixels become channels."""
-        return F.pixel_unshuffle((2 * images - 1).movedim(-1, 1).float(), CELL)
+        return to_cells(images.float())
 
     def encode_edited(
         self, images: Float[Tensor, "v h w 3"], originals: Float[Tensor, "v h w 3"], prompt: str
@@ -114,7 +126,7 @@ class Small:
 
     def decode(self, latents: Float[Tensor, "v c y x"]) -> Float[Tensor, "v h w 3"]:
         """The exact inverse of encode."""
-        return F.pixel_shuffle(latents, CELL).movedim(1, -1) / 2 + 0.5
+        return from_cells(latents)
 
     @torch.no_grad()
     def condition(
@@ -185,21 +197,21 @@ def save_small(small: Small, path: Path, metadata: Mapping[str, str] | None = No
 
 
 def load_small(path: Path | None = None) -> Small:
-    """The editor of these weights; None: those beside this file, if there are any.
+    """The editor of these weights; None: those that come with gsedit.
 
     Raises InputError for a file that is missing, broken or of another network.
     """
-    path = path or WEIGHTS
+    path, move = (WEIGHTS, REINSTALL) if path is None else (path, ANEW)
     if path.is_dir():
-        raise InputError(f"{path} is a folder: give the .safetensors file in it")
+        raise InputError(f"{path} is a folder and no file of weights of the small editor: {move}")
     if not path.exists():
-        raise InputError(f"{path}: no such file; {ANEW}")
+        raise InputError(f"{path}: no such file; {move}")
     try:
         return _load(path.resolve(), path.stat().st_mtime_ns)
     except Exception as error:  # safetensors, json and torch raise their own, without a common base
         reason = next(iter(str(error).strip().splitlines()), type(error).__name__)
         raise InputError(
-            f"{path} does not hold the weights of the small editor ({reason}): {ANEW}"
+            f"{path} does not hold the weights of the small editor ({reason}): {move}"
         ) from error
 
 
