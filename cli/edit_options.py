@@ -63,11 +63,11 @@ class EditorOptions:
             "--editor",
             metavar="NAME",
             rich_help_panel=EDITOR,
-            help="closed-form: built in, knows a list of looks; small: learned, weights from "
-            "examples/train_small.py; pix2pix: InstructPix2Pix weights; command: any program; "
+            help="small: learned, some fifty looks in your words; closed-form: 21 looks with a "
+            "known answer, to measure by; pix2pix: InstructPix2Pix weights; command: any program; "
             "others: see gsedit editors.",
         ),
-    ] = "closed-form"
+    ] = "small"
     model: Annotated[
         str | None,
         option(
@@ -126,7 +126,7 @@ class SamplerOptions:
         float | None,
         option(
             "--guidance",
-            "How strongly the instruction (default: what suits the editor; 7.5, small 1.5)",
+            "How strongly the instruction (default: what suits the editor; 7.5, small 1.4)",
             rich_help_panel=SAMPLER,
         ),
     ] = None
@@ -135,6 +135,15 @@ class SamplerOptions:
         option(
             "--image-guidance",
             "... and the picture hold (likewise; 1.5, small 1).",
+            rich_help_panel=SAMPLER,
+        ),
+    ] = None
+    temperature: Annotated[
+        float | None,
+        option(
+            "--temperature",
+            "How much of the starting noise: less is nearer to the middle of what is possible "
+            "(likewise; 1, small 0.2).",
             rich_help_panel=SAMPLER,
         ),
     ] = None

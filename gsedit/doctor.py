@@ -40,19 +40,22 @@ def check_machine() -> Iterator[Check]:
 
 
 def check_packages() -> Iterator[Check]:
-    """What computes, and what the pix2pix editor needs besides."""
+    """What computes, and what the editors need besides."""
     import torch
 
     from gsedit.diffusion.machine import has_bfloat16
+    from gsedit.editors.registry import BUILT_IN, DEFAULT
 
     cuda = f", built for CUDA {torch.version.cuda}: not used" if torch.version.cuda else ""
     speed = torch.backends.cpu.get_cpu_capability()
     short = ", bfloat16 in hardware" if has_bfloat16() else ""
     yield Check("torch", f"{torch.__version__} ({speed}{short}{cuda})")
-    for name in ("diffusers", "transformers", "safetensors"):
+    for name in ("diffusers", "transformers"):
         found = _version(name)
         advice = "" if found else "the pix2pix editor needs it: pip install 'gsedit[diffusers]'"
         yield Check(name, found or "not installed", advice)
+    _, missing = BUILT_IN[DEFAULT]
+    yield Check("default editor", DEFAULT, "; ".join(missing()))
 
 
 def check_threads() -> Check:

@@ -21,7 +21,7 @@ from gsedit_cli.narrate import Interrupted, plain_line
 from PIL import Image
 from typer.testing import CliRunner
 
-from gsedit.diffusion import GUIDANCE, SamplerSettings
+from gsedit.diffusion import SamplerSettings, Suits
 from gsedit.edit import EditSettings
 from gsedit.editors.small import Small
 from gsedit.errors import GseditError, InputError, UsageError
@@ -176,9 +176,12 @@ def test_bad_input_is_one_line_3_and_nothing_written(bad: BadFile, tmp_path):
     assert not out.exists()
 
 
-@pytest.mark.parametrize("instruction", ["", "  ", "blorp the frumious zizzle"])
-def test_an_instruction_nobody_can_follow_is_2(scene, tmp_path, instruction):
-    result = gsedit("edit", scene, instruction, "-o", tmp_path / "out")
+@pytest.mark.parametrize(
+    ("instruction", "editor"),
+    [("", "small"), ("  ", "small"), ("snow " * 25, "small"), ("blorp the zizzle", "closed-form")],
+)
+def test_an_instruction_nobody_can_follow_is_2(scene, tmp_path, instruction, editor):
+    result = gsedit("edit", scene, instruction, "-o", tmp_path / "out", "--editor", editor)
     assert result.exit_code == 2
     assert one_line(result.stderr)
     assert not (tmp_path / "out").exists()
@@ -476,8 +479,9 @@ def test_the_defaults_in_the_help_are_the_librarys():
     sampler, update, edit = SamplerSettings(), UpdateSettings(), EditSettings()
     for value in (
         f"Sampling steps (default {sampler.steps})",
-        f"what suits the editor; {GUIDANCE[0]}, small {Small.guidance[0]:g})",
-        f"(likewise; {GUIDANCE[1]}, small {Small.guidance[1]:g})",
+        f"what suits the editor; {Suits().guidance_text}, small {Small.suits.guidance_text:g})",
+        f"(likewise; {Suits().guidance_image}, small {Small.suits.guidance_image:g})",
+        f"(likewise; {Suits().temperature:g}, small {Small.suits.temperature:g})",
         f"(default {update.steps})",
         f"(default {update.patches})",
         f"(default {update.patch})",

@@ -94,6 +94,8 @@ def gsedit(*words: object):
 def test_ours_are_listed_with_what_they_need():
     ours = {listing.name: listing for listing in list_editors() if listing.source == "gsedit"}
     assert tuple(ours) == registry.EDITORS
+    assert ours["small"].ready
+    assert ours["small"].options == ("--model",)
     assert ours["closed-form"].ready
     assert not ours["closed-form"].options
     assert ours["pix2pix"].options == ("--model", "--weights-dir")
@@ -101,6 +103,7 @@ def test_ours_are_listed_with_what_they_need():
     assert "{input} {output} {prompt}" in ours["command"].needs[0]
     assert all(listing.summary for listing in ours.values())
     assert isinstance(make_editor(), Editor)
+    assert make_editor().name == "small"
 
 
 def test_what_pix2pix_misses_is_named(monkeypatch, tmp_path):
@@ -118,7 +121,7 @@ def test_what_pix2pix_misses_is_named(monkeypatch, tmp_path):
         (
             "closed-from",
             {},
-            r"no editor 'closed-from': choose one of closed-form, small, pix2pix, command",
+            r"no editor 'closed-from': choose one of small, closed-form, pix2pix, command",
         ),
         (
             "closed-form",
@@ -178,7 +181,7 @@ def test_the_list_survives_them_all(packages):
     assert result.exit_code == 0, result.stderr
     lines = [json.loads(line) for line in result.stdout.splitlines()]
     assert {line["name"] for line in lines} == {*registry.EDITORS, *found}
-    assert next(line["name"] for line in lines if line["ready"]) == "closed-form"
+    assert next(line["name"] for line in lines if line["ready"]) == "small"
     told = gsedit("editors")
     assert told.exit_code == 0
     assert "torn         not ready (from torn)" in told.stdout
@@ -431,6 +434,14 @@ def test_what_is_not_installed_is_advice(monkeypatch):
     advised = {check.name: check.advice for check in doctor.check_packages()}
     assert "pip install" in advised["diffusers"]
     assert not advised["torch"]
+
+
+def test_a_default_editor_without_weights_is_advice(monkeypatch, tmp_path):
+    told = {check.name: check for check in doctor.check_packages()}["default editor"]
+    assert (told.found, told.advice) == ("small", "")
+    monkeypatch.setattr("gsedit.editors.small.WEIGHTS", tmp_path / "none.safetensors")
+    told = {check.name: check for check in doctor.check_packages()}["default editor"]
+    assert "install it again" in told.advice
 
 
 def test_a_machine_without_a_compiler(monkeypatch):

@@ -4,8 +4,9 @@ A package adds an editor by an entry point of the group `gsedit.editors`: a name
 (a class, say) that makes an Editor. Its docstring's first line is what it does. Its parameters are
 the options that it takes, by name: of `model`, `weights_dir`, `run`, `timeout` and `folder`, those
 that were given are handed over. If it has an attribute `missing`, a callable without arguments,
-that names what is not installed, a line each with its next move. `examples/write_an_editor.py`
-shows one.
+that names what is not installed, a line each with its next move. An editor's attribute `suits`
+(gsedit.diffusion.Suits) is what settings that leave it open are filled with.
+`examples/write_an_editor.py` shows one.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from gsedit.editors.protocol import Editor
 from gsedit.errors import GseditError, UsageError
 
 GROUP = "gsedit.editors"
-DEFAULT = "closed-form"
+DEFAULT = "small"
 OURS = "gsedit"
 
 Factory = Callable[..., Editor]
@@ -51,7 +52,7 @@ class Listing:
 
 
 def _small(model: str | Path | None = None) -> Editor:
-    """Learned from scratch, 8 M weights: some fifty looks of subject and scene, from sentences."""
+    """Learned, comes with gsedit: some fifty looks of subject and scene, in words of your own."""
     from gsedit.editors.sampling import DiffusionEditor
     from gsedit.editors.sides import WholeSides
     from gsedit.editors.small import load_small
@@ -61,12 +62,10 @@ def _small(model: str | Path | None = None) -> Editor:
 
 
 def _small_missing() -> Iterable[str]:
-    from gsedit.editors.small import WEIGHTS
+    from gsedit.editors.small import REINSTALL, WEIGHTS
 
     if not WEIGHTS.exists():
-        yield (
-            "weights: add --model FILE, made by examples/train_small.py (90 minutes on two cores)"
-        )
+        yield f"its weights: {REINSTALL}"
 
 
 def _closed_form() -> Editor:
@@ -125,8 +124,8 @@ def _command_missing() -> Iterable[str]:
 
 
 BUILT_IN: dict[str, tuple[Factory, Missing]] = {
-    "closed-form": (_closed_form, tuple),
     "small": (_small, _small_missing),
+    "closed-form": (_closed_form, tuple),
     "pix2pix": (_pix2pix, _pix2pix_missing),
     "command": (_command, _command_missing),
 }
