@@ -11,7 +11,7 @@ from gsedit_cli.main import app
 import gsedit
 from gsedit.synthetic import demo_scene, surface_gaussians
 
-INSTRUCTION = "turn the bear into a bronze statue"
+INSTRUCTION = "turn the bear into a jade statue"
 
 
 def demo(folder: Path, count: int = 30_000, size: int = 256, steps: int = 300) -> None:

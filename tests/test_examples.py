@@ -26,7 +26,7 @@ def test_the_demo_leaves_its_folder(tmp_path):
     names = {"scene.ply", "edit.json", "metrics.jsonl", "before_after.png", "error_vs_time.png"}
     assert names == {p.name for p in folder.iterdir()}
     record = json.loads((folder / "edit.json").read_text())
-    assert record["instruction"] == "turn the bear into a bronze statue"
+    assert record["instruction"] == "turn the bear into a jade statue"
     events = read_events(folder / "metrics.jsonl")
     assert events[-1].stage == "measure"
     assert events[-1].error is not None
