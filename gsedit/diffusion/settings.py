@@ -100,15 +100,16 @@ class SamplerSettings:
     @property
     def scales(self) -> tuple[float, float]:
         """(s_T, s_I) in force; InstructPix2Pix's where nothing was said."""
-        told = self.suited(Suits())
-        assert told.guidance_text is not None
-        assert told.guidance_image is not None
-        return told.guidance_text, told.guidance_image
+        return self.in_force(Suits())[:2]
+
+    def in_force(self, to: Suits) -> Suits:
+        """What was said, and what suits a denoiser where nothing was."""
+        said = ((getattr(self, name), value) for name, value in to._asdict().items())
+        return Suits(*(suited if asked is None else asked for asked, suited in said))
 
     def suited(self, to: Suits) -> SamplerSettings:
         """With what suits a denoiser where nothing was said."""
-        unsaid = {n: value for n, value in to._asdict().items() if getattr(self, n) is None}
-        return replace(self, **unsaid) if unsaid else self
+        return replace(self, **self.in_force(to)._asdict())
 
     @property
     def fresh_noise(self) -> float:

@@ -80,7 +80,6 @@ class DiffusionEditor:
         self.check(batch.prompt)
         _check_shapes(batch)
         settings = settings.suited(self.suits)
-        assert settings.temperature is not None
         if batch.anchored is not None and batch.anchored.all():
             yield EditProgress(settings.steps, settings.steps, batch.images.clone())
             return
@@ -101,7 +100,7 @@ class DiffusionEditor:
         noise = torch.randn(z0.shape, generator=generator, dtype=z0.dtype)
         condition = self.denoiser.condition(originals[free], batch.prompt, generator)
         start = levels_of(self.denoiser.schedule, settings)[0]
-        noise = settings.temperature * share(noise)
+        noise = settings.in_force(self.suits).temperature * share(noise)
         x = add_noise(z0 if anchor is None else anchor.x0, noise, start)
         states = sample(
             prepared(self.denoiser, x[free], originals[free], batch.prompt, settings),

@@ -42,8 +42,6 @@ IDLE = frozenset(
     )
 )
 """Words that are said of few looks and mean none of them."""
-
-
 VAGUE = frozenset(("bright", "dark", "light", "color", "colors", "colour", "colours"))
 """Words that are said of many looks and still mean something."""
 
@@ -51,17 +49,19 @@ VAGUE = frozenset(("bright", "dark", "light", "color", "colors", "colour", "colo
 @lru_cache(maxsize=1)
 def telling_words() -> frozenset[str]:
     """Words that name a look, or a few: what an instruction should have one of."""
-    said = Counter(
-        word for name in PHRASES for word in {*words_of(" ".join(PHRASES[name])), *words_of(name)}
-    )
-    return frozenset(word for word, looks in said.items() if looks <= COMMON) - IDLE
+    return frozenset(word for word, looks in _said().items() if looks <= COMMON) - IDLE
 
 
 @lru_cache(maxsize=1)
 def _idle_words() -> tuple[str, ...]:
     """Words of the sentences that do not tell which look is meant."""
-    said = {word for name in PHRASES for word in words_of(" ".join(PHRASES[name]))}
-    return tuple(sorted(said - telling_words() - VAGUE))
+    return tuple(sorted(_said().keys() - telling_words() - VAGUE))
+
+
+def _said() -> Counter[str]:
+    """Every word of the fragments and of the looks' names: of how many looks it is said."""
+    words = ({*words_of(" ".join(PHRASES[name])), *words_of(name)} for name in PHRASES)
+    return Counter(itertools.chain.from_iterable(words))
 
 
 NOUNS = (

@@ -88,8 +88,8 @@ def score(
 def judge(case: Case, found: Float[Tensor, "n h w 3"]) -> Iterator[Score]:
     """A score for each picture that was made of the case's."""
     options: dict[tuple[str, ...], Tensor] = {(UNEDITED,): case.sources.image}
-    options |= {names: edited(case.sources, names) for names in _others(case.names)}
-    options[case.names] = edited(case.sources, case.names)
+    asked = dict.fromkeys((*_others(case.names), case.names))  # each once
+    options |= {names: edited(case.sources, names) for names in asked}
     for i, image in enumerate(found):
         if torch.equal(options[case.names][i], case.sources.image[i]):
             continue

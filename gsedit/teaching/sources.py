@@ -67,8 +67,8 @@ class Stored:
             subject=self.subject[index].float() / 255,
         )
 
-    def first(self, count: int) -> Stored:
-        """The first pictures, not copied."""
+    def first(self, count: int | None) -> Stored:
+        """The first pictures, or all (None); not copied."""
         return Stored(*(column[:count] for column in vars(self).values()))
 
     def halved(self) -> Stored:

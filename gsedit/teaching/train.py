@@ -143,11 +143,16 @@ def train_steps(student: Student, stored: Stored, *rounds: Sequence[Phase]) -> I
     for phase, pace in left:
         for group in student.optimiser.param_groups:
             group["lr"] = s.rate * pace
-        pictures = (halves if _halves_do(phase, stored) else stored).first(
-            len(stored) if phase.pictures is None else phase.pictures
+        pictures = halves if _halves_do(phase, stored) else stored
+        batch = lessons(
+            pictures.first(phase.pictures),
+            phase.size,
+            phase.batch,
+            phase.edits,
+            student.generator,
+            strange=phase.strange,
+            borrowed=phase.borrowed,
         )
-        how = phase.size, phase.batch, phase.edits, student.generator
-        batch = lessons(pictures, *how, strange=phase.strange, borrowed=phase.borrowed)
         loss = loss_of(student.network, batch, student.generator, s)
         student.optimiser.zero_grad()
         loss.backward()
