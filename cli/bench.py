@@ -80,12 +80,13 @@ def rasterizer(
     common.apply()
 
     from gsedit.bench import rows as measured
+    from gsedit.bench.measure import PIECES, QUICK_PIECES
     from gsedit.bench.sweep import KNOBS, Plan, parse_knobs, sweep
 
     chosen = tuple(KNOBS) if knobs is None else parse_knobs(knobs)
     earlier = None if compare is None else measured.read_rows(compare)
     workloads = workloads_of(scenes or [], points, quick=quick)
-    plan = Plan(chosen, runs, quick=quick, pieces=38 if quick else 381)
+    plan = Plan(chosen, runs, quick=quick, pieces=QUICK_PIECES if quick else PIECES)
     for stale in ("bench.md", "image_error.png", "gradient_error.png"):  # of an earlier run
         (out / stale).unlink(missing_ok=True)
     journal = Journal(out / "bench.jsonl", measured.write_row)

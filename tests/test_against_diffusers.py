@@ -200,4 +200,6 @@ def test_branches_left_out_change_nothing(network):
             guided = guide(text, image, none, 7.5, 1.0)
             return Branches(guided, guided, guided)
 
-    assert torch.equal(ours(network, chosen), ours(Whole(network.unet), chosen))
+    # three branches are a larger batch than two: the same to rounding
+    found, expected = ours(network, chosen), ours(Whole(network.unet), chosen)
+    torch.testing.assert_close(found, expected, rtol=0, atol=1e-4)

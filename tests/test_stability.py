@@ -36,6 +36,8 @@ from rasterizer.project import project, rotation_matrices
 
 DTYPES = (torch.float32, torch.float64)
 BY_NAME = {exhibit.name: exhibit for exhibit in EXHIBITS}
+ROUNDING = CROWD * EPS32
+"""Of a colour in [0, 1]: a rounding for each Gaussian that one pixel can blend."""
 DRAWN = [exhibit.name for exhibit in EXHIBITS if exhibit.refused is None]
 
 # What float32 cannot give, and why. Everything else keeps the promise of 2e-4.
@@ -159,10 +161,12 @@ def test_extreme_rows_are_drawn_unless_they_are_hidden(dtype):
             continue
         rest = scene[torch.arange(CROWD + 1) != CROWD // 2]
         with_it, without = (render(s, view, background=background).color for s in (scene, rest))
-        if torch.equal(with_it, without):
+        # another number of Gaussians is a product of another shape: it may round otherwise
+        difference = (with_it - without).abs().max()
+        if difference <= ROUNDING:
             hidden.add(name)
         else:  # it shows: more than rounding would
-            assert (with_it - without).abs().max() > 1e-2
+            assert difference > 1e-2
     assert hidden == HIDDEN
 
 
@@ -378,10 +382,12 @@ def test_global_flags_of_others_change_nothing():
 
 @pytest.mark.parametrize("context", [torch.no_grad, torch.inference_mode])
 def test_a_picture_without_gradients_is_the_same(context):
+    """To rounding: without a depth channel the products have another shape."""
     picture, _ = differentiated()
     scene, view, background = BY_NAME["ordinary crowd"].make(torch.float32)
     with context():
-        assert torch.equal(render(scene, view, background=background).color, picture)
+        plain = render(scene, view, background=background).color
+    torch.testing.assert_close(plain, picture, rtol=0, atol=ROUNDING)
 
 
 # The drop-in refuses the same, under its own names

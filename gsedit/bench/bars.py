@@ -18,7 +18,16 @@ import torch
 
 from gsedit.bench.accuracy import Drawn, differentiate, errors, truth_of
 from gsedit.bench.curves import slope
-from gsedit.bench.measure import PIECES, Timing, commit, machine, timed, timed_together
+from gsedit.bench.measure import (
+    PAIRS,
+    PIECES,
+    QUICK_PIECES,
+    Timing,
+    commit,
+    machine,
+    timed,
+    timed_together,
+)
 from gsedit.bench.pairs import listed_pairs, nearest_to_floor
 from gsedit.bench.rows import markdown
 from gsedit.bench.sweep import Setting, draw
@@ -63,7 +72,7 @@ class Size:
 
 
 FULL = Size()
-QUICK = Size(runs=2, pieces=38, shrink=16, clouds=(1_000, 2_000, 4_000))
+QUICK = Size(runs=2, pieces=QUICK_PIECES, shrink=16, clouds=(1_000, 2_000, 4_000))
 
 
 def measure_bars(
@@ -304,7 +313,7 @@ def table(bars: Sequence[Bar]) -> str:
     asked_of = "" if threads == 2 else " The goals are for 2 threads."
     return (
         f"{reached} of {len(asked)} bars are reached on {machine()}, {threads} "
-        f"thread{'s' * (threads > 1)}, commit {commit()}. Y: the time of torch.exp over 10^8 "
-        f"numbers on the same threads between the same runs.{asked_of}\n\n"
-        + markdown(("bar", "goal", "measured", "reached"), lines)
+        f"thread{'s' * (threads > 1)}, commit {commit()}. Y: the time of the arithmetic "
+        f"of {PAIRS:,} pixel-Gaussian pairs on the same threads between the same runs."
+        f"{asked_of}\n\n" + markdown(("bar", "goal", "measured", "reached"), lines)
     )

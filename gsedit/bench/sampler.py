@@ -17,7 +17,7 @@ from itertools import chain, product
 import torch
 from torch import Tensor
 
-from gsedit.bench.measure import commit, machine, timed, timed_together
+from gsedit.bench.measure import QUICK_PIECES, commit, machine, timed, timed_together
 from gsedit.bench.sampler_problems import (
     Network,
     Problem,
@@ -111,7 +111,7 @@ def solver_rows(
             levels = [model.schedule.level_at(s) for s in karras_sigmas(FIRST, end, many + 1)]
 
             work = partial(_last, model, x, chosen, levels)
-            timing, found = timed(work, runs, pieces=4)
+            timing, found = timed(work, runs, pieces=1)
             error = None if found is None else _rms(found / levels[-1].a - answer)
             asked = many * (2 if solver == "heun" else 1)
             name = f"width {width:g}, guidance {scale:g}"
@@ -254,7 +254,7 @@ def cost_rows(runs: int) -> Iterator[SamplerRow]:
         if solver == "heun":
             times += times[1:]
         works = {"loop": _drain(model, x, settings), "bare": _bare(model, x, times)}
-        found, _ = timed_together(works, runs, pieces=38)
+        found, _ = timed_together(works, runs, pieces=QUICK_PIECES)
         loop, bare = found["loop"], found["bare"]
         yield SamplerRow(
             "cost", "loop over bare network calls", solver, 10, len(times), loop.wall,
@@ -263,7 +263,7 @@ def cost_rows(runs: int) -> Iterator[SamplerRow]:
     settings = SamplerSettings(steps=10)
     rounded = InBfloat16(model)
     works = {"float32": _drain(model, x, settings), "bfloat16": _drain(rounded, x, settings)}
-    found, results = timed_together(works, runs, pieces=38)
+    found, results = timed_together(works, runs, pieces=QUICK_PIECES)
     for name, timing in found.items():
         error = relative_error(results[name], results["float32"]) if name == "bfloat16" else None
         note = "" if has_bfloat16() else "this processor has no bfloat16"
@@ -273,7 +273,7 @@ def cost_rows(runs: int) -> Iterator[SamplerRow]:
         )  # fmt: skip
     for s_I, name in ((1.5, "three branches"), (1.0, "s_I = 1: two")):
         chosen = SamplerSettings(steps=10, guidance_image=s_I)
-        timing, _ = timed_together({"": _drain(model, x, chosen)}, runs, pieces=38)
+        timing, _ = timed_together({"": _drain(model, x, chosen)}, runs, pieces=QUICK_PIECES)
         one = timing[""]
         yield SamplerRow("cost", "branches", name, 10, 10, one.wall, one.yardstick)
 

@@ -28,7 +28,7 @@ class SamplerRow:
     evaluations: int
     seconds: float
     yardstick: float | None = None
-    """Seconds of torch.exp over 10^8 numbers, beside it."""
+    """Seconds of a pass of the yardstick (see measure.py), beside it."""
     error: float | None = None
     disagreement: float | None = None
     """RMS difference of corresponding cells from their mean, in the units of the result."""
