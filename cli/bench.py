@@ -14,8 +14,8 @@ from .narrate import Interrupted, answer, as_line, narrator, plain, say
 from .options import Common, Force, check_folder, flat, output
 
 if TYPE_CHECKING:
-    from gsedit.bench.rows import Row
-    from gsedit.bench.workloads import Workload
+    from gsedit.bench.renderer.rows import Row
+    from gsedit.bench.renderer.workloads import Workload
 
 bench = typer.Typer(no_args_is_help=True)
 
@@ -79,9 +79,9 @@ def rasterizer(
     check_folder(out, force)
     common.apply()
 
-    from gsedit.bench import rows as measured
     from gsedit.bench.measure import PIECES, QUICK_PIECES
-    from gsedit.bench.sweep import KNOBS, Plan, parse_knobs, sweep
+    from gsedit.bench.renderer import rows as measured
+    from gsedit.bench.renderer.sweep import KNOBS, Plan, parse_knobs, sweep
 
     chosen = tuple(KNOBS) if knobs is None else parse_knobs(knobs)
     earlier = None if compare is None else measured.read_rows(compare)
@@ -118,9 +118,9 @@ def stability(
     check_folder(out, force)
     common.apply()
 
-    from gsedit.bench import stability as museum
+    from gsedit.bench.renderer import stability as museum
     from gsedit.files import atomic_path
-    from gsedit.report import Event, write_line
+    from gsedit.reports.journal import Event, write_line
 
     journal = Journal(out / "stability.jsonl", lambda file, row: write_line(file, plain(row)))
     with keeping(journal), narrator(as_json=common.json) as tell:
@@ -159,8 +159,8 @@ def bars(
     """
     common.apply()
 
-    from gsedit.bench import bars as promised
-    from gsedit.report import Event
+    from gsedit.bench.renderer import targets as promised
+    from gsedit.reports.journal import Event
 
     size = promised.QUICK if quick else promised.FULL
     found = []
@@ -189,9 +189,9 @@ def sampler(
     check_folder(out, force)
     common.apply()
 
-    from gsedit.bench import sampler_rows as told
-    from gsedit.bench.sampler import measure
-    from gsedit.bench.sampler_plots import sweep_plot, work_precision
+    from gsedit.bench.sampler import rows as told
+    from gsedit.bench.sampler.experiments import measure
+    from gsedit.bench.sampler.plots import sweep_plot, work_precision
     from gsedit.files import atomic_path
 
     journal = Journal(out / "bench.jsonl", told.write_row)
@@ -230,7 +230,7 @@ class Journal:
         self, items: Iterable[Any], as_record: Callable[[Any], dict[str, Any]], common: Common
     ) -> None:
         """Tell the events and write the rows, which --json tells too."""
-        from gsedit.report import Event
+        from gsedit.reports.journal import Event
 
         with keeping(self), narrator(as_json=common.json) as tell:
             for item in items:
@@ -255,7 +255,7 @@ def keeping(journal: Journal) -> Iterator[None]:
 
 def workloads_of(scenes: list[Path], points: Path | None, *, quick: bool) -> list[Workload]:
     """The garden at two sizes if its points are at hand, the files, and scenes made here."""
-    from gsedit.bench import workloads as make
+    from gsedit.bench.renderer import workloads as make
     from gsedit.errors import UsageError
 
     fitted = [make.fitted(path) for path in dict.fromkeys(scenes)]
@@ -275,8 +275,8 @@ def workloads_of(scenes: list[Path], points: Path | None, *, quick: bool) -> lis
 
 def write_results(out: Path, rows: list[Row]) -> None:
     """The table and the plots."""
-    from gsedit.bench.plots import work_precision
-    from gsedit.bench.rows import table
+    from gsedit.bench.renderer.plots import work_precision
+    from gsedit.bench.renderer.rows import table
     from gsedit.files import atomic_path
 
     with atomic_path(out / "bench.md", overwrite=True) as temporary:

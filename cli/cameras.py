@@ -32,14 +32,14 @@ def up_vector(up: str | None) -> Tensor | None:
     """The axis that was named; None where the scene itself must tell."""
     if up is None:
         return None
-    from gsedit import framing
+    from gsedit.views import framing
 
     return framing.up_vector(up)
 
 
 def around(scene: Gaussians, count: int, size: int, up: str | None) -> dict[str, Camera]:
     """Named cameras on a circle around a scene that came without any."""
-    from gsedit.framing import orbit
+    from gsedit.views.framing import orbit
 
     cameras = orbit(scene, count, size, up=up_vector(up))
     return {f"orbit_{index:03d}": camera for index, camera in enumerate(cameras)}

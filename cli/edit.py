@@ -37,8 +37,8 @@ from .options import (
 
 if TYPE_CHECKING:
     from gsedit.edit import EditResult
-    from gsedit.report import Event
-    from gsedit.views import Dataset
+    from gsedit.reports.journal import Event
+    from gsedit.views.dataset import Dataset
     from rasterizer.scene import Gaussians
 
 
@@ -154,7 +154,7 @@ class Journal:
         return both
 
     def write(self, event: Event) -> None:
-        from gsedit.report import write_event
+        from gsedit.reports.journal import write_event
 
         self.path.parent.mkdir(parents=True, exist_ok=True)
         with self.path.open("a" if self.events else "w", encoding="utf-8") as file:
@@ -169,7 +169,7 @@ def write_results(
     import json
 
     from gsedit.files import atomic_path, save
-    from gsedit.show import contact_sheet, error_vs_time, save_picture
+    from gsedit.viewer.show import contact_sheet, error_vs_time, save_picture
 
     (out / "edit.json").unlink(missing_ok=True)  # an earlier run's: it would seal mixed files
     save(result.scene, out / "scene.ply", overwrite=True)
@@ -216,7 +216,7 @@ def surroundings() -> dict[str, Any]:
 
 
 def explain_results(out: Path, events: list[Event]) -> None:
-    from gsedit.report import table
+    from gsedit.reports.journal import table
 
     say(table(events))
     say(
@@ -228,7 +228,7 @@ def explain_results(out: Path, events: list[Event]) -> None:
 def _vgg(path: Path | None) -> Any:
     if path is None:
         return None
-    from gsedit.features import Vgg16
+    from gsedit.measures.features import Vgg16
 
     return Vgg16(path)
 

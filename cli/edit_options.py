@@ -180,7 +180,7 @@ class SamplerOptions:
 
 @dataclass(frozen=True)
 class UpdateOptions:
-    """Fields of gsedit.strategies.UpdateSettings; None leaves the library's value."""
+    """Fields of gsedit.fitting.update.UpdateSettings; None leaves the library's value."""
 
     update_steps: Annotated[
         int | None,
@@ -248,7 +248,7 @@ def resolve(
     """The preset's settings with what the user gave put over them. Raises UsageError."""
     from gsedit.diffusion import SamplerSettings
     from gsedit.edit import EditSettings
-    from gsedit.strategies import UpdateSettings
+    from gsedit.fitting.update import UpdateSettings
     from rasterizer.numerics import Execution
 
     fitting = given(update)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 if TYPE_CHECKING:
-    from gsedit.report import Checkpoint, Event
+    from gsedit.reports.journal import Checkpoint, Event
 
 Tell = Callable[["Event"], None]
 
@@ -65,14 +65,14 @@ def narrator(*, as_json: bool) -> Iterator[Tell]:
 
 
 def _tell_json(event: Event) -> None:
-    from gsedit.report import as_record
+    from gsedit.reports.journal import as_record
 
     typer.echo(as_line("event", as_record(event)))
 
 
 def summary(event: Event) -> str:
     """What an event measured: its loss, its error in dB, its note."""
-    from gsedit.report import decibels
+    from gsedit.reports.journal import decibels
 
     parts = []
     if event.loss is not None:
@@ -193,7 +193,7 @@ class Checkpoints:
 
 def follow(items: Iterable[Any], tell: Tell, checkpoints: Checkpoints) -> Any:
     """Tell the events and keep the checkpoints of a piece of work; its result, the last item."""
-    from gsedit.report import Checkpoint, Event
+    from gsedit.reports.journal import Checkpoint, Event
 
     result = None
     for item in items:

@@ -39,7 +39,7 @@ def preview(
         check_file(out, force)
     common.apply()
 
-    from gsedit import show
+    from gsedit.viewer import show
 
     found = read(scene, drop_invalid=drop_invalid)
     axis, size = up_vector(up), (width, height)

@@ -24,7 +24,7 @@ from .options import (
 )
 
 if TYPE_CHECKING:
-    from gsedit.views import Dataset
+    from gsedit.views.dataset import Dataset
     from rasterizer.camera import Camera
     from rasterizer.scene import Gaussians
 
@@ -77,7 +77,7 @@ def render(
     with narrator(as_json=common.json) as tell:
         from time import perf_counter
 
-        from gsedit.report import Event
+        from gsedit.reports.journal import Event
 
         began = perf_counter()
         for step, (name, camera) in enumerate(cameras.items(), 1):
@@ -101,7 +101,7 @@ def place(
     if data is None:
         return around(scene, count, size, up)
     from gsedit.files import load_dataset
-    from gsedit.show import spread
+    from gsedit.viewer.show import spread
 
     dataset = load_dataset(data, size=size)
     chosen = spread(len(dataset), count) if views is None else views
@@ -126,7 +126,7 @@ def draw(
     import torch
 
     from gsedit.files import atomic_path
-    from gsedit.show import as_picture, depth_picture, save_picture
+    from gsedit.viewer.show import as_picture, depth_picture, save_picture
     from rasterizer.numerics import Execution
     from rasterizer.render import render as rasterize
 

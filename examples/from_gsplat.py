@@ -12,8 +12,8 @@ import torch
 from PIL import Image
 
 import gsedit
-from gsedit.framing import orbit
 from gsedit.synthetic import demo_scene, surface_gaussians
+from gsedit.views.framing import orbit
 
 # from gsplat import rasterization
 from rasterizer import rasterization

@@ -17,10 +17,11 @@ from pathlib import Path
 import torch
 
 import gsedit
+from gsedit.consistency import harmonise as settle
 from gsedit.edit import around
-from gsedit.editors import EditProgress, settle
-from gsedit.show import contact_sheet, save_picture
+from gsedit.editors import EditProgress
 from gsedit.synthetic import demo_scene, surface_gaussians
+from gsedit.viewer.show import contact_sheet, save_picture
 
 
 class Fade:

@@ -3,10 +3,10 @@
 from gsedit.edit import EditResult, EditSettings, edit, edit_steps
 from gsedit.errors import GseditError, InputError, UsageError
 from gsedit.files import load, load_dataset, save
-from gsedit.fit import FitResult, FitSettings, fit, fit_steps
-from gsedit.framing import orbit
-from gsedit.report import Checkpoint, Event
-from gsedit.views import Dataset, View
+from gsedit.fitting.fit import FitResult, FitSettings, fit, fit_steps
+from gsedit.reports.journal import Checkpoint, Event
+from gsedit.views.dataset import Dataset, View
+from gsedit.views.framing import orbit
 
 __all__ = [
     "Checkpoint",

@@ -83,7 +83,7 @@ def check_memory() -> Check:
 
 def check_compiler() -> Check:
     """Whether the rasteriser's kernel compiles here; compiles it if it never was."""
-    from rasterizer import compiled
+    from rasterizer.blending import cpp_backend as compiled
 
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
@@ -112,8 +112,8 @@ def _draw() -> None:
     """A point drawn off screen, as `gsedit preview` does."""
     import torch
 
-    from gsedit.framing import framing_camera
-    from gsedit.show import snapshot
+    from gsedit.viewer.show import snapshot
+    from gsedit.views.framing import framing_camera
     from rasterizer.scene import Gaussians
 
     unit = torch.eye(3)

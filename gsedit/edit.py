@@ -13,18 +13,19 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit import metrics, strategies
-from gsedit.correspond import Correspondences, correspond
+from gsedit.consistency.correspond import Correspondences, correspond
 from gsedit.diffusion import Answer, SamplerSettings, suits
 from gsedit.editors.protocol import EditBatch, Editor, KnowsAnswer, advice_of
 from gsedit.errors import UsageError
-from gsedit.features import FeatureExtractor, FilterBank
-from gsedit.framing import bounds, orbit
-from gsedit.optimiser import SceneOptimiser
-from gsedit.plan import Plan, plan_views, survey
-from gsedit.report import Checkpoint, Event, rmse_of
-from gsedit.strategies import UpdateSettings, update_steps
-from gsedit.views import Dataset, View, capture
+from gsedit.fitting import update as strategies
+from gsedit.fitting.optimiser import SceneOptimiser
+from gsedit.fitting.update import UpdateSettings, update_steps
+from gsedit.measures import metrics
+from gsedit.measures.features import FeatureExtractor, FilterBank
+from gsedit.reports.journal import Checkpoint, Event, rmse_of
+from gsedit.views.dataset import Dataset, View, capture
+from gsedit.views.framing import bounds, orbit
+from gsedit.views.plan import Plan, plan_views, survey
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import Rendering, render

@@ -9,8 +9,10 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from rasterizer import compiled, tiles, wavefront
-from rasterizer.composite import composite
+from rasterizer import tiles
+from rasterizer.blending import cpp_backend as compiled
+from rasterizer.blending import torch_backend as wavefront
+from rasterizer.blending.composite import composite
 from rasterizer.numerics import AUTO, Execution, Numerics
 from rasterizer.project import Box, Projected, cut_offs
 

@@ -11,7 +11,7 @@ from math import sqrt
 
 import torch
 
-from gsedit.bench.museum import DIAGONAL, camera, gaussian, random_cloud
+from gsedit.bench.renderer.edge_cases import DIAGONAL, camera, gaussian, random_cloud
 from rasterizer.camera import Camera
 from rasterizer.numerics import DEFAULT, SH_DC
 from rasterizer.scene import Gaussians, concatenate

@@ -13,10 +13,10 @@ from gsedit.edit import EditResult, EditSettings, edit_steps
 from gsedit.editors import make_editor
 from gsedit.editors.protocol import EditBatch, EditProgress
 from gsedit.errors import UsageError
-from gsedit.report import Checkpoint, Event
-from gsedit.strategies import UpdateSettings, rates, update_steps
+from gsedit.fitting.update import UpdateSettings, rates, update_steps
+from gsedit.reports.journal import Checkpoint, Event
 from gsedit.synthetic import demo_scene, ring_cameras, scenes, surface_gaussians
-from gsedit.views import Dataset, capture
+from gsedit.views.dataset import Dataset, capture
 from rasterizer.scene import concatenate
 
 PROMPT = "turn the bear into a bronze statue"
@@ -225,8 +225,8 @@ def test_requests_that_cannot_be_met_are_refused_before_any_work(scene, data):
 
 
 def test_an_update_lowers_the_loss(scene, data):
-    from gsedit.features import FilterBank
-    from gsedit.optimiser import SceneOptimiser
+    from gsedit.fitting.optimiser import SceneOptimiser
+    from gsedit.measures.features import FilterBank
 
     targets = tuple(replace(v, image=v.image.flip(-1)) for v in data.views[1:4])
     optimiser = SceneOptimiser(scene, rates("appearance", 1.0))

@@ -9,16 +9,27 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 
-# Each module may import only modules further down its list.
+# Each room may import only rooms further down its list.
 ORDER = {
     "gsedit": (
-        "bench", "teaching", "doctor", "show", "edit", "strategies", "plan", "fit", "optimiser",
-        "editors", "diffusion", "metrics", "losses", "features", "correspond", "agreement",
-        "report", "synthetic", "files", "views", "framing", "errors",
+        "bench",
+        "doctor",
+        "edit",
+        "viewer",
+        "editors",
+        "fitting",
+        "measures",
+        "reports",
+        "synthetic",
+        "files",
+        "consistency",
+        "diffusion",
+        "views",
+        "errors",
     ),
     "rasterizer": (
-        "reference", "rasterization", "render", "checks", "splat", "composite", "compiled",
-        "wavefront", "waves", "tiles", "project", "harmonics", "camera", "scene", "numerics",
+        "reference", "rasterization", "render", "checks", "splat", "blending", "tiles", "project",
+        "harmonics", "camera", "scene", "numerics",
     ),
 }  # fmt: skip
 BELOW = {"cli": ("gsedit", "rasterizer"), "gsedit": ("rasterizer",), "rasterizer": ()}

@@ -1,8 +1,8 @@
 """2D editors by name."""
 
+from gsedit.consistency.harmonise import settle
 from gsedit.editors.protocol import EditBatch, Editor, EditProgress
 from gsedit.editors.registry import EDITORS, Listing, editor_names, list_editors, make_editor
-from gsedit.editors.settle import settle
 
 __all__ = [
     "EDITORS",

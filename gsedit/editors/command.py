@@ -27,9 +27,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from gsedit.consistency.harmonise import settle
 from gsedit.diffusion import SamplerSettings
 from gsedit.editors.protocol import EditBatch, EditProgress
-from gsedit.editors.settle import settle
 from gsedit.errors import GseditError, InputError, UsageError
 
 FIELDS = ("input", "output", "prompt", "seed")

@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.correspond import Correspondences
+from gsedit.consistency.correspond import Correspondences
 from gsedit.diffusion import SamplerSettings
 
 

@@ -11,7 +11,7 @@ import torch.nn.functional as F
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from gsedit.agreement import consensus, share_noise
+from gsedit.consistency.consensus import consensus, share_noise
 from gsedit.diffusion import (
     Anchor,
     Answer,

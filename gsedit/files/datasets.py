@@ -10,7 +10,7 @@ from gsedit.files.nerfstudio import read_nerfstudio
 from gsedit.files.photos import PosedPhoto, SparsePoints, check_size
 from gsedit.files.pictures import downscale, fitted_size, read_picture
 from gsedit.files.undistort import Lens, Undistortion, undistort, undistortion
-from gsedit.views import Dataset, View
+from gsedit.views.dataset import Dataset, View
 
 
 def load_dataset(path: str | Path, *, size: int | None = None, limit: int | None = None) -> Dataset:

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from gsedit.synthetic.scene import SyntheticScene
 from gsedit.synthetic.splats import surface_points
-from gsedit.views import Dataset, View
+from gsedit.views.dataset import Dataset, View
 from rasterizer.camera import Camera, look_at
 
 

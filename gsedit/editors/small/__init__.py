@@ -1,6 +1,6 @@
 """The learned editor: a small InstructPix2Pix that is trained from scratch, on a CPU.
 
-gsedit.teaching makes what it learns from; examples/train_small.py trains it.
+train_small makes what it learns from; examples/train_small.py trains it.
 """
 
 from gsedit.editors.small.denoiser import REINSTALL, WEIGHTS, Small, load_small, save_small

@@ -45,7 +45,7 @@ def schedule() -> Schedule:
     A cell's pixels are alike, and so are neighbouring cells: their mean shows through noise that
     hides each of them, the more so the larger the picture (Hoogeboom et al. 2023, section 2.1).
     The default 20 steps start at sigma 37, where a render still shows through by its mean colour;
-    training takes care of that (see gsedit.teaching.train.noised).
+    training takes care of that (see train_small.training.noised).
     """
     t = torch.arange(1, STEPS + 1, dtype=torch.float64) / (STEPS + 1)
     return Schedule(1 / (1 + sigma_at(t) ** 2))

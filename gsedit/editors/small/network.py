@@ -34,7 +34,7 @@ from gsedit.editors.small.text import TextEncoder
 CELL = 4
 CHANNELS = 3 * CELL * CELL
 SPREAD = 0.15  # of values in [-1, 1]: about how far off the network's mean is where it is unsure
-TAUGHT = (0.02, 360.0)  # of sigma: the range of gsedit.teaching.train
+TAUGHT = (0.02, 360.0)  # of sigma: the range of train_small.training
 LOUD = 4.0  # noise of a sigma above this is turned down before the hand sees it
 SEEN = 3  # what the eye is taught of every pixel: subject, depth, height of the normal
 WAVES = 16  # frequencies of the noise level's embedding

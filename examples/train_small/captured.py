@@ -1,0 +1,97 @@
+"""Photos of a capture as pictures with known depth, normals and subject: to examine editors on.
+
+`n` photos of `h w` pixels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+import torch.nn.functional as F
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from gsedit.views.dataset import View
+from rasterizer.camera import Camera
+from rasterizer.render import render
+from rasterizer.scene import Gaussians
+from train_small.sources import FAR, Sources, cat
+
+SOLID = 0.5  # of alpha: less is sky
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """Where the subject is: what stands above a level, within a distance of an upright axis."""
+
+    centre: Float[Tensor, "3"]
+    up: Float[Tensor, "3"]
+    """Unit."""
+    radius: float
+    """World units."""
+    lowest: float
+    """Along `up` from the centre, world units."""
+
+    def holds(self, points: Float[Tensor, "*b 3"]) -> Bool[Tensor, "*b"]:
+        """Whether points are inside."""
+        offset = points - self.centre.to(points)
+        height = offset @ self.up.to(points)
+        aside = (offset - height[..., None] * self.up.to(points)).norm(dim=-1)
+        return (height > self.lowest) & (aside < self.radius)
+
+
+def captured(scene: Gaussians, views: Sequence[View], subject: Column) -> Sources:
+    """The photos, with the geometry of a scene that was fitted to them."""
+    return cat([_one(scene, view, subject) for view in views])
+
+
+def looked_at(cameras: Sequence[Camera]) -> Float[Tensor, "3"]:
+    """The point that is nearest to the cameras' axes, least squares."""
+    axes = torch.stack([camera.world_to_camera[2, :3] for camera in cameras]).double()
+    centres = torch.stack([camera.centre for camera in cameras]).double()
+    across = torch.eye(3, dtype=torch.float64) - axes[:, :, None] * axes[:, None]
+    return torch.linalg.solve(across.sum(0), (across @ centres[..., None]).sum(0))[:, 0]
+
+
+def mean_up(cameras: Sequence[Camera]) -> Float[Tensor, "3"]:
+    """The upright axis of photos that were taken all around, none of them tilted sideways."""
+    downward = torch.stack([camera.world_to_camera[1, :3] for camera in cameras]).double()
+    return F.normalize(-downward.mean(0), dim=0)
+
+
+@torch.no_grad()
+def _one(scene: Gaussians, view: View, subject: Column) -> Sources:
+    camera = view.camera
+    rendered = render(scene, camera, median_depth=True)
+    assert rendered.median_depth is not None
+    depth, solid = rendered.median_depth.double(), rendered.alpha > SOLID
+    pixels = camera.pixel_centres().reshape(-1, 2)
+    points = camera.unproject(pixels, depth.reshape(-1)).double().reshape(*depth.shape, 3)
+    mask = subject.holds(points) & solid
+    near = depth[mask].median() if mask.any() else depth[solid].median()
+    normal = _normals(points, camera.centre.double()) @ _upright(subject.up.double()).T
+    beside = F.max_pool2d((~solid)[None].float(), 3, 1, 1)[0] > 0  # differences reach into nothing
+    return Sources(
+        image=view.image[None].float(),
+        depth=(depth / near).masked_fill(~solid, FAR).clamp(max=FAR)[None, ..., None].float(),
+        normal=(normal * ~beside[..., None])[None].float(),
+        subject=mask[None, ..., None].float(),
+    )
+
+
+def _normals(points: Float[Tensor, "h w 3"], eye: Float[Tensor, "3"]) -> Float[Tensor, "h w 3"]:
+    """Unit normals of a depth picture, toward the eye, from central differences."""
+    framed = F.pad(points.movedim(-1, 0)[None], (1, 1, 1, 1), mode="replicate")[0].movedim(0, -1)
+    across, down = framed[1:-1, 2:] - framed[1:-1, :-2], framed[2:, 1:-1] - framed[:-2, 1:-1]
+    normal = F.normalize(torch.linalg.cross(across, down), dim=-1)
+    away = ((points - eye) * normal).sum(-1, keepdim=True) > 0
+    return torch.where(away, -normal, normal)
+
+
+def _upright(up: Float[Tensor, "3"]) -> Float[Tensor, "3 3"]:
+    """A rotation that takes `up` to +z."""
+    aside = torch.eye(3).to(up)[int(up.abs().argmin())]
+    across = F.normalize(torch.linalg.cross(aside, up), dim=0)
+    return torch.stack((across, torch.linalg.cross(up, across), up))

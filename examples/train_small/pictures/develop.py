@@ -1,0 +1,47 @@
+"""What a camera makes of light: defocus, exposure, white balance, haze, a tone curve, noise."""
+
+from __future__ import annotations
+
+from math import ceil
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from train_small.pictures.randomness import Dice
+
+
+def developed(
+    rgb: Float[Tensor, "h w 3"], subject: Float[Tensor, "h w 1"], dice: Dice
+) -> Float[Tensor, "h w 3"]:
+    """sRGB in [0, 1] of linear rgb; defocus, if any, spares the subject (a share in [0, 1])."""
+    if dice.chance(0.3):
+        rgb = _defocused(rgb, subject, dice(0.5, 4.0) * len(rgb) / 128)
+    middle = rgb.mean(-1).flatten().median().clamp_min(0.02)
+    exposed = rgb * (dice(0.14, 0.6) / middle) ** dice(0.5, 1.0)
+    balanced = exposed * torch.tensor([dice(0.9, 1.11) for _ in range(3)])
+    hazy = balanced + dice(0, 0.04) ** 1.5
+    shown = (hazy / (1 + 0.25 * hazy)).clamp_min(1e-4) ** (1 / dice(1.9, 2.5))
+    noise = torch.randn(rgb.shape, generator=dice.generator)
+    return (shown + dice(0, 0.17) ** 2 * noise).clamp(0, 1)
+
+
+def _defocused(
+    rgb: Float[Tensor, "h w 3"], subject: Float[Tensor, "h w 1"], sigma: float
+) -> Float[Tensor, "h w 3"]:
+    """All but the subject blurred by `sigma` pixels, without its colours bleeding out."""
+    behind = 1 - subject
+    blurred = _blurred(torch.cat((rgb * behind, behind), -1), sigma)
+    return rgb * subject + blurred[..., :3] / blurred[..., 3:].clamp_min(1e-3) * behind
+
+
+def _blurred(planes: Float[Tensor, "h w c"], sigma: float) -> Float[Tensor, "h w c"]:
+    """Convolved with a Gaussian of `sigma` pixels; the border goes on beyond the picture."""
+    reach = max(ceil(2.5 * sigma), 1)
+    kernel = (-0.5 * (torch.arange(-reach, reach + 1) / sigma) ** 2).exp()
+    count = planes.shape[-1]
+    kernel = (kernel / kernel.sum()).expand(count, 1, -1)
+    stack = torch.nn.functional.pad(planes.movedim(-1, 0)[None], (reach,) * 4, mode="replicate")
+    stack = torch.nn.functional.conv2d(stack, kernel[:, :, None], groups=count)
+    stack = torch.nn.functional.conv2d(stack, kernel[..., None], groups=count)
+    return stack[0].movedim(0, -1)

@@ -1,0 +1,237 @@
+"""Work-precision plots: error against seconds on logarithmic axes, one panel a scene."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from itertools import groupby, product
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+from gsedit.bench.curves import Point, pareto
+from gsedit.bench.renderer.rows import Row
+from gsedit.files.atomic import atomic_path
+
+Which = Literal["image", "gradients"]
+
+# Okabe and Ito's colours, told apart by everyone; each knob has a marker of its own too
+STYLES = {
+    "floor": ("#0072B2", "o", "alpha floor"),
+    "stop": ("#009E73", "s", "stop"),
+    "tile": ("#E69F00", "^", "tile side, pixels"),
+    "block": ("#CC79A7", "D", "block"),
+    "resolution": ("#56B4E9", "v", "resolution, then enlarged"),
+    "degree": ("#8C6D1F", "p", "SH degree"),
+    "dtype": ("#6A51A3", "P", "float64"),
+    "cull": ("#D55E00", "X", "cull by box"),
+    "compile": ("#B2182B", "h", "compiled"),
+    "baseline": ("#555555", "<", "textbook conic, float32"),
+    "peers": ("#000000", ">", "other renderers"),
+}
+NAMED = ("floor", "stop", "tile", "block", "resolution", "degree", "peers")
+"""Knobs whose points need their value written beside them."""
+FLOOR = 1e-10
+"""Smaller errors are drawn here, with their number: zero has no logarithm."""
+PANEL = (5.2, 4.3)  # inches
+TOP, LEGEND_ROW, LEGEND_COLUMN = 0.9, 0.2, 1.75  # inches
+DPI = 120
+
+
+class _Mark(NamedTuple):
+    seconds: float
+    error: float
+    knob: str
+    value: str
+
+
+def work_precision(
+    rows: Iterable[Row], path: Path, which: Which, *, overwrite: bool = False
+) -> None:
+    """A PNG of the rows: mean error of a colour over the forward pass's seconds, or the worst
+    gradient's relative error over those of forward and backward. Needs no screen.
+    """
+    from matplotlib.figure import Figure  # not pyplot: no global state, no window system
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    rows = list(rows)
+    scenes = {name: list(group) for name, group in groupby(rows, key=lambda row: row.scene)}
+    marks = {
+        name: [m for row in group if (m := _mark(row, which))] for name, group in scenes.items()
+    }
+    lines = max(1, math.ceil(len(scenes) / 3))
+    columns = max(1, math.ceil(len(scenes) / lines))
+    across = int(PANEL[0] * columns / LEGEND_COLUMN)  # entries of the legend in a row
+    bottom = LEGEND_ROW * (1 + math.ceil((len(STYLES) + 2) / across))
+    height = PANEL[1] * lines + TOP + bottom
+    room = (0.004, bottom / height, 0.99, 1 - (TOP + bottom) / height)
+    layout = ConstrainedLayoutEngine(rect=room, wspace=0.05, hspace=0.05)
+    figure = Figure(figsize=(PANEL[0] * columns, height), dpi=DPI, layout=layout)
+    panels = figure.subplots(lines, columns, squeeze=False).flatten()
+    known: dict[str, Any] = {}
+    for axes, (name, group) in zip(panels, scenes.items()):
+        known |= _panel(axes, name, group[0], marks[name], which)
+    for axes in panels[len(scenes) :]:
+        axes.set_axis_off()
+    _frame(figure, rows, known, which, height, across)
+    figure.draw_without_rendering()  # text has its place only now
+    for axes, found in zip(panels, marks.values()):
+        _name_points(axes, found)
+    with atomic_path(path, overwrite=overwrite) as temporary:
+        figure.savefig(temporary, format="png", dpi=DPI)
+
+
+def _mark(row: Row, which: Which) -> _Mark | None:
+    image = which == "image"
+    seconds = row.forward_wall if image else row.both_wall
+    error = row.error_mean if image else row.gradient_error
+    if not seconds or error is None or not math.isfinite(error):
+        return None
+    value = row.implementation if row.knob == "peers" else row.value
+    if error < FLOOR:
+        value = f"{value} ({error:.0e})"
+    return _Mark(seconds, max(error, FLOOR), row.knob, value)
+
+
+def _panel(axes: Any, name: str, row: Row, marks: Sequence[_Mark], which: Which) -> dict[str, Any]:
+    """Points, front and labels of a scene; what the legend has to explain."""
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_title(f"{name}: {row.gaussians:,} Gaussians", fontsize=11, loc="left")
+    axes.set_xlabel("forward, seconds" if which == "image" else "forward + backward, seconds")
+    axes.set_ylabel(
+        "mean error of a colour in [0, 1]"
+        if which == "image"
+        else "worst gradient's relative error"
+    )
+    axes.grid(which="major", color="#dddddd", linewidth=0.7)
+    axes.set_axisbelow(True)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    known = _front(axes, [(m.seconds, m.error) for m in marks])
+    for knob, found in groupby(marks, key=lambda mark: mark.knob):
+        group = list(found)
+        x, y = [m.seconds for m in group], [m.error for m in group]
+        if knob == "default":
+            style = {"color": "black", "marker": "*", "markersize": 18, "zorder": 3}
+            (known["default"],) = axes.plot(x, y, linestyle="none", label="the defaults", **style)
+            continue
+        color, marker, label = STYLES[knob]
+        joined = "-" if knob not in ("peers", "baseline") else "none"
+        (known[knob],) = axes.plot(
+            x, y, marker=marker, color=color, linestyle=joined, linewidth=0.6, label=label,
+            markersize=7, markeredgecolor="white", markeredgewidth=0.6, zorder=4,
+        )  # fmt: skip
+    axes.margins(0.14)
+    _ticks(axes)
+    return known
+
+
+def _front(axes: Any, points: Sequence[Point]) -> dict[str, Any]:
+    """The front as a step: at so many seconds, this is the least error that was reached."""
+    front = pareto(points)
+    if not front:
+        axes.text(0.5, 0.5, "nothing was measured", ha="center", transform=axes.transAxes)
+        return {}
+    line = {"color": "#bbbbbb", "linewidth": 4.5, "solid_capstyle": "round", "zorder": 1}
+    (drawn,) = axes.plot(*zip(*front), drawstyle="steps-post", label="Pareto front", **line)
+    return {"front": drawn}
+
+
+def _ticks(axes: Any) -> None:
+    """Seconds as plain numbers, also between powers of ten where there are few of those."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    low, high = axes.get_xlim()
+    subs = (1.0,) if high / low > 300 else (1.0, 3.0) if high / low > 20 else (1.0, 2.0, 5.0)
+    axes.xaxis.set_major_locator(LogLocator(subs=subs))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+
+
+def _frame(
+    figure: Any, rows: Sequence[Row], known: dict[str, Any], which: Which, height: float,
+    across: int,
+) -> None:  # fmt: skip
+    """Title, what was measured on what, and one legend for all panels."""
+    what = "Error of the picture" if which == "image" else "Error of the gradients"
+    figure.text(
+        0.012, 1 - 0.12 / height, f"{what} against run time", fontsize=16, weight="bold", va="top"
+    )
+    if rows:
+        row = rows[0]
+        threads = f"{row.threads} thread{'s' * (row.threads > 1)}"
+        figure.text(
+            0.012,
+            1 - 0.45 / height,
+            f"{row.machine}\n{threads}, commit {row.commit}, {row.date[:10]}",
+            fontsize=9.5,
+            color="#444444",
+            va="top",
+        )
+    order = ("default", "front", *STYLES)
+    handles = [known[name] for name in order if name in known]
+    if handles:
+        figure.legend(
+            handles=handles, loc="lower left", bbox_to_anchor=(0.008, 0.0), frameon=False,
+            ncols=across, fontsize=9.5,
+        )  # fmt: skip
+
+
+def _name_points(axes: Any, marks: Sequence[_Mark]) -> None:
+    """Write values beside points where there is room; the table has the others."""
+    from matplotlib.patheffects import withStroke
+
+    renderer = axes.figure._get_renderer()
+    spots = [axes.transData.transform((m.seconds, m.error)).tolist() for m in marks]
+    dots = [(x - 5, y - 5, x + 5, y + 5) for x, y in spots]
+    window: Box = tuple(axes.get_window_extent(renderer).extents.tolist())
+    taken: list[tuple[float, float, float, float]] = list(dots)
+    for mark, (x, y) in zip(marks, spots):
+        if mark.knob not in NAMED and mark.error > FLOOR:
+            continue
+        color = STYLES[mark.knob][0] if mark.knob in STYLES else "black"
+        text = axes.annotate(
+            mark.value, (mark.seconds, mark.error), xytext=(0, 0), textcoords="offset pixels",
+            fontsize=8, color=color, ha="left", va="bottom", zorder=6,
+            path_effects=[withStroke(linewidth=2.5, foreground="white")],
+        )  # fmt: skip
+        _, _, width, height = text.get_window_extent(renderer).bounds
+        width, height = float(width), float(height)  # not NumPy's
+        place = _free(x, y, width, height, taken, window)
+        if place is None:
+            text.remove()
+            continue
+        left, bottom = place
+        text.set_position((left - x, bottom - y))
+        taken.append((left - 3, bottom, left + width + 3, bottom + height))
+
+
+Box = tuple[float, float, float, float]
+"""Left, bottom, right, top, pixels."""
+
+
+def _free(
+    x: float, y: float, width: float, height: float, taken: Sequence[Box], window: Box
+) -> tuple[float, float] | None:
+    """Lower left corner of a label beside (x, y) that covers nothing; None: there is no room."""
+    for gap, (side, rise) in product((7.0, 10.0, 14.0), _SIDES):
+        left = x + side * gap + (side - 1) / 2 * width
+        bottom = y + rise * gap + (rise - 1) / 2 * height
+        box = (left, bottom, left + width, bottom + height)
+        inside = (
+            box[0] >= window[0]
+            and box[1] >= window[1]
+            and box[2] <= window[2]
+            and box[3] <= window[3]
+        )
+        if inside and not any(overlap(box, other) for other in taken):
+            return left, bottom
+    return None
+
+
+_SIDES = ((1, 1), (1, -1), (0, 1), (0, -1), (-1, 1), (-1, -1), (1, 0), (-1, 0))
+
+
+def overlap(a: Box, b: Box) -> bool:
+    """Whether two boxes share an area."""
+    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]

@@ -1,0 +1,198 @@
+"""One row a measurement: as JSON lines, as a Markdown table, and against rows of another day."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields
+from itertools import groupby
+from pathlib import Path
+from typing import IO, Any
+
+from gsedit.errors import InputError
+from gsedit.reports.journal import without_nan, write_line
+
+OURS = "gsedit"
+
+
+@dataclass(frozen=True)
+class Row:
+    """What was drawn by what and how, how long it took, how wrong it was. Null: not measured."""
+
+    scene: str
+    implementation: str
+    """gsedit, a baseline, or a peer with its version."""
+    knob: str
+    """What differs from the defaults; "default" where nothing does."""
+    value: str
+    gaussians: int
+    width: int
+    height: int
+    pairs: int
+    """(tile, Gaussian) pairs."""
+    evaluated: int
+    """Pixel-pairs in those tiles."""
+    contributing: int
+    """Pixel-pairs that change the picture. All three: of gsedit, for other implementations too."""
+    dtype: str
+    threads: int
+    runs: int
+    """The seconds below are medians of so many; forward + backward may have fewer than forward."""
+    forward_wall: float | None
+    """Projection and sorting included."""
+    forward_cpu: float | None
+    both_wall: float | None
+    """Forward and backward, to the gradients of every input."""
+    both_cpu: float | None
+    yardstick: float | None
+    """Seconds of a pass of the yardstick (see measure.py), between the same runs."""
+    error_mean: float | None
+    """Of a colour, against the float64 reference, over all pixels and channels."""
+    error_tail: float | None
+    """99.9 % are at most this."""
+    error_max: float | None
+    gradient_error: float | None
+    """Of the worst input: |difference| / |truth|."""
+    gradient_cosine: float | None
+    peak_bytes: int | None
+    """Of forward and backward, above the inputs."""
+    note: str
+    """What went wrong, where something did."""
+    commit: str
+    machine: str
+    date: str
+    """ISO 8601, UTC."""
+
+    @property
+    def label(self) -> str:
+        """Which of its scene's rows this is."""
+        if self.implementation != OURS:
+            return self.implementation
+        return "default" if self.knob == "default" else f"{self.knob} {self.value}"
+
+
+def write_row(file: IO[str], row: Row) -> None:
+    """Append a row as one JSON line; numbers that JSON lacks (NaN, infinity) are null."""
+    write_line(file, without_nan(as_record(row)))
+
+
+def read_rows(path: Path) -> list[Row]:
+    """The rows of a bench.jsonl; a last line without its newline was cut off: it is left out.
+
+    Raises InputError naming the file and the line where a line is not a row.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8").split("\n")[:-1]
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(
+            f"{path}: cannot be read as measurements ({error}); give a bench.jsonl"
+        ) from error
+    return [_row(path, number, line) for number, line in enumerate(lines, 1) if line.strip()]
+
+
+def _row(path: Path, number: int, line: str) -> Row:
+    try:
+        return Row(**json.loads(line))
+    except (ValueError, TypeError) as error:
+        raise InputError(
+            f"{path}, line {number}: not a measurement ({error}); give a bench.jsonl of "
+            "gsedit bench rasterizer"
+        ) from error
+
+
+def markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A Markdown table, its first column to the left, the others to the right."""
+    lines = [head, ["---", *("---:" for _ in head[1:])], *rows]
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
+
+
+HEAD = (
+    "", "fwd ms", "Y", "CPU Y", "both ms", "Y", "CPU Y", "mean error", "99.9 %", "max",
+    "gradients", "1 - cos", "peak MB", "n",
+)  # fmt: skip
+
+
+def table(rows: Iterable[Row]) -> str:
+    """Markdown: a heading and a table a scene, and what the columns mean."""
+    parts = [_LEGEND]
+    for scene, found in groupby(rows, key=lambda row: row.scene):
+        group = list(found)
+        parts += [_heading(scene, group[0]), markdown(HEAD, [_cells(row) for row in group])]
+        parts += [f"- {row.label}: {row.note}" for row in group if row.note]
+    return "\n\n".join(parts) + "\n"
+
+
+_LEGEND = (
+    "Times are medians of n runs, projection and sorting included; both: forward and backward, to "
+    "the gradients of every input, the pose too. Y: the time of the arithmetic of 25,000,000 "
+    "pixel-Gaussian pairs on the same threads between the same runs; CPU Y: seconds of all threads "
+    "together, in Y. Errors are of colours in [0, 1] against the float64 reference, which neither "
+    "stops early nor knows tiles; gradients: relative L2 error, and 1 - cosine, of the worst "
+    "input. Peak memory of both, above the inputs."
+)
+
+
+def _heading(scene: str, row: Row) -> str:
+    pairs = " / ".join(_millions(n) for n in (row.pairs, row.evaluated, row.contributing))
+    return (
+        f"## {scene}\n\n{row.gaussians:,} Gaussians, {row.width}x{row.height}, {row.dtype}; "
+        f"{pairs} million pairs tiled / evaluated / contributing; {row.threads} "
+        f"thread{'s' * (row.threads > 1)} of {row.machine}; commit {row.commit}, {row.date[:10]}"
+    )
+
+
+def _millions(count: int) -> str:
+    return f"{count / 1e6:.3g}"
+
+
+def _cells(row: Row) -> list[str]:
+    unit = row.yardstick
+
+    def units(seconds: float | None) -> str:
+        return "" if seconds is None or not unit else f"{seconds / unit:.1f}"
+
+    def milliseconds(seconds: float | None) -> str:
+        return "" if seconds is None else f"{1e3 * seconds:.3g}"
+
+    def error(value: float | None) -> str:
+        return "" if value is None else f"{value:.1e}"
+
+    gap = None if row.gradient_cosine is None else 1 - row.gradient_cosine
+    return [
+        f"**{row.label}**" if row.label == "default" else row.label,
+        milliseconds(row.forward_wall), units(row.forward_wall), units(row.forward_cpu),
+        milliseconds(row.both_wall), units(row.both_wall), units(row.both_cpu),
+        error(row.error_mean), error(row.error_tail), error(row.error_max),
+        error(row.gradient_error), error(gap),
+        "" if row.peak_bytes is None else f"{row.peak_bytes / 1e6:.0f}",
+        str(row.runs) if row.runs else "",
+    ]  # fmt: skip
+
+
+def comparison(new: Iterable[Row], old: Iterable[Row]) -> str:
+    """Markdown: new medians over old ones, in yardsticks, of the rows that both have."""
+    known = {(row.scene, row.label): row for row in old}
+    lines = [
+        [f"{row.scene}: {row.label}", *_ratios(row, known[row.scene, row.label])]
+        for row in new
+        if (row.scene, row.label) in known
+    ]
+    return markdown(("new / old", "forward", "both", "mean error", "peak memory"), lines)
+
+
+def _ratios(new: Row, old: Row) -> list[str]:
+    def ratio(name: str, *, timed: bool = False) -> str:
+        a, b = getattr(new, name), getattr(old, name)
+        if timed and a and b and new.yardstick and old.yardstick:
+            a, b = a / new.yardstick, b / old.yardstick
+        return f"{a / b:.2f}" if a and b else ""
+
+    return [
+        ratio("forward_wall", timed=True), ratio("both_wall", timed=True),
+        ratio("error_mean"), ratio("peak_bytes"),
+    ]  # fmt: skip
+
+
+def as_record(row: Row) -> dict[str, Any]:
+    """The row's fields by name."""
+    return {field.name: getattr(row, field.name) for field in fields(Row)}

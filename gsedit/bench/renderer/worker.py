@@ -1,0 +1,138 @@
+"""Another process that runs one function after the other: for what must not share this one.
+
+Peak memory is measured there, above what the inputs take, and code of others runs there, which may
+end its process. Functions are sent by name (they must be importable), arguments as pickles.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import pickle
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any
+
+import torch
+
+STATUS, RESET = Path("/proc/self/status"), Path("/proc/self/clear_refs")
+
+
+class WorkerError(Exception):
+    """What a function raised in the other process, or how that process ended."""
+
+
+class Worker:
+    """A process with as many torch threads as this one; it starts at the first call."""
+
+    def __init__(self) -> None:
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def __enter__(self) -> Worker:
+        return self
+
+    def __exit__(
+        self, _: type[BaseException] | None, __: BaseException | None, ___: TracebackType | None
+    ) -> None:
+        self.end()
+
+    def end(self) -> None:
+        """End the process, whatever it does; the next call starts another."""
+        process, self._process = self._process, None
+        if process is not None:
+            process.kill()
+            process.communicate()
+
+    def call(self, function: Callable[..., Any], *args: Any) -> Any:
+        """What `function(*args)` gives there. Raises WorkerError with one line of what went wrong.
+
+        Keyword arguments travel in a functools.partial.
+        """
+        process = self._started()
+        assert process.stdin
+        assert process.stdout
+        try:
+            pickle.dump((torch.get_num_threads(), function, args), process.stdin)
+            process.stdin.flush()
+            kind, result = pickle.load(process.stdout)
+        except (BrokenPipeError, EOFError, pickle.UnpicklingError):
+            process.wait()
+            code, self._process = process.returncode, None
+            how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+            raise WorkerError(f"its process ended ({how})") from None
+        if kind == "error":
+            raise WorkerError(result)
+        return result
+
+    def _started(self) -> subprocess.Popen[bytes]:
+        if self._process is None:
+            self._process = subprocess.Popen(
+                (sys.executable, "-m", "gsedit.bench.renderer.worker"),
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            )
+        return self._process
+
+
+def serve(requests: IO[bytes], replies: IO[bytes]) -> None:
+    """Run what is asked until there is nothing more to read."""
+    while True:
+        try:
+            threads, function, args = pickle.load(requests)
+            torch.set_num_threads(threads)
+            reply = ("result", function(*args))
+        except EOFError:
+            return
+        except Exception as error:
+            reply = ("error", f"{type(error).__name__}: {' '.join(str(error).split())}")
+        function = args = None
+        pickle.dump(reply, replies)
+        replies.flush()
+
+
+def peak_memory(work: Callable[..., Any], *args: Any) -> int | None:
+    """Bytes that `work(*args)` takes at its peak above what stands before; its result counts.
+
+    From the kernel's high-water mark of this process (Linux), which is set back before. None where
+    that cannot be had.
+    """
+    _trim()
+    try:
+        RESET.write_text("5")  # Linux: sets the high-water mark to what is resident now
+        before = _resident("VmHWM")
+        result = work(*args)
+        after = _resident("VmHWM")
+    except OSError:
+        return None
+    del result
+    return max(0, after - before)
+
+
+def _resident(field: str) -> int:
+    """A line of this process's status, in bytes."""
+    line = next(row for row in STATUS.read_text().splitlines() if row.startswith(field + ":"))
+    return 1024 * int(line.split()[1])
+
+
+def _trim() -> None:
+    """Give freed memory back to the system: else work takes it again without being seen."""
+    with contextlib.suppress(OSError, AttributeError):  # only the GNU C library has it
+        ctypes.CDLL(None).malloc_trim(0)
+
+
+def _main() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears it too, and ends us
+    replies = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what libraries print must not mix with the replies
+    serve(sys.stdin.buffer, replies)
+
+
+if __name__ == "__main__":
+    _main()

@@ -1,0 +1,1 @@
+"""What views of one scene have in common: correspondences, consensus, shared noise."""

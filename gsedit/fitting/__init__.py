@@ -1,0 +1,1 @@
+"""Gaussians from pictures: the fit to photos, and the update to edited views."""

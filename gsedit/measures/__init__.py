@@ -1,0 +1,1 @@
+"""Losses, the features under them, and metrics."""

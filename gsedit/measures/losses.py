@@ -1,0 +1,72 @@
+"""How far a picture is from its target. Everything here is differentiable.
+
+Pictures are `h w 3` in [0, 1]; `*n` any leading axes; features `c` channels."""
+
+from __future__ import annotations
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from gsedit.measures.features import FeatureExtractor
+
+SSIM_WINDOW = 11
+"""Pixels, Gaussian of sigma 1.5: the window of Wang et al. 2004."""
+
+
+def mse(image: Float[Tensor, "*s"], target: Float[Tensor, "*s"]) -> Float[Tensor, ""]:
+    """Mean squared error over everything; the colour term of eq. (loss)."""
+    return (image - target).square().mean()
+
+
+def l1(image: Float[Tensor, "*s"], target: Float[Tensor, "*s"]) -> Float[Tensor, ""]:
+    """Mean absolute error over everything."""
+    return (image - target).abs().mean()
+
+
+def ssim(image: Float[Tensor, "*n h w 3"], target: Float[Tensor, "*n h w 3"]) -> Float[Tensor, ""]:
+    """Mean structural similarity, in [-1, 1]; sides of 6 pixels or more (reflected at borders)."""
+    from kornia.metrics import ssim as ssim_map
+
+    a, b = (t.reshape(-1, *t.shape[-3:]).movedim(-1, 1) for t in (image, target))
+    return ssim_map(a, b, SSIM_WINDOW, max_val=1.0).mean()
+
+
+def dssim(image: Float[Tensor, "*n h w 3"], target: Float[Tensor, "*n h w 3"]) -> Float[Tensor, ""]:
+    """1 - SSIM, in [0, 2]: the "D-SSIM" that 3D Gaussian splatting trains with (weight 0.2).
+
+    The literature's DSSIM is half of this.
+    """
+    return 1 - ssim(image, target)
+
+
+def gram(features: Float[Tensor, "*n c h w"]) -> Float[Tensor, "*n c c"]:
+    """Correlations of the channels, averaged over positions: divided by h w, and not by c.
+
+    Johnson et al. 2016 divide by c h w too; the paper's weight 0.1 would then vanish (by c^2).
+    """
+    rows = features.flatten(-2)
+    return rows @ rows.mT / rows.shape[-1]
+
+
+def gram_loss(
+    features: list[Float[Tensor, "n _c _h _w"]], targets: list[Float[Tensor, "n _c _h _w"]]
+) -> Float[Tensor, ""]:
+    """Mean squared difference of Gram matrices, one a picture; summed over layers."""
+    return torch.stack(
+        [mse(gram(f), gram(t)) for f, t in zip(features, targets, strict=True)]
+    ).sum()
+
+
+def edit_loss(
+    image: Float[Tensor, "*n h w 3"],
+    target: Float[Tensor, "*n h w 3"],
+    features: FeatureExtractor,
+    gram_weight: float = 0.1,
+) -> Float[Tensor, ""]:
+    """MSE + gram_weight * Gram MSE: eq. (loss) of Efficient-NeRF2NeRF, each term mean-reduced."""
+    loss = mse(image, target)
+    if not gram_weight:
+        return loss
+    found, wanted = (features(t.reshape(-1, *t.shape[-3:]).movedim(-1, 1)) for t in (image, target))
+    return loss + gram_weight * gram_loss(found, wanted)

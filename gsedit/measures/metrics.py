@@ -1,0 +1,111 @@
+"""How good an edit is, in numbers: error, structure, agreement between views, strength, leakage.
+
+`v` views of `h w` pixels, `m` pairs of views. Pictures in [0, 1]; an error is the RMSE of their
+colours, mean over pixels *and* channels."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf, log10, nan, sqrt
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from gsedit.consistency.correspond import warp
+from gsedit.errors import UsageError
+from gsedit.measures import losses
+from rasterizer.camera import Camera
+
+
+def rmse(
+    image: Float[Tensor, "*n h w 3"],
+    target: Float[Tensor, "*n h w 3"],
+    mask: Bool[Tensor, "*n h w"] | None = None,
+) -> float:
+    """Root mean squared error inside the mask; UsageError if it is empty."""
+    difference = (image - target).double()
+    if mask is not None:
+        difference = difference[mask]
+    if not difference.numel():
+        raise UsageError("The mask selects no pixel, so there is nothing to measure; enlarge it.")
+    return sqrt(difference.square().mean().item())
+
+
+def psnr(
+    image: Float[Tensor, "*n h w 3"],
+    target: Float[Tensor, "*n h w 3"],
+    mask: Bool[Tensor, "*n h w"] | None = None,
+) -> float:
+    """Peak signal-to-noise ratio, dB, of the mean error of all pictures; inf when equal."""
+    error = rmse(image, target, mask)
+    return -20 * log10(error) if error else inf
+
+
+@torch.no_grad()
+def ssim(image: Float[Tensor, "*n h w 3"], target: Float[Tensor, "*n h w 3"]) -> float:
+    """Structural similarity, in [-1, 1], 1 when equal."""
+    return losses.ssim(image, target).item()
+
+
+def edit_strength(
+    original: Float[Tensor, "*n h w 3"],
+    edited: Float[Tensor, "*n h w 3"],
+    mask: Bool[Tensor, "*n h w"] | None = None,
+) -> float:
+    """How much was changed, inside the mask (what was to be edited). Report warp error beside it:
+    a scene that was not edited at all is perfectly consistent."""
+    return rmse(edited, original, mask)
+
+
+def leakage(
+    original: Float[Tensor, "*n h w 3"],
+    edited: Float[Tensor, "*n h w 3"],
+    mask: Bool[Tensor, "*n h w"],
+) -> float:
+    """How much was changed outside the mask: what should have stayed as it was."""
+    return rmse(edited, original, ~mask)
+
+
+@dataclass(frozen=True, eq=False)
+class WarpError:
+    """How far views contradict each other where they show the same surface."""
+
+    pairs: tuple[tuple[int, int], ...]
+    rmse: tuple[float, ...]
+    """Per pair, over the pixels that both see; nan where there are none."""
+    coverage: tuple[float, ...]
+    """Per pair, fraction of view a's pixels that were compared. An error over 1 % means little."""
+
+    @property
+    def mean(self) -> float:
+        """RMSE over all compared pixels of all pairs; nan if there are none."""
+        total = sum(self.coverage)
+        seen = sum(c * e**2 for c, e in zip(self.coverage, self.rmse) if c)
+        return sqrt(seen / total) if total else nan
+
+
+@torch.no_grad()
+def warp_error(
+    images: Float[Tensor, "v h w 3"],
+    cameras: Sequence[Camera],
+    depths: Float[Tensor, "v h w"],
+    alphas: Float[Tensor, "v h w"],
+    pairs: Sequence[tuple[int, int]] | None = None,
+) -> WarpError:
+    """Each pair's RMSE between view a and view b seen from a, where `correspond.warp` is valid.
+
+    `pairs` defaults to every pair once. On a camera path, short range is (t, t - 1) and long range
+    (t, t - 7). Depths are the unedited scene's, unless the edit moved the geometry. Compare with
+    the same number for the unedited pictures: shading and resampling make it more than zero.
+    """
+    pairs = tuple(pairs or itertools.combinations(range(len(images)), 2))
+    errors, coverage = [], []
+    views = list(zip(cameras, depths, alphas, strict=True))
+    for a, b in pairs:
+        seen, valid = warp(images[b], *views[a], *views[b])
+        errors.append(rmse(seen, images[a], valid) if valid.any() else nan)
+        coverage.append(valid.double().mean().item())
+    return WarpError(pairs, tuple(errors), tuple(coverage))

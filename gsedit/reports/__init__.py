@@ -1,0 +1,1 @@
+"""What long work yields, and the files it leaves."""

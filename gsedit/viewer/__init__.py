@@ -1,0 +1,1 @@
+"""Scenes and results as something to look at."""

@@ -1,0 +1,1 @@
+"""Cameras and pictures: datasets, framing, and which views an edit needs."""

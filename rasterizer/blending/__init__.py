@@ -1,0 +1,1 @@
+"""Blending 2D Gaussians into pictures: one file a backend."""

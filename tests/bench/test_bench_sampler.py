@@ -1,0 +1,134 @@
+"""The sampler's measurements: what they measure, and how they are told."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+import torch
+
+from gsedit.bench.curves import slope
+from gsedit.bench.sampler import experiments as sampler
+from gsedit.bench.sampler.plots import sweep_plot, work_precision
+from gsedit.bench.sampler.problems import crops, network, picture_scene, texture_scene
+from gsedit.bench.sampler.rows import SamplerRow, as_record, table, write_row
+from gsedit.diffusion import Need, SamplerSettings
+
+
+@pytest.fixture(scope="module")
+def solver_rows():
+    with pytest.MonkeyPatch.context() as patch:  # the slow reference has its own test
+        patch.setattr(sampler, "truth", lambda *a: sampler_truth(*a, steps=500))
+        return [*sampler.solver_rows((0.3,), (1.0,), (10, 20, 40, 80), runs=1)]
+
+
+sampler_truth = sampler.truth
+
+
+@pytest.fixture(scope="module")
+def consensus_rows():
+    scenes = texture_scene(), picture_scene(side=4)
+    return [*sampler.consensus_rows(1, scenes, (0, 10, 50))]
+
+
+def test_the_solvers_rows_fall_with_their_order(solver_rows):
+    for solver, order in (("ddim", 1), ("heun", 2), ("dpm++2m", 2)):
+        group = [row for row in solver_rows if row.variant == solver]
+        assert [row.evaluations for row in group] == [10, 20, 40, 80]
+        points = [(float(row.evaluations), row.error or 0.0) for row in group]
+        # with few steps a second-order method's error falls faster yet, so from one side only
+        assert slope(points) < -order + 0.3
+
+
+def test_every_extreme_is_measured_or_says_why_not():
+    rows = [*sampler.stiff_rows((1,))]
+    assert {row.variant for row in rows} == {"ddim", "heun", "dpm++2m", "ancestral"}
+    assert any("terminal SNR 0" in row.problem for row in rows)
+    assert {
+        dtype for dtype in ("bfloat16", "float16") if any(dtype in r.problem for r in rows)
+    } == {
+        "bfloat16",
+        "float16",
+    }
+    assert all(row.error is not None or row.note for row in rows)
+    # what 20 steps and no guidance reach on narrow data is the data
+    narrow = [r for r in rows if r.problem.startswith("width 0.01, guidance 1,")]
+    assert narrow
+    assert all(row.error is not None and row.error < 0.02 for row in narrow)
+
+
+def test_agreement_is_told_with_contrast_and_strength(consensus_rows):
+    found = {r.variant: r for r in consensus_rows if r.problem == "texture" and r.t_end is None}
+    paper, ours = found["xt, independent (paper)"], found["x0, shared (default)"]
+    none = found["none, independent noise"]
+    # the mean of four independent draws has half their deviation; not all cells are in four views
+    assert (paper.contrast or 0) < 0.75
+    assert (ours.contrast or 0) > 0.9
+    assert (ours.disagreement or 9) < (paper.disagreement or 0) < (none.disagreement or 0)
+    assert none.contrast == pytest.approx(1)
+
+
+def test_the_sweep_ends_in_agreement(consensus_rows):
+    for scene in ("texture", "closed form"):
+        swept = [r for r in consensus_rows if r.problem == f"{scene}, T_end"]
+        assert {row.t_end for row in swept} == {0, 10, 50}
+        xt = {r.t_end: r.disagreement for r in swept if r.variant == "xt, shared"}
+        # the state itself is averaged last; only decoding and clamping come after
+        assert xt[50.0] == pytest.approx(0, abs=1e-6)
+        assert xt[0.0] > xt[10.0]
+
+
+def test_disagreement_is_what_the_loop_says():
+    scene = texture_scene(side=6, shift=1)
+    x = torch.randn(4, 6, 6, 1, generator=torch.Generator().manual_seed(0))
+    squares = []
+    for cluster in range(int(scene.clusters.max()) + 1):
+        cells = x[scene.clusters == cluster]
+        if len(cells):
+            squares.append(((cells - cells.mean(0)) ** 2).flatten())
+    expected = torch.cat(squares).mean().sqrt().item()
+    assert scene.disagreement(x) == pytest.approx(expected, rel=1e-5)
+
+
+def test_crops_see_the_same_places():
+    labels = crops(3, 5, 1)
+    assert torch.equal(labels[0, 1:, 1:], labels[1, :-1, :-1])
+    assert (labels[0, 0] == -1).all()  # its first row is seen by no other view
+    scene = picture_scene(side=4)
+    agreed = scene.originals
+    assert scene.disagreement(agreed) == pytest.approx(0, abs=1e-7)
+
+
+def test_the_network_answers_what_is_needed():
+    model = network(channels=8, depth=1)
+    x = torch.randn(2, 4, 8, 8, generator=torch.Generator().manual_seed(0))
+    two = model.branches(x, 500.0, None, Need(True, True, False))
+    assert two.none is None
+    assert two.text_image is not None
+    assert two.text_image.shape == x.shape
+    again = network(channels=8, depth=1).branches(x, 500.0, None, Need())
+    assert again.image is not None
+    torch.testing.assert_close(again.image, two.image)
+
+
+def test_rows_as_json_and_as_a_table(solver_rows, consensus_rows, tmp_path):
+    row = SamplerRow("stiff", "width 1", "heun", 20, 39, 0.1, error=float("nan"), note="refused")
+    with (tmp_path / "rows.jsonl").open("w") as file:
+        write_row(file, row)
+    assert json.loads((tmp_path / "rows.jsonl").read_text())["error"] is None
+    rows = [*solver_rows, row, *consensus_rows]
+    text = table(rows)
+    assert text.count("## ") == 3
+    assert "| width 0.3, guidance 1: heun |" in text
+    assert "texture, T_end 10: x0, shared (default)" in text
+    assert as_record(solver_rows[0])["variant"] == "ddim"
+    for name in ("evaluations", "seconds"):
+        work_precision(rows, tmp_path / f"{name}.png", name)
+    sweep_plot(rows, tmp_path / "sweep.png")
+    assert len({path.stat().st_size for path in tmp_path.glob("*.png")}) == 3
+    assert table([]) == "Nothing was measured.\n"
+
+
+def test_the_settings_of_every_variant_are_valid():
+    for options in sampler.VARIANTS.values():
+        assert SamplerSettings(**options).steps == 20

@@ -1,0 +1,135 @@
+"""How much of the machine the sampler takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import pytest
+import torch
+
+from gsedit.bench.sampler.problems import network
+from gsedit.diffusion import Branches, Need, SamplerSettings, Schedule
+from gsedit.diffusion import machine as this
+from gsedit.diffusion.machine import InBfloat16, faster, peak_bytes, relative_error, views_at_once
+from gsedit.editors import EditBatch
+from gsedit.editors.sampling import DiffusionEditor, prepared
+from gsedit.errors import UsageError
+
+
+def test_peak_is_what_is_held_at_one_time():
+    def work() -> torch.Tensor:
+        a = torch.ones(1000)  # 4 kB
+        b = a * 2  # 8 kB held
+        del a
+        c = b.view(10, 100)  # no memory of its own
+        c += 1
+        return torch.cat((c, c))  # 4 + 8 kB
+
+    assert peak_bytes(work) == 12_000
+    given = torch.ones(1000)
+    assert peak_bytes(lambda: given.add_(1)) == 0  # inputs are the caller's
+
+
+def test_peak_grows_with_the_views():
+    layers = network(channels=16, depth=1).layers
+    with torch.no_grad():
+        one, four = (peak_bytes(lambda n=n: layers(torch.zeros(n, 4, 16, 16))) for n in (1, 4))
+    assert four == pytest.approx(4 * one, rel=0.05)
+
+
+def test_views_that_fit_the_budget(monkeypatch):
+    assert views_at_once(8, 10**9, 3.5) == 3
+    assert views_at_once(8, 10**9, 0.1) == 1  # fewer than one cannot be
+    assert views_at_once(2, 10**9, 30.0) == 2
+    monkeypatch.setattr(this, "free_bytes", lambda: 10 * 10**9)
+    assert views_at_once(8, 10**9, None) == 5  # half of what is free
+    with pytest.raises(UsageError, match="memory"):
+        SamplerSettings(memory=0.0)
+
+
+def test_free_memory_respects_a_container(tmp_path, monkeypatch):
+    assert this.free_bytes() > 0
+    (tmp_path / "memory.max").write_text("5000\n")
+    (tmp_path / "memory.current").write_text("2000\n")
+    assert this._below_limit(tmp_path) == 3000
+    (tmp_path / "memory.max").write_text("max\n")
+    assert this._below_limit(tmp_path) > 2**60
+
+
+def test_bfloat16_only_where_it_errs_little():
+    model = network(channels=16, depth=2)
+    x = torch.randn(1, 4, 8, 8, generator=torch.Generator().manual_seed(0))
+
+    def ask(asked: Any) -> torch.Tensor:
+        text = asked.branches(x, 500.0, None, Need(True, False, False)).text_image
+        return text.float()
+
+    assert faster(model, ask, "float32") is model
+    assert isinstance(faster(model, ask, "bfloat16"), InBfloat16)
+    rounded = faster(model, ask, "auto", able=True)
+    assert isinstance(rounded, InBfloat16)
+    assert 0 < relative_error(ask(rounded), ask(model)) <= this.BOUND
+    assert faster(model, ask, "auto", able=False) is model
+
+    def far_off(asked: Any) -> torch.Tensor:
+        return ask(asked) * (1.1 if isinstance(asked, InBfloat16) else 1.0)
+
+    assert faster(model, far_off, "auto", able=True) is model
+
+
+@dataclass(frozen=True, eq=False)
+class Painter:
+    """A denoiser with a network that notes how many views it is given at once."""
+
+    seen: list[int]
+    micro_batch: int = 1
+    name: str = "painter"
+    cell: int = 1
+    channels: int = 4
+    predicts: str = "eps"
+    schedule: Schedule = field(default_factory=Schedule.scaled_linear)
+    layers: Any = field(default_factory=lambda: network(channels=8, depth=1).layers)
+
+    def check(self, prompt): ...
+    def answer(self, prompt, edited, originals): ...
+
+    def encode(self, images):
+        return torch.nn.functional.pad(images, (0, 1)).movedim(-1, 1)
+
+    def encode_edited(self, images, originals, prompt):
+        return self.encode(images)
+
+    def decode(self, latents):
+        return latents[:, :3].movedim(1, -1)
+
+    def condition(self, originals, prompt, generator):
+        return None
+
+    @torch.no_grad()
+    def branches(self, x, t, condition, need):
+        parts = x.split(self.micro_batch)
+        self.seen.extend(len(part) for part in parts)
+        out = torch.cat([self.layers(part) for part in parts])
+        return Branches(*(out if asked else None for asked in need))
+
+
+def test_the_editor_gives_a_network_as_many_views_as_fit():
+    views = torch.rand(5, 8, 8, 3, generator=torch.Generator().manual_seed(0))
+    batch = EditBatch(views, views, "paint")
+    fine = SamplerSettings(steps=1, precision="float32")
+    results = []
+    for memory, expected in ((1e-12, [1] * 5), (10.0, [5])):
+        seen: list[int] = []
+        editor = DiffusionEditor(Painter(seen))
+        *_, last = editor.edit(batch, replace(fine, memory=memory), torch.Generator())
+        assert seen == [1, *expected]  # the first view is measured
+        results.append(last.images)
+    # a batch of another size may take another convolution kernel: roundings only
+    torch.testing.assert_close(results[0], results[1], rtol=0, atol=1e-5)
+
+
+def test_a_denoiser_without_a_network_is_left_alone():
+    model = replace(Painter([]), micro_batch=None)
+    x = torch.zeros(1, 4, 8, 8)
+    assert prepared(model, x, torch.zeros(1, 8, 8, 3), "", SamplerSettings()) is model

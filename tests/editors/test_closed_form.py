@@ -1,0 +1,322 @@
+"""The closed-form editor against Bayes by brute force, and the method's promise on it."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+
+from gsedit.consistency.correspond import Correspondences
+from gsedit.diffusion import Need, SamplerSettings, guide
+from gsedit.editors import EDITORS, EditBatch, looks, make_editor
+from gsedit.editors.closed_form import CODE, ClosedForm, Mixture, Perturbation, perturb
+from gsedit.editors.looks import LOOKS, agreed_variant, parse
+from gsedit.editors.sampling import DiffusionEditor
+from gsedit.errors import UsageError
+
+SIZE = 64
+UNPERTURBED = Perturbation(gain=0.0, hue=0.0, shift=0.0)
+OFF = SamplerSettings(consensus=False, noise="independent")
+
+
+def generator(seed: int = 0) -> torch.Generator:
+    return torch.Generator().manual_seed(seed)
+
+
+def picture(height: int = SIZE, width: int = SIZE) -> torch.Tensor:
+    """Smooth colours of every brightness, with detail: a picture that every look changes."""
+    y, x = torch.meshgrid(torch.arange(height), torch.arange(width), indexing="ij")
+    waves = [torch.sin(x / 9 + 0.7), torch.sin(y / 7 + x / 31), torch.sin((x + y) / 5)]
+    return torch.stack(waves, -1) * 0.25 + 0.5
+
+
+def overlapping(shift: int = 3) -> tuple[torch.Tensor, Correspondences]:
+    """Four crops of one picture, `shift` cells apart, and their exact clusters (86 % of cells)."""
+    cells = SIZE // 8
+    full = picture(SIZE + 8 * shift, SIZE + 8 * shift)
+    corners = [(0, 0), (0, shift), (shift, 0), (shift, shift)]
+    views = [full[8 * a : 8 * a + SIZE, 8 * b : 8 * b + SIZE] for a, b in corners]
+    y, x = torch.meshgrid(torch.arange(cells), torch.arange(cells), indexing="ij")
+    places = torch.stack([(y + a) * 100 + x + b for a, b in corners])
+    _, names, counts = places.unique(return_inverse=True, return_counts=True)
+    labels = torch.where(counts[names] > 1, names, -1)
+    return torch.stack(views), Correspondences(labels, torch.eye(4), 8)
+
+
+def edit(
+    views, prompt, settings, seed=0, *, matches=None, anchored=None, originals=None, model=None
+):
+    editor = DiffusionEditor(model or ClosedForm())
+    originals = views if originals is None else originals
+    batch = EditBatch(views, originals, prompt, matches, anchored, seed)
+    *_, progress = editor.edit(batch, settings, generator(seed))
+    return progress.images
+
+
+def mixture(width: float = 0.6) -> Mixture:
+    """One view of one cell and one channel: small enough for a sum over a grid."""
+    offsets = torch.tensor([0.5, -1.0, 2.0], dtype=torch.float64).reshape(3, 1, 1, 1, 1)
+    weights = torch.tensor([[0.2, 0.5, 0.3]], dtype=torch.float64)
+    return Mixture(
+        torch.full((1, 1, 1, 1), 0.3, dtype=torch.float64), offsets, weights.log(), width
+    )
+
+
+def density(model: Mixture, points: torch.Tensor) -> torch.Tensor:
+    centres = (model.base + model.offsets).flatten()
+    kernel = (-((points[:, None] - centres) ** 2) / (2 * model.width**2)).exp()
+    return kernel @ model.log_weights[0].exp()
+
+
+@pytest.mark.parametrize("variance", [0.01, 1.0, 25.0])
+def test_posterior_mean_is_bayes_on_a_grid(variance):
+    model = mixture()
+    q = torch.full((1, 1, 1, 1), 0.8, dtype=torch.float64)
+    x0 = torch.linspace(-8, 8, 20001, dtype=torch.float64)
+    posterior = density(model, x0) * (-((q.item() - x0) ** 2) / (2 * variance)).exp()
+    expected = (posterior * x0).sum() / posterior.sum()
+    torch.testing.assert_close(model.posterior_mean(q, variance).squeeze(), expected)
+
+
+@pytest.mark.parametrize("variance", [0.01, 1.0, 25.0])
+def test_score_is_the_gradient_of_the_log_density(variance):
+    """Tweedie: grad log p(q) = (E[x0 | q] - q) / s^2."""
+    model = mixture()
+    q = torch.tensor(0.8, dtype=torch.float64, requires_grad=True)
+    spread = Mixture(model.base, model.offsets, model.log_weights, (0.36 + variance) ** 0.5)
+    (score,) = torch.autograd.grad(density(spread, q[None]).log().squeeze(), q)
+    mean = model.posterior_mean(q.detach().reshape(1, 1, 1, 1), variance).squeeze()
+    torch.testing.assert_close((mean - q.detach()) / variance, score)
+
+
+def test_latent_is_an_isometry_with_an_exact_inverse():
+    model = ClosedForm()
+    a, b = torch.rand(2, 2, 24, 40, 3, generator=generator(), dtype=torch.float64)
+    za, zb = model.encode(a), model.encode(b)
+    assert za.shape == (2, model.channels, 3, 5)
+    assert not za[:, -CODE:].any()
+    scale = model.shape.radius / math.sqrt(3 * 24 * 40)
+    torch.testing.assert_close((za - zb).norm(), 2 * scale * (a - b).norm())
+    torch.testing.assert_close(model.decode(za), a)
+
+
+def test_a_shift_by_one_cell_is_a_shift_of_the_latent():
+    model = ClosedForm()
+    image = picture(32, 32)[None]
+    moved = model.encode(image.roll(8, dims=2))
+    torch.testing.assert_close(moved, model.encode(image).roll(1, dims=3))
+
+
+def test_variants_are_equally_likely_at_the_start():
+    model = ClosedForm()
+    views = picture()[None]
+    condition = model.condition(views, "bronze", generator())
+    ab = model.schedule.alpha(932)
+    chances = condition.text_image.responsibilities(model.encode(views), (1 - ab) / ab)
+    torch.testing.assert_close(chances, torch.full_like(chances, 1 / 3))
+
+
+def test_guidance_is_inert_at_a_variant():
+    """There the image branch answers as the text does, so s_T cancels and nothing overshoots."""
+    model = ClosedForm(perturbation=UNPERTURBED)
+    views = picture()[None].double()
+    condition = model.condition(views, "bronze", generator())
+    target = model.encode_edited(parse("bronze").variant(views, 2), views, "bronze")
+    text, image, none = model.branches(
+        target * model.schedule.alpha(1) ** 0.5, 1.0, condition, Need()
+    )
+    assert none is not None
+    torch.testing.assert_close(
+        guide(text, image, none, 7.5, 1.5), guide(text, image, none, 30.0, 1.5)
+    )
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        OFF,
+        SamplerSettings(guidance_text=1.0, guidance_image=1.0),
+        SamplerSettings(steps=10, guidance_text=15.0),
+        SamplerSettings(steps=50, guidance_image=2.0, target="xt", noise="independent"),
+    ],
+)
+def test_samples_are_sharp_variants(settings):
+    model = ClosedForm(perturbation=UNPERTURBED)
+    views = picture()[None].expand(4, -1, -1, -1)
+    edited = edit(views, "bronze", settings, model=model)
+    _, votes = agreed_variant(parse("bronze"), edited, views)
+    truth = torch.stack([parse("bronze").variant(views[i], k) for i, k in enumerate(votes)])
+    # 36 dB: a component's width 0.03 in [-1, 1] is 0.015 in [0, 1]; guidance only narrows it
+    assert (edited - truth).square().mean().sqrt() < 0.016
+
+
+def test_views_agree_with_consensus_and_choose_alone_without():
+    views, matches = overlapping()
+    agreeing, alone, variants = 0, 0, set()
+    for seed in range(8):
+        together = edit(views, "bronze", SamplerSettings(), seed, matches=matches)
+        _, votes = agreed_variant(parse("bronze"), together, views)
+        agreeing += len(set(votes)) == 1
+        variants |= set(votes)
+        _, votes = agreed_variant(
+            parse("bronze"), edit(views, "bronze", OFF, seed, matches=matches), views
+        )
+        alone += len(set(votes)) == 1
+    assert agreeing >= 7
+    assert alone <= 2  # by chance 1 in 27
+    assert len(variants) == 3  # and they do not agree because there is only one
+
+
+@pytest.mark.parametrize("k", range(looks.VARIANTS))
+def test_views_follow_an_anchor(k):
+    views, matches = overlapping()
+    images = views.clone()
+    images[0] = parse("bronze").variant(views[0], k)
+    anchored = torch.tensor([True, False, False, False])
+    followed = 0
+    for seed in range(4):
+        edited = edit(
+            images,
+            "bronze",
+            SamplerSettings(),
+            seed,
+            matches=matches,
+            anchored=anchored,
+            originals=views,
+        )
+        assert torch.equal(edited[0], images[0])
+        _, votes = agreed_variant(parse("bronze"), edited, views)
+        followed += sum(vote == k for vote in votes[1:])
+    assert followed >= 11  # of 12; 4 by chance
+
+
+def test_one_view_ignores_consensus():
+    views = picture()[None]
+    matches = Correspondences(torch.zeros(1, 8, 8, dtype=torch.long) - 1, torch.eye(1), 8)
+    alone = edit(views, "gold", SamplerSettings())
+    assert torch.equal(edit(views, "gold", SamplerSettings(), matches=matches), alone)
+
+
+def test_sides_that_are_no_multiple_of_the_cell():
+    views = picture(45, 61)[None]
+    edited = edit(views, "gold", SamplerSettings(), model=ClosedForm(perturbation=UNPERTURBED))
+    k, _ = agreed_variant(parse("gold"), edited, views)
+    assert edited.shape == views.shape
+    # not shifted: as close to the variant, in place, as any other sample
+    assert (edited - parse("gold").variant(views, k)).square().mean().sqrt() < 0.016
+
+
+def test_reproducible_and_in_range():
+    views, matches = overlapping()
+    first, again, other = (
+        edit(views, "make it snow", SamplerSettings(), seed, matches=matches) for seed in (3, 3, 4)
+    )
+    assert torch.equal(first, again)
+    assert not torch.equal(first, other)
+    assert first.min() >= 0
+    assert first.max() <= 1
+
+
+def test_all_views_anchored_come_back():
+    views = picture()[None]
+    assert torch.equal(edit(views, "gold", OFF, anchored=torch.tensor([True])), views)
+
+
+def test_perturbation_is_each_views_own_and_small():
+    variants = picture().expand(3, 2, -1, -1, -1)
+    moved = perturb(variants, Perturbation(), generator())
+    assert torch.equal(moved[0], moved[1])  # one draw a view, whatever the variant
+    assert not torch.equal(moved[0, 0], moved[0, 1])
+    assert (moved - variants).square().mean().sqrt() < 0.05  # 26 dB
+    untouched = perturb(variants, UNPERTURBED, generator())
+    torch.testing.assert_close(untouched, variants, rtol=0, atol=1e-5)  # bicubic weights, rounded
+
+
+@pytest.mark.parametrize(
+    ("prompt", "names"),
+    [
+        ("turn the bear into a bronze statue", ("bronze",)),
+        ("Make it SNOW!", ("snow",)),
+        ("as a marble statue at night", ("marble", "night")),
+        ("at night, in marble", ("night", "marble")),
+        ("a black-and-white photo", ("black-and-white",)),
+        ("what would it look like in the golden hour?", ("sunset",)),
+        ("golden", ("gold",)),
+        ("turn it into a statue", ("stone",)),
+        ("snow, more snow", ("snow",)),
+        ("a wintry pencil drawing", ("snow", "sketch")),
+    ],
+)
+def test_words_choose_looks(prompt, names):
+    assert parse(prompt).names == names
+
+
+def test_every_look_answers_to_its_name():
+    assert len(LOOKS) >= 14
+    for name in LOOKS:
+        assert parse(f"make it look like {name}").names == (name,)
+
+
+def test_unknown_and_empty_instructions_say_what_to_do():
+    with pytest.raises(UsageError, match=r"bronze, gold.*--editor pix2pix --model FOLDER"):
+        parse("turn him into Batman")
+    for empty in ("", "  ", "?!"):
+        with pytest.raises(UsageError, match="empty"):
+            parse(empty)
+
+
+@pytest.mark.parametrize("name", LOOKS)
+def test_look_is_evident_and_its_variants_differ(name):
+    image = picture()[None].double()
+    variants = parse(name).variants(image)
+    assert variants.min() >= 0
+    assert variants.max() <= 1
+    pairs = [(0, 1), (0, 2), (1, 2)]
+    apart = [(variants[a] - variants[b]).square().mean().sqrt() for a, b in pairs]
+    assert min(apart) > 0.04  # ten 8-bit steps
+    assert (variants - image).square().mean((1, 2, 3, 4)).sqrt().min() > 0.06
+
+
+@pytest.mark.parametrize("name", sorted(set(LOOKS) - {"sketch", "watercolor"}))
+def test_most_looks_are_pointwise(name):
+    """One surface point gets one colour in every view; sketch and watercolor need neighbours."""
+    image = picture()
+    shuffled = image.flatten(0, 1)[torch.randperm(SIZE * SIZE, generator=generator())]
+    direct = parse(name).variants(shuffled.reshape(1, SIZE, SIZE, 3))
+    torch.testing.assert_close(
+        direct.flatten(2, 3).sum(2), parse(name).variants(image[None]).flatten(2, 3).sum(2)
+    )
+
+
+def test_composition_applies_looks_in_order():
+    image = picture()[None]
+    both = parse("marble at night").variant(image, 1)
+    in_turn = parse("night").variant(parse("marble").variant(image, 1), 1)
+    torch.testing.assert_close(both, in_turn)
+
+
+def test_answer_is_the_majoritys_variant():
+    views, _ = overlapping()
+    recipe = parse("bronze")
+    edited = torch.stack([recipe.variant(v, k) for v, k in zip(views, (2, 0, 2, 2))])
+    assert agreed_variant(recipe, edited, views) == (2, (2, 0, 2, 2))
+    answer = make_editor("closed-form").answer("bronze", edited, views)
+    assert torch.equal(answer(views), recipe.variant(views, 2))
+
+
+def test_editors_by_name():
+    assert make_editor("closed-form").cell == 8
+    assert "closed-form" in EDITORS
+    with pytest.raises(UsageError, match="small, closed-form, pix2pix, command"):
+        make_editor("photoshop")
+    with pytest.raises(UsageError, match="--editor pix2pix"):
+        make_editor("closed-form", model="folder")
+
+
+def test_batches_that_do_not_belong_together():
+    views, matches = overlapping()
+    with pytest.raises(UsageError, match="match the cells"):
+        edit(views[:2], "gold", OFF, matches=matches)
+    with pytest.raises(UsageError, match="no view"):
+        edit(views[:0], "gold", OFF)

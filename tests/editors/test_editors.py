@@ -1,0 +1,495 @@
+"""Editors by name, ours and third parties'; whole sides; weights on disk; what the machine has."""
+
+from __future__ import annotations
+
+import json
+import sys
+import warnings
+from pathlib import Path
+
+import pytest
+import torch
+from gsedit_cli.main import app
+from safetensors.torch import save_file
+from typer.testing import CliRunner
+
+from gsedit import doctor
+from gsedit.consistency.correspond import Correspondences
+from gsedit.diffusion import SamplerSettings
+from gsedit.editors import (
+    EditBatch,
+    Editor,
+    EditProgress,
+    editor_names,
+    list_editors,
+    make_editor,
+    registry,
+)
+from gsedit.editors.sides import WholeSides, extend
+from gsedit.editors.weights import inspect, tensors
+from gsedit.errors import GseditError, InputError, UsageError
+
+THEIRS = '''
+class Mirror:
+    """Turns pictures round."""
+
+    name, cell = "mirror", 8
+
+    def __init__(self, model=None):
+        self.model = model
+
+    def check(self, prompt): ...
+
+    def edit(self, batch, settings, generator): ...
+
+    @staticmethod
+    def missing():
+        return ["a mirror: buy one"]
+
+
+class Broken:
+    def __init__(self):
+        raise RuntimeError("no mirror\\nin here")
+
+
+def nothing(**anything):
+    return 3
+
+
+number = 3
+'''
+
+
+def install(folder: Path, name: str, entries: str, code: str = "") -> None:
+    """What pip leaves of a package with entry points: metadata, and a module."""
+    info = folder / f"{name}-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(f"[gsedit.editors]\n{entries}\n")
+    (folder / f"{name}.py").write_text(code)
+
+
+@pytest.fixture
+def packages(tmp_path, monkeypatch):
+    """Two third-party packages, one of which cannot be imported."""
+    entries = (
+        "mirror = mirrors:Mirror\nbroken = mirrors:Broken\nnothing = mirrors:nothing\n"
+        "number = mirrors:number\nabsent = mirrors:Absent\npix2pix = mirrors:Mirror"
+    )
+    install(tmp_path, "mirrors", entries, THEIRS)
+    install(tmp_path, "torn", "torn = torn:Torn", "import surely_not_installed")
+    monkeypatch.syspath_prepend(tmp_path)
+    yield
+    for name in ("mirrors", "torn"):
+        sys.modules.pop(name, None)
+
+
+def gsedit(*words: object):
+    return CliRunner().invoke(app, [str(word) for word in words])
+
+
+# ---- by name -------------------------------------------------------------------------------------
+
+
+def test_ours_are_listed_with_what_they_need():
+    ours = {listing.name: listing for listing in list_editors() if listing.source == "gsedit"}
+    assert tuple(ours) == registry.EDITORS
+    assert ours["small"].ready
+    assert ours["small"].options == ("--model",)
+    assert ours["closed-form"].ready
+    assert not ours["closed-form"].options
+    assert ours["pix2pix"].options == ("--model", "--weights-dir")
+    assert ours["command"].options == ("--run", "--timeout")
+    assert "{input} {output} {prompt}" in ours["command"].needs[0]
+    assert all(listing.summary for listing in ours.values())
+    assert isinstance(make_editor(), Editor)
+    assert make_editor().name == "small"
+
+
+def test_what_pix2pix_misses_is_named(monkeypatch, tmp_path):
+    monkeypatch.setattr("huggingface_hub.constants.HF_HUB_CACHE", str(tmp_path))
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    packages, weights = next(each for each in list_editors() if each.name == "pix2pix").needs
+    assert "diffusers and transformers: pip install 'gsedit[diffusers]'" in packages
+    assert "--model" in weights
+    assert "hf download timbrooks/instruct-pix2pix --local-dir FOLDER" in weights
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "message"),
+    [
+        (
+            "closed-from",
+            {},
+            r"no editor 'closed-from': choose one of small, closed-form, pix2pix, command",
+        ),
+        (
+            "closed-form",
+            {"model": "x"},
+            "closed-form editor has no option --model: it takes none; --editor small or --editor "
+            "pix2pix has it",
+        ),
+        ("pix2pix", {"run": "x"}, "no option --run: it takes --model, --weights-dir"),
+        ("command", {"weights_dir": "x"}, "no option --weights-dir: it takes --run, --timeout"),
+        ("command", {}, "needs to know the program: add --run"),
+    ],
+)
+def test_a_request_that_no_editor_can_meet(name, options, message):
+    with pytest.raises(UsageError, match=message):
+        make_editor(name, **options)
+
+
+def test_a_third_party_s_editor_is_made_and_listed(packages):
+    assert "mirror" in editor_names()
+    editor = make_editor("mirror", model="m", run=None, folder=Path("offered"))
+    assert (editor.name, editor.model) == ("mirror", "m")
+    (listing,) = (each for each in list_editors() if each.name == "mirror")
+    assert listing.summary == "Turns pictures round."
+    assert listing.source == "mirrors"
+    assert listing.options == ("--model",)
+    assert listing.needs == ("a mirror: buy one",)
+    with pytest.raises(UsageError, match="no option --run: it takes --model"):
+        make_editor("mirror", run="x")
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("torn", r"torn editor \(torn\) cannot be imported.*surely_not_installed.*remove torn"),
+        ("absent", r"cannot be imported.*no attribute 'Absent'|has no attribute.*Absent"),
+        ("number", "is no callable: mirrors:number"),
+        (
+            "broken",
+            r"cannot be made \(RuntimeError: no mirror in here\): ask the authors of mirrors",
+        ),
+        ("nothing", "is no editor: it has no name, no cell, no check, no edit"),
+    ],
+)
+def test_a_third_party_s_mistake_is_theirs_and_no_crash(packages, name, message):
+    with pytest.raises(GseditError, match=message):
+        make_editor(name)
+
+
+def test_the_list_survives_them_all(packages):
+    listings = [each for each in list_editors() if each.source != "gsedit"]
+    found = {each.name: each for each in listings}
+    assert set(found) == {"mirror", "broken", "nothing", "number", "absent", "pix2pix", "torn"}
+    assert "surely_not_installed" in found["torn"].needs[0]
+    assert "taken" in found["pix2pix"].needs[0]  # ours has the right of way
+    assert make_editor.__module__ == "gsedit.editors.registry"
+    result = gsedit("editors", "--json")
+    assert result.exit_code == 0, result.stderr
+    lines = [json.loads(line) for line in result.stdout.splitlines()]
+    assert {line["name"] for line in lines} == {*registry.EDITORS, *found}
+    assert next(line["name"] for line in lines if line["ready"]) == "small"
+    told = gsedit("editors")
+    assert told.exit_code == 0
+    assert "torn         not ready (from torn)" in told.stdout
+    assert "Traceback" not in told.output
+
+
+def test_a_third_party_s_editor_from_the_command_line(packages, tmp_path):
+    scene = tmp_path / "scene.ply"
+    result = gsedit("edit", scene, "turn round", "-o", tmp_path / "out", "--editor", "torn")
+    assert result.exit_code == 1
+    assert "cannot be imported" in result.stderr
+    result = gsedit("edit", scene, "turn round", "-o", tmp_path / "out", "--editor", "nobody")
+    assert result.exit_code == 2
+    assert "see gsedit editors" in result.stderr
+
+
+# ---- whole sides ---------------------------------------------------------------------------------
+
+
+class Watching:
+    """An editor that changes nothing, and remembers what it was shown."""
+
+    name, cell = "watching", 2
+
+    def check(self, prompt: str) -> None:
+        if not prompt:
+            raise UsageError("empty")
+
+    def edit(self, batch, settings, generator):
+        self.batch = batch
+        yield EditProgress(1, 2)
+        yield EditProgress(2, 2, batch.originals)
+
+
+def ramps(height: int, width: int) -> torch.Tensor:
+    """Red grows along x, green along y: a shift by any part of a pixel changes every value."""
+    y, x = torch.meshgrid(torch.arange(height) / height, torch.arange(width) / width, indexing="ij")
+    return torch.stack((x, y, x * y), -1)[None].repeat(2, 1, 1, 1)
+
+
+@pytest.mark.parametrize(("height", "width"), [(16, 24), (17, 24), (31, 1), (3, 50), (1, 1)])
+def test_a_round_trip_through_whole_sides_moves_nothing(height, width):
+    images = ramps(height, width)
+    inner = Watching()
+    editor = WholeSides(inner, 8)
+    rows, columns = -(-height // 2), -(-width // 2)
+    labels = torch.arange(rows * columns).reshape(1, rows, columns).repeat(2, 1, 1)
+    request = EditBatch(images, images, "x", Correspondences(labels, torch.ones(2, 2), 2))
+    first, last = editor.edit(request, SamplerSettings(), torch.Generator())
+    assert first.images is None
+    assert torch.equal(last.images, images)  # not a rounding: no pixel was interpolated
+    seen = inner.batch
+    assert all(side % 8 == 0 for side in seen.originals.shape[1:3])
+    # where they were: cell (i, j) holds the same pixels, so correspondences still hold
+    assert torch.equal(seen.originals[:, :height, :width], images)
+    found = seen.correspondences.labels
+    assert found.shape == (2, seen.originals.shape[1] // 2, seen.originals.shape[2] // 2)
+    assert torch.equal(found[:, :rows, :columns], labels)
+    assert (found[:, rows:] == -1).all()
+    assert (found[:, :, columns:] == -1).all()
+    assert (editor.name, editor.cell) == ("watching", 2)
+
+
+def test_what_is_added_is_the_mirror_image():
+    row = torch.tensor([1.0, 2, 3]).reshape(1, 1, 3, 1)
+    assert extend(row, 4)[0, 0, :, 0].tolist() == [1, 2, 3, 3]
+    assert extend(row, 8)[0, 7, :, 0].tolist() == [1, 2, 3, 3, 2, 1, 1, 2]
+    assert extend(row, 8).shape == (1, 8, 8, 1)
+    assert torch.equal(extend(ramps(8, 16), 8), ramps(8, 16))
+
+
+# ---- weights on disk -----------------------------------------------------------------------------
+
+
+@pytest.fixture
+def model(tmp_path) -> Path:
+    """The layout of an InstructPix2Pix, with weights of a few bytes."""
+    folder = tmp_path / "model"
+    configs = {
+        "unet": {"in_channels": 8},
+        "vae": {"latent_channels": 4},
+        "text_encoder": {},
+        "scheduler": {},
+    }
+    for part, config in configs.items():
+        (folder / part).mkdir(parents=True)
+        name = "scheduler_config.json" if part == "scheduler" else "config.json"
+        (folder / part / name).write_text(json.dumps(config))
+    weights = {"conv_in.weight": torch.ones(4, 8, 3, 3), "b": torch.ones(5, dtype=torch.float16)}
+    for part, stem in (("unet", UNET), ("vae", UNET), ("text_encoder", "model")):
+        save_file(weights, folder / part / f"{stem}.safetensors")
+    (folder / "tokenizer").mkdir()
+    for name in ("vocab.json", "merges.txt"):
+        (folder / "tokenizer" / name).write_text("{}")
+    return folder
+
+
+UNET = "diffusion_pytorch_model"
+
+
+def test_a_whole_model(model):
+    found = inspect(model).require()
+    assert found.complete
+    assert found.kind == "SD"
+    assert not found.notes
+    assert [part.name for part in found.parts] == ["unet", "vae", "text_encoder", "tokenizer"]
+    size = (model / "unet" / f"{UNET}.safetensors").stat().st_size
+    assert (found.parts[0].size, found.parts[0].variant) == (size, None)
+    assert tensors(model / "vae" / f"{UNET}.safetensors") == {
+        "conv_in.weight": (4, 8, 3, 3),
+        "b": (5,),
+    }
+
+
+def test_an_xl_model_has_two_of_each(model):
+    (model / "unet" / "config.json").write_text(
+        json.dumps({"in_channels": 8, "addition_embed_type": "text_time"})
+    )
+    found = inspect(model)
+    assert found.kind == "SDXL"
+    assert [part.name for part in found.parts if part.problems] == ["text_encoder_2", "tokenizer_2"]
+    with pytest.raises(InputError, match=r"has no text_encoder_2/.*\(and 1 more: gsedit doctor"):
+        found.require()
+
+
+def test_half_precision_copies_and_shards_are_found(model):
+    unet = model / "unet"
+    (unet / f"{UNET}.safetensors").rename(unet / f"{UNET}.fp16.safetensors")
+    assert inspect(model).variant("unet") == "fp16"
+    names = [f"{UNET}-0000{i}-of-00002.safetensors" for i in (1, 2)]
+    for name in names:
+        save_file({name: torch.ones(2)}, unet / name)
+    index = {"weight_map": dict.fromkeys("ab", names[0]) | {"c": names[1]}}
+    (unet / f"{UNET}.safetensors.index.json").write_text(json.dumps(index))
+    found = inspect(model)
+    assert found.complete
+    assert found.parts[0].files == tuple(f"unet/{name}" for name in names)
+    (unet / names[1]).unlink()
+    assert inspect(model).problems == (f"{unet / names[1]} is missing: download it",)
+
+
+def cut(path: Path, size: int) -> None:
+    path.write_bytes(path.read_bytes()[:size])
+
+
+def damage(model: Path, how: str) -> None:
+    unet = model / "unet" / f"{UNET}.safetensors"
+    match how:
+        case "data":
+            cut(unet, unet.stat().st_size - 7)
+        case "header":
+            cut(unet, 50)
+        case "empty":
+            cut(unet, 0)
+        case "longer":
+            unet.write_bytes(unet.read_bytes() + b"more")
+        case "page":
+            unet.write_text("<html>404: not found</html>" * 9)
+        case "pointer":
+            unet.write_text("version https://git-lfs.github.com/spec/v1\noid sha256:12\nsize 9\n")
+        case "pickle":
+            unet.rename(unet.with_suffix(".bin"))
+        case "gone":
+            unet.unlink()
+        case "config":
+            (unet.parent / "config.json").write_text("{")
+        case "no config":
+            (unet.parent / "config.json").unlink()
+        case "plain":
+            (unet.parent / "config.json").write_text('{"in_channels": 4}')
+        case "other":
+            save_file({"conv_in.weight": torch.ones(4, 4, 3, 3)}, unet)
+        case "words":
+            (model / "tokenizer" / "merges.txt").unlink()
+
+
+@pytest.mark.parametrize(
+    ("how", "message"),
+    [
+        ("data", r"has 1,\d+ bytes of the 1,\d+ bytes that its header names: download it again"),
+        ("header", r"cut short inside its header \(50 bytes\)"),
+        ("empty", r"cut short inside its header \(0 bytes\)"),
+        ("longer", "that its header names"),
+        ("page", "is no safetensors file"),
+        ("pointer", "is a Git LFS pointer, not weights: run 'git lfs pull'"),
+        ("pickle", r"has only \S+\.bin: a pickle runs whatever code is in it.*safetensors"),
+        ("gone", rf"has no {UNET}\.safetensors: download it"),
+        ("config", r"unet/config\.json cannot be read"),
+        ("no config", r"unet/config\.json is missing"),
+        ("plain", r"not an InstructPix2Pix model \(its unet takes 4 channels, not 8\)"),
+        ("other", "takes 4 channels and its config.json says 8: the two are of different models"),
+        ("words", r"tokenizer has no merges\.txt"),
+    ],
+)
+def test_what_is_wrong_is_found_without_loading(model, how, message):
+    damage(model, how)
+    with pytest.raises(InputError, match=message):
+        inspect(model).require()
+    result = gsedit("doctor", model)
+    assert result.exit_code == 3
+    assert "NOT complete, 1 problems" in result.stdout
+    record = json.loads(gsedit("doctor", model, "--json").stdout)
+    assert not record["complete"]
+    (part,) = (part for part in record["parts"] if part["problems"])
+    assert part["name"] == ("tokenizer" if how == "words" else "unet")
+
+
+def test_a_single_file_is_no_model(tmp_path):
+    for name, message in (("a.ckpt", "is a pickle"), ("a.safetensors", "from_single_file")):
+        (tmp_path / name).write_bytes(b"")
+        with pytest.raises(InputError, match=f"{message}.*FOLDER|{message}.*folder"):
+            inspect(tmp_path / name)
+    with pytest.raises(InputError, match="no such folder"):
+        inspect(tmp_path / "nowhere")
+
+
+def test_the_doctor_on_weights(model):
+    (model / "unet" / "extra.bin").write_bytes(b"pickle")
+    (model / "scheduler" / "scheduler_config.json").unlink()
+    result = gsedit("doctor", model)
+    assert result.exit_code == 0
+    assert result.stdout.splitlines()[-1] == f"{model}: InstructPix2Pix (SD), complete"
+    assert "unet/extra.bin: left alone" in result.stdout
+    assert "Stable Diffusion's own schedule" in result.stdout
+    result = gsedit("doctor", model / "nothing" / "here")
+    assert result.exit_code == 3
+    assert "no such model folder" in result.stderr
+
+
+# ---- the machine ---------------------------------------------------------------------------------
+
+
+def test_the_doctor_on_the_machine(monkeypatch):
+    monkeypatch.setattr(doctor, "_draw", lambda: None)  # viewers have tests of their own
+    monkeypatch.setattr(doctor, "_fails", lambda code: "ImportError: libusb-1.0.so.0")
+    result = gsedit("doctor", "--json")
+    assert result.exit_code == 0, result.stderr
+    found = {line["name"]: line for line in map(json.loads, result.stdout.splitlines())}
+    assert {"gsedit", "python", "torch", "diffusers", "transformers", "threads", "memory",
+            "compiled kernel", "open3d", "pyvista"} <= set(found)  # fmt: skip
+    assert found["torch"]["found"].startswith(torch.__version__)
+    assert f"{torch.get_num_threads()} of " in found["threads"]["found"]
+    assert found["open3d"]["found"] == "ImportError: libusb-1.0.so.0"
+    assert "apt-get install" in found["open3d"]["advice"]
+    assert gsedit("doctor").stderr.endswith("to look at\n")
+
+
+def test_what_is_not_installed_is_advice(monkeypatch):
+    monkeypatch.setattr(doctor, "_version", lambda package: "")
+    advised = {check.name: check.advice for check in doctor.check_packages()}
+    assert "pip install" in advised["diffusers"]
+    assert not advised["torch"]
+
+
+def test_a_default_editor_without_weights_is_advice(monkeypatch, tmp_path):
+    told = {check.name: check for check in doctor.check_packages()}["default editor"]
+    assert (told.found, told.advice) == ("small", "")
+    monkeypatch.setattr("gsedit.editors.small.WEIGHTS", tmp_path / "none.safetensors")
+    told = {check.name: check for check in doctor.check_packages()}["default editor"]
+    assert "install it again" in told.advice
+
+
+def test_a_machine_without_a_compiler(monkeypatch):
+    def load():
+        warnings.warn("no C++ compiler was found: install g++", stacklevel=2)
+
+    monkeypatch.setattr("rasterizer.blending.cpp_backend.load", load)
+    check = doctor.check_compiler()
+    assert "slower" in check.found
+    assert "install g++" in check.advice
+
+
+@pytest.mark.parametrize(("free", "advised"), [(int(2e9), True), (int(8e9), False)])
+def test_little_memory_is_advice(monkeypatch, free, advised):
+    monkeypatch.setattr("gsedit.diffusion.machine.free_bytes", lambda: free)
+    check = doctor.check_memory()
+    assert check.found == f"{free / 1e9:.1f} GB free"
+    assert bool(check.advice) == advised
+
+
+@pytest.mark.parametrize(
+    ("threads", "limit", "advice"),
+    [(8, None, "add --threads 2"), (1, "1", "OMP_NUM_THREADS=1 leaves"), (2, None, "")],
+)
+def test_threads_that_do_not_fit_the_processors(monkeypatch, threads, limit, advice):
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: {0, 1}, raising=False)
+    monkeypatch.setattr("torch.get_num_threads", lambda: threads)
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    if limit:
+        monkeypatch.setenv("OMP_NUM_THREADS", limit)
+    check = doctor.check_threads()
+    assert check.found == f"{threads} of 2 processors"
+    assert advice in check.advice
+    assert bool(advice) == bool(check.advice)
+
+
+def test_a_viewer_that_cannot_draw(monkeypatch):
+    def fail():
+        raise GseditError("pyvista finds no OpenGL")
+
+    monkeypatch.setattr(doctor, "_draw", fail)
+    monkeypatch.setattr(doctor, "_fails", lambda code: "")
+    _, drawn = doctor.check_viewers()
+    assert drawn.found == "does not draw"
+    assert "no OpenGL" in drawn.advice
+
+
+def test_what_fails_in_another_process_is_told_by_its_last_line():
+    assert doctor._fails("import json") == ""
+    assert doctor._fails("raise ValueError('odd')") == "ValueError: odd"
+    assert doctor._fails("import os; os._exit(7)") == "exit code 7"

@@ -1,0 +1,56 @@
+"""The examples run, and leave what they promise."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+import torch
+from demo import demo
+from from_gsplat import turn
+from PIL import Image
+from scenes import random_cloud
+from write_an_editor import Fade, run
+
+import gsedit
+from gsedit.editors import Editor
+from gsedit.fitting.update import UpdateSettings
+from gsedit.reports.journal import read_events
+
+
+def test_the_demo_leaves_its_folder(tmp_path):
+    folder = tmp_path / "demo"
+    with pytest.raises(SystemExit) as ended:
+        demo(folder, count=1500, size=64, steps=10)
+    assert ended.value.code == 0
+    names = {"scene.ply", "edit.json", "metrics.jsonl", "before_after.png", "error_vs_time.png"}
+    assert names == {p.name for p in folder.iterdir()}
+    record = json.loads((folder / "edit.json").read_text())
+    assert record["instruction"] == "turn the bear into a jade statue"
+    events = read_events(folder / "metrics.jsonl")
+    assert events[-1].stage == "measure"
+    assert events[-1].error is not None
+
+
+def test_a_gsplat_script_renders_a_turn(tmp_path, capsys):
+    gsedit.save(random_cloud(200, 0, degree=1).to(torch.float32), tmp_path / "scene.ply")
+    turn(tmp_path / "turn", str(tmp_path / "scene.ply"), count=2, size=24)
+    sheets = [Image.open(tmp_path / "turn" / f"00{i}.png") for i in range(2)]
+    assert [sheet.size for sheet in sheets] == [(48, 24)] * 2
+    assert sheets[0].tobytes() != sheets[1].tobytes()
+    assert sheets[0].getpixel((0, 0)) == (255, 255, 255)  # the background; no depth beside it
+    assert sheets[0].getpixel((24, 0)) == (0, 0, 0)
+    assert capsys.readouterr().out.startswith("2 views in ")
+
+
+def test_an_editor_of_one_s_own_edits_the_bear(tmp_path):
+    assert isinstance(Fade(), Editor)
+    quick = gsedit.EditSettings(
+        update=UpdateSettings(steps=4, patches=2, patch=16), views_per_round=2, rounds=1
+    )
+    run(tmp_path, count=1000, size=48, settings=quick)
+    assert len(gsedit.load(tmp_path / "scene.ply")) == 1000
+    with Image.open(tmp_path / "before_after.png") as sheet:
+        assert sheet.size[1] > 3 * 48  # three rows
+    with pytest.raises(gsedit.UsageError, match="only fades"):
+        Fade().check("make it snow")

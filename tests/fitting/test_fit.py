@@ -1,0 +1,183 @@
+"""Fitting finds the scene behind ray-traced photos, and grows and prunes it lawfully."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import torch
+from point_clouds import ball
+
+from gsedit.errors import UsageError
+from gsedit.fitting.fit import (
+    FitSettings,
+    densify,
+    evaluate,
+    fit,
+    fit_steps,
+    initial_scene,
+    neighbour_distance,
+)
+from gsedit.fitting.optimiser import SH_REST, SceneOptimiser
+from gsedit.reports.journal import Checkpoint, Event
+from gsedit.synthetic import dataset, ring_cameras, scenes
+from rasterizer.render import render
+
+
+def photos(count: int = 16, size: int = 48):
+    """A globe that fills the pictures, and points on it without colours."""
+    ring = ring_cameras(scenes()[0], count, size)
+    cameras = [replace(c, fx=2.2 * c.fx, fy=2.2 * c.fy) for c in ring]
+    return replace(dataset(scenes()[0], cameras, points=500), point_colors=None)
+
+
+def generator(seed: int = 0) -> torch.Generator:
+    return torch.Generator().manual_seed(seed)
+
+
+def test_a_short_fit_gains_many_decibels_on_views_it_never_saw():
+    data = photos()
+    before = evaluate(initial_scene(data, 0, generator()), data.split()[1])
+    settings = FitSettings(
+        steps=300,
+        seconds=None,
+        sh_degree=0,
+        densify_every=40,
+        checkpoint_seconds=0.0,
+        opacity_reset=None,
+    )
+    items = list(fit_steps(data, settings, generator=generator()))
+    result = items[-1]
+    assert result.steps == 300
+    assert result.psnr > before + 4
+    assert result.psnr == pytest.approx(evaluate(result.scene, data.split()[1]))
+    assert result.curve[-1][1] == result.psnr
+    assert len(result.scene) > 500  # it grew
+    assert any(isinstance(i, Checkpoint) for i in items)
+    measured = [i for i in items if isinstance(i, Event) and i.stage == "measure"]
+    assert len(measured) >= 10
+    assert measured[-1].error == pytest.approx(10 ** (-result.psnr / 20))
+
+
+def test_the_same_seed_gives_the_same_scene():
+    settings = FitSettings(steps=12, seconds=None, densify_every=5)
+    one, two = (fit(photos(5, 32), settings, generator=generator(3)).scene for _ in range(2))
+    assert torch.equal(one.means, two.means)
+    assert torch.equal(one.sh, two.sh)
+
+
+def test_a_fit_continues_from_a_scene():
+    data = photos(5, 32)
+    first = fit(data, FitSettings(steps=30, seconds=None), generator=generator()).scene
+    more = FitSettings(steps=3, seconds=None, opacity_reset=None, coarse=())
+    again = fit(data, more, generator=generator(), start=first)
+    assert abs(again.psnr - evaluate(first, data.split()[1])) < 2.0
+
+
+def test_a_fit_without_budget_or_photos_is_refused():
+    data = photos(3, 16)
+    with pytest.raises(UsageError, match="--minutes"):
+        FitSettings(seconds=None)
+    for wrong in ({"steps": 0}, {"seconds": float("nan")}, {"seconds": -1.0}, {"sh_degree": 4}):
+        with pytest.raises(UsageError, match="is"):
+            FitSettings(**wrong)
+    with pytest.raises(UsageError, match="photos"):
+        next(fit_steps(replace(data, views=data.views[:1]), generator=generator()))
+
+
+def test_the_first_scene_is_the_sparse_points():
+    data = photos(3, 16)
+    scene = initial_scene(data, 2, generator())
+    assert data.points is not None
+    assert torch.allclose(scene.means.double(), data.points.double(), atol=1e-6)
+    assert scene.degree == 2
+    assert torch.allclose(scene.log_scales.exp()[:, 0], neighbour_distance(scene.means))
+    without = initial_scene(replace(data, points=None, point_colors=None), 0, generator())
+    assert len(without) > 1000
+
+
+def test_neighbour_distance_on_a_grid_is_its_spacing():
+    axis = torch.arange(4.0) * 0.5
+    grid = torch.cartesian_prod(axis, axis, axis)
+    assert torch.allclose(neighbour_distance(grid), torch.full((64,), 0.5))
+
+
+def test_densify_divides_the_strongest_and_drops_the_transparent():
+    scene = ball(100)
+    logits = scene.logit_opacities.clone()
+    logits[:10] = -20.0
+    scene = replace(scene, logit_opacities=logits)
+    pull = torch.zeros(100)
+    pull[50:60] = 1.0
+    settings = FitSettings(densify_fraction=10 / 90)
+    grown, origin, fresh = densify(scene, pull, settings, generator())
+    assert len(grown) == 100 - 10 + 10
+    assert sorted(origin[fresh].tolist()) == sorted([*range(50, 60)] * 2)
+    assert not set(range(10)) & set(origin.tolist())
+    kept = grown[~fresh]
+    assert torch.equal(kept.means, scene.means[origin[~fresh]])
+    # two halves, one behind the other, hide as much as the one did
+    halves = grown[fresh].opacities
+    assert torch.allclose(1 - (1 - halves) ** 2, scene.opacities[origin[fresh]], atol=1e-6)
+
+
+def test_densify_stops_at_the_limit():
+    settings = FitSettings(max_gaussians=103, densify_fraction=0.5)
+    grown, _, _ = densify(ball(100), torch.rand(100, generator=generator()), settings, generator())
+    assert len(grown) == 103
+
+
+def test_unseen_gaussians_never_move():
+    data = photos(3, 24)
+    scene = initial_scene(data, 1, generator())
+    camera = data.views[0].camera
+    behind = camera.centre - 5 * camera.forward
+    means = scene.means.clone()
+    means[:20] = behind.float()
+    scene = replace(scene, means=means)
+    rates = dict.fromkeys(("means", "quats", "log_scales", "logit_opacities", "sh"), 0.1)
+    optimiser = SceneOptimiser(scene, rates)
+    for _ in range(3):
+        render(optimiser.scene, camera).color.square().sum().backward()
+        optimiser.step()
+    for name in rates:
+        before, after = getattr(scene, name), getattr(optimiser.scene, name)
+        assert torch.equal(before[:20], after[:20]), name
+        assert not torch.equal(before[20:], after[20:]) or name == "quats"
+
+
+def test_replacing_the_scene_keeps_the_moments_of_the_rows_that_stay():
+    one = SceneOptimiser(ball(6), {"means": 0.1})
+    two = SceneOptimiser(ball(6), {"means": 0.1})
+
+    def pull(optimiser, rows=slice(None)):
+        (optimiser.scene.means[rows] * torch.arange(1.0, 4.0)).sum().backward()
+        optimiser.step()
+
+    pull(one)
+    pull(two)
+    order = torch.tensor([3, 1, 5])
+    two.replace(two.scene.detach()[order], order, torch.tensor([False, False, True]))
+    pull(one)
+    pull(two)
+    assert torch.allclose(one.scene.means[order[:2]], two.scene.means[:2])
+    assert not torch.allclose(one.scene.means[5], two.scene.means[2])
+
+
+def test_view_dependent_colour_learns_slower_than_base_colour():
+    data = photos(3, 24)
+    start = initial_scene(data, 2, generator())
+    optimiser = SceneOptimiser(start, {"sh": 0.1})
+    for _ in range(5):
+        render(optimiser.scene, data.views[0].camera).color.square().sum().backward()
+        optimiser.step()
+    moved = (optimiser.scene.sh - start.sh).detach().abs().amax((0, 2))
+    # Adam's first steps are of the size of the rate, whatever the gradient
+    assert moved[1:].max() < 1.2 * SH_REST * moved[0]
+    assert moved[1:].max() > 0
+
+
+def test_a_fading_scene_keeps_its_most_opaque():
+    scene = replace(ball(20), logit_opacities=torch.linspace(-20, -10, 20))
+    kept, _, _ = densify(scene, torch.zeros(20), FitSettings(), generator())
+    assert len(kept) > 0

@@ -1,0 +1,90 @@
+"""The promised numbers: renderer against reference, depth and correspondences against the truth."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+import torch
+from shared_data import DATA
+
+from gsedit.bench.renderer.accuracy import differentiate, relative
+from gsedit.bench.renderer.workloads import garden
+from gsedit.consistency.correspond import match
+from gsedit.synthetic import ring_cameras, scenes, surface_gaussians
+from rasterizer.reference import render_reference
+from rasterizer.render import render
+
+POINTS = DATA / "garden_points.npz"
+SCENES = {scene.name: scene for scene in scenes()}
+
+
+def discs(count):
+    """That many discs on the surface of every scene."""
+    return {
+        name: surface_gaussians(scene, count, torch.Generator().manual_seed(0))
+        for name, scene in SCENES.items()
+    }
+
+
+@pytest.fixture(scope="module")
+def splats():
+    return discs(30_000)
+
+
+@pytest.fixture(scope="module")
+def fewer_splats():
+    return discs(12_000)
+
+
+def check_against_reference(scene, camera):
+    found = differentiate(lambda s, c: render(s, c).color, scene, camera)
+    wanted = differentiate(
+        lambda s, c: render_reference(s, c).color, scene.to(torch.float64), camera
+    )
+    assert (found.picture.double() - wanted.picture).abs().mean() < 1e-5
+    for name, exact in wanted.gradients.items():
+        assert relative(found.gradients[name].double(), exact) < 1e-3, name
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_float32_pictures_and_gradients_are_the_references(name, fewer_splats):
+    check_against_reference(fewer_splats[name], ring_cameras(SCENES[name], 1, 128)[0])
+
+
+@pytest.mark.skipif(not POINTS.exists(), reason=f"the garden's points are not at {POINTS}")
+def test_the_garden_is_the_references():
+    small = garden(0.125, POINTS)
+    check_against_reference(small.scene, small.camera)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_rendered_depth_is_the_exact_depth(name, splats):
+    camera = ring_cameras(SCENES[name], 1, 192)[0]
+    truth = SCENES[name].trace(camera)
+    found = render(splats[name], camera, median_depth=True)
+    both = truth.hit & (found.alpha > 0.9)
+    assert found.median_depth is not None
+    error = (found.median_depth.double() - truth.depth).abs()[both] / truth.depth[both]
+    assert both.sum() > 0.8 * truth.hit.sum()
+    assert error.median() < 0.005
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_accepted_cells_correspond(name, splats):
+    """The exact point behind a cell's centre falls into the cell that it was matched with."""
+    scene = SCENES[name]
+    cameras = ring_cameras(scene, 18, 256)[:3]  # 20 degrees apart
+    seen = [render(splats[name], c, median_depth=True) for c in cameras]
+    looks = [(c, s.median_depth, s.alpha) for c, s in zip(cameras, seen)]
+    grid = torch.arange(32, dtype=torch.float64) * 8 + 4
+    centres = torch.stack(torch.meshgrid(grid, grid, indexing="xy"), -1).view(-1, 2)
+    near, total = 0, 0
+    for a, b in itertools.permutations(range(3), 2):
+        pairs = match(*looks[a], *looks[b])
+        xy, visible = scene.correspondence(cameras[a], centres[pairs.a], cameras[b])
+        assert visible.all()  # no pair across an occlusion
+        near += int(((xy - centres[pairs.b]).abs().amax(-1) <= 4).sum())  # half a cell of 8 pixels
+        total += len(pairs.a)
+    assert total > 100
+    assert near >= 0.95 * total

@@ -1,0 +1,175 @@
+"""The compiled kernel blends what torch blends, is made once, and is never a reason to stop."""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import subprocess
+import warnings
+import weakref
+
+import pytest
+import torch
+from closeness import leaves, relative, tensors, weights_like
+from scenes import EXHIBITS, cloud, gaussian
+
+from rasterizer import Execution, Numerics, concatenate, render, tiles
+from rasterizer.blending import cpp_backend as compiled
+
+COMPILED = Execution(compile=True)
+WHOLE_SUM = Numerics(transmittance_min=0.0)
+pytestmark = pytest.mark.filterwarnings("error")
+
+
+@pytest.fixture
+def kernel():
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        if compiled.load() is None:
+            pytest.skip("no C++ compiler on this machine")
+
+
+@pytest.fixture
+def empty_cache(tmp_path, monkeypatch):
+    """A kernel that has yet to be made; the one of before is back afterwards."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    compiled.load.cache_clear()
+    yield tmp_path / "cache" / "gsedit"
+    compiled.load.cache_clear()
+
+
+def gradients(scene, camera, execution, numerics=WHOLE_SUM):
+    inputs = leaves(scene)
+    drawn = render(inputs, camera, execution=execution, numerics=numerics, median_depth=True)
+    loss = (drawn.color * weights_like(drawn.color)).sum()
+    loss = loss + (drawn.alpha * weights_like(drawn.alpha, 1)).sum()
+    return drawn, torch.autograd.grad(loss, tensors(inputs))
+
+
+@pytest.mark.parametrize("name", EXHIBITS)
+def test_it_draws_what_torch_draws(name, kernel):
+    scene, camera = EXHIBITS[name]()
+    wanted, exact = gradients(scene, camera, Execution())
+    found, close = gradients(scene, camera, COMPILED)
+    # float64: both sum the same terms in another order; offsets of 1e3 sigma are squared on needles
+    assert (found.color - wanted.color).abs().max() < 1e-12
+    assert (found.alpha - wanted.alpha).abs().max() < 1e-12
+    assert found.median_depth is not None
+    assert wanted.median_depth is not None
+    assert (found.median_depth == wanted.median_depth).all()
+    largest = max((float(g.abs().max()) for g in exact if g.numel()), default=0.0)
+    for a, b in zip(close, exact):
+        assert (a - b).abs().sum() <= 1e-10 * max(largest, float(b.abs().sum()))
+
+
+@pytest.mark.parametrize("size", [1, 3, 8, 16, 40])
+def test_any_tile_size(size, kernel):
+    scene, camera = cloud()
+    wanted, exact = gradients(scene, camera, Execution())
+    found, close = gradients(scene, camera, Execution(compile=True, tile_size=size))
+    assert (found.color - wanted.color).abs().max() < 1e-12
+    for a, b in zip(close, exact):
+        assert relative(a, b) < 1e-12
+
+
+def test_float32_is_as_close_as_torch_is(kernel):
+    scene, camera = cloud()
+    wanted, exact = gradients(scene, camera, Execution())
+    found, close = gradients(scene.to(torch.float32), camera, COMPILED)
+    assert (found.color - wanted.color).abs().mean() < 1e-6
+    for a, b in zip(close, exact):
+        assert relative(a, b) < 2e-5
+
+
+def test_stopping_early_costs_less_than_the_threshold(kernel):
+    sheets = (gaussian((0.0, 0.0, 2.0 + i), (40.0, 40.0, 0.1), opacity=0.1) for i in range(64))
+    scene, camera = concatenate(*sheets), cloud()[1]
+    whole, _ = gradients(scene, camera, COMPILED)
+    stopped, _ = gradients(scene, camera, COMPILED, Numerics(transmittance_min=0.1))
+    difference = (whole.color - stopped.color).abs().max()
+    assert 1e-3 < difference <= 0.1  # colours here are below 1
+
+
+def test_the_number_of_threads_changes_no_bit(kernel):
+    scene, camera = cloud()
+    before = torch.get_num_threads()
+    try:
+        torch.set_num_threads(1)
+        one = gradients(scene.to(torch.float32), camera, COMPILED)
+        torch.set_num_threads(3)
+        three = gradients(scene.to(torch.float32), camera, COMPILED)
+    finally:
+        torch.set_num_threads(before)
+    assert torch.equal(one[0].color, three[0].color)
+    assert all(torch.equal(a, b) for a, b in zip(one[1], three[1]))
+
+
+@pytest.mark.parametrize("execution", [Execution(), COMPILED], ids=["torch", "compiled"])
+def test_a_picture_is_freed_when_it_is_dropped(execution, kernel, monkeypatch):
+    scene, camera = cloud()
+    lists = []
+    bin_tiles = tiles.bin_tiles
+
+    def spy(*args, **kwargs):
+        bins = bin_tiles(*args, **kwargs)
+        lists.append(weakref.ref(bins))  # the backward pass holds it
+        return bins
+
+    monkeypatch.setattr(tiles, "bin_tiles", spy)
+    gc.disable()  # counting references must suffice: a cycle would keep every picture of a fit
+    try:
+        picture = render(leaves(scene), camera, execution=execution).color
+        assert lists[0]() is not None
+        del picture
+        assert lists[0]() is None
+    finally:
+        gc.enable()
+
+
+def test_it_is_compiled_once(kernel, empty_cache, monkeypatch):
+    assert compiled.load() is not None
+    (made,) = empty_cache.iterdir()
+    compiled.load.cache_clear()
+    monkeypatch.setattr(compiled, "_compile", None)  # calling it again would fail
+    assert compiled.load() is not None
+    assert list(empty_cache.iterdir()) == [made]
+
+
+def test_what_does_not_load_is_made_anew(kernel, empty_cache):
+    assert compiled.load() is not None
+    (made,) = empty_cache.iterdir()
+    made.unlink()  # truncating it in place would pull it from under this process
+    made.write_bytes(b"cut off")
+    compiled.load.cache_clear()
+    assert isinstance(compiled.load(), ctypes.CDLL)
+
+
+def test_without_a_folder_to_keep_it_in(kernel, empty_cache):
+    empty_cache.parent.write_text("a file where the cache should be")
+    assert isinstance(compiled.load(), ctypes.CDLL)
+
+
+@pytest.mark.parametrize(
+    ("compiler", "reason"), [("/nowhere/c++", "no C.. compiler"), ("false", "could not compile")]
+)
+def test_without_a_compiler_torch_goes_on(compiler, reason, empty_cache, monkeypatch):
+    monkeypatch.setenv("CXX", compiler)
+    scene, camera = cloud()
+    with pytest.warns(UserWarning, match=reason) as told:
+        drawn = render(scene, camera, execution=COMPILED)
+    assert "CXX" in str(told[0].message)
+    assert torch.equal(drawn.color, render(scene, camera).color)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # said once
+        render(scene, camera, execution=COMPILED)
+
+
+def test_a_compiler_that_complains_is_quoted(empty_cache, tmp_path, monkeypatch):
+    script = tmp_path / "cxx"
+    script.write_text("#!/bin/sh\necho 'kernel.cpp:1: no such luck' >&2\nexit 1\n")
+    script.chmod(0o755)
+    assert subprocess.run([script], check=False, capture_output=True).returncode == 1
+    monkeypatch.setenv("CXX", str(script))
+    with pytest.warns(UserWarning, match="no such luck"):
+        assert compiled.load() is None
+    assert not list(empty_cache.iterdir())

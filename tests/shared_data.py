@@ -1,0 +1,7 @@
+"""Where real captures lie, beside the checkout; tests that need one skip where it is absent."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+DATA = Path(__file__).parents[2] / "shared" / "data"
