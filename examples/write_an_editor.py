@@ -17,7 +17,7 @@ from pathlib import Path
 import torch
 
 import gsedit
-from gsedit.consistency import harmonise as settle
+from gsedit.consistency.harmonise import harmonise
 from gsedit.edit import around
 from gsedit.editors import EditProgress
 from gsedit.synthetic import demo_scene, surface_gaussians
@@ -42,7 +42,7 @@ class Fade:
                 edited[i] = torch.lerp(batch.originals[i], pale, amount)
             yield EditProgress(i + 1, len(amounts) + 1)
         if batch.correspondences is not None:  # None: every view is wanted on its own
-            edited = settle(edited, batch.correspondences, anchored=batch.anchored)
+            edited = harmonise(edited, batch.correspondences, anchored=batch.anchored)
         yield EditProgress(len(amounts) + 1, len(amounts) + 1, edited)
 
 

@@ -16,15 +16,15 @@ from rasterizer.camera import Camera
 from rasterizer.numerics import DEFAULT, SH_DC
 from rasterizer.scene import Gaussians, concatenate
 
-Exhibit = tuple[Gaussians, Camera]
+EdgeCase = tuple[Gaussians, Camera]
 
 
-def one() -> Exhibit:
+def one() -> EdgeCase:
     """One Gaussian off the centre of pixels and picture: every formula, alone."""
     return gaussian((0.13, -0.07, 2.0), (0.3, 0.1, 0.2), (0.9, 0.2, -0.3, 0.1)), camera()
 
 
-def crossing() -> Exhibit:
+def crossing() -> EdgeCase:
     """Two long Gaussians through each other: order is by centre, for every pixel alike."""
     first = gaussian((0.0, 0.0, 2.0), (0.8, 0.05, 0.05), (0.9, 0.0, 0.4, 0.0))
     second = gaussian(
@@ -33,7 +33,7 @@ def crossing() -> Exhibit:
     return concatenate(first, second), camera()
 
 
-def wall() -> Exhibit:
+def wall() -> EdgeCase:
     """A flat grid of opaque discs, tilted: a surface, with depth that is known everywhere."""
     y, x = torch.meshgrid(
         torch.linspace(-1.2, 1.2, 17, dtype=torch.float64),
@@ -49,7 +49,7 @@ def wall() -> Exhibit:
     return concatenate(*rows), camera()
 
 
-def shell() -> Exhibit:
+def shell() -> EdgeCase:
     """Discs on a sphere (a Fibonacci lattice): front hides back, the rim is seen edge-on."""
     n = 400
     i = torch.arange(n, dtype=torch.float64) + 0.5
@@ -68,49 +68,49 @@ def shell() -> Exhibit:
     ), camera()
 
 
-def needle() -> Exhibit:
+def needle() -> EdgeCase:
     """A ratio of 1e6 along the diagonal: the textbook conic loses its digits in float32."""
     return gaussian((0.0, 0.0, 2.0), (1.0, 1e-6, 1e-6), DIAGONAL, 0.95), camera()
 
 
-def long_needle() -> Exhibit:
+def long_needle() -> EdgeCase:
     """1000 pixels long, 200 of them in sight: the exponent's terms are 1e6 times their sum."""
     scene = gaussian((0.003, 0.0, 2.0), (0.35, 3.5e-7, 3.5e-7), DIAGONAL, 0.95)
     return scene, camera(200, 200, focal=2000.0)
 
 
-def behind() -> Exhibit:
+def behind() -> EdgeCase:
     """One behind the camera and one before it: the mirror image must not show."""
     hidden = gaussian((0.1, 0.1, -2.0), color=(1.0, 0.0, 0.0))
     return concatenate(hidden, gaussian((-0.2, 0.1, 2.0))), camera()
 
 
-def at_near() -> Exhibit:
+def at_near() -> EdgeCase:
     """Centres just before and just behind the near plane: one is drawn, the other is not."""
     before = gaussian((0.0, 0.0, DEFAULT.near * 0.99), (1e-3, 1e-3, 1e-3), color=(1.0, 0.0, 0.0))
     after = gaussian((0.001, 0.0, DEFAULT.near * 1.01), (1e-3, 1e-3, 1e-3), color=(0.0, 1.0, 0.0))
     return concatenate(before, after), camera()
 
 
-def off_screen() -> Exhibit:
+def off_screen() -> EdgeCase:
     """Centres outside the picture, footprints inside: culling is by footprint, not by centre."""
     left = gaussian((-1.3, 0.0, 2.0), (0.3, 0.2, 0.1))
     far_aside = gaussian((3.0, 2.0, 1.0), (1.5, 1.5, 0.5), color=(0.2, 0.3, 0.9))
     return concatenate(left, far_aside), camera()
 
 
-def larger_than_screen() -> Exhibit:
+def larger_than_screen() -> EdgeCase:
     """One that covers every tile, before a small one: counts of tiles at their most."""
     small = gaussian((0.2, 0.1, 3.0), color=(0.1, 0.9, 0.3))
     return concatenate(gaussian((0.0, 0.0, 2.0), (20.0, 20.0, 0.1)), small), camera()
 
 
-def empty() -> Exhibit:
+def empty() -> EdgeCase:
     """No Gaussians at all: a picture of the background, and no error."""
     return one()[0][:0], camera()
 
 
-def opaque_stack() -> Exhibit:
+def opaque_stack() -> EdgeCase:
     """Forty opaque layers in a row: the stop at 1e-4, and the cap of alpha at 0.99."""
     layers = [
         gaussian(
@@ -121,7 +121,7 @@ def opaque_stack() -> Exhibit:
     return concatenate(*layers), camera()
 
 
-def coincident() -> Exhibit:
+def coincident() -> EdgeCase:
     """A hundred at one place in different colours: equal depths keep the order of the file."""
     colors = [((i % 7) / 6, (i % 5) / 4, (i % 3) / 2) for i in range(100)]
     return concatenate(
@@ -129,7 +129,7 @@ def coincident() -> Exhibit:
     ), camera()
 
 
-def faint() -> Exhibit:
+def faint() -> EdgeCase:
     """Opacities around 1/255: on either side of the floor, and far below it."""
     floor = DEFAULT.alpha_min
     rows = [
@@ -139,7 +139,7 @@ def faint() -> Exhibit:
     return concatenate(*rows), camera()
 
 
-def sub_pixel() -> Exhibit:
+def sub_pixel() -> EdgeCase:
     """Far smaller than a pixel, at pixel corners and centres: only the blur keeps them in sight."""
     rows = [
         gaussian((x / 20, y / 20, 2.0), (1e-4, 1e-4, 1e-4), opacity=0.9)
@@ -149,17 +149,17 @@ def sub_pixel() -> Exhibit:
     return concatenate(*rows), camera()
 
 
-def cloud() -> Exhibit:
+def cloud() -> EdgeCase:
     """300 random ones with view-dependent colour: everything at once."""
     return random_cloud(300, seed=1, degree=3), camera()
 
 
-def one_pixel() -> Exhibit:
+def one_pixel() -> EdgeCase:
     """A picture of 1 x 1: less than a tile, and than a block of tiles."""
     return random_cloud(30, seed=2), camera(1, 1, focal=1.0)
 
 
-EXHIBITS: dict[str, Callable[[], Exhibit]] = {
+EDGE_CASES: dict[str, Callable[[], EdgeCase]] = {
     exhibit.__name__: exhibit
     for exhibit in (
         one,

@@ -29,7 +29,7 @@ depth and cells of a pixel, in RMSE: a true edit is damaged by 0.008 (0.021 with
 view of five that was not edited comes from 0.37 to 0.11 of the truth (0.10 without, 0.18 at 2)."""
 
 
-def settle(
+def harmonise(
     images: Float[Tensor, "v h w 3"],
     found: Correspondences,
     *,

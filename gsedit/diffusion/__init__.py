@@ -18,7 +18,7 @@ from gsedit.diffusion.sample import (
     predict_guided,
     sample,
 )
-from gsedit.diffusion.schedules import CLEAN, Level, Schedule, Spacing, karras_sigmas
+from gsedit.diffusion.schedules import CLEAN, NoiseLevel, Schedule, Spacing, karras_sigmas
 from gsedit.diffusion.settings import (
     Noise,
     Precision,
@@ -36,9 +36,9 @@ __all__ = [
     "Branches",
     "Denoiser",
     "Hook",
-    "Level",
     "Need",
     "Noise",
+    "NoiseLevel",
     "Pair",
     "Precision",
     "Prediction",

@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.diffusion.schedules import Level
+from gsedit.diffusion.schedules import NoiseLevel
 from gsedit.errors import UsageError
 
 Prediction = Literal["eps", "x0", "v", "flow"]
@@ -27,7 +27,10 @@ class Pair(NamedTuple):
 
 
 def as_pair(
-    kind: Prediction, predicted: Float[Tensor, "v c y x"], x: Float[Tensor, "v c y x"], level: Level
+    kind: Prediction,
+    predicted: Float[Tensor, "v c y x"],
+    x: Float[Tensor, "v c y x"],
+    level: NoiseLevel,
 ) -> Pair:
     """(x0, eps) of a prediction at x_t. Raises UsageError for eps where nothing is left of x0."""
     a, b = level.a, level.b
@@ -43,7 +46,7 @@ def as_pair(
             return Pair((x - b * predicted) / (a + b), (x + a * predicted) / (a + b))
 
 
-def clean_of(eps: Tensor, x: Tensor, level: Level) -> Tensor:
+def clean_of(eps: Tensor, x: Tensor, level: NoiseLevel) -> Tensor:
     """x0 that belongs to x_t and eps. Raises UsageError where x_t holds nothing of it."""
     if level.a == 0:
         raise UsageError(
@@ -54,6 +57,6 @@ def clean_of(eps: Tensor, x: Tensor, level: Level) -> Tensor:
     return (x - level.b * eps) / level.a
 
 
-def noise_of(x0: Tensor, x: Tensor, level: Level) -> Tensor:
+def noise_of(x0: Tensor, x: Tensor, level: NoiseLevel) -> Tensor:
     """eps that belongs to x_t and x0; b must not be 0."""
     return (x - level.a * x0) / level.b

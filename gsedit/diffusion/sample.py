@@ -19,7 +19,7 @@ from gsedit.diffusion import solvers
 from gsedit.diffusion.denoisers import Predictor
 from gsedit.diffusion.guidance import guide, needed
 from gsedit.diffusion.predictions import Pair, as_pair, clean_of, noise_of
-from gsedit.diffusion.schedules import Level, Schedule
+from gsedit.diffusion.schedules import NoiseLevel, Schedule
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.errors import UsageError
 
@@ -52,13 +52,13 @@ class Anchor:
 
 
 def add_noise(
-    x0: Float[Tensor, "v c y x"], noise: Float[Tensor, "v c y x"], level: Level
+    x0: Float[Tensor, "v c y x"], noise: Float[Tensor, "v c y x"], level: NoiseLevel
 ) -> Float[Tensor, "v c y x"]:
     """x_t of clean latents: where sampling starts."""
     return level.a * x0 + level.b * noise
 
 
-def levels_of(schedule: Schedule, settings: SamplerSettings) -> list[Level]:
+def levels_of(schedule: Schedule, settings: SamplerSettings) -> list[NoiseLevel]:
     """The `steps` + 1 levels between which these settings step; the first is where x starts."""
     # Stable Diffusion's own DDIM ends with the little noise of step 0 (set_alpha_to_one false)
     ends_at_zero = settings.solver == "ddim" and settings.spacing == "leading"
@@ -73,7 +73,7 @@ def sample(
     x: Float[Tensor, "v c y x"],
     settings: SamplerSettings,
     *,
-    levels: Sequence[Level] | None = None,
+    levels: Sequence[NoiseLevel] | None = None,
     consensus: Hook | None = None,
     share: Hook | None = None,
     anchor: Anchor | None = None,
@@ -123,7 +123,7 @@ def _predict_agreed(
     anchor: Anchor | None,
     agree: Hook | None,
     x: Tensor,
-    level: Level,
+    level: NoiseLevel,
 ) -> Pair:
     """What the solver is told: the views' predictions, or what they have in common of them."""
     pair = _predict(denoiser, condition, x, level, settings, anchor)
@@ -137,8 +137,8 @@ def _predict_agreed(
 
 def _one_step(
     pair: Pair,
-    here: Level,
-    there: Level,
+    here: NoiseLevel,
+    there: NoiseLevel,
     eta: float,
     share: Hook | None,
     generator: torch.Generator | None,
@@ -153,7 +153,7 @@ def _predict(
     denoiser: Predictor,
     condition: Any,
     x: Tensor,
-    level: Level,
+    level: NoiseLevel,
     settings: SamplerSettings,
     anchor: Anchor | None,
 ) -> Pair:
@@ -169,7 +169,7 @@ def _predict(
 
 
 def _ask(
-    denoiser: Predictor, condition: Any, x: Tensor, level: Level, settings: SamplerSettings
+    denoiser: Predictor, condition: Any, x: Tensor, level: NoiseLevel, settings: SamplerSettings
 ) -> Pair:
     guided = predict_guided(denoiser, condition, x, level, settings)
     # a prediction of noise is what models answer that do not say
@@ -177,7 +177,7 @@ def _ask(
 
 
 def predict_guided(
-    denoiser: Predictor, condition: Any, x: Tensor, level: Level, settings: SamplerSettings
+    denoiser: Predictor, condition: Any, x: Tensor, level: NoiseLevel, settings: SamplerSettings
 ) -> Tensor:
     """What the denoiser says with guidance, in the dtype of x. Raises UsageError if not finite."""
     s_T, s_I = settings.scales
@@ -200,7 +200,7 @@ def _check_start(x: Tensor, settings: SamplerSettings, generator: torch.Generato
         )
 
 
-def _check_finite(x: Tensor, what: str, level: Level, settings: SamplerSettings) -> None:
+def _check_finite(x: Tensor, what: str, level: NoiseLevel, settings: SamplerSettings) -> None:
     # one sum is not finite where a number is not; a sum that overflows is out of bounds too
     if not torch.isfinite(x.sum()):
         s_T, s_I = settings.scales

@@ -23,7 +23,7 @@ seventh roots are evenly spaced (Karras et al. 2022, eq. 5)."""
 RHO = 7.0  # Karras et al. 2022, section 3.1
 
 
-class Level(NamedTuple):
+class NoiseLevel(NamedTuple):
     """x_t = a x0 + b noise."""
 
     t: float
@@ -37,7 +37,7 @@ class Level(NamedTuple):
         return self.b / self.a if self.a else math.inf
 
 
-CLEAN = Level(0.0, 1.0, 0.0)
+CLEAN = NoiseLevel(0.0, 1.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +83,7 @@ class Schedule:
         root = (root - root[-1]) * root[0] / (root[0] - root[-1])
         return replace(self, alphas_cumprod=root**2)
 
-    def level(self, t: int | float) -> Level:
+    def level(self, t: int | float) -> NoiseLevel:
         """The level of a training step; between two, sigma is interpolated as diffusers does.
 
         Where sigma is infinite the signal's share is; on a straight schedule s is.
@@ -96,15 +96,15 @@ class Schedule:
         if self.straight:
             s, more = (_straight(share) for share in (ab, above))
             b = s + part * (more - s)
-            return Level(float(t), 1 - b, b)
+            return NoiseLevel(float(t), 1 - b, b)
         if part and above:
             sigma = _sigma(ab) + part * (_sigma(above) - _sigma(ab))
             ab = 1 / (1 + sigma**2)
         elif part:
             ab *= 1 - part
-        return Level(float(t), ab**0.5, (1 - ab) ** 0.5)
+        return NoiseLevel(float(t), ab**0.5, (1 - ab) ** 0.5)
 
-    def level_at(self, sigma: float) -> Level:
+    def level_at(self, sigma: float) -> NoiseLevel:
         """The level of that sigma, with the training step where it is; CLEAN at 0.
 
         A sigma beyond the table has the table's end as its step.
@@ -114,9 +114,9 @@ class Schedule:
         ab = self.alphas_cumprod
         if self.straight:
             b = sigma / (1 + sigma)
-            return Level(_where(_straight_table(ab), b), 1 - b, b)
+            return NoiseLevel(_where(_straight_table(ab), b), 1 - b, b)
         a = (1 + sigma**2) ** -0.5
-        return Level(_where(((1 - ab) / ab).sqrt(), sigma), a, sigma * a)
+        return NoiseLevel(_where(((1 - ab) / ab).sqrt(), sigma), a, sigma * a)
 
     def alpha(self, t: int | float) -> float:
         """`ab` at `t`; before step 0 it is that of step 0, not 1 (set_alpha_to_one False)."""
@@ -162,7 +162,7 @@ class Schedule:
         spacing: Spacing = "leading",
         *,
         clean: bool = True,
-    ) -> list[Level]:
+    ) -> list[NoiseLevel]:
         """`steps` + 1 falling levels: a step leads from one to the next.
 
         The last is CLEAN; without `clean` that of training step 0 (as Stable Diffusion's DDIM ends)
@@ -175,7 +175,7 @@ class Schedule:
             found = [self.level(t) for t in times]
         return [*found, CLEAN if clean or times[-1] <= 0 else self.level(0)]
 
-    def _karras(self, steps: int, t_max: int) -> list[Level]:
+    def _karras(self, steps: int, t_max: int) -> list[NoiseLevel]:
         first, last = self.level(t_max - 1), self.level(0)
         if math.isinf(first.sigma):
             raise UsageError(

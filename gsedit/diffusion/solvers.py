@@ -28,17 +28,17 @@ from typing import NamedTuple
 from torch import Tensor
 
 from gsedit.diffusion.predictions import Pair
-from gsedit.diffusion.schedules import Level
+from gsedit.diffusion.schedules import NoiseLevel
 
-Predict = Callable[[Tensor, Level], Pair]
+Predict = Callable[[Tensor, NoiseLevel], Pair]
 
 
-def straight_on(pair: Pair, there: Level) -> Tensor:
+def straight_on(pair: Pair, there: NoiseLevel) -> Tensor:
     """Euler's step, and DDIM's: the same x0 and eps at another level."""
     return there.a * pair.x0 + there.b * pair.eps
 
 
-def ancestral(pair: Pair, here: Level, there: Level, eta: float, noise: Tensor) -> Tensor:
+def ancestral(pair: Pair, here: NoiseLevel, there: NoiseLevel, eta: float, noise: Tensor) -> Tensor:
     """Eqs. 12 and 16 of DDIM (Song et al. 2021) at any scale: part of the noise is drawn anew.
 
     With unit variance and eta = 1 it is k-diffusion's Euler ancestral step.
@@ -49,7 +49,7 @@ def ancestral(pair: Pair, here: Level, there: Level, eta: float, noise: Tensor) 
     return there.a * pair.x0 + there.b * eps
 
 
-def heun(pair: Pair, here: Level, there: Level, predict: Predict) -> Tensor:
+def heun(pair: Pair, here: NoiseLevel, there: NoiseLevel, predict: Predict) -> Tensor:
     """Trapezoidal rule (Karras et al. 2022, alg. 1): Euler's step, corrected by what is there.
 
     It costs a second prediction, but for a last step to no noise, which is Euler's. Where a is 0 it
@@ -67,11 +67,11 @@ def heun(pair: Pair, here: Level, there: Level, predict: Predict) -> Tensor:
 class Past(NamedTuple):
     """The step before."""
 
-    level: Level
+    level: NoiseLevel
     x0: Tensor
 
 
-def multistep(pair: Pair, here: Level, there: Level, past: Past | None) -> Tensor:
+def multistep(pair: Pair, here: NoiseLevel, there: NoiseLevel, past: Past | None) -> Tensor:
     """DPM-Solver++(2M) (Lu et al. 2023, alg. 2), written as Euler's step and a correction.
 
     Its time is lambda = log(a / b). The first step, and the last to no noise, are Euler's; so is

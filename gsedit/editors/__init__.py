@@ -1,6 +1,6 @@
 """2D editors by name."""
 
-from gsedit.consistency.harmonise import settle
+from gsedit.consistency.harmonise import harmonise
 from gsedit.editors.protocol import EditBatch, Editor, EditProgress
 from gsedit.editors.registry import EDITORS, Listing, editor_names, list_editors, make_editor
 
@@ -11,7 +11,7 @@ __all__ = [
     "Editor",
     "Listing",
     "editor_names",
+    "harmonise",
     "list_editors",
     "make_editor",
-    "settle",
 ]

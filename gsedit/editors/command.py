@@ -27,7 +27,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.consistency.harmonise import settle
+from gsedit.consistency.harmonise import harmonise
 from gsedit.diffusion import SamplerSettings
 from gsedit.editors.protocol import EditBatch, EditProgress
 from gsedit.errors import GseditError, InputError, UsageError
@@ -104,7 +104,7 @@ class Command:
     ) -> Iterator[EditProgress]:
         """Run the program on the views that are not anchored; a step is a picture it has written.
 
-        What it makes is brought to agreement where views correspond (`settle`). The program is
+        What it makes is brought to agreement where views correspond (`harmonise`). The program is
         ended when the caller leaves early. Raises UsageError where it cannot be started,
         GseditError where it fails or takes too long, InputError for what it left out or made of
         another size; each says where its folders remain.
@@ -121,7 +121,7 @@ class Command:
             edited[free] = _read(folder, names, batch.images).to(edited)
             self._remove(folder)
         if batch.correspondences is not None and settings.consensus:
-            edited = settle(
+            edited = harmonise(
                 edited,
                 batch.correspondences,
                 anchored=batch.anchored,

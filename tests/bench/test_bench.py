@@ -818,7 +818,7 @@ def test_bars_that_are_missed_are_told_and_end_well(monkeypatch):
 
 
 @dataclass(frozen=True)
-class Exhibit:
+class EdgeCase:
     """The part of a museum's row that the command needs to know."""
 
     name: str
@@ -827,7 +827,7 @@ class Exhibit:
 
 def test_stability_writes_the_museums_table(tmp_path, monkeypatch):
     museum = SimpleNamespace(
-        rows=lambda quick: iter([Exhibit(f"needle, quick {quick}", nan)]),
+        rows=lambda quick: iter([EdgeCase(f"needle, quick {quick}", nan)]),
         table=lambda found: f"{len(found)} row",
     )
     monkeypatch.setattr(gsedit.bench, "stability", museum, raising=False)

@@ -14,8 +14,8 @@ from gsedit.bench.curves import slope
 from gsedit.bench.sampler.problems import Problem, problem, start, truth
 from gsedit.diffusion import (
     CLEAN,
-    Level,
     Need,
+    NoiseLevel,
     Pair,
     SamplerSettings,
     Schedule,
@@ -56,7 +56,7 @@ def run(model: Problem, settings: SamplerSettings, **options) -> torch.Tensor:
 # --- the proof: errors fall with their order ---
 
 
-def ladder(schedule: Schedule, steps: int) -> list[Level]:
+def ladder(schedule: Schedule, steps: int) -> list[NoiseLevel]:
     """From the top of SD's schedule to its cleanest level: where the reference stops, too."""
     sigmas = karras_sigmas(SD.level(999).sigma, SD.level(0).sigma, steps + 1)
     return [schedule.level_at(sigma) for sigma in sigmas]

@@ -15,9 +15,8 @@ import pytest
 import torch
 from PIL import Image
 
-from gsedit.consistency import harmonise as settle
 from gsedit.consistency.correspond import Correspondences, correspond
-from gsedit.consistency.harmonise import cell_means, robust_mean
+from gsedit.consistency.harmonise import cell_means, harmonise, robust_mean
 from gsedit.diffusion import SamplerSettings
 from gsedit.editors import EditBatch, make_editor
 from gsedit.editors.command import CELL, Command
@@ -317,38 +316,38 @@ def everywhere(views: int, side: int = 8, cell: int = 2) -> Correspondences:
 def test_agreement_laws():
     found = everywhere(3)
     images = flat_views(0.2, 0.3, 0.4)
-    torch.testing.assert_close(settle(images, found), flat_views(0.3, 0.3, 0.3))
-    torch.testing.assert_close(settle(images, found, strength=0.5), flat_views(0.25, 0.3, 0.35))
-    assert torch.equal(settle(images, found, strength=0.0), images)
-    led = settle(images, found, anchored=torch.tensor([True, False, False]))
+    torch.testing.assert_close(harmonise(images, found), flat_views(0.3, 0.3, 0.3))
+    torch.testing.assert_close(harmonise(images, found, strength=0.5), flat_views(0.25, 0.3, 0.35))
+    assert torch.equal(harmonise(images, found, strength=0.0), images)
+    led = harmonise(images, found, anchored=torch.tensor([True, False, False]))
     torch.testing.assert_close(led, flat_views(0.2, 0.2, 0.2))
     assert torch.equal(led[0], images[0])
     alone = Correspondences(torch.full((3, 4, 4), -1), torch.eye(3), 2)
-    assert torch.equal(settle(images, alone), images)
+    assert torch.equal(harmonise(images, alone), images)
     noise = torch.rand(3, 8, 8, 3, generator=torch.Generator().manual_seed(0))
     order = torch.tensor([2, 0, 1])
     # 1e-6: sums over views in another order
     torch.testing.assert_close(
-        settle(noise[order], found), settle(noise, found)[order], rtol=0, atol=1e-6
+        harmonise(noise[order], found), harmonise(noise, found)[order], rtol=0, atol=1e-6
     )
     with pytest.raises(UsageError, match="match the cells"):
-        settle(noise[:2], found)
+        harmonise(noise[:2], found)
     with pytest.raises(UsageError, match="strength"):
-        settle(noise, found, strength=2.0)
+        harmonise(noise, found, strength=2.0)
 
 
 def test_detail_that_agrees_on_average_is_left_alone():
     """A pattern finer than a cell, shifted in one view: the means agree, and nothing is blurred."""
     stripes = torch.arange(8).remainder(2).float()[None, :, None].expand(8, -1, 3)
     images = torch.stack((stripes, 1 - stripes))
-    torch.testing.assert_close(settle(images, everywhere(2)), images)
+    torch.testing.assert_close(harmonise(images, everywhere(2)), images)
 
 
 def test_sides_that_are_no_whole_cells():
     labels = torch.arange(12).reshape(1, 4, 3).expand(2, -1, -1).contiguous()
     found = Correspondences(labels, torch.ones(2, 2), 2)
     images = torch.stack((torch.full((7, 5, 3), 0.2), torch.full((7, 5, 3), 0.6)))
-    torch.testing.assert_close(settle(images, found), torch.full((2, 7, 5, 3), 0.4))
+    torch.testing.assert_close(harmonise(images, found), torch.full((2, 7, 5, 3), 0.4))
     assert cell_means(images, 2).shape == (2, 4, 3, 3)
 
 
@@ -383,37 +382,37 @@ def test_tints_of_views_are_evened_out_and_the_edit_is_kept(painted):
     g = torch.Generator().manual_seed(0)
     gains = 1 + 0.1 * torch.randn(5, 1, 1, 3, generator=g)
     edited = (truth * gains).clamp(0, 1)
-    settled = settle(edited, found)
+    harmonised = harmonise(edited, found)
     # what stays is detail in which the nearest cells of true edits differ too
-    assert disagreement(settled, found) < 0.3 * disagreement(edited, found)
-    assert disagreement(settled, found) < 1.5 * disagreement(truth, found)
-    error, before = (float((x - truth)[where].square().mean().sqrt()) for x in (settled, edited))
+    assert disagreement(harmonised, found) < 0.3 * disagreement(edited, found)
+    assert disagreement(harmonised, found) < 1.5 * disagreement(truth, found)
+    error, before = (float((x - truth)[where].square().mean().sqrt()) for x in (harmonised, edited))
     assert error < 0.71 * before  # a cluster of two keeps 1 / sqrt(2) of their tints, larger less
-    kept = (settled - originals)[where].mean() / (edited - originals)[where].mean()
+    kept = (harmonised - originals)[where].mean() / (edited - originals)[where].mean()
     assert 0.97 < float(kept) < 1.03
     outside = torch.nn.functional.max_pool2d(where[:, None].double(), 21, 1, 10)[:, 0] == 0
-    assert torch.equal(settled[outside], edited[outside])
+    assert torch.equal(harmonised[outside], edited[outside])
 
 
 def test_a_view_with_another_edit_is_outvoted(painted):
     originals, truth, found, where = painted
     edited = truth.clone()
     edited[2] = originals[2]  # this view was not edited at all
-    settled, plain = settle(edited, found), settle(edited, found, tolerance=1e3)
+    harmonised, plain = harmonise(edited, found), harmonise(edited, found, tolerance=1e3)
 
     def error(images: torch.Tensor, view: slice | int) -> float:
         return float((images - truth)[view][where[view]].square().mean().sqrt())
 
-    assert error(settled, 2) < 0.5 * error(edited, 2)
+    assert error(harmonised, 2) < 0.5 * error(edited, 2)
     others = [view for view in range(5) if view != 2]
     for view in others:  # the mean drags them; a vote of two against one cannot be won
-        assert error(settled, view) < error(plain, view)
-    assert error(settled, slice(None)) < 0.7 * error(plain, slice(None))
+        assert error(harmonised, view) < error(plain, view)
+    assert error(harmonised, slice(None)) < 0.7 * error(plain, slice(None))
 
 
 def test_the_true_edit_is_hardly_damaged(painted):
     _, truth, found, where = painted
-    damage = float((settle(truth, found) - truth)[where].square().mean().sqrt())
+    damage = float((harmonise(truth, found) - truth)[where].square().mean().sqrt())
     assert damage < 0.5 * disagreement(truth, found)  # averaging the cells would cost all of it
 
 

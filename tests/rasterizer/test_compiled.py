@@ -11,7 +11,7 @@ import weakref
 import pytest
 import torch
 from closeness import leaves, relative, tensors, weights_like
-from scenes import EXHIBITS, cloud, gaussian
+from scenes import EDGE_CASES, cloud, gaussian
 
 from rasterizer import Execution, Numerics, concatenate, render, tiles
 from rasterizer.blending import cpp_backend as compiled
@@ -46,9 +46,9 @@ def gradients(scene, camera, execution, numerics=WHOLE_SUM):
     return drawn, torch.autograd.grad(loss, tensors(inputs))
 
 
-@pytest.mark.parametrize("name", EXHIBITS)
+@pytest.mark.parametrize("name", EDGE_CASES)
 def test_it_draws_what_torch_draws(name, kernel):
-    scene, camera = EXHIBITS[name]()
+    scene, camera = EDGE_CASES[name]()
     wanted, exact = gradients(scene, camera, Execution())
     found, close = gradients(scene, camera, COMPILED)
     # float64: both sum the same terms in another order; offsets of 1e3 sigma are squared on needles

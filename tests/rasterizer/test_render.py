@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 import torch
 from closeness import EPS32, INPUTS, leaves, relative, tensors, weights_like
-from scenes import EXHIBITS, cloud, coincident, opaque_stack, random_cloud, wall
+from scenes import EDGE_CASES, cloud, coincident, opaque_stack, random_cloud, wall
 from scenes import camera as view_of
 
 from rasterizer import Camera, Execution, Numerics, contributions, look_at, render
@@ -50,9 +50,9 @@ def gradients(function, scene: Gaussians, camera: Camera, **options) -> dict[str
     return dict(zip((*INPUTS, "pose", "background"), found))
 
 
-@pytest.mark.parametrize("name", EXHIBITS)
+@pytest.mark.parametrize("name", EDGE_CASES)
 def test_float64_is_the_reference_to_rounding(name):
-    found, wanted = both(*EXHIBITS[name](), torch.float64, WHOLE_SUM)
+    found, wanted = both(*EDGE_CASES[name](), torch.float64, WHOLE_SUM)
     # offsets in standard deviations reach 1e6 on the needles: squared, that costs 1e-4 of 1e-16..
     assert (found.color - wanted.color).abs().max() < 1e-9
     assert (found.alpha - wanted.alpha).abs().max() < 1e-9
@@ -60,9 +60,9 @@ def test_float64_is_the_reference_to_rounding(name):
     assert (found.median_depth == wanted.median_depth).double().mean() > 0.999
 
 
-@pytest.mark.parametrize("name", EXHIBITS)
+@pytest.mark.parametrize("name", EDGE_CASES)
 def test_float32_is_the_reference_to_float32_rounding(name):
-    scene, camera = EXHIBITS[name]()
+    scene, camera = EDGE_CASES[name]()
     found, wanted = both(scene, camera, torch.float32, WHOLE_SUM)
     error = (found.color.double() - wanted.color).abs()
     # a splat whose alpha rounds to the other side of the floor 1/255 is wholly there or not
@@ -72,9 +72,9 @@ def test_float32_is_the_reference_to_float32_rounding(name):
     assert error[~flips].mean() < 1e-5
 
 
-@pytest.mark.parametrize("name", EXHIBITS)
+@pytest.mark.parametrize("name", EDGE_CASES)
 def test_stopping_early_costs_less_than_the_threshold(name):
-    scene, camera = EXHIBITS[name]()
+    scene, camera = EDGE_CASES[name]()
     whole = render(scene, camera, numerics=WHOLE_SUM).color
     stopped = render(scene, camera).color
     brightest = max(1.0, float(whole.max()))
@@ -83,10 +83,10 @@ def test_stopping_early_costs_less_than_the_threshold(name):
     ).abs().max() <= STOP * brightest * 2  # colour lost plus background shown
 
 
-@pytest.mark.parametrize("name", EXHIBITS)
+@pytest.mark.parametrize("name", EDGE_CASES)
 @pytest.mark.parametrize("dtype", [torch.float64, torch.float32])
 def test_gradients_are_the_references(name, dtype):
-    scene, camera = EXHIBITS[name]()
+    scene, camera = EDGE_CASES[name]()
     scene = scene.to(dtype)
     found = gradients(render, scene, camera, numerics=WHOLE_SUM)
     wanted = gradients(render_reference, scene.to(torch.float64), camera)
@@ -308,7 +308,7 @@ def test_contributions_sum_to_the_alpha_of_the_picture():
 
 @pytest.mark.parametrize("name", ["empty", "behind", "off_screen"])
 def test_backward_works_where_little_or_nothing_is_seen(name):
-    scene, camera = EXHIBITS[name]()
+    scene, camera = EDGE_CASES[name]()
     inputs = leaves(scene)
     picture = render(inputs, camera, depth=True)
     gradients = torch.autograd.grad(picture.color.sum() + picture.depth.sum(), tensors(inputs))

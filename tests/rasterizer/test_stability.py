@@ -14,16 +14,23 @@ import torch
 from closeness import EPS32, leaves, relative, tensors, weights_like
 
 from gsedit.bench.renderer import stability
-from gsedit.bench.renderer.edge_cases import CROWD, EXHIBITS, camera, gaussian, random_cloud, shown
+from gsedit.bench.renderer.edge_cases import (
+    CROWD,
+    EDGE_CASES,
+    camera,
+    gaussian,
+    random_cloud,
+    shown,
+)
 from rasterizer import Execution, Numerics, Rendering, checks, harmonics, rasterization, render
 from rasterizer.blending import cpp_backend as compiled
 from rasterizer.project import project, rotation_matrices
 
 DTYPES = (torch.float32, torch.float64)
-BY_NAME = {exhibit.name: exhibit for exhibit in EXHIBITS}
+BY_NAME = {exhibit.name: exhibit for exhibit in EDGE_CASES}
 ROUNDING = CROWD * EPS32
 """Of a colour in [0, 1]: a rounding for each Gaussian that one pixel can blend."""
-DRAWN = [exhibit.name for exhibit in EXHIBITS if exhibit.refused is None]
+DRAWN = [exhibit.name for exhibit in EDGE_CASES if exhibit.refused is None]
 
 # What float32 cannot give, and why. Everything else keeps the promise of 2e-4.
 GRADIENTS_32 = {
@@ -414,7 +421,7 @@ def test_the_drop_in_names_its_own_arguments(name, index, value):
 
 def test_rows_are_both_dtypes_of_each_exhibit_or_float32_alone():
     full = list(islice(stability.rows(), 4))
-    assert [row.name for row in full] == [EXHIBITS[i // 2].name for i in range(4)]
+    assert [row.name for row in full] == [EDGE_CASES[i // 2].name for i in range(4)]
     assert [row.dtype for row in full] == ["float32", "float64"] * 2
     quick = list(islice(stability.rows(quick=True), 2))
     assert [row.dtype for row in quick] == ["float32", "float32"]

@@ -34,7 +34,7 @@ class Shown(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Exhibit:
+class EdgeCase:
     """One case of the museum."""
 
     name: str
@@ -113,11 +113,11 @@ def _rounded(build: Callable[[], Gaussians], view: Camera | None = None):
     return lambda dtype: shown(build().to(dtype), view)
 
 
-def _alone(name: str, why: str, extreme: Gaussians, view: Camera | None = None) -> Exhibit:
-    return Exhibit(name, why, _rounded(lambda: _among(extreme), view))
+def _alone(name: str, why: str, extreme: Gaussians, view: Camera | None = None) -> EdgeCase:
+    return EdgeCase(name, why, _rounded(lambda: _among(extreme), view))
 
 
-def _spoilt(name: str, value: float) -> Exhibit:
+def _spoilt(name: str, value: float) -> EdgeCase:
     """One number of one input replaced, far from the first row."""
 
     def make(dtype: torch.dtype) -> Shown:
@@ -126,10 +126,10 @@ def _spoilt(name: str, value: float) -> Exhibit:
         return shown(replace(_crowd(), **{name: values}).to(dtype))
 
     why = "a diverged optimiser or a broken file; must be named, not drawn or dropped"
-    return Exhibit(f"{name} {value}", why, make, refused=rf"{name}\[57")
+    return EdgeCase(f"{name} {value}", why, make, refused=rf"{name}\[57")
 
 
-def _spoilt_camera(name: str, value: float) -> Exhibit:
+def _spoilt_camera(name: str, value: float) -> EdgeCase:
     def make(dtype: torch.dtype) -> Shown:
         view, spoilt = camera(), value
         if name == "world_to_camera":
@@ -138,10 +138,10 @@ def _spoilt_camera(name: str, value: float) -> Exhibit:
         return shown(_crowd().to(dtype), replace(view, **{name: spoilt}))
 
     why = "no comparison with NaN is true: an empty picture would hide it"
-    return Exhibit(f"camera.{name} {value}", why, make, refused=rf"camera\.{name}")
+    return EdgeCase(f"camera.{name} {value}", why, make, refused=rf"camera\.{name}")
 
 
-def _spoilt_background(value: float) -> Exhibit:
+def _spoilt_background(value: float) -> EdgeCase:
     def make(dtype: torch.dtype) -> Shown:
         good = shown(_crowd().to(dtype))
         bad = good.background.clone()
@@ -149,7 +149,7 @@ def _spoilt_background(value: float) -> Exhibit:
         return good._replace(background=bad)
 
     why = "it would reach every pixel"
-    return Exhibit(f"background {value}", why, make, refused="background")
+    return EdgeCase(f"background {value}", why, make, refused="background")
 
 
 def _tiny_quat(dtype: torch.dtype) -> Shown:
@@ -256,11 +256,11 @@ def _strip(tall: bool) -> Callable[[torch.dtype], Shown]:
     return _rounded(line, camera(width, height, focal=3500.0))
 
 
-def _ordinary() -> Exhibit:
-    return Exhibit("ordinary crowd", "what the errors of the others compare to", _rounded(_crowd))
+def _ordinary() -> EdgeCase:
+    return EdgeCase("ordinary crowd", "what the errors of the others compare to", _rounded(_crowd))
 
 
-EXHIBITS: tuple[Exhibit, ...] = (
+EDGE_CASES: tuple[EdgeCase, ...] = (
     _ordinary(),
     _alone("behind the camera", "its mirror image must not show", gaussian((0.1, 0.1, -2.0))),
     _alone("in the camera's plane", "z = 0 divides", gaussian((0.1, 0.0, 0.0))),
@@ -305,30 +305,30 @@ EXHIBITS: tuple[Exhibit, ...] = (
     _alone("opacity 1", "logit inf", _logit(inf)),
     _alone("logit 50", "1 - opacity is 0 in every dtype", _logit(50.0)),
     _alone("logit -50", "far below the floor of alpha", _logit(-50.0)),
-    Exhibit("all of opacity 1", "every alpha at the cap near its centre", _rounded(_opaque_crowd)),
+    EdgeCase("all of opacity 1", "every alpha at the cap near its centre", _rounded(_opaque_crowd)),
     _alone("zero quaternion", "the identity, without gradient",
            gaussian((0.1, 0.0, 2.0), (0.4, 0.05, 0.1), (0.0, 0.0, 0.0, 0.0))),
-    Exhibit("denormal quaternion", "its square is 0, its direction is not; its gradient would "
+    EdgeCase("denormal quaternion", "its square is 0, its direction is not; its gradient would "
             "overflow float32, and is 0", _tiny_quat),
     _alone("quaternion of norm 1e-30", "its square underflows float32", _quat(1e-30)),
     _alone("quaternion of norm 1e3", "not normalised by whoever wrote it", _quat(1e3)),
     _alone("quaternion of norm 1e30", "its square overflows float32", _quat(1e30)),
-    Exhibit("1e7 from the origin", "scene and camera both: positions cancel", _far_away),
-    Exhibit("depths 1e-8 apart", "float32 depth would draw them in another order", _from_aside),
-    Exhibit("10,000 coincident", "equal depths keep the order of the file", _rounded(_coincident)),
-    Exhibit("100,000 layers", "deep in one pixel: the transmittance falls to 0",
+    EdgeCase("1e7 from the origin", "scene and camera both: positions cancel", _far_away),
+    EdgeCase("depths 1e-8 apart", "float32 depth would draw them in another order", _from_aside),
+    EdgeCase("10,000 coincident", "equal depths keep the order of the file", _rounded(_coincident)),
+    EdgeCase("100,000 layers", "deep in one pixel: the transmittance falls to 0",
             _rounded(_layers, camera(1, 1, focal=1.0))),
-    Exhibit("positions twice", "as real captures hold them: the sort is stable",
+    EdgeCase("positions twice", "as real captures hold them: the sort is stable",
             _rounded(_doubled)),
-    Exhibit("focal length 1", "all on one pixel", _rounded(_crowd, camera(focal=1.0))),
-    Exhibit("focal length 1e6", "a picture of 4e-5 radians beside the axis: float32 rounds x/z by "
+    EdgeCase("focal length 1", "all on one pixel", _rounded(_crowd, camera(focal=1.0))),
+    EdgeCase("focal length 1e6", "a picture of 4e-5 radians beside the axis: float32 rounds x/z by "
             "a tenth of a pixel", _telescope),
-    Exhibit("1 x 1 pixel", "less than a tile", _rounded(_crowd, camera(1, 1, focal=1.0))),
-    Exhibit("4096 x 1 pixels", "a row of tiles that are empty but for one line of pixels",
+    EdgeCase("1 x 1 pixel", "less than a tile", _rounded(_crowd, camera(1, 1, focal=1.0))),
+    EdgeCase("4096 x 1 pixels", "a row of tiles that are empty but for one line of pixels",
             _strip(tall=False)),
-    Exhibit("1 x 4096 pixels", "the same, upright", _strip(tall=True)),
-    Exhibit("empty scene", "the background, and no error", _rounded(lambda: _crowd()[:0])),
-    Exhibit("nothing visible", "backward must still work", _rounded(_hidden)),
+    EdgeCase("1 x 4096 pixels", "the same, upright", _strip(tall=True)),
+    EdgeCase("empty scene", "the background, and no error", _rounded(lambda: _crowd()[:0])),
+    EdgeCase("nothing visible", "backward must still work", _rounded(_hidden)),
     *(_spoilt(name, value) for name in ("means", "quats", "sh") for value in (nan, inf, -inf)),
     *(_spoilt("log_scales", value) for value in (nan, inf, 1e3)),
     _spoilt("logit_opacities", nan),

@@ -17,7 +17,7 @@ import torch
 from torch import Tensor
 
 from gsedit.bench.renderer.accuracy import Draw, Drawn, differentiate, errors
-from gsedit.bench.renderer.edge_cases import EXHIBITS, Exhibit, Shown
+from gsedit.bench.renderer.edge_cases import EDGE_CASES, EdgeCase, Shown
 from gsedit.bench.renderer.rows import markdown
 from rasterizer.numerics import Numerics
 from rasterizer.reference import render_reference
@@ -56,12 +56,12 @@ class Row:
 
 def rows(quick: bool = False) -> Iterator[Row]:
     """Every exhibit in float32, then in float64; only float32 if `quick`."""
-    for exhibit in EXHIBITS:
+    for exhibit in EDGE_CASES:
         for dtype in (torch.float32,) if quick else (torch.float32, torch.float64):
             yield measure(exhibit, dtype)
 
 
-def measure(exhibit: Exhibit, dtype: torch.dtype, runs: int = 3) -> Row:
+def measure(exhibit: EdgeCase, dtype: torch.dtype, runs: int = 3) -> Row:
     """Draw one exhibit, ours (`runs` times) and the textbook's, with gradients."""
     shown = exhibit.make(dtype)
     found, message, seconds = _timed(_ours(shown), shown, runs)

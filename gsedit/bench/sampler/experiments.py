@@ -31,8 +31,8 @@ from gsedit.bench.sampler.problems import (
 )
 from gsedit.bench.sampler.rows import SamplerRow
 from gsedit.diffusion import (
-    Level,
     Need,
+    NoiseLevel,
     SamplerSettings,
     Schedule,
     Solver,
@@ -121,7 +121,7 @@ def solver_rows(
 
 
 def _last(
-    model: Problem, x: Tensor, settings: SamplerSettings, levels: list[Level]
+    model: Problem, x: Tensor, settings: SamplerSettings, levels: list[NoiseLevel]
 ) -> Tensor | None:
     """The result, or None where the sampler refused to go on."""
     try:

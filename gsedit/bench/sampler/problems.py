@@ -21,8 +21,8 @@ from gsedit.consistency.consensus import consensus, share_noise
 from gsedit.consistency.correspond import Correspondences
 from gsedit.diffusion import (
     Branches,
-    Level,
     Need,
+    NoiseLevel,
     Prediction,
     SamplerSettings,
     Schedule,
@@ -95,7 +95,7 @@ class Problem:
             )
         )
 
-    def _as_promised(self, x0: Tensor, x: Tensor, level: Level) -> Tensor:
+    def _as_promised(self, x0: Tensor, x: Tensor, level: NoiseLevel) -> Tensor:
         eps = (x - level.a * x0) / level.b
         match self.predicts:
             case "eps":
@@ -140,7 +140,7 @@ def problem(
 
 
 def start(
-    model: Problem, level: Level, seed: int = 1, dtype: torch.dtype = torch.float64
+    model: Problem, level: NoiseLevel, seed: int = 1, dtype: torch.dtype = torch.float64
 ) -> Float[Tensor, "v c y x"]:
     """A draw of the noised data: where sampling starts."""
     generator = torch.Generator().manual_seed(seed)
@@ -153,7 +153,7 @@ def start(
 def truth(
     model: Problem,
     x: Float[Tensor, "v c y x"],
-    first: Level,
+    first: NoiseLevel,
     settings: SamplerSettings,
     last_sigma: float | None = None,
     steps: int = TRUTH_STEPS,
