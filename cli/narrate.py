@@ -72,13 +72,13 @@ def _tell_json(event: Event) -> None:
 
 def summary(event: Event) -> str:
     """What an event measured: its loss, its error in dB, its note."""
-    from gsedit.reports.journal import decibels
+    from gsedit.measures.decibels import psnr_from_rmse
 
     parts = []
     if event.loss is not None:
         parts.append(f"loss {event.loss:.4f}")
     if event.error is not None and " dB" not in event.note:  # a note may say it better
-        parts.append(f"{decibels(event.error):.2f} dB")
+        parts.append(f"{psnr_from_rmse(event.error):.2f} dB")
     return "  ".join([*parts, *([event.note] if event.note else [])])
 
 

@@ -21,8 +21,9 @@ from gsedit.fitting import update as strategies
 from gsedit.fitting.optimiser import SceneOptimiser
 from gsedit.fitting.update import UpdateSettings, update_steps
 from gsedit.measures import metrics
+from gsedit.measures.decibels import rmse_from_psnr
 from gsedit.measures.features import FeatureExtractor, FilterBank
-from gsedit.reports.journal import Checkpoint, Event, rmse_of
+from gsedit.reports.journal import Checkpoint, Event
 from gsedit.views.dataset import Dataset, View, capture
 from gsedit.views.framing import bounds, orbit
 from gsedit.views.plan import Plan, plan_views, survey
@@ -278,7 +279,7 @@ class _Work:
                 if step % MEASURE_EVERY == 0:
                     psnr, aim = self.measure(PROBES)
                     yield Event("update", self.watch.seconds, step, total, loss,
-                                rmse_of(psnr), f"{psnr:.2f} dB to the {aim}")  # fmt: skip
+                                rmse_from_psnr(psnr), f"{psnr:.2f} dB to the {aim}")  # fmt: skip
                 elif step % REPORT_EVERY == 0:
                     yield Event("update", self.watch.seconds, step, total, loss)
         self.rounds_done += 1
@@ -295,7 +296,7 @@ class _Work:
         originals = tuple(
             replace(self.views[i], image=self.before[i].color.clamp(0, 1)) for i in self.targets
         )
-        yield Event("measure", self.watch.seconds, error=rmse_of(psnr),
+        yield Event("measure", self.watch.seconds, error=rmse_from_psnr(psnr),
                     note=f"{psnr:.2f} dB to the {aim}")  # fmt: skip
         yield EditResult(
             scene=edited,

@@ -13,8 +13,8 @@ from torch import Tensor
 
 from gsedit.diffusion import SamplerSettings
 from gsedit.editors.protocol import EditBatch, Editor
+from gsedit.measures.decibels import psnr_from_rmse, rmse_from_psnr
 from gsedit.measures.metrics import psnr
-from gsedit.reports.journal import decibels, rmse_of
 from train_small.sources import Sources
 from train_small.target_edits import TRUTHS, edited
 
@@ -122,11 +122,11 @@ def summary(scores: Sequence[Score]) -> Summary:
     """Shares and means. Raises ValueError for no scores."""
     if not scores:
         raise ValueError("there are no scores to sum up")
-    kept = [rmse_of(each.kept) ** 2 for each in scores if each.kept is not None]
+    kept = [rmse_from_psnr(each.kept) ** 2 for each in scores if each.kept is not None]
     return Summary(
         len(scores),
         sum(each.right for each in scores) / len(scores),
         sum(each.gain for each in scores) / len(scores),
-        decibels(math.sqrt(sum(kept) / len(kept))) if kept else None,
+        psnr_from_rmse(math.sqrt(sum(kept) / len(kept))) if kept else None,
         sum(each.seconds for each in scores) / len(scores),
     )

@@ -18,7 +18,8 @@ from torch import Tensor
 from gsedit.errors import UsageError
 from gsedit.fitting.optimiser import SceneOptimiser
 from gsedit.measures import losses
-from gsedit.reports.journal import Checkpoint, Event, rmse_of
+from gsedit.measures.decibels import rmse_from_psnr
+from gsedit.reports.journal import Checkpoint, Event
 from gsedit.views.dataset import Dataset, View
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, SH_DC, Execution
@@ -215,7 +216,7 @@ class _Clock:
 
 
 def _event(stage: str, clock: _Clock, loss: float | None, psnr: float | None, note: str) -> Event:
-    error = None if psnr is None else rmse_of(psnr)
+    error = None if psnr is None else rmse_from_psnr(psnr)
     return Event(stage, clock.seconds, clock.step, clock.steps, loss, error, note)
 
 

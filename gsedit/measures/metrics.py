@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf, log10, nan, sqrt
+from math import nan, sqrt
 
 import torch
 from jaxtyping import Bool, Float
@@ -17,6 +17,7 @@ from torch import Tensor
 from gsedit.consistency.correspond import warp
 from gsedit.errors import UsageError
 from gsedit.measures import losses
+from gsedit.measures.decibels import psnr_from_rmse
 from rasterizer.camera import Camera
 
 
@@ -40,8 +41,7 @@ def psnr(
     mask: Bool[Tensor, "*n h w"] | None = None,
 ) -> float:
     """Peak signal-to-noise ratio, dB, of the mean error of all pictures; inf when equal."""
-    error = rmse(image, target, mask)
-    return -20 * log10(error) if error else inf
+    return psnr_from_rmse(rmse(image, target, mask))
 
 
 @torch.no_grad()

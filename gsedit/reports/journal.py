@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import IO, Any, Literal
 
 from gsedit.errors import InputError
+from gsedit.measures.decibels import psnr_from_rmse
 from rasterizer.scene import Gaussians
 
 
@@ -39,16 +40,6 @@ class Checkpoint:
     scene: Gaussians
     step: int
     seconds: float
-
-
-def rmse_of(decibels: float) -> float:
-    """RMSE of colours in [0, 1] at a PSNR: the inverse of `decibels`."""
-    return 10 ** (-decibels / 20)
-
-
-def decibels(rmse: float) -> float:
-    """PSNR of colours in [0, 1], dB; infinite where there is no error."""
-    return -20 * math.log10(rmse) if rmse > 0 else math.inf
 
 
 def as_record(event: Event) -> dict[str, Any]:
@@ -160,5 +151,5 @@ def _cells(span: Span) -> tuple[str, ...]:
         str(span.step) if span.step else "",
         "" if span.loss is None else f"{span.loss:.4f}",
         "" if span.error is None else f"{span.error:.4f}",
-        "" if span.error is None else f"{decibels(span.error):.1f}",
+        "" if span.error is None else f"{psnr_from_rmse(span.error):.1f}",
     )

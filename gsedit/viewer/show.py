@@ -21,7 +21,8 @@ from torch import Tensor
 
 from gsedit.errors import GseditError, UsageError
 from gsedit.files.atomic import atomic_path
-from gsedit.reports.journal import Event, curves, decibels
+from gsedit.measures.decibels import psnr_from_rmse
+from gsedit.reports.journal import Event, curves
 from gsedit.views.dataset import View
 from gsedit.views.framing import framing_camera, guess_up
 from rasterizer.camera import Camera
@@ -171,7 +172,7 @@ def _add_decibels(axes: Any) -> None:
     ticks = [tick for tick in axes.get_yticks() if 1e-9 < tick <= high]  # 0 has no decibels
     right = axes.twinx()
     right.set_ylim(axes.get_ylim())
-    right.set_yticks(ticks, [f"{decibels(tick):.1f}" for tick in ticks])
+    right.set_yticks(ticks, [f"{psnr_from_rmse(tick):.1f}" for tick in ticks])
     right.set_ylabel("PSNR, dB")
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from gsedit.errors import InputError
-from gsedit.reports.journal import Event, curves, decibels, read_events, spans, table, write_event
+from gsedit.reports.journal import Event, curves, read_events, spans, table, write_event
 
 EVENTS = [
     Event("render", 1.0, note="8 views"),
@@ -83,8 +83,3 @@ def test_table_has_a_row_a_stretch_and_straight_columns():
     assert len({len(line) for line in lines}) == 1
     assert "20.0" in lines[2]  # 0.1 RMSE is 20 dB
     assert table([]).startswith("stage")
-
-
-def test_decibels():
-    assert decibels(0.1) == pytest.approx(20, abs=1e-12)
-    assert decibels(0.0) == math.inf
