@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -89,8 +89,8 @@ def rasterizer(
     plan = Plan(chosen, runs, quick=quick, pieces=QUICK_PIECES if quick else PIECES)
     for stale in ("bench.md", "image_error.png", "gradient_error.png"):  # of an earlier run
         (out / stale).unlink(missing_ok=True)
-    journal = Journal(out / "bench.jsonl", measured.write_row)
-    journal.follow(sweep(workloads, plan, out / "references"), measured.as_record, common)
+    journal = Journal(out / "bench.jsonl")
+    journal.follow(sweep(workloads, plan, out / "references"), common)
     found = journal.rows
     write_results(out, found)
     compared = None if earlier is None else measured.comparison(found, earlier)
@@ -120,9 +120,9 @@ def stability(
 
     from gsedit.bench.renderer import stability as museum
     from gsedit.files import atomic_path
-    from gsedit.reports.journal import Event, write_line
+    from gsedit.reports.journal import Event
 
-    journal = Journal(out / "stability.jsonl", lambda file, row: write_line(file, plain(row)))
+    journal = Journal(out / "stability.jsonl")
     with keeping(journal), narrator(as_json=common.json) as tell:
         from time import perf_counter
 
@@ -194,8 +194,8 @@ def sampler(
     from gsedit.bench.sampler.plots import sweep_plot, work_precision
     from gsedit.files import atomic_path
 
-    journal = Journal(out / "bench.jsonl", told.write_row)
-    journal.follow(measure(quick=quick, runs=runs), told.as_record, common)
+    journal = Journal(out / "bench.jsonl")
+    journal.follow(measure(quick=quick, runs=runs), common)
     table = told.table(journal.rows)
     with atomic_path(out / "bench.md", overwrite=True) as temporary:
         temporary.write_text(table, encoding="utf-8")
@@ -217,18 +217,17 @@ class Journal:
     """Rows as they are measured: each is on disk before the next one begins."""
 
     path: Path
-    write_row: Callable[[Any, Any], None]
     rows: list[Any] = field(default_factory=list)
 
     def write(self, row: Any) -> None:
+        from gsedit.reports.json_lines import write_line
+
         self.path.parent.mkdir(parents=True, exist_ok=True)
         with self.path.open("a" if self.rows else "w", encoding="utf-8") as file:
-            self.write_row(file, row)
+            write_line(file, row)
         self.rows.append(row)
 
-    def follow(
-        self, items: Iterable[Any], as_record: Callable[[Any], dict[str, Any]], common: Common
-    ) -> None:
+    def follow(self, items: Iterable[Any], common: Common) -> None:
         """Tell the events and write the rows, which --json tells too."""
         from gsedit.reports.journal import Event
 
@@ -239,7 +238,7 @@ class Journal:
                     continue
                 self.write(item)
                 if common.json:
-                    typer.echo(as_line("row", as_record(item)))
+                    typer.echo(as_line("row", plain(item)))
 
 
 @contextmanager

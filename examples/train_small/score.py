@@ -27,7 +27,7 @@ from gsedit.diffusion import SamplerSettings
 from gsedit.editors import EditBatch, Editor, make_editor
 from gsedit.files import load_dataset
 from gsedit.measures.metrics import edit_strength, warp_error
-from gsedit.reports.journal import without_nan, write_line
+from gsedit.reports.json_lines import write_line
 from gsedit.synthetic import demo_scene, ring_cameras
 from gsedit.viewer.show import as_picture, save_picture, spread
 from train_small import Case, Score, Sources, summary
@@ -104,7 +104,7 @@ def examine(editor: Editor, name: str, cases: Iterable[Case], folder: Path) -> s
         for each in score(editor, cases, SETTINGS):
             scores.append(each)
             line = {"set": name, "right": each.right, **each._asdict()}
-            write_line(file, without_nan(line))
+            write_line(file, line)
             if not each.right:
                 failed.append(f"{' + '.join(each.names)} -> {' + '.join(each.nearest)}")
     s = summary(scores)

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, fields
 from itertools import groupby, pairwise
 from pathlib import Path
 from typing import IO, Any, Literal
 
-from gsedit.errors import InputError
 from gsedit.measures.decibels import psnr_from_rmse
+from gsedit.reports.json_lines import read_lines, write_line
 from rasterizer.scene import Gaussians
 
 
@@ -43,27 +42,12 @@ class Checkpoint:
 
 
 def as_record(event: Event) -> dict[str, Any]:
-    """What is known about an event, ready for JSON (which has no NaN: such numbers are null)."""
-    known = {name: value for name, value in asdict(event).items() if value not in (None, "")}
-    return without_nan(known)
-
-
-def without_nan(values: Mapping[str, Any]) -> dict[str, Any]:
-    """The same, with null for the numbers that JSON lacks (NaN, infinity)."""
-    return {
-        name: None if isinstance(value, float) and not math.isfinite(value) else value
-        for name, value in values.items()
-    }
-
-
-def write_line(file: IO[str], record: Mapping[str, Any]) -> None:
-    """Append one JSON line and flush it, so that what was measured survives an interruption."""
-    file.write(json.dumps(record, allow_nan=False) + "\n")
-    file.flush()
+    """The fields of an event that hold something, by name."""
+    return {name: value for name, value in asdict(event).items() if value not in (None, "")}
 
 
 def write_event(file: IO[str], event: Event) -> None:
-    """Append an event as one JSON line."""
+    """Append an event as one JSON line; NaN and infinity are null."""
     write_line(file, as_record(event))
 
 
@@ -72,24 +56,9 @@ def read_events(path: Path | str) -> list[Event]:
 
     Raises InputError naming the file and the line where a line is not an event.
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(
-            f"{path}: cannot be read as metrics ({error}); give the metrics.jsonl of an edit"
-        ) from error
-    lines = text.split("\n")[:-1]
-    return [_event(path, number, line) for number, line in enumerate(lines, 1) if line.strip()]
-
-
-def _event(path: Path | str, number: int, line: str) -> Event:
-    try:
-        return Event(**json.loads(line))
-    except (ValueError, TypeError) as error:
-        names = ", ".join(field.name for field in fields(Event))
-        raise InputError(
-            f"{path}, line {number}: not an event ({error}); a line is an object of {names}"
-        ) from error
+    names = ", ".join(field.name for field in fields(Event))
+    advice = f"give the metrics.jsonl of an edit, whose lines are objects of {names}"
+    return read_lines(path, Event, kind="an event", advice=advice)
 
 
 def curves(

@@ -9,7 +9,7 @@ import os
 import sys
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from math import isqrt, nan
 from pathlib import Path
 from types import SimpleNamespace
@@ -23,7 +23,7 @@ from PIL import Image
 from scenes import camera, gaussian, random_cloud
 from typer.testing import CliRunner
 
-import gsedit.bench
+import gsedit.bench.renderer
 from gsedit.bench import measure
 from gsedit.bench.curves import pareto, slope
 from gsedit.bench.renderer import accuracy, pairs, peers, plots, rows, sweep, workloads
@@ -31,6 +31,7 @@ from gsedit.bench.renderer import targets as bars
 from gsedit.bench.renderer.worker import Worker, WorkerError, peak_memory
 from gsedit.errors import InputError, UsageError
 from gsedit.reports.journal import Event
+from gsedit.reports.json_lines import write_line
 from rasterizer import render
 from rasterizer.numerics import DEFAULT
 from rasterizer.tiles import TILE_SIZES
@@ -295,14 +296,14 @@ def test_rows_survive_json(tmp_path):
     wanted = [row(), row(knob="peers", value="gsplat", forward_wall=None, note="raised")]
     with (tmp_path / "bench.jsonl").open("w") as file:
         for one in wanted:
-            rows.write_row(file, one)
+            write_line(file, one)
         file.write('{"scene": "cut o')  # interrupted in the middle of a line
     assert rows.read_rows(tmp_path / "bench.jsonl") == wanted
 
 
 def test_what_is_not_a_number_is_null(tmp_path):
     with (tmp_path / "bench.jsonl").open("w") as file:
-        rows.write_row(file, row(error_mean=nan, error_max=math.inf))
+        write_line(file, row(error_mean=nan, error_max=math.inf))
     (found,) = rows.read_rows(tmp_path / "bench.jsonl")
     assert found == row(error_mean=None, error_max=None)
 
@@ -489,7 +490,7 @@ def test_a_picture_of_nan_is_said(tiny):
     measured = ("runs", "wall", "cpu", "yardstick", "error", "gradient_", "peak", "note")
     fields = {
         name: value
-        for name, value in rows.as_record(row()).items()
+        for name, value in asdict(row()).items()
         if not any(part in name for part in measured)
     }
     found = sweep._row(fields, found=broken)
@@ -830,7 +831,7 @@ def test_stability_writes_the_museums_table(tmp_path, monkeypatch):
         rows=lambda quick: iter([EdgeCase(f"needle, quick {quick}", nan)]),
         table=lambda found: f"{len(found)} row",
     )
-    monkeypatch.setattr(gsedit.bench, "stability", museum, raising=False)
+    monkeypatch.setattr(gsedit.bench.renderer, "stability", museum, raising=False)
     done = gsedit_bench("stability", "-o", tmp_path / "out", "--quick")
     assert done.exit_code == 0, done.stderr
     assert done.stdout == "1 row\n"

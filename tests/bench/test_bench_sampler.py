@@ -11,8 +11,9 @@ from gsedit.bench.curves import slope
 from gsedit.bench.sampler import experiments as sampler
 from gsedit.bench.sampler.plots import sweep_plot, work_precision
 from gsedit.bench.sampler.problems import crops, network, picture_scene, texture_scene
-from gsedit.bench.sampler.rows import SamplerRow, as_record, table, write_row
+from gsedit.bench.sampler.rows import SamplerRow, table
 from gsedit.diffusion import Need, SamplerSettings
+from gsedit.reports.json_lines import plain, write_line
 
 
 @pytest.fixture(scope="module")
@@ -114,14 +115,14 @@ def test_the_network_answers_what_is_needed():
 def test_rows_as_json_and_as_a_table(solver_rows, consensus_rows, tmp_path):
     row = SamplerRow("stiff", "width 1", "heun", 20, 39, 0.1, error=float("nan"), note="refused")
     with (tmp_path / "rows.jsonl").open("w") as file:
-        write_row(file, row)
+        write_line(file, row)
     assert json.loads((tmp_path / "rows.jsonl").read_text())["error"] is None
     rows = [*solver_rows, row, *consensus_rows]
     text = table(rows)
     assert text.count("## ") == 3
     assert "| width 0.3, guidance 1: heun |" in text
     assert "texture, T_end 10: x0, shared (default)" in text
-    assert as_record(solver_rows[0])["variant"] == "ddim"
+    assert plain(solver_rows[0])["variant"] == "ddim"
     for name in ("evaluations", "seconds"):
         work_precision(rows, tmp_path / f"{name}.png", name)
     sweep_plot(rows, tmp_path / "sweep.png")

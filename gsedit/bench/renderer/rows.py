@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
-from typing import IO, Any
 
-from gsedit.errors import InputError
-from gsedit.reports.journal import without_nan, write_line
+from gsedit.reports.json_lines import read_lines
 
 OURS = "gsedit"
 
@@ -71,33 +68,13 @@ class Row:
         return "default" if self.knob == "default" else f"{self.knob} {self.value}"
 
 
-def write_row(file: IO[str], row: Row) -> None:
-    """Append a row as one JSON line; numbers that JSON lacks (NaN, infinity) are null."""
-    write_line(file, without_nan(as_record(row)))
-
-
 def read_rows(path: Path) -> list[Row]:
     """The rows of a bench.jsonl; a last line without its newline was cut off: it is left out.
 
     Raises InputError naming the file and the line where a line is not a row.
     """
-    try:
-        lines = path.read_text(encoding="utf-8").split("\n")[:-1]
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(
-            f"{path}: cannot be read as measurements ({error}); give a bench.jsonl"
-        ) from error
-    return [_row(path, number, line) for number, line in enumerate(lines, 1) if line.strip()]
-
-
-def _row(path: Path, number: int, line: str) -> Row:
-    try:
-        return Row(**json.loads(line))
-    except (ValueError, TypeError) as error:
-        raise InputError(
-            f"{path}, line {number}: not a measurement ({error}); give a bench.jsonl of "
-            "gsedit bench rasterizer"
-        ) from error
+    advice = "give a bench.jsonl of gsedit bench rasterizer"
+    return read_lines(path, Row, kind="a measurement", advice=advice)
 
 
 def markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -191,8 +168,3 @@ def _ratios(new: Row, old: Row) -> list[str]:
         ratio("forward_wall", timed=True), ratio("both_wall", timed=True),
         ratio("error_mean"), ratio("peak_bytes"),
     ]  # fmt: skip
-
-
-def as_record(row: Row) -> dict[str, Any]:
-    """The row's fields by name."""
-    return {field.name: getattr(row, field.name) for field in fields(Row)}

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from itertools import groupby
-from typing import IO, Literal
+from typing import Literal
 
 import torch
 
 from gsedit.bench.measure import commit, machine
 from gsedit.bench.renderer.rows import markdown
-from gsedit.reports.journal import without_nan, write_line
 
 Study = Literal["solver", "stiff", "consensus", "cost"]
 
@@ -44,16 +43,6 @@ class SamplerRow:
     commit: str = ""
     machine: str = ""
     date: str = ""
-
-
-def write_row(file: IO[str], row: SamplerRow) -> None:
-    """Append a row as one JSON line; NaN and infinity are null."""
-    write_line(file, as_record(row))
-
-
-def as_record(row: SamplerRow) -> dict[str, object]:
-    """The fields by name, without numbers that JSON lacks."""
-    return without_nan(asdict(row))
 
 
 COLUMNS = {
