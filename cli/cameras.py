@@ -39,7 +39,6 @@ def up_vector(up: str | None) -> Tensor | None:
 
 def around(scene: Gaussians, count: int, size: int, up: str | None) -> dict[str, Camera]:
     """Named cameras on a circle around a scene that came without any."""
-    from gsedit.views.framing import orbit
+    from gsedit.views.orbit import orbit, orbit_names
 
-    cameras = orbit(scene, count, size, up=up_vector(up))
-    return {f"orbit_{index:03d}": camera for index, camera in enumerate(cameras)}
+    return dict(zip(orbit_names(count), orbit(scene, count, size, up=up_vector(up))))

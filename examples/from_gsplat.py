@@ -13,7 +13,7 @@ from PIL import Image
 
 import gsedit
 from gsedit.synthetic import demo_scene, surface_gaussians
-from gsedit.views.framing import orbit
+from gsedit.views.orbit import orbit
 
 # from gsplat import rasterization
 from rasterizer import rasterization

@@ -6,7 +6,7 @@ from gsedit.files import load, load_dataset, save
 from gsedit.fitting.fit import FitResult, FitSettings, fit, fit_steps
 from gsedit.reports.journal import Checkpoint, Event
 from gsedit.views.dataset import Dataset, View
-from gsedit.views.framing import orbit
+from gsedit.views.orbit import orbit
 
 __all__ = [
     "Checkpoint",

@@ -25,7 +25,8 @@ from gsedit.measures.decibels import rmse_from_psnr
 from gsedit.measures.features import FeatureExtractor, FilterBank
 from gsedit.reports.journal import Checkpoint, Event
 from gsedit.views.dataset import Dataset, View, capture
-from gsedit.views.framing import bounds, orbit
+from gsedit.views.framing import bounds
+from gsedit.views.orbit import orbit, orbit_names
 from gsedit.views.plan import Plan, plan_views, survey
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
@@ -160,7 +161,7 @@ def around(
 ) -> Dataset:
     """Renders of a scene that came without photos, `size` pixels square, from all around it."""
     cameras = orbit(scene, ORBIT_VIEWS, size, up=up)
-    return Dataset(capture(scene.detach(), cameras, [f"orbit_{i:03d}" for i in range(ORBIT_VIEWS)]))
+    return Dataset(capture(scene.detach(), cameras, orbit_names(ORBIT_VIEWS)))
 
 
 def _views(dataset: Dataset) -> tuple[tuple[View, ...], tuple[View, ...]]:

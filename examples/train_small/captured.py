@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.views.dataset import View
+from gsedit.views.orbit import perpendicular
 from rasterizer.camera import Camera
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
@@ -92,6 +93,5 @@ def _normals(points: Float[Tensor, "h w 3"], eye: Float[Tensor, "3"]) -> Float[T
 
 def _upright(up: Float[Tensor, "3"]) -> Float[Tensor, "3 3"]:
     """A rotation that takes `up` to +z."""
-    aside = torch.eye(3).to(up)[int(up.abs().argmin())]
-    across = F.normalize(torch.linalg.cross(aside, up), dim=0)
+    across = -perpendicular(up)
     return torch.stack((across, torch.linalg.cross(up, across), up))

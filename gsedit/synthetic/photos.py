@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import cos, radians, sin, tau
 
 import torch
-from torch import Tensor
 
 from gsedit.synthetic.scene import SyntheticScene
 from gsedit.synthetic.splats import surface_points
 from gsedit.views.dataset import Dataset, View
-from rasterizer.camera import Camera, look_at
+from gsedit.views.orbit import circle, perpendicular
+from rasterizer.camera import Camera
 
 
 def ring_cameras(
@@ -28,17 +27,11 @@ def ring_cameras(
     Angles in degrees: `elevation` above the horizon, `fov` of the picture, `start` the azimuth of
     the first camera (-90: the -y axis, before the demo's bear); the rest follow counter-clockwise.
     """
-    distance = scene.radius / sin(radians(fov) / 2)
     centre, up = torch.zeros(3, dtype=torch.float64), scene.up.to(torch.float64)
-    across = _any_perpendicular(up)
-    along = torch.linalg.cross(up, across)
-    cameras = []
-    for i in range(count):
-        azimuth = radians(start) + tau * i / count
-        level = cos(azimuth) * across + sin(azimuth) * along
-        eye = distance * (cos(radians(elevation)) * level + sin(radians(elevation)) * up)
-        cameras.append(look_at(eye, centre, up, fov, size, size))
-    return tuple(cameras)
+    east = torch.linalg.cross(perpendicular(up), up)  # the x axis where up is z
+    return circle(
+        centre, scene.radius, up, count, size, elevation=elevation, fov=fov, start=start, east=east
+    )
 
 
 def dataset(
@@ -55,9 +48,3 @@ def dataset(
     )
     sparse = surface_points(scene, points, torch.Generator().manual_seed(seed))
     return Dataset(views, sparse.float(), scene.albedo(sparse).float())
-
-
-def _any_perpendicular(up: Tensor) -> Tensor:
-    """A unit vector across `up`: the x axis where up is y or z."""
-    axis = torch.eye(3, dtype=up.dtype)[1 if abs(float(up[0])) > 0.9 else 0]
-    return torch.nn.functional.normalize(axis - (axis @ up) * up, dim=0)

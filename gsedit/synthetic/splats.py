@@ -13,6 +13,7 @@ from torch import Tensor
 
 from gsedit.synthetic.scene import SyntheticScene
 from gsedit.synthetic.shapes import Sdf, gradient
+from gsedit.views.orbit import perpendicular
 from rasterizer.numerics import SH_DC
 from rasterizer.scene import Gaussians
 
@@ -160,7 +161,7 @@ def _fitting_radius(
     sdf: Sdf, points: Float[Tensor, "n 3"], normals: Float[Tensor, "n 3"], radius: float
 ) -> Float[Tensor, " n"]:
     """Disc radii, shrunk where the surface bends away from the disc: at edges and on thin parts."""
-    across = torch.nn.functional.normalize(_perpendicular(normals), dim=-1)
+    across = perpendicular(normals)
     along = torch.linalg.cross(normals, across)
     overhang = torch.zeros(len(points), dtype=points.dtype)
     for i in range(PROBES):
@@ -168,12 +169,6 @@ def _fitting_radius(
         rim = points + radius * (angle.cos() * across + angle.sin() * along)
         overhang = torch.maximum(overhang, sdf(rim).abs() / radius)
     return radius * (OVERHANG / overhang.clamp_min(OVERHANG))
-
-
-def _perpendicular(vectors: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
-    """Some vector across each, never zero: the cross product with its smallest axis."""
-    axis = torch.nn.functional.one_hot(vectors.abs().argmin(-1), 3).to(vectors)
-    return torch.linalg.cross(vectors, axis)
 
 
 def _z_to(normals: Float[Tensor, "n 3"]) -> Float[Tensor, "n 4"]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, pi, radians, sin
+from math import pi, radians, sin
 
 import torch
 from jaxtyping import Float
@@ -115,37 +115,3 @@ def framing_camera(
     centre = torch.tensor(bulk.centre, dtype=torch.float64)
     eye = centre + distance * direction / direction.norm()
     return look_at(eye, centre, above, fov_y, width, height)
-
-
-def orbit(
-    scene: Gaussians,
-    count: int,
-    size: int,
-    *,
-    up: Float[Tensor, "3"] | None = None,
-    elevation: float = 20.0,
-    fov: float = 50.0,
-) -> tuple[Camera, ...]:
-    """Cameras on a circle around the scene, `size` pixels square, for a scene without any.
-
-    `up` is guessed if None; `elevation` and `fov` are in degrees. Raises UsageError for an `up`
-    that is no direction.
-    """
-    at = bounds(scene)
-    target = torch.tensor(at.centre, dtype=torch.float64)
-    axis = (guess_up(scene) if up is None else up).detach().double()
-    if not axis.isfinite().all() or not axis.any():
-        raise UsageError(f"up {axis.tolist()} is no direction: three finite numbers, not all 0")
-    axis = torch.nn.functional.normalize(axis, dim=0)
-    helper = torch.eye(3, dtype=torch.float64)[int(axis.abs().argmin())]
-    east = torch.nn.functional.normalize(torch.linalg.cross(axis, helper), dim=0)
-    north = torch.linalg.cross(axis, east)
-    distance = at.radius / sin(radians(fov) / 2)  # the sphere of the bounds fills the height
-    rise = radians(elevation)
-    cameras = []
-    for i in range(count):
-        turn = 2 * pi * i / count
-        flat = cos(turn) * east + sin(turn) * north
-        eye = target + distance * (cos(rise) * flat + sin(rise) * axis)
-        cameras.append(look_at(eye, target, axis, fov, size, size))
-    return tuple(cameras)

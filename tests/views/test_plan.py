@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 
 from gsedit.synthetic import ring_cameras, scenes, surface_gaussians
-from gsedit.views.framing import orbit
+from gsedit.views.orbit import orbit
 from gsedit.views.plan import OVERLAP, plan_views, survey
 from rasterizer.render import contributions
 

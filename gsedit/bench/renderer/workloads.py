@@ -15,7 +15,7 @@ import torch
 from gsedit.errors import InputError, UsageError
 from gsedit.files import read_scene
 from gsedit.synthetic import ring_cameras, scenes, surface_gaussians
-from gsedit.views.framing import orbit
+from gsedit.views.orbit import orbit
 from rasterizer import Camera, Gaussians
 from rasterizer.numerics import SH_DC
 
