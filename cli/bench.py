@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .narrate import Interrupted, answer, as_line, narrator, plain, say
+from .console import print_json, print_message, print_result
+from .exits import Interrupted
 from .options import Common, Force, check_folder, flat, output
+from .progress import progress
 
 if TYPE_CHECKING:
     from gsedit.bench.renderer.rows import Row
@@ -94,14 +96,14 @@ def rasterizer(
     found = journal.rows
     write_results(out, found)
     compared = None if earlier is None else measured.comparison(found, earlier)
-    say(f"{len(found)} measurements are in {out}; look at {out / 'image_error.png'}")
+    print_message(f"{len(found)} measurements are in {out}; look at {out / 'image_error.png'}")
     files = ("bench.jsonl", "bench.md", "image_error.png", "gradient_error.png")
     record = {"folder": out, "rows": len(found), "files": [out / name for name in files]}
     told = [str(out / "bench.md")]
     if compared is not None:
         record["compared"] = compared
         told.insert(0, compared)
-    answer(record, "\n\n".join(told), as_json=common.json)
+    print_result(record, "\n\n".join(told), as_json=common.json)
 
 
 def stability(
@@ -120,23 +122,23 @@ def stability(
 
     from gsedit.bench.renderer import stability as museum
     from gsedit.files import atomic_path
-    from gsedit.reports.journal import Event
+    from gsedit.reports.events import Event
 
     journal = Journal(out / "stability.jsonl")
-    with keeping(journal), narrator(as_json=common.json) as tell:
+    with keeping(journal), progress(as_json=common.json) as show:
         from time import perf_counter
 
         began = perf_counter()
         for row in museum.rows(quick=quick):
             journal.write(row)
             seconds = perf_counter() - began
-            tell(Event("stability", seconds, len(journal.rows), note=row.name))
+            show(Event("stability", seconds, len(journal.rows), note=row.name))
     table = museum.table(journal.rows)
     with atomic_path(out / "stability.md", overwrite=True) as temporary:
         temporary.write_text(table + "\n", encoding="utf-8")
-    say(f"{len(journal.rows)} cases are in {out}")
+    print_message(f"{len(journal.rows)} cases are in {out}")
     record = {"folder": out, "rows": journal.rows}
-    answer(record, table, as_json=common.json)
+    print_result(record, table, as_json=common.json)
 
 
 def bars(
@@ -160,18 +162,18 @@ def bars(
     common.apply()
 
     from gsedit.bench.renderer import targets as promised
-    from gsedit.reports.journal import Event
+    from gsedit.reports.events import Event
 
     size = promised.QUICK if quick else promised.FULL
     found = []
-    with narrator(as_json=common.json) as tell:
+    with progress(as_json=common.json) as show:
         for item in promised.measure_bars(size, points, scenes or [], cache):
             if isinstance(item, Event):
-                tell(item)
+                show(item)
             else:
                 found.append(item)
     record = {"bars": found, "reached": sum(bar.reached is True for bar in found)}
-    answer(record, promised.table(found), as_json=common.json)
+    print_result(record, promised.table(found), as_json=common.json)
 
 
 def sampler(
@@ -203,9 +205,11 @@ def sampler(
     work_precision(journal.rows, out / "seconds.png", "seconds", overwrite=True)
     sweep_plot(journal.rows, out / "t_end.png", overwrite=True)
     files = ("bench.jsonl", "bench.md", "evaluations.png", "seconds.png", "t_end.png")
-    say(f"{len(journal.rows)} measurements are in {out}; look at {out / 'evaluations.png'}")
+    print_message(
+        f"{len(journal.rows)} measurements are in {out}; look at {out / 'evaluations.png'}"
+    )
     record = {"folder": out, "rows": len(journal.rows), "files": [out / name for name in files]}
-    answer(record, table, as_json=common.json)
+    print_result(record, table, as_json=common.json)
 
 
 for verb in (rasterizer, stability, bars, sampler):
@@ -228,17 +232,17 @@ class Journal:
         self.rows.append(row)
 
     def follow(self, items: Iterable[Any], common: Common) -> None:
-        """Tell the events and write the rows, which --json tells too."""
-        from gsedit.reports.journal import Event
+        """Show the events and write the rows, which --json prints too."""
+        from gsedit.reports.events import Event
 
-        with keeping(self), narrator(as_json=common.json) as tell:
+        with keeping(self), progress(as_json=common.json) as show:
             for item in items:
                 if isinstance(item, Event):
-                    tell(item)
+                    show(item)
                     continue
                 self.write(item)
                 if common.json:
-                    typer.echo(as_line("row", plain(item)))
+                    print_json("row", item)
 
 
 @contextmanager
@@ -264,7 +268,7 @@ def workloads_of(scenes: list[Path], points: Path | None, *, quick: bool) -> lis
         for one, path in zip(fitted, dict.fromkeys(scenes))
     ]
     if points is None:
-        say("the garden is left out: give its points with --points FILE or GSEDIT_GARDEN")
+        print_message("the garden is left out: give its points with --points FILE or GSEDIT_GARDEN")
     gardens = [] if points is None else [make.garden(scale, points) for scale in (0.25, 1.0)]
     found = [*gardens, *fitted, *make.synthetic()]
     if not found:

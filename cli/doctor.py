@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .narrate import answer, say
+from .console import print_message, print_result
 from .options import Common
 
 if TYPE_CHECKING:
@@ -48,9 +48,9 @@ def check_machine(*, as_json: bool) -> None:
     for check in check_machine():
         advised += bool(check.advice)
         advice = f"\n{'':<16} -> {check.advice}" if check.advice else ""
-        answer(asdict(check), f"{check.name:<16} {check.found}{advice}", as_json=as_json)
+        print_result(asdict(check), f"{check.name:<16} {check.found}{advice}", as_json=as_json)
     if not as_json:
-        say(f"{advised} to look at" if advised else "all is well")
+        print_message(f"{advised} to look at" if advised else "all is well")
 
 
 def check_weights(model: str, *, as_json: bool) -> None:
@@ -65,7 +65,7 @@ def check_weights(model: str, *, as_json: bool) -> None:
         "parts": list(found.parts),
         "notes": list(found.notes),
     }
-    answer(record, as_text(found), as_json=as_json)
+    print_result(record, as_text(found), as_json=as_json)
     if not found.complete:
         raise typer.Exit(INCOMPLETE)
 

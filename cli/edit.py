@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from .cameras import Up, check_axis, up_vector
+from .checkpoints import Checkpoints, run_to_result
+from .console import print_message, print_result
 from .edit_options import (
     SAMPLER,
     UPDATE,
@@ -21,7 +21,6 @@ from .edit_options import (
     option,
     resolve,
 )
-from .narrate import Checkpoints, answer, follow, narrator, plain, say
 from .options import (
     Compile,
     Data,
@@ -34,10 +33,11 @@ from .options import (
     output,
     read,
 )
+from .progress import progress
 
 if TYPE_CHECKING:
     from gsedit.edit import EditResult
-    from gsedit.reports.journal import Event
+    from gsedit.reports.events import Event
     from gsedit.views.dataset import Dataset
     from rasterizer.scene import Gaussians
 
@@ -94,6 +94,7 @@ def edit(
     common.apply()
 
     from gsedit.edit import edit_steps
+    from gsedit.reports.journal import event_journal
 
     settings = resolve(preset, sampler, update, plan, compile=compile)
     editor = chosen.make(out)
@@ -102,13 +103,13 @@ def edit(
     found = read(scene, drop_invalid=drop_invalid)
     dataset = load_views(data, found, size, up)
 
-    journal = Journal(out / "metrics.jsonl")
+    journal = event_journal(out / "metrics.jsonl")
     checkpoints = Checkpoints(
         out / "checkpoint.ply",
         "it is a whole scene, edited so far; add -f to run the edit again from the start",
     )
     with checkpoints:
-        with narrator(as_json=common.json) as tell:
+        with progress(as_json=common.json) as show:
             steps = edit_steps(
                 found,
                 instruction,
@@ -118,7 +119,12 @@ def edit(
                 features=features,
                 generator=common.generator(),
             )
-            result = follow(steps, journal.telling(tell), checkpoints)
+
+            def write_and_show(event: Event) -> None:
+                journal.write(event)
+                show(event)
+
+            result = run_to_result(steps, write_and_show, checkpoints)
         request = {
             "instruction": instruction,
             "scene": scene,
@@ -131,35 +137,10 @@ def edit(
             "vgg": vgg,
             "seed": common.seed,
         }
-        write_results(out, result, journal.events, request)
-    explain_results(out, journal.events)
+        write_results(out, result, journal.records, request)
+    explain_results(out, journal.records)
     record = {"folder": out, "scene": out / "scene.ply", "answer": result.answer}
-    answer(record, str(out / "scene.ply"), as_json=common.json)
-
-
-@dataclass
-class Journal:
-    """metrics.jsonl as it grows: every event is on disk before the next one happens."""
-
-    path: Path
-    events: list[Event] = field(default_factory=list)
-
-    def telling(self, tell: Callable[[Event], None]) -> Callable[[Event], None]:
-        """Write an event, then tell it."""
-
-        def both(event: Event) -> None:
-            self.write(event)
-            tell(event)
-
-        return both
-
-    def write(self, event: Event) -> None:
-        from gsedit.reports.journal import write_event
-
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        with self.path.open("a" if self.events else "w", encoding="utf-8") as file:
-            write_event(file, event)
-        self.events.append(event)
+    print_result(record, str(out / "scene.ply"), as_json=common.json)
 
 
 def write_results(
@@ -169,6 +150,7 @@ def write_results(
     import json
 
     from gsedit.files import atomic_path, save
+    from gsedit.reports.json_lines import plain
     from gsedit.viewer.show import contact_sheet, error_vs_time, save_picture
 
     (out / "edit.json").unlink(missing_ok=True)  # an earlier run's: it would seal mixed files
@@ -216,10 +198,10 @@ def surroundings() -> dict[str, Any]:
 
 
 def explain_results(out: Path, events: list[Event]) -> None:
-    from gsedit.reports.journal import table
+    from gsedit.reports.tables import table
 
-    say(table(events))
-    say(
+    print_message(table(events))
+    print_message(
         f"results are in {out}; look at {out / 'before_after.png'}, then: "
         f"gsedit preview {out / 'scene.ply'}"
     )

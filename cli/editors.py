@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from .narrate import answer, say
+from .console import print_message, print_result
 from .options import Common
 
 if TYPE_CHECKING:
@@ -21,9 +21,11 @@ def editors(*, common: Common) -> None:
 
     for listing in list_editors():
         record = {**vars(listing), "ready": listing.ready}
-        answer(record, as_text(listing), as_json=common.json)
+        print_result(record, as_text(listing), as_json=common.json)
     if not common.json:
-        say("use one with: gsedit edit ... --editor NAME; add one: see examples/write_an_editor.py")
+        print_message(
+            "use one with: gsedit edit ... --editor NAME; add one: see examples/write_an_editor.py"
+        )
 
 
 def as_text(listing: Listing) -> str:

@@ -8,8 +8,10 @@ from typing import Annotated, Any
 
 import typer
 
-from .narrate import Checkpoints, answer, follow, narrator, say
+from .checkpoints import Checkpoints, run_to_result
+from .console import print_message, print_result
 from .options import Compile, DropInvalid, Force, Seeded, Size, check_scene_file, output, read
+from .progress import progress
 
 
 @dataclass(frozen=True)
@@ -90,11 +92,11 @@ def fit(
     photos = load_dataset(dataset, size=size)
     settings = FitSettings(**options.fields())
     with checkpoints:
-        with narrator(as_json=common.json) as tell:
+        with progress(as_json=common.json) as show:
             steps = fit_steps(photos, settings, generator=common.generator(), start=first)
-            result = follow(steps, tell, checkpoints)
+            result = run_to_result(steps, show, checkpoints)
         save(result.scene, out, overwrite=force)
-    say(
+    print_message(
         f"{len(result.scene)} Gaussians, {result.psnr:.2f} dB on held-out photos, "
         f"{result.steps} steps in {result.seconds:.0f} s; look: gsedit preview {out}"
     )
@@ -106,7 +108,7 @@ def fit(
         "seconds": result.seconds,
         "curve": [list(point) for point in result.curve],
     }
-    answer(record, str(out), as_json=common.json)
+    print_result(record, str(out), as_json=common.json)
 
 
 def refuse_forgotten(checkpoint: Path, *, force: bool) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from .narrate import answer
+from .console import print_result
 from .options import Common, DropInvalid, Scene, read
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ def info(scene: Scene, drop_invalid: DropInvalid = False, *, common: Common) -> 
     size = scene.stat().st_size if scene.is_file() else 0
     found = read(scene, drop_invalid=drop_invalid)
     record = {"file": str(scene), "bytes": size, **describe(found)}
-    answer(record, as_text(record), as_json=common.json)
+    print_result(record, as_text(record), as_json=common.json)
 
 
 def describe(scene: Gaussians) -> dict[str, Any]:

@@ -12,53 +12,16 @@ import typer
 from typer.core import TyperGroup
 
 from .bench import bench
+from .console import print_message
 from .doctor import doctor
 from .edit import edit
 from .editors import editors
+from .exits import FAILED, OK, USAGE, Interrupted, explain
 from .fit import fit
 from .info import info
-from .narrate import Interrupted, say
 from .options import flat
 from .preview import preview
 from .render import render
-
-OK, FAILED, USAGE, UNREADABLE, INTERRUPTED = 0, 1, 2, 3, 130
-
-
-def explain(error: BaseException) -> tuple[str, int]:
-    """One helpful line and the exit code for anything that can end a command."""
-    from gsedit.errors import GseditError, InputError, UsageError
-
-    match error:
-        case UsageError():
-            return one_line(error), USAGE
-        case InputError():
-            return one_line(error), UNREADABLE
-        case GseditError():
-            return one_line(error), FAILED
-        case Interrupted():
-            return one_line(error), INTERRUPTED
-        case KeyboardInterrupt():
-            return "interrupted; files that were written before are whole", INTERRUPTED
-        case MemoryError():
-            return "out of memory: try a smaller --size, or close other programs", FAILED
-        case RuntimeError() if "can't allocate memory" in str(error):  # torch's own words
-            return "out of memory: try a smaller --size, or close other programs", FAILED
-        case OSError():
-            where = f"{error.filename}: " if error.filename else ""
-            reason = error.strerror or one_line(error)
-            return f"{where}{reason}; check the disk's space and your permissions", FAILED
-        case _:
-            kind = type(error).__name__
-            return (
-                f"internal error ({kind}: {one_line(error)}); "
-                "rerun with --debug and report what it shows",
-                FAILED,
-            )
-
-
-def one_line(error: BaseException) -> str:
-    return " ".join(str(error).split())
 
 
 class Verbs(TyperGroup):
@@ -89,7 +52,7 @@ class Verbs(TyperGroup):
         if hasattr(error, "format_message"):  # the command line itself was not understood
             return self.misunderstood(error)
         line, code = explain(error)
-        say(f"gsedit: {line}")
+        print_message(f"gsedit: {line}")
         return code
 
     def misunderstood(self, error: Any) -> int:
@@ -97,7 +60,7 @@ class Verbs(TyperGroup):
             error.show()
         else:
             verb = error.ctx.command_path if getattr(error, "ctx", None) else "gsedit"
-            say(f"{verb}: {one_line_text(error.format_message())} (see {verb} --help)")
+            print_message(f"{verb}: {one_line_text(error.format_message())} (see {verb} --help)")
         return USAGE
 
 

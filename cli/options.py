@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
-from .narrate import say
+from .console import print_message
 
 if TYPE_CHECKING:
     import torch
@@ -193,7 +193,7 @@ def read(path: Path, *, drop_invalid: bool) -> Gaussians:
 
     found = read_scene(path, drop_invalid=drop_invalid)
     for note in found.notes:
-        say(f"{path}: {note}")
+        print_message(f"{path}: {note}")
     return found.scene
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from .cameras import Up, check_axis, up_vector
-from .narrate import answer, say
+from .console import print_message, print_result
 from .options import Common, DropInvalid, Force, Scene, check_file, output, read
 
 
@@ -45,5 +45,5 @@ def preview(
     axis, size = up_vector(up), (width, height)
     show.preview(found, out, up=axis, size=size, min_opacity=min_opacity, overwrite=force)
     if out is not None:
-        say(f"{out} shows {len(found)} Gaussians as points")
-        answer({"picture": str(out)}, str(out), as_json=common.json)
+        print_message(f"{out} shows {len(found)} Gaussians as points")
+        print_result({"picture": str(out)}, str(out), as_json=common.json)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from .cameras import Up, around, check_axis
-from .narrate import answer, narrator, say
+from .console import print_message, print_result
 from .options import (
     Common,
     Compile,
@@ -22,6 +22,7 @@ from .options import (
     read,
     whole_numbers,
 )
+from .progress import progress
 
 if TYPE_CHECKING:
     from gsedit.views.dataset import Dataset
@@ -74,19 +75,19 @@ def render(
 
     found = read(scene, drop_invalid=drop_invalid)
     cameras = place(found, data, wanted, count, size, up)
-    with narrator(as_json=common.json) as tell:
+    with progress(as_json=common.json) as show:
         from time import perf_counter
 
-        from gsedit.reports.journal import Event
+        from gsedit.reports.events import Event
 
         began = perf_counter()
         for step, (name, camera) in enumerate(cameras.items(), 1):
             for path in draw(
                 found, camera, out / name, depth=depth, compile=compile, overwrite=force
             ):
-                answer({"picture": str(path)}, str(path), as_json=common.json)
-            tell(Event("render", perf_counter() - began, step, len(cameras)))
-    say(f"{len(cameras)} views are in {out}")
+                print_result({"picture": str(path)}, str(path), as_json=common.json)
+            show(Event("render", perf_counter() - began, step, len(cameras)))
+    print_message(f"{len(cameras)} views are in {out}")
 
 
 def place(

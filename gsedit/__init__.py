@@ -1,12 +1,23 @@
-"""Edit captured 3D scenes (3D Gaussian splats) from a sentence, on a machine without a GPU."""
+"""Edit captured 3D scenes (3D Gaussian splats) from a sentence, on a machine without a GPU.
 
-from gsedit.edit import EditResult, EditSettings, edit, edit_steps
-from gsedit.errors import GseditError, InputError, UsageError
-from gsedit.files import load, load_dataset, save
-from gsedit.fitting.fit import FitResult, FitSettings, fit, fit_steps
-from gsedit.reports.journal import Checkpoint, Event
-from gsedit.views.dataset import Dataset, View
-from gsedit.views.orbit import orbit
+Each name is imported when it is first used: `import gsedit.errors` loads no torch.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gsedit.edit import EditResult, EditSettings, edit, edit_steps
+    from gsedit.errors import GseditError, InputError, UsageError
+    from gsedit.files import load, load_dataset, save
+    from gsedit.fitting.fit import FitResult, FitSettings, fit, fit_steps
+    from gsedit.reports.events import Checkpoint, Event
+    from gsedit.views.dataset import Dataset, View
+    from gsedit.views.orbit import orbit
 
 __all__ = [
     "Checkpoint",
@@ -29,3 +40,52 @@ __all__ = [
     "orbit",
     "save",
 ]
+
+_HOMES = {
+    "Checkpoint": "reports.events",
+    "Dataset": "views.dataset",
+    "EditResult": "edit",
+    "EditSettings": "edit",
+    "Event": "reports.events",
+    "FitResult": "fitting.fit",
+    "FitSettings": "fitting.fit",
+    "GseditError": "errors",
+    "InputError": "errors",
+    "UsageError": "errors",
+    "View": "views.dataset",
+    "edit": "edit",
+    "edit_steps": "edit",
+    "fit": "fitting.fit",
+    "fit_steps": "fitting.fit",
+    "load": "files",
+    "load_dataset": "files",
+    "orbit": "views.orbit",
+    "save": "files",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """PEP 562: the object of that name, from the module that defines it."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+class _Package(ModuleType):
+    """Keeps `gsedit.edit` the function: importing gsedit/edit.py would make it the module.
+
+    The import system sets a submodule as an attribute of its package, which would hide the public
+    name. The module stays in `sys.modules`, where `from gsedit.edit import ...` finds it.
+    """
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in _HOMES and isinstance(value, ModuleType):
+            value = getattr(value, name)
+        super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package

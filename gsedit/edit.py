@@ -23,7 +23,7 @@ from gsedit.fitting.update import UpdateSettings, update_steps
 from gsedit.measures import metrics
 from gsedit.measures.decibels import rmse_from_psnr
 from gsedit.measures.features import FeatureExtractor, FilterBank
-from gsedit.reports.journal import Checkpoint, Event
+from gsedit.reports.events import Checkpoint, Event
 from gsedit.views.dataset import Dataset, View, capture
 from gsedit.views.framing import bounds
 from gsedit.views.orbit import orbit, orbit_names

@@ -14,7 +14,7 @@ from gsedit.editors import make_editor
 from gsedit.editors.protocol import EditBatch, EditProgress
 from gsedit.errors import UsageError
 from gsedit.fitting.update import UpdateSettings, rates, update_steps
-from gsedit.reports.journal import Checkpoint, Event
+from gsedit.reports.events import Checkpoint, Event
 from gsedit.synthetic import demo_scene, ring_cameras, scenes, surface_gaussians
 from gsedit.views.dataset import Dataset, capture
 from rasterizer.scene import concatenate

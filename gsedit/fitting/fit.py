@@ -19,7 +19,7 @@ from gsedit.errors import UsageError
 from gsedit.fitting.optimiser import SceneOptimiser
 from gsedit.measures import losses
 from gsedit.measures.decibels import rmse_from_psnr
-from gsedit.reports.journal import Checkpoint, Event
+from gsedit.reports.events import Checkpoint, Event
 from gsedit.views.dataset import Dataset, View
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, SH_DC, Execution

@@ -22,7 +22,8 @@ from torch import Tensor
 from gsedit.errors import GseditError, UsageError
 from gsedit.files.atomic import atomic_path
 from gsedit.measures.decibels import psnr_from_rmse
-from gsedit.reports.journal import Event, curves
+from gsedit.reports.events import Event
+from gsedit.reports.figures import curves
 from gsedit.views.dataset import View
 from gsedit.views.framing import framing_camera, guess_up
 from rasterizer.camera import Camera

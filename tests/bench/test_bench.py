@@ -30,7 +30,7 @@ from gsedit.bench.renderer import accuracy, pairs, peers, plots, rows, sweep, wo
 from gsedit.bench.renderer import targets as bars
 from gsedit.bench.renderer.worker import Worker, WorkerError, peak_memory
 from gsedit.errors import InputError, UsageError
-from gsedit.reports.journal import Event
+from gsedit.reports.events import Event
 from gsedit.reports.json_lines import write_line
 from rasterizer import render
 from rasterizer.numerics import DEFAULT

@@ -17,7 +17,8 @@ import torch
 from bad_files import BAD_FILES, BadFile, dataset, ply_bytes, scene_table
 from gsedit_cli import main as cli
 from gsedit_cli.edit_options import Preset, RoundOptions, SamplerOptions, UpdateOptions, resolve
-from gsedit_cli.narrate import Interrupted, plain_line
+from gsedit_cli.exits import Interrupted
+from gsedit_cli.progress import plain_line, progress
 from PIL import Image
 from typer.testing import CliRunner
 
@@ -28,7 +29,8 @@ from gsedit.errors import GseditError, InputError, UsageError
 from gsedit.files import load
 from gsedit.fitting.fit import FitResult
 from gsedit.fitting.update import UpdateSettings
-from gsedit.reports.journal import Checkpoint, Event, read_events
+from gsedit.reports.events import Checkpoint, Event
+from gsedit.reports.journal import read_events
 
 VERBS = ("fit", "edit", "render", "preview", "info", "editors", "doctor")
 
@@ -505,12 +507,10 @@ def test_the_time_left_is_from_the_pace_so_far():
 
 
 def test_a_log_is_a_line_a_stage_and_now_and_then(capsys):
-    from gsedit_cli.narrate import narrator
-
-    with narrator(as_json=False) as tell:
+    with progress(as_json=False) as show:
         for second in range(100):
-            tell(Event("fit", float(second), second + 1, 100))
-        tell(Event("measure", 100.0, error=0.1))
+            show(Event("fit", float(second), second + 1, 100))
+        show(Event("measure", 100.0, error=0.1))
     lines = capsys.readouterr().err.splitlines()
     assert lines[0].startswith("[0 s] fit 1/100")
     assert lines[-1] == "[100 s] measure 20.00 dB"

@@ -19,7 +19,7 @@ from gsedit.fitting.fit import (
     neighbour_distance,
 )
 from gsedit.fitting.optimiser import SH_REST, SceneOptimiser
-from gsedit.reports.journal import Checkpoint, Event
+from gsedit.reports.events import Checkpoint, Event
 from gsedit.synthetic import dataset, ring_cameras, scenes
 from rasterizer.render import render
 

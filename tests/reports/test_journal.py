@@ -9,7 +9,10 @@ from pathlib import Path
 import pytest
 
 from gsedit.errors import InputError
-from gsedit.reports.journal import Event, curves, read_events, spans, table, write_event
+from gsedit.reports.events import Event
+from gsedit.reports.figures import curves
+from gsedit.reports.journal import event_journal, read_events
+from gsedit.reports.tables import spans, table
 
 EVENTS = [
     Event("render", 1.0, note="8 views"),
@@ -26,9 +29,11 @@ def path(tmp_path):
 
 
 def write(path: Path, events: list[Event], end: str = "") -> None:
-    with path.open("w") as file:
-        for event in events:
-            write_event(file, event)
+    journal = event_journal(path)
+    for event in events:
+        journal.write(event)
+    assert journal.records == events
+    with path.open("a") as file:
         file.write(end)
 
 

@@ -13,7 +13,7 @@ from point_clouds import ball, cloud
 
 from gsedit.errors import GseditError, UsageError
 from gsedit.files import load
-from gsedit.reports.journal import Event
+from gsedit.reports.events import Event
 from gsedit.viewer import show
 from gsedit.views.dataset import View
 from gsedit.views.framing import framing_camera

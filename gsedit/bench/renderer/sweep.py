@@ -24,7 +24,7 @@ from gsedit.bench.renderer.rows import OURS, Row
 from gsedit.bench.renderer.worker import Worker, WorkerError, peak_memory
 from gsedit.bench.renderer.workloads import Workload
 from gsedit.errors import UsageError
-from gsedit.reports.journal import Event
+from gsedit.reports.events import Event
 from rasterizer import Camera, Execution, Gaussians, Numerics, render
 from rasterizer.blending import cpp_backend as compiled
 from rasterizer.numerics import AUTO, DEFAULT

@@ -33,7 +33,7 @@ from gsedit.bench.renderer.rows import markdown
 from gsedit.bench.renderer.sweep import Setting, draw
 from gsedit.bench.renderer.worker import Worker, WorkerError, peak_memory
 from gsedit.bench.renderer.workloads import Workload, cloud, fitted, garden, smaller, synthetic
-from gsedit.reports.journal import Event
+from gsedit.reports.events import Event
 from rasterizer import render
 from rasterizer.numerics import AUTO, DEFAULT, Execution
 from rasterizer.project import Box

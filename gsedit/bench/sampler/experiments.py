@@ -42,7 +42,7 @@ from gsedit.diffusion import (
 )
 from gsedit.diffusion.machine import InBfloat16, has_bfloat16, relative_error
 from gsedit.errors import UsageError
-from gsedit.reports.journal import Event
+from gsedit.reports.events import Event
 
 SOLVERS: tuple[Solver, ...] = ("ddim", "heun", "dpm++2m")
 WIDTHS = (1.0, 1e-1, 1e-2, 1e-3, 1e-4)

@@ -1,0 +1,46 @@
+"""How a command ends: one line that explains it, and an exit code."""
+
+from __future__ import annotations
+
+
+class Interrupted(Exception):
+    """Ctrl-C or `kill`; the message says what remains of the work."""
+
+
+OK, FAILED, USAGE, UNREADABLE, INTERRUPTED = 0, 1, 2, 3, 130
+
+
+def explain(error: BaseException) -> tuple[str, int]:
+    """One helpful line and the exit code for anything that can end a command."""
+    from gsedit.errors import GseditError, InputError, UsageError
+
+    match error:
+        case UsageError():
+            return one_line(error), USAGE
+        case InputError():
+            return one_line(error), UNREADABLE
+        case GseditError():
+            return one_line(error), FAILED
+        case Interrupted():
+            return one_line(error), INTERRUPTED
+        case KeyboardInterrupt():
+            return "interrupted; files that were written before are whole", INTERRUPTED
+        case MemoryError():
+            return "out of memory: try a smaller --size, or close other programs", FAILED
+        case RuntimeError() if "can't allocate memory" in str(error):  # torch's own words
+            return "out of memory: try a smaller --size, or close other programs", FAILED
+        case OSError():
+            where = f"{error.filename}: " if error.filename else ""
+            reason = error.strerror or one_line(error)
+            return f"{where}{reason}; check the disk's space and your permissions", FAILED
+        case _:
+            kind = type(error).__name__
+            return (
+                f"internal error ({kind}: {one_line(error)}); "
+                "rerun with --debug and report what it shows",
+                FAILED,
+            )
+
+
+def one_line(error: BaseException) -> str:
+    return " ".join(str(error).split())

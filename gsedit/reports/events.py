@@ -1,0 +1,34 @@
+"""What long work yields while it goes on: events, and scenes worth keeping."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rasterizer.scene import Gaussians
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened in a long piece of work: one line of metrics.jsonl."""
+
+    stage: str
+    """What was being done: render, correspond, sample, update, measure, fit, ..."""
+    seconds: float
+    """Wall clock since the work began."""
+    step: int = 0
+    steps: int = 0
+    """Position within the stage; 0 of 0 where it has no steps."""
+    loss: float | None = None
+    error: float | None = None
+    """RMSE of colours in [0, 1] against what the stage aims at: held-out photos, edited targets."""
+    note: str = ""
+    """One human sentence, where there is something to say."""
+
+
+@dataclass(frozen=True, eq=False)
+class Checkpoint:
+    """A complete scene in the middle of the work: worth keeping if the work is interrupted."""
+
+    scene: Gaussians
+    step: int
+    seconds: float

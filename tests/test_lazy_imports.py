@@ -1,0 +1,69 @@
+"""`import gsedit` is cheap, and its names are what they say, whatever is imported first."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import gsedit
+
+
+def python(code: str) -> subprocess.CompletedProcess[str]:
+    """Run code in a fresh interpreter."""
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize("module", ["gsedit", "gsedit.errors", "gsedit.files", "gsedit_cli.main"])
+def test_light_modules_do_not_load_torch(module):
+    done = python(f"import sys, {module}; assert not {{'torch', 'numpy'}} & set(sys.modules)")
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    "first",
+    [
+        "",
+        "import gsedit.edit",
+        "from gsedit.edit import EditSettings",
+        "from importlib import import_module; import_module('gsedit.edit')",
+        "from gsedit import edit; import gsedit.edit",
+        "from gsedit import EditSettings",
+    ],
+)
+def test_gsedit_edit_is_the_function_in_any_order_of_imports(first):
+    done = python(
+        f"{first}\n"
+        "import sys, types, gsedit\n"
+        "from gsedit import edit\n"
+        "assert isinstance(edit, types.FunctionType), edit\n"
+        "assert gsedit.edit is edit\n"
+        "from gsedit.edit import edit_steps\n"
+        "assert isinstance(sys.modules['gsedit.edit'], types.ModuleType)\n"
+        "assert edit_steps is gsedit.edit_steps\n"
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_every_public_name_is_found_where_type_checkers_are_declared():
+    for name in gsedit.__all__:
+        assert getattr(gsedit, name).__module__.startswith("gsedit.")
+        assert name in dir(gsedit)
+    tree = ast.parse(Path(gsedit.__file__).read_text())
+    block = next(node for node in tree.body if isinstance(node, ast.If))
+    declared = {
+        alias.name: (node.module or "").removeprefix("gsedit.")
+        for node in block.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    assert declared == gsedit._HOMES
+    assert sorted(declared) == sorted(gsedit.__all__)
+
+
+def test_a_name_that_is_not_there_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
+        _ = gsedit.nonsense  # pyright: ignore[reportAttributeAccessIssue]
