@@ -14,7 +14,7 @@ from functools import lru_cache
 
 import torch
 
-from gsedit.editors.small.text import WORDS, words_of
+from gsedit.editors.small.text import MAX_WORDS, words_of
 from train_small.target_edits import TRUTHS
 from train_small.wordings import WORDINGS
 
@@ -126,7 +126,7 @@ def garbled(sentence: str, generator: torch.Generator, borrowed: float = 0.0) ->
         fate = float(torch.rand((), generator=generator))
         if fate >= LOST:
             said.append(_strange(generator, borrowed) if fate < LOST + REPLACED else word)
-    return " ".join(said[:WORDS])
+    return " ".join(said[:MAX_WORDS])
 
 
 def _strange(generator: torch.Generator, borrowed: float) -> str:

@@ -31,10 +31,10 @@ from gsedit.reports.json_lines import write_line
 from gsedit.synthetic import demo_scene, ring_cameras
 from gsedit.viewer.show import as_picture, save_picture, spread
 from train_small import Case, Score, Sources, summary
-from train_small import scoring as score
 from train_small.captured import Column, captured, looked_at, mean_up
 from train_small.phrases import held_out_pair, held_out_prompts
 from train_small.pictures import procedural
+from train_small.scoring import score
 from train_small.target_edits import TRUTHS, edited
 
 SEED = 9000  # the training's pictures are 1000 and up, one a chunk

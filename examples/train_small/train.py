@@ -17,7 +17,7 @@ from pathlib import Path
 import torch
 
 from gsedit.diffusion.machine import has_bfloat16
-from gsedit.editors.small import Network, Small, save_small
+from gsedit.editors.small import Small, SmallNetwork, save_small
 from gsedit.files.atomic import atomic_path
 from train_small import Chunk, Phase, Student, TrainSettings, pool, train_steps
 from train_small.phrases import telling_words
@@ -48,13 +48,13 @@ def train(
     folder: Path,
     chunks: Sequence[Chunk] = CHUNKS,
     rounds: Sequence[Sequence[Phase]] = ROUNDS,
-    network: Network | None = None,
+    network: SmallNetwork | None = None,
 ) -> None:
     """Train, or go on with it, and leave the weights in the folder."""
     torch.manual_seed(SEED)
     precision = torch.bfloat16 if has_bfloat16() else torch.float32
     student = Student(
-        network or Network(),
+        network or SmallNetwork(),
         torch.Generator().manual_seed(SEED),
         TrainSettings(precision=precision),
     )

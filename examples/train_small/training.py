@@ -18,7 +18,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.editors.small.denoiser import sigma_at
-from gsedit.editors.small.network import SPREAD, Network, Seen, to_cells
+from gsedit.editors.small.network import PRIOR_STD, EncodedImage, SmallNetwork, to_cells
 from gsedit.editors.small.text import tokenise
 from gsedit.errors import GseditError, UsageError
 from train_small.batches import SMALLEST, Lessons, lessons
@@ -96,7 +96,10 @@ class Student:
     """A network on its way: all that a training needs to go on where it stopped."""
 
     def __init__(
-        self, network: Network, generator: torch.Generator, settings: TrainSettings | None = None
+        self,
+        network: SmallNetwork,
+        generator: torch.Generator,
+        settings: TrainSettings | None = None,
     ) -> None:
         self.network, self.generator = network, generator
         self.settings = settings or TrainSettings()
@@ -175,7 +178,7 @@ def _halves_do(phase: Phase, stored: Stored) -> bool:
 
 
 def loss_of(
-    network: Network, batch: Lessons, generator: torch.Generator, s: TrainSettings
+    network: SmallNetwork, batch: Lessons, generator: torch.Generator, s: TrainSettings
 ) -> Float[Tensor, ""]:
     """Weighted squared error of x0 at random noise levels, with what is dropped dropped, and how
     badly the eye saw."""
@@ -190,16 +193,16 @@ def loss_of(
     prompts = ["" if drop else prompt for drop, prompt in zip(no_text.tolist(), batch.prompts)]
     fast = s.precision != torch.float32
     with torch.autocast("cpu", dtype=s.precision, enabled=fast):
-        once = network.look(looked, (~blind).float())
-        seen = Seen(*(part.repeat_interleave(edits, 0) for part in once))
-        told = network.text(tokenise(prompts))
+        once = network.encode_image(looked, (~blind).float())
+        seen = EncodedImage(*(part.repeat_interleave(edits, 0) for part in once))
+        told = network.text_encoder(tokenise(prompts))
         found = network(x, sigma, pictures, (~no_picture).float(), seen, told).float()
-    weight = ((SPREAD**2 + sigma**2) / sigma**2).clamp_max(WEIGHT_MOST)
+    weight = ((PRIOR_STD**2 + sigma**2) / sigma**2).clamp_max(WEIGHT_MOST)
     error = weight * (found - answers).square().mean((1, 2, 3))
     return error.mean() + s.sight * (~blind * _misseen(once, batch)).mean()
 
 
-def _misseen(seen: Seen, batch: Lessons) -> Float[Tensor, " n"]:
+def _misseen(seen: EncodedImage, batch: Lessons) -> Float[Tensor, " n"]:
     """How badly the eye saw: cross entropy of the subject, squared errors of the geometry."""
     subject, *rest = seen.geometry.float().unbind(1)
     is_subject, *truly = batch.geometry.unbind(-1)

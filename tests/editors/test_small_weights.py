@@ -7,9 +7,9 @@ import pytest
 import torch
 from safetensors import safe_open
 from train_small import Case, summary
-from train_small import scoring as score
 from train_small.phrases import held_out_prompts, telling_words
 from train_small.pictures import procedural
+from train_small.scoring import score
 from train_small.target_edits import TRUTHS
 from train_small.train import CHUNKS, ROUNDS, SEED
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from small_networks import TINY
 from train_small import Chunk, Phase, Student, TrainSettings, pool, train_steps
 from train_small.batches import NEAR, developed, framed, lessons, mirrored, random_looks
 from train_small.phrases import (
@@ -24,15 +25,11 @@ from train_small.train import train
 from train_small.training import HIGH, HIGHEST, LOWEST, OFTEN, START, loss_of, noised
 
 from gsedit.diffusion import SamplerSettings, levels_of
-from gsedit.editors.small import Architecture, Network, load_small
-from gsedit.editors.small.denoiser import NOISE, schedule
-from gsedit.editors.small.text import WORDS, words_of
+from gsedit.editors.small import SmallNetwork, load_small
+from gsedit.editors.small.denoiser import MID_SIGMA, schedule
+from gsedit.editors.small.text import MAX_WORDS, words_of
 from gsedit.errors import GseditError, UsageError
 
-TINY = Architecture(
-    eye=(32, 32, 64), hand=(16, 32), attended=1, pixel=4, perceptron=8, embedding=32, text_width=32,
-    text_layers=1,
-)  # fmt: skip
 FLOAT = TrainSettings(warm_up=20, precision=torch.float32)
 
 
@@ -133,7 +130,7 @@ def test_a_pool_is_made_once(tmp_path):
 def test_noise_is_as_the_schedule_has_it():
     answers, pictures = torch.zeros(4000, 1, 1, 1), torch.ones(4000, 1, 1, 1)
     sigma, x = noised(answers, pictures, seeded())
-    t = 2 / math.pi * torch.atan(sigma / NOISE)
+    t = 2 / math.pi * torch.atan(sigma / MID_SIGMA)
     assert t.min() + 1e-6 >= LOWEST
     assert t.max() <= HIGHEST + 1e-6
     share = OFTEN + (1 - OFTEN) * (HIGHEST - HIGH) / (HIGHEST - LOWEST)
@@ -149,7 +146,7 @@ def test_half_of_the_noisiest_lessons_start_from_the_unedited_picture():
     _, without = noised(answers, answers, seeded())
     a = (1 + sigma**2).rsqrt()
     shown = (x - without).flatten() / a
-    high = 2 / math.pi * torch.atan(sigma / NOISE) > START
+    high = 2 / math.pi * torch.atan(sigma / MID_SIGMA) > START
     assert not shown[~high].any()
     started = shown[high] > 0.5
     torch.testing.assert_close(shown[high], started.float(), atol=1e-3, rtol=0)
@@ -162,7 +159,7 @@ def test_the_default_sampling_starts_where_the_training_does():
 
 def test_a_step_in_bfloat16_is_near_one_in_float32(stored):
     torch.manual_seed(0)
-    network, batch = Network(TINY), lessons(stored, 32, 4, 2, seeded())
+    network, batch = SmallNetwork(TINY), lessons(stored, 32, 4, 2, seeded())
     exact, rounded = (
         loss_of(network, batch, seeded(), TrainSettings(precision=precision))
         for precision in (torch.float32, torch.bfloat16)
@@ -173,18 +170,20 @@ def test_a_step_in_bfloat16_is_near_one_in_float32(stored):
 
 
 def test_another_training_is_not_gone_on_with():
-    one, other = (Student(Network(TINY), seeded(), TrainSettings(rate=r)) for r in (1e-3, 2e-3))
+    one, other = (
+        Student(SmallNetwork(TINY), seeded(), TrainSettings(rate=r)) for r in (1e-3, 2e-3)
+    )
     with pytest.raises(UsageError, match=r"of another training.*delete it, or take another folder"):
         other.restore(one.state())
 
 
 def test_the_example_trains_and_goes_on(tmp_path):
     chunks, rounds = (Chunk(3, 24, 4, 0),), [(Phase(16, 1, 2),), (Phase(16, 1, 2, rate=0.5),)]
-    train(tmp_path, chunks, rounds, Network(TINY))
+    train(tmp_path, chunks, rounds, SmallNetwork(TINY))
     weights = tmp_path / "small.safetensors"
     first = load_small(weights).network.state_dict()
     weights.unlink()
-    train(tmp_path, chunks, rounds, Network(TINY))  # done: only what is missing is written
+    train(tmp_path, chunks, rounds, SmallNetwork(TINY))  # done: only what is missing is written
     again = load_small(weights)
     assert all(
         torch.equal(value, first[name]) for name, value in again.network.state_dict().items()
@@ -195,7 +194,7 @@ def test_the_example_trains_and_goes_on(tmp_path):
 def test_a_training_goes_on_exactly_where_it_stopped(stored):
     def student() -> Student:
         torch.manual_seed(0)
-        return Student(Network(TINY), seeded(), FLOAT)
+        return Student(SmallNetwork(TINY), seeded(), FLOAT)
 
     rounds = [Phase(16, 2, 3), Phase(24, 1, 2)], [Phase(16, 1, 3)]
     whole, first, second = student(), student(), student()
@@ -212,14 +211,14 @@ def test_a_training_goes_on_exactly_where_it_stopped(stored):
 def test_a_phase_may_take_fewer_pictures(stored):
     def loss(given: Stored, **options: int) -> float:
         torch.manual_seed(0)
-        student = Student(Network(TINY), seeded(), FLOAT)
+        student = Student(SmallNetwork(TINY), seeded(), FLOAT)
         return next(train_steps(student, given, [Phase(16, 1, 4, **options)])).loss
 
     assert loss(stored, pictures=2) == loss(stored.first(2)) != loss(stored)
 
 
 def test_the_rate_rises_and_falls_once_a_round(stored):
-    student = Student(Network(TINY), seeded(), TrainSettings(rate=1e-3, warm_up=2))
+    student = Student(SmallNetwork(TINY), seeded(), TrainSettings(rate=1e-3, warm_up=2))
     rounds = [Phase(16, 3, 1), Phase(16, 1, 1)], [Phase(16, 4, 1, rate=0.5)]
     rates = [student.optimiser.param_groups[0]["lr"] for _ in train_steps(student, stored, *rounds)]
     assert rates == pytest.approx([5e-4, 1e-3, 1e-3, 5e-4, 2.5e-4, 5e-4, 5e-4, 2.5e-4])
@@ -231,14 +230,14 @@ def test_a_minute_of_training_is_learned_from():
     stored = store(procedural(8, 48, seeded()))
     torch.manual_seed(0)
     eager = TrainSettings(rate=3e-3, warm_up=20, precision=torch.float32)
-    student = Student(Network(replace(TINY, perceptron=16, embedding=64)), seeded(), eager)
+    student = Student(SmallNetwork(replace(TINY, pixel_mlp=16, embedding=64)), seeded(), eager)
     losses = [trained.loss for trained in train_steps(student, stored, [Phase(32, 400, 8)])]
     assert sum(losses[:10]) / 10 > 0.3
     assert sum(losses[-50:]) / 50 < 0.155
 
 
 def test_a_loss_that_is_not_finite_ends_the_training(stored):
-    student = Student(Network(TINY), seeded(), FLOAT)
+    student = Student(SmallNetwork(TINY), seeded(), FLOAT)
     with torch.no_grad():
         next(student.network.parameters()).fill_(math.nan)
     before = student.state()["average"]
@@ -260,7 +259,7 @@ def test_a_stranger_s_words_ask_for_the_same(name):
         telling = [word for word in words_of(sentence) if word in told]
         assert [word for word in words_of(other) if word in told] == telling
         assert telling or other == sentence
-        assert len(words_of(other)) <= WORDS
+        assert len(words_of(other)) <= MAX_WORDS
     assert sum(a != b for a, b in zip(plain, strange)) > 10
 
 

@@ -7,11 +7,10 @@ import math
 import pytest
 import torch
 from train_small import Case, judge, summary
-from train_small import scoring as score
 from train_small.captured import Column, captured, looked_at, mean_up
 from train_small.phrases import held_out_prompts
 from train_small.pictures import procedural
-from train_small.scoring import UNEDITED
+from train_small.scoring import UNEDITED, score
 from train_small.sources import FAR, Stored, store
 from train_small.target_edits import TRUTHS, edited
 

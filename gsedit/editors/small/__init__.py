@@ -1,9 +1,17 @@
-"""The learned editor: a small InstructPix2Pix that is trained from scratch, on a CPU.
+"""The learned editor: a small InstructPix2Pix, trained from scratch on a CPU.
 
-train_small makes what it learns from; examples/train_small.py trains it.
+examples/train_small made its weights.
 """
 
 from gsedit.editors.small.denoiser import REINSTALL, WEIGHTS, Small, load_small, save_small
-from gsedit.editors.small.network import Architecture, Network
+from gsedit.editors.small.network import Architecture, SmallNetwork
 
-__all__ = ["REINSTALL", "WEIGHTS", "Architecture", "Network", "Small", "load_small", "save_small"]
+__all__ = [
+    "REINSTALL",
+    "WEIGHTS",
+    "Architecture",
+    "Small",
+    "SmallNetwork",
+    "load_small",
+    "save_small",
+]

@@ -1,9 +1,13 @@
-"""`small` as a denoiser. `v` views of `h w` pixels, `y x` cells of 4x4, `d` of an instruction."""
+"""`small` as a denoiser, and its file of weights.
+
+`v` views of `h w` pixels, `y x` cells of 4x4 pixels, `c` channels a cell, `d` channels of an
+instruction's vector.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -18,71 +22,71 @@ from gsedit.editors.small.network import (
     CELL,
     CHANNELS,
     Architecture,
-    Network,
-    Seen,
+    EncodedImage,
+    SmallNetwork,
     from_cells,
     to_cells,
 )
-from gsedit.editors.small.text import WORDS, tokenise, words_of
+from gsedit.editors.small.text import MAX_WORDS, tokenise, words_of
 from gsedit.errors import InputError, UsageError
 from gsedit.files.atomic import atomic_path
 
 WEIGHTS = Path(__file__).with_name("small.safetensors")
 REINSTALL = "they come with gsedit: install it again, or check the file out again in a clone"
-ANEW = (
+MODEL_HINT = (
     "leave --model out for the weights that come with gsedit; "
     "InstructPix2Pix weights need --editor pix2pix"
 )
-NOISE = 4.0  # sigma in the middle of the schedule
+MID_SIGMA = 4.0  # in the middle of the schedule
 STEPS = 1000
 SUITS = Suits(guidance_text=1.4, guidance_image=1.0, temperature=0.2)
-"""Its sentences have one right answer, not a thousand: it is looked for near the middle."""
+"""Each of its instructions has one correct result, so little of the starting noise is used."""
 
 
 def schedule() -> Schedule:
-    """sigma = NOISE tan(pi t / 2): a cosine schedule moved towards the noise.
+    """sigma = MID_SIGMA tan(pi t / 2): a cosine schedule shifted towards the noise.
 
-    A cell's pixels are alike, and so are neighbouring cells: their mean shows through noise that
-    hides each of them, the more so the larger the picture (Hoogeboom et al. 2023, section 2.1).
-    The default 20 steps start at sigma 37, where a render still shows through by its mean colour;
-    training takes care of that (see train_small.training.noised).
+    Neighbouring pixels and cells are alike: their mean is visible through noise that hides each of
+    them, the more so the larger the image (Hoogeboom et al. 2023, section 2.1). The default 20
+    steps start at sigma 37, where a render's mean colour is still visible; the training accounts
+    for that (see train_small.training.noisy_targets).
     """
     t = torch.arange(1, STEPS + 1, dtype=torch.float64) / (STEPS + 1)
     return Schedule(1 / (1 + sigma_at(t) ** 2))
 
 
 def sigma_at(t: Float[Tensor, " t"]) -> Float[Tensor, " t"]:
-    """Of times from 0 to 1, both excluded."""
-    return NOISE * (t * torch.pi / 2).tan()
+    """sigma at times in (0, 1)."""
+    return MID_SIGMA * (t * torch.pi / 2).tan()
 
 
 class Condition(NamedTuple):
-    """What the network is told at every step."""
+    """What the network is conditioned on at every step."""
 
-    pictures: Float[Tensor, "v c y x"]
-    """Latents of the unedited pictures."""
-    seen: Seen
-    """What there is to see in them."""
-    unseen: Seen
-    """What there is to see in a picture that is not shown; of one view."""
+    latents: Float[Tensor, "v c y x"]
+    """Of the unedited images."""
+    encoded: EncodedImage
+    """The unedited images, encoded."""
+    null_encoded: EncodedImage
+    """The same where the image is dropped; of one view."""
     text: Float[Tensor, "1 d"]
-    null: Float[Tensor, "1 d"]
-    """The empty instruction."""
+    null_text: Float[Tensor, "1 d"]
+    """Of the empty instruction."""
 
 
 @dataclass(frozen=True, eq=False)
 class Small:
-    """The Denoiser over our own network. Its latent is the picture: an isometry, cell by cell."""
+    """A Denoiser with SmallNetwork. Its latents are the pixels, rearranged: an isometry."""
 
-    network: Network
+    network: SmallNetwork
     schedule: Schedule = field(default_factory=schedule)
     micro_batch: int = 4
-    """Views in one pass of the network; the result is the same."""
+    """Views in one pass of the network; it changes no result."""
     suits: Suits = SUITS
     looks: tuple[str, ...] = ()
-    """Names of what it was taught."""
+    """Names of the looks that it was trained on."""
     words: frozenset[str] = frozenset()
-    """That name one of them."""
+    """Words that name one of these looks."""
     predicts: Prediction = "v"
     name: str = "small"
     cell: int = CELL
@@ -90,38 +94,39 @@ class Small:
 
     @property
     def multiple(self) -> int:
-        """Pixels: sides that the network can halve to the end without a rest."""
+        """Pixels: sides that the network can halve at every level without a remainder."""
         return CELL * self.network.architecture.multiple
 
     def check(self, prompt: str) -> None:
-        """Raise UsageError for an instruction without words, or with more than are read."""
-        words = len(words_of(prompt))
-        if not words:
+        """Raise UsageError for an instruction without words, or with more than MAX_WORDS."""
+        count = len(words_of(prompt))
+        if not count:
             raise UsageError('the instruction is empty: say what to change, e.g. "make it snow"')
-        if words > WORDS:
+        if count > MAX_WORDS:
             raise UsageError(
-                f"the instruction has {words} words and this editor reads {WORDS}: "
+                f"the instruction has {count} words and this editor reads {MAX_WORDS}: "
                 "say it in fewer words"
             )
 
     def advise(self, prompt: str) -> str:
-        """What whoever asks should know before it works: nothing, or that the result is a guess."""
+        """A warning that the result is a guess, for an instruction that names none of the looks
+        that it was trained on; else nothing."""
         if not self.words or self.words.intersection(words_of(prompt)):
             return ""
         return (
-            f"no word of {prompt.strip()!r} names a look that the {self.name} editor was taught, "
-            f"so the result is a guess; it was taught {', '.join(self.looks)}. "
+            f"no word of {prompt.strip()!r} names a look that {self.name} was trained on, "
+            f"so the result is a guess; it was trained on {', '.join(self.looks)}. "
             "For any sentence: --editor pix2pix --model FOLDER (InstructPix2Pix weights)"
         )
 
     def encode(self, images: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v c y x"]:
-        """Values in [-1, 1]; a cell's 4x4 pixels become channels."""
+        """Latents in [-1, 1] of images in [0, 1]: a cell's 4x4 pixels become channels."""
         return to_cells(images.float())
 
     def encode_edited(
         self, images: Float[Tensor, "v h w 3"], originals: Float[Tensor, "v h w 3"], prompt: str
     ) -> Float[Tensor, "v c y x"]:
-        """As any picture."""
+        """As `encode`: an edit is encoded like any image."""
         return self.encode(images)
 
     def decode(self, latents: Float[Tensor, "v c y x"]) -> Float[Tensor, "v h w 3"]:
@@ -132,59 +137,70 @@ class Small:
     def condition(
         self, originals: Float[Tensor, "v h w 3"], prompt: str, generator: torch.Generator
     ) -> Condition:
-        """Looked at and read once, whatever the number of steps."""
-        text, null = self.network.text(tokenise([prompt, ""])).split(1)
-        pictures = self.encode(originals)
-        looks = [self._look(part, 1.0) for part in pictures.split(self.micro_batch)]
-        seen = Seen(*(torch.cat(parts) for parts in zip(*looks)))
-        return Condition(pictures, seen, self._look(pictures[:1], 0.0), text, null)
+        """Encode the unedited images and the instruction, once for all steps."""
+        text, null_text = self.network.text_encoder(tokenise([prompt, ""])).split(1)
+        latents = self.encode(originals)
+        parts = [self._encode(part, 1.0) for part in latents.split(self.micro_batch)]
+        null_encoded = self._encode(latents[:1], 0.0)
+        return Condition(latents, _cat(parts), null_encoded, text, null_text)
 
     @torch.no_grad()
     def branches(
         self, x: Float[Tensor, "v c y x"], t: float, condition: Condition, need: Need
     ) -> Branches:
-        """One pass for (text, picture), (null, picture), (null, nothing), as far as in need."""
+        """v under (text, image), (null, image) and (null, null), as far as in need."""
         parts = torch.arange(len(x)).split(self.micro_batch)
-        chunks = [self._answers(x, rows, t, condition, need) for rows in parts]
+        chunks = [self._predictions(x, rows, t, condition, need) for rows in parts]
         predicted = iter(torch.cat(branch) for branch in zip(*chunks))
         return Branches(*(next(predicted) if wanted else None for wanted in need))
 
-    def _answers(
-        self, x: Tensor, rows: Int[Tensor, " n"], t: float, condition: Condition, need: Need
-    ) -> tuple[Tensor, ...]:
-        """v of some views under each condition in need, in one pass."""
+    def _predictions(
+        self,
+        x: Float[Tensor, "v c y x"],
+        rows: Int[Tensor, " n"],
+        t: float,
+        condition: Condition,
+        need: Need,
+    ) -> tuple[Float[Tensor, "n c y x"], ...]:
+        """v of these views under each condition in need, in one pass of the network."""
         level, n = self.schedule.level(t), len(rows)
-        pictures, seen, unseen, text, null = condition
-        here = Seen(*(part[rows] for part in seen))
-        blind = Seen(*(part.expand(n, -1, -1, -1) for part in unseen))
-        branches = [(text, 1.0, here), (null, 1.0, here), (null, 0.0, blind)]
-        told, shown, sights = zip(*(each for each, wanted in zip(branches, need) if wanted))
-        noised = x[rows].float().repeat(len(told), 1, 1, 1)
+        latents, encoded, null_encoded, text, null_text = condition
+        shown = EncodedImage(*(part[rows] for part in encoded))
+        dropped = EncodedImage(*(part.expand(n, -1, -1, -1) for part in null_encoded))
+        branches = [(text, 1.0, shown), (null_text, 1.0, shown), (null_text, 0.0, dropped)]
+        texts, masks, images = zip(*(each for each, wanted in zip(branches, need) if wanted))
+        x_t = x[rows].float().repeat(len(texts), 1, 1, 1)
         x0 = self.network(
-            noised,
-            noised.new_full((len(noised),), level.sigma),
-            pictures[rows].repeat(len(told), 1, 1, 1),
-            noised.new_tensor(shown).repeat_interleave(n),
-            Seen(*(torch.cat(parts) for parts in zip(*sights))),
-            torch.cat([each.expand(n, -1) for each in told]),
+            x_t,
+            x_t.new_full((len(x_t),), level.sigma),
+            latents[rows].repeat(len(texts), 1, 1, 1),
+            x_t.new_tensor(masks).repeat_interleave(n),
+            _cat(images),
+            torch.cat([each.expand(n, -1) for each in texts]),
         )
-        return ((level.a * noised - x0) / level.b).chunk(len(told))
+        return ((level.a * x_t - x0) / level.b).chunk(len(texts))
 
-    def _look(self, pictures: Tensor, shown: float) -> Seen:
-        return self.network.look(pictures, pictures.new_full((len(pictures),), shown))
+    def _encode(self, latents: Float[Tensor, "n c y x"], mask: float) -> EncodedImage:
+        return self.network.encode_image(latents, latents.new_full((len(latents),), mask))
 
     def answer(self, prompt: str, edited: Tensor, originals: Tensor) -> None:
-        """Nobody knows what a network should have answered."""
+        """None: the true edit is unknown."""
+
+
+def _cat(parts: Sequence[EncodedImage]) -> EncodedImage:
+    """All views of all parts."""
+    return EncodedImage(*(torch.cat(tensors) for tensors in zip(*parts)))
 
 
 def save_small(small: Small, path: Path, metadata: Mapping[str, str] | None = None) -> None:
-    """Write the weights in half precision, with what is needed to make the editor again.
+    """Write the weights as float16, with the metadata that `load_small` needs.
 
-    `metadata` says how they came about (seed, steps, ...). Raises what writing a file raises.
+    `metadata` adds how they were made (seed, steps, ...). Raises OSError where the file cannot be
+    written.
     """
     from safetensors.torch import save
 
-    told = {
+    metadata = {
         "architecture": json.dumps(asdict(small.network.architecture)),
         "looks": json.dumps(small.looks),
         "words": json.dumps(sorted(small.words)),
@@ -193,42 +209,42 @@ def save_small(small: Small, path: Path, metadata: Mapping[str, str] | None = No
     state = small.network.state_dict()
     halves = {name: value.half().contiguous() for name, value in state.items()}
     with atomic_path(path, overwrite=True) as temporary:
-        temporary.write_bytes(save(halves, told))
+        temporary.write_bytes(save(halves, metadata))
 
 
 def load_small(path: Path | None = None) -> Small:
-    """The editor of these weights; None: those that come with gsedit.
+    """The denoiser with the weights of this file; None: those that come with gsedit.
 
-    Raises InputError for a file that is missing, broken or of another network.
+    Raises InputError for a file that is missing, damaged or of another network.
     """
-    path, move = (WEIGHTS, REINSTALL) if path is None else (path, ANEW)
+    path, hint = (WEIGHTS, REINSTALL) if path is None else (path, MODEL_HINT)
     if path.is_dir():
-        raise InputError(f"{path} is a folder and no file of weights of the small editor: {move}")
+        raise InputError(f"{path} is a folder and no file of weights of the small editor: {hint}")
     if not path.exists():
-        raise InputError(f"{path}: no such file; {move}")
+        raise InputError(f"{path}: no such file; {hint}")
     try:
         return _load(path.resolve(), path.stat().st_mtime_ns)
     except Exception as error:  # safetensors, json and torch raise their own, without a common base
         reason = next(iter(str(error).strip().splitlines()), type(error).__name__)
         raise InputError(
-            f"{path} does not hold the weights of the small editor ({reason}): {move}"
+            f"{path} does not hold the weights of the small editor ({reason}): {hint}"
         ) from error
 
 
 @lru_cache(maxsize=2)
-def _load(path: Path, written: int) -> Small:
-    """`written` tells one file from the next of its name."""
+def _load(path: Path, modified_ns: int) -> Small:
+    """Kept in memory until the file changes; its time of modification is part of the cache key."""
     from safetensors import safe_open
 
     with safe_open(path, framework="pt") as file:
-        told = file.metadata() or {}
+        metadata = file.metadata() or {}
         state = {name: file.get_tensor(name).float() for name in file.keys()}  # noqa: SIM118
-    sizes = json.loads(told["architecture"])
+    sizes = json.loads(metadata["architecture"])
     lists = {name: tuple(size) for name, size in sizes.items() if isinstance(size, list)}
-    network = Network(Architecture(**sizes | lists))
+    network = SmallNetwork(Architecture(**sizes | lists))
     network.load_state_dict(state)
     return Small(
         network.eval().requires_grad_(False),
-        looks=tuple(json.loads(told["looks"])),
-        words=frozenset(json.loads(told["words"])),
+        looks=tuple(json.loads(metadata["looks"])),
+        words=frozenset(json.loads(metadata["words"])),
     )

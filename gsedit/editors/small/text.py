@@ -1,9 +1,10 @@
-"""Sentences as vectors: words and their pieces, hashed, so that no word is unknown.
+"""Sentences as vectors: words and their subwords, hashed, so that no word is unknown.
 
-`b` sentences of `w` words, `d` channels. A word is the mean of the vectors of its pieces: the whole
-of it and every run of 3 to 5 letters, its two ends marked (Bojanowski et al. 2017, fastText). Each
-piece has its row in one table by a hash, so there is no vocabulary to keep: a word that was never
-read still shares pieces with those that were, and one that shares none is a vector like any other.
+`b` sentences of `w` words, `s` subwords a word, `d` channels. A word's vector is the mean over its
+subwords: the whole word and every run of 3 to 5 letters, with marks at both ends of the word
+(Bojanowski et al. 2017, fastText). A hash gives each subword its row (bucket) of one embedding
+table, so there is no vocabulary: a word that training never showed still shares subwords with
+words that it did show.
 """
 
 from __future__ import annotations
@@ -19,90 +20,94 @@ import torch.nn.functional as F
 from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
-ROWS = 8192  # of the table; 0 is padding
-WORDS = 24  # of a sentence that are read; instructions have about ten
-PIECES = 24  # of a word: its own and those of 8 letters; of longer ones the first
-LENGTHS = (3, 4, 5)
+BUCKETS = 8192  # rows of the embedding table; 0 is padding
+MAX_WORDS = 24  # of a sentence; the others are not read. Instructions have about ten
+MAX_SUBWORDS = 24  # of a word: all of words up to 8 letters; of longer ones the first
+NGRAM_LENGTHS = (3, 4, 5)
 
 
 class Tokens(NamedTuple):
     """Sentences, ready for the encoder."""
 
-    pieces: Int[Tensor, "b w p"]
-    """Rows of the table; 0 where a word has no more pieces, or a sentence no more words."""
+    subwords: Int[Tensor, "b w s"]
+    """Buckets; 0 where a word has no more subwords, or a sentence no more words."""
 
     @property
     def words(self) -> Bool[Tensor, "b w"]:
         """Where there is a word."""
-        return self.pieces[..., 0] > 0
+        return self.subwords[..., 0] > 0
 
 
 def words_of(sentence: str) -> list[str]:
-    """Its words, lower case; of a sentence the first WORDS are read."""
+    """Its words, lower case; the encoder reads the first MAX_WORDS."""
     return re.findall(r"[^\W_]+", sentence.lower())
 
 
 @lru_cache(maxsize=1 << 14)
-def pieces_of(word: str) -> tuple[int, ...]:
-    """Rows of the table: the word's own, then those of its runs of letters."""
+def subwords_of(word: str) -> tuple[int, ...]:
+    """Buckets: the word's own, then those of its n-grams."""
     marked = f"<{word}>"
-    runs = (marked[i : i + n] for n in LENGTHS for i in range(len(marked) - n + 1))
-    pieces = (marked, *(run for run in runs if run != marked))
-    return tuple(_row(piece) for piece in pieces[:PIECES])
+    ngrams = (marked[i : i + n] for n in NGRAM_LENGTHS for i in range(len(marked) - n + 1))
+    subwords = (marked, *(ngram for ngram in ngrams if ngram != marked))
+    return tuple(_bucket(subword) for subword in subwords[:MAX_SUBWORDS])
 
 
 def tokenise(sentences: Sequence[str]) -> Tokens:
     """Any text; an empty sentence has no words."""
-    pieces = torch.zeros(len(sentences), WORDS, PIECES, dtype=torch.int64)
-    for table, sentence in zip(pieces, sentences):
-        for row, word in zip(table, words_of(sentence)[:WORDS]):
-            found = pieces_of(word)
-            row[: len(found)] = torch.tensor(found)
-    return Tokens(pieces)
+    tokens = torch.zeros(len(sentences), MAX_WORDS, MAX_SUBWORDS, dtype=torch.int64)
+    for table, sentence in zip(tokens, sentences):
+        for row, word in zip(table, words_of(sentence)[:MAX_WORDS]):
+            subwords = subwords_of(word)
+            row[: len(subwords)] = torch.tensor(subwords)
+    return Tokens(tokens)
 
 
-def _row(piece: str) -> int:
-    """The same on every machine and in every process, as Python's own hash is not."""
-    return 1 + zlib.crc32(piece.encode()) % (ROWS - 1)
+def _bucket(subword: str) -> int:
+    """In [1, BUCKETS). The same on every machine and in every process, unlike Python's own hash."""
+    return 1 + zlib.crc32(subword.encode()) % (BUCKETS - 1)
 
 
 class TextEncoder(nn.Module):
-    """Sentences -> one vector each: words see each other, then one query reads them all."""
+    """A transformer over a sentence's words and one class token, whose output is the vector."""
 
     def __init__(self, width: int, layers: int, heads: int) -> None:
         super().__init__()
-        self.table = nn.EmbeddingBag(ROWS, width, mode="mean", padding_idx=0)
-        self.places = nn.Parameter(0.02 * torch.randn(WORDS, width))
-        self.blocks = nn.ModuleList(_Layer(width, heads) for _ in range(layers))
-        self.first = nn.Parameter(0.02 * torch.randn(width))
+        self.subword_embedding = nn.EmbeddingBag(BUCKETS, width, mode="mean", padding_idx=0)
+        self.position_embedding = nn.Parameter(0.02 * torch.randn(MAX_WORDS, width))
+        self.layers = nn.ModuleList(TransformerLayer(width, heads) for _ in range(layers))
+        self.class_token = nn.Parameter(0.02 * torch.randn(width))
         self.norm = nn.LayerNorm(width)
 
     def forward(self, tokens: Tokens) -> Float[Tensor, "b d"]:
-        """The vector of a sentence without words depends on nothing: the null instruction."""
-        b, w, p = tokens.pieces.shape
-        words = self.table(tokens.pieces.reshape(b * w, p)).reshape(b, w, -1) + self.places
-        x = torch.cat((self.first.expand(b, 1, -1), words), 1)
-        seen = F.pad(tokens.words, (1, 0), value=True)
-        for block in self.blocks:
-            x = block(x, seen)
+        """One vector a sentence; that of a sentence without words is the null instruction's."""
+        b, w, s = tokens.subwords.shape
+        words = self.subword_embedding(tokens.subwords.reshape(b * w, s)).reshape(b, w, -1)
+        words = words + self.position_embedding
+        x = torch.cat((self.class_token.expand(b, 1, -1), words), 1)
+        mask = F.pad(tokens.words, (1, 0), value=True)
+        for layer in self.layers:
+            x = layer(x, mask)
         return self.norm(x[:, 0])
 
 
-class _Layer(nn.Module):
-    """Self-attention and a two-layer perceptron, each behind a norm."""
+class TransformerLayer(nn.Module):
+    """Self-attention and a two-layer MLP, each behind a norm."""
 
     def __init__(self, width: int, heads: int) -> None:
         super().__init__()
         self.heads = heads
-        self.before, self.between = nn.LayerNorm(width), nn.LayerNorm(width)
+        self.norm1, self.norm2 = nn.LayerNorm(width), nn.LayerNorm(width)
         self.qkv, self.out = nn.Linear(width, 3 * width), nn.Linear(width, width)
         self.mlp = nn.Sequential(
             nn.Linear(width, 4 * width), nn.GELU(), nn.Linear(4 * width, width)
         )
 
-    def forward(self, x: Float[Tensor, "b n d"], seen: Bool[Tensor, "b n"]) -> Tensor:
+    def forward(
+        self, x: Float[Tensor, "b n d"], mask: Bool[Tensor, "b n"]
+    ) -> Float[Tensor, "b n d"]:
+        """`mask`: the tokens that may be attended to."""
         b, n, _ = x.shape
-        q, k, v = self.qkv(self.before(x)).reshape(b, n, 3, self.heads, -1).permute(2, 0, 3, 1, 4)
-        read = F.scaled_dot_product_attention(q, k, v, attn_mask=seen[:, None, None])
-        x = x + self.out(read.transpose(1, 2).reshape(b, n, -1))
-        return x + self.mlp(self.between(x))
+        q, k, v = self.qkv(self.norm1(x)).reshape(b, n, 3, self.heads, -1).permute(2, 0, 3, 1, 4)
+        values = F.scaled_dot_product_attention(q, k, v, attn_mask=mask[:, None, None])
+        x = x + self.out(values.transpose(1, 2).reshape(b, n, -1))
+        return x + self.mlp(self.norm2(x))

@@ -1,0 +1,78 @@
+"""The network of the small editor: laws that hold for any weights."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+from small_networks import TINY, random_network
+
+from gsedit.editors.small import Small, SmallNetwork
+from gsedit.editors.small.network import CHANNELS, PRIOR_STD
+from gsedit.editors.small.text import tokenise
+
+
+@pytest.fixture(scope="module")
+def small() -> Small:
+    return Small(random_network())
+
+
+def noise(*shape: int, seed: int = 0) -> torch.Tensor:
+    return torch.randn(*shape, generator=torch.Generator().manual_seed(seed))
+
+
+def predict(network, x, sigma, picture, shown=1.0, sentence="as a bronze statue"):
+    """x0 of the network."""
+    n = len(x)
+    text = network.text_encoder(tokenise([sentence] * n))
+    mask = torch.full((n,), shown)
+    encoded = network.encode_image(picture, mask)
+    return network(x, torch.full((n,), sigma), picture, mask, encoded, text)
+
+
+def test_an_untrained_network_predicts_the_picture_where_all_is_noise():
+    torch.manual_seed(0)
+    x, picture = noise(2, CHANNELS, 8, 8), noise(2, CHANNELS, 8, 8, seed=1)
+    x0 = predict(SmallNetwork(TINY), x, 1e6, picture)
+    torch.testing.assert_close(x0, picture, atol=1e-4, rtol=1e-4)
+
+
+def test_pixels_with_hardly_any_noise_are_kept(small):
+    x, picture = noise(2, CHANNELS, 8, 8), noise(2, CHANNELS, 8, 8, seed=1)
+    x0 = predict(small.network, x, 1e-4 * PRIOR_STD, picture)
+    torch.testing.assert_close(x0, x, atol=1e-4, rtol=1e-4)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 7), (5, 3), (8, 8), (33, 17)])
+@pytest.mark.parametrize("sigma", [1e-4, 0.1, 4.0, 1e4])
+def test_the_prediction_is_finite_for_any_size_and_noise(small, shape, sigma):
+    x, picture = noise(1, CHANNELS, *shape), noise(1, CHANNELS, *shape, seed=1)
+    x0 = predict(small.network, x, sigma, picture)
+    assert x0.shape == x.shape
+    assert torch.isfinite(x0).all()
+
+
+def test_the_image_encoder_has_features_for_every_pixel(small):
+    encoded = small.network.encode_image(noise(2, CHANNELS, 5, 7), torch.ones(2))
+    assert encoded.geometry.shape == (2, 3, 20, 28)
+    assert encoded.features.shape[-2:] == (5, 7)
+
+
+def test_a_dropped_picture_has_no_influence(small):
+    x = noise(1, CHANNELS, 8, 8)
+    one, other = noise(1, CHANNELS, 8, 8, seed=1), noise(1, CHANNELS, 8, 8, seed=2)
+    dropped = [predict(small.network, x, 1.0, picture, 0.0) for picture in (one, other)]
+    assert torch.equal(*dropped)
+    assert not torch.equal(*(predict(small.network, x, 1.0, picture) for picture in (one, other)))
+
+
+def test_the_instruction_changes_the_prediction(small):
+    x, picture = noise(1, CHANNELS, 8, 8), noise(1, CHANNELS, 8, 8, seed=1)
+    red, blue = (predict(small.network, x, 9.0, picture, sentence=s) for s in ("red", "blue"))
+    assert not torch.allclose(red, blue, atol=1e-6)
+
+
+def test_views_do_not_influence_each_other(small):
+    x, picture = noise(3, CHANNELS, 8, 8), noise(3, CHANNELS, 8, 8, seed=1)
+    together = predict(small.network, x, 1.0, picture)
+    alone = [predict(small.network, x[i : i + 1], 1.0, picture[i : i + 1]) for i in range(3)]
+    torch.testing.assert_close(together, torch.cat(alone), atol=1e-4, rtol=1e-4)
