@@ -102,10 +102,10 @@ def place(
     if data is None:
         return around(scene, count, size, up)
     from gsedit.files import load_dataset
-    from gsedit.viewer.show import spread
+    from gsedit.views.dataset import evenly_spaced
 
     dataset = load_dataset(data, size=size)
-    chosen = spread(len(dataset), count) if views is None else views
+    chosen = evenly_spaced(len(dataset), count) if views is None else views
     return dict(named(dataset, index, data) for index in chosen)
 
 

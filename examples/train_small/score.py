@@ -29,7 +29,8 @@ from gsedit.files import load_dataset
 from gsedit.measures.metrics import edit_strength, warp_error
 from gsedit.reports.json_lines import write_line
 from gsedit.synthetic import demo_scene, ring_cameras
-from gsedit.viewer.show import as_picture, save_picture, spread
+from gsedit.viewer.show import as_picture, save_picture
+from gsedit.views.dataset import evenly_spaced
 from train_small import Case, Score, Sources, summary
 from train_small.captured import Column, captured, looked_at, mean_up
 from train_small.phrases import held_out_pair, held_out_prompts
@@ -132,7 +133,7 @@ def photos(scene: Path, data: Path, radius: float, lowest: float) -> Sources:
     found = load_dataset(data, size=256)
     cameras = [view.camera for view in found.views]
     column = Column(looked_at(cameras), mean_up(cameras), radius, lowest)
-    views = [found.views[i] for i in spread(len(found), PHOTOS)]
+    views = [found.views[i] for i in evenly_spaced(len(found), PHOTOS)]
     return captured(gsedit.load(scene).detach(), views, column)
 
 

@@ -6,7 +6,6 @@ point in every view, at every resolution. `n` pictures of `h w` pixels, sRGB in 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -16,6 +15,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.editors.looks import ramp
+from gsedit.views.pictures import rotate_hue
 from train_small.paints import (
     Paint,
     blueprint,
@@ -100,17 +100,9 @@ def edited(sources: Sources, names: Sequence[str], draw: Draw = CENTRE) -> Pictu
 def _applied(truth: Truth, sources: Sources, draw: Draw) -> Pictures:
     goal = truth.paint(sources).clamp(0, 1)
     if draw != CENTRE:
-        goal = (turned(goal, draw.hue * truth.hue_share) * draw.gain).clamp(0, 1)
+        goal = (rotate_hue(goal, draw.hue * truth.hue_share) * draw.gain).clamp(0, 1)
     share = draw.amount * sources.subject if truth.scope == "subject" else draw.amount
     return (sources.image + share * (goal - sources.image)).clamp(0, 1)
-
-
-def turned(images: Pictures, degrees: float) -> Pictures:
-    """Colours turned about the grey axis; greys stay."""
-    cosine, sine = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
-    grey, cross = torch.full((3, 3), 1 / 3), torch.tensor([[0, -1, 1], [1, 0, -1], [-1, 1, 0]])
-    rotation = cosine * torch.eye(3) + (1 - cosine) * grey + sine / math.sqrt(3) * cross
-    return images @ rotation.T.to(images)
 
 
 _SUBJECT: dict[str, tuple[Paint, float]] = {

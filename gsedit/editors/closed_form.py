@@ -40,6 +40,7 @@ from torch import Tensor
 
 from gsedit.diffusion import Answer, Branches, Need, Prediction, Schedule
 from gsedit.editors.looks import VARIANTS, agreed_variant, parse
+from gsedit.views.pictures import rotate_hue
 
 CODE = 2  # channels of a cell that say which variant it shows: a triangle lies in a plane
 CELL = 8  # Stable Diffusion's, so that correspondences are met at the size that real weights have
@@ -264,21 +265,13 @@ def perturb(
     gain = 1 + perturbation.gain * draws[:, 0]
     turned = torch.stack(
         [
-            images @ _hue_rotation(math.radians(perturbation.hue) * float(angle)).to(images).T
+            rotate_hue(images, perturbation.hue * float(angle))
             for images, angle in zip(variants.unbind(1), draws[:, 1])
         ],
         1,
     )
     shifted = torch.stack([_shift(images, perturbation.shift * draws[:, 2:]) for images in turned])
     return (shifted * gain[:, None, None, None]).clamp(0, 1)
-
-
-def _hue_rotation(angle: float) -> Float[Tensor, "3 3"]:
-    """Rotation of colours about the grey axis (Rodrigues' formula), radians."""
-    third = torch.full((3, 3), 1 / 3, dtype=torch.float64)
-    cross = torch.tensor([[0, -1, 1], [1, 0, -1], [-1, 1, 0]], dtype=torch.float64) / math.sqrt(3)
-    identity = torch.eye(3, dtype=torch.float64)
-    return math.cos(angle) * (identity - third) + third + math.sin(angle) * cross
 
 
 def _shift(

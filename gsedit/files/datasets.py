@@ -8,9 +8,10 @@ from gsedit.errors import InputError, UsageError
 from gsedit.files.colmap import model_folder, read_colmap
 from gsedit.files.nerfstudio import read_nerfstudio
 from gsedit.files.photos import PosedPhoto, SparsePoints, check_size
-from gsedit.files.pictures import downscale, fitted_size, read_picture
+from gsedit.files.pictures import fitted_size, read_picture
 from gsedit.files.undistort import Lens, Undistortion, undistort, undistortion
-from gsedit.views.dataset import Dataset, View
+from gsedit.views.dataset import Dataset, View, evenly_spaced
+from gsedit.views.pictures import downscale
 
 
 def load_dataset(path: str | Path, *, size: int | None = None, limit: int | None = None) -> Dataset:
@@ -30,7 +31,7 @@ def load_dataset(path: str | Path, *, size: int | None = None, limit: int | None
         raise InputError(f"{path} has no views: it names no photo with a pose, check the dataset")
     for photo in photos:
         check_size(photo, str(path))
-    chosen = photos if limit is None else _spread(photos, limit)
+    chosen = photos if limit is None else [photos[i] for i in evenly_spaced(len(photos), limit)]
     views: dict[PosedPhoto, View] = {}
     for lens in dict.fromkeys(photo.lens for photo in chosen):  # one at a time: each is a large map
         undo = _undistortion(path, lens)
@@ -54,11 +55,6 @@ def _read(path: Path) -> tuple[tuple[PosedPhoto, ...], SparsePoints | None]:
     others = ", ".join(sorted(file.name for file in path.glob("transforms*.json")))
     move = f"name one of {others} itself" if others else "check the path of the dataset"
     raise InputError(f"{path} has neither transforms.json nor a COLMAP model (sparse/0): {move}")
-
-
-def _spread(photos: tuple[PosedPhoto, ...], limit: int) -> tuple[PosedPhoto, ...]:
-    count = min(limit, len(photos))
-    return tuple(photos[i * len(photos) // count] for i in range(count))
 
 
 def _undistortion(path: Path, lens: Lens) -> Undistortion:

@@ -1,4 +1,4 @@
-"""Photos from files: read as sRGB in [0, 1], and made smaller without aliasing."""
+"""Photos from files: read as sRGB in [0, 1], and the size that they are reduced to."""
 
 from __future__ import annotations
 
@@ -47,23 +47,6 @@ def fitted_size(width: int, height: int, size: int | None) -> tuple[int, int]:
     if size is None or size >= longest:
         return width, height
     return max(1, round(width * size / longest)), max(1, round(height * size / longest))
-
-
-def downscale(image: Float[Tensor, "h w 3"], width: int, height: int) -> Float[Tensor, "... 3"]:
-    """Average the area under each new pixel, fractions of pixels included: the mean is kept."""
-    if (height, width) == tuple(image.shape[:2]):
-        return image
-    rows = _area_weights(image.shape[0], height)
-    columns = _area_weights(image.shape[1], width)
-    return torch.einsum("yh,hwc,xw->yxc", rows, image, columns)
-
-
-def _area_weights(old: int, new: int) -> Float[Tensor, "new old"]:
-    """Row i: which part of each old pixel lies under new pixel i; rows sum to 1."""
-    edges = torch.arange(new + 1, dtype=torch.float64) * (old / new)
-    pixels = torch.arange(old, dtype=torch.float64)
-    overlap = torch.minimum(edges[1:, None], pixels + 1) - torch.maximum(edges[:-1, None], pixels)
-    return (overlap.clamp_min(0) * (new / old)).float()
 
 
 def _unit(pixels: np.ndarray) -> Tensor:

@@ -21,6 +21,7 @@ from gsedit.measures import losses
 from gsedit.measures.decibels import rmse_from_psnr
 from gsedit.reports.events import Checkpoint, Event
 from gsedit.views.dataset import Dataset, View
+from gsedit.views.pictures import downscale
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, SH_DC, Execution
 from rasterizer.project import rotation_matrices
@@ -234,10 +235,7 @@ def _shrunk(view: View, factor: int) -> View:
         return view
     camera = view.camera
     small = camera.resized(max(16, camera.width // factor), max(16, camera.height // factor))
-    image = torch.nn.functional.interpolate(
-        view.image.movedim(-1, 0)[None], (small.height, small.width), mode="area"
-    )
-    return replace(view, camera=small, image=image[0].movedim(0, -1).contiguous())
+    return replace(view, camera=small, image=downscale(view.image, small.width, small.height))
 
 
 def _scene_radius(views: tuple[View, ...]) -> float:

@@ -24,7 +24,7 @@ from gsedit.files.atomic import atomic_path
 from gsedit.measures.decibels import psnr_from_rmse
 from gsedit.reports.events import Event
 from gsedit.reports.figures import curves
-from gsedit.views.dataset import View
+from gsedit.views.dataset import View, evenly_spaced
 from gsedit.views.framing import framing_camera, guess_up
 from rasterizer.camera import Camera
 from rasterizer.numerics import SH_DC
@@ -51,12 +51,6 @@ def save_picture(picture: Image.Image, path: Path | str, *, overwrite: bool = Fa
         picture.save(temporary, format="PNG")
 
 
-def spread(count: int, at_most: int) -> list[int]:
-    """Indices of at most `at_most` of `count` things, evenly spaced, the first among them."""
-    kept = min(count, at_most)
-    return [index * count // kept for index in range(kept)]
-
-
 def contact_sheet(
     rows: Sequence[tuple[str, Sequence[View]]], *, columns: int = COLUMNS
 ) -> Image.Image:
@@ -68,7 +62,7 @@ def contact_sheet(
     counts = {len(views) for _, views in rows}
     if len(counts) != 1 or 0 in counts:
         raise ValueError(f"a sheet needs rows of equal, non-zero length; got {sorted(counts)}")
-    shown = spread(counts.pop(), columns)
+    shown = evenly_spaced(counts.pop(), columns)
     cell_w, cell_h = _cell_size([views[i] for _, views in rows for i in shown])
     row_h = STRIP + cell_h + MARGIN
     sheet = Image.new(

@@ -46,6 +46,12 @@ class Dataset:
         return tuple(v for i, v in enumerate(self.views) if i % every), held_out
 
 
+def evenly_spaced(count: int, at_most: int) -> list[int]:
+    """Indices of at most `at_most` of `count` things, in order, the first among them."""
+    chosen = min(count, at_most)
+    return [index * count // chosen for index in range(chosen)]
+
+
 @torch.no_grad()
 def capture(
     scene: Gaussians,

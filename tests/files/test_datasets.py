@@ -15,7 +15,6 @@ from shared_data import DATA
 
 from gsedit.errors import InputError, UsageError
 from gsedit.files import load_dataset
-from gsedit.files.pictures import downscale
 from gsedit.files.undistort import Lens, distort, undistort, undistortion
 from gsedit.views.dataset import Dataset
 from rasterizer.camera import Camera, look_at
@@ -113,21 +112,6 @@ def test_pinhole_photo_is_untouched():
     photo = torch.rand(6, 8, 3, generator=torch.Generator().manual_seed(0))
     undo = undistortion(Lens(9.0, 9.0, 4.0, 3.0, 8, 6))
     assert undistort(photo, undo) is photo
-
-
-@pytest.mark.parametrize("size", [(4, 3), (5, 4), (1, 1), (8, 6)])
-def test_downscale_keeps_mean_range_and_constants(size):
-    photo = torch.rand(6, 8, 3, generator=torch.Generator().manual_seed(0))
-    small = downscale(photo, *size)
-    assert small.shape == (size[1], size[0], 3)
-    torch.testing.assert_close(small.mean((0, 1)), photo.mean((0, 1)))
-    torch.testing.assert_close(downscale(torch.ones(6, 8, 3), *size), torch.ones(*small.shape))
-
-
-def test_downscale_by_a_whole_number_is_the_block_mean():
-    photo = torch.rand(6, 8, 3, generator=torch.Generator().manual_seed(0))
-    blocks = photo.reshape(3, 2, 4, 2, 3).mean((1, 3))
-    torch.testing.assert_close(downscale(photo, 4, 3), blocks)
 
 
 def opengl_camera_to_world(camera) -> list[list[float]]:

@@ -34,11 +34,6 @@ def test_a_picture_holds_the_values():
     assert np.array_equal(np.asarray(show.as_picture(image)), [[[0, 128, 255], [0, 255, 51]]])
 
 
-def test_spread_is_even_and_starts_at_the_first():
-    assert show.spread(96, 8) == [0, 12, 24, 36, 48, 60, 72, 84]
-    assert show.spread(3, 8) == [0, 1, 2]
-
-
 def test_contact_sheet_shows_every_row_and_at_most_the_columns():
     rows = [("original", [view(0.0)] * 10), ("edited", [view(1.0)] * 10)]
     wide, narrow = show.contact_sheet(rows), show.contact_sheet(rows, columns=2)

@@ -6,6 +6,7 @@ from math import ceil
 
 import torch
 from jaxtyping import Float
+from kornia.filters import gaussian_blur2d
 from torch import Tensor
 
 from train_small.pictures.randomness import Dice
@@ -37,11 +38,6 @@ def _defocused(
 
 def _blurred(planes: Float[Tensor, "h w c"], sigma: float) -> Float[Tensor, "h w c"]:
     """Convolved with a Gaussian of `sigma` pixels; the border goes on beyond the picture."""
-    reach = max(ceil(2.5 * sigma), 1)
-    kernel = (-0.5 * (torch.arange(-reach, reach + 1) / sigma) ** 2).exp()
-    count = planes.shape[-1]
-    kernel = (kernel / kernel.sum()).expand(count, 1, -1)
-    stack = torch.nn.functional.pad(planes.movedim(-1, 0)[None], (reach,) * 4, mode="replicate")
-    stack = torch.nn.functional.conv2d(stack, kernel[:, :, None], groups=count)
-    stack = torch.nn.functional.conv2d(stack, kernel[..., None], groups=count)
+    side = 2 * max(ceil(2.5 * sigma), 1) + 1
+    stack = gaussian_blur2d(planes.movedim(-1, 0)[None], side, (sigma, sigma), "replicate")
     return stack[0].movedim(0, -1)
