@@ -36,8 +36,8 @@ from .options import (
 from .progress import progress
 
 if TYPE_CHECKING:
-    from gsedit.edit import EditResult
     from gsedit.reports.events import Event
+    from gsedit.session.result import EditResult
     from gsedit.views.dataset import Dataset
     from rasterizer.scene import Gaussians
 
@@ -96,7 +96,7 @@ def edit(
     from gsedit.edit import edit_steps
     from gsedit.reports.journal import event_journal
 
-    settings = resolve(preset, sampler, update, plan, compile=compile)
+    settings, strategy = resolve(preset, sampler, update, plan, compile=compile)
     editor = chosen.make(out)
     editor.check(instruction)
     features = _vgg(vgg)
@@ -116,6 +116,7 @@ def edit(
                 dataset=dataset,
                 editor=editor,
                 settings=settings,
+                strategy=strategy,
                 features=features,
                 generator=common.generator(),
             )
@@ -139,7 +140,7 @@ def edit(
         }
         write_results(out, result, journal.records, request)
     explain_results(out, journal.records)
-    record = {"folder": out, "scene": out / "scene.ply", "answer": result.answer}
+    record = {"folder": out, "scene": out / "scene.ply", "ground_truth": result.ground_truth}
     print_result(record, str(out / "scene.ply"), as_json=common.json)
 
 
@@ -165,6 +166,7 @@ def write_results(
     record = {
         **request,
         "settings": result.settings,
+        "strategy": result.strategy,
         "timings": result.timings,
         "gaussians": len(result.scene),
         "edited_views": [view.name for view in result.targets],
@@ -174,7 +176,7 @@ def write_results(
             "coverage": result.plan.coverage[-1],
             "strength": result.strength,
             "residual": result.residual,
-            "answer": result.answer,
+            "ground_truth": result.ground_truth,
         },
         **surroundings(),
     }

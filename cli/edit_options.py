@@ -12,8 +12,9 @@ import typer
 from .options import given
 
 if TYPE_CHECKING:
-    from gsedit.edit import EditSettings
     from gsedit.editors import Editor
+    from gsedit.session.settings import EditSettings
+    from gsedit.strategies import Strategy
 
 
 class Preset(str, Enum):
@@ -244,19 +245,20 @@ def resolve(
     plan: RoundOptions,
     *,
     compile: bool = False,
-) -> EditSettings:
+) -> tuple[EditSettings, Strategy]:
     """The preset's settings with what the user gave put over them. Raises UsageError."""
     from gsedit.diffusion import SamplerSettings
-    from gsedit.edit import EditSettings
-    from gsedit.fitting.update import UpdateSettings
+    from gsedit.fitting.settings import UpdateSettings
+    from gsedit.session.settings import EditSettings
+    from gsedit.strategies.single_pass import SinglePass
     from rasterizer.numerics import Execution
 
     fitting = given(update)
-    if "update_steps" in fitting:
-        fitting["steps"] = fitting.pop("update_steps")
-    return EditSettings(
+    steps = fitting.pop("update_steps", None)
+    settings = EditSettings(
         sampler=replace(SamplerSettings.preset(preset.value), **given(sampler)),
         update=UpdateSettings(**fitting),
         execution=Execution(compile=compile),
         **given(plan),
     )
+    return settings, SinglePass() if steps is None else SinglePass(steps)

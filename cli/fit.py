@@ -86,7 +86,8 @@ def fit(
     common.apply()
 
     from gsedit.files import load_dataset, save
-    from gsedit.fitting.fit import FitSettings, fit_steps
+    from gsedit.fitting.fit import fit_steps
+    from gsedit.fitting.settings import FitSettings
 
     first = None if start is None else read(start, drop_invalid=drop_invalid)
     photos = load_dataset(dataset, size=size)

@@ -16,7 +16,7 @@ from gsedit.editors import make_editor
 
 
 def run(path: str, data: str, prompt: str, seeds: int = 3) -> None:
-    """One line a run: seed, consensus, dB to the known answer, seconds, matched cells."""
+    """One line a run: seed, consensus, dB to the ground truth, seconds, matched cells."""
     scene, dataset = gsedit.load(path), gsedit.load_dataset(data, size=256)
     together = gsedit.EditSettings(coverage=1.0)  # all rounds, whatever is covered
     apart = replace(together, sampler=SamplerSettings(consensus=False))
@@ -25,13 +25,13 @@ def run(path: str, data: str, prompt: str, seeds: int = 3) -> None:
             result = gsedit.edit(
                 scene,
                 prompt,
-                editor=make_editor("closed-form"),  # it knows the answer
+                editor=make_editor("closed-form"),  # it knows the ground truth
                 dataset=dataset,
                 settings=settings,
                 generator=torch.Generator().manual_seed(seed),
             )
             sys.stdout.write(
-                f"seed {seed} {name:11s} {result.answer:.2f} dB to the answer, "
+                f"seed {seed} {name:11s} {result.ground_truth:.2f} dB to the ground truth, "
                 f"{result.residual:.2f} dB to the targets, strength {result.strength:.3f}, "
                 f"{result.timings['total']:.0f} s, {len(result.targets)} views, "
                 f"covering {result.plan.coverage[-1]:.0%}, {result.matched:.0%} matched\n"

@@ -11,11 +11,14 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gsedit.edit import EditResult, EditSettings, edit, edit_steps
+    from gsedit.edit import edit, edit_steps
     from gsedit.errors import GseditError, InputError, UsageError
     from gsedit.files import load, load_dataset, save
-    from gsedit.fitting.fit import FitResult, FitSettings, fit, fit_steps
+    from gsedit.fitting.fit import FitResult, fit, fit_steps
+    from gsedit.fitting.settings import FitSettings
     from gsedit.reports.events import Checkpoint, Event
+    from gsedit.session.result import EditResult
+    from gsedit.session.settings import EditSettings
     from gsedit.views.dataset import Dataset, View
     from gsedit.views.orbit import orbit
 
@@ -44,11 +47,11 @@ __all__ = [
 _HOMES = {
     "Checkpoint": "reports.events",
     "Dataset": "views.dataset",
-    "EditResult": "edit",
-    "EditSettings": "edit",
+    "EditResult": "session.result",
+    "EditSettings": "session.settings",
     "Event": "reports.events",
     "FitResult": "fitting.fit",
-    "FitSettings": "fitting.fit",
+    "FitSettings": "fitting.settings",
     "GseditError": "errors",
     "InputError": "errors",
     "UsageError": "errors",

@@ -9,20 +9,22 @@ import torch
 
 import gsedit
 from gsedit.diffusion import SamplerSettings, Suits
-from gsedit.edit import EditResult, EditSettings, edit_steps
+from gsedit.edit import edit_steps
 from gsedit.editors import make_editor
 from gsedit.editors.protocol import EditBatch, EditProgress
 from gsedit.errors import UsageError
-from gsedit.fitting.update import UpdateSettings, rates, update_steps
+from gsedit.fitting.settings import UpdateSettings
+from gsedit.fitting.update import rates, update_steps
 from gsedit.reports.events import Checkpoint, Event
+from gsedit.session.result import EditResult
+from gsedit.session.settings import EditSettings
+from gsedit.strategies.single_pass import SinglePass
 from gsedit.synthetic import demo_scene, ring_cameras, scenes, surface_gaussians
 from gsedit.views.dataset import Dataset, capture
 from rasterizer.scene import concatenate
 
 PROMPT = "turn the bear into a bronze statue"
-SMALL = EditSettings(
-    update=UpdateSettings(steps=20, patches=3, patch=32), views_per_round=3, rounds=2
-)
+SMALL = EditSettings(update=UpdateSettings(patches=3, patch=32), views_per_round=3, rounds=2)
 
 
 class Swapped:
@@ -53,11 +55,17 @@ def data(scene):
     return Dataset(capture(scene, cameras, [f"{i:02d}" for i in range(16)]))
 
 
-def run(scene, data, editor, settings=SMALL, seed=0, prompt=PROMPT):
+def run(scene, data, editor, settings=SMALL, seed=0, prompt=PROMPT, steps=20):
     generator = torch.Generator().manual_seed(seed)
     return list(
         edit_steps(
-            scene, prompt, editor=editor, generator=generator, dataset=data, settings=settings
+            scene,
+            prompt,
+            editor=editor,
+            generator=generator,
+            dataset=data,
+            settings=settings,
+            strategy=SinglePass(steps),
         )
     )
 
@@ -67,7 +75,7 @@ def test_an_edit_moves_the_scene_to_the_known_answer(scene, data):
     result = items[-1]
     assert isinstance(result, EditResult)
     measured = [e.error for e in items if isinstance(e, Event) and e.error is not None]
-    assert measured[-1] == pytest.approx(10 ** (-result.answer / 20))
+    assert measured[-1] == pytest.approx(10 ** (-result.ground_truth / 20))
     before = capture(scene, [v.camera for v in data.views[::8]], ["a", "b"])
     unedited = [(v.image - v.image.flip(-1)).square().mean() for v in before]
     assert measured[-1] < 0.8 * torch.stack(unedited).mean().sqrt()
@@ -127,12 +135,12 @@ def test_an_editor_is_heard_before_the_work_and_what_suits_it_is_on_record(scene
         def advise(self, prompt):
             return f"nobody taught me {prompt!r}"
 
-    settings = replace(SMALL, rounds=1, update=replace(SMALL.update, steps=2))
-    first, *_, result = run(scene, data, Wary(), settings, prompt="as a dinosaur")
+    settings = replace(SMALL, rounds=1)
+    first, *_, result = run(scene, data, Wary(), settings, prompt="as a dinosaur", steps=2)
     assert (first.stage, first.note) == ("advice", "nobody taught me 'as a dinosaur'")
     assert result.settings.sampler.scales == (2.0, 1.0)
     assert result.settings.sampler.temperature == 0.5
-    first, *_, result = run(scene, data, Swapped(), settings)
+    first, *_, result = run(scene, data, Swapped(), settings, steps=2)
     assert first.stage == "survey"
     assert result.settings.sampler.scales == Suits()[:2]
     assert result.settings.sampler.temperature == 1
@@ -149,60 +157,57 @@ def test_views_need_not_divide_into_cells(scene, preset):
     cameras = [replace(c, height=84, cy=42.0) for c in ring_cameras(demo_scene(), 18, 100)]
     views = Dataset(capture(scene, cameras, [str(i) for i in range(18)]))
     sampler = replace(SamplerSettings.preset(preset), steps=6)
-    settings = replace(
-        SMALL, sampler=sampler, geometry="full", update=replace(SMALL.update, steps=2)
-    )
-    result = run(scene, views, make_editor("closed-form"), settings)[-1]
+    settings = replace(SMALL, sampler=sampler, geometry="full")
+    result = run(scene, views, make_editor("closed-form"), settings, steps=2)[-1]
     assert result.targets[0].image.shape == (84, 100, 3)
     assert result.matched > 0
 
 
 def test_one_view_can_be_edited_alone(scene, data):
-    quick = replace(SMALL, update=replace(SMALL.update, steps=2), views_per_round=1, rounds=1)
-    result = run(scene, Dataset(data.views[:1]), make_editor("closed-form"), quick)[-1]
+    quick = replace(SMALL, views_per_round=1, rounds=1)
+    result = run(scene, Dataset(data.views[:1]), make_editor("closed-form"), quick, steps=2)[-1]
     assert result.matched is None
-    assert result.answer is None
+    assert result.ground_truth is None
     assert len(result.targets) == 1
 
 
 def test_appearance_leaves_geometry_alone_and_full_does_not(scene, data):
-    quick = replace(SMALL, update=replace(SMALL.update, steps=3), rounds=1)
-    still = run(scene, data, Swapped(), quick)[-1].scene
-    moved = run(scene, data, Swapped(), replace(quick, geometry="full"))[-1].scene
+    quick = replace(SMALL, rounds=1)
+    still = run(scene, data, Swapped(), quick, steps=3)[-1].scene
+    moved = run(scene, data, Swapped(), replace(quick, geometry="full"), steps=3)[-1].scene
     for name in ("means", "quats", "log_scales"):
         assert torch.equal(getattr(still, name), getattr(scene, name))
         assert not torch.equal(getattr(moved, name), getattr(scene, name))
 
 
 def test_the_closed_form_edit_agrees_and_beats_the_same_without_consensus(scene, data):
-    settings = replace(SMALL, update=replace(SMALL.update, steps=40))
+    settings = SMALL
     alone = replace(settings, sampler=SamplerSettings(consensus=False))
-    together = run(scene, data, make_editor("closed-form"), settings)[-1].answer
-    apart = run(scene, data, make_editor("closed-form"), alone)[-1].answer
+    together = run(scene, data, make_editor("closed-form"), settings, steps=40)[-1].ground_truth
+    apart = run(scene, data, make_editor("closed-form"), alone, steps=40)[-1].ground_truth
     assert together > apart + 2
 
 
 def test_photos_can_be_the_condition(scene, data):
     grey = Dataset(tuple(replace(v, image=torch.full_like(v.image, 0.5)) for v in data.views))
     editor = Swapped()
-    quick = replace(SMALL, update=replace(SMALL.update, steps=1), rounds=1)
-    run(scene, grey, editor, replace(quick, condition="photo"))
+    quick = replace(SMALL, rounds=1)
+    run(scene, grey, editor, replace(quick, condition="photo"), steps=1)
     assert (editor.batch.originals == 0.5).all()
-    run(scene, grey, editor, quick)
+    run(scene, grey, editor, quick, steps=1)
     assert (editor.batch.originals != 0.5).any()
 
 
 def test_an_edit_without_cameras_places_them(scene):
-    quick = replace(SMALL, update=replace(SMALL.update, steps=1), rounds=1)
-    result = run(scene, None, Swapped(), quick)[-1]
+    quick = replace(SMALL, rounds=1)
+    result = run(scene, None, Swapped(), quick, steps=1)[-1]
     assert all(v.name.startswith("orbit") for v in result.targets)
     assert result.matched > 0
 
 
 def test_the_same_seed_gives_the_same_edit(scene, data):
-    quick = replace(SMALL, update=replace(SMALL.update, steps=5))
     one, two = (
-        run(scene, data, make_editor("closed-form"), quick, seed=4)[-1].scene for _ in range(2)
+        run(scene, data, make_editor("closed-form"), seed=4, steps=5)[-1].scene for _ in range(2)
     )
     assert torch.equal(one.sh, two.sh)
 
@@ -219,9 +224,11 @@ def test_requests_that_cannot_be_met_are_refused_before_any_work(scene, data):
         run(scene, mixed, make_editor("closed-form"))
     with pytest.raises(UsageError, match="coverage"):
         EditSettings(coverage=0.0)
-    for wrong in ({"steps": 0}, {"patches": 0}, {"patch": 4}, {"gram_weight": -1.0}):
+    for wrong in ({"patches": 0}, {"patch": 4}, {"gram_weight": -1.0}):
         with pytest.raises(UsageError):
             UpdateSettings(**wrong)
+    with pytest.raises(UsageError, match="update steps"):
+        SinglePass(0)
 
 
 def test_an_update_lowers_the_loss(scene, data):
@@ -230,12 +237,13 @@ def test_an_update_lowers_the_loss(scene, data):
 
     targets = tuple(replace(v, image=v.image.flip(-1)) for v in data.views[1:4])
     optimiser = SceneOptimiser(scene, rates("appearance", 1.0))
-    settings = UpdateSettings(steps=40, patches=3, patch=32)
+    settings = UpdateSettings(patches=3, patch=32)
     losses = list(
         update_steps(
             optimiser,
             targets,
             torch.ones(len(scene), dtype=torch.bool),
+            40,
             settings,
             FilterBank(),
             torch.Generator().manual_seed(0),
@@ -248,8 +256,8 @@ def test_an_update_lowers_the_loss(scene, data):
 def test_the_python_api_reads_edits_and_writes(tmp_path, scene):
     path = tmp_path / "scene.ply"
     gsedit.save(scene, path)
-    quick = replace(SMALL, update=replace(SMALL.update, steps=1), rounds=1)
-    result = gsedit.edit(gsedit.load(path), "make it snow", settings=quick)
+    quick = replace(SMALL, rounds=1)
+    result = gsedit.edit(gsedit.load(path), "make it snow", settings=quick, strategy=SinglePass(1))
     gsedit.save(result.scene, tmp_path / "edited.ply")
     again = gsedit.load(tmp_path / "edited.ply")
     assert torch.equal(again.sh, result.scene.sh)

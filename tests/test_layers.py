@@ -16,6 +16,8 @@ ORDER = {
         "doctor",
         "edit",
         "viewer",
+        "strategies",
+        "session",
         "editors",
         "fitting",
         "reports",

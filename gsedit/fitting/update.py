@@ -1,16 +1,16 @@
-"""How a scene follows its edited views: the single-pass update of Efficient-NeRF2NeRF."""
+"""Fit a scene to edited views: MSE + Gram loss on random patches (Efficient-NeRF2NeRF)."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from typing import Literal
 
 import torch
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.errors import UsageError
 from gsedit.fitting.optimiser import SceneOptimiser
+from gsedit.fitting.settings import UpdateSettings
 from gsedit.measures.features import FeatureExtractor
 from gsedit.measures.losses import edit_loss
 from gsedit.views.dataset import View
@@ -26,35 +26,12 @@ MEANS_RATE = 1.6e-4
 FINAL_RATE = 0.05
 """Rates fall linearly to this fraction in each round: its last steps average, not chase."""
 
-SMALLEST_PATCH = 16
-"""Pixels a side: the coarsest filters under the Gram matrix reach this far."""
 
+def rates(geometry: Literal["appearance", "full"], radius: float) -> dict[str, float]:
+    """Learning rates by field: of colours and opacities (`appearance`), or of everything (`full`).
 
-@dataclass(frozen=True)
-class UpdateSettings:
-    """One round of fitting to the edited views."""
-
-    steps: int = 200
-    """N_SU of the paper."""
-    patches: int = 4
-    """Crops rendered a step."""
-    patch: int = 64
-    """Side of a crop, pixels."""
-    gram_weight: float = 0.1
-    """lambda of eq. (loss)."""
-
-    def __post_init__(self) -> None:
-        if self.steps < 1 or self.patches < 1 or self.patch < SMALLEST_PATCH:
-            raise UsageError(
-                f"update steps and patches must be 1 or more, and a patch {SMALLEST_PATCH} pixels "
-                f"or more, not {self.steps}, {self.patches} and {self.patch}"
-            )
-        if not self.gram_weight >= 0:
-            raise UsageError(f"gram weight {self.gram_weight} is not 0 or more")
-
-
-def rates(geometry: str, radius: float) -> dict[str, float]:
-    """Learning rates of a preset: `appearance` (colours, opacities) or `full` (everything)."""
+    `radius` of the scene, world units: positions move in proportion to it.
+    """
     if geometry == "appearance":
         return dict(APPEARANCE_RATES)
     return {**APPEARANCE_RATES, **GEOMETRY_RATES, "means": MEANS_RATE * radius}
@@ -64,6 +41,7 @@ def update_steps(
     optimiser: SceneOptimiser,
     targets: Sequence[View],
     seen: Bool[Tensor, " n"],
+    steps: int,
     settings: UpdateSettings,
     features: FeatureExtractor,
     generator: torch.Generator,
@@ -71,18 +49,18 @@ def update_steps(
 ) -> Iterator[float]:
     """Fit the scene to random patches of the edited views; yields the loss of every step.
 
-    Only the Gaussians that are `seen` move.
+    Only the Gaussians that are `seen` move. The learning rates fall linearly over the `steps`.
     """
-    for step in range(settings.steps):
+    for step in range(steps):
         scene = optimiser.scene
-        drawn = [_patch(targets, settings.patch, generator) for _ in range(settings.patches)]
-        found = torch.stack(
-            [render(scene, v.camera, crop=box, execution=execution).color for v, box in drawn]
+        patches = [_patch(targets, settings.patch, generator) for _ in range(settings.patches)]
+        rendered = torch.stack(
+            [render(scene, v.camera, crop=box, execution=execution).color for v, box in patches]
         )
-        wanted = torch.stack([_cut(v.image, box) for v, box in drawn])
-        loss = edit_loss(found, wanted, features, settings.gram_weight)
+        expected = torch.stack([_cut(v.image, box) for v, box in patches])
+        loss = edit_loss(rendered, expected, features, settings.gram_weight)
         loss.backward()
-        optimiser.step(1 - (1 - FINAL_RATE) * step / max(1, settings.steps - 1), only=seen)
+        optimiser.step(1 - (1 - FINAL_RATE) * step / max(1, steps - 1), only=seen)
         yield loss.item()
 
 
@@ -96,6 +74,6 @@ def _patch(targets: Sequence[View], side: int, generator: torch.Generator) -> tu
     return view, (left, top, side, side)
 
 
-def _cut(image: Tensor, box: Box) -> Tensor:
+def _cut(image: Float[Tensor, "h w 3"], box: Box) -> Float[Tensor, "y x 3"]:
     left, top, width, height = box
     return image[top : top + height, left : left + width]

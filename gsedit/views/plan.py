@@ -29,7 +29,7 @@ On the bear 0.5 ties views no better (they agree either way) and leaves more of 
 
 
 @dataclass(frozen=True)
-class Plan:
+class ViewPlan:
     """Views to edit, a batch a round, none twice."""
 
     rounds: tuple[tuple[int, ...], ...]
@@ -57,7 +57,7 @@ def survey(
 
 def plan_views(
     weights: Float[Tensor, "v n"], views_per_round: int, rounds: int, coverage: float
-) -> Plan:
+) -> ViewPlan:
     """Greedily take the view that newly covers most, among those that overlap the chosen ones.
 
     Stops after `rounds`, when `coverage` is reached at the end of a round, or when no view is left.
@@ -82,7 +82,7 @@ def plan_views(
         reached.append(float(worth[seen].sum() / total))
         if reached[-1] >= coverage:
             break
-    return Plan(tuple(batches), tuple(reached))
+    return ViewPlan(tuple(batches), tuple(reached))
 
 
 def _best_view(

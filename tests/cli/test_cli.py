@@ -23,7 +23,6 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from gsedit.diffusion import SamplerSettings, Suits
-from gsedit.edit import EditSettings
 from gsedit.editors.small import Small
 from gsedit.errors import GseditError, InputError, UsageError
 from gsedit.files import load
@@ -31,6 +30,8 @@ from gsedit.fitting.fit import FitResult
 from gsedit.fitting.update import UpdateSettings
 from gsedit.reports.events import Checkpoint, Event
 from gsedit.reports.journal import read_events
+from gsedit.session.settings import EditSettings
+from gsedit.strategies.single_pass import SinglePass
 
 VERBS = ("fit", "edit", "render", "preview", "info", "editors", "doctor")
 
@@ -395,11 +396,12 @@ def test_a_signal_ends_a_real_process_as_ctrl_c_does(photos, tmp_path, stop):
 
 
 def stub_edit(monkeypatch, *, end: BaseException | None = None):
-    from gsedit.edit import EditResult, Plan
+    from gsedit.session.result import EditResult
+    from gsedit.views.plan import ViewPlan
 
     given = {}
 
-    def edit_steps(scene, prompt, *, dataset, editor, settings, features, generator):
+    def edit_steps(scene, prompt, *, dataset, editor, settings, strategy, features, generator):
         given.update(prompt=prompt, settings=settings, dataset=dataset)
         yield Event("update", 1.0, 1, 2, 0.5, 0.1)
         yield Checkpoint(scene, 1, 1.0)
@@ -412,12 +414,13 @@ def stub_edit(monkeypatch, *, end: BaseException | None = None):
             targets=dataset.views,
             finals=dataset.views,
             settings=settings,
-            plan=Plan(((0,),), (1.0,)),
+            strategy=strategy,
+            plan=ViewPlan(((0,),), (1.0,)),
             matched=0.5,
             pairs=(("a", "b", 0.5),),
             strength=0.1,
             residual=float("inf"),
-            answer=None,
+            ground_truth=None,
             timings={"total": 2.0},
         )
 
@@ -455,18 +458,18 @@ def test_an_interrupted_edit_keeps_its_metrics_and_checkpoint(monkeypatch, scene
 
 def test_what_is_not_given_is_the_librarys_choice():
     nothing = (SamplerOptions(), UpdateOptions(), RoundOptions())
-    assert resolve(Preset.default, *nothing) == EditSettings()
-    paper = resolve(Preset.paper, *nothing)
+    assert resolve(Preset.default, *nothing)[0] == EditSettings()
+    paper, _ = resolve(Preset.paper, *nothing)
     assert paper.sampler == SamplerSettings.preset("paper")
-    some = resolve(
+    some, strategy = resolve(
         Preset.paper,
         SamplerOptions(steps=7, consensus=False),
         UpdateOptions(update_steps=9),
         RoundOptions(views_per_round=2),
     )
     assert (some.sampler.steps, some.sampler.consensus, some.sampler.target) == (7, False, "xt")
-    assert (some.update.steps, some.views_per_round) == (9, 2)
-    assert resolve(Preset.default, *nothing, compile=True).execution.compile
+    assert (strategy.update_steps, some.views_per_round) == (9, 2)
+    assert resolve(Preset.default, *nothing, compile=True)[0].execution.compile
 
 
 def test_a_fit_can_be_compiled(monkeypatch, photos, tmp_path):
@@ -484,7 +487,7 @@ def test_the_defaults_in_the_help_are_the_librarys():
         f"what suits the editor; {Suits().guidance_text}, small {Small.suits.guidance_text:g})",
         f"(likewise; {Suits().guidance_image}, small {Small.suits.guidance_image:g})",
         f"(likewise; {Suits().temperature:g}, small {Small.suits.temperature:g})",
-        f"(default {update.steps})",
+        f"(default {SinglePass().update_steps})",
         f"(default {update.patches})",
         f"(default {update.patch})",
         f"(default {update.gram_weight})",

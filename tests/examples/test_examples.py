@@ -14,8 +14,9 @@ from write_an_editor import Fade, run
 
 import gsedit
 from gsedit.editors import Editor
-from gsedit.fitting.update import UpdateSettings
+from gsedit.fitting.settings import UpdateSettings
 from gsedit.reports.journal import read_events
+from gsedit.strategies.single_pass import SinglePass
 
 
 def test_the_demo_leaves_its_folder(tmp_path):
@@ -46,9 +47,9 @@ def test_a_gsplat_script_renders_a_turn(tmp_path, capsys):
 def test_an_editor_of_one_s_own_edits_the_bear(tmp_path):
     assert isinstance(Fade(), Editor)
     quick = gsedit.EditSettings(
-        update=UpdateSettings(steps=4, patches=2, patch=16), views_per_round=2, rounds=1
+        update=UpdateSettings(patches=2, patch=16), views_per_round=2, rounds=1
     )
-    run(tmp_path, count=1000, size=48, settings=quick)
+    run(tmp_path, count=1000, size=48, settings=quick, strategy=SinglePass(4))
     assert len(gsedit.load(tmp_path / "scene.ply")) == 1000
     with Image.open(tmp_path / "before_after.png") as sheet:
         assert sheet.size[1] > 3 * 48  # three rows

@@ -9,16 +9,11 @@ import torch
 from point_clouds import ball
 
 from gsedit.errors import UsageError
-from gsedit.fitting.fit import (
-    FitSettings,
-    densify,
-    evaluate,
-    fit,
-    fit_steps,
-    initial_scene,
-    neighbour_distance,
-)
+from gsedit.fitting.densify import densify
+from gsedit.fitting.fit import evaluate, fit, fit_steps
+from gsedit.fitting.initial import initial_scene, neighbour_distance
 from gsedit.fitting.optimiser import SH_REST, SceneOptimiser
+from gsedit.fitting.settings import FitSettings
 from gsedit.reports.events import Checkpoint, Event
 from gsedit.synthetic import dataset, ring_cameras, scenes
 from rasterizer.render import render

@@ -1,0 +1,79 @@
+"""Settings of the fit to photos and of the update to edited views."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gsedit.errors import UsageError
+from rasterizer.numerics import AUTO, Execution
+
+SMALLEST_PATCH = 16
+"""Pixels a side: the coarsest filters under the Gram matrix reach this far."""
+
+
+@dataclass(frozen=True)
+class UpdateSettings:
+    """How a scene is fitted to edited views. Raises UsageError for a value out of range."""
+
+    patches: int = 4
+    """Random crops rendered in a step."""
+    patch: int = 64
+    """Side of a crop, pixels."""
+    gram_weight: float = 0.1
+    """Weight of the Gram loss beside the MSE (lambda of eq. (loss) of Efficient-NeRF2NeRF)."""
+
+    def __post_init__(self) -> None:
+        if self.patches < 1 or self.patch < SMALLEST_PATCH:
+            raise UsageError(
+                f"patches must be 1 or more, and a patch {SMALLEST_PATCH} pixels or more, "
+                f"not {self.patches} and {self.patch}"
+            )
+        if not self.gram_weight >= 0:
+            raise UsageError(f"gram weight {self.gram_weight} is not 0 or more")
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """How a scene is fitted to photos. Fractions are of the budget: of the steps or the seconds,
+    whichever ends first. Raises UsageError for a value out of range."""
+
+    steps: int | None = None
+    """Optimiser steps; None: as many as the time allows."""
+    seconds: float | None = 600.0
+    """Wall-clock seconds; None: until the steps are done."""
+    sh_degree: int = 1
+    """Degree of the spherical harmonics, 0 to 3; higher ones cost time and memorise exposure."""
+    coarse: tuple[tuple[float, int], ...] = ((0.08, 4), (0.3, 2))
+    """(fraction, factor) pairs: until this fraction, train on pictures this many times smaller."""
+    dssim_weight: float = 0.2
+    """Share of the structural dissimilarity in the loss; the rest is the L1 error."""
+    max_gaussians: int = 120_000
+    """The number of Gaussians never grows beyond this."""
+    densify_every: int = 100
+    """Steps between densifications."""
+    densify_until: float = 0.6
+    """Fraction after which the number of Gaussians is left alone."""
+    densify_fraction: float = 0.05
+    """Share of the Gaussians, of the largest positional gradients, that divide each time."""
+    prune_opacity: float = 0.005
+    """Gaussians below this opacity are removed when the scene is densified."""
+    opacity_reset: float | None = 0.3
+    """Fraction at which all opacities are lowered once, so that floaters die; None: never."""
+    report_every: int = 10
+    """Steps between progress events."""
+    evaluations: int = 10
+    """How many times the held-out views are measured."""
+    checkpoint_seconds: float = 30.0
+    """Seconds between checkpoints."""
+    execution: Execution = AUTO
+    """How pictures are rendered; it changes the run time, not the pictures."""
+
+    def __post_init__(self) -> None:
+        if self.steps is None and self.seconds is None:
+            raise UsageError("fit needs a budget: give --steps, --minutes or both")
+        for name in ("steps", "seconds"):
+            value = getattr(self, name)
+            if value is not None and not value > 0:
+                raise UsageError(f"the budget in {name} is {value}: give a number above 0")
+        if not 0 <= self.sh_degree <= 3:
+            raise UsageError(f"SH degree {self.sh_degree} is not in 0 to 3, what .ply files hold")

@@ -1,0 +1,146 @@
+"""Ask the 2D editor for a batch of views that agree with each other and with the finished ones."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from gsedit.consistency.correspond import Correspondences, correspond
+from gsedit.diffusion import SamplerSettings
+from gsedit.editors.protocol import EditBatch, KnowsAnswer
+from gsedit.reports.events import Event
+from gsedit.session.probe import mean
+from gsedit.session.session import Session
+from gsedit.views.dataset import View
+from rasterizer.camera import Camera
+
+WEAK_MATCH = 0.05
+"""Below this fraction of matched cells a pair of views has little to agree on: worth a warning."""
+ANCHORS = 4
+"""Finished views that the next batch is tied to. They cost no network call, only comparisons."""
+
+
+def edit_views(
+    session: Session,
+    batch: Sequence[int],
+    *,
+    step: int = 0,
+    steps: int = 0,
+    sampler: SamplerSettings | None = None,
+) -> Iterator[Event]:
+    """Edit the views with these indices together, tied to finished ones by anchors.
+
+    This is batch `step` of `steps`. `sampler` overrules the settings'. The targets, pairs and
+    ground truth of `session.edited` are brought up to date.
+    """
+    sampler = sampler or session.settings.sampler
+    edited, stopwatch = session.edited, session.stopwatch
+    anchors = _anchors(session.surveyed.weights, batch, edited.targets)
+    members = (*batch, *anchors)
+    with stopwatch.stage("correspond"):
+        matches = _correspondences(session, members)
+    edited.pairs += _named_pairs(matches, [session.request.views[i].name for i in members])
+    yield Event("correspond", stopwatch.seconds, step, steps, note=_describe(matches))
+    images = None
+    with stopwatch.stage("sample"):
+        request = _request(session, members, anchors, matches if sampler.consensus else None)
+        editor, generator = session.request.editor, session.request.generator
+        for progress in editor.edit(request, sampler, generator):
+            yield Event("sample", stopwatch.seconds, progress.step, progress.steps)
+            images = progress.images
+    if images is None:
+        raise RuntimeError(f"editor {session.request.editor.name} ended without images")
+    for i, image in zip(batch, images):  # the anchors follow, as they were
+        image = image.to(session.scene.means)
+        edited.targets[i] = replace(session.request.views[i], image=image)
+    _find_ground_truth(session)
+
+
+def _find_ground_truth(session: Session) -> None:
+    edited, editor = session.edited, session.request.editor
+    if isinstance(editor, KnowsAnswer):
+        images = torch.stack([view.image for view in edited.targets.values()])
+        originals = torch.stack([session.unedited_image(i) for i in edited.targets])
+        edited.ground_truth = editor.answer(session.request.prompt, images, originals)
+
+
+def _correspondences(session: Session, members: Sequence[int]) -> Correspondences:
+    cell = session.request.editor.cell
+    renderings = [session.unedited_rendering(i) for i in members]
+    depths = [r.median_depth for r in renderings if r.median_depth is not None]
+    return correspond(
+        [_whole_cells(session.request.views[i].camera, cell) for i in members],
+        _padded(torch.stack(depths), cell),
+        _padded(torch.stack([r.alpha for r in renderings]), cell),
+        cell=cell,
+    )
+
+
+def _request(
+    session: Session,
+    members: Sequence[int],
+    anchors: Sequence[int],
+    matches: Correspondences | None,
+) -> EditBatch:
+    """Current renders of the new views, and the anchors as they were edited."""
+    targets = session.edited.targets
+    images = [
+        targets[i].image if i in anchors else session.render(session.request.views[i].camera)
+        for i in members
+    ]
+    return EditBatch(
+        images=torch.stack(images),
+        originals=torch.stack([session.unedited_image(i) for i in members]),
+        prompt=session.request.prompt,
+        correspondences=matches,
+        anchored=torch.tensor([i in anchors for i in members]),
+        seed=session.noise_seed,
+    )
+
+
+def _whole_cells(camera: Camera, cell: int) -> Camera:
+    """The camera with a picture that goes on to the right and below to whole cells."""
+    return replace(
+        camera,
+        width=camera.width + -camera.width % cell,
+        height=camera.height + -camera.height % cell,
+    )
+
+
+def _padded(maps: Float[Tensor, "v h w"], cell: int) -> Float[Tensor, "v H W"]:
+    """Zeros to the right and below, as far as whole cells go."""
+    return torch.nn.functional.pad(maps, (0, -maps.shape[2] % cell, 0, -maps.shape[1] % cell))
+
+
+def _anchors(
+    weights: Float[Tensor, "v n"], batch: Sequence[int], targets: Mapping[int, View]
+) -> tuple[int, ...]:
+    """The finished views that see most of what the new ones see: they tie the rounds together."""
+    shared = weights[list(batch)].sum(0)
+    finished = [i for i in targets if i not in batch]
+    common = {i: float(torch.minimum(weights[i], shared).sum()) for i in finished}
+    return tuple(sorted(common, key=lambda i: -common[i])[:ANCHORS])
+
+
+def _named_pairs(matches: Correspondences, names: Sequence[str]) -> list[tuple[str, str, float]]:
+    """Every two views of a batch with the fraction of their cells that match."""
+    pairs = itertools.combinations(range(len(names)), 2)
+    return [(names[a], names[b], float(matches.matched[a, b])) for a, b in pairs]
+
+
+def _describe(matches: Correspondences) -> str:
+    """How much the views of a batch have in common, for a person."""
+    pairs = itertools.combinations(range(len(matches.matched)), 2)
+    shares = [float(matches.matched[a, b]) for a, b in pairs]
+    if not shares:
+        return "one view: there is no other to agree with"
+    warning = "; the views see little of each other" if mean(shares) < WEAK_MATCH else ""
+    return (
+        f"{mean(shares):.0%} of cells matched per pair ({min(shares):.0%} to {max(shares):.0%}), "
+        f"{matches.covered.mean():.0%} in a cluster{warning}"
+    )

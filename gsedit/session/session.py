@@ -1,0 +1,147 @@
+"""The records that every strategy shares: the request, the surveyed views, and what they became."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass, field
+from functools import partial
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from gsedit.diffusion import Answer
+from gsedit.editors.protocol import Editor
+from gsedit.errors import UsageError
+from gsedit.fitting.optimiser import SceneOptimiser
+from gsedit.measures.features import FeatureExtractor
+from gsedit.reports.events import Event
+from gsedit.reports.stopwatch import Stopwatch
+from gsedit.session.settings import EditSettings
+from gsedit.views.dataset import View
+from gsedit.views.plan import ViewPlan, plan_views, survey
+from rasterizer.camera import Camera
+from rasterizer.numerics import Execution
+from rasterizer.render import Rendering, render
+from rasterizer.scene import Gaussians
+
+UNSEEN = 1e-3
+"""A Gaussian that shows in less than this many (survey) pixels of all edited views is not seen."""
+
+
+@dataclass(frozen=True, eq=False)
+class Request:
+    """What was asked for."""
+
+    scene: Gaussians
+    prompt: str
+    views: tuple[View, ...]
+    """Those that may be edited; indices elsewhere are into these."""
+    held_out: tuple[View, ...]
+    """Those that are only measured at."""
+    editor: Editor
+    settings: EditSettings
+    features: FeatureExtractor
+    """Under the Gram loss."""
+    generator: torch.Generator
+
+
+@dataclass(frozen=True, eq=False)
+class SurveyedViews:
+    """The scene before the edit, as the views see it. `n` Gaussians, `v` views."""
+
+    plan: ViewPlan
+    weights: Float[Tensor, "v n"]
+    """How much each view sees of each Gaussian, in pixels of a small picture."""
+    renderings: dict[int, Rendering]
+    """With median depth; of the planned views, and of others once they were asked for."""
+    held_out: tuple[Float[Tensor, "h w 3"], ...]
+    """Pictures at the held-out cameras."""
+
+
+@dataclass(eq=False)
+class EditedViews:
+    """The views edited so far; grows as the strategy asks for more."""
+
+    targets: dict[int, View] = field(default_factory=dict)
+    """By index, in the order in which they were edited."""
+    pairs: list[tuple[str, str, float]] = field(default_factory=list)
+    """(view, view, matched fraction) of every two views that were in a batch together."""
+    ground_truth: Answer | None = None
+    """The map from unedited to truly edited pictures that the targets show, where it is known."""
+
+
+@dataclass(frozen=True, eq=False)
+class Session:
+    """An edit in progress. The optimiser holds the scene; the other records say what it follows."""
+
+    request: Request
+    surveyed: SurveyedViews
+    edited: EditedViews
+    optimiser: SceneOptimiser
+    stopwatch: Stopwatch
+    noise_seed: int
+    """Of the noise that all batches share."""
+
+    @property
+    def settings(self) -> EditSettings:
+        """The request's."""
+        return self.request.settings
+
+    @property
+    def scene(self) -> Gaussians:
+        """The scene as it is now, without gradients."""
+        return self.optimiser.scene.detach()
+
+    @property
+    def seen(self) -> Bool[Tensor, " n"]:
+        """The Gaussians that the edited views see; no others move."""
+        return self.surveyed.weights[list(self.edited.targets)].sum(0) > UNSEEN
+
+    def render(self, camera: Camera) -> Float[Tensor, "h w 3"]:
+        """A picture of the scene as it is now, in [0, 1]."""
+        return rendering_of(self.scene, camera, self.settings.execution).color.clamp(0, 1)
+
+    def unedited_rendering(self, i: int) -> Rendering:
+        """Of the scene before the edit, at view i."""
+        known = self.surveyed.renderings
+        if i not in known:
+            camera = self.request.views[i].camera
+            known[i] = rendering_of(self.request.scene, camera, self.settings.execution)
+        return known[i]
+
+    def unedited_image(self, i: int) -> Float[Tensor, "h w 3"]:
+        """What the editor is shown as the unedited picture of view i, in [0, 1]."""
+        rendered = self.unedited_rendering(i).color
+        is_photo = self.settings.condition == "photo"
+        picture = self.request.views[i].image if is_photo else rendered
+        return picture.clamp(0, 1).to(rendered)
+
+
+def survey_views(request: Request, stopwatch: Stopwatch) -> Generator[Event, None, SurveyedViews]:
+    """Plan which views to edit, and render them and the held-out ones, before the edit.
+
+    Raises UsageError where no view sees the scene.
+    """
+    settings, views = request.settings, request.views
+    yield Event("survey", stopwatch.seconds, note=f"{len(views)} views")
+    with stopwatch.stage("survey"):
+        weights = survey(request.scene, [v.camera for v in views], settings.execution)
+        if not weights.any():
+            raise UsageError(
+                "no camera sees any of the scene: are both in the same frame? "
+                "Leave out --data to have cameras placed around the scene"
+            )
+        plan = plan_views(weights, settings.views_per_round, settings.rounds, settings.coverage)
+        draw = partial(rendering_of, request.scene, execution=settings.execution)
+        planned = {i: draw(views[i].camera) for i in plan.views}
+        held_out = tuple(draw(v.camera).color.clamp(0, 1) for v in request.held_out)
+    note = f"{len(plan.views)} cover {plan.coverage[-1]:.0%} of what all views see"
+    yield Event("survey", stopwatch.seconds, len(views), len(views), note=note)
+    return SurveyedViews(plan, weights, planned, held_out)
+
+
+@torch.no_grad()
+def rendering_of(scene: Gaussians, camera: Camera, execution: Execution) -> Rendering:
+    """A render without gradients, with median depth."""
+    return render(scene, camera, median_depth=True, execution=execution)

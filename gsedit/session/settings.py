@@ -1,0 +1,40 @@
+"""Settings that every strategy shares."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from gsedit.diffusion.settings import SamplerSettings
+from gsedit.errors import UsageError
+from gsedit.fitting.settings import UpdateSettings
+from rasterizer.numerics import AUTO, Execution
+
+
+@dataclass(frozen=True)
+class EditSettings:
+    """Everything that decides an edit but the scene, the instruction, the editor, the strategy
+    and the seed. Raises UsageError for a value out of range."""
+
+    sampler: SamplerSettings = field(default_factory=SamplerSettings)
+    """How the 2D editor samples."""
+    update: UpdateSettings = field(default_factory=UpdateSettings)
+    """How the scene is fitted to the edited views."""
+    views_per_round: int = field(default=4, metadata={"flag": "--views"})
+    """Views that are edited together in a round."""
+    rounds: int = 2
+    """Rounds at most."""
+    coverage: float = 0.95
+    """Stop after the round that covers this share of what the camera set sees, in (0, 1]."""
+    geometry: Literal["appearance", "full"] = "appearance"
+    """What of the scene moves: colours and opacities only, or positions and shapes too."""
+    condition: Literal["render", "photo"] = "render"
+    """What the editor is shown as the unedited picture: a render of the scene, or the photo."""
+    execution: Execution = AUTO
+    """How pictures are rendered; it changes the run time, not the pictures."""
+
+    def __post_init__(self) -> None:
+        if self.views_per_round < 1 or self.rounds < 1:
+            raise UsageError("views and rounds must be 1 or more")
+        if not 0 < self.coverage <= 1:
+            raise UsageError(f"coverage {self.coverage} is not in (0, 1]")
