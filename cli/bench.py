@@ -10,16 +10,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from .command import as_command
 from .console import print_json, print_message, print_result
 from .exits import Interrupted
-from .options import Common, Force, check_folder, flat, output
+from .options import Common, Force, check_folder, output
 from .progress import progress
 
 if TYPE_CHECKING:
     from gsedit.bench.renderer.rows import Row
     from gsedit.bench.renderer.workloads import Workload
 
-bench = typer.Typer(no_args_is_help=True)
+bench = typer.Typer(no_args_is_help=True, add_completion=False)
 
 Points = Annotated[
     Path | None,
@@ -213,7 +214,7 @@ def sampler(
 
 
 for verb in (rasterizer, stability, bars, sampler):
-    bench.command()(flat(verb))
+    bench.command()(as_command(verb))
 
 
 @dataclass

@@ -12,6 +12,8 @@ import typer
 from typer.core import TyperGroup
 
 from .bench import bench
+from .bench import describe as bench_summary
+from .command import LazyCommand, lazy_verb, paragraphs
 from .console import print_message
 from .doctor import doctor
 from .edit import edit
@@ -19,13 +21,18 @@ from .editors import editors
 from .exits import FAILED, OK, USAGE, Interrupted, explain
 from .fit import fit
 from .info import info
-from .options import flat
 from .preview import preview
 from .render import render
 
 
 class Verbs(TyperGroup):
-    """The group of commands, ending every one of them through the table above."""
+    """The group of commands: each is made when it is asked for, and ends as `explain` says."""
+
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**attributes)
+        for body in (fit, edit, render, preview, info, editors, doctor):
+            self.add_command(lazy_verb(body))
+        self.add_command(LazyCommand("bench", bench_summary.__doc__ or "", lambda: bench))
 
     def main(self, args: Any = None, *rest: Any, **options: Any) -> Any:
         words = sys.argv[1:] if args is None else list(args)
@@ -75,9 +82,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for verb in (fit, edit, render, preview, info, editors, doctor):
-    app.command()(flat(verb))
-app.add_typer(bench, name="bench")
 
 
 def show_version(wanted: bool) -> None:
@@ -88,8 +92,7 @@ def show_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
-def describe(
+def gsedit(
     version: Annotated[
         bool,
         typer.Option("--version", callback=show_version, is_eager=True, help="Show the version."),
@@ -100,6 +103,9 @@ def describe(
     Messages go to stderr, results to stdout. Exit codes: 0 done, 1 failed, 2 the request was not
     understood, 3 an input could not be read, 130 interrupted.
     """
+
+
+app.callback(help=paragraphs(gsedit))(gsedit)
 
 
 def _stop(*_: Any) -> None:

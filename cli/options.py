@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import inspect
 import os
-from collections.abc import Callable
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields
 from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -96,44 +94,6 @@ class Seeded(Common):
         import torch
 
         return torch.Generator().manual_seed(self.seed)
-
-
-def flat(body: Callable[..., None]) -> Callable[..., None]:
-    """A command whose parameters are those of `body`, its dataclasses spread into their fields.
-
-    Options that travel together are a type in the code and stay single options on the command line.
-    """
-    single, grouped = [], {}
-    # not get_type_hints: before Python 3.11 it wraps what defaults to None, hiding the option
-    for name, parameter in inspect.signature(body, eval_str=True).parameters.items():
-        if is_dataclass(parameter.annotation):
-            grouped[name] = parameter.annotation
-        else:
-            single.append(parameter)
-    for group in grouped.values():
-        types = get_type_hints(group, include_extras=True)
-        single += [
-            inspect.Parameter(
-                field.name,
-                inspect.Parameter.KEYWORD_ONLY,
-                default=field.default,
-                annotation=types[field.name],
-            )
-            for field in fields(group)
-        ]
-
-    def command(**values: Any) -> None:
-        groups = {
-            name: group(**{field.name: values.pop(field.name) for field in fields(group)})
-            for name, group in grouped.items()
-        }
-        body(**values, **groups)
-
-    command.__name__, command.__doc__ = body.__name__, body.__doc__
-    keywords = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in single]
-    command.__signature__ = inspect.Signature(keywords)  # pyright: ignore[reportFunctionMemberAccess]
-    command.__annotations__ = {p.name: p.annotation for p in keywords}
-    return command
 
 
 def given(options: Any) -> dict[str, Any]:

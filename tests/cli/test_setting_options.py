@@ -1,0 +1,183 @@
+"""A settings record is its own command line: each field an option, nothing said twice."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import pytest
+import typer
+from gsedit_cli.command import LazyCommand, as_command, lazy_verb
+from gsedit_cli.setting_options import (
+    Layout,
+    SettingsGroup,
+    field_docs,
+    help_text,
+    settings_of,
+    with_values,
+)
+from typer.testing import CliRunner
+
+Mode = Literal["soft", "hard-edged"]
+
+
+@dataclass(frozen=True)
+class Inner:
+    steps: int = 7
+    """Steps of the inner part."""
+    share: float | None = None
+    """Share of it, in [0, 1]. None: all that is left."""
+
+
+@dataclass(frozen=True)
+class Outer:
+    """A throw-away record with a field of every kind that an option can hold."""
+
+    steps: int = 20
+    """Steps of `everything`,
+    on two lines."""
+    mode: Mode = "soft"
+    """How."""
+    gentle: bool = True
+    fast: bool = False
+    """Be quick."""
+    views_per_round: int = field(default=4, metadata={"flag": "--views"})
+    """Views together."""
+    file: Path | None = None
+    """Where."""
+    inner: Inner = field(default_factory=lambda: Inner(steps=9))
+    """The inner part."""
+    library_only: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.steps < 1:
+            raise ValueError("steps")
+
+
+LAYOUT = Layout("Outer panel", panels={"inner": "Inner panel"}, without=("library_only",))
+GIVEN: list[Mapping[tuple[str, ...], Any]] = []
+
+
+def verb(
+    name: str,
+    settings: Annotated[
+        Mapping[tuple[str, ...], Any], SettingsGroup(lambda: settings_of(Outer(), LAYOUT))
+    ],
+) -> None:
+    """Do it to NAME.
+
+    A second paragraph.
+    """
+    GIVEN.append(settings)
+
+
+@pytest.fixture
+def run(monkeypatch):
+    """Runs the verb: its result, and the settings it was given."""
+    monkeypatch.setenv("COLUMNS", "160")
+    app = typer.Typer()
+    app.command()(as_command(verb))
+
+    def run(*words: str) -> tuple[Any, Mapping[tuple[str, ...], Any]]:
+        GIVEN.clear()
+        result = CliRunner().invoke(app, list(words))
+        return result, GIVEN[0] if GIVEN else {}
+
+    return run
+
+
+def test_every_field_is_an_option_with_help_and_default(run):
+    text = " ".join(re.sub(r"[│╭╮╰╯─\s]+", " ", run("--help")[0].stdout).split())
+    for words in (
+        "--steps <int> Steps of everything, on two lines (default 20).",
+        "<soft|hard-edged> How (default soft).",
+        "--gentle --no-gentle <bool> gentle (default yes).",
+        "Be quick.",
+        "--views <int> Views together (default 4).",
+        "--file <path> Where.",
+        "--inner-steps <int> Steps of the inner part (default 9).",
+        "--share <float> Share of it, in [0, 1] (default: all that is left).",
+    ):
+        assert words in text
+    assert text.index("Outer panel") < text.index("--steps")
+    assert text.index("Inner panel") < text.index("--inner-steps")
+    assert "--no-fast" not in text
+    assert "library" not in text
+
+
+def test_a_new_field_is_a_new_option_without_another_change():
+    before = {setting.flag for setting in settings_of(Outer(), LAYOUT)}
+
+    @dataclass(frozen=True)
+    class Grown(Outer):
+        colour: str = "red"
+        """What colour."""
+
+    (new,) = (each for each in settings_of(Grown(), LAYOUT) if each.flag not in before)
+    assert (new.flag, new.type, new.help) == ("--colour", str, "What colour (default red).")
+
+
+def test_only_what_is_given_replaces_the_records_values(run):
+    result, values = run("me")
+    assert result.exit_code == 0, result.output
+    assert values == {}
+    assert with_values(Outer(), values) == Outer()
+    words = "me --mode hard-edged --no-gentle --views 2 --inner-steps 3 --share 0.5 --file a"
+    _, values = run(*words.split())
+    base = Outer(steps=5)
+    assert with_values(base, values) == Outer(
+        5, "hard-edged", False, False, 2, Path("a"), Inner(3, 0.5)
+    )
+    with pytest.raises(ValueError, match="steps"):  # the record checks itself
+        with_values(base, {("steps",): 0})
+
+
+@pytest.mark.parametrize(
+    "words", [("--mode", "loud"), ("--steps", "many"), ("--library-only", "1")]
+)
+def test_what_no_option_can_hold_is_refused(run, words):
+    assert run("me", *words)[0].exit_code == 2
+
+
+def test_a_field_that_no_option_can_hold_is_an_error_with_its_name():
+    with pytest.raises(TypeError, match=r"library_only: no option can hold a tuple\[int, \.\.\.\]"):
+        settings_of(Outer(), Layout("Panel"))
+
+
+def test_docstrings_are_read_from_the_source_and_from_bases():
+    @dataclass(frozen=True)
+    class Derived(Inner):
+        more: int = 1
+        """More of it."""
+        """Not this."""
+
+    docs = field_docs(Derived)
+    assert docs == {**field_docs(Inner), "more": "More of it."}
+    assert field_docs(type("Made", (), {})) == {}  # no source
+
+
+@pytest.mark.parametrize(
+    ("doc", "default", "shown"),
+    [
+        ("Share, in (0, 1].", 0.5, "Share, in (0, 1] (default 0.5)."),
+        ("Seconds. None: for ever.", None, "Seconds (default: for ever)."),
+        ("Seconds; None: for ever.", None, "Seconds (default: for ever)."),
+        ("Seconds. None: for ever.", 3, "Seconds (default 3)."),
+        ("Seconds.", None, "Seconds."),
+        ("Be quick", False, "Be quick."),
+    ],
+)
+def test_help_is_the_docstring_and_the_default(doc, default, shown):
+    assert help_text(doc, default) == shown
+
+
+def test_a_listed_verb_makes_its_options_when_it_is_asked_for(monkeypatch):
+    command = lazy_verb(verb)
+    assert isinstance(command, LazyCommand)
+    assert (command.name, command.help) == ("verb", "Do it to NAME.")
+    assert command.params == []
+    with command.make_context("verb", ["me", "--steps", "3"]) as context:
+        assert {param.name for param in context.command.params} >= {"name", "steps"}
