@@ -151,8 +151,10 @@ def write_results(
     import json
 
     from gsedit.files import atomic_path, save
+    from gsedit.files.pictures import save_picture
+    from gsedit.reports.contact_sheet import contact_sheet
+    from gsedit.reports.figures import error_vs_time
     from gsedit.reports.json_lines import plain
-    from gsedit.viewer.show import contact_sheet, error_vs_time, save_picture
 
     (out / "edit.json").unlink(missing_ok=True)  # an earlier run's: it would seal mixed files
     save(result.scene, out / "scene.ply", overwrite=True)

@@ -39,11 +39,11 @@ def preview(
         check_file(out, force)
     common.apply()
 
-    from gsedit.viewer import show
+    from gsedit.viewer.preview import preview as show
 
     found = read(scene, drop_invalid=drop_invalid)
     axis, size = up_vector(up), (width, height)
-    show.preview(found, out, up=axis, size=size, min_opacity=min_opacity, overwrite=force)
+    show(found, out, up=axis, size=size, min_opacity=min_opacity, overwrite=force)
     if out is not None:
         print_message(f"{out} shows {len(found)} Gaussians as points")
         print_result({"picture": str(out)}, str(out), as_json=common.json)

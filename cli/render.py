@@ -127,7 +127,8 @@ def draw(
     import torch
 
     from gsedit.files import atomic_path
-    from gsedit.viewer.show import as_picture, depth_picture, save_picture
+    from gsedit.files.pictures import as_picture, save_picture
+    from gsedit.reports.depth_pictures import depth_picture
     from rasterizer.numerics import Execution
     from rasterizer.render import render as rasterize
 

@@ -20,8 +20,9 @@ import gsedit
 from gsedit.consistency.harmonise import harmonise
 from gsedit.edit import around
 from gsedit.editors import EditProgress
+from gsedit.files.pictures import save_picture
+from gsedit.reports.contact_sheet import contact_sheet
 from gsedit.synthetic import demo_scene, surface_gaussians
-from gsedit.viewer.show import contact_sheet, save_picture
 
 
 class Fade:

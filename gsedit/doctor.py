@@ -112,7 +112,7 @@ def _draw() -> None:
     """A point drawn off screen, as `gsedit preview` does."""
     import torch
 
-    from gsedit.viewer.show import snapshot
+    from gsedit.viewer.preview import snapshot
     from gsedit.views.framing import framing_camera
     from rasterizer.scene import Gaussians
 

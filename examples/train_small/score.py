@@ -26,10 +26,10 @@ from gsedit.consistency.correspond import correspond
 from gsedit.diffusion import SamplerSettings
 from gsedit.editors import EditBatch, Editor, make_editor
 from gsedit.files import load_dataset
+from gsedit.files.pictures import as_picture, save_picture
 from gsedit.measures.metrics import edit_strength, warp_error
 from gsedit.reports.json_lines import write_line
 from gsedit.synthetic import demo_scene, ring_cameras
-from gsedit.viewer.show import as_picture, save_picture
 from gsedit.views.dataset import evenly_spaced
 from train_small import Case, Score, Sources, summary
 from train_small.captured import Column, captured, looked_at, mean_up

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.editors.looks import ramp
-from gsedit.views.pictures import rotate_hue
+from gsedit.views.image_ops import rotate_hue
 from train_small.paints import (
     Paint,
     blueprint,

@@ -40,7 +40,7 @@ from torch import Tensor
 
 from gsedit.diffusion import Answer, Branches, Need, Prediction, Schedule
 from gsedit.editors.looks import VARIANTS, agreed_variant, parse
-from gsedit.views.pictures import rotate_hue
+from gsedit.views.image_ops import rotate_hue
 
 CODE = 2  # channels of a cell that say which variant it shows: a triangle lies in a plane
 CELL = 8  # Stable Diffusion's, so that correspondences are met at the size that real weights have

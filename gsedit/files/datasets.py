@@ -11,7 +11,7 @@ from gsedit.files.photos import PosedPhoto, SparsePoints, check_size
 from gsedit.files.pictures import fitted_size, read_picture
 from gsedit.files.undistort import Lens, Undistortion, undistort, undistortion
 from gsedit.views.dataset import Dataset, View, evenly_spaced
-from gsedit.views.pictures import downscale
+from gsedit.views.image_ops import downscale
 
 
 def load_dataset(path: str | Path, *, size: int | None = None, limit: int | None = None) -> Dataset:

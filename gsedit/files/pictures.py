@@ -1,4 +1,4 @@
-"""Photos from files: read as sRGB in [0, 1], and the size that they are reduced to."""
+"""Pictures in and out: sRGB in [0, 1] as tensors, 8 bits a channel in files."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import torch
 from jaxtyping import Float
+from PIL import Image
 from torch import Tensor
 
 from gsedit.errors import InputError
+from gsedit.files.atomic import atomic_path
 
 
 def picture_size(path: Path) -> tuple[int, int]:
     """(width, height), from the header of the file alone."""
-    from PIL import Image
-
     try:
         with Image.open(path) as picture:
             return picture.size
@@ -28,8 +28,6 @@ def read_picture(path: Path) -> Float[Tensor, "h w 3"]:
 
     Transparent pictures are laid over white, as Blender's synthetic scenes expect.
     """
-    from PIL import Image
-
     try:
         with Image.open(path) as picture:
             if not picture.has_transparency_data:
@@ -47,6 +45,18 @@ def fitted_size(width: int, height: int, size: int | None) -> tuple[int, int]:
     if size is None or size >= longest:
         return width, height
     return max(1, round(width * size / longest)), max(1, round(height * size / longest))
+
+
+def as_picture(image: Float[Tensor, "h w 3"]) -> Image.Image:
+    """An 8-bit picture of sRGB values in [0, 1]; values outside are clipped."""
+    levels = (image.detach().clamp(0, 1) * 255).round().to(torch.uint8)
+    return Image.fromarray(levels.cpu().numpy())
+
+
+def save_picture(picture: Image.Image, path: Path | str, *, overwrite: bool = False) -> None:
+    """Write a PNG, whole or not at all. Raises UsageError as `atomic_path` does."""
+    with atomic_path(path, overwrite=overwrite) as temporary:
+        picture.save(temporary, format="PNG")
 
 
 def _unit(pixels: np.ndarray) -> Tensor:

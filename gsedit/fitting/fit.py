@@ -22,7 +22,7 @@ from gsedit.measures.decibels import rmse_from_psnr
 from gsedit.measures.metrics import psnr
 from gsedit.reports.events import Checkpoint, Event
 from gsedit.views.dataset import Dataset, View
-from gsedit.views.pictures import downscale
+from gsedit.views.image_ops import downscale
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import render
 from rasterizer.scene import Gaussians

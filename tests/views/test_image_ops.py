@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from gsedit.views.dataset import evenly_spaced
-from gsedit.views.pictures import downscale, rotate_hue
+from gsedit.views.image_ops import downscale, rotate_hue
 
 
 def test_spacing_is_even_and_starts_at_the_first():

@@ -1,0 +1,51 @@
+"""Depth in colour, for people: near is red, far is blue, with a legend."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+from PIL import Image, ImageDraw, ImageFont
+from torch import Tensor
+
+SOLID = 0.5  # of alpha: a pixel shows a surface where at least half of it is covered
+LEGEND = 22  # pixels: the height of the strip below the picture
+
+
+def depth_range(depth: Float[Tensor, "h w"], alpha: Float[Tensor, "h w"]) -> tuple[float, float]:
+    """The near and far ends of a colour scale: 2 % and 98 % of the depths of solid pixels.
+
+    (0, 1) where nothing is solid; never an empty range.
+    """
+    solid = depth[(alpha > SOLID) & depth.isfinite()]
+    if not len(solid):
+        return 0.0, 1.0
+    ordered = solid.detach().double().sort().values
+    near, far = (float(ordered[round(q * (len(ordered) - 1))]) for q in (0.02, 0.98))
+    return near, max(far, near + 1e-6 * max(abs(near), 1.0))
+
+
+def depth_picture(depth: Float[Tensor, "h w"], alpha: Float[Tensor, "h w"]) -> Image.Image:
+    """Depth in colour, near is red and far is blue, with the range (scene units) written below.
+
+    Pixels less than half covered are black: they have no surface.
+    """
+    from matplotlib import colormaps
+
+    turbo = colormaps["turbo"]
+    near, far = depth_range(depth, alpha)
+    nearness = ((far - depth.detach()) / (far - near)).clamp(0, 1).nan_to_num()
+    colors = turbo(nearness.cpu().numpy())[..., :3]
+    colors = colors * (alpha.detach() > SOLID).cpu().numpy()[..., None]
+    picture = Image.fromarray((colors * 255).round().astype(np.uint8))
+
+    legend = Image.new("RGB", (picture.width, LEGEND), "white")
+    ramp = (turbo(np.linspace(1, 0, picture.width))[:, :3] * 255).round().astype(np.uint8)
+    legend.paste(Image.fromarray(np.tile(ramp, (LEGEND // 3, 1, 1))), (0, 0))
+    draw, font = ImageDraw.Draw(legend), ImageFont.load_default(11)
+    draw.text((2, LEGEND // 3), f"{near:.3g}", fill="black", font=font)
+    draw.text((picture.width - 2, LEGEND // 3), f"{far:.3g}", fill="black", font=font, anchor="ra")
+
+    joined = Image.new("RGB", (picture.width, picture.height + LEGEND))
+    joined.paste(picture, (0, 0))
+    joined.paste(legend, (0, picture.height))
+    return joined

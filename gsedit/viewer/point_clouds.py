@@ -1,0 +1,55 @@
+"""Scenes as the point clouds of Open3D and pyvista. `n` Gaussians, `k` SH coefficients."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from gsedit.viewer.libraries import import_open3d, import_pyvista
+from rasterizer.numerics import SH_DC
+from rasterizer.scene import Gaussians
+
+
+def splat_colors(scene: Gaussians) -> Float[Tensor, "n 3"]:
+    """The colour of every Gaussian without its view dependence (SH degree 0), in [0, 1]."""
+    return (0.5 + SH_DC * scene.sh[:, 0]).detach().clamp(0, 1)
+
+
+def to_open3d(scene: Gaussians) -> Any:
+    """An `open3d.t.geometry.PointCloud` with Open3D's names for splats.
+
+    positions; scale `n 3` (linear); rot `n 4` (wxyz); opacity `n 1` (logit); f_dc `n 3`; f_rest
+    `n k-1 3`. Its rotate() turns SH wrongly: turn the scene before.
+
+    Raises GseditError where open3d cannot be loaded.
+    """
+    open3d = import_open3d()
+    fields = {
+        "positions": scene.means,
+        "scale": scene.scales,
+        "rot": scene.quats,
+        "opacity": scene.logit_opacities[:, None],
+        "f_dc": scene.sh[:, 0],
+        "f_rest": scene.sh[:, 1:],
+    }
+    cloud = open3d.t.geometry.PointCloud()
+    for name, field in fields.items():
+        if field.numel() or name != "f_rest":
+            values = field.detach().float().contiguous().cpu().numpy()
+            cloud.point[name] = open3d.core.Tensor.from_numpy(values).clone()
+    return cloud
+
+
+def to_pyvista(scene: Gaussians) -> Any:
+    """A `pyvista.PolyData` of the centres, with `rgb` (uint8), `opacity` and `scales`.
+
+    Raises GseditError where pyvista cannot be loaded.
+    """
+    cloud = import_pyvista().PolyData(scene.means.detach().double().cpu().numpy())
+    cloud["rgb"] = (splat_colors(scene) * 255).round().to(torch.uint8).cpu().numpy()
+    cloud["opacity"] = scene.opacities.detach().cpu().numpy()
+    cloud["scales"] = scene.scales.detach().cpu().numpy()
+    return cloud
