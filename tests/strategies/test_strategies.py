@@ -1,0 +1,106 @@
+"""A strategy is one file: found by its name, run by the pipeline, and free to ask as it likes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import pytest
+import torch
+
+from gsedit import strategies
+from gsedit.diffusion import SamplerSettings
+from gsedit.edit import edit_steps
+from gsedit.editors import make_editor
+from gsedit.errors import UsageError
+from gsedit.fitting.settings import UpdateSettings
+from gsedit.reports.events import Checkpoint, Event
+from gsedit.session.editing import edit_views
+from gsedit.session.session import Session
+from gsedit.session.settings import EditSettings
+from gsedit.session.update import checkpoint, fit_targets
+from gsedit.strategies.single_pass import SinglePass
+from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
+from gsedit.views.dataset import Dataset, capture
+
+
+@dataclass(frozen=True)
+class DatasetUpdate:
+    """Instruct-NeRF2NeRF's way: one view in turn, from a noise level drawn anew, a few steps."""
+
+    edits: int = 5
+    steps_between: int = 3
+
+    def __call__(self, session: Session) -> Iterator[Event | Checkpoint]:
+        sampler = session.settings.sampler
+        planned = session.surveyed.plan.views
+        total = self.edits * self.steps_between
+        for number in range(self.edits):
+            low, high = 0.3, 0.98
+            draw = float(torch.rand((), generator=session.request.generator))
+            noised = replace(sampler, strength=low + (high - low) * draw, consensus=False)
+            yield from edit_views(session, [planned[number % len(planned)]], sampler=noised)
+            done = number * self.steps_between
+            yield from fit_targets(session, self.steps_between, done=done, total=total)
+        yield checkpoint(session, total)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return surface_gaussians(demo_scene(), 1000, torch.Generator().manual_seed(0))
+
+
+@pytest.fixture(scope="module")
+def data(scene):
+    cameras = ring_cameras(demo_scene(), 9, 48)
+    return Dataset(capture(scene, cameras, [str(i) for i in range(9)]))
+
+
+def test_another_strategy_needs_nothing_but_itself(scene, data):
+    settings = EditSettings(
+        sampler=SamplerSettings(steps=4),
+        update=UpdateSettings(patches=2, patch=16),
+        views_per_round=3,
+        rounds=1,
+    )
+    strategy = DatasetUpdate()
+    items = list(
+        edit_steps(
+            scene,
+            "as bronze",
+            editor=make_editor("closed-form"),
+            generator=torch.Generator().manual_seed(0),
+            dataset=data,
+            settings=settings,
+            strategy=strategy,
+        )
+    )
+    result = items[-1]
+    assert result.strategy is strategy
+    assert len(result.targets) == 3  # the first two were edited twice
+    samples = [i for i in items if isinstance(i, Event) and i.stage == "sample"]
+    assert len([e for e in samples if e.step == e.steps]) == 5
+    assert [c.step for c in items if isinstance(c, Checkpoint)] == [15]
+    assert not torch.equal(result.scene.sh, scene.sh)
+
+
+def test_strategies_are_found_by_the_name_of_their_file():
+    assert "single-pass" in strategies.strategy_names()
+    assert strategies.find_strategy("single-pass") is SinglePass
+    assert strategies.name_of(SinglePass(3)) == "single-pass"
+    assert isinstance(SinglePass(), strategies.Strategy)
+    with pytest.raises(UsageError, match=r"no strategy 'two-pass': choose one of .*single-pass"):
+        strategies.find_strategy("two-pass")
+
+
+def test_a_new_file_is_a_new_strategy(monkeypatch, tmp_path):
+    (tmp_path / "throw_away.py").write_text(
+        "from dataclasses import dataclass\n"
+        "@dataclass(frozen=True)\n"
+        "class ThrowAway:\n"
+        "    pace: float = 2.0\n"
+        "    def __call__(self, session): yield from ()\n"
+    )
+    monkeypatch.setattr(strategies, "__path__", [*strategies.__path__, str(tmp_path)])
+    assert "throw-away" in strategies.strategy_names()
+    assert strategies.find_strategy("throw-away")().pace == 2.0
