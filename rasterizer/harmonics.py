@@ -71,11 +71,11 @@ def basis(directions: Float[Tensor, "n 3"], degree: int) -> Float[Tensor, "n k"]
     return torch.stack(terms, -1)
 
 
-def without_zeros(sh: Float[Tensor, "n k 3"]) -> Float[Tensor, "n j 3"]:
+def without_zero_bands(sh: Float[Tensor, "n k 3"]) -> Float[Tensor, "n j 3"]:
     """The same without the trailing bands that are zero for all rows.
 
     All bands where a gradient is asked for: that of a zero is not zero. On 111,785 rows of degree
-    3 the look takes 4 ms of one core, where it finds zeros, and saves 9.
+    3 the search takes 4 ms of one core, and saves 9 where it finds zeros.
     """
     if sh.requires_grad and torch.is_grad_enabled():
         return sh

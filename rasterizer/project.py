@@ -33,14 +33,15 @@ class Projected:
     """w0, w1, w2: the inverse of the covariance's lower Cholesky factor, 1/pixels."""
     depth: Float[Tensor, " n"]
     """Of the centre, along the view."""
-    order: Float[Tensor, " n"]
+    sort_depth: Float[Tensor, " n"]
     """The same in float64, to sort by: float32 puts two of 10,000 in the wrong order,
     and a pixel then jumps. Without gradients."""
     covariance: Float[Tensor, "n 4"]
     """xx, xy, yy, and the variance of x at a given y; for choosing tiles only, without
     gradients."""
-    log_gain: Float[Tensor, " n"] | None = None
-    """Natural logarithm of what antialiasing multiplies each opacity by; None: with 1."""
+    log_compensation: Float[Tensor, " n"] | None = None
+    """Natural logarithm of the factor by which antialiasing changes each opacity; None: it is
+    off."""
 
 
 def rotation_matrices(quats: Float[Tensor, "n 4"]) -> Float[Tensor, "n 3 3"]:
@@ -67,7 +68,9 @@ def rotation_matrices(quats: Float[Tensor, "n 4"]) -> Float[Tensor, "n 3 3"]:
 
 
 def slope_limits(camera: Camera, numerics: Numerics) -> tuple[float, float, float, float]:
-    """Bounds of x/z and y/z at which the Jacobian is taken: the picture plus a margin (gsplat)."""
+    """Bounds (low x, high x, low y, high y) of x/z and y/z at which the Jacobian is taken: the
+    picture plus a margin, as gsplat has it.
+    """
     mx, my = numerics.margin * camera.width / 2, numerics.margin * camera.height / 2
     return (
         (-camera.cx - mx) / camera.fx,
@@ -78,15 +81,7 @@ def slope_limits(camera: Camera, numerics: Numerics) -> tuple[float, float, floa
 
 
 @torch.no_grad()
-def visible(scene: Gaussians, camera: Camera, box: Box, numerics: Numerics) -> Int[Tensor, " m"]:
-    """Rows that may touch the box: between the planes, not transparent, near enough to it."""
-    first, second, third = scene.log_scales.unbind(-1)
-    extents = first.maximum(second).maximum(third).exp()
-    return in_sight(scene.means, extents, scene.opacities, camera, box, numerics)
-
-
-@torch.no_grad()
-def in_sight(
+def cull(
     means: Float[Tensor, "n 3"],
     extents: Float[Tensor, " n"],
     opacities: Float[Tensor, " n"],
@@ -94,9 +89,10 @@ def in_sight(
     box: Box,
     numerics: Numerics,
 ) -> Int[Tensor, " m"]:
-    """Rows that may touch the box, of Gaussians no wider than `extents` (standard deviations).
+    """Rows that may touch the box: between the planes, not transparent, near enough to it.
 
-    Each footprint is bounded by the sphere of that radius, so what is seen is never dropped.
+    Each Gaussian is bounded by a sphere of `extents`, its largest standard deviation in world
+    units, so none that contributes is dropped. `opacities` are in [0, 1]. The rows ascend.
     Raises ValueError for a near plane behind a pinhole.
     """
     if camera.model == "pinhole" and numerics.near < 0:
@@ -108,7 +104,7 @@ def in_sight(
     distance = z.clamp_min(numerics.near) if camera.model == "pinhole" else torch.ones_like(z)
     low_x, high_x, low_y, high_y = slope_limits(camera, numerics)
     sigma = extents / distance
-    cut_off = (2 * (opacities / numerics.alpha_min).log().clamp_min(0)).sqrt()
+    cutoff = (2 * (opacities / numerics.alpha_min).log().clamp_min(0)).sqrt()
     left, top, width, height = box
     for at, focal, centre, low, high, start, size in (
         (x, camera.fx, camera.cx, low_x, high_x, left, width),
@@ -119,7 +115,7 @@ def in_sight(
         place = slope * focal
         # float32 rounds a place by 1e-7 of it, which counts where a sensor is shifted by 1e7 pixels
         rounding = 1 + 1e-6 * place.abs().clamp_max(1e30)
-        reach = cut_off * ((sigma * stretch).square() + numerics.blur).sqrt() * 1.001 + rounding
+        reach = cutoff * ((sigma * stretch).square() + numerics.blur).sqrt() * 1.001 + rounding
         offset = place + (centre - start)
         keep &= ~((offset < -reach) | (offset > size + reach))  # NaN stays, to be refused
     return keep.nonzero().squeeze(-1)
@@ -135,14 +131,14 @@ def project_axes(
     means: Float[Tensor, "n 3"], axes: Float[Tensor, "n 3 3"], camera: Camera, numerics: Numerics
 ) -> Projected:
     """Project Gaussians of covariance A A^T; the columns of A are their axes in the world."""
-    lines = _linearise(means, camera, numerics)
+    linear = _linearise(means, camera, numerics)
     rows = axes.permute(1, 2, 0)
-    m1, m2 = ((line[:, None] * rows).sum(0) for line in (lines.to_x, lines.to_y))
+    m1, m2 = ((line[:, None] * rows).sum(0) for line in (linear.to_x, linear.to_y))
     xx = m1.square().sum(0)
     # divided before it is squared: the determinant overflows where the moments do not
     cross = torch.linalg.cross(m1 * (xx + numerics.blur).rsqrt(), m2, dim=0)
     moments = (xx, (m1 * m2).sum(0), m2.square().sum(0), cross.square().sum(0))
-    return _whiten(means, lines, moments, numerics)
+    return _whiten(means, linear, moments, numerics)
 
 
 def project_covariances(
@@ -155,18 +151,18 @@ def project_covariances(
 
     Without their axes the determinant is a difference, which is taken in float64.
     """
-    lines = _linearise(means, camera, numerics)
-    to_x, to_y, covariances = (t.double() for t in (lines.to_x, lines.to_y, covariances))
+    linear = _linearise(means, camera, numerics)
+    to_x, to_y, covariances = (t.double() for t in (linear.to_x, linear.to_y, covariances))
     rows = covariances.permute(1, 2, 0)
     half_x, half_y = ((rows * line).sum(1) for line in (to_x, to_y))
     # rounded covariances may have a small negative eigenvalue
     xx, yy = ((line * half).sum(0).clamp_min(0) for line, half in ((to_x, half_x), (to_y, half_y)))
     xy = (to_y * half_x).sum(0)
     moments = (xx, xy, yy, (xx * yy - xy * xy).clamp_min(0) / (xx + numerics.blur))
-    return _whiten(means, lines, moments, numerics)
+    return _whiten(means, linear, moments, numerics)
 
 
-class _Lines(NamedTuple):
+class _Linearised(NamedTuple):
     """The projection to first order about each centre."""
 
     xy: Float[Tensor, "n 2"]
@@ -190,28 +186,28 @@ def view_directions(means: Float[Tensor, "n 3"], camera: Camera) -> Float[Tensor
     return torch.nn.functional.normalize(means.double() - centre, dim=-1).to(means)
 
 
-def colors_seen(
+def view_dependent_colors(
     sh: Float[Tensor, "n k 3"], means: Float[Tensor, "n 3"], camera: Camera
 ) -> Float[Tensor, "n 3"]:
-    """Colours as the camera sees them; what has one colour from everywhere needs no directions."""
+    """Colours from the camera's position, not below 0; degree 0 needs no directions."""
     directions = means if sh.shape[1] == 1 else view_directions(means, camera)
     return harmonics.colors(sh, directions)
 
 
-def _linearise(means: Float[Tensor, "n 3"], camera: Camera, numerics: Numerics) -> _Lines:
+def _linearise(means: Float[Tensor, "n 3"], camera: Camera, numerics: Numerics) -> _Linearised:
     right, down, ahead = camera.rotation.to(means)[:, :, None]
     x, y, z = _in_camera(means, camera)
     if camera.model == "ortho":
         xy = _stack(means, camera.fx * x + camera.cx, camera.fy * y + camera.cy)
         to_x, to_y = camera.fx * right, camera.fy * down
-        return _Lines(xy, z, to_x.expand(-1, len(means)), to_y.expand(-1, len(means)))
+        return _Linearised(xy, z, to_x.expand(-1, len(means)), to_y.expand(-1, len(means)))
     slope_x, slope_y = x / z, y / z
     xy = _stack(means, camera.fx * slope_x + camera.cx, camera.fy * slope_y + camera.cy)
     low_x, high_x, low_y, high_y = slope_limits(camera, numerics)
     jx = slope_x.clamp(low_x, high_x).to(means)
     jy = slope_y.clamp(low_y, high_y).to(means)
     per_z = z.reciprocal().to(means)  # in float32 its gradient, 1 / z^2, underflows at z = 1e23
-    return _Lines(
+    return _Linearised(
         xy=xy,
         depth=z,
         to_x=(camera.fx * per_z) * (right - jx * ahead),
@@ -220,26 +216,29 @@ def _linearise(means: Float[Tensor, "n 3"], camera: Camera, numerics: Numerics) 
 
 
 def _whiten(
-    means: Float[Tensor, "n 3"], lines: _Lines, moments: tuple[Tensor, Tensor, Tensor, Tensor],
+    means: Float[Tensor, "n 3"],
+    linear: _Linearised,
+    moments: tuple[Tensor, Tensor, Tensor, Tensor],
     numerics: Numerics,
-) -> Projected:  # fmt: skip
-    """From the second moments xx, xy, yy on the picture, and their determinant over the blurred
-    xx; all else unblurred.
+) -> Projected:
+    """From the second moments xx, xy, yy on the picture [n], and their determinant over the blurred
+    xx [n]; all else unblurred.
     """
     s1, xy, s2, sharp = moments
     xx, yy = s1 + numerics.blur, s2 + numerics.blur
     conditional = sharp + numerics.blur * (1 + s2 / xx)  # the blurred determinant over xx
     w2 = conditional.rsqrt()
-    gain = None
-    if numerics.antialiased:  # tiny: far below the floor, and no logarithm of zero
-        gain = 0.5 * (sharp.clamp_min(torch.finfo(sharp.dtype).tiny).log() - conditional.log())
+    compensation = None
+    if numerics.antialiased:
+        tiny = torch.finfo(sharp.dtype).tiny  # far below the floor, and no logarithm of zero
+        compensation = 0.5 * (sharp.clamp_min(tiny).log() - conditional.log())
     return Projected(
-        xy=lines.xy,
+        xy=linear.xy,
         whitening=_stack(means, xx.rsqrt(), -xy / xx * w2, w2),
-        depth=lines.depth.to(means),
-        order=lines.depth.detach(),
+        depth=linear.depth.to(means),
+        sort_depth=linear.depth.detach(),
         covariance=_stack(means, xx, xy, yy, conditional * (xx / yy)).detach(),
-        log_gain=None if gain is None else gain.to(means),
+        log_compensation=None if compensation is None else compensation.to(means),
     )
 
 
@@ -247,12 +246,12 @@ def _stack(like: Tensor, *columns: Float[Tensor, " n"]) -> Float[Tensor, "n k"]:
     return torch.stack([column.to(like) for column in columns], -1)
 
 
-def drawn_log_opacities(
+def effective_log_opacities(
     projected: Projected, log_opacities: Float[Tensor, " n"], numerics: Numerics
 ) -> Float[Tensor, " n"]:
-    """What to blend with: opacities with their gain; below the floor where radius_clip drops."""
-    if projected.log_gain is not None:
-        log_opacities = log_opacities + projected.log_gain
+    """What is blended: with antialiasing; below the floor where `radius_clip` drops."""
+    if projected.log_compensation is not None:
+        log_opacities = log_opacities + projected.log_compensation
     if numerics.radius_clip > 0:
         small = footprint_radii(projected, log_opacities, numerics).amax(-1) <= numerics.radius_clip
         log_opacities = log_opacities.masked_fill(small, 2 * numerics.log_alpha_min)
@@ -260,8 +259,8 @@ def drawn_log_opacities(
 
 
 @torch.no_grad()
-def cut_offs(log_opacities: Float[Tensor, " n"], numerics: Numerics) -> Float[Tensor, " n"]:
-    """Standard deviations at which alpha falls to its floor; 0: never above it."""
+def cutoff_radii(log_opacities: Float[Tensor, " n"], numerics: Numerics) -> Float[Tensor, " n"]:
+    """Radii, in standard deviations, at which alpha falls to its floor; 0: never above it."""
     return (2 * (log_opacities - numerics.log_alpha_min)).clamp_min(0).sqrt()
 
 
@@ -270,5 +269,5 @@ def footprint_radii(
     projected: Projected, log_opacities: Float[Tensor, " n"], numerics: Numerics
 ) -> Int[Tensor, "n 2"]:
     """Whole pixels that each footprint reaches to its sides, and up and down; 0: never visible."""
-    cut_off = cut_offs(log_opacities, numerics)
-    return (cut_off[:, None] * projected.covariance[:, ::2].sqrt()).ceil().int()
+    cutoff = cutoff_radii(log_opacities, numerics)
+    return (cutoff[:, None] * projected.covariance[:, ::2].sqrt()).ceil().int()

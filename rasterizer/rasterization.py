@@ -9,33 +9,31 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import prod
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, get_args
 
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from rasterizer import checks, harmonics
+from rasterizer import checks
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, DEFAULT, Execution, Numerics
-from rasterizer.project import (
-    Projected,
-    colors_seen,
-    drawn_log_opacities,
-    footprint_radii,
-    in_sight,
-    project_axes,
-    project_covariances,
-    rotation_matrices,
+from rasterizer.gsplat_inputs import (
+    Cloud,
+    expect_one_of,
+    expect_shape,
+    image_cameras,
+    image_clouds,
+    refuse_unsupported,
 )
-from rasterizer.splat import splat
+from rasterizer.numerics import AUTO, DEFAULT, Execution, Numerics
+from rasterizer.preprocess import Splats, preprocess
+from rasterizer.project import footprint_radii
+from rasterizer.splat import Splatted, splat
 
 RenderMode = Literal["RGB", "D", "ED", "RGB+D", "RGB+ED"]
 
 LEAST_BLUR = 1e-10  # square pixels: a line of no width has no picture
 LEAST_ALPHA = 1e-10  # gsplat's, in the depth of ED
-UPPER = ((0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2))  # rows and columns of covars' six numbers
-SYMMETRIC = (0, 1, 2, 1, 3, 4, 2, 4, 5)  # and back to 3x3
 
 
 @torch.autocast("cpu", enabled=False)
@@ -115,7 +113,7 @@ def rasterization(
     ValueError for shapes that do not fit together, and for NaN or infinity in an input, with its
     name and the first row (of colors: of those in sight).
     """
-    _refuse_what_is_not_here(
+    refuse_unsupported(
         sparse_grad=sparse_grad,
         absgrad=absgrad,
         distributed=distributed,
@@ -128,26 +126,18 @@ def rasterization(
         viewmats_rs=viewmats_rs,
         rolling_shutter=getattr(rolling_shutter, "name", rolling_shutter) not in (None, "GLOBAL"),
     )
-    if camera_model not in ("pinhole", "ortho"):
-        raise NotImplementedError(f"camera_model={camera_model!r}: pinhole and ortho are here")
-    for name, value, known in (
-        ("render_mode", render_mode, get_args(RenderMode)),
-        ("rasterize_mode", rasterize_mode, ("classic", "antialiased")),
-    ):
-        if value not in known:
-            raise ValueError(f"{name} {value!r} is none of {', '.join(known)}")
-    batch, count, views = means.shape[:-2], means.shape[-2], viewmats.shape[-3]
-    leading, images = (*batch, views), prod(batch) * views
+    expect_one_of("render_mode", render_mode, get_args(RenderMode))
+    expect_one_of("rasterize_mode", rasterize_mode, ("classic", "antialiased"))
+    leading = (*means.shape[:-2], viewmats.shape[-3])
+    images = prod(leading)
     if not images:
         raise ValueError("there is no camera: viewmats, or a batch dimension, is empty")
-    clouds = _clouds(means, quats, scales, opacities, covars)
-    paints = _paints(colors, leading, count, sh_degree)
-    plain = Camera(torch.eye(4), 1.0, 1.0, 0.0, 0.0, width, height)
-    plain = replace(plain, model="ortho" if camera_model == "ortho" else "pinhole")
-    cameras = _cameras(plain, viewmats, Ks, leading)
+    clouds = image_clouds(means, quats, scales, opacities, covars, colors, leading, sh_degree)
+    cameras = image_cameras(viewmats, Ks, leading, _template(width, height, camera_model))
     if backgrounds is not None:
         checks.all_finite("backgrounds", backgrounds)
-        _expect("backgrounds", backgrounds, (*leading, colors.shape[-1]))
+        expect_shape("backgrounds", backgrounds, (*leading, colors.shape[-1]))
+        backgrounds = backgrounds.reshape(images, -1)
     numerics = Numerics(
         blur=max(eps2d, LEAST_BLUR),
         antialiased=rasterize_mode == "antialiased",
@@ -155,226 +145,98 @@ def rasterization(
         far=far_plane,
         radius_clip=radius_clip,
     )
-    checks.settings(numerics)
     execution = execution or AUTO
     if tile_size is not None:
         execution = replace(execution, tile_size=tile_size)
 
-    seen = [_see(clouds[i // views], camera, numerics) for i, camera in enumerate(cameras)]
-    meta = _meta(seen, leading, count, width, height)
-    centres = meta["means2d"].reshape(images, count, 2)
-    drawn = []
-    for i, (camera, one) in enumerate(zip(cameras, seen)):
-        features = []
-        if "RGB" in render_mode:
-            means_seen = clouds[i // views].means[one.rows]
-            features.append(_colors(paints[i], one.rows, means_seen, camera, sh_degree))
-        if "D" in render_mode.replace("RGB", ""):
-            features.append(one.projected.depth[:, None])
-        drawn.append(
-            splat(
-                # by way of meta["means2d"], which so gets its gradient
-                replace(one.projected, xy=centres[i][one.rows]),
-                one.log_opacities,
-                torch.cat(features, -1),
-                (0, 0, width, height),
-                numerics,
-                execution=execution,
-            )
-        )
-    size = drawn[0].tile_size
+    box = (0, 0, width, height)
+    parts = {"color": "RGB" in render_mode, "depth": _has_depth(render_mode)}
+    splats = [
+        preprocess(cloud, camera, box, numerics, **parts) for cloud, camera in zip(clouds, cameras)
+    ]
+    meta = _meta(clouds, splats, leading, width, height)
+    # positions by way of meta["means2d"], which so gets its gradient
+    centres = meta["means2d"].reshape(images, -1, 2)
+    pictures = [
+        splat(_moved(one, xy[one.rows]), box, numerics, execution=execution)
+        for one, xy in zip(splats, centres)
+    ]
+    size = pictures[0].tile_size
     meta |= {"tile_size": size, "tile_width": -(-width // size), "tile_height": -(-height // size)}
-    picture = torch.stack([d.features for d in drawn])
-    through = torch.stack([d.transmittance for d in drawn])[..., None]
-    alphas = 1 - through
-    channels = colors.shape[-1] if "RGB" in render_mode else 0
+    picture, alphas = _composed(pictures, render_mode, backgrounds)
+    return picture.unflatten(0, leading), alphas.unflatten(0, leading), meta
+
+
+def _template(width: int, height: int, model: str) -> Camera:
+    """A camera with the picture's size and the model; NotImplementedError for another model."""
+    if model not in ("pinhole", "ortho"):
+        raise NotImplementedError(f"camera_model={model!r}: pinhole and ortho are here")
+    camera = Camera(torch.eye(4), 1.0, 1.0, 0.0, 0.0, width, height)
+    return replace(camera, model="ortho" if model == "ortho" else "pinhole")
+
+
+def _moved(splats: Splats, xy: Float[Tensor, "m 2"]) -> Splats:
+    """The same at other positions, pixels."""
+    return replace(splats, projected=replace(splats.projected, xy=xy))
+
+
+def _composed(
+    pictures: list[Splatted], render_mode: RenderMode, backgrounds: Float[Tensor, "i d"] | None
+) -> tuple[Float[Tensor, "i h w x"], Float[Tensor, "i h w 1"]]:
+    """Colours over their backgrounds, then depth; and alphas, of all images."""
+    picture = torch.stack([one.features for one in pictures])
+    transmittance = torch.stack([one.transmittance for one in pictures])[..., None]
+    alphas = 1 - transmittance
+    channels = picture.shape[-1] - _has_depth(render_mode)
     color, depth = picture[..., :channels], picture[..., channels:]
     if "ED" in render_mode:
         depth = depth / alphas.clamp_min(LEAST_ALPHA)
     if backgrounds is not None and channels:
-        color = color + through * backgrounds.to(color).reshape(images, 1, 1, channels)
-    picture = torch.cat((color, depth), -1)
-    return picture.unflatten(0, leading), alphas.unflatten(0, leading), meta
+        color = color + transmittance * backgrounds.to(color)[:, None, None]
+    return torch.cat((color, depth), -1), alphas
 
 
-def _refuse_what_is_not_here(**options: Any) -> None:
-    """Options that gsplat has and this has not: each is off as None or False."""
-    for name, value in options.items():
-        if value is not None and value is not False:
-            raise NotImplementedError(f"{name}={value!r} is not implemented on a CPU")
-
-
-def _expect(name: str, tensor: Tensor, shape: tuple[int, ...]) -> Tensor:
-    if tuple(tensor.shape) != shape:
-        found, fitting = list(tensor.shape), list(shape)
-        raise ValueError(f"{name} has shape {found}; {fitting} would fit means and viewmats")
-    return tensor
-
-
-def _cameras(plain: Camera, viewmats: Tensor, Ks: Tensor, leading: tuple[int, ...]) -> list[Camera]:
-    """`plain` at every pose, with its intrinsics."""
-    checks.all_finite("viewmats", _expect("viewmats", viewmats, (*leading, 4, 4)))
-    checks.all_finite("Ks", _expect("Ks", Ks, (*leading, 3, 3)))
-    poses, intrinsics = viewmats.reshape(-1, 4, 4), Ks.reshape(-1, 3, 3).tolist()
-    cameras = [
-        replace(plain, world_to_camera=pose, fx=k[0][0], fy=k[1][1], cx=k[0][2], cy=k[1][2])
-        for pose, k in zip(poses, intrinsics)
-    ]
-    for camera in cameras:
-        checks.camera(camera)
-    return cameras
-
-
-class _Cloud(NamedTuple):
-    """The Gaussians of one batch: of covariance A A^T by quats and scales, or of a given one."""
-
-    means: Float[Tensor, "n 3"]
-    opacities: Float[Tensor, " n"]
-    quats: Float[Tensor, "n 4"] | None
-    scales: Float[Tensor, "n 3"] | None
-    covars: Float[Tensor, "n 3 3"] | None
-
-    def extents(self) -> Float[Tensor, " n"]:
-        """At least the largest standard deviation of each."""
-        if self.scales is not None:
-            return self.scales.detach().abs().amax(-1)
-        assert self.covars is not None
-        return self.covars.detach().diagonal(dim1=-2, dim2=-1).sum(-1).clamp_min(0).sqrt()
-
-    def project(self, rows: Int[Tensor, " m"], camera: Camera, numerics: Numerics) -> Projected:
-        means = self.means[rows]
-        if self.covars is not None:
-            return project_covariances(means, self.covars[rows], camera, numerics)
-        assert self.quats is not None
-        assert self.scales is not None
-        axes = rotation_matrices(self.quats[rows]) * self.scales[rows][:, None, :]
-        return project_axes(means, axes, camera, numerics)
-
-
-def _clouds(
-    means: Tensor,
-    quats: Tensor | None,
-    scales: Tensor | None,
-    opacities: Tensor,
-    covars: Tensor | None,
-) -> list[_Cloud]:
-    """The Gaussians of each batch. Where covars are given, quats and scales are not looked at."""
-    rows = tuple(means.shape[:-1])
-    if covars is not None:
-        quats = scales = None
-        if covars.dim() == means.dim() + 1:
-            covars = _expect("covars", covars, (*rows, 3, 3))[..., UPPER[0], UPPER[1]]
-        covars = _expect("covars", covars, (*rows, 6))[..., SYMMETRIC].unflatten(-1, (3, 3))
-    elif quats is None or scales is None:
-        raise ValueError("quats and scales may be None only where covars are given")
-    batches, count = prod(rows[:-1]), rows[-1]
-
-    def split(name: str, field: Tensor, *columns: int) -> list[Tensor]:
-        checks.finite(name, field)
-        return list(_expect(name, field, (*rows, *columns)).reshape(batches, count, *columns))
-
-    nothing = [None] * batches
-    fields = (
-        split("means", means, 3),
-        split("opacities", opacities),
-        nothing if quats is None else split("quats", quats, 4),
-        nothing if scales is None else split("scales", scales, 3),
-        nothing if covars is None else split("covars", covars, 3, 3),
-    )
-    return [_Cloud(*one) for one in zip(*fields)]
-
-
-def _paints(
-    colors: Tensor, leading: tuple[int, ...], count: int, sh_degree: int | None
-) -> list[Tensor]:
-    """Each image's features [N, D], or harmonics [N, K, 3] without the bands that are not used."""
-    tail = 1 if sh_degree is None else 2
-    shared = colors.dim() == len(leading) + tail  # by the cameras of a batch
-    used = (*leading[:-1], count) if shared else (*leading, count)
-    if sh_degree is not None:
-        bands = (sh_degree + 1) ** 2
-        if colors.dim() < 2 or colors.shape[-2] < bands:
-            raise ValueError(f"colors has shape {list(colors.shape)}; degree {sh_degree} takes at "
-                             f"least {bands} coefficients of 3")  # fmt: skip
-        _expect("colors", colors, (*used, colors.shape[-2], 3))
-        colors = colors[..., :bands, :]
-    else:
-        _expect("colors", colors, (*used, colors.shape[-1]))
-    images = list(colors.reshape(prod(used[:-1]), *colors.shape[-tail - 1 :]))
-    if sh_degree is not None:
-        images = [harmonics.without_zeros(image) for image in images]
-    return [image for image in images for _ in range(leading[-1] if shared else 1)]
-
-
-def _colors(
-    paint: Tensor,
-    rows: Int[Tensor, " m"],
-    means: Float[Tensor, "m 3"],
-    camera: Camera,
-    sh_degree: int | None,
-) -> Float[Tensor, "m d"]:
-    """Of the rows in sight, whose centres are `means`."""
-    paint = paint[rows].to(means)
-    checks.finite("colors", paint, rows)
-    if sh_degree is None:
-        return paint
-    colors = colors_seen(paint, means, camera)
-    checks.finite("colors", colors, rows)  # sums of finite numbers may overflow
-    return colors
-
-
-class _Seen(NamedTuple):
-    """The Gaussians that may show in an image."""
-
-    rows: Int[Tensor, " m"]
-    projected: Projected
-    opacities: Float[Tensor, " m"]
-    """Antialiased where asked for."""
-    log_opacities: Float[Tensor, " m"]
-    """What is blended: below the floor where radius_clip drops."""
-
-
-def _see(cloud: _Cloud, camera: Camera, numerics: Numerics) -> _Seen:
-    box = (0, 0, camera.width, camera.height)
-    rows = in_sight(cloud.means, cloud.extents(), cloud.opacities, camera, box, numerics)
-    projected = cloud.project(rows, camera, numerics)
-    checks.footprints(projected, rows, ("means", "scales" if cloud.covars is None else "covars"))
-    opacities = cloud.opacities[rows].to(cloud.means)  # opacity 0, which has no log, is not seen
-    log_opacities = drawn_log_opacities(projected, opacities.log(), numerics)
-    if projected.log_gain is not None:
-        opacities = opacities * projected.log_gain.exp()
-    return _Seen(rows, projected, opacities, log_opacities)
+def _has_depth(render_mode: RenderMode) -> bool:
+    return "D" in render_mode.replace("RGB", "")
 
 
 def _meta(
-    seen: list[_Seen], leading: tuple[int, ...], count: int, width: int, height: int
+    clouds: list[Cloud], splats: list[Splats], leading: tuple[int, ...], width: int, height: int
 ) -> dict[str, Any]:
-    """What gsplat says of the Gaussians, for all rows; zero for those that are not drawn."""
+    """gsplat's numbers about the Gaussians, for all rows; zero for those that are not drawn."""
+    count = len(clouds[0].means)
 
     def all_rows(values: list[Tensor]) -> Tensor:
         images = [
             value.new_zeros(count, *value.shape[1:]).index_copy(0, one.rows, value)
-            for one, value in zip(seen, values)
+            for one, value in zip(splats, values)
         ]
         return torch.stack(images).unflatten(0, leading)
 
-    means2d = all_rows([one.projected.xy for one in seen])
+    means2d = all_rows([one.projected.xy for one in splats])
     if means2d.requires_grad:
         means2d.retain_grad()
     return {
         "batch_ids": None,
         "camera_ids": None,
         "gaussian_ids": None,
-        "radii": all_rows([_radii(one, width, height) for one in seen]),
+        "radii": all_rows([_radii(one, width, height) for one in splats]),
         "means2d": means2d,
-        "depths": all_rows([one.projected.depth for one in seen]),
-        "conics": all_rows([_conics(one.projected.whitening) for one in seen]),
-        "opacities": all_rows([one.opacities for one in seen]),
+        "depths": all_rows([one.projected.depth for one in splats]),
+        "conics": all_rows([_conics(one.projected.whitening) for one in splats]),
+        "opacities": all_rows([_opacities(*one) for one in zip(clouds, splats)]),
         "width": width,
         "height": height,
         "n_batches": prod(leading[:-1]),
         "n_cameras": leading[-1],
     }
+
+
+def _opacities(cloud: Cloud, splats: Splats) -> Float[Tensor, " m"]:
+    """Of the Gaussians in sight, with antialiasing."""
+    opacities = cloud.opacity[splats.rows].to(cloud.means)
+    compensation = splats.projected.log_compensation
+    return opacities if compensation is None else opacities * compensation.exp()
 
 
 def _conics(whitening: Float[Tensor, "m 3"]) -> Float[Tensor, "m 3"]:
@@ -384,10 +246,9 @@ def _conics(whitening: Float[Tensor, "m 3"]) -> Float[Tensor, "m 3"]:
 
 
 @torch.no_grad()
-def _radii(one: _Seen, width: int, height: int) -> Int[Tensor, "m 2"]:
-    """Of the footprints that touch the image; 0 for the others."""
-    radii = footprint_radii(one.projected, one.log_opacities, DEFAULT)
-    size = one.projected.xy.new_tensor((width, height))
-    xy = one.projected.xy
-    touching = ((xy + radii > 0) & (xy - radii < size)).all(-1, keepdim=True)
-    return radii * touching
+def _radii(splats: Splats, width: int, height: int) -> Int[Tensor, "m 2"]:
+    """Pixels, of the footprints that touch the image; 0 for the others."""
+    xy = splats.projected.xy
+    radii = footprint_radii(splats.projected, splats.log_opacities, DEFAULT)
+    touching = ((xy + radii > 0) & (xy - radii < xy.new_tensor((width, height)))).all(-1)
+    return radii * touching[:, None]

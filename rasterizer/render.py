@@ -1,4 +1,4 @@
-"""The picture of a scene: project, sort into tiles, blend, put over the background."""
+"""The picture of a scene: preprocess, splat, put over the background."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 import torch
 from jaxtyping import Float
 from torch import Tensor
-from torch.nn.functional import logsigmoid
 
-from rasterizer import checks, harmonics
+from rasterizer import checks
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, DEFAULT, SH_DC, Execution, Numerics
-from rasterizer.project import Box, colors_seen, drawn_log_opacities, project, visible
+from rasterizer.preprocess import preprocess, stored_scene
+from rasterizer.project import Box
 from rasterizer.scene import Gaussians
 from rasterizer.splat import splat
 
@@ -28,10 +28,11 @@ class Rendering:
     depth: Float[Tensor, "h w"] | None = None
     """Expected depth of the centres along the view, divided by alpha; 0 where alpha is 0."""
     median_depth: Float[Tensor, "h w"] | None = None
-    """Where the transmittance falls to one half; 0 where it does not. No gradient."""
+    """Depth of the centre at which the transmittance falls to one half; 0 where it does not. No
+    gradient."""
 
 
-@torch.autocast("cpu", enabled=False)  # eight bits would not do
+@torch.autocast("cpu", enabled=False)  # the eight bits of bfloat16 are too few
 def render(
     scene: Gaussians,
     camera: Camera,
@@ -49,59 +50,32 @@ def render(
     area. `background` is black if None. float32 or float64, as the scene is.
 
     Raises ValueError for an empty crop, or one that leaves the picture; and for NaN or infinity in
-    an input, with its name and the first row. Two are meant: log-scales of -inf (a point), logit
-    opacities of -inf and inf (0 and 1). SH of rows that are not in sight are not looked at.
+    an input, with its name and the first row. Allowed are log-scales of -inf (a point) and logit
+    opacities of -inf and inf (0 and 1). SH of rows out of sight are not checked.
     """
-    checks.settings(numerics)
-    checks.camera(camera)
-    checks.scene(scene)
     if background is not None:
         checks.all_finite("background", background)
     box = crop or (0, 0, camera.width, camera.height)
-    left, top, width, height = box
-    inside = (
-        left >= 0 and top >= 0 and left + width <= camera.width and top + height <= camera.height
-    )
-    if not inside or min(width, height) < 1:
-        raise ValueError(f"crop {box} does not lie in a picture of {camera.width}x{camera.height}")
-    scene = replace(scene, sh=harmonics.without_zeros(scene.sh))
-    rows = visible(scene, camera, box, numerics)
-    seen = scene[rows]
-    checks.finite("sh", seen.sh, rows)
-    projected = project(seen, camera, numerics)
-    checks.footprints(projected, rows)
-    features = [colors_seen(seen.sh, seen.means, camera)]
-    checks.finite("sh", features[0], rows)  # sums of finite numbers may overflow
-    if depth:
-        features.append(projected.depth[:, None])
-    drawn = splat(
-        projected,
-        drawn_log_opacities(projected, logsigmoid(seen.logit_opacities), numerics),
-        torch.cat(features, -1),
-        box,
-        numerics,
-        execution=execution,
-        median=median_depth,
-    )
-    alpha = 1 - drawn.transmittance
-    color = drawn.features[..., :3]
+    splats = preprocess(stored_scene(scene), camera, box, numerics, depth=depth)
+    blended = splat(splats, box, numerics, execution=execution, median=median_depth)
+    alpha = 1 - blended.transmittance
+    color = blended.features[..., :3]
     if background is not None:
-        color = color + drawn.transmittance[..., None] * background.to(color)
+        color = color + blended.transmittance[..., None] * background.to(color)
     expected = median = None
     if depth:
-        expected = drawn.features[..., 3] / alpha.masked_fill(alpha == 0, 1)
-    if median_depth:
-        centres = torch.cat((projected.depth.detach(), projected.depth.new_zeros(1)))
-        median = centres[drawn.crossing]  # -1, nothing there, reads the zero at the end
+        expected = blended.features[..., 3] / alpha.masked_fill(alpha == 0, 1)
+    if blended.median_index is not None:
+        centres = splats.projected.depth.detach()
+        centres = torch.cat((centres, centres.new_zeros(1)))
+        median = centres[blended.median_index]  # -1, no Gaussian, reads the zero at the end
     return Rendering(color, alpha, expected, median)
 
 
 def contributions(
     scene: Gaussians, camera: Camera, *, numerics: Numerics = DEFAULT, execution: Execution = AUTO
 ) -> Float[Tensor, " n"]:
-    """Sum over the picture of each Gaussian's blending weight, in pixels: how much of it is
-    seen.
-    """
+    """Sum over the picture of each Gaussian's blending weight, pixels: how much it contributes."""
     # the picture is linear in colour, so this is the gradient of its sum
     with torch.inference_mode(False), torch.enable_grad():
         flat = scene.map(lambda field: field.detach().clone())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import torch
@@ -10,11 +9,12 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from rasterizer import tiles
-from rasterizer.blending import cpp_backend as compiled
-from rasterizer.blending import torch_backend as wavefront
+from rasterizer.blending.backend import Backend, BlendInputs
+from rasterizer.blending.choose import choose_backend
 from rasterizer.blending.composite import composite
 from rasterizer.numerics import AUTO, Execution, Numerics
-from rasterizer.project import Box, Projected, cut_offs
+from rasterizer.preprocess import Splats
+from rasterizer.project import Box, cutoff_radii
 
 
 class Splatted(NamedTuple):
@@ -22,15 +22,14 @@ class Splatted(NamedTuple):
 
     features: Float[Tensor, "h w d"]
     transmittance: Float[Tensor, "h w"]
-    crossing: Int[Tensor, "h w"] | None
-    """Row at which the transmittance falls to one half; -1: none. None: not asked for."""
+    median_index: Int[Tensor, "h w"] | None
+    """Which splat takes the transmittance to one half; -1: none. None: not asked for."""
     tile_size: int
+    """Side of the tiles, pixels."""
 
 
 def splat(
-    projected: Projected,
-    log_opacities: Float[Tensor, " n"],
-    features: Float[Tensor, "n d"],
+    splats: Splats,
     box: Box,
     numerics: Numerics,
     *,
@@ -41,30 +40,29 @@ def splat(
 
     Differentiable in xy, whitening, log-opacities and features.
     """
-    if execution.compile and compiled.load() is None:
-        execution = replace(execution, compile=False)
     _, _, width, height = box
-    xy, bins = list_tiles(projected, log_opacities, box, numerics, execution)
-    table = torch.cat((xy, projected.whitening, log_opacities[:, None], features), -1)
-    blended, through, crossing = composite(
-        table, bins, width, height, numerics, execution, median=median
-    )
-    return Splatted(blended, through, crossing, bins.size)
+    backend = choose_backend(execution)
+    xy, bins = list_tiles(splats, box, numerics, execution, backend)
+    columns = (xy, splats.projected.whitening, splats.log_opacities[:, None], splats.features)
+    table = torch.cat(columns, -1)
+    inputs = BlendInputs(table, bins, width, height, numerics, execution.block)
+    return Splatted(*composite(inputs, backend, median=median), bins.size)
 
 
 def list_tiles(
-    projected: Projected, log_opacities: Float[Tensor, " n"], box: Box, numerics: Numerics,
-    execution: Execution,
-) -> tuple[Float[Tensor, "n 2"], tiles.Bins]:  # fmt: skip
-    """Positions relative to the box's corner, and who is in which tile."""
+    splats: Splats, box: Box, numerics: Numerics, execution: Execution, backend: Backend
+) -> tuple[Float[Tensor, "m 2"], tiles.Bins]:
+    """Positions relative to the box's corner, pixels; and each tile's splats, front to back."""
     left, top, width, height = box
+    projected = splats.projected
     xy = projected.xy - projected.xy.new_tensor((left, top))
     with torch.no_grad():
-        radius = cut_offs(log_opacities, numerics)
+        radius = cutoff_radii(splats.log_opacities, numerics)
         footprints = tiles.Footprints(xy.detach(), projected.covariance, radius)
-        overhead = (compiled if execution.compile else wavefront).PAIR_OVERHEAD
-        size = execution.tile_size or tiles.choose_tile_size(footprints, width, height, overhead)
-        order = tiles.depth_order(projected.order)
+        size = execution.tile_size or tiles.choose_tile_size(
+            footprints, width, height, backend.pair_overhead
+        )
         size = min(size, max(width, height))
+        order = tiles.depth_order(projected.sort_depth)
         boxes = execution.cull == "box"
         return xy, tiles.bin_tiles(footprints, order, size, width, height, boxes=boxes)

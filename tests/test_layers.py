@@ -30,8 +30,8 @@ ORDER = {
         "errors",
     ),
     "rasterizer": (
-        "reference", "rasterization", "render", "checks", "splat", "blending", "tiles", "project",
-        "harmonics", "camera", "scene", "numerics",
+        "reference", "rasterization", "gsplat_inputs", "render", "splat", "preprocess", "checks",
+        "blending", "tiles", "project", "harmonics", "camera", "scene", "numerics",
     ),
 }  # fmt: skip
 BELOW = {"cli": ("gsedit", "rasterizer"), "gsedit": ("rasterizer",), "rasterizer": ()}

@@ -10,78 +10,55 @@ most that much of a colour. Going back, with c_i . g and g_T the loss's gradient
 
     dL/dalpha_i = T_i (c_i . g) - (sum_j>i T_j alpha_j (c_j . g) + T_end g_T) / (1 - alpha_i).
 
-Two ways to the same numbers: in torch (`wavefront.py`), or compiled (`kernel.cpp`).
+A `Backend` computes both: see `backend.py`.
 """
 
 from __future__ import annotations
 
-from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import torch
-from jaxtyping import Float, Int
 from torch import Tensor
 from torch.nn.functional import embedding_bag
 
-from rasterizer.blending import cpp_backend as compiled
-from rasterizer.blending import torch_backend as wavefront
-from rasterizer.numerics import Execution, Numerics
-from rasterizer.tiles import Bins
+from rasterizer.blending.backend import Backend, Blended, BlendInputs
 
 
-class Composite(NamedTuple):
-    features: Float[Tensor, "h w d"]
-    transmittance: Float[Tensor, "h w"]
-    crossing: Int[Tensor, "h w"] | None
-    """Gaussian at which the transmittance falls to one half; -1: none. None: not asked for."""
+def composite(inputs: BlendInputs, backend: Backend, *, median: bool = False) -> Blended:
+    """Blend Gaussians over their tiles; differentiable in `inputs.table`.
 
-
-def composite(
-    table: Float[Tensor, "m g"], bins: Bins, width: int, height: int,
-    numerics: Numerics, execution: Execution, *, median: bool = False,
-) -> Composite:  # fmt: skip
-    """Blend Gaussians (rows: x, y, w0, w1, w2, log opacity, features...) over their tiles.
-
-    `execution.compile` needs the kernel: ask `compiled.load` first.
+    `median` asks for the median index. Raises RuntimeError in a backward pass with
+    create_graph=True.
     """
-    return Composite(*_Blend.apply(table, bins, width, height, numerics, execution, median))
+    return Blended(*_Composite.apply(inputs.table, inputs, backend, median))
 
 
-class _Blend(torch.autograd.Function):
+class _Composite(torch.autograd.Function):
     @staticmethod
     @torch.autocast("cpu", enabled=False)
     def forward(  # type: ignore[override]
-        ctx: Any, table: Tensor, bins: Bins, width: int, height: int,
-        numerics: Numerics, execution: Execution, median: bool,
-    ) -> tuple[Tensor, Tensor, Tensor | None]:  # fmt: skip
-        table = table.detach()
-        settings = table, bins, width, height, numerics
-        differentiate = ctx.needs_input_grad[0]
-        if execution.compile:
-            picture, light, crossing, kept = compiled.forward(
-                *settings, median, differentiate=differentiate
-            )
-            backward = partial(compiled.backward, *settings, kept)
-            ctx.save_for_backward(light)  # an output: held otherwise, it would never be freed
-        else:
-            picture, light, crossing, kept = wavefront.forward(
-                *settings, median, block=execution.block, differentiate=differentiate
-            )
-            backward = partial(wavefront.backward, kept)
-        ctx.bins, ctx.pairs_backward = bins, backward
-        if crossing is not None:
-            ctx.mark_non_differentiable(crossing)
-        return picture, light, crossing
+        ctx: Any, table: Tensor, inputs: BlendInputs, backend: Backend, median: bool
+    ) -> tuple[Tensor, Tensor, Tensor | None]:
+        inputs = inputs._replace(table=table.detach())
+        blended, ctx.saved = backend.forward(inputs, median, ctx.needs_input_grad[0])
+        ctx.backend, ctx.bins = backend, inputs.bins
+        # an output: an attribute of ctx that holds it would make a cycle, which is never freed
+        ctx.save_for_backward(blended.transmittance)
+        if blended.median_index is not None:
+            ctx.mark_non_differentiable(blended.median_index)
+        return blended.features, blended.transmittance, blended.median_index
 
     @staticmethod
     @torch.autocast("cpu", enabled=False)
     def backward(  # type: ignore[override]
-        ctx: Any, grad_features: Tensor, grad_light: Tensor, _: Any
+        ctx: Any, grad_features: Tensor, grad_transmittance: Tensor, _: Any
     ) -> tuple[Tensor | None, ...]:
         if torch.is_grad_enabled():  # the gradients of these gradients would be silently wrong
             raise RuntimeError("a picture has first derivatives only: leave out create_graph=True")
-        upstream = grad_features.contiguous(), grad_light.contiguous()
-        rows = ctx.pairs_backward(*ctx.saved_tensors, *upstream)
+        (transmittance,) = ctx.saved_tensors
+        pairs = ctx.backend.backward(
+            ctx.saved, transmittance, grad_features.contiguous(), grad_transmittance.contiguous()
+        )
         # each Gaussian's pairs, tile by tile: the same sum on every run
-        by_rank = embedding_bag(torch.arange(len(rows)), rows, ctx.bins.firsts, mode="sum")
-        return by_rank.index_select(0, ctx.bins.rank), *(None,) * 6
+        by_rank = embedding_bag(torch.arange(len(pairs)), pairs, ctx.bins.firsts, mode="sum")
+        return by_rank.index_select(0, ctx.bins.rank), None, None, None

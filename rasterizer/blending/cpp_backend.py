@@ -1,4 +1,4 @@
-"""The blending of `wavefront.py` as a C++ kernel, compiled once per machine and kept.
+"""Blending as a C++ kernel, which is compiled once per machine and kept.
 
 `kernel.cpp` has no dependencies: any C++17 compiler makes it in seconds. The result is cached by
 the source, the compiler and the processor, under $XDG_CACHE_HOME/gsedit or ~/.cache/gsedit.
@@ -22,9 +22,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from rasterizer.blending.batches import GEOMETRY
-from rasterizer.numerics import Numerics
-from rasterizer.tiles import Bins
+from rasterizer.blending.backend import GEOMETRY, Backend, Blended, BlendInputs, ForwardPass
 
 SOURCE = Path(__file__).with_name("kernel.cpp")
 FLAGS = ("-std=c++17", "-shared", "-fPIC", "-pthread", "-O3", "-fno-math-errno",
@@ -35,8 +33,6 @@ FOR_THIS_PROCESSOR = (("-march=native", "-mprefer-vector-width=512"), ("-march=n
 
 BLOCK = 16
 """As in kernel.cpp."""
-PAIR_OVERHEAD = 120.0
-"""As in wavefront.py; more, for here a pixel costs a tenth of what it costs there."""
 
 
 class _Job(ctypes.Structure):
@@ -49,63 +45,74 @@ class _Job(ctypes.Structure):
         + [(name, ctypes.c_double) for name in
            ("log_alpha_min", "log_alpha_max", "alpha_min", "stop")]
         + [(name, ctypes.c_void_p) for name in
-           ("features", "light", "crossing", "visited", "blocks", "checkpoints",
-            "grad_features", "grad_light", "gradients")]
+           ("features", "transmittance", "median_index", "visited", "blocks", "checkpoints",
+            "grad_features", "grad_transmittance", "gradients")]
     )  # fmt: skip
 
 
-class Kept(NamedTuple):
-    """What the backward pass needs, beside the transmittance."""
+class _Checkpoints(NamedTuple):
+    """How far each tile was blended."""
 
     visited: Int[Tensor, " t"]
     """Gaussians of each tile that were blended before it was opaque."""
     blocks: Int[Tensor, " t"]
+    """Where each tile's blocks begin among all blocks."""
     checkpoints: Float[Tensor, "n q"] | None
-    """What light came in to each block of a tile; None: no gradient is wanted."""
+    """Transmittance in front of each block; None: no gradient is wanted."""
 
 
-def forward(
-    table: Float[Tensor, "m g"], bins: Bins, width: int, height: int, numerics: Numerics,
-    median: bool, *, differentiate: bool,
-) -> tuple[Tensor, Tensor, Tensor | None, Kept]:  # fmt: skip
-    """Features [h w d], transmittance [h w] and crossing [h w] or None.
+class _Saved(NamedTuple):
+    """What the backward pass needs."""
 
-    Only where `load` gives a kernel.
-    """
-    features = table.new_empty(height, width, table.shape[1] - GEOMETRY)
-    light = table.new_empty(height, width)
-    crossing = torch.empty(height, width, dtype=torch.long) if median else None
+    inputs: BlendInputs
+    checkpoints: _Checkpoints
+
+
+def forward(inputs: BlendInputs, median: bool, differentiate: bool) -> ForwardPass:
+    """`Backend.forward`. Only where `load` gives a kernel."""
+    table, bins, shape = inputs.table, inputs.bins, (inputs.height, inputs.width)
+    features = table.new_empty(*shape, table.shape[1] - GEOMETRY)
+    transmittance = table.new_empty(shape)
+    median_index = torch.empty(shape, dtype=torch.long) if median else None
     blocks = (bins.starts.diff() + BLOCK - 1) // BLOCK
     total, first = int(blocks.sum()), blocks.cumsum(0) - blocks
-    checkpoints = table.new_empty(total, bins.size**2) if differentiate else None
-    kept = Kept(torch.empty_like(first), first, checkpoints)
-    _run("forward", table, bins, width, height, numerics, features=features, light=light,
-         crossing=crossing, **kept._asdict())  # fmt: skip
-    return features, light, crossing, kept
+    planes = table.new_empty(total, bins.size**2) if differentiate else None
+    checkpoints = _Checkpoints(torch.empty_like(first), first, planes)
+    blended = Blended(features, transmittance, median_index)
+    _run("forward", inputs, **blended._asdict(), **checkpoints._asdict())
+    return ForwardPass(blended, _Saved(inputs, checkpoints))
 
 
 def backward(
-    table: Float[Tensor, "m g"], bins: Bins, width: int, height: int, numerics: Numerics,
-    kept: Kept, light: Float[Tensor, "h w"],
-    grad_features: Float[Tensor, "h w d"], grad_light: Float[Tensor, "h w"],
-) -> Float[Tensor, "p g"]:  # fmt: skip
-    """Gradients of every (tile, Gaussian) pair, at its slot."""
-    gradients = table.new_zeros(len(bins.members), table.shape[1])
-    _run("backward", table, bins, width, height, numerics, light=light, **kept._asdict(),
-         grad_features=grad_features, grad_light=grad_light, gradients=gradients)  # fmt: skip
+    saved: _Saved,
+    transmittance: Float[Tensor, "h w"],
+    grad_features: Float[Tensor, "h w d"],
+    grad_transmittance: Float[Tensor, "h w"],
+) -> Float[Tensor, "p g"]:
+    """`Backend.backward`."""
+    inputs = saved.inputs
+    gradients = inputs.table.new_zeros(len(inputs.bins.members), inputs.table.shape[1])
+    _run("backward", inputs, transmittance=transmittance, **saved.checkpoints._asdict(),
+         grad_features=grad_features, grad_transmittance=grad_transmittance,
+         gradients=gradients)  # fmt: skip
     return gradients
 
 
-def _run(
-    name: str, table: Tensor, bins: Bins, width: int, height: int, numerics: Numerics,
-    **arrays: Tensor | None,
-) -> None:  # fmt: skip
+def _run(name: str, inputs: BlendInputs, **arrays: Tensor | None) -> None:
+    """Call the kernel's `name` for the table's dtype; arrays by the names that `_Job` has.
+
+    Raises MemoryError where the kernel has no memory for its buffers.
+    """
     kernel = load()
     assert kernel is not None, "ask load() first"
-    held = {"table": table.contiguous(), "members": bins.members, "starts": bins.starts,
+    bins, numerics = inputs.bins, inputs.numerics
+    table = inputs.table.contiguous()
+    # held until the kernel returns: it gets addresses only
+    held = {"table": table, "members": bins.members, "starts": bins.starts,
             "slots": bins.slots, **arrays}  # fmt: skip
     job = _Job(
-        columns=bins.columns, rows=bins.rows, side=bins.size, width=width, height=height,
+        columns=bins.columns, rows=bins.rows, side=bins.size,
+        width=inputs.width, height=inputs.height,
         depth=table.shape[1] - GEOMETRY, threads=torch.get_num_threads(),
         log_alpha_min=numerics.log_alpha_min, log_alpha_max=numerics.log_alpha_max,
         alpha_min=numerics.alpha_min, stop=numerics.transmittance_min,
@@ -120,13 +127,13 @@ def _run(
 def load() -> ctypes.CDLL | None:
     """The kernel, compiled if it is not in the cache; None, with a warning, where that fails."""
     names = (os.environ.get("CXX"),) if "CXX" in os.environ else ("c++", "g++", "clang++")
-    compiler = next((found for name in names if name and (found := shutil.which(name))), None)
+    compiler = next((path for name in names if name and (path := shutil.which(name))), None)
     try:
         if compiler is None:
             raise _Failed(f"no C++ compiler was found ({', '.join(map(str, names))})")
         try:
-            return ctypes.CDLL(str(_kept(compiler)))
-        except OSError:  # nowhere to keep it, or what was kept does not load
+            return ctypes.CDLL(str(_cached(compiler)))
+        except OSError:  # the cache cannot be written, or what is in it does not load
             with tempfile.TemporaryDirectory() as folder:
                 return ctypes.CDLL(str(_compile(compiler, Path(folder) / "kernel.so")))
     except (_Failed, OSError) as error:
@@ -139,14 +146,14 @@ def load() -> ctypes.CDLL | None:
 
 
 class _Failed(Exception):
-    """There is no kernel; why."""
+    """Why there is no kernel."""
 
 
-def _kept(compiler: str) -> Path:
-    """The kernel's place in the cache, where it now is."""
+def _cached(compiler: str) -> Path:
+    """The kernel's file in the cache, compiled if it was not there. Raises OSError, _Failed."""
     try:
         base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    except RuntimeError as error:  # nobody's home
+    except RuntimeError as error:  # the user has no home folder
         raise OSError(*error.args) from error
     version = subprocess.run([compiler, "--version"], capture_output=True, text=True, check=False)
     key = "\n".join(
@@ -159,12 +166,12 @@ def _kept(compiler: str) -> Path:
             _processor(),
         )
     )
-    place = Path(base) / "gsedit" / f"kernel-{hashlib.sha256(key.encode()).hexdigest()[:16]}.so"
-    if place.exists():
-        return place
-    place.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=place.parent) as folder:  # so that it appears whole
-        return _compile(compiler, Path(folder) / place.name).replace(place)
+    path = Path(base) / "gsedit" / f"kernel-{hashlib.sha256(key.encode()).hexdigest()[:16]}.so"
+    if path.exists():
+        return path
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=path.parent) as folder:  # so that it appears whole
+        return _compile(compiler, Path(folder) / path.name).replace(path)
 
 
 def _processor() -> str:
@@ -173,11 +180,12 @@ def _processor() -> str:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:
         lines = []
-    found = {line for line in lines if line.startswith(("model name", "flags", "Features"))}
-    return "\n".join((*sorted(found), platform.platform(), platform.processor()))
+    model = {line for line in lines if line.startswith(("model name", "flags", "Features"))}
+    return "\n".join((*sorted(model), platform.platform(), platform.processor()))
 
 
 def _compile(compiler: str, target: Path) -> Path:
+    """`target`, made from the source. Raises _Failed with the compiler's first line."""
     complaint = ""
     for tuning in FOR_THIS_PROCESSOR:
         command = [compiler, *FLAGS, *tuning, str(SOURCE), "-o", str(target)]
@@ -186,3 +194,13 @@ def _compile(compiler: str, target: Path) -> Path:
             return target
         complaint = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[0]
     raise _Failed(f"{compiler} could not compile {SOURCE.name} ({complaint})")
+
+
+BACKEND = Backend(
+    name="cpp",
+    accepts=lambda execution: execution.compile and load() is not None,
+    forward=forward,
+    backward=backward,
+    # as the torch backend's; more, for here a pixel costs a tenth of what it costs there
+    pair_overhead=120.0,
+)

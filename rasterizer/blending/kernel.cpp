@@ -1,5 +1,6 @@
-// The blending of wavefront.py, forward and backward, a tile at a time: see composite.py for the
-// equations. Threads take tiles from a counter; each works in buffers that stay in its cache.
+// Blending, forward and backward, a tile at a time: see composite.py for the equations and
+// cpp_backend.py for the caller. Threads take tiles from a counter; each works in buffers that stay
+// in its cache.
 //
 // A tile has side * side pixels; p runs over them row by row. Its Gaussians are members[starts[t]]
 // ... front to back. A Gaussian's exponent at the pixel (x, y), measured from the tile's centre, is
@@ -30,17 +31,18 @@ struct Job {
   int64_t columns, rows, side, width, height, depth, threads;
   double log_alpha_min, log_alpha_max, alpha_min, stop;
   T* features;                 // [height, width, depth]
-  T* light;                    // [height, width]: transmittance
-  int64_t* crossing;           // [height, width], or null
+  T* transmittance;            // [height, width]
+  int64_t* median_index;       // [height, width], or null
   int64_t* visited;            // [columns * rows]: Gaussians blended before the stop
   const int64_t* blocks;       // [columns * rows]: where each tile's blocks begin
-  T* checkpoints;              // [blocks in all, side * side]: light at their start, or null
+  T* checkpoints;              // [blocks, side * side]: transmittance before each, or null
   const T* grad_features;      // [height, width, depth]
-  const T* grad_light;         // [height, width]
+  const T* grad_transmittance; // [height, width]
   T* gradients;                // [pairs, GEOMETRY + depth], by slot; zero
 };
 
-// exp on [-87, 1] (double: [-700, 1]), to an ulp or two: 2^n times the Taylor series of what remains, |r| <= ln2 / 2.
+// exp on [-87, 1] (double: [-700, 1]), to an ulp or two: 2^n times the Taylor series of what
+// remains, |r| <= ln2 / 2.
 inline float exponential(float x) {
   const float n = std::nearbyint(x * 1.44269504f);
   const float r = std::fma(n, 1.90465420e-09f, std::fma(n, -0.693147183f, x));
@@ -100,17 +102,19 @@ struct Tile {
   }
 };
 
-// What a thread works in: planes of pixels.
+// What a thread works in: planes of pixels. `in_front` is the transmittance in front of each
+// Gaussian of a block; `behind` what lies behind a Gaussian adds to the loss; `above_half` how many
+// Gaussians leave a transmittance above one half.
 template <typename T>
 struct Buffers {
-  std::vector<T> x, y, light, color, alpha, reaching, rest, value, upstream;
-  std::vector<T> halves;
+  std::vector<T> x, y, transmittance, color, alpha, in_front, behind, value, upstream;
+  std::vector<T> above_half;
   Splat<T> block[BLOCK];
 
   explicit Buffers(const Job<T>& job) {
     const int64_t q = job.side * job.side;
-    for (auto* plane : {&x, &y, &light, &rest, &value, &halves}) plane->resize(q);
-    for (auto* planes : {&alpha, &reaching}) planes->resize(BLOCK * q);
+    for (auto* plane : {&x, &y, &transmittance, &behind, &value, &above_half}) plane->resize(q);
+    for (auto* planes : {&alpha, &in_front}) planes->resize(BLOCK * q);
     for (auto* planes : {&color, &upstream}) planes->resize(std::max<int64_t>(1, job.depth) * q);
     for (int64_t p = 0; p < q; p++) {
       x[p] = p % job.side + T(0.5) - T(0.5) * job.side;
@@ -143,25 +147,25 @@ template <typename T, int FUSED>
 void forward(const Job<T>& job, int64_t index, Buffers<T>& b) {
   const Tile<T> tile(job, index);
   const int64_t q = tile.pixels, plane = job.side * job.side;
-  T *x = b.x.data(), *y = b.y.data(), *light = b.light.data(), *alpha = b.alpha.data();
-  T *halves = b.halves.data();
-  for (int64_t p = 0; p < q; p++) light[p] = p % job.side < tile.columns;
+  T *x = b.x.data(), *y = b.y.data(), *alpha = b.alpha.data();
+  T *transmittance = b.transmittance.data(), *above_half = b.above_half.data();
+  for (int64_t p = 0; p < q; p++) transmittance[p] = p % job.side < tile.columns;
   std::fill_n(b.color.data(), job.depth * plane, T(0));
-  std::fill_n(halves, q, T(0));
+  std::fill_n(above_half, q, T(0));
   int64_t i = 0;
   for (; i < tile.count; i++) {
     if (i % BLOCK == 0) {
-      // below `least`, arithmetic on what nobody sees is 10 times slower
+      // below `least`, arithmetic is 10 times slower: products become denormal
       constexpr T least = std::numeric_limits<T>::min() / std::numeric_limits<T>::epsilon();
       T most = 0;
 #pragma omp simd reduction(max : most)
       for (int64_t p = 0; p < q; p++) {
-        light[p] = light[p] > least ? light[p] : T(0);
-        most = std::max(most, light[p]);
+        transmittance[p] = transmittance[p] > least ? transmittance[p] : T(0);
+        most = std::max(most, transmittance[p]);
       }
       if (job.stop > 0 && most <= T(job.stop)) break;
       if (job.checkpoints)
-        std::copy_n(light, q, job.checkpoints + (job.blocks[index] + i / BLOCK) * plane);
+        std::copy_n(transmittance, q, job.checkpoints + (job.blocks[index] + i / BLOCK) * plane);
     }
     const Splat<T> s = tile.splat(i);
     alphas(job, s, x, y, alpha);
@@ -169,8 +173,8 @@ void forward(const Job<T>& job, int64_t index, Buffers<T>& b) {
     T* color = b.color.data();
 #pragma omp simd
     for (int64_t p = s.begin; p < s.end; p++) {
-      const T weight = alpha[p] * light[p];
-      light[p] *= 1 - alpha[p];
+      const T weight = alpha[p] * transmittance[p];
+      transmittance[p] *= 1 - alpha[p];
       alpha[p] = weight;
       for (int c = 0; c < FUSED; c++) color[c * plane + p] += feature[c] * weight;
     }
@@ -179,26 +183,28 @@ void forward(const Job<T>& job, int64_t index, Buffers<T>& b) {
 #pragma omp simd
       for (int64_t p = s.begin; p < s.end; p++) color[c * plane + p] += f * alpha[p];
     }
-    if (job.crossing) {
+    if (job.median_index) {
 #pragma omp simd
-      for (int64_t p = 0; p < q; p++) halves[p] += light[p] > T(0.5) ? T(1) : T(0);
+      for (int64_t p = 0; p < q; p++) above_half[p] += transmittance[p] > T(0.5) ? T(1) : T(0);
     }
   }
   job.visited[index] = i;
   for (int64_t r = 0; r < tile.rows; r++) {
     for (int64_t c = 0; c < tile.columns; c++) {
       const int64_t p = r * job.side + c, at = (tile.top + r) * job.width + tile.left + c;
-      job.light[at] = light[p];
+      job.transmittance[at] = transmittance[p];
       for (int64_t k = 0; k < job.depth; k++)
         job.features[at * job.depth + k] = b.color[k * plane + p];
-      if (job.crossing)
-        job.crossing[at] =
-            light[p] <= T(0.5) ? job.members[tile.first + int64_t(halves[p])] : int64_t(-1);
+      if (job.median_index)
+        job.median_index[at] = transmittance[p] <= T(0.5)
+                                   ? job.members[tile.first + int64_t(above_half[p])]
+                                   : int64_t(-1);
     }
   }
 }
 
-// From the gradients of the quadratic (1, x, y, xx, xy, yy) to those of x, y, w0, w1, w2, log opacity.
+// From the gradients by the quadratic (1, x, y, xx, xy, yy) to those by x, y, w0, w1, w2, log
+// opacity.
 template <typename T>
 void chain(const Splat<T>& s, const T* g, const T* sum, T* out) {
   const T w0 = g[2], w1 = g[3], w2 = g[4];
@@ -216,16 +222,16 @@ template <typename T, int FUSED>
 void backward(const Job<T>& job, int64_t index, Buffers<T>& b) {
   const Tile<T> tile(job, index);
   const int64_t q = tile.pixels, plane = job.side * job.side, visited = job.visited[index];
-  T *x = b.x.data(), *y = b.y.data(), *light = b.light.data(), *rest = b.rest.data();
-  T* value = b.value.data();
+  T *x = b.x.data(), *y = b.y.data(), *value = b.value.data();
+  T *transmittance = b.transmittance.data(), *behind = b.behind.data();
   if (!visited) return;
 
   std::fill_n(b.upstream.data(), job.depth * plane, T(0));
-  std::fill_n(rest, q, T(0));
+  std::fill_n(behind, q, T(0));
   for (int64_t r = 0; r < tile.rows; r++) {
     for (int64_t c = 0; c < tile.columns; c++) {
       const int64_t p = r * job.side + c, at = (tile.top + r) * job.width + tile.left + c;
-      rest[p] = job.grad_light[at] * job.light[at];
+      behind[p] = job.grad_transmittance[at] * job.transmittance[at];
       for (int64_t k = 0; k < job.depth; k++)
         b.upstream[k * plane + p] = job.grad_features[at * job.depth + k];
     }
@@ -234,33 +240,33 @@ void backward(const Job<T>& job, int64_t index, Buffers<T>& b) {
   const T high = T(job.log_alpha_max);
   for (int64_t start = (visited - 1) / BLOCK * BLOCK; start >= 0; start -= BLOCK) {
     const int64_t size = std::min<int64_t>(BLOCK, visited - start);
-    std::copy_n(job.checkpoints + (job.blocks[index] + start / BLOCK) * plane, q, light);
+    std::copy_n(job.checkpoints + (job.blocks[index] + start / BLOCK) * plane, q, transmittance);
     for (int64_t i = 0; i < size; i++) {
       const Splat<T>& s = b.block[i] = tile.splat(start + i);
-      T *alpha = b.alpha.data() + i * q, *reaching = b.reaching.data() + i * q;
+      T *alpha = b.alpha.data() + i * q, *in_front = b.in_front.data() + i * q;
       alphas(job, s, x, y, alpha);
 #pragma omp simd
       for (int64_t p = s.begin; p < s.end; p++) {
-        reaching[p] = light[p];
-        light[p] *= 1 - alpha[p];
+        in_front[p] = transmittance[p];
+        transmittance[p] *= 1 - alpha[p];
       }
     }
     for (int64_t i = size - 1; i >= 0; i--) {
       const Splat<T>& s = b.block[i];
-      const T *alpha = b.alpha.data() + i * q, *reaching = b.reaching.data() + i * q;
+      const T *alpha = b.alpha.data() + i * q, *in_front = b.in_front.data() + i * q;
       const T* g = tile.row(start + i);
       T* out = job.gradients + job.slots[tile.first + start + i] * (GEOMETRY + job.depth);
       const T *feature = g + GEOMETRY, *upstream = b.upstream.data();
       if constexpr (!FUSED) {
         std::fill(value + s.begin, value + s.end, T(0));
         for (int64_t c = 0; c < job.depth; c++) {
-          const T* wanted = upstream + c * plane;
+          const T* up = upstream + c * plane;
           const T f = feature[c];
           T sum = 0;
 #pragma omp simd reduction(+ : sum)
           for (int64_t p = s.begin; p < s.end; p++) {
-            value[p] += f * wanted[p];
-            sum += alpha[p] * reaching[p] * wanted[p];
+            value[p] += f * up[p];
+            sum += alpha[p] * in_front[p] * up[p];
           }
           out[GEOMETRY + c] = sum;
         }
@@ -268,7 +274,7 @@ void backward(const Job<T>& job, int64_t index, Buffers<T>& b) {
       T s1 = 0, sx = 0, sy = 0, sxx = 0, sxy = 0, syy = 0, f0 = 0, f1 = 0, f2 = 0;
 #pragma omp simd reduction(+ : s1, sx, sy, sxx, sxy, syy, f0, f1, f2)
       for (int64_t p = s.begin; p < s.end; p++) {
-        const T weight = alpha[p] * reaching[p];
+        const T weight = alpha[p] * in_front[p];
         T gain = FUSED ? T(0) : value[p];
         if constexpr (FUSED == 3) {
           const T u0 = upstream[p], u1 = upstream[plane + p], u2 = upstream[2 * plane + p];
@@ -277,8 +283,8 @@ void backward(const Job<T>& job, int64_t index, Buffers<T>& b) {
         }
         // no gradient where alpha is held at its cap
         const T slope = exponent(s, x[p], y[p]) > high ? T(0) : alpha[p];
-        const T grad = (gain * reaching[p] - rest[p] / (1 - alpha[p])) * slope;
-        rest[p] += gain * weight;
+        const T grad = (gain * in_front[p] - behind[p] / (1 - alpha[p])) * slope;
+        behind[p] += gain * weight;
         const T gx = grad * x[p], gy = grad * y[p];
         s1 += grad, sx += gx, sy += gy, sxx += gx * x[p], sxy += gx * y[p], syy += gy * y[p];
       }

@@ -13,7 +13,7 @@ from closeness import leaves, relative, tensors, weights_like
 from scenes import camera, gaussian, random_cloud
 
 from rasterizer import Camera, Execution, Gaussians, Numerics, rasterization, render
-from rasterizer.harmonics import without_zeros
+from rasterizer.harmonics import without_zero_bands
 from rasterizer.numerics import SH_DC
 from rasterizer.project import rotation_matrices
 from rasterizer.reference import render_reference
@@ -356,9 +356,9 @@ def test_only_what_was_asked_for_is_blended(mode, channels, monkeypatch):
     module = sys.modules["rasterizer.rasterization"]
     blended = []
 
-    def spy(projected, log_opacities, features, *rest, **options):
-        blended.append(features.shape[1])
-        return original(projected, log_opacities, features, *rest, **options)
+    def spy(splats, *rest, **options):
+        blended.append(splats.features.shape[1])
+        return original(splats, *rest, **options)
 
     original = module.splat
     monkeypatch.setattr(module, "splat", spy)
@@ -571,14 +571,14 @@ def test_bands_that_are_zero_are_left_out():
     scene = cloud(4)
     sh = scene.sh.clone()
     sh[:, 4:] = 0
-    assert without_zeros(sh).shape == (60, 4, 3)
-    assert without_zeros(torch.zeros_like(sh)).shape == (60, 1, 3)
-    assert without_zeros(scene.sh) is scene.sh
+    assert without_zero_bands(sh).shape == (60, 4, 3)
+    assert without_zero_bands(torch.zeros_like(sh)).shape == (60, 1, 3)
+    assert without_zero_bands(scene.sh) is scene.sh
     late = torch.zeros(100, 25, 3)
     late[99, 24, 2] = 1e-30  # the last number of all
-    assert without_zeros(late).shape == (100, 25, 3)
+    assert without_zero_bands(late).shape == (100, 25, 3)
     # a zero has a gradient of its own: with one asked for, all bands stay
-    assert without_zeros(sh.requires_grad_()).shape == (60, 25, 3)
+    assert without_zero_bands(sh.requires_grad_()).shape == (60, 25, 3)
     color, _, _ = rasterization(**by_name(replace(scene, sh=sh), camera()))
     color.sum().backward()
     assert sh.grad is not None

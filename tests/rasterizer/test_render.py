@@ -381,7 +381,7 @@ def test_larger_float32_errors_are_alphas_on_the_other_side_of_the_floor(seed):
     assert len(flipped) > 5  # so the explanation below is put to the test
     exact = scene.to(torch.float64)
     flat = project(exact, view, WHOLE_SUM)
-    order = flat.order.argsort(stable=True)
+    order = flat.sort_depth.argsort(stable=True)
     colors = (0.5 + SH_DC * exact.sh[order, 0]).clamp_min(0)
     for y, x in flipped.tolist():
         pixel = torch.tensor([[x + 0.5, y + 0.5]], dtype=torch.float64)

@@ -12,11 +12,11 @@ from typing import NamedTuple
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
-from torch.nn.functional import logsigmoid
 
 from rasterizer import Camera, Execution, Gaussians, Numerics
+from rasterizer.blending.choose import choose_backend
 from rasterizer.numerics import AUTO, DEFAULT
-from rasterizer.project import drawn_log_opacities, project, visible
+from rasterizer.preprocess import preprocess, stored_scene
 from rasterizer.splat import list_tiles
 from rasterizer.tiles import Bins
 
@@ -92,11 +92,9 @@ class _Flat(NamedTuple):
 
 def _flattened(scene: Gaussians, camera: Camera, numerics: Numerics, execution: Execution) -> _Flat:
     box = (0, 0, camera.width, camera.height)
-    seen = scene[visible(scene, camera, box, numerics)]
-    projected = project(seen, camera, numerics)
-    log_opacities = drawn_log_opacities(projected, logsigmoid(seen.logit_opacities), numerics)
-    xy, bins = list_tiles(projected, log_opacities, box, numerics, execution)
-    return _Flat(xy, projected.whitening, log_opacities, bins)
+    splats = preprocess(stored_scene(scene), camera, box, numerics, color=False)
+    xy, bins = list_tiles(splats, box, numerics, execution, choose_backend(execution))
+    return _Flat(xy, splats.projected.whitening, splats.log_opacities, bins)
 
 
 def _contributing(flat: _Flat, tiles: Int[Tensor, " b"], camera: Camera, numerics: Numerics) -> int:

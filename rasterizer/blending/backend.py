@@ -1,0 +1,73 @@
+"""What an implementation of blending is: a record of its two passes and of what they cost.
+
+A backend is one file in this folder that ends in such a record, and its place in `choose.BACKENDS`.
+`m` Gaussians with `d` features, `p` (tile, Gaussian) pairs, a picture of `h w` pixels; `g` = 6 + d.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from rasterizer.numerics import Execution, Numerics
+from rasterizer.tiles import Bins
+
+GEOMETRY = 6
+"""Columns of the table before the features: x, y, w0, w1, w2, log opacity."""
+
+
+class BlendInputs(NamedTuple):
+    """2D Gaussians, listed by tile, and the picture that they are blended into."""
+
+    table: Float[Tensor, "m g"]
+    """x, y (pixels from the picture's corner), w0, w1, w2 (see `Projected`), the natural logarithm
+    of the opacity, then the features. float32 or float64."""
+    bins: Bins
+    width: int
+    """Of the picture, pixels."""
+    height: int
+    numerics: Numerics
+    block: int | None
+    """`Execution.block`: a backend with a fixed one may ignore it."""
+
+
+class Blended(NamedTuple):
+    """What a rectangle of pixels receives, over black."""
+
+    features: Float[Tensor, "h w d"]
+    transmittance: Float[Tensor, "h w"]
+    median_index: Int[Tensor, "h w"] | None
+    """Row of the Gaussian at which the transmittance falls to one half; -1: none. None: not
+    computed."""
+
+
+class ForwardPass(NamedTuple):
+    """A blended picture, and whatever the backend's backward pass needs beside it."""
+
+    blended: Blended
+    saved: Any
+
+
+@dataclass(frozen=True)
+class Backend:
+    """One implementation of the equations in `composite.py`."""
+
+    name: str
+    accepts: Callable[[Execution], bool]
+    """Whether it can run here and is what the execution names."""
+    forward: Callable[[BlendInputs, bool, bool], ForwardPass]
+    """(inputs, whether the median index is wanted, whether `backward` may be called). The table
+    has no gradients here."""
+    backward: Callable[
+        [Any, Float[Tensor, "h w"], Float[Tensor, "h w d"], Float[Tensor, "h w"]],
+        Float[Tensor, "p g"],
+    ]
+    """(saved, transmittance, gradients of the loss by features and by transmittance) to the
+    gradients by every pair's row of the table, each at its slot (see `Bins.slots`)."""
+    pair_overhead: float
+    """The cost model, from which the tile's size is chosen: what a pair costs before any pixel is
+    looked at (list, gather, gradient row), in units of one pixel of one pair."""

@@ -1,0 +1,196 @@
+"""The arguments of gsplat's `rasterization`, checked, as the sources and cameras of images.
+
+`N` Gaussians, `C` cameras, `D` channels, `K` harmonics, `...` batch dimensions; an image is one
+camera of one batch. `leading` is the shape (..., C) of all images.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import prod
+from typing import Any, ClassVar
+
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from rasterizer import checks, harmonics
+from rasterizer.camera import Camera
+from rasterizer.numerics import Numerics
+from rasterizer.preprocess import InputNames
+from rasterizer.project import Projected, project_axes, project_covariances, rotation_matrices
+
+UPPER = ((0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2))  # rows and columns of covars' six numbers
+SYMMETRIC = (0, 1, 2, 1, 3, 4, 2, 4, 5)  # and back to 3x3
+
+
+@dataclass(frozen=True, eq=False)
+class _Cloud:
+    """A `preprocess.Source`, but for what the Gaussians' sizes decide."""
+
+    means: Float[Tensor, "n 3"]
+    opacity: Float[Tensor, " n"]
+    colors: Float[Tensor, "n ..."]
+
+    def opacities(self) -> Float[Tensor, " n"]:
+        return self.opacity
+
+    def log_opacities(self) -> Float[Tensor, " n"]:
+        return self.opacity.log()  # of rows in sight: opacity 0 is culled
+
+
+@dataclass(frozen=True, eq=False)
+class AxesCloud(_Cloud):
+    """Gaussians of covariance A A^T, with A = R(quats) diag(scales)."""
+
+    names: ClassVar[InputNames] = InputNames("means", "scales", "colors")
+    quats: Float[Tensor, "n 4"]
+    scales: Float[Tensor, "n 3"]
+
+    def extents(self) -> Float[Tensor, " n"]:
+        return self.scales.detach().abs().amax(-1)
+
+    def select(self, rows: Int[Tensor, " m"]) -> AxesCloud:
+        return AxesCloud(*_rows_of(self, rows), self.quats[rows], self.scales[rows])
+
+    def project(self, camera: Camera, numerics: Numerics) -> Projected:
+        axes = rotation_matrices(self.quats) * self.scales[:, None, :]
+        return project_axes(self.means, axes, camera, numerics)
+
+
+@dataclass(frozen=True, eq=False)
+class CovarianceCloud(_Cloud):
+    """Gaussians of given covariances."""
+
+    names: ClassVar[InputNames] = InputNames("means", "covars", "colors")
+    covars: Float[Tensor, "n 3 3"]
+
+    def extents(self) -> Float[Tensor, " n"]:
+        return self.covars.detach().diagonal(dim1=-2, dim2=-1).sum(-1).clamp_min(0).sqrt()
+
+    def select(self, rows: Int[Tensor, " m"]) -> CovarianceCloud:
+        return CovarianceCloud(*_rows_of(self, rows), self.covars[rows])
+
+    def project(self, camera: Camera, numerics: Numerics) -> Projected:
+        return project_covariances(self.means, self.covars, camera, numerics)
+
+
+Cloud = AxesCloud | CovarianceCloud
+
+
+def _rows_of(cloud: _Cloud, rows: Int[Tensor, " m"]) -> tuple[Tensor, Tensor, Tensor]:
+    """Means, opacities and colours of some rows, all in the means' dtype."""
+    means = cloud.means[rows]
+    return means, cloud.opacity[rows].to(means), cloud.colors[rows].to(means)
+
+
+def image_clouds(
+    means: Float[Tensor, "..."],
+    quats: Float[Tensor, "..."] | None,
+    scales: Float[Tensor, "..."] | None,
+    opacities: Float[Tensor, "..."],
+    covars: Float[Tensor, "..."] | None,
+    colors: Float[Tensor, "..."],
+    leading: tuple[int, ...],
+    sh_degree: int | None,
+) -> list[Cloud]:
+    """The Gaussians of each image; the shapes are `rasterization`'s, and checked here.
+
+    Where covars are given, quats and scales are not read. Raises ValueError for shapes that do not
+    fit together, and for NaN or infinity.
+    """
+    shape = tuple(means.shape[:-1])
+    batches, count, views = prod(shape[:-1]), shape[-1], leading[-1]
+
+    def by_image(name: str, values: Tensor, *columns: int) -> list[Tensor]:
+        checks.finite(name, values)
+        shared = expect_shape(name, values, (*shape, *columns)).reshape(batches, count, *columns)
+        return [batch for batch in shared for _ in range(views)]
+
+    covars = None if covars is None else _full_covariances(covars, shape)
+    if covars is None and (quats is None or scales is None):
+        raise ValueError("quats and scales may be None only where covars are given")
+    fields = by_image("means", means, 3), by_image("opacities", opacities)
+    if covars is None:
+        assert quats is not None
+        assert scales is not None
+        axes = by_image("quats", quats, 4), by_image("scales", scales, 3)
+        painted = (*fields, _image_colors(colors, leading, count, sh_degree))
+        return [AxesCloud(*one) for one in zip(*painted, *axes)]
+    given = by_image("covars", covars, 3, 3)
+    painted = (*fields, _image_colors(colors, leading, count, sh_degree))
+    return [CovarianceCloud(*one) for one in zip(*painted, given)]
+
+
+def _full_covariances(
+    covars: Float[Tensor, "..."], shape: tuple[int, ...]
+) -> Float[Tensor, "*batch N 3 3"]:
+    """From upper triangles, or from full matrices of which only those are read."""
+    if covars.dim() == len(shape) + 2:
+        covars = expect_shape("covars", covars, (*shape, 3, 3))[..., UPPER[0], UPPER[1]]
+    return expect_shape("covars", covars, (*shape, 6))[..., SYMMETRIC].unflatten(-1, (3, 3))
+
+
+def _image_colors(
+    colors: Float[Tensor, "..."], leading: tuple[int, ...], count: int, sh_degree: int | None
+) -> list[Float[Tensor, "N ..."]]:
+    """Each image's features [N, D], or harmonics [N, K, 3] without the bands that are not used."""
+    tail = 1 if sh_degree is None else 2
+    shared = colors.dim() == len(leading) + tail  # by the cameras of a batch
+    used = (*leading[:-1], count) if shared else (*leading, count)
+    if sh_degree is not None:
+        bands = (sh_degree + 1) ** 2
+        if colors.dim() < 2 or colors.shape[-2] < bands:
+            raise ValueError(f"colors has shape {list(colors.shape)}; degree {sh_degree} takes at "
+                             f"least {bands} coefficients of 3")  # fmt: skip
+        expect_shape("colors", colors, (*used, colors.shape[-2], 3))
+        colors = colors[..., :bands, :]
+    else:
+        expect_shape("colors", colors, (*used, colors.shape[-1]))
+    images = list(colors.reshape(prod(used[:-1]), *colors.shape[-tail - 1 :]))
+    if sh_degree is not None:
+        images = [harmonics.without_zero_bands(image) for image in images]
+    return [image for image in images for _ in range(leading[-1] if shared else 1)]
+
+
+def image_cameras(
+    viewmats: Float[Tensor, "..."],
+    Ks: Float[Tensor, "..."],
+    leading: tuple[int, ...],
+    template: Camera,
+) -> list[Camera]:
+    """`template` at every image's pose [..., C, 4, 4], with its intrinsics [..., C, 3, 3].
+
+    Raises ValueError for other shapes, NaN or infinity, and cameras that cannot draw.
+    """
+    checks.all_finite("viewmats", expect_shape("viewmats", viewmats, (*leading, 4, 4)))
+    checks.all_finite("Ks", expect_shape("Ks", Ks, (*leading, 3, 3)))
+    poses, intrinsics = viewmats.reshape(-1, 4, 4), Ks.reshape(-1, 3, 3).tolist()
+    cameras = [
+        replace(template, world_to_camera=pose, fx=k[0][0], fy=k[1][1], cx=k[0][2], cy=k[1][2])
+        for pose, k in zip(poses, intrinsics)
+    ]
+    for camera in cameras:
+        checks.camera(camera)
+    return cameras
+
+
+def expect_shape(name: str, tensor: Tensor, shape: tuple[int, ...]) -> Tensor:
+    """The tensor; ValueError unless it has the shape."""
+    if tuple(tensor.shape) != shape:
+        raise ValueError(
+            f"{name} has shape {list(tensor.shape)}; {list(shape)} would fit means and viewmats"
+        )
+    return tensor
+
+
+def refuse_unsupported(**options: Any) -> None:
+    """NotImplementedError for options that gsplat has and this has not; None and False are off."""
+    for name, value in options.items():
+        if value is not None and value is not False:
+            raise NotImplementedError(f"{name}={value!r} is not implemented on a CPU")
+
+
+def expect_one_of(name: str, value: str, allowed: tuple[str, ...]) -> None:
+    """ValueError unless the value is allowed."""
+    if value not in allowed:
+        raise ValueError(f"{name} {value!r} is none of {', '.join(allowed)}")
