@@ -19,7 +19,7 @@ import torch
 import gsedit
 from gsedit.consistency.harmonise import harmonise
 from gsedit.edit import around
-from gsedit.editors import EditProgress
+from gsedit.editors import Capabilities, EditProgress
 from gsedit.files.pictures import save_picture
 from gsedit.reports.contact_sheet import contact_sheet
 from gsedit.synthetic import demo_scene, surface_gaussians
@@ -29,6 +29,7 @@ class Fade:
     """Bleaches pictures, each view a little differently, as real editors do."""
 
     name, cell = "fade", 2  # cell: pixels of the grid on which corresponding surface is wanted
+    capabilities = Capabilities()  # nothing optional
 
     def check(self, prompt: str) -> None:
         if "fade" not in prompt:

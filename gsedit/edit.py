@@ -9,9 +9,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.diffusion import suits
 from gsedit.editors import make_editor
-from gsedit.editors.protocol import Editor, advice_of
+from gsedit.editors.protocol import Editor
 from gsedit.errors import UsageError
 from gsedit.fitting.optimiser import SceneOptimiser
 from gsedit.fitting.update import rates
@@ -57,9 +56,10 @@ def edit_steps(
         raise UsageError("the scene is empty: there is nothing to edit")
     settings = settings or EditSettings()
     # the result records the values in force
-    settings = replace(settings, sampler=settings.sampler.suited(suits(editor)))
+    sampler = settings.sampler.with_defaults(editor.capabilities.defaults)
+    settings = replace(settings, sampler=sampler)
     strategy = strategy or find_strategy(DEFAULT)()
-    if advice := advice_of(editor, prompt):
+    if advice := editor.capabilities.advice(prompt):
         yield Event("advice", 0.0, note=advice)
     views, held_out = _split(dataset or around(scene))
     features = features or FilterBank()

@@ -8,10 +8,10 @@ import pytest
 import torch
 
 import gsedit
-from gsedit.diffusion import SamplerSettings, Suits
+from gsedit.diffusion import SamplerDefaults, SamplerSettings
 from gsedit.edit import edit_steps
 from gsedit.editors import make_editor
-from gsedit.editors.protocol import EditBatch, EditProgress
+from gsedit.editors.protocol import Capabilities, EditBatch, EditProgress
 from gsedit.errors import UsageError
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.fitting.update import rates, update_steps
@@ -31,6 +31,7 @@ class Swapped:
     """A 2D editor that needs no diffusion: red and blue change places, black stays black."""
 
     name, cell = "swapped", 8
+    capabilities = Capabilities(ground_truth=lambda *batch: lambda pictures: pictures.flip(-1))
 
     def check(self, prompt):
         if not prompt:
@@ -39,9 +40,6 @@ class Swapped:
     def edit(self, batch: EditBatch, settings, generator):
         self.batch = batch
         yield EditProgress(1, 1, batch.originals.flip(-1))
-
-    def answer(self, prompt, edited, originals):
-        return lambda pictures: pictures.flip(-1)
 
 
 @pytest.fixture(scope="module")
@@ -128,12 +126,12 @@ def test_what_no_edited_view_sees_does_not_move(scene, data):
     assert not torch.equal(result.scene.sh[:3000], whole.sh[:3000])
 
 
-def test_an_editor_is_heard_before_the_work_and_what_suits_it_is_on_record(scene, data):
+def test_an_editor_is_heard_before_the_work_and_its_defaults_are_on_record(scene, data):
     class Wary(Swapped):
-        suits = Suits(2.0, 1.0, 0.5)
-
-        def advise(self, prompt):
-            return f"nobody taught me {prompt!r}"
+        capabilities = Capabilities(
+            defaults=SamplerDefaults(2.0, 1.0, 0.5),
+            advice=lambda prompt: f"nobody taught me {prompt!r}",
+        )
 
     settings = replace(SMALL, rounds=1)
     first, *_, result = run(scene, data, Wary(), settings, prompt="as a dinosaur", steps=2)
@@ -142,7 +140,7 @@ def test_an_editor_is_heard_before_the_work_and_what_suits_it_is_on_record(scene
     assert result.settings.sampler.temperature == 0.5
     first, *_, result = run(scene, data, Swapped(), settings, steps=2)
     assert first.stage == "survey"
-    assert result.settings.sampler.scales == Suits()[:2]
+    assert result.settings.sampler.scales == SamplerDefaults()[:2]
     assert result.settings.sampler.temperature == 1
 
 

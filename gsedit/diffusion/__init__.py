@@ -1,40 +1,43 @@
 """Diffusion sampling with consensus between views: any denoiser, schedule and solver.
 
-A denoiser predicts; `levels_of` says between which noise levels to step; `sample` yields a state a
-step. Conventions: latents are [v c y x], `t` a training step, x_t = a x0 + b noise.
+A `Predictor` predicts; `levels_of` lists the noise levels to step between; `sample` yields the
+latents after every step. Latents are [v c y x], `t` is a training step, x_t = a x0 + b noise.
+Each name is imported when it is first used, so that the settings load no torch.
 """
 
 from __future__ import annotations
 
-from gsedit.diffusion.denoisers import Answer, Denoiser, Predictor
-from gsedit.diffusion.guidance import Branches, Need, guide, needed
-from gsedit.diffusion.predictions import Pair, Prediction, as_pair
-from gsedit.diffusion.sample import (
-    Anchor,
-    Hook,
-    State,
-    add_noise,
-    levels_of,
-    predict_guided,
-    sample,
-)
-from gsedit.diffusion.schedules import CLEAN, NoiseLevel, Schedule, Spacing, karras_sigmas
-from gsedit.diffusion.settings import (
-    Noise,
-    Precision,
-    SamplerSettings,
-    Solver,
-    Suits,
-    Target,
-    suits,
-)
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gsedit.diffusion.guidance import Branches, Need, guide, needed
+    from gsedit.diffusion.predictions import Pair, Prediction, as_pair
+    from gsedit.diffusion.predictor import Predictor
+    from gsedit.diffusion.sampler import (
+        Anchor,
+        Hook,
+        SamplerStep,
+        add_noise,
+        levels_of,
+        predict_guided,
+        sample,
+    )
+    from gsedit.diffusion.schedules import CLEAN, NoiseLevel, Schedule, karras_sigmas
+    from gsedit.diffusion.settings import (
+        Noise,
+        Precision,
+        SamplerDefaults,
+        SamplerSettings,
+        Solver,
+        Spacing,
+        Target,
+    )
 
 __all__ = [
     "CLEAN",
     "Anchor",
-    "Answer",
     "Branches",
-    "Denoiser",
     "Hook",
     "Need",
     "Noise",
@@ -43,12 +46,12 @@ __all__ = [
     "Precision",
     "Prediction",
     "Predictor",
+    "SamplerDefaults",
     "SamplerSettings",
+    "SamplerStep",
     "Schedule",
     "Solver",
     "Spacing",
-    "State",
-    "Suits",
     "Target",
     "add_noise",
     "as_pair",
@@ -58,5 +61,37 @@ __all__ = [
     "needed",
     "predict_guided",
     "sample",
-    "suits",
 ]
+
+_MODULES = {
+    "guidance": ("Branches", "Need", "guide", "needed"),
+    "predictions": ("Pair", "Prediction", "as_pair"),
+    "predictor": ("Predictor",),
+    "sampler": (
+        "Anchor",
+        "Hook",
+        "SamplerStep",
+        "add_noise",
+        "levels_of",
+        "predict_guided",
+        "sample",
+    ),
+    "schedules": ("CLEAN", "NoiseLevel", "Schedule", "karras_sigmas"),
+    "settings": (
+        "Noise",
+        "Precision",
+        "SamplerDefaults",
+        "SamplerSettings",
+        "Solver",
+        "Spacing",
+        "Target",
+    ),
+}
+_HOMES = {name: module for module, names in _MODULES.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    """PEP 562: `import gsedit.diffusion` itself loads no torch."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

@@ -15,9 +15,9 @@ from torch import Tensor
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_leaves
 
-from gsedit.diffusion.denoisers import Predictor
 from gsedit.diffusion.guidance import Branches, Need
 from gsedit.diffusion.predictions import Prediction
+from gsedit.diffusion.predictor import Predictor
 from gsedit.diffusion.schedules import Schedule
 from gsedit.diffusion.settings import Precision
 

@@ -8,18 +8,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from gsedit.diffusion.settings import Spacing
 from gsedit.errors import UsageError
 
-Spacing = Literal["leading", "linspace", "trailing", "karras"]
-"""Where the steps lie: three ways of dividing the training steps (named as in diffusers; leading is
-Stable Diffusion's and starts below the top, linspace and trailing start at it), or sigmas whose
-seventh roots are evenly spaced (Karras et al. 2022, eq. 5)."""
 RHO = 7.0  # Karras et al. 2022, section 3.1
 
 

@@ -1,4 +1,7 @@
-"""How a batch of views is sampled: every choice in one record that checks itself."""
+"""How a batch of views is sampled: every choice in one record that checks itself. Loads no torch.
+
+The docstring under each field of `SamplerSettings` is also the help text of its option.
+"""
 
 from __future__ import annotations
 
@@ -6,26 +9,24 @@ import math
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, get_args
 
-from gsedit.diffusion.schedules import Spacing
 from gsedit.errors import UsageError
 
 Target = Literal["x0", "xt", "eps"]
 Noise = Literal["shared", "independent"]
 Solver = Literal["ddim", "euler", "heun", "dpm++2m", "ancestral"]
 Precision = Literal["float32", "bfloat16", "auto"]
+Spacing = Literal["leading", "linspace", "trailing", "karras"]
+"""Where the steps lie: three ways of dividing the training steps (named as in diffusers; leading is
+Stable Diffusion's and starts below the top, linspace and trailing start at it), or sigmas whose
+seventh roots are evenly spaced (Karras et al. 2022, eq. 5)."""
 
 
-class Suits(NamedTuple):
-    """What suits a denoiser where the settings say nothing; as it stands, InstructPix2Pix."""
+class SamplerDefaults(NamedTuple):
+    """What a denoiser uses where the settings are None; the values here are InstructPix2Pix's."""
 
     guidance_text: float = 7.5
     guidance_image: float = 1.5
     temperature: float = 1.0
-
-
-def suits(denoiser: object) -> Suits:
-    """What a denoiser, or an editor, says of itself: few do."""
-    return getattr(denoiser, "suits", Suits())
 
 
 @dataclass(frozen=True)
@@ -33,59 +34,83 @@ class SamplerSettings:
     """How a batch of views is sampled. Every range is checked; a bad value is a UsageError."""
 
     steps: int = 20
+    """Denoising steps, from 1 to 1000. The time of an edit is proportional to it."""
     guidance_text: float | None = None
-    """s_T: 1 or less means no push towards the instruction. None: what suits the denoiser."""
+    """Weight of the instruction, s_T of InstructPix2Pix, 0 or more; 1 or less adds no push towards
+    it. None: the editor's default (7.5; small 1.4)."""
     guidance_image: float | None = None
-    """s_I: 1 skips the unconditional branch, a third of the cost, exactly. None: as above."""
+    """Weight of the unedited picture, s_I of InstructPix2Pix, 0 or more; 1 skips the unconditional
+    branch, a third of the cost. None: the editor's default (1.5; small 1)."""
     strength: float = 0.98
-    """Fraction of the schedule at which the noised render starts, in (0, 1]."""
+    """Fraction of the noise schedule at which the noised render starts, above 0 and at most 1.
+    At 1 nothing of the render is left; less keeps more of it."""
     solver: Solver = "ddim"
-    """How a step is taken (see gsedit.diffusion.solvers); heun asks the network twice a step."""
+    """How a step is taken. heun runs the network twice a step; ancestral draws fresh noise."""
     spacing: Spacing = "leading"
-    """Where the steps lie (see gsedit.diffusion.schedules)."""
+    """Where the steps lie on the noise schedule, named as in diffusers; karras spaces the seventh
+    roots of sigma evenly."""
     eta: float = 0.0
-    """Of ddim: 0 is deterministic, 1 is DDPM; fresh noise is shared by the clusters as the first
-    is. `ancestral` is always 1."""
+    """Fresh noise of the solver ddim, from 0 (deterministic) to 1 (DDPM). The clusters of
+    corresponding cells share it as they share the first noise; ancestral always has 1."""
     t_end: float = 0.8
-    """Consensus acts while t > t_end * t_max: a noise level, so it does not depend on `steps`."""
+    """Consensus acts while t > t_end * t_max, with t_end from 0 to 1. It is a noise level, so it
+    does not depend on the number of steps."""
     target: Target = "x0"
-    """What corresponding cells agree on: x0 (each view keeps its own eps), x_{t-1}, or eps."""
+    """What corresponding cells agree on: the predicted clean latent x0 (each view keeps its own
+    eps), the next latent x_{t-1} (xt), or the predicted noise eps."""
     noise: Noise = "shared"
     """Whether corresponding cells start from the same noise."""
     consensus: bool = True
+    """Whether corresponding cells of the views are made to agree while they are sampled."""
     consensus_strength: float = 1.0
-    """0 leaves every view alone, 1 makes corresponding cells equal."""
+    """How far cells move to their cluster's mean: 0 changes nothing, 1 makes them equal."""
     memory: float | None = None
-    """GB that the networks' passes may use at once; None: half of what is free."""
+    """GB that the passes of the networks may use at once, above 0. None: half of the free
+    memory."""
     precision: Precision = "auto"
-    """Of a network's arithmetic; auto: bfloat16 where the processor has it and the error, measured
-    on the first pass, is below the bound of gsedit.diffusion.machine."""
+    """Arithmetic of the network. auto takes bfloat16 where the processor has it and its error,
+    measured on the first pass, is at most 2 %."""
     temperature: float | None = None
-    """Factor of the starting noise: 1 draws from what the denoiser finds possible, less stays near
-    the middle of it. None: what suits the denoiser."""
+    """Factor of the starting noise, from 0 to 1: 1 samples the editor's whole distribution, 0 gives
+    the same result for every seed. None: the editor's default (1; small 0.2)."""
 
     def __post_init__(self) -> None:
+        self._check_ranges()
+        self._check_choices()
+        self._check_combinations()
+
+    def _check_ranges(self) -> None:
         _require(1 <= self.steps <= 1000, "steps", self.steps, "from 1 to 1000")
         for name in ("guidance_text", "guidance_image"):
             value = getattr(self, name)
-            known = value is None or (math.isfinite(value) and value >= 0)
-            _require(known, name, value, "finite and not negative")
-        known = self.temperature is None or 0 <= self.temperature <= 1
-        _require(known, "temperature", self.temperature, "from 0 to 1")
+            valid = value is None or (math.isfinite(value) and value >= 0)
+            _require(valid, name, value, "finite and not negative")
+        valid = self.temperature is None or 0 <= self.temperature <= 1
+        _require(valid, "temperature", self.temperature, "from 0 to 1")
         _require(0 < self.strength <= 1, "strength", self.strength, "above 0 and at most 1")
-        choices = {"target": Target, "noise": Noise, "solver": Solver, "spacing": Spacing}
-        for name, allowed in (choices | {"precision": Precision}).items():
-            value, told = getattr(self, name), ", ".join(get_args(allowed))
-            _require(value in get_args(allowed), name, value, f"one of {told}")
-        if self.spacing in ("leading", "trailing"):
-            most = int(1000 * self.strength)  # noise levels of Stable Diffusion's schedule
-            _require(self.steps <= most, "steps", self.steps, f"at most {most} at this strength")
         for name in ("eta", "t_end", "consensus_strength"):
             value = getattr(self, name)
             _require(0 <= value <= 1, name, value, "from 0 to 1")
         if self.memory is not None:
-            known = math.isfinite(self.memory) and self.memory > 0
-            _require(known, "memory", self.memory, "a number of GB above 0")
+            valid = math.isfinite(self.memory) and self.memory > 0
+            _require(valid, "memory", self.memory, "a number of GB above 0")
+
+    def _check_choices(self) -> None:
+        choices = {
+            "target": Target,
+            "noise": Noise,
+            "solver": Solver,
+            "spacing": Spacing,
+            "precision": Precision,
+        }
+        for name, allowed in choices.items():
+            value, names = getattr(self, name), get_args(allowed)
+            _require(value in names, name, value, f"one of {', '.join(names)}")
+
+    def _check_combinations(self) -> None:
+        if self.spacing in ("leading", "trailing"):
+            most = int(1000 * self.strength)  # noise levels of Stable Diffusion's schedule
+            _require(self.steps <= most, "steps", self.steps, f"at most {most} at this strength")
         if self.eta and self.solver not in ("ddim", "ancestral"):
             raise UsageError(
                 f"eta {self.eta:g} is for the solver ddim, {self.solver} draws no noise: "
@@ -97,23 +122,31 @@ class SamplerSettings:
                 "of unit variance, and sampling diverges; use --noise shared or --target x0"
             )
 
+    def with_defaults(self, defaults: SamplerDefaults) -> SamplerSettings:
+        """These settings, with the defaults where they are None."""
+        missing = {
+            name: value for name, value in defaults._asdict().items() if getattr(self, name) is None
+        }
+        return replace(self, **missing)
+
     @property
     def scales(self) -> tuple[float, float]:
-        """(s_T, s_I) in force; InstructPix2Pix's where nothing was said."""
-        return self.in_force(Suits())[:2]
+        """(s_T, s_I), with InstructPix2Pix's where they are None."""
+        text, image = self.guidance_text, self.guidance_image
+        default = SamplerDefaults()
+        return (
+            default.guidance_text if text is None else text,
+            default.guidance_image if image is None else image,
+        )
 
-    def in_force(self, to: Suits) -> Suits:
-        """What was said, and what suits a denoiser where nothing was."""
-        said = ((getattr(self, name), value) for name, value in to._asdict().items())
-        return Suits(*(suited if asked is None else asked for asked, suited in said))
-
-    def suited(self, to: Suits) -> SamplerSettings:
-        """With what suits a denoiser where nothing was said."""
-        return replace(self, **self.in_force(to)._asdict())
+    @property
+    def noise_scale(self) -> float:
+        """The temperature, with InstructPix2Pix's where it is None."""
+        return SamplerDefaults().temperature if self.temperature is None else self.temperature
 
     @property
     def fresh_noise(self) -> float:
-        """The eta in force: the share of the noise that each step draws anew."""
+        """The share of the noise that each step draws anew: eta, or 1 for the solver ancestral."""
         return 1.0 if self.solver == "ancestral" else self.eta
 
     @classmethod

@@ -38,9 +38,11 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.diffusion import Answer, Branches, Need, Prediction, Schedule
+from gsedit.diffusion import Branches, Need, Prediction, Schedule
 from gsedit.editors.looks import VARIANTS, agreed_variant, parse
+from gsedit.editors.protocol import Capabilities, GroundTruth
 from gsedit.views.image_ops import rotate_hue
+from gsedit.views.padding import PadMode
 
 CODE = 2  # channels of a cell that say which variant it shows: a triangle lies in a plane
 CELL = 8  # Stable Diffusion's, so that correspondences are met at the size that real weights have
@@ -148,8 +150,15 @@ class ClosedForm:
     schedule: Schedule = field(default_factory=fine_schedule)
     name: str = "closed-form"
     cell: int = CELL
+    multiple: int = CELL
+    padding: PadMode = "edge"
     channels: int = 3 * CELL * CELL + CODE
     predicts: Prediction = "eps"
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """It runs no network, and its edits have a known truth."""
+        return Capabilities(ground_truth=self.ground_truth)
 
     def check(self, prompt: str) -> None:
         """Raise UsageError if the instruction names no look."""
@@ -209,12 +218,12 @@ class ClosedForm:
             eps(_prior_mean(q, variance, condition.image)) if need.none else None,
         )
 
-    def answer(
+    def ground_truth(
         self,
         prompt: str,
         edited: Float[Tensor, "v h w 3"],
         originals: Float[Tensor, "v h w 3"],
-    ) -> Answer:
+    ) -> GroundTruth:
         """The unperturbed variant that most views show, of any pictures."""
         recipe = parse(prompt)
         agreed, _ = agreed_variant(recipe, edited, originals)

@@ -19,7 +19,7 @@ import time
 from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
 
@@ -29,7 +29,7 @@ from torch import Tensor
 
 from gsedit.consistency.harmonise import harmonise
 from gsedit.diffusion import SamplerSettings
-from gsedit.editors.protocol import EditBatch, EditProgress
+from gsedit.editors.protocol import Capabilities, EditBatch, EditProgress
 from gsedit.errors import GseditError, InputError, UsageError
 
 FIELDS = ("input", "output", "prompt", "seed")
@@ -56,6 +56,7 @@ class Command:
     that failed was given, made and said stays there."""
     name: str = "command"
     cell: int = CELL
+    capabilities: Capabilities = field(default_factory=Capabilities)
 
     def __post_init__(self) -> None:
         if self.timeout is not None and not self.timeout > 0:

@@ -18,8 +18,10 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.diffusion import Branches, Need, Prediction, Schedule
+from gsedit.editors.protocol import Capabilities
 from gsedit.editors.weights import UNWANTED, WANTED, config_of, inspect
 from gsedit.errors import InputError, UsageError
+from gsedit.views.padding import PadMode
 
 DEFAULT = "timbrooks/instruct-pix2pix"
 """The authors' own weights on the hub."""
@@ -85,6 +87,11 @@ class Pix2Pix:
     zeros_for_empty: bool = True
     """SDXL: the empty instruction is zeros, not what the encoders make of it."""
     name: str = "pix2pix"
+    padding: PadMode = "mirror"
+
+    @property
+    def capabilities(self) -> Capabilities:
+        return Capabilities(with_micro_batch=lambda views: replace(self, micro_batch=views))
 
     @property
     def cell(self) -> int:
@@ -153,9 +160,6 @@ class Pix2Pix:
         ]
         predicted = iter(torch.cat(branch) for branch in zip(*chunks))
         return Branches(*(next(predicted) if asked else None for asked in need))
-
-    def answer(self, prompt: str, edited: Tensor, originals: Tensor) -> None:
-        """Nobody knows what a network should have answered."""
 
     def _predict(
         self, x: Tensor, images: Tensor, t: float, condition: Condition, need: Need

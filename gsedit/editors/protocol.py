@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from dataclasses import dataclass, field
+from typing import Any, Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.consistency.correspond import Correspondences
-from gsedit.diffusion import SamplerSettings
+from gsedit.diffusion.predictor import Predictor
+from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings
+from gsedit.views.padding import PadMode
+
+GroundTruth = Callable[[Float[Tensor, "n h w 3"]], Float[Tensor, "n h w 3"]]
+"""A map from unedited to truly edited pictures, values in [0, 1]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +33,8 @@ class EditBatch:
     anchored: Bool[Tensor, " v"] | None = None
     """Views that are already edited: they stay as they are, and their clusters follow them."""
     seed: int = 0
-    """The same for all batches of one edit: what corresponds to nothing starts alike everywhere."""
+    """The same for all batches of one edit: cells without a correspondence start with the same
+    noise in all of them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,16 +47,54 @@ class EditProgress:
     """Edited views, in [0, 1], same size and order as the batch."""
 
 
+def no_advice(prompt: str) -> str:
+    """No remark, whatever the instruction."""
+    return ""
+
+
+@dataclass(frozen=True, eq=False)
+class Capabilities:
+    """What an editor, or a denoiser, declares besides its methods. `Capabilities()` declares
+    nothing; an editor around another forwards the other's record."""
+
+    defaults: SamplerDefaults = field(default_factory=SamplerDefaults)
+    """What fills the sampler's settings where they are None."""
+    denoiser: Denoiser | None = None
+    """The diffusion model, for what asks it directly (score distillation); None where there is
+    none. A denoiser's own record leaves it None: the editor around it fills it in."""
+    with_micro_batch: Callable[[int], Denoiser] | None = None
+    """The same denoiser with that many views in one pass of its network; the predictions are equal
+    but for rounding. None where no network is run: then memory is not measured."""
+    advice: Callable[[str], str] = no_advice
+    """A remark about an instruction that `check` accepts; empty if there is none."""
+    ground_truth: (
+        Callable[
+            [str, Float[Tensor, "v h w 3"], Float[Tensor, "v h w 3"]],
+            GroundTruth | None,
+        ]
+        | None
+    ) = None
+    """(prompt, edited views, their originals) -> the true edit that these views agreed on, or None;
+    with it the error of an edit can be measured. None for editors without a known truth."""
+
+
 @runtime_checkable
 class Editor(Protocol):
     """A 2D editor of several views at once."""
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """As in `--editor NAME`."""
+        ...
 
     @property
     def cell(self) -> int:
         """Pixels per latent cell: the grid on which correspondences are wanted."""
+        ...
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """Everything optional; `Capabilities()` if there is nothing to declare."""
         ...
 
     def check(self, prompt: str) -> None:
@@ -65,31 +109,62 @@ class Editor(Protocol):
 
 
 @runtime_checkable
-class Advises(Protocol):
-    """An editor that can foresee where an instruction it accepts leads nowhere."""
+class Autoencoder(Protocol):
+    """Pictures to latents and back."""
 
-    def advise(self, prompt: str) -> str:
-        """What whoever asks should know before it works; empty where there is nothing to say."""
+    @property
+    def cell(self) -> int:
+        """Pixels per latent cell."""
+        ...
+
+    @property
+    def channels(self) -> int:
+        """Of a latent cell."""
+        ...
+
+    @property
+    def multiple(self) -> int:
+        """Pixels, a multiple of `cell`: both sides of a picture to encode are multiples of it."""
+        ...
+
+    @property
+    def padding(self) -> PadMode:
+        """How a picture is continued to such sides."""
+        ...
+
+    def encode(self, images: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v c y x"]:
+        """Latents, scaled as the sampler wants them, of images in [0, 1]."""
+        ...
+
+    def encode_edited(
+        self,
+        images: Float[Tensor, "v h w 3"],
+        originals: Float[Tensor, "v h w 3"],
+        prompt: str,
+    ) -> Float[Tensor, "v c y x"]:
+        """Latents of finished edits of these originals: what anchored views are held to."""
+        ...
+
+    def decode(self, latents: Float[Tensor, "v c y x"]) -> Float[Tensor, "v h w 3"]:
+        """Images, not clamped: the inverse of encode as far as there is one."""
         ...
 
 
-def advice_of(editor: object, prompt: str) -> str:
-    """What an editor, or a denoiser, has to say about an instruction; most say nothing."""
-    return editor.advise(prompt) if isinstance(editor, Advises) else ""
-
-
 @runtime_checkable
-class KnowsAnswer(Protocol):
-    """An editor whose right answer is known: what is made of its pictures can be measured."""
+class Denoiser(Predictor, Autoencoder, Protocol):
+    """A diffusion model of edited images, in its own latent space. Stateless."""
 
-    def answer(
-        self,
-        prompt: str,
-        edited: Float[Tensor, "v h w 3"],
-        originals: Float[Tensor, "v h w 3"],
-    ) -> Callable[[Float[Tensor, "n h w 3"]], Float[Tensor, "n h w 3"]] | None:
-        """The map from unedited to truly edited pictures that these views agreed on.
+    @property
+    def capabilities(self) -> Capabilities:
+        """Everything optional, without `denoiser`."""
+        ...
 
-        None where the denoiser knows no answer.
-        """
+    def check(self, prompt: str) -> None:
+        """Raise UsageError, with the next move, for an instruction it cannot follow."""
+        ...
+
+    def condition(
+        self, originals: Float[Tensor, "v h w 3"], prompt: str, generator: torch.Generator
+    ) -> Any:
+        """Whatever `branches` needs and no step changes; computed once for the views."""
         ...

@@ -4,8 +4,8 @@ A package adds an editor by an entry point of the group `gsedit.editors`: a name
 (a class, say) that makes an Editor. Its docstring's first line is what it does. Its parameters are
 the options that it takes, by name: of `model`, `weights_dir`, `run`, `timeout` and `folder`, those
 that were given are handed over. If it has an attribute `missing`, a callable without arguments,
-that names what is not installed, a line each with its next move. An editor's attribute `suits`
-(gsedit.diffusion.Suits) is what settings that leave it open are filled with.
+that names what is not installed, a line each with its next move. What is optional of an editor is
+declared in its attribute `capabilities` (gsedit.editors.Capabilities).
 `examples/write_an_editor.py` shows one.
 """
 
@@ -24,6 +24,8 @@ from gsedit.errors import GseditError, UsageError
 GROUP = "gsedit.editors"
 DEFAULT = "small"
 OURS = "gsedit"
+PARTS = ["name", "cell", "check", "edit", "capabilities"]
+"""What every editor has."""
 
 Factory = Callable[..., Editor]
 Missing = Callable[[], Iterable[str]]
@@ -54,11 +56,9 @@ class Listing:
 def _small(model: str | Path | None = None) -> Editor:
     """Learned, comes with gsedit: some fifty looks of subject and scene, in words of your own."""
     from gsedit.editors.sampling import DiffusionEditor
-    from gsedit.editors.sides import WholeSides
     from gsedit.editors.small import load_small
 
-    denoiser = load_small(None if model is None else Path(model).expanduser())
-    return WholeSides(DiffusionEditor(denoiser), denoiser.multiple)
+    return DiffusionEditor(load_small(None if model is None else Path(model).expanduser()))
 
 
 def _small_missing() -> Iterable[str]:
@@ -80,10 +80,9 @@ def _pix2pix(model: str | Path | None = None, weights_dir: str | Path | None = N
     """InstructPix2Pix weights of Stable Diffusion 1.5 or SDXL, a folder or hub id: any sentence."""
     from gsedit.editors import pix2pix
     from gsedit.editors.sampling import DiffusionEditor
-    from gsedit.editors.sides import WholeSides
 
     denoiser = pix2pix.load_pix2pix(model or pix2pix.DEFAULT, weights_dir=weights_dir)
-    return WholeSides(DiffusionEditor(denoiser), denoiser.multiple)
+    return DiffusionEditor(denoiser)
 
 
 def _pix2pix_missing() -> Iterable[str]:
@@ -166,10 +165,11 @@ def make_editor(name: str = DEFAULT, **options: Any) -> Editor:
             f"the {name} editor ({source}) cannot be made ({_reason(error)}): "
             f"ask the authors of {source}"
         ) from error
-    wanted = [part for part in ("name", "cell", "check", "edit") if not hasattr(editor, part)]
-    if wanted:
+    missing = [part for part in PARTS if not hasattr(editor, part)]
+    if missing:
+        hint = " (gsedit.editors.Capabilities() declares none)" if missing == PARTS[-1:] else ""
         raise GseditError(
-            f"what {source} makes as {name} is no editor: it has no {', no '.join(wanted)}; "
+            f"what {source} makes as {name} is no editor: it has no {', no '.join(missing)}{hint}; "
             f"ask the authors of {source}"
         )
     return editor

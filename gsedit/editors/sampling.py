@@ -1,34 +1,33 @@
-"""Any denoiser as an editor: encode, noise, sample with consensus, decode. `v` views of `h w`."""
+"""Any denoiser as an editor: encode, noise, sample with consensus, decode.
+
+`v` views of `h w` pixels, padded to `H W`; `c y x` latents.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, is_dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import torch
-import torch.nn.functional as F
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from gsedit.consistency.consensus import consensus, share_noise
 from gsedit.diffusion import (
     Anchor,
-    Answer,
-    Denoiser,
     Hook,
     Predictor,
     SamplerSettings,
-    Suits,
     add_noise,
     levels_of,
     predict_guided,
     sample,
-    suits,
 )
 from gsedit.diffusion.machine import InBfloat16, faster, peak_bytes, views_at_once
-from gsedit.editors.protocol import EditBatch, EditProgress, advice_of
+from gsedit.editors.protocol import Capabilities, Denoiser, EditBatch, EditProgress
 from gsedit.errors import UsageError
+from gsedit.views.padding import pad_to, pad_to_multiple, round_up
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,26 +45,13 @@ class DiffusionEditor:
         return self.denoiser.cell
 
     @property
-    def suits(self) -> Suits:
-        """What suits the denoiser."""
-        return suits(self.denoiser)
+    def capabilities(self) -> Capabilities:
+        """The denoiser's, and the denoiser itself."""
+        return replace(self.denoiser.capabilities, denoiser=self.denoiser)
 
     def check(self, prompt: str) -> None:
         """Raise UsageError if the denoiser cannot follow the instruction."""
         self.denoiser.check(prompt)
-
-    def advise(self, prompt: str) -> str:
-        """What the denoiser has to say about the instruction."""
-        return advice_of(self.denoiser, prompt)
-
-    def answer(
-        self,
-        prompt: str,
-        edited: Float[Tensor, "v h w 3"],
-        originals: Float[Tensor, "v h w 3"],
-    ) -> Answer | None:
-        """The true edit that most of these views show (see KnowsAnswer); None if unknowable."""
-        return self.denoiser.answer(prompt, edited, originals)
 
     @torch.no_grad()
     def edit(
@@ -73,37 +59,26 @@ class DiffusionEditor:
     ) -> Iterator[EditProgress]:
         """Yields a step at a time. The generator draws the noise first, then the condition.
 
-        Sides that are no multiples of the cell are padded right and below by their edge, so cells
-        stay where they were, and cropped back. Raises UsageError for shapes that do not belong
-        together, and whatever `check` raises.
+        Pictures are padded to the sides that the denoiser wants, right and below, and cropped
+        back: cells stay where they were, and those that are added correspond to nothing. Raises
+        UsageError for shapes that do not belong together, and whatever `check` raises.
         """
         self.check(batch.prompt)
         _check_shapes(batch)
-        settings = settings.suited(self.suits)
+        settings = settings.with_defaults(self.denoiser.capabilities.defaults)
         if batch.anchored is not None and batch.anchored.all():
             yield EditProgress(settings.steps, settings.steps, batch.images.clone())
             return
-        height, width = batch.images.shape[1:3]
-        originals = pad_to_cells(batch.originals, self.cell)
-        images = pad_to_cells(batch.images, self.cell)
-        z0 = self.denoiser.encode(images)
-        anchor, free = None, slice(None)
-        if batch.anchored is not None and batch.anchored.any():
-            free = ~batch.anchored
-            answers = z0.clone()
-            answers[batch.anchored] = self.denoiser.encode_edited(
-                images[batch.anchored], originals[batch.anchored], batch.prompt
-            )
-            anchor = Anchor(batch.anchored, answers)
-        agree, share = _hooks(batch, settings, z0)
-
+        whole = padded(batch, self.denoiser)
+        free = slice(None) if batch.anchored is None else ~batch.anchored
+        z0, anchor = _encoded(whole, self.denoiser)
+        agree, share = _hooks(whole, settings)
         noise = torch.randn(z0.shape, generator=generator, dtype=z0.dtype)
-        condition = self.denoiser.condition(originals[free], batch.prompt, generator)
+        condition = self.denoiser.condition(whole.originals[free], batch.prompt, generator)
         start = levels_of(self.denoiser.schedule, settings)[0]
-        noise = settings.in_force(self.suits).temperature * share(noise)
-        x = add_noise(z0 if anchor is None else anchor.x0, noise, start)
-        states = sample(
-            prepared(self.denoiser, x[free], originals[free], batch.prompt, settings),
+        x = add_noise(z0, settings.noise_scale * share(noise), start)
+        steps = sample(
+            prepared(self.denoiser, x[free], whole.originals[free], batch.prompt, settings),
             condition,
             x,
             settings,
@@ -112,64 +87,117 @@ class DiffusionEditor:
             anchor=anchor,
             generator=generator,
         )
-        for state in states:
-            x = state.x
-            if state.step < state.steps:
-                yield EditProgress(state.step, state.steps)
+        for step in steps:
+            x = step.x
+            if step.step < step.steps:
+                yield EditProgress(step.step, step.steps)
+        yield EditProgress(settings.steps, settings.steps, self._decoded(x, batch))
+
+    def _decoded(self, x: Float[Tensor, "v c y x"], batch: EditBatch) -> Float[Tensor, "v h w 3"]:
+        """The edited pictures in [0, 1]; anchored ones as they are."""
+        height, width = batch.images.shape[1:3]
+        free = slice(None) if batch.anchored is None else ~batch.anchored
         edited = batch.images.clone()
         images = self.denoiser.decode(x[free])[:, :height, :width]
         edited[free] = images.clamp(0, 1).to(edited.dtype)
-        yield EditProgress(settings.steps, settings.steps, edited)
+        return edited
 
 
 def prepared(
-    denoiser: Denoiser, x: Tensor, originals: Tensor, prompt: str, settings: SamplerSettings
+    denoiser: Denoiser,
+    x: Float[Tensor, "v c y x"],
+    originals: Float[Tensor, "v h w 3"],
+    prompt: str,
+    settings: SamplerSettings,
 ) -> Predictor:
     """The denoiser with as many views at once, and as few bits, as suit it and this machine.
 
-    A network (see Denoiser) is measured on the first view: what a pass and a decoding hold in
-    memory, and what bfloat16 would change. What computes without one is left alone.
+    A denoiser that runs a network (with_micro_batch is declared) is measured on the first view:
+    the memory of a pass and of a decoding, and the error of bfloat16. Others are left alone.
     """
-    if getattr(denoiser, "micro_batch", None) is None or not is_dataclass(denoiser):
+    with_micro_batch = denoiser.capabilities.with_micro_batch
+    if with_micro_batch is None:
         return denoiser
     first = levels_of(denoiser.schedule, settings)[0]
     condition = denoiser.condition(originals[:1], prompt, torch.Generator())
 
-    def ask(asked: Predictor) -> Tensor:
-        return predict_guided(asked, condition, x[:1], first, settings)
+    def guided(predictor: Predictor) -> Tensor:
+        return predict_guided(predictor, condition, x[:1], first, settings)
 
-    held = max(peak_bytes(lambda: ask(denoiser)), peak_bytes(lambda: denoiser.decode(x[:1])))
-    found = faster(denoiser, ask, settings.precision)
-    views = views_at_once(len(x), held, settings.memory)
-    sized = replace(denoiser, micro_batch=views)
-    return sized if found is denoiser else InBfloat16(sized)
-
-
-def pad_to_cells(images: Float[Tensor, "v h w c"], cell: int) -> Float[Tensor, "v H W c"]:
-    """Repeat the last row and column until both sides are multiples of `cell`."""
-    height, width = images.shape[1:3]
-    below, right = -height % cell, -width % cell
-    if not below and not right:
-        return images
-    padded = F.pad(images.movedim(-1, 1), (0, right, 0, below), mode="replicate")
-    return padded.movedim(1, -1)
+    held = max(peak_bytes(lambda: guided(denoiser)), peak_bytes(lambda: denoiser.decode(x[:1])))
+    chosen = faster(denoiser, guided, settings.precision)
+    sized = with_micro_batch(views_at_once(len(x), held, settings.memory))
+    return sized if chosen is denoiser else InBfloat16(sized)
 
 
-def _hooks(batch: EditBatch, settings: SamplerSettings, z0: Tensor) -> tuple[Hook | None, Hook]:
-    """(consensus, noise sharing) of the batch."""
+def padded(batch: EditBatch, denoiser: Denoiser) -> EditBatch:
+    """The batch with the sides that the denoiser wants; added cells are in no cluster."""
+    images, originals = (
+        pad_to_multiple(pictures, denoiser.multiple, denoiser.padding)
+        for pictures in (batch.images, batch.originals)
+    )
+    matches = batch.correspondences
+    if matches is not None:
+        labels = _padded_labels(matches.labels, batch.images, images, denoiser.cell)
+        matches = replace(matches, labels=labels)
+    return replace(batch, images=images, originals=originals, correspondences=matches)
+
+
+def _padded_labels(
+    labels: Int[Tensor, "n y x"],
+    images: Float[Tensor, "v h w 3"],
+    whole: Float[Tensor, "v H W 3"],
+    cell: int,
+) -> Int[Tensor, "v Y X"]:
+    """The labels of all cells of the padded pictures; -1 (no cluster) where there were none.
+
+    Raises UsageError unless there is one for every whole cell of the pictures.
+    """
+    views, *sides = images.shape[:3]
+    rows, columns = (side // cell for side in whole.shape[1:3])
+    fits = all(
+        side // cell <= cells <= most
+        for side, cells, most in zip(sides, labels.shape[1:], (rows, columns))
+    )
+    if len(labels) != views or not fits:
+        grid = tuple(round_up(side, cell) // cell for side in sides)
+        raise UsageError(
+            f"correspondences are for {tuple(labels.shape)} views and cells, the images have "
+            f"{(views, *grid)}: match the cells of the images that are edited"
+        )
+    return pad_to(labels, rows, columns, "constant", value=-1)
+
+
+def _encoded(
+    batch: EditBatch, denoiser: Denoiser
+) -> tuple[Float[Tensor, "v c y x"], Anchor | None]:
+    """(clean latents, those of the anchored views as finished edits)."""
+    z0 = denoiser.encode(batch.images)
+    anchored: Bool[Tensor, " v"] | None = batch.anchored
+    if anchored is None or not anchored.any():
+        return z0, None
+    z0 = z0.clone()
+    z0[anchored] = denoiser.encode_edited(
+        batch.images[anchored], batch.originals[anchored], batch.prompt
+    )
+    return z0, Anchor(anchored, z0)
+
+
+def _hooks(batch: EditBatch, settings: SamplerSettings) -> tuple[Hook | None, Hook]:
+    """(consensus, noise sharing) of a padded batch."""
     if batch.correspondences is None:
         return None, lambda noise: noise
-    labels = _labels_on(batch.correspondences.labels, z0)
+    labels = batch.correspondences.labels
     agree = partial(
         consensus, labels=labels, anchored=batch.anchored, strength=settings.consensus_strength
     )
     if settings.noise == "independent":
         return agree, lambda noise: noise
-    return agree, _Sharing(labels, torch.Generator().manual_seed(batch.seed))
+    return agree, _SharedNoise(labels, torch.Generator().manual_seed(batch.seed))
 
 
 @dataclass(frozen=True, eq=False)
-class _Sharing:
+class _SharedNoise:
     """Noise that views have in common, and with them all batches of an edit: one set of draws."""
 
     labels: Int[Tensor, "v y x"]
@@ -178,17 +206,6 @@ class _Sharing:
     def __call__(self, noise: Float[Tensor, "v c y x"]) -> Float[Tensor, "v c y x"]:
         first = torch.randn(noise[:1].shape, generator=self.common, dtype=noise.dtype)
         return share_noise(torch.cat((first, noise[1:])), self.labels)
-
-
-def _labels_on(labels: Int[Tensor, "v y x"], z0: Tensor) -> Int[Tensor, "v Y X"]:
-    """The labels on the padded grid; cells that were added are in no cluster."""
-    below, right = z0.shape[2] - labels.shape[1], z0.shape[3] - labels.shape[2]
-    if len(labels) != len(z0) or not 0 <= below <= 1 or not 0 <= right <= 1:
-        raise UsageError(
-            f"correspondences are for {tuple(labels.shape)} views and cells, the images have "
-            f"{(len(z0), *z0.shape[2:])}: match the cells of the images that are edited"
-        )
-    return F.pad(labels, (0, right, 0, below), value=-1)
 
 
 def _check_shapes(batch: EditBatch) -> None:

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from gsedit.consistency.correspond import Correspondences, correspond
 from gsedit.diffusion import SamplerSettings
-from gsedit.editors.protocol import EditBatch, KnowsAnswer
+from gsedit.editors.protocol import EditBatch
 from gsedit.reports.events import Event
 from gsedit.session.probe import mean
 from gsedit.session.session import Session
@@ -62,11 +62,11 @@ def edit_views(
 
 
 def _find_ground_truth(session: Session) -> None:
-    edited, editor = session.edited, session.request.editor
-    if isinstance(editor, KnowsAnswer):
+    edited, find = session.edited, session.request.editor.capabilities.ground_truth
+    if find is not None:
         images = torch.stack([view.image for view in edited.targets.values()])
         originals = torch.stack([session.unedited_image(i) for i in edited.targets])
-        edited.ground_truth = editor.answer(session.request.prompt, images, originals)
+        edited.ground_truth = find(session.request.prompt, images, originals)
 
 
 def _correspondences(session: Session, members: Sequence[int]) -> Correspondences:

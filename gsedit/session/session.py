@@ -10,8 +10,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.diffusion import Answer
-from gsedit.editors.protocol import Editor
+from gsedit.editors.protocol import Editor, GroundTruth
 from gsedit.errors import UsageError
 from gsedit.fitting.optimiser import SceneOptimiser
 from gsedit.measures.features import FeatureExtractor
@@ -67,7 +66,7 @@ class EditedViews:
     """By index, in the order in which they were edited."""
     pairs: list[tuple[str, str, float]] = field(default_factory=list)
     """(view, view, matched fraction) of every two views that were in a batch together."""
-    ground_truth: Answer | None = None
+    ground_truth: GroundTruth | None = None
     """The map from unedited to truly edited pictures that the targets show, where it is known."""
 
 

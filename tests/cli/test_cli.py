@@ -22,8 +22,8 @@ from gsedit_cli.progress import plain_line, progress
 from PIL import Image
 from typer.testing import CliRunner
 
-from gsedit.diffusion import SamplerSettings, Suits
-from gsedit.editors.small import Small
+from gsedit.diffusion import SamplerDefaults, SamplerSettings
+from gsedit.editors.small import DEFAULTS
 from gsedit.errors import GseditError, InputError, UsageError
 from gsedit.files import load
 from gsedit.fitting.fit import FitResult
@@ -482,11 +482,12 @@ def test_a_fit_can_be_compiled(monkeypatch, photos, tmp_path):
 def test_the_defaults_in_the_help_are_the_librarys():
     text = " ".join(re.sub(r"[│\s]+", " ", gsedit("edit", "--help").stdout).split())
     sampler, update, edit = SamplerSettings(), UpdateSettings(), EditSettings()
+    pix2pix = SamplerDefaults()
     for value in (
         f"Sampling steps (default {sampler.steps})",
-        f"what suits the editor; {Suits().guidance_text}, small {Small.suits.guidance_text:g})",
-        f"(likewise; {Suits().guidance_image}, small {Small.suits.guidance_image:g})",
-        f"(likewise; {Suits().temperature:g}, small {Small.suits.temperature:g})",
+        f"what suits the editor; {pix2pix.guidance_text}, small {DEFAULTS.guidance_text:g})",
+        f"(likewise; {pix2pix.guidance_image}, small {DEFAULTS.guidance_image:g})",
+        f"(likewise; {pix2pix.temperature:g}, small {DEFAULTS.temperature:g})",
         f"(default {SinglePass().update_steps})",
         f"(default {update.patches})",
         f"(default {update.patch})",

@@ -11,7 +11,6 @@ from functools import partial
 
 import pytest
 import torch
-from denoisers import Unasked
 
 from gsedit.consistency.consensus import consensus, share_noise
 from gsedit.diffusion import (
@@ -41,13 +40,11 @@ def noise(*shape: int, seed: int = 0) -> torch.Tensor:
 
 
 @dataclass(frozen=True, eq=False)
-class OneGaussian(Unasked):
+class OneGaussian:
     """x0 of every view is normal about its own centre; `condition` names the views."""
 
     centres: torch.Tensor
     name: str = "one Gaussian"
-    cell: int = 1
-    channels: int = 2
     schedule: Schedule = SD
     predicts: str = "x0"
 

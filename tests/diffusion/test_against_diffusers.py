@@ -11,7 +11,6 @@ from typing import Any
 import diffusers
 import pytest
 import torch
-from denoisers import Unasked
 
 from gsedit.diffusion import Branches, SamplerSettings, Schedule, guide, levels_of, sample
 
@@ -35,13 +34,11 @@ IMAGES, NOISE = draw(2, 2, 4, 9, 8, seed=2)  # sides that are odd, and not equal
 
 
 @dataclass(frozen=True, eq=False)
-class Network(Unasked):
+class Network:
     """Our contract over a bare UNet: text, null text, image latents."""
 
     unet: Any
     name: str = "tiny"
-    cell: int = 8
-    channels: int = 4
     schedule: Schedule = STABLE_DIFFUSION
     predicts: str = "eps"
 

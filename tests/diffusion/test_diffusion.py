@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import pytest
 import torch
-from denoisers import Unasked
 
 from gsedit.consistency.consensus import consensus, share_noise
 from gsedit.diffusion import (
@@ -33,13 +32,11 @@ SCHEDULE = Schedule.scaled_linear()
 
 
 @dataclass(frozen=True, eq=False)
-class Point(Unasked):
+class Point:
     """A denoiser that knows x0 of every view: all three branches point at it."""
 
     x0: torch.Tensor
     name: str = "point"
-    cell: int = 8
-    channels: int = 2
     schedule: Schedule = SCHEDULE
     predicts: str = "eps"
 

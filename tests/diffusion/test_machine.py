@@ -12,7 +12,7 @@ from gsedit.bench.sampler.problems import network
 from gsedit.diffusion import Branches, Need, SamplerSettings, Schedule
 from gsedit.diffusion import machine as this
 from gsedit.diffusion.machine import InBfloat16, faster, peak_bytes, relative_error, views_at_once
-from gsedit.editors import EditBatch
+from gsedit.editors import Capabilities, EditBatch
 from gsedit.editors.sampling import DiffusionEditor, prepared
 from gsedit.errors import UsageError
 
@@ -87,12 +87,17 @@ class Painter:
     name: str = "painter"
     cell: int = 1
     channels: int = 4
+    multiple: int = 1
+    padding: str = "edge"
     predicts: str = "eps"
     schedule: Schedule = field(default_factory=Schedule.scaled_linear)
     layers: Any = field(default_factory=lambda: network(channels=8, depth=1).layers)
 
+    @property
+    def capabilities(self):
+        return Capabilities(with_micro_batch=lambda views: replace(self, micro_batch=views))
+
     def check(self, prompt): ...
-    def answer(self, prompt, edited, originals): ...
 
     def encode(self, images):
         return torch.nn.functional.pad(images, (0, 1)).movedim(-1, 1)
@@ -130,6 +135,9 @@ def test_the_editor_gives_a_network_as_many_views_as_fit():
 
 
 def test_a_denoiser_without_a_network_is_left_alone():
-    model = replace(Painter([]), micro_batch=None)
+    class WithoutNetwork(Painter):
+        capabilities = Capabilities()
+
+    model = WithoutNetwork([])
     x = torch.zeros(1, 4, 8, 8)
     assert prepared(model, x, torch.zeros(1, 8, 8, 3), "", SamplerSettings()) is model

@@ -14,26 +14,24 @@ from safetensors.torch import save_file
 from typer.testing import CliRunner
 
 from gsedit import doctor
-from gsedit.consistency.correspond import Correspondences
-from gsedit.diffusion import SamplerSettings
 from gsedit.editors import (
-    EditBatch,
     Editor,
-    EditProgress,
     editor_names,
     list_editors,
     make_editor,
     registry,
 )
-from gsedit.editors.sides import WholeSides, extend
 from gsedit.editors.weights import inspect, tensors
 from gsedit.errors import GseditError, InputError, UsageError
 
 THEIRS = '''
+from gsedit.editors import Capabilities
+
+
 class Mirror:
     """Turns pictures round."""
 
-    name, cell = "mirror", 8
+    name, cell, capabilities = "mirror", 8, Capabilities()
 
     def __init__(self, model=None):
         self.model = model
@@ -45,6 +43,12 @@ class Mirror:
     @staticmethod
     def missing():
         return ["a mirror: buy one"]
+
+
+class Undeclared(Mirror):
+    @property
+    def capabilities(self):
+        raise AttributeError
 
 
 class Broken:
@@ -74,7 +78,8 @@ def packages(tmp_path, monkeypatch):
     """Two third-party packages, one of which cannot be imported."""
     entries = (
         "mirror = mirrors:Mirror\nbroken = mirrors:Broken\nnothing = mirrors:nothing\n"
-        "number = mirrors:number\nabsent = mirrors:Absent\npix2pix = mirrors:Mirror"
+        "undeclared = mirrors:Undeclared\nnumber = mirrors:number\n"
+        "absent = mirrors:Absent\npix2pix = mirrors:Mirror"
     )
     install(tmp_path, "mirrors", entries, THEIRS)
     install(tmp_path, "torn", "torn = torn:Torn", "import surely_not_installed")
@@ -162,7 +167,11 @@ def test_a_third_party_s_editor_is_made_and_listed(packages):
             "broken",
             r"cannot be made \(RuntimeError: no mirror in here\): ask the authors of mirrors",
         ),
-        ("nothing", "is no editor: it has no name, no cell, no check, no edit"),
+        ("nothing", "is no editor: it has no name, no cell, no check, no edit, no cap"),
+        (
+            "undeclared",
+            r"it has no capabilities \(gsedit.editors.Capabilities\(\) declares none\)",
+        ),
     ],
 )
 def test_a_third_party_s_mistake_is_theirs_and_no_crash(packages, name, message):
@@ -173,7 +182,9 @@ def test_a_third_party_s_mistake_is_theirs_and_no_crash(packages, name, message)
 def test_the_list_survives_them_all(packages):
     listings = [each for each in list_editors() if each.source != "gsedit"]
     found = {each.name: each for each in listings}
-    assert set(found) == {"mirror", "broken", "nothing", "number", "absent", "pix2pix", "torn"}
+    assert set(found) == {
+        *("mirror", "undeclared", "broken", "nothing", "number", "absent", "pix2pix", "torn")
+    }
     assert "surely_not_installed" in found["torn"].needs[0]
     assert "taken" in found["pix2pix"].needs[0]  # ours has the right of way
     assert make_editor.__module__ == "gsedit.editors.registry"
@@ -196,61 +207,6 @@ def test_a_third_party_s_editor_from_the_command_line(packages, tmp_path):
     result = gsedit("edit", scene, "turn round", "-o", tmp_path / "out", "--editor", "nobody")
     assert result.exit_code == 2
     assert "see gsedit editors" in result.stderr
-
-
-# ---- whole sides ---------------------------------------------------------------------------------
-
-
-class Watching:
-    """An editor that changes nothing, and remembers what it was shown."""
-
-    name, cell = "watching", 2
-
-    def check(self, prompt: str) -> None:
-        if not prompt:
-            raise UsageError("empty")
-
-    def edit(self, batch, settings, generator):
-        self.batch = batch
-        yield EditProgress(1, 2)
-        yield EditProgress(2, 2, batch.originals)
-
-
-def ramps(height: int, width: int) -> torch.Tensor:
-    """Red grows along x, green along y: a shift by any part of a pixel changes every value."""
-    y, x = torch.meshgrid(torch.arange(height) / height, torch.arange(width) / width, indexing="ij")
-    return torch.stack((x, y, x * y), -1)[None].repeat(2, 1, 1, 1)
-
-
-@pytest.mark.parametrize(("height", "width"), [(16, 24), (17, 24), (31, 1), (3, 50), (1, 1)])
-def test_a_round_trip_through_whole_sides_moves_nothing(height, width):
-    images = ramps(height, width)
-    inner = Watching()
-    editor = WholeSides(inner, 8)
-    rows, columns = -(-height // 2), -(-width // 2)
-    labels = torch.arange(rows * columns).reshape(1, rows, columns).repeat(2, 1, 1)
-    request = EditBatch(images, images, "x", Correspondences(labels, torch.ones(2, 2), 2))
-    first, last = editor.edit(request, SamplerSettings(), torch.Generator())
-    assert first.images is None
-    assert torch.equal(last.images, images)  # not a rounding: no pixel was interpolated
-    seen = inner.batch
-    assert all(side % 8 == 0 for side in seen.originals.shape[1:3])
-    # where they were: cell (i, j) holds the same pixels, so correspondences still hold
-    assert torch.equal(seen.originals[:, :height, :width], images)
-    found = seen.correspondences.labels
-    assert found.shape == (2, seen.originals.shape[1] // 2, seen.originals.shape[2] // 2)
-    assert torch.equal(found[:, :rows, :columns], labels)
-    assert (found[:, rows:] == -1).all()
-    assert (found[:, :, columns:] == -1).all()
-    assert (editor.name, editor.cell) == ("watching", 2)
-
-
-def test_what_is_added_is_the_mirror_image():
-    row = torch.tensor([1.0, 2, 3]).reshape(1, 1, 3, 1)
-    assert extend(row, 4)[0, 0, :, 0].tolist() == [1, 2, 3, 3]
-    assert extend(row, 8)[0, 7, :, 0].tolist() == [1, 2, 3, 3, 2, 1, 1, 2]
-    assert extend(row, 8).shape == (1, 8, 8, 1)
-    assert torch.equal(extend(ramps(8, 16), 8), ramps(8, 16))
 
 
 # ---- weights on disk -----------------------------------------------------------------------------

@@ -335,7 +335,7 @@ def test_the_networks_see_whole_sides(folder, model):
     assert (model.cell, model.multiple) == (2, 4)
     editor = make_editor("pix2pix", model=folder)
     seen = []
-    unet = editor.inner.denoiser.unet
+    unet = editor.denoiser.unet
     handle = unet.register_forward_pre_hook(lambda _, args: seen.append(args[0].shape[2:]))
     views = torch.rand(1, 29, 33, 3, generator=torch.Generator().manual_seed(1))
     *_, last = editor.edit(

@@ -9,7 +9,7 @@ from small_networks import random_network
 from gsedit.diffusion import Need, SamplerSettings, predict_guided
 from gsedit.editors.protocol import EditBatch
 from gsedit.editors.sampling import DiffusionEditor
-from gsedit.editors.small import Small
+from gsedit.editors.small import DEFAULTS, Small
 from gsedit.editors.small.denoiser import MID_SIGMA, schedule
 from gsedit.editors.small.network import CELL, CHANNELS
 from gsedit.editors.small.text import MAX_WORDS
@@ -90,9 +90,9 @@ def test_an_instruction_that_is_too_long_is_refused(small):
 
 def test_an_instruction_that_names_no_look_gets_a_warning():
     small = Small(random_network(), looks=("bronze", "snow"), words=frozenset({"bronze", "snowy"}))
-    assert small.advise("Make it SNOWY!") == ""
-    assert "no word of 'as a dinosaur' names a look" in small.advise("as a dinosaur")
-    assert "it was trained on bronze, snow. For any sentence: --editor pix2pix" in small.advise(
+    assert small.advice("Make it SNOWY!") == ""
+    assert "no word of 'as a dinosaur' names a look" in small.advice("as a dinosaur")
+    assert "it was trained on bronze, snow. For any sentence: --editor pix2pix" in small.advice(
         "zxqv"
     )
 
@@ -131,7 +131,7 @@ def test_unknown_words_give_a_finite_edit(small):
 @pytest.mark.parametrize("other", [{"guidance_text": 7.5}, {"temperature": 1.0}])
 def test_its_defaults_are_used_unless_a_setting_is_given(small, other):
     editor, images = DiffusionEditor(small), pictures(1, 16, 16)
-    assert torch.equal(edit(editor, images), edit(editor, images, **small.suits._asdict()))
+    assert torch.equal(edit(editor, images), edit(editor, images, **DEFAULTS._asdict()))
     assert not torch.equal(edit(editor, images), edit(editor, images, **other))
 
 

@@ -15,8 +15,7 @@ from train_small.train import CHUNKS, ROUNDS, SEED
 
 from gsedit.diffusion import SamplerSettings
 from gsedit.editors import make_editor
-from gsedit.editors.protocol import advice_of
-from gsedit.editors.small import WEIGHTS, load_small
+from gsedit.editors.small import DEFAULTS, WEIGHTS, load_small
 
 CARD = WEIGHTS.with_name("MODEL_CARD.md").read_text(encoding="utf-8")
 LOOKS = ("verdigris", "jade", "green", "snow", "night", "sunset", "sketch", "sepia", "thermal")
@@ -50,7 +49,7 @@ def test_the_card_says_how_they_came_about(small):
     weights = sum(value.numel() for value in small.network.state_dict().values())
     assert f"{weights / 1e6:.1f} M weights" in CARD
     assert f"{WEIGHTS.stat().st_size / 1e6:.1f} MB" in CARD
-    s_T, s_I, temperature = small.suits
+    s_T, s_I, temperature = DEFAULTS
     assert f"s_T {s_T:g}, s_I {s_I:g}, starting noise of {temperature:g}" in CARD
     assert f"{sum(chunk.procedural + chunk.traced for chunk in CHUNKS):,} pictures" in CARD
     assert not re.search(r"@[A-Z]+@", CARD)
@@ -62,9 +61,9 @@ def test_the_card_says_how_they_came_about(small):
 
 
 def test_a_sentence_it_was_not_taught_gets_a_remark():
-    editor = make_editor("small")
-    assert "so the result is a guess" in advice_of(editor, "give it a moustache")
-    assert not advice_of(editor, "as a bronze statue")
+    advice = make_editor("small").capabilities.advice
+    assert "so the result is a guess" in advice("give it a moustache")
+    assert not advice("as a bronze statue")
 
 
 def test_held_out_sentences_are_followed_on_pictures_it_never_saw():

@@ -44,7 +44,7 @@ SPREAD = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """The Denoiser of three mixtures: what is told, what is shown, and neither."""
+    """The Predictor of three mixtures: what is told, what is shown, and neither."""
 
     told: Mixture
     shown: Mixture
@@ -54,23 +54,6 @@ class Problem:
     dtype: torch.dtype | None = None
     """Of its answers, rounded as a network of that precision would; None: that of its input."""
     name: str = "mixture"
-    cell: int = 1
-    channels: int = SHAPE[1]
-
-    def check(self, prompt: str) -> None: ...
-
-    def encode(self, images: Tensor) -> Tensor:
-        return images.movedim(-1, 1)
-
-    def encode_edited(self, images: Tensor, originals: Tensor, prompt: str) -> Tensor:
-        return self.encode(images)
-
-    def decode(self, latents: Tensor) -> Tensor:
-        return latents.movedim(1, -1)
-
-    def condition(self, originals: Tensor, prompt: str, generator: torch.Generator) -> None: ...
-
-    def answer(self, prompt: str, edited: Tensor, originals: Tensor) -> None: ...
 
     def branches(
         self, x: Float[Tensor, "v c y x"], t: float, condition: Any, need: Need
@@ -135,7 +118,6 @@ def problem(
         schedule or Schedule.scaled_linear(),
         predicts,
         dtype,
-        channels=shape[1],
     )
 
 

@@ -3,10 +3,18 @@
 examples/train_small made its weights.
 """
 
-from gsedit.editors.small.denoiser import REINSTALL, WEIGHTS, Small, load_small, save_small
+from gsedit.editors.small.denoiser import (
+    DEFAULTS,
+    REINSTALL,
+    WEIGHTS,
+    Small,
+    load_small,
+    save_small,
+)
 from gsedit.editors.small.network import Architecture, SmallNetwork
 
 __all__ = [
+    "DEFAULTS",
     "REINSTALL",
     "WEIGHTS",
     "Architecture",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
@@ -17,7 +17,8 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from gsedit.diffusion import Branches, Need, Prediction, Schedule, Suits
+from gsedit.diffusion import Branches, Need, Prediction, SamplerDefaults, Schedule
+from gsedit.editors.protocol import Capabilities
 from gsedit.editors.small.network import (
     CELL,
     CHANNELS,
@@ -30,6 +31,7 @@ from gsedit.editors.small.network import (
 from gsedit.editors.small.text import MAX_WORDS, tokenise, words_of
 from gsedit.errors import InputError, UsageError
 from gsedit.files.atomic import atomic_path
+from gsedit.views.padding import PadMode
 
 WEIGHTS = Path(__file__).with_name("small.safetensors")
 REINSTALL = "they come with gsedit: install it again, or check the file out again in a clone"
@@ -39,7 +41,7 @@ MODEL_HINT = (
 )
 MID_SIGMA = 4.0  # in the middle of the schedule
 STEPS = 1000
-SUITS = Suits(guidance_text=1.4, guidance_image=1.0, temperature=0.2)
+DEFAULTS = SamplerDefaults(guidance_text=1.4, guidance_image=1.0, temperature=0.2)
 """Each of its instructions has one correct result, so little of the starting noise is used."""
 
 
@@ -82,7 +84,6 @@ class Small:
     schedule: Schedule = field(default_factory=schedule)
     micro_batch: int = 4
     """Views in one pass of the network; it changes no result."""
-    suits: Suits = SUITS
     looks: tuple[str, ...] = ()
     """Names of the looks that it was trained on."""
     words: frozenset[str] = frozenset()
@@ -91,11 +92,21 @@ class Small:
     name: str = "small"
     cell: int = CELL
     channels: int = CHANNELS
+    padding: PadMode = "mirror"
 
     @property
     def multiple(self) -> int:
         """Pixels: sides that the network can halve at every level without a remainder."""
         return CELL * self.network.architecture.multiple
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """Its own defaults, and a remark on instructions without a word it was trained on."""
+        return Capabilities(
+            defaults=DEFAULTS,
+            with_micro_batch=lambda views: replace(self, micro_batch=views),
+            advice=self.advice,
+        )
 
     def check(self, prompt: str) -> None:
         """Raise UsageError for an instruction without words, or with more than MAX_WORDS."""
@@ -108,7 +119,7 @@ class Small:
                 "say it in fewer words"
             )
 
-    def advise(self, prompt: str) -> str:
+    def advice(self, prompt: str) -> str:
         """A warning that the result is a guess, for an instruction that names none of the looks
         that it was trained on; else nothing."""
         if not self.words or self.words.intersection(words_of(prompt)):
@@ -182,9 +193,6 @@ class Small:
 
     def _encode(self, latents: Float[Tensor, "n c y x"], mask: float) -> EncodedImage:
         return self.network.encode_image(latents, latents.new_full((len(latents),), mask))
-
-    def answer(self, prompt: str, edited: Tensor, originals: Tensor) -> None:
-        """None: the true edit is unknown."""
 
 
 def _cat(parts: Sequence[EncodedImage]) -> EncodedImage:

@@ -31,6 +31,7 @@ from torch import Tensor, nn
 
 from gsedit.editors.small.layers import HEAD_CHANNELS, PixelMLP, UNet
 from gsedit.editors.small.text import TextEncoder
+from gsedit.views.padding import pad_to_multiple
 
 CELL = 4
 CHANNELS = 3 * CELL * CELL
@@ -173,9 +174,7 @@ class SmallNetwork(nn.Module):
 
     def _padded(self, cells: Float[Tensor, "b c y x"]) -> Float[Tensor, "b c Y X"]:
         """Continued right and below to sides that every level can halve."""
-        y, x = cells.shape[-2:]
-        m = self.architecture.multiple
-        return F.pad(cells, (0, -x % m, 0, -y % m), mode="replicate")
+        return pad_to_multiple(cells, self.architecture.multiple, "edge", axis=2)
 
 
 def _noise_frequencies(sigma: Float[Tensor, " b"]) -> Float[Tensor, "b f"]:

@@ -16,9 +16,9 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.diffusion import solvers
-from gsedit.diffusion.denoisers import Predictor
 from gsedit.diffusion.guidance import guide, needed
 from gsedit.diffusion.predictions import Pair, as_pair, clean_of, noise_of
+from gsedit.diffusion.predictor import Predictor
 from gsedit.diffusion.schedules import NoiseLevel, Schedule
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.errors import UsageError
@@ -28,7 +28,7 @@ Hook = Callable[[Tensor], Tensor]
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class SamplerStep:
     """The latents after one step of the sampler."""
 
     step: int
@@ -78,7 +78,7 @@ def sample(
     share: Hook | None = None,
     anchor: Anchor | None = None,
     generator: torch.Generator | None = None,
-) -> Iterator[State]:
+) -> Iterator[SamplerStep]:
     """From `x`, latents noised to the first of the levels, to the last; yields every step.
 
     `consensus` acts on `settings.target` while t > t_end * t_max, at t_end 0 always; `share` acts
@@ -113,7 +113,7 @@ def sample(
             if settings.solver == "dpm++2m":  # its next step is linear in x and in this x0
                 past = solvers.Past(here, agree(pair.x0))
         _check_finite(x, f"the latents after step {step} of {steps}", here, settings)
-        yield State(step, steps, there.t, x, pair.x0)
+        yield SamplerStep(step, steps, there.t, x, pair.x0)
 
 
 def _predict_agreed(
@@ -172,8 +172,7 @@ def _ask(
     denoiser: Predictor, condition: Any, x: Tensor, level: NoiseLevel, settings: SamplerSettings
 ) -> Pair:
     guided = predict_guided(denoiser, condition, x, level, settings)
-    # a prediction of noise is what models answer that do not say
-    return as_pair(getattr(denoiser, "predicts", "eps"), guided, x, level)
+    return as_pair(denoiser.predicts, guided, x, level)
 
 
 def predict_guided(

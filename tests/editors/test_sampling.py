@@ -1,0 +1,101 @@
+"""The sampler as an editor: what it pads and crops, and what it forwards of its denoiser."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import pytest
+import torch
+import torch.nn.functional as F
+
+from gsedit.consistency.correspond import Correspondences
+from gsedit.diffusion import Branches, Predictor, SamplerDefaults, SamplerSettings, Schedule
+from gsedit.editors import Capabilities, Denoiser, EditBatch
+from gsedit.editors.sampling import DiffusionEditor, padded
+from gsedit.errors import UsageError
+
+CELL = 2
+SD = Schedule.scaled_linear()
+DECLARED = Capabilities(defaults=SamplerDefaults(3.0, 1.0, 0.5))
+
+
+@dataclass(frozen=True, eq=False)
+class Unchanged:
+    """A denoiser of cells of 2 that wants sides of 8, and whose edit is the unedited picture."""
+
+    name: str = "unchanged"
+    cell: int = CELL
+    channels: int = 3 * CELL * CELL
+    multiple: int = 8
+    padding: str = "mirror"
+    predicts: str = "x0"
+    schedule: Schedule = SD
+    capabilities: Capabilities = DECLARED
+
+    def check(self, prompt: str) -> None: ...
+
+    def encode(self, images: torch.Tensor) -> torch.Tensor:
+        assert all(side % self.multiple == 0 for side in images.shape[1:3])
+        return F.pixel_unshuffle(images.movedim(-1, 1), CELL)
+
+    def encode_edited(self, images: Any, originals: Any, prompt: str) -> torch.Tensor:
+        return self.encode(images)
+
+    def decode(self, latents: torch.Tensor) -> torch.Tensor:
+        return F.pixel_shuffle(latents, CELL).movedim(1, -1)
+
+    def condition(self, originals: Any, prompt: str, generator: Any) -> torch.Tensor:
+        return self.encode(originals)
+
+    def branches(self, x: torch.Tensor, t: float, condition: torch.Tensor, need: Any) -> Branches:
+        return Branches(*(condition if asked else None for asked in need))
+
+
+def ramps(height: int, width: int) -> torch.Tensor:
+    """Red grows along x, green along y: a shift by any part of a pixel changes every value."""
+    y, x = torch.meshgrid(torch.arange(height) / height, torch.arange(width) / width, indexing="ij")
+    return torch.stack((x, y, x * y), -1)[None].repeat(2, 1, 1, 1)
+
+
+def cells(rows: int, columns: int) -> Correspondences:
+    """Every cell of two views corresponds to the one at the same place."""
+    labels = torch.arange(rows * columns).reshape(1, rows, columns).repeat(2, 1, 1)
+    return Correspondences(labels, torch.ones(2, 2), CELL)
+
+
+@pytest.mark.parametrize(("height", "width"), [(16, 24), (17, 24), (31, 1), (3, 50), (1, 1)])
+def test_padding_and_cropping_move_nothing(height, width):
+    images = ramps(height, width)
+    rows, columns = -(-height // CELL), -(-width // CELL)
+    request = EditBatch(images, images, "x", cells(rows, columns))
+    settings = SamplerSettings(steps=2, solver="euler", guidance_text=1.0)
+    *_, last = DiffusionEditor(Unchanged()).edit(request, settings, torch.Generator())
+    assert torch.equal(last.images, images)  # not a rounding: no pixel was interpolated
+    whole = padded(request, Unchanged())
+    assert all(side % 8 == 0 for side in whole.originals.shape[1:3])
+    # where they were: cell (i, j) holds the same pixels, so correspondences still hold
+    assert torch.equal(whole.originals[:, :height, :width], images)
+    labels = whole.correspondences.labels
+    assert labels.shape == (2, whole.originals.shape[1] // 2, whole.originals.shape[2] // 2)
+    assert torch.equal(labels[:, :rows, :columns], request.correspondences.labels)
+    assert (labels[:, rows:] == -1).all()
+    assert (labels[:, :, columns:] == -1).all()
+
+
+@pytest.mark.parametrize("grid", [(7, 8), (8, 13), (17, 8)])
+def test_correspondences_of_other_pictures_are_refused(grid):
+    images = ramps(16, 17)  # 8 x 9 cells, the last of them of one column; padded to 8 x 12
+    with pytest.raises(UsageError, match=r"the images have \(2, 8, 9\): match the cells"):
+        padded(EditBatch(images, images, "x", cells(*grid)), Unchanged())
+
+
+def test_what_the_denoiser_declares_is_forwarded_with_the_denoiser():
+    denoiser = Unchanged()
+    assert isinstance(denoiser, Predictor)
+    assert isinstance(denoiser, Denoiser)
+    declared = DiffusionEditor(denoiser).capabilities
+    assert declared.denoiser is denoiser
+    assert declared.defaults == (3.0, 1.0, 0.5)
+    assert declared.advice("anything") == ""
+    assert declared.ground_truth is None
