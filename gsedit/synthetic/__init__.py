@@ -1,4 +1,4 @@
-"""Small scenes made here, with exact pictures, depth, correspondences and edited truth."""
+"""Small scenes with exact pictures, depth, correspondences and edited ground truth."""
 
 from gsedit.synthetic.gallery import demo_scene, scenes
 from gsedit.synthetic.photos import dataset, ring_cameras

@@ -34,7 +34,7 @@ def scenes() -> tuple[SyntheticScene, ...]:
 
 
 def globe() -> SyntheticScene:
-    """One sphere, unlit: every answer has a closed form."""
+    """One sphere, unlit: depth, normals and correspondences have closed forms."""
     marble = mix(plain((0.15, 0.3, 0.6)), plain((0.9, 0.85, 0.6)), waves(0.9))
     paint = mix(marble, plain((0.75, 0.25, 0.2)), checker(0.8, sharpness=2.0))
     return _scene("globe", sphere(1.0), paint, background=(0.9, 0.9, 0.9), radius=1.1)
@@ -74,18 +74,18 @@ def columns() -> SyntheticScene:
 
 
 def cage() -> SyntheticScene:
-    """Bars a few pixels wide before a rounded box: thin parts, small depth steps."""
+    """Bars a few pixels wide in front of a rounded box: thin parts, small depth steps."""
     angles = [2 * pi * i / 10 for i in range(10)]
     feet = [(0.75 * cos(a), 0.75 * sin(a)) for a in angles]
     bars = union(*(capsule((x, y, -0.6), (0.5 * x, 0.5 * y, 0.7), 0.035) for x, y in feet))
     hoops = union(
         translate(torus(0.75, 0.045), (0, 0, -0.6)), translate(torus(0.375, 0.045), (0, 0, 0.7))
     )
-    prisoner = rotate(box((0.3, 0.3, 0.3), rounding=0.08), (1, 1, 0.3), 40.0)
+    block = rotate(box((0.3, 0.3, 0.3), rounding=0.08), (1, 1, 0.3), 40.0)
     painted = (
         (bars, mix(plain((0.85, 0.65, 0.2)), plain((0.55, 0.3, 0.15)), stripes((0, 0, 1), 0.25))),
         (hoops, mix(plain((0.3, 0.3, 0.4)), plain((0.6, 0.6, 0.75)), waves(0.4))),
-        (prisoner, mix(plain((0.8, 0.2, 0.4)), plain((0.95, 0.9, 0.85)), checker(0.35))),
+        (block, mix(plain((0.8, 0.2, 0.4)), plain((0.95, 0.9, 0.85)), checker(0.35))),
     )
     return _painted("cage", painted, background=(0.15, 0.18, 0.22), radius=1.05)
 
@@ -107,7 +107,33 @@ def pond() -> SyntheticScene:
 
 def demo_scene() -> SyntheticScene:
     """A teddy bear with a scarf, seated on a plinth on a tiled floor; it faces -y, z is up."""
-    fur = smooth_union(
+    cloth = mix(
+        plain((0.85, 0.13, 0.15)), plain((0.97, 0.93, 0.88)), stripes((0.8, 0, 0.6), 0.14, 2.0)
+    )
+    painted = (
+        (_fur(), mix(plain((0.62, 0.38, 0.18)), plain((0.86, 0.6, 0.34)), waves(0.22))),
+        (
+            _cream(),
+            mix(plain((0.97, 0.87, 0.7)), plain((0.86, 0.72, 0.52)), waves(0.18)),
+        ),
+        (_eyes_and_nose(), plain((0.07, 0.06, 0.07))),
+        (_scarf(), cloth),
+        (
+            translate(cylinder(0.68, 0.09, rounding=0.03), (0, -0.05, -0.74)),  # the plinth
+            mix(plain((0.55, 0.6, 0.66)), plain((0.82, 0.84, 0.86)), waves(0.35)),
+        ),
+        (
+            translate(cylinder(0.86, 0.04, rounding=0.02), (0, -0.05, -0.86)),  # the floor
+            mix(plain((0.92, 0.88, 0.8)), _slabs(), tiles(0.28, 0.02)),
+        ),
+    )
+    raised = tuple((translate(part, RAISE), _shifted(coat, RAISE)) for part, coat in painted)
+    return _painted("bear", raised, background=(0.74, 0.84, 0.9), radius=1.2)
+
+
+def _fur() -> Sdf:
+    """The bear's body, head, ears, limbs and tail."""
+    return smooth_union(
         0.07,
         sphere(0.40, (0, 0.02, -0.22)),
         sphere(0.32, (0, 0, 0.42)),
@@ -121,36 +147,27 @@ def demo_scene() -> SyntheticScene:
         ),
         sphere(0.1, (0, 0.42, -0.42)),
     )
-    cream = union(
+
+
+def _cream() -> Sdf:
+    """The muzzle, the belly, the insides of the ears and the soles."""
+    return union(
         sphere(0.145, (0, -0.265, 0.345)),
         sphere(0.3, (0, -0.13, -0.24)),
         mirror(sphere(0.075, (0.245, -0.045, 0.69))),
         mirror(sphere(0.115, (0.32, -0.575, -0.495))),
     )
-    dark = union(mirror(sphere(0.042, (0.115, -0.285, 0.49))), sphere(0.05, (0, -0.395, 0.39)))
-    scarf = union(
+
+
+def _eyes_and_nose() -> Sdf:
+    return union(mirror(sphere(0.042, (0.115, -0.285, 0.49))), sphere(0.05, (0, -0.395, 0.39)))
+
+
+def _scarf() -> Sdf:
+    return union(
         translate(rotate(torus(0.225, 0.075), (1, 0, 0), 8.0), (0, -0.01, 0.125)),
         capsule((0.1, -0.28, 0.08), (0.16, -0.4, -0.2), 0.055),
     )
-    plinth = translate(cylinder(0.68, 0.09, rounding=0.03), (0, -0.05, -0.74))
-    floor = translate(cylinder(0.86, 0.04, rounding=0.02), (0, -0.05, -0.86))
-    painted = (
-        (fur, mix(plain((0.62, 0.38, 0.18)), plain((0.86, 0.6, 0.34)), waves(0.22))),
-        (cream, mix(plain((0.97, 0.87, 0.7)), plain((0.86, 0.72, 0.52)), waves(0.18))),
-        (dark, plain((0.07, 0.06, 0.07))),
-        (
-            scarf,
-            mix(
-                plain((0.85, 0.13, 0.15)),
-                plain((0.97, 0.93, 0.88)),
-                stripes((0.8, 0, 0.6), 0.14, 2.0),
-            ),
-        ),
-        (plinth, mix(plain((0.55, 0.6, 0.66)), plain((0.82, 0.84, 0.86)), waves(0.35))),
-        (floor, mix(plain((0.92, 0.88, 0.8)), _slabs(), tiles(0.28, 0.02))),
-    )
-    raised = tuple((translate(part, RAISE), _shifted(coat, RAISE)) for part, coat in painted)
-    return _painted("bear", raised, background=(0.74, 0.84, 0.9), radius=1.2)
 
 
 def _shifted(coat: Paint, offset: Triple) -> Paint:

@@ -1,4 +1,4 @@
-"""A scene whose pictures, depth, visibility and edited truth are exact: solids, sphere-traced.
+"""A scene whose pictures, depth, visibility and edited versions are exact: sphere-traced solids.
 
 `h w` pixels, `m` rays. A ray is origin + z * direction with directions of unit depth, so that z is
 depth along the view. Float64 throughout; no rasteriser, no graphics driver.
@@ -10,10 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Shaped
 from torch import Tensor
 
-from gsedit.synthetic.paint import Paint
+from gsedit.synthetic.paint import Colors, Paint
 from gsedit.synthetic.shapes import Sdf, gradient, length
 from rasterizer.camera import Camera
 
@@ -82,10 +82,10 @@ class SyntheticScene:
         points = points.to(torch.float64)
         xy, z = camera.project(points)
         size = xy.new_tensor((camera.width, camera.height))
-        seen = (z > 0) & ((xy >= 0) & (xy < size)).all(-1)
-        depth = self._depth(camera, xy[seen], limit=z[seen] - SAME_POINT * self.radius)
-        seen[seen.clone()] = depth.isinf()
-        return seen
+        visible = (z > 0) & ((xy >= 0) & (xy < size)).all(-1)
+        depth = self._depth(camera, xy[visible], limit=z[visible] - SAME_POINT * self.radius)
+        visible[visible.clone()] = depth.isinf()
+        return visible
 
     def correspondence(
         self, camera_a: Camera, xy: Float[Tensor, "*b 2"], camera_b: Camera
@@ -100,8 +100,8 @@ class SyntheticScene:
         points = camera_a.unproject(xy, depth.masked_fill(~hit, torch.nan))
         return camera_b.project(points)[0], hit & self.visible(points, camera_b)
 
-    def edited(self, transform: Callable[[Tensor], Tensor]) -> SyntheticScene:
-        """The truth of a colour edit: `transform` maps rgb `*b 3` to rgb `*b 3`, both in [0, 1]."""
+    def edited(self, transform: Callable[[Colors], Colors]) -> SyntheticScene:
+        """The ground truth of an edit that replaces every colour by its `transform`."""
         albedo = self.albedo
         return replace(
             self,
@@ -109,13 +109,15 @@ class SyntheticScene:
             background=transform(self.background),
         )
 
-    def _image(self, points: Tensor, hit: Tensor) -> Tensor:
+    def _image(self, points: Float[Tensor, "k 3"], hit: Bool[Tensor, " m"]) -> Float[Tensor, "m 3"]:
         """Colours of rays: the albedo where they hit, else the background."""
         image = self.background.to(torch.float64).repeat(len(hit), 1)
         image[hit] = self.albedo(points)
         return image
 
-    def _photo(self, camera: Camera, supersample: int) -> tuple[Tensor, Tensor]:
+    def _photo(
+        self, camera: Camera, supersample: int
+    ) -> tuple[Float[Tensor, "h w 3"], Float[Tensor, "h w"]]:
         """Image and coverage, the mean over `supersample`^2 sub-pixels."""
         fine = camera.resized(camera.width * supersample, camera.height * supersample)
         xy = fine.pixel_centres().reshape(-1, 2)
@@ -128,8 +130,10 @@ class SyntheticScene:
         mean = rgba.reshape(blocks).mean((1, 3))
         return mean[..., :3], mean[..., 3]
 
-    def _depth(self, camera: Camera, xy: Tensor, limit: Tensor | None = None) -> Tensor:
-        """Depth `m` behind pixel positions `m 2`, inf where nothing is hit (before `limit`)."""
+    def _depth(
+        self, camera: Camera, xy: Float[Tensor, "m 2"], limit: Float[Tensor, " m"] | None = None
+    ) -> Float[Tensor, " m"]:
+        """Depth behind pixel positions, inf where nothing is hit (before `limit`)."""
         origin = camera.centre.detach().to(torch.float64)
         ones = torch.ones(len(xy), dtype=torch.float64)
         directions = camera.unproject(xy, ones).detach() - origin
@@ -163,7 +167,7 @@ def first_hit(
     inside = distance <= 0
     hits[rows[inside]] = z[inside]
     keep = ~inside
-    found = []
+    brackets = []
     for _ in range(STEPS):
         rows, direction, z, end, distance = _keep(keep, rows, direction, z, end, distance)
         if not len(rows):
@@ -173,23 +177,26 @@ def first_hit(
         distance_next = _along(sdf, origin, direction, z_next)
         crossed = distance_next <= 0
         if crossed.any():
-            bracket = _keep(crossed, rows, direction, z, distance, z_next, distance_next)
-            found.append(bracket)
+            brackets.append(_keep(crossed, rows, direction, z, distance, z_next, distance_next))
         keep = ~crossed & (z_next < end)
         z, distance = z_next, distance_next
-    if found:
-        rows, direction, *bracket = (torch.cat(column, -1) for column in zip(*found))
+    if brackets:
+        rows, direction, *bracket = (torch.cat(column, -1) for column in zip(*brackets))
         hits[rows] = _root(lambda z: _along(sdf, origin, direction, z), *bracket)
     return hits
 
 
-def _along(sdf: Sdf, origin: Tensor, direction: Tensor, z: Tensor) -> Tensor:
-    """Distances ` m` at depth z of rays with directions `3 m`."""
+def _along(
+    sdf: Sdf, origin: Float[Tensor, "3"], direction: Float[Tensor, "3 m"], z: Float[Tensor, " m"]
+) -> Float[Tensor, " m"]:
+    """Signed distances at depth z of rays."""
     rays = zip(direction.split(RAYS, -1), z.split(RAYS))
     return torch.cat([sdf((origin[:, None] + part * d).T) for d, part in rays])
 
 
-def _keep(mask: Tensor, *tensors: Tensor) -> tuple[Tensor, ...]:
+def _keep(
+    mask: Bool[Tensor, " m"], *tensors: Shaped[Tensor, "... m"]
+) -> tuple[Shaped[Tensor, "... k"], ...]:
     """The columns (last axis) where the mask holds."""
     if mask.all():
         return tensors
@@ -198,9 +205,15 @@ def _keep(mask: Tensor, *tensors: Tensor) -> tuple[Tensor, ...]:
 
 
 def _root(
-    function: Callable[[Tensor], Tensor], a: Tensor, at_a: Tensor, b: Tensor, at_b: Tensor
-) -> Tensor:
-    """Roots within brackets by regula falsi in the Illinois form; `b` is the latest estimate."""
+    function: Callable[[Float[Tensor, " m"]], Float[Tensor, " m"]],
+    a: Float[Tensor, " m"],
+    at_a: Float[Tensor, " m"],
+    b: Float[Tensor, " m"],
+    at_b: Float[Tensor, " m"],
+) -> Float[Tensor, " m"]:
+    """Roots between a and b by regula falsi in the Illinois form; `at_a` and `at_b` are the
+    function's values there, of opposite signs, and `b` is the latest estimate.
+    """
     for _ in range(ROOT_STEPS):
         if float(at_b.abs().max()) < ROOT_TOLERANCE:
             break
@@ -213,18 +226,20 @@ def _root(
     return b
 
 
-def _ball(origin: Tensor, directions: Tensor, radius: float) -> tuple[Tensor, Tensor]:
+def _ball(
+    origin: Float[Tensor, "3"], directions: Float[Tensor, "m 3"], radius: float
+) -> tuple[Float[Tensor, " m"], Float[Tensor, " m"]]:
     """Where rays enter (not before 0) and leave a ball around the origin; near > far if never."""
     a = (directions * directions).sum(-1)
     middle = -(directions @ origin) / a
     foot = origin + middle[:, None] * directions  # nearest to the centre: no cancellation from afar
-    room = (radius**2 - (foot * foot).sum(-1)) / a
-    half = room.clamp_min(0).sqrt()
-    missed = room <= 0
+    square = (radius**2 - (foot * foot).sum(-1)) / a
+    half = square.clamp_min(0).sqrt()
+    missed = square <= 0
     return (middle - half).clamp_min(0).masked_fill(missed, torch.inf), middle + half
 
 
-def _scatter(rows: Tensor, mask: Tensor) -> Tensor:
+def _scatter(rows: Float[Tensor, "k c"], mask: Bool[Tensor, " m"]) -> Float[Tensor, "m c"]:
     """Rows put back where the mask holds, zeros elsewhere."""
     full = rows.new_zeros((len(mask), rows.shape[-1]))
     full[mask] = rows

@@ -1,7 +1,8 @@
 """Solids as signed distances: closures from points to distances, negative inside.
 
-`*b` any batch of points. Every closure is 1-Lipschitz (it never claims more room than there is), so
-that sphere tracing cannot step through a surface. Formulas: Quilez, "3D signed distance functions".
+`*b` any batch of points. Every closure is 1-Lipschitz (it never exceeds the distance to the
+surface), so that sphere tracing cannot step through a surface. Formulas: Quilez, "3D signed
+distance functions".
 """
 
 from __future__ import annotations
@@ -15,13 +16,17 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-Sdf: TypeAlias = Callable[[Tensor], Tensor]
-"""Points `*b 3`, world units -> signed distance `*b`, world units."""
+Points: TypeAlias = Float[Tensor, "*b 3"]
+"""Positions, world units."""
+Distances: TypeAlias = Float[Tensor, "*b"]
+"""World units."""
+Sdf: TypeAlias = Callable[[Points], Distances]
+"""Signed distance at points, negative inside the solid."""
 Triple: TypeAlias = Sequence[float | int]
 
 
-def length(*components: Tensor) -> Tensor:
-    """Euclidean length of a vector given by its components; its gradient at zero is zero."""
+def length(*components: Distances) -> Distances:
+    """Euclidean length of vectors given by their components; its gradient at zero is zero."""
     first, *others = components
     square = first * first
     for component in others:
@@ -30,7 +35,9 @@ def length(*components: Tensor) -> Tensor:
 
 
 def sphere(radius: float, centre: Triple = (0.0, 0.0, 0.0)) -> Sdf:
-    def distance(points: Tensor) -> Tensor:
+    """A ball around `centre`."""
+
+    def distance(points: Points) -> Distances:
         x, y, z = points.unbind(-1)
         return length(x - centre[0], y - centre[1], z - centre[2]) - radius
 
@@ -41,7 +48,7 @@ def box(half_sides: Triple, rounding: float = 0.0) -> Sdf:
     """A box around the origin with edges rounded by `rounding`, which `half_sides` includes."""
     inner = [side - rounding for side in half_sides]
 
-    def distance(points: Tensor) -> Tensor:
+    def distance(points: Points) -> Distances:
         x, y, z = (c.abs() - side for c, side in zip(points.unbind(-1), inner))
         outside = length(x.clamp_min(0), y.clamp_min(0), z.clamp_min(0))
         inside = torch.maximum(x, torch.maximum(y, z)).clamp_max(0)
@@ -53,7 +60,7 @@ def box(half_sides: Triple, rounding: float = 0.0) -> Sdf:
 def torus(major: float, minor: float) -> Sdf:
     """A ring around the z axis: `major` is the radius of the ring, `minor` that of its tube."""
 
-    def distance(points: Tensor) -> Tensor:
+    def distance(points: Points) -> Distances:
         x, y, z = points.unbind(-1)
         return length(length(x, y) - major, z) - minor
 
@@ -65,7 +72,7 @@ def capsule(start: Triple, end: Triple, radius: float) -> Sdf:
     axis = [b - a for a, b in zip(start, end)]
     square = sum(a * a for a in axis)
 
-    def distance(points: Tensor) -> Tensor:
+    def distance(points: Points) -> Distances:
         offset = [c - a for c, a in zip(points.unbind(-1), start)]
         along = sum(o * (a / square) for o, a in zip(offset, axis)).clamp(0, 1)  # pyright: ignore
         return length(*(o - along * a for o, a in zip(offset, axis))) - radius
@@ -76,7 +83,7 @@ def capsule(start: Triple, end: Triple, radius: float) -> Sdf:
 def cylinder(radius: float, half_height: float, rounding: float = 0.0) -> Sdf:
     """A disc or pillar along z, around the origin, with its rims rounded by `rounding`."""
 
-    def distance(points: Tensor) -> Tensor:
+    def distance(points: Points) -> Distances:
         x, y, z = points.unbind(-1)
         radial = length(x, y) - (radius - rounding)
         axial = z.abs() - (half_height - rounding)
@@ -91,21 +98,25 @@ def plane(normal: Triple, offset: float) -> Sdf:
     size = sum(n * n for n in normal) ** 0.5
     x, y, z = (n / size for n in normal)
 
-    def distance(points: Tensor) -> Tensor:
+    def distance(points: Points) -> Distances:
         return points[..., 0] * x + points[..., 1] * y + points[..., 2] * z - offset
 
     return distance
 
 
 def union(*solids: Sdf) -> Sdf:
-    def distance(points: Tensor) -> Tensor:
+    """Whatever is in any of the solids."""
+
+    def distance(points: Points) -> Distances:
         return reduce(torch.minimum, (solid(points) for solid in solids))
 
     return distance
 
 
 def intersection(*solids: Sdf) -> Sdf:
-    def distance(points: Tensor) -> Tensor:
+    """Whatever is in all of the solids."""
+
+    def distance(points: Points) -> Distances:
         return reduce(torch.maximum, (solid(points) for solid in solids))
 
     return distance
@@ -114,18 +125,20 @@ def intersection(*solids: Sdf) -> Sdf:
 def smooth_union(blend: float, *solids: Sdf) -> Sdf:
     """A union with its creases filled over about `blend` world units (Quilez' quadratic one)."""
 
-    def pair(a: Tensor, b: Tensor) -> Tensor:
+    def pair(a: Distances, b: Distances) -> Distances:
         overlap = (blend - (a - b).abs()).clamp_min(0)
         return torch.minimum(a, b) - overlap * overlap / (4 * blend)
 
-    def distance(points: Tensor) -> Tensor:
+    def distance(points: Points) -> Distances:
         return reduce(pair, (solid(points) for solid in solids))
 
     return distance
 
 
 def translate(solid: Sdf, offset: Triple) -> Sdf:
-    def distance(points: Tensor) -> Tensor:
+    """The solid moved by `offset`."""
+
+    def distance(points: Points) -> Distances:
         # by columns: the tracer's points are stored coordinate-major, and so they stay
         return solid(torch.stack([c - o for c, o in zip(points.unbind(-1), offset)]).movedim(0, -1))
 
@@ -141,7 +154,7 @@ def rotate(solid: Sdf, axis: Triple, degrees: float) -> Sdf:
     rotation = torch.eye(3, dtype=torch.float64) + s * cross + (1 - c) * (cross @ cross)
     columns = rotation.T.tolist()  # x @ R is the inverse rotation of a row vector
 
-    def distance(points: Tensor) -> Tensor:
+    def distance(points: Points) -> Distances:
         coordinates = points.unbind(-1)
         turned = [sum(p * r for p, r in zip(coordinates, column)) for column in columns]
         return solid(torch.stack(turned).movedim(0, -1))  # pyright: ignore
@@ -152,14 +165,14 @@ def rotate(solid: Sdf, axis: Triple, degrees: float) -> Sdf:
 def mirror(solid: Sdf) -> Sdf:
     """The solid's half at x > 0, and its reflection in the plane x = 0."""
 
-    def distance(points: Tensor) -> Tensor:
+    def distance(points: Points) -> Distances:
         x, y, z = points.unbind(-1)
         return solid(torch.stack((x.abs(), y, z)).movedim(0, -1))
 
     return distance
 
 
-def gradient(solid: Sdf, points: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 3"]:
+def gradient(solid: Sdf, points: Points) -> Points:
     """The exact gradient of the distance: of unit length, along the normal, near a surface."""
     with torch.enable_grad():
         variable = points.detach().requires_grad_()

@@ -1,6 +1,6 @@
 """Gaussians that look like a synthetic scene: flat discs spread evenly over its surface.
 
-`n` points asked for, `m` candidates. Spacing is the square root of the area a point stands for.
+`n` points requested, `m` candidates. Spacing is the square root of a point's share of the area.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 from math import log, pi, sqrt
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from gsedit.synthetic.scene import SyntheticScene
@@ -19,9 +19,9 @@ from rasterizer.scene import Gaussians
 
 OVERSAMPLING = 5  # candidates per point: the thinned set is then near saturation
 SHELL = 0.03  # of the radius: half the thickness of the layer that candidates are drawn from
-NEWTON_STEPS = 6  # quadratic: 4 do from this shell; what has not arrived lies between two solids
+NEWTON_STEPS = 6  # quadratic: 4 are enough from this shell; else a point lies between two solids
 ON_SURFACE = 1e-9  # world units; candidates that Newton leaves farther off are dropped
-PACKING = 0.75  # least distance / spacing at which thinning leaves about the points asked for
+PACKING = 0.75  # least distance / spacing at which thinning leaves about the requested number
 DISC = 0.7  # in-plane standard deviation / spacing: alpha > 0.97 between neighbours
 SINK = 0.38  # depth of the centres under the surface / spacing: see surface_gaussians
 FLATNESS = 0.1  # standard deviation along the normal / in-plane
@@ -33,8 +33,8 @@ OVERHANG = 0.2  # how far, in its radii, a disc may leave the surface at its own
 def surface_points(
     scene: SyntheticScene, count: int, generator: torch.Generator
 ) -> Float[Tensor, "n 3"]:
-    """`count` points spread evenly over the surface, to 1e-9 on it; float64, in no order."""
-    return _spread(scene, count, generator)[0]
+    """`count` points spread evenly over the surface, within 1e-9 of it; float64."""
+    return _even_points(scene, count, generator)[0]
 
 
 def surface_gaussians(
@@ -47,10 +47,10 @@ def surface_gaussians(
     """`count` opaque discs along the surface in its colours, float32; SH above degree 0 is zero.
 
     The centres lie `sink` spacings under the surface (0: on it). A renderer widens every splat by a
-    fraction of a pixel and blends the front of a layer of discs first, so that discs *on* a surface
-    draw it too fat and too near; sunk by a third of their spacing they draw it in its place.
+    fraction of a pixel and blends the front of a layer of discs first, so discs *on* a surface are
+    drawn too large and too near. Sunk by a third of their spacing, they are drawn in place.
     """
-    points, spacing = _spread(scene, count, generator)
+    points, spacing = _even_points(scene, count, generator)
     normals = torch.nn.functional.normalize(gradient(scene.sdf, points), dim=-1)
     radius = _fitting_radius(scene.sdf, points, normals, DISC * spacing)
     scales = torch.stack((radius, radius, FLATNESS * radius), -1)
@@ -65,15 +65,15 @@ def surface_gaussians(
     ).to(torch.float32)
 
 
-def _spread(
+def _even_points(
     scene: SyntheticScene, count: int, generator: torch.Generator
 ) -> tuple[Float[Tensor, "n 3"], float]:
-    """Points on the surface, evenly, and their spacing."""
+    """Points spread evenly over the surface, and their spacing in world units."""
     candidates, area = _candidates(scene, OVERSAMPLING * count, generator)
     spacing = sqrt(area / count)
     # candidates come in random order, so "first come" is a fair draw
-    kept = _first_come(candidates, PACKING * spacing)
-    order = torch.cat((kept.nonzero(), (~kept).nonzero())).squeeze(-1)
+    apart = _first_come(candidates, PACKING * spacing)
+    order = torch.cat((apart.nonzero(), (~apart).nonzero())).squeeze(-1)
     return candidates[order[:count]], spacing
 
 
@@ -86,8 +86,8 @@ def _candidates(
     """
     shell = SHELL * scene.radius
     cube = (2 * scene.radius) ** 3
-    batches, kept, drawn = [], 0, 0
-    while kept < count:
+    batches, accepted, drawn = [], 0, 0
+    while accepted < count:
         cloud = torch.rand((1 << 16, 3), generator=generator, dtype=torch.float64)
         cloud = (2 * cloud - 1) * scene.radius
         near = cloud[scene.sdf(cloud).abs() < shell]
@@ -96,12 +96,12 @@ def _candidates(
         near = _project(scene.sdf, near)
         near = near[(near.norm(dim=-1) < scene.radius)]
         batches.append(near)
-        kept, drawn = kept + len(near), drawn + len(cloud)
-    return torch.cat(batches), cube * kept / drawn / (2 * shell)
+        accepted, drawn = accepted + len(near), drawn + len(cloud)
+    return torch.cat(batches), cube * accepted / drawn / (2 * shell)
 
 
 def _project(sdf: Sdf, points: Float[Tensor, "m 3"]) -> Float[Tensor, "k 3"]:
-    """The points moved onto the surface along the gradient, without those that do not arrive."""
+    """The points moved onto the surface along the gradient; those that miss it are left out."""
     for _ in range(NEWTON_STEPS):
         slope = gradient(sdf, points)
         square = (slope * slope).sum(-1, keepdim=True).clamp_min(0.01)  # 0 on a medial axis
@@ -109,24 +109,22 @@ def _project(sdf: Sdf, points: Float[Tensor, "m 3"]) -> Float[Tensor, "k 3"]:
     return points[sdf(points).abs() < ON_SURFACE]
 
 
-def _first_come(points: Float[Tensor, "m 3"], distance: float) -> Tensor:
-    """A mask of points of which no two are nearer than `distance`: earlier ones win, none is left.
+def _first_come(points: Float[Tensor, "m 3"], distance: float) -> Bool[Tensor, " m"]:
+    """A mask of points of which no two are nearer than `distance`; no further point fits in.
 
-    The greedy rule in rounds, all points at once: whoever has no earlier undecided neighbour stays,
-    and its neighbours go.
+    The greedy rule "earlier points win" in rounds, all points at once: a point with no earlier
+    undecided neighbour is selected, and its neighbours are removed.
     """
     first, second = _near_pairs(points, distance)
-    kept = torch.zeros(len(points), dtype=torch.bool)
-    gone = torch.zeros_like(kept)
+    removed = torch.zeros(len(points), dtype=torch.bool)
     while len(first):
-        waiting = torch.zeros_like(kept)
-        waiting[second] = True
-        settled = ~waiting & ~gone
-        kept |= settled
-        gone[second[settled[first]]] = True
-        open_ = ~(gone[first] | gone[second] | settled[first])
-        first, second = first[open_], second[open_]
-    return ~gone
+        has_earlier = torch.zeros_like(removed)
+        has_earlier[second] = True
+        selected = ~has_earlier & ~removed
+        removed[second[selected[first]]] = True
+        undecided = ~(removed[first] | removed[second] | selected[first])
+        first, second = first[undecided], second[undecided]
+    return ~removed
 
 
 def _near_pairs(
