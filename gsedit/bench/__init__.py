@@ -1,1 +1,1 @@
-"""Measurements of the renderer: error against run time, the promised bars, the museum's table."""
+"""Benchmarks: error against run time of the renderer and the sampler, edge cases, targets."""

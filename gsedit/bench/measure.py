@@ -1,4 +1,4 @@
-"""Time and surroundings of a measurement, and the yardstick it is told in.
+"""Time of a piece of work, and the yardstick that it is quoted in.
 
 The yardstick Y is the time in which this machine, with the threads it has at that moment, does the
 arithmetic of blending for 25 million float32 pixel-Gaussian pairs: a matrix product of inner size
@@ -10,16 +10,12 @@ that a busy neighbour slows both; a Timing quotes the medians of the two.
 
 from __future__ import annotations
 
-import os
-import platform
 import statistics
-import subprocess
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from math import inf
-from pathlib import Path
 from typing import Any, TypeVar
 
 import torch
@@ -30,7 +26,7 @@ GAUSSIANS, PIXELS = 4096, 64
 PIECE = GAUSSIANS * PIXELS
 PAIRS = 25_000_000
 """Pairs of the yardstick: as many as take the time of 10^8 exponentials on the Intel processor on
-which the goals were set (8.7 ms against 8.5 ms, two threads of a Sapphire Rapids)."""
+which the targets were set (8.7 ms against 8.5 ms, two threads of a Sapphire Rapids)."""
 PIECES = PAIRS // PIECE
 """Whole pieces of a pass; the time of the missing part of a piece is added in proportion."""
 QUICK_PIECES = PIECES // 10
@@ -77,7 +73,7 @@ Name = TypeVar("Name", str, int)
 def timed(
     work: Callable[[], Any], runs: int = 5, budget: float = inf, pieces: int = PIECES
 ) -> tuple[Timing, Any]:
-    """Medians of `runs` after a warm-up, and what the last run gave.
+    """Medians of `runs` after a warm-up, and the result of the last run.
 
     No run begins once `budget` seconds are spent. Where the warm-up alone spends them, it is the
     one run that counts: slow work is not run twice.
@@ -92,7 +88,7 @@ def timed_together(
     budget: float = inf,
     pieces: int = PIECES,
 ) -> tuple[dict[Name, Timing], dict[Name, Any]]:
-    """Timings and last results of works that take turns, so that a drifting machine is fair."""
+    """Timings and last results of works that take turns: a machine that slows down slows all."""
     began = time.perf_counter()
     samples: dict[Name, list[tuple[float, float, float]]] = {name: [] for name in works}
     results: dict[Name, Any] = {}
@@ -113,40 +109,3 @@ def _medians(samples: list[tuple[float, float, float]]) -> Timing:
     counted = samples[1:] or samples
     wall, cpu, unit = (statistics.median(column) for column in zip(*counted))
     return Timing(wall, cpu, len(counted), unit)
-
-
-@cache
-def commit() -> str:
-    """Hash of the code that runs, with a + where files differ from it; else the version."""
-    folder = Path(__file__).parent
-    try:
-        git = ("git", "-C", str(folder))
-        # a checkout of something else may surround an installed package: ask for this very file
-        subprocess.run(
-            (*git, "ls-files", "--error-unmatch", "measure.py"), capture_output=True, check=True
-        )
-        known = subprocess.run((*git, "describe", "--always", "--dirty=+", "--exclude=*"),
-                               capture_output=True, check=True, text=True)  # fmt: skip
-        return known.stdout.strip()
-    except (OSError, subprocess.CalledProcessError):
-        from importlib.metadata import PackageNotFoundError, version
-
-        try:
-            return version("gsedit")
-        except PackageNotFoundError:
-            return "unknown"
-
-
-@cache
-def machine() -> str:
-    """Processor, cores and torch, in words."""
-    return f"{_processor()}, {os.cpu_count()} cores, torch {torch.__version__.split('+')[0]}"
-
-
-def _processor() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        lines = []
-    models = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    return models[0] if models else platform.processor() or platform.machine()

@@ -1,1 +1,1 @@
-"""Error against run time of the rasteriser."""
+"""Error against run time of the renderer, its edge cases and its performance targets."""

@@ -1,7 +1,7 @@
 """How far a picture and its gradients are from the reference's.
 
-`n` Gaussians, `h w` pixels. The loss is the picture's dot product with fixed random weights: it
-hides no pixel.
+`n` Gaussians, `h w` pixels. Gradients are of the picture's dot product with fixed random weights,
+to which every pixel contributes.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Draw = Callable[[Gaussians, Camera], Float[Tensor, "h w 3"]]
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """A picture, and the gradient of the loss by every input, the pose among them."""
+    """A picture, and the gradient by every input: `FIELDS` of the scene, and `POSE`."""
 
     picture: Float[Tensor, "h w 3"]
     gradients: dict[str, Tensor]
@@ -35,16 +35,16 @@ class Drawn:
 
 @dataclass(frozen=True)
 class Errors:
-    """Of colours, in absolute value, over all pixels and channels; and of gradients."""
+    """Absolute errors of colours over all pixels and channels, and errors of gradients."""
 
     mean: float
     tail: float
     """99.9 % are at most this."""
     largest: float
     gradient: float | None = None
-    """Of the worst input: |difference| / |truth|."""
+    """Of the worst input: |difference| / |reference|."""
     cosine: float | None = None
-    """Of the worst input: with the truth's direction."""
+    """Of the worst input: between its gradient and the reference's."""
 
 
 def differentiate(draw: Draw, scene: Gaussians, camera: Camera) -> Drawn:
@@ -54,60 +54,63 @@ def differentiate(draw: Draw, scene: Gaussians, camera: Camera) -> Drawn:
     picture = draw(leaves, replace(camera, world_to_camera=pose))
     weights = torch.randn(picture.shape, generator=torch.Generator().manual_seed(0))
     inputs = [*(getattr(leaves, field) for field in FIELDS), pose]
-    found = torch.autograd.grad((picture * weights.to(picture)).sum(), inputs, allow_unused=True)
-    gradients = [torch.zeros_like(x) if g is None else g for g, x in zip(found, inputs)]
+    loss = (picture * weights.to(picture)).sum()
+    gradients = torch.autograd.grad(loss, inputs, allow_unused=True)
+    gradients = [torch.zeros_like(x) if g is None else g for g, x in zip(gradients, inputs)]
     return Drawn(picture.detach(), dict(zip((*FIELDS, POSE), gradients)))
 
 
 def picture_errors(
-    found: Float[Tensor, "h w 3"], truth: Float[Tensor, "h w 3"]
+    picture: Float[Tensor, "h w 3"], expected: Float[Tensor, "h w 3"]
 ) -> tuple[float, float, float]:
     """Mean, 99.9 % (nearest rank) and largest error of a colour."""
-    error = (found.double() - truth.double()).abs().flatten()
+    error = (picture.double() - expected.double()).abs().flatten()
     tail = error.kthvalue(max(1, round(0.999 * len(error)))).values
     return float(error.mean()), float(tail), float(error.max())
 
 
-def errors(found: Drawn, truth: Drawn) -> Errors:
-    """Picture and gradients against the truth's; gradients by the inputs that `found` has."""
-    names = found.gradients
-    pairs = [(found.gradients[n].double(), truth.gradients[n].double()) for n in names]
-    mean, tail, largest = picture_errors(found.picture, truth.picture)
+def errors(drawn: Drawn, expected: Drawn) -> Errors:
+    """Errors of a picture, and of the gradients that `drawn` has."""
+    mean, tail, largest = picture_errors(drawn.picture, expected.picture)
+    pairs = [
+        (gradient.double(), expected.gradients[name].double())
+        for name, gradient in drawn.gradients.items()
+    ]
     if not pairs:
         return Errors(mean, tail, largest)
     worst = max(relative(a, b) for a, b in pairs)
     return Errors(mean, tail, largest, worst, min(cosine(a, b) for a, b in pairs))
 
 
-def relative(found: Tensor, truth: Tensor) -> float:
-    """|found - truth| / |truth| as vectors; where the truth is zero, |found|."""
-    scale = float(truth.norm())
-    return float((found - truth).norm()) / (scale or 1.0)
+def relative(value: Float[Tensor, "..."], expected: Float[Tensor, "..."]) -> float:
+    """|value - expected| / |expected| as vectors; where the expected one is zero, |value|."""
+    scale = float(expected.norm())
+    return float((value - expected).norm()) / (scale or 1.0)
 
 
-def cosine(found: Tensor, truth: Tensor) -> float:
+def cosine(value: Float[Tensor, "..."], expected: Float[Tensor, "..."]) -> float:
     """Of the angle between two gradients; 1 where both are zero, 0 where one is."""
-    lengths = float(found.norm()), float(truth.norm())
+    lengths = float(value.norm()), float(expected.norm())
     if 0.0 in lengths:
         return float(lengths == (0.0, 0.0))
-    return min(1.0, float((found.flatten() / lengths[0]) @ (truth.flatten() / lengths[1])))
+    return min(1.0, float((value.flatten() / lengths[0]) @ (expected.flatten() / lengths[1])))
 
 
-def truth_of(scene: Gaussians, camera: Camera, cache: Path | None = None) -> Drawn:
+def reference_of(scene: Gaussians, camera: Camera, cache: Path | None = None) -> Drawn:
     """Picture and gradients of the float64 reference; slow, so kept in the folder `cache`.
 
-    What is kept is named by the scene, the camera and the reference's own code: it is never stale.
+    A file's name is a hash of the scene, the camera and the reference's code, so it is never stale.
     """
     path = None if cache is None else cache / f"{_fingerprint(scene, camera)}.pt"
     if path is not None and path.is_file():
-        kept = torch.load(path, weights_only=True)
-        return Drawn(kept.pop("picture"), kept)
+        stored = torch.load(path, weights_only=True)
+        return Drawn(stored.pop("picture"), stored)
     scene = scene.to(torch.float64)
-    truth = differentiate(lambda s, c: reference.render_reference(s, c).color, scene, camera)
+    drawn = differentiate(lambda s, c: reference.render_reference(s, c).color, scene, camera)
     if path is not None:
         with atomic_path(path, overwrite=True) as temporary:
-            torch.save({"picture": truth.picture, **truth.gradients}, temporary)
-    return truth
+            torch.save({"picture": drawn.picture, **drawn.gradients}, temporary)
+    return drawn
 
 
 def _fingerprint(scene: Gaussians, camera: Camera) -> str:

@@ -1,6 +1,6 @@
-"""Stiff and extreme scenes for the renderer: every exhibit says why it exists.
+"""Stiff and extreme scenes for the renderer, each with the reason why it is here.
 
-Most are one extreme Gaussian among 200 ordinary ones, so that it can harm others. Pictures are
+Most are one extreme Gaussian among 200 ordinary ones, which it must not affect. Pictures are
 small, so that the float64 reference is fast. Nothing is drawn from a global generator.
 """
 
@@ -12,6 +12,7 @@ from math import inf, log, nan, sqrt
 from typing import NamedTuple
 
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from rasterizer.camera import Camera, look_at
@@ -25,21 +26,21 @@ FAR = 1e7
 """Where float32 resolves one unit: map coordinates, in metres, of a scene that was never moved."""
 
 
-class Shown(NamedTuple):
-    """What is rendered."""
+class RenderInput(NamedTuple):
+    """The arguments of a render."""
 
     scene: Gaussians
     camera: Camera
-    background: Tensor
+    background: Float[Tensor, " 3"]
 
 
 @dataclass(frozen=True)
 class EdgeCase:
-    """One case of the museum."""
+    """One scene, and what must happen to it."""
 
     name: str
     why: str
-    make: Callable[[torch.dtype], Shown]
+    make: Callable[[torch.dtype], RenderInput]
     refused: str | None = None
     """The input that a ValueError must name; None: must be drawn."""
 
@@ -91,9 +92,9 @@ def random_cloud(n: int, seed: int, degree: int = 0) -> Gaussians:
     )
 
 
-def shown(scene: Gaussians, view: Camera | None = None) -> Shown:
-    """Over a background of three different levels, which a wrong transmittance would show."""
-    return Shown(scene, view or camera(), scene.means.new_tensor((0.2, 0.5, 0.9)))
+def over_background(scene: Gaussians, view: Camera | None = None) -> RenderInput:
+    """A background of three different levels makes a wrong transmittance visible."""
+    return RenderInput(scene, view or camera(), scene.means.new_tensor((0.2, 0.5, 0.9)))
 
 
 def _crowd() -> Gaussians:
@@ -108,42 +109,45 @@ def _among(extreme: Gaussians) -> Gaussians:
     return concatenate(crowd[:half], replace(extreme, sh=padded), crowd[half:])
 
 
-def _rounded(build: Callable[[], Gaussians], view: Camera | None = None):
-    """An exhibit that is the same in every dtype, but for rounding."""
-    return lambda dtype: shown(build().to(dtype), view)
+def _in_dtype(
+    build: Callable[[], Gaussians], view: Camera | None = None
+) -> Callable[[torch.dtype], RenderInput]:
+    """A scene that is the same in every dtype, but for rounding."""
+    return lambda dtype: over_background(build().to(dtype), view)
 
 
-def _alone(name: str, why: str, extreme: Gaussians, view: Camera | None = None) -> EdgeCase:
-    return EdgeCase(name, why, _rounded(lambda: _among(extreme), view))
+def _one(name: str, why: str, extreme: Gaussians, view: Camera | None = None) -> EdgeCase:
+    """One extreme Gaussian in the crowd."""
+    return EdgeCase(name, why, _in_dtype(lambda: _among(extreme), view))
 
 
-def _spoilt(name: str, value: float) -> EdgeCase:
+def _bad_value(name: str, value: float) -> EdgeCase:
     """One number of one input replaced, far from the first row."""
 
-    def make(dtype: torch.dtype) -> Shown:
+    def make(dtype: torch.dtype) -> RenderInput:
         values = getattr(_crowd(), name).clone()
         values.view(CROWD, -1)[57, -1] = value
-        return shown(replace(_crowd(), **{name: values}).to(dtype))
+        return over_background(replace(_crowd(), **{name: values}).to(dtype))
 
     why = "a diverged optimiser or a broken file; must be named, not drawn or dropped"
     return EdgeCase(f"{name} {value}", why, make, refused=rf"{name}\[57")
 
 
-def _spoilt_camera(name: str, value: float) -> EdgeCase:
-    def make(dtype: torch.dtype) -> Shown:
-        view, spoilt = camera(), value
+def _bad_camera(name: str, value: float) -> EdgeCase:
+    def make(dtype: torch.dtype) -> RenderInput:
+        view, bad = camera(), value
         if name == "world_to_camera":
-            spoilt = view.world_to_camera.clone()
-            spoilt[1, 3] = value
-        return shown(_crowd().to(dtype), replace(view, **{name: spoilt}))
+            bad = view.world_to_camera.clone()
+            bad[1, 3] = value
+        return over_background(_crowd().to(dtype), replace(view, **{name: bad}))
 
     why = "no comparison with NaN is true: an empty picture would hide it"
     return EdgeCase(f"camera.{name} {value}", why, make, refused=rf"camera\.{name}")
 
 
-def _spoilt_background(value: float) -> EdgeCase:
-    def make(dtype: torch.dtype) -> Shown:
-        good = shown(_crowd().to(dtype))
+def _bad_background(value: float) -> EdgeCase:
+    def make(dtype: torch.dtype) -> RenderInput:
+        good = over_background(_crowd().to(dtype))
         bad = good.background.clone()
         bad[1] = value
         return good._replace(background=bad)
@@ -152,47 +156,51 @@ def _spoilt_background(value: float) -> EdgeCase:
     return EdgeCase(f"background {value}", why, make, refused="background")
 
 
-def _tiny_quat(dtype: torch.dtype) -> Shown:
-    """A denormal number is another one in every dtype."""
+def _tiny_quat(dtype: torch.dtype) -> RenderInput:
+    """Which numbers are denormal depends on the dtype."""
     small = torch.finfo(dtype).smallest_normal / 64
     scene = _among(gaussian((0.1, 0.0, 2.0), (0.4, 0.05, 0.1))).to(dtype)
     scene.quats[CROWD // 2] = scene.quats.new_tensor((2.0, -1.0, 3.0, 1.0)) * small
-    return shown(scene)
+    return over_background(scene)
 
 
 def _quat(norm: float) -> Gaussians:
-    """A rotation that is not the identity, of any norm."""
+    """A rotation that is not the identity, as a quaternion of that norm."""
     unit = (0.5, -0.5, 0.1, 0.7)
     turned = tuple(norm / sqrt(sum(q * q for q in unit)) * q for q in unit)
     return gaussian((0.1, 0.0, 2.0), (0.4, 0.05, 0.1), (turned[0], turned[1], turned[2], turned[3]))
 
 
-def _far_away(dtype: torch.dtype) -> Shown:
-    """The crowd, 100 times as large, with a camera on no axis, 1e7 from the origin."""
+def _far_away(dtype: torch.dtype) -> RenderInput:
+    """The crowd, 100 times as large, 1e7 from the origin; the camera looks along no axis."""
     crowd, shift = _crowd(), torch.tensor((FAR, -FAR, FAR), dtype=torch.float64)
     scene = replace(crowd, means=100 * crowd.means + shift, log_scales=crowd.log_scales + log(100))
-    eye, target = (
+    position, target = (
         torch.tensor((x, -60.0, z), dtype=torch.float64) for x, z in ((90.3, -70.7), (0, 400))
     )
     up = torch.tensor((0.2, -1.0, 0.0), dtype=torch.float64)
-    return shown(scene.to(dtype), look_at(eye + shift, target + shift, up, 45.0, 40, 32))
+    return over_background(
+        scene.to(dtype), look_at(position + shift, target + shift, up, 45.0, 40, 32)
+    )
 
 
-def _telescope(dtype: torch.dtype) -> Shown:
-    """A sensor that is shifted by half a million pixels."""
+def _telescope(dtype: torch.dtype) -> RenderInput:
+    """The principal point lies half a million pixels beside the picture."""
     extreme = gaussian((1.0, 0.0, 2.0), (1e-5, 2e-5, 1e-6), DIAGONAL)
-    return shown(_among(extreme).to(dtype), replace(camera(focal=1e6), cx=20.3 - 5e5))
+    return over_background(_among(extreme).to(dtype), replace(camera(focal=1e6), cx=20.3 - 5e5))
 
 
-def _from_aside(dtype: torch.dtype) -> Shown:
-    """Depths that differ by less than float32 resolves, and a camera on no axis."""
-    eye = torch.tensor((3.0, -2.0, -1.0))
-    view = look_at(eye, torch.tensor((0.0, 0.0, 4.0)), torch.tensor((0.0, -1.0, 0.0)), 50.0, 40, 32)
+def _from_aside(dtype: torch.dtype) -> RenderInput:
+    """Depths that differ by less than float32 resolves; the camera looks along no axis."""
+    position = torch.tensor((3.0, -2.0, -1.0))
+    view = look_at(
+        position, torch.tensor((0.0, 0.0, 4.0)), torch.tensor((0.0, -1.0, 0.0)), 50.0, 40, 32
+    )
     layers = [
         gaussian((0.0, 0.0, 4 + 1e-8 * i), (0.3, 0.3, 0.3), opacity=0.3, color=(i / 40, 0.5, 0.2))
         for i in range(40)
     ]
-    return shown(_among(concatenate(*layers)).to(dtype), view)
+    return over_background(_among(concatenate(*layers)).to(dtype), view)
 
 
 def _coincident() -> Gaussians:
@@ -245,7 +253,7 @@ def _near(offset: float) -> Gaussians:
     return gaussian((1e-3, 0.0, DEFAULT.near + offset), (1e-3, 1e-3, 1e-3))
 
 
-def _strip(tall: bool) -> Callable[[torch.dtype], Shown]:
+def _strip(tall: bool) -> Callable[[torch.dtype], RenderInput]:
     """The crowd spread along a line of pixels."""
     width, height = (1, 4096) if tall else (4096, 1)
     stretch = torch.tensor((0.01, 1.0, 1.0) if tall else (1.0, 0.01, 1.0), dtype=torch.float64)
@@ -253,89 +261,93 @@ def _strip(tall: bool) -> Callable[[torch.dtype], Shown]:
     def line() -> Gaussians:
         return replace(_crowd(), means=_crowd().means * stretch)
 
-    return _rounded(line, camera(width, height, focal=3500.0))
+    return _in_dtype(line, camera(width, height, focal=3500.0))
 
 
 def _ordinary() -> EdgeCase:
-    return EdgeCase("ordinary crowd", "what the errors of the others compare to", _rounded(_crowd))
+    return EdgeCase("ordinary crowd", "what the errors of the others compare to", _in_dtype(_crowd))
 
 
 EDGE_CASES: tuple[EdgeCase, ...] = (
     _ordinary(),
-    _alone("behind the camera", "its mirror image must not show", gaussian((0.1, 0.1, -2.0))),
-    _alone("in the camera's plane", "z = 0 divides", gaussian((0.1, 0.0, 0.0))),
-    _alone("at the near plane", "not drawn: nearer or equal is too near", _near(0.0)),
-    _alone("1e-6 beyond the near plane", "drawn, 250 times as large as from afar", _near(1e-6)),
-    _alone("1e-6 before the near plane", "not drawn, and its neighbour is", _near(-1e-6)),
-    _alone(
+    _one("behind the camera", "its mirror image must not show", gaussian((0.1, 0.1, -2.0))),
+    _one("in the camera's plane", "z = 0 divides", gaussian((0.1, 0.0, 0.0))),
+    _one("at the near plane", "not drawn: its depth must be greater", _near(0.0)),
+    _one("1e-6 beyond the near plane", "drawn, 250 times as large as from afar", _near(1e-6)),
+    _one("1e-6 before the near plane", "not drawn; the crowd is", _near(-1e-6)),
+    _one(
         "grazing", "seen only by its footprint; the Jacobian's limit decides",
         gaussian((2.0, 0.0, 0.25), (1.0, 1.0, 1.0)),
     ),
-    _alone("1e20 before the camera", "the square of its distance is no float32; its direction is",
-           gaussian((1e19, 0.0, 1e20), _ball(1e16))),
-    _alone("colour 1e30", "its gradients are as large",
-           gaussian((0.1, 0.0, 2.0), (0.3, 0.2, 0.1), color=(1e30, 0.0, 1e-30))),
-    _alone("scale 1e-12", "a square below every float32", gaussian((0.1, 0.0, 2.0), _ball(1e-12))),
-    _alone("scale 0", "log-scale -inf: a point, kept in sight by the blur",
-           gaussian((0.1, 0.0, 2.0), _ball(0.0))),
-    _alone("scale 1e6", "determinants of 1e29 pixels^4", gaussian((0.1, 0.0, 2.0), _ball(1e6))),
-    _alone("scale 1e12", "the determinant overflows float32, the covariance does not",
-           gaussian((0.1, 0.0, 2.0), _ball(1e12))),
-    _alone("scale 1e6 far aside", "its centre is 2e7 pixels off the picture",
-           gaussian((1e6, 3e5, 2.0), _ball(1e6))),
-    _alone("scales 1e-12 to 1e6", "one Gaussian of all sizes",
-           gaussian((0.1, 0.0, 2.0), (1e-12, 1e6, 1e4), (0.9, 0.3, -0.2, 0.1))),
-    _alone("covers the screen", "touches every tile", gaussian((0.0, 0.0, 2.0), (20.0, 20.0, 0.1))),
-    _alone("needle 1 : 1e-6", "drawn as wide as the blur",
-           gaussian((0.0, 0.0, 2.0), (1.0, 1e-6, 1e-6), DIAGONAL, 0.95)),
-    _alone("needle 1e3 : 1e-3", "20,000 pixels long: the conic's determinant is a difference of "
-           "equals", gaussian((0.1, 0.0, 2.0), (1e3, 1e-3, 1e-3), DIAGONAL, 0.95)),
-    _alone(
+    _one("1e20 before the camera", "the square of its distance is no float32; its direction is",
+         gaussian((1e19, 0.0, 1e20), _ball(1e16))),
+    _one("colour 1e30", "its gradients are as large",
+         gaussian((0.1, 0.0, 2.0), (0.3, 0.2, 0.1), color=(1e30, 0.0, 1e-30))),
+    _one("scale 1e-12", "a square below every float32", gaussian((0.1, 0.0, 2.0), _ball(1e-12))),
+    _one("scale 0", "log-scale -inf: a point, kept in sight by the blur",
+         gaussian((0.1, 0.0, 2.0), _ball(0.0))),
+    _one("scale 1e6", "determinants of 1e29 pixels^4", gaussian((0.1, 0.0, 2.0), _ball(1e6))),
+    _one("scale 1e12", "the determinant overflows float32, the covariance does not",
+         gaussian((0.1, 0.0, 2.0), _ball(1e12))),
+    _one("scale 1e6 far aside", "its centre is 2e7 pixels off the picture",
+         gaussian((1e6, 3e5, 2.0), _ball(1e6))),
+    _one("scales 1e-12 to 1e6", "sizes of 18 orders of magnitude in one Gaussian",
+         gaussian((0.1, 0.0, 2.0), (1e-12, 1e6, 1e4), (0.9, 0.3, -0.2, 0.1))),
+    _one("covers the screen", "touches every tile", gaussian((0.0, 0.0, 2.0), (20.0, 20.0, 0.1))),
+    _one("needle 1 : 1e-6", "drawn as wide as the blur",
+         gaussian((0.0, 0.0, 2.0), (1.0, 1e-6, 1e-6), DIAGONAL, 0.95)),
+    _one("needle 1e3 : 1e-3", "20,000 pixels long: the conic's determinant is a difference of "
+         "equals", gaussian((0.1, 0.0, 2.0), (1e3, 1e-3, 1e-3), DIAGONAL, 0.95)),
+    _one(
         "needle of 1000 pixels", "diagonal and larger than the picture: terms cancel by 1e6",
         gaussian((0.003, 0.0, 2.0), (0.35, 3.5e-7, 3.5e-7), DIAGONAL, 0.95),
         camera(160, 160, focal=2000.0),
     ),
-    _alone("needle end on", "points at the camera: a disc of no area before the blur",
-           gaussian((0.0, 0.0, 2.0), (1e-6, 1e-6, 1.0))),
-    _alone("disc", "faces the camera, ratio 1e6", gaussian((0.0, 0.0, 2.0), (0.5, 0.5, 5e-7))),
-    _alone("disc edge on", "a line on the picture, ratio 1e6",
-           gaussian((0.0, 0.0, 2.0), (0.5, 5e-7, 0.5), DIAGONAL)),
-    _alone("opacity 0", "logit -inf: nothing, and no log of 0", _logit(-inf)),
-    _alone("opacity 1 - 1e-7", "the cap holds it at 0.99, without gradient", _logit(-log(1e-7))),
-    _alone("opacity 1", "logit inf", _logit(inf)),
-    _alone("logit 50", "1 - opacity is 0 in every dtype", _logit(50.0)),
-    _alone("logit -50", "far below the floor of alpha", _logit(-50.0)),
-    EdgeCase("all of opacity 1", "every alpha at the cap near its centre", _rounded(_opaque_crowd)),
-    _alone("zero quaternion", "the identity, without gradient",
-           gaussian((0.1, 0.0, 2.0), (0.4, 0.05, 0.1), (0.0, 0.0, 0.0, 0.0))),
+    _one("needle end on", "points at the camera: a disc of no area before the blur",
+         gaussian((0.0, 0.0, 2.0), (1e-6, 1e-6, 1.0))),
+    _one("disc", "faces the camera, ratio 1e6", gaussian((0.0, 0.0, 2.0), (0.5, 0.5, 5e-7))),
+    _one("disc edge on", "a line on the picture, ratio 1e6",
+         gaussian((0.0, 0.0, 2.0), (0.5, 5e-7, 0.5), DIAGONAL)),
+    _one("opacity 0", "logit -inf: nothing, and no log of 0", _logit(-inf)),
+    _one("opacity 1 - 1e-7", "the cap holds it at 0.99, without gradient", _logit(-log(1e-7))),
+    _one("opacity 1", "logit inf", _logit(inf)),
+    _one("logit 50", "1 - opacity is 0 in every dtype", _logit(50.0)),
+    _one("logit -50", "far below the floor of alpha", _logit(-50.0)),
+    EdgeCase("all of opacity 1", "every alpha at the cap near its centre",
+             _in_dtype(_opaque_crowd)),
+    _one("zero quaternion", "the identity, without gradient",
+         gaussian((0.1, 0.0, 2.0), (0.4, 0.05, 0.1), (0.0, 0.0, 0.0, 0.0))),
     EdgeCase("denormal quaternion", "its square is 0, its direction is not; its gradient would "
-            "overflow float32, and is 0", _tiny_quat),
-    _alone("quaternion of norm 1e-30", "its square underflows float32", _quat(1e-30)),
-    _alone("quaternion of norm 1e3", "not normalised by whoever wrote it", _quat(1e3)),
-    _alone("quaternion of norm 1e30", "its square overflows float32", _quat(1e30)),
+             "overflow float32, and is 0", _tiny_quat),
+    _one("quaternion of norm 1e-30", "its square underflows float32", _quat(1e-30)),
+    _one("quaternion of norm 1e3", "files may hold quaternions that are not normalised",
+         _quat(1e3)),
+    _one("quaternion of norm 1e30", "its square overflows float32", _quat(1e30)),
     EdgeCase("1e7 from the origin", "scene and camera both: positions cancel", _far_away),
     EdgeCase("depths 1e-8 apart", "float32 depth would draw them in another order", _from_aside),
-    EdgeCase("10,000 coincident", "equal depths keep the order of the file", _rounded(_coincident)),
+    EdgeCase("10,000 coincident", "equal depths keep the order of the file",
+             _in_dtype(_coincident)),
     EdgeCase("100,000 layers", "deep in one pixel: the transmittance falls to 0",
-            _rounded(_layers, camera(1, 1, focal=1.0))),
-    EdgeCase("positions twice", "as real captures hold them: the sort is stable",
-            _rounded(_doubled)),
-    EdgeCase("focal length 1", "all on one pixel", _rounded(_crowd, camera(focal=1.0))),
+             _in_dtype(_layers, camera(1, 1, focal=1.0))),
+    EdgeCase("positions twice", "two Gaussians at each position, as in real captures: the sort is "
+             "stable", _in_dtype(_doubled)),
+    EdgeCase("focal length 1", "all on one pixel", _in_dtype(_crowd, camera(focal=1.0))),
     EdgeCase("focal length 1e6", "a picture of 4e-5 radians beside the axis: float32 rounds x/z by "
-            "a tenth of a pixel", _telescope),
-    EdgeCase("1 x 1 pixel", "less than a tile", _rounded(_crowd, camera(1, 1, focal=1.0))),
+             "a tenth of a pixel", _telescope),
+    EdgeCase("1 x 1 pixel", "less than a tile", _in_dtype(_crowd, camera(1, 1, focal=1.0))),
     EdgeCase("4096 x 1 pixels", "a row of tiles that are empty but for one line of pixels",
-            _strip(tall=False)),
-    EdgeCase("1 x 4096 pixels", "the same, upright", _strip(tall=True)),
-    EdgeCase("empty scene", "the background, and no error", _rounded(lambda: _crowd()[:0])),
-    EdgeCase("nothing visible", "backward must still work", _rounded(_hidden)),
-    *(_spoilt(name, value) for name in ("means", "quats", "sh") for value in (nan, inf, -inf)),
-    *(_spoilt("log_scales", value) for value in (nan, inf, 1e3)),
-    _spoilt("logit_opacities", nan),
+             _strip(tall=False)),
+    EdgeCase("1 x 4096 pixels", "a column of tiles that are empty but for one line of pixels",
+             _strip(tall=True)),
+    EdgeCase("empty scene", "the background, and no error", _in_dtype(lambda: _crowd()[:0])),
+    EdgeCase("nothing visible", "backward must still work", _in_dtype(_hidden)),
+    *(_bad_value(name, value) for name in ("means", "quats", "sh") for value in (nan, inf, -inf)),
+    *(_bad_value("log_scales", value) for value in (nan, inf, 1e3)),
+    _bad_value("logit_opacities", nan),
     *(
-        _spoilt_camera(name, value)
+        _bad_camera(name, value)
         for name in ("world_to_camera", "fx", "fy", "cx", "cy")
         for value in (nan, inf)
     ),
-    *(_spoilt_background(value) for value in (nan, inf)),
+    *(_bad_background(value) for value in (nan, inf)),
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""How much work a picture is, told in pairs: the unit in which two numbers stay comparable.
+"""How much work a picture is, counted in pairs: counts of two renderers can be compared.
 
 A pair is a Gaussian in a tile's list, a pixel-pair a Gaussian at a pixel of such a tile.
 `b` tiles of `q` pixels with lists of up to `k` Gaussians.
@@ -27,7 +27,7 @@ ELEMENTS = 1 << 22  # pixel-pairs looked at together
 def listed_pairs(
     scene: Gaussians, camera: Camera, numerics: Numerics = DEFAULT, execution: Execution = AUTO
 ) -> tuple[int, int]:
-    """(tile, Gaussian) pairs, and their pixels: what a renderer that never stops would look at."""
+    """(tile, Gaussian) pairs, and their pixels: what a renderer without early stop evaluates."""
     bins = _flattened(scene, camera, numerics, execution).bins
     tiled = len(bins.members)
     return tiled, tiled * bins.size**2
@@ -35,7 +35,7 @@ def listed_pairs(
 
 @torch.no_grad()
 def contributing_pairs(scene: Gaussians, camera: Camera, numerics: Numerics = DEFAULT) -> int:
-    """Pixel-pairs with alpha at or above the floor, in front of the stop (taken pixel by pixel).
+    """Pixel-pairs with alpha at or above the floor, in front of each pixel's early stop.
 
     Takes longer than drawing: never inside a timed region.
     """
@@ -59,10 +59,10 @@ def nearest_to_floor(
     pixels: Int[Tensor, "p 2"],
     numerics: Numerics = DEFAULT,
 ) -> Float[Tensor, " p"]:
-    """How near some Gaussian's alpha at each pixel (row, column) is to the floor, relative to it;
-    1 where none is nearer than that.
+    """Least relative distance from the floor of a Gaussian's alpha at each pixel (row, column);
+    at most 1.
 
-    There a rounding decides whether a step of alpha_min is drawn. In float64, without tiles.
+    Near 0, a rounding decides whether a step of alpha_min is drawn. In float64, without tiles.
     """
     flat = _flattened(scene.to(torch.float64), camera, numerics, AUTO)
     w0, w1, w2 = flat.whitening.unbind(-1)
@@ -82,7 +82,7 @@ def _least(excess: Float[Tensor, "p n"]) -> Float[Tensor, " p"]:
 
 
 class _Flat(NamedTuple):
-    """2D Gaussians, and who is in which tile: as splat lists them."""
+    """2D Gaussians, and the Gaussians of each tile: as splat lists them."""
 
     xy: Float[Tensor, "n 2"]
     whitening: Float[Tensor, "n 3"]

@@ -1,7 +1,7 @@
-"""Renderers of others, where they are installed: what each needs, in a few lines.
+"""Other renderers, where they are installed: one adapter each.
 
-An adapter takes a workload and gives a function that draws it: `draw(scene, camera)`, a picture of
-`h w 3` over black. It runs in a process of its own, because a peer may end it.
+An adapter takes a workload and returns a function that draws it: `draw(scene, camera)`, a picture
+of `h w 3` over black. It runs in a process of its own, because a peer may end its process.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ class Peer:
     """Another renderer."""
 
     name: str
-    """Of its package, and of its module."""
+    """Of its package and of its module."""
     prepare: Callable[[Workload], Draw]
     differentiable: bool = True
     """Whether the adapter gives gradients to torch."""
     remark: str = ""
-    """In which way its picture is another one by design."""
+    """How its picture differs by design."""
 
     def title(self) -> str:
         """Name and version, where it has one."""
@@ -45,8 +45,8 @@ class Peer:
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
-    """A peer's times, picture and gradients."""
+class PeerResult:
+    """Times, picture and gradients of a peer."""
 
     forward: Timing
     both: Timing | None
@@ -54,26 +54,28 @@ class Measured:
 
 
 def installed() -> tuple[list[Peer], list[str]]:
-    """Peers that can be imported, as far as one sees without doing it; names of the others."""
-    found = {name: importlib.util.find_spec(name) is not None for name in TABLE}
+    """Peers whose modules are installed (they are not imported), and names of the others."""
+    present = {name: importlib.util.find_spec(name) is not None for name in PEER_TABLE}
     return (
-        [peer for name, peer in TABLE.items() if found[name]],
-        [name for name in TABLE if not found[name]],
+        [peer for name, peer in PEER_TABLE.items() if present[name]],
+        [name for name in PEER_TABLE if not present[name]],
     )
 
 
-def measured(name: str, workload: Workload, runs: int, budget: float, pieces: int) -> Measured:
+def measure_peer(
+    name: str, workload: Workload, runs: int, budget: float, pieces: int
+) -> PeerResult:
     """Time a peer and draw with it. Raises what the peer raises."""
-    peer = TABLE[name]
+    peer = PEER_TABLE[name]
     scene, camera = workload.scene, workload.camera
     drawing = peer.prepare(workload)
     with torch.no_grad():
-        drawing(scene, camera)  # what is compiled or loaded now is not drawing
+        drawing(scene, camera)  # the first call also compiles and loads
         forward, picture = timed(lambda: drawing(scene, camera), runs, budget, pieces)
     if not peer.differentiable:
-        return Measured(forward, None, Drawn(picture, {}))
+        return PeerResult(forward, None, Drawn(picture, {}))
     both, drawn = timed(lambda: differentiate(drawing, scene, camera), runs, budget, pieces)
-    return Measured(forward, both, drawn)
+    return PeerResult(forward, both, drawn)
 
 
 def _gsplat(workload: Workload) -> Draw:
@@ -124,7 +126,7 @@ def _mitsuba(workload: Workload) -> Draw:
 
 
 def mitsuba_scene(mi: Any, workload: Workload) -> dict[str, Any]:
-    """The workload in Mitsuba's words. Its camera looks along z with x to the left, y up."""
+    """The workload for mitsuba.load_dict, whose camera looks along z with x to the left, y up."""
     scene, camera = workload.scene, workload.camera
     flip = torch.diag(torch.tensor((-1.0, -1.0, 1.0, 1.0), dtype=torch.float64))
     to_world = torch.linalg.inv(camera.world_to_camera.double()) @ flip
@@ -165,13 +167,13 @@ def mitsuba_scene(mi: Any, workload: Workload) -> dict[str, Any]:
     }
 
 
-TABLE: dict[str, Peer] = {
+PEER_TABLE: dict[str, Peer] = {
     "gsplat": Peer("gsplat", _gsplat),
     "mitsuba": Peer(
         "mitsuba",
         _mitsuba,
         differentiable=False,
-        remark="traces rays: no low-pass, ordered by where rays enter, so its error is mostly of "
-        "another model; forward only here",
+        remark="traces rays: no low-pass filter, and it orders Gaussians by where a ray enters, so "
+        "its error is mostly that of another model; forward only here",
     ),
 }

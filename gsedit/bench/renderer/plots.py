@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from gsedit.bench.curves import Point, pareto
-from gsedit.bench.renderer.rows import Row
+from gsedit.bench.renderer.measurements import RenderMeasurement
 from gsedit.files.atomic import atomic_path
 
 Which = Literal["image", "gradients"]
 
-# Okabe and Ito's colours, told apart by everyone; each knob has a marker of its own too
+# Okabe and Ito's colours, which colour-blind readers tell apart; each knob has its own marker
 STYLES = {
     "floor": ("#0072B2", "o", "alpha floor"),
     "stop": ("#009E73", "s", "stop"),
@@ -31,13 +31,19 @@ STYLES = {
 NAMED = ("floor", "stop", "tile", "block", "resolution", "degree", "peers")
 """Knobs whose points need their value written beside them."""
 FLOOR = 1e-10
-"""Smaller errors are drawn here, with their number: zero has no logarithm."""
+"""Smaller errors are drawn here, with their value: zero has no logarithm."""
 PANEL = (5.2, 4.3)  # inches
 TOP, LEGEND_ROW, LEGEND_COLUMN = 0.9, 0.2, 1.75  # inches
 DPI = 120
 
 
+Box = tuple[float, float, float, float]
+"""Left, bottom, right, top, pixels."""
+
+
 class _Mark(NamedTuple):
+    """A point of a plot."""
+
     seconds: float
     error: float
     knob: str
@@ -45,42 +51,48 @@ class _Mark(NamedTuple):
 
 
 def work_precision(
-    rows: Iterable[Row], path: Path, which: Which, *, overwrite: bool = False
+    rows: Iterable[RenderMeasurement], path: Path, which: Which, *, overwrite: bool = False
 ) -> None:
     """A PNG of the rows: mean error of a colour over the forward pass's seconds, or the worst
     gradient's relative error over those of forward and backward. Needs no screen.
     """
-    from matplotlib.figure import Figure  # not pyplot: no global state, no window system
-    from matplotlib.layout_engine import ConstrainedLayoutEngine
-
     rows = list(rows)
     scenes = {name: list(group) for name, group in groupby(rows, key=lambda row: row.scene)}
     marks = {
         name: [m for row in group if (m := _mark(row, which))] for name, group in scenes.items()
     }
-    lines = max(1, math.ceil(len(scenes) / 3))
-    columns = max(1, math.ceil(len(scenes) / lines))
-    across = int(PANEL[0] * columns / LEGEND_COLUMN)  # entries of the legend in a row
+    figure, panels, across = _figure(len(scenes))
+    handles: dict[str, Any] = {}
+    for axes, (name, group) in zip(panels, scenes.items()):
+        handles |= _panel(axes, name, group[0], marks[name], which)
+    for axes in panels[len(scenes) :]:
+        axes.set_axis_off()
+    _title(figure, rows, which)
+    _legend(figure, handles, across)
+    figure.draw_without_rendering()  # text has its place only now
+    for axes, scene_marks in zip(panels, marks.values()):
+        _name_points(axes, scene_marks)
+    with atomic_path(path, overwrite=overwrite) as temporary:
+        figure.savefig(temporary, format="png", dpi=DPI)
+
+
+def _figure(count: int) -> tuple[Any, Any, int]:
+    """A figure of so many panels and room for title and legend; its panels; legend columns."""
+    from matplotlib.figure import Figure  # not pyplot: no global state, no window system
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    lines = max(1, math.ceil(count / 3))
+    columns = max(1, math.ceil(count / lines))
+    across = int(PANEL[0] * columns / LEGEND_COLUMN)
     bottom = LEGEND_ROW * (1 + math.ceil((len(STYLES) + 2) / across))
     height = PANEL[1] * lines + TOP + bottom
     room = (0.004, bottom / height, 0.99, 1 - (TOP + bottom) / height)
     layout = ConstrainedLayoutEngine(rect=room, wspace=0.05, hspace=0.05)
     figure = Figure(figsize=(PANEL[0] * columns, height), dpi=DPI, layout=layout)
-    panels = figure.subplots(lines, columns, squeeze=False).flatten()
-    known: dict[str, Any] = {}
-    for axes, (name, group) in zip(panels, scenes.items()):
-        known |= _panel(axes, name, group[0], marks[name], which)
-    for axes in panels[len(scenes) :]:
-        axes.set_axis_off()
-    _frame(figure, rows, known, which, height, across)
-    figure.draw_without_rendering()  # text has its place only now
-    for axes, found in zip(panels, marks.values()):
-        _name_points(axes, found)
-    with atomic_path(path, overwrite=overwrite) as temporary:
-        figure.savefig(temporary, format="png", dpi=DPI)
+    return figure, figure.subplots(lines, columns, squeeze=False).flatten(), across
 
 
-def _mark(row: Row, which: Which) -> _Mark | None:
+def _mark(row: RenderMeasurement, which: Which) -> _Mark | None:
     image = which == "image"
     seconds = row.forward_wall if image else row.both_wall
     error = row.error_mean if image else row.gradient_error
@@ -92,8 +104,10 @@ def _mark(row: Row, which: Which) -> _Mark | None:
     return _Mark(seconds, max(error, FLOOR), row.knob, value)
 
 
-def _panel(axes: Any, name: str, row: Row, marks: Sequence[_Mark], which: Which) -> dict[str, Any]:
-    """Points, front and labels of a scene; what the legend has to explain."""
+def _panel(
+    axes: Any, name: str, row: RenderMeasurement, marks: Sequence[_Mark], which: Which
+) -> dict[str, Any]:
+    """Draw points and front of a scene; handles for the legend, by knob."""
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_title(f"{name}: {row.gaussians:,} Gaussians", fontsize=11, loc="left")
@@ -107,27 +121,27 @@ def _panel(axes: Any, name: str, row: Row, marks: Sequence[_Mark], which: Which)
     axes.set_axisbelow(True)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
-    known = _front(axes, [(m.seconds, m.error) for m in marks])
-    for knob, found in groupby(marks, key=lambda mark: mark.knob):
-        group = list(found)
+    handles = _front(axes, [(m.seconds, m.error) for m in marks])
+    for knob, members in groupby(marks, key=lambda mark: mark.knob):
+        group = list(members)
         x, y = [m.seconds for m in group], [m.error for m in group]
         if knob == "default":
             style = {"color": "black", "marker": "*", "markersize": 18, "zorder": 3}
-            (known["default"],) = axes.plot(x, y, linestyle="none", label="the defaults", **style)
+            (handles["default"],) = axes.plot(x, y, linestyle="none", label="the defaults", **style)
             continue
         color, marker, label = STYLES[knob]
         joined = "-" if knob not in ("peers", "baseline") else "none"
-        (known[knob],) = axes.plot(
+        (handles[knob],) = axes.plot(
             x, y, marker=marker, color=color, linestyle=joined, linewidth=0.6, label=label,
             markersize=7, markeredgecolor="white", markeredgewidth=0.6, zorder=4,
         )  # fmt: skip
     axes.margins(0.14)
     _ticks(axes)
-    return known
+    return handles
 
 
 def _front(axes: Any, points: Sequence[Point]) -> dict[str, Any]:
-    """The front as a step: at so many seconds, this is the least error that was reached."""
+    """The Pareto front as steps: the least error reached within so many seconds."""
     front = pareto(points)
     if not front:
         axes.text(0.5, 0.5, "nothing was measured", ha="center", transform=axes.transAxes)
@@ -148,11 +162,9 @@ def _ticks(axes: Any) -> None:
     axes.xaxis.set_minor_formatter(NullFormatter())
 
 
-def _frame(
-    figure: Any, rows: Sequence[Row], known: dict[str, Any], which: Which, height: float,
-    across: int,
-) -> None:  # fmt: skip
-    """Title, what was measured on what, and one legend for all panels."""
+def _title(figure: Any, rows: Sequence[RenderMeasurement], which: Which) -> None:
+    """Title, and below it the machine, threads and commit of the first row."""
+    height = figure.get_figheight()
     what = "Error of the picture" if which == "image" else "Error of the gradients"
     figure.text(
         0.012, 1 - 0.12 / height, f"{what} against run time", fontsize=16, weight="bold", va="top"
@@ -168,11 +180,15 @@ def _frame(
             color="#444444",
             va="top",
         )
+
+
+def _legend(figure: Any, handles: dict[str, Any], across: int) -> None:
+    """One legend for all panels."""
     order = ("default", "front", *STYLES)
-    handles = [known[name] for name in order if name in known]
-    if handles:
+    ordered = [handles[name] for name in order if name in handles]
+    if ordered:
         figure.legend(
-            handles=handles, loc="lower left", bbox_to_anchor=(0.008, 0.0), frameon=False,
+            handles=ordered, loc="lower left", bbox_to_anchor=(0.008, 0.0), frameon=False,
             ncols=across, fontsize=9.5,
         )  # fmt: skip
 
@@ -185,7 +201,7 @@ def _name_points(axes: Any, marks: Sequence[_Mark]) -> None:
     spots = [axes.transData.transform((m.seconds, m.error)).tolist() for m in marks]
     dots = [(x - 5, y - 5, x + 5, y + 5) for x, y in spots]
     window: Box = tuple(axes.get_window_extent(renderer).extents.tolist())
-    taken: list[tuple[float, float, float, float]] = list(dots)
+    taken: list[Box] = list(dots)
     for mark, (x, y) in zip(marks, spots):
         if mark.knob not in NAMED and mark.error > FLOOR:
             continue
@@ -204,10 +220,6 @@ def _name_points(axes: Any, marks: Sequence[_Mark]) -> None:
         left, bottom = place
         text.set_position((left - x, bottom - y))
         taken.append((left - 3, bottom, left + width + 3, bottom + height))
-
-
-Box = tuple[float, float, float, float]
-"""Left, bottom, right, top, pixels."""
 
 
 def _free(

@@ -1,6 +1,6 @@
-"""The museum, drawn: what is finite, what is refused, and how wrong it is beside the textbook.
+"""Edge cases, drawn: which are finite, which are refused, and their errors beside the textbook's.
 
-The whole sum is drawn, without the early stop, so that an error is rounding and nothing else.
+Drawn without the early stop, so that errors are rounding and nothing else.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ from typing import Literal
 import torch
 from torch import Tensor
 
+from gsedit.bench.markdown import markdown_table
 from gsedit.bench.renderer.accuracy import Draw, Drawn, differentiate, errors
-from gsedit.bench.renderer.edge_cases import EDGE_CASES, EdgeCase, Shown
-from gsedit.bench.renderer.rows import markdown
+from gsedit.bench.renderer.edge_cases import EDGE_CASES, EdgeCase, RenderInput
 from rasterizer.numerics import Numerics
 from rasterizer.reference import render_reference
 from rasterizer.render import render
 
 Outcome = Literal["finite", "refused", "not finite"]
-WHOLE_SUM = Numerics(transmittance_min=0.0)
+WITHOUT_STOP = Numerics(transmittance_min=0.0)
 
 
 @dataclass(frozen=True)
-class Row:
-    """One exhibit in one dtype. None: not measured, or not finite."""
+class EdgeCaseMeasurement:
+    """One edge case in one dtype. None: not measured, or not finite."""
 
     name: str
     why: str
@@ -47,40 +47,43 @@ class Row:
     gradient_error: float | None
     """Relative L2 error of the worst input, the pose among them."""
     textbook: Outcome | None
-    """Of the plain conic formula in the same dtype; none in float64, where it is the reference."""
+    """Of the plain conic formula in the same dtype; None in float64, where it is the reference."""
     textbook_image_error: float | None
     textbook_gradient_error: float | None
     seconds: float | None
-    """Ours, forward and backward, median of the runs."""
+    """Of the rasteriser, forward and backward, median of the runs."""
 
 
-def rows(quick: bool = False) -> Iterator[Row]:
-    """Every exhibit in float32, then in float64; only float32 if `quick`."""
-    for exhibit in EDGE_CASES:
+def measurements(quick: bool = False) -> Iterator[EdgeCaseMeasurement]:
+    """Every edge case in float32, then in float64; only float32 if `quick`."""
+    for case in EDGE_CASES:
         for dtype in (torch.float32,) if quick else (torch.float32, torch.float64):
-            yield measure(exhibit, dtype)
+            yield measure_edge_case(case, dtype)
 
 
-def measure(exhibit: EdgeCase, dtype: torch.dtype, runs: int = 3) -> Row:
-    """Draw one exhibit, ours (`runs` times) and the textbook's, with gradients."""
-    shown = exhibit.make(dtype)
-    found, message, seconds = _timed(_ours(shown), shown, runs)
+def measure_edge_case(case: EdgeCase, dtype: torch.dtype, runs: int = 3) -> EdgeCaseMeasurement:
+    """Draw one edge case with the rasteriser (`runs` times) and by the textbook's formula, both
+    with gradients.
+    """
+    given = case.make(dtype)
+    drawn, message, seconds = _timed(_rasteriser(given), given, runs)
     image = gradient = textbook = textbook_image = textbook_gradient = None
-    if found is not None:
-        exact = Shown(shown.scene.to(torch.float64), shown.camera, shown.background.double())
-        truth = differentiate(_textbook(exact), exact.scene, exact.camera)
-        image, gradient = _errors(found, truth)
+    if drawn is not None:
+        exact = RenderInput(given.scene.to(torch.float64), given.camera, given.background.double())
+        reference = differentiate(_textbook(exact), exact.scene, exact.camera)
+        image, gradient = _errors(drawn, reference)
         if dtype != torch.float64:
-            plain = differentiate(_textbook(shown), shown.scene, shown.camera)
-            textbook, (textbook_image, textbook_gradient) = _outcome(plain), _errors(plain, truth)
-    return Row(
-        name=exhibit.name,
-        why=exhibit.why,
+            plain = differentiate(_textbook(given), given.scene, given.camera)
+            textbook = _outcome(plain)
+            textbook_image, textbook_gradient = _errors(plain, reference)
+    return EdgeCaseMeasurement(
+        name=case.name,
+        why=case.why,
         dtype=str(dtype).removeprefix("torch."),
-        gaussians=len(shown.scene),
-        width=shown.camera.width,
-        height=shown.camera.height,
-        outcome="refused" if found is None else _outcome(found),
+        gaussians=len(given.scene),
+        width=given.camera.width,
+        height=given.camera.height,
+        outcome="refused" if drawn is None else _outcome(drawn),
         message=message,
         image_error=image,
         gradient_error=gradient,
@@ -91,31 +94,31 @@ def measure(exhibit: EdgeCase, dtype: torch.dtype, runs: int = 3) -> Row:
     )
 
 
-def _ours(shown: Shown) -> Draw:
+def _rasteriser(given: RenderInput) -> Draw:
     return lambda scene, camera: (
-        render(scene, camera, background=shown.background, numerics=WHOLE_SUM).color
+        render(scene, camera, background=given.background, numerics=WITHOUT_STOP).color
     )
 
 
-def _textbook(shown: Shown) -> Draw:
-    """In the dtype of the scene."""
-    dtype = shown.scene.means.dtype
+def _textbook(given: RenderInput) -> Draw:
+    """The conic formula in the dtype of the scene."""
+    dtype = given.scene.means.dtype
     return lambda scene, camera: (
-        render_reference(scene, camera, background=shown.background, dtype=dtype).color
+        render_reference(scene, camera, background=given.background, dtype=dtype).color
     )
 
 
-def _timed(draw: Draw, shown: Shown, runs: int) -> tuple[Drawn | None, str, float | None]:
-    """Picture and gradients, or the text of the refusal; and the seconds it took."""
-    found, seconds = None, []
+def _timed(draw: Draw, given: RenderInput, runs: int) -> tuple[Drawn | None, str, float | None]:
+    """Picture and gradients, "", and median seconds; or None, the refusal's text, and None."""
+    drawn, seconds = None, []
     for _ in range(runs):
         start = perf_counter()
         try:
-            found = differentiate(draw, shown.scene, shown.camera)
+            drawn = differentiate(draw, given.scene, given.camera)
         except ValueError as error:
             return None, str(error), None
         seconds.append(perf_counter() - start)
-    return found, "", median(seconds)
+    return drawn, "", median(seconds)
 
 
 def _outcome(drawn: Drawn) -> Outcome:
@@ -123,21 +126,21 @@ def _outcome(drawn: Drawn) -> Outcome:
     return "finite" if all(part.isfinite().all() for part in parts) else "not finite"
 
 
-def _errors(found: Drawn, truth: Drawn) -> tuple[float | None, float | None]:
+def _errors(drawn: Drawn, reference: Drawn) -> tuple[float | None, float | None]:
     """Largest error of a colour, worst relative error of a gradient; None where not finite."""
-    known = errors(found, truth)
-    brightest = max(1.0, float(truth.picture.abs().max()))
-    # a maximum passes over NaN, or not, by the order of what it compares
-    worst = known.gradient if _outcome(found) == "finite" else None
-    return _finite(known.largest / brightest), _finite(worst)
+    wrong = errors(drawn, reference)
+    brightest = max(1.0, float(reference.picture.abs().max()))
+    # max() ignores NaN or returns it, depending on the order of its arguments
+    worst = wrong.gradient if _outcome(drawn) == "finite" else None
+    return _finite(wrong.largest / brightest), _finite(worst)
 
 
 def _finite(value: float | None) -> float | None:
     return value if value is not None and isfinite(value) else None
 
 
-def table(rows: Iterable[Row]) -> str:
-    """Markdown: what is drawn, with errors and time; then what is refused, with the words."""
+def table(rows: Iterable[EdgeCaseMeasurement]) -> str:
+    """Markdown: the cases that are drawn, with errors and time; then the refused, with messages."""
     lines, refused = [], []
     for name, group in groupby(rows, key=lambda row: row.name):
         by_dtype = {row.dtype: row for row in group}
@@ -146,7 +149,7 @@ def table(rows: Iterable[Row]) -> str:
             refused.append(f"- {name} ({first.why}): {first.message}")
         else:
             lines.append([f"**{name}**: {first.why}", *_cells(by_dtype)])
-    parts = [_LEGEND, markdown(HEAD, lines)]
+    parts = [_LEGEND, markdown_table(HEAD, lines)]
     if refused:
         parts += ["Refused, each by a ValueError:", "\n".join(refused)]
     return "\n\n".join(parts)
@@ -164,8 +167,10 @@ _LEGEND = (
 )
 
 
-def _cells(by_dtype: dict[str, Row]) -> list[str]:
-    def cell(dtype: str, outcome: Callable[[Row], Outcome | None], name: str) -> str:
+def _cells(by_dtype: dict[str, EdgeCaseMeasurement]) -> list[str]:
+    def cell(
+        dtype: str, outcome: Callable[[EdgeCaseMeasurement], Outcome | None], name: str
+    ) -> str:
         row = by_dtype.get(dtype)
         value = None if row is None else getattr(row, name)
         if value is not None:

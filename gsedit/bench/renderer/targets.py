@@ -1,12 +1,12 @@
-"""What the renderer promises, and what this machine says to it: name, goal, measured, reached.
+"""Performance targets of the renderer: what is required, measured, and whether it is reached.
 
-Seconds are told in yardsticks (Y, see measure.py), medians of runs that take turns.
+Times are in yardsticks (Y, see measure.py), medians of runs that take turns.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
@@ -17,20 +17,12 @@ from time import perf_counter
 import torch
 
 from gsedit.bench.curves import slope
-from gsedit.bench.measure import (
-    PAIRS,
-    PIECES,
-    QUICK_PIECES,
-    Timing,
-    commit,
-    machine,
-    timed,
-    timed_together,
-)
-from gsedit.bench.renderer.accuracy import Drawn, differentiate, errors, truth_of
+from gsedit.bench.markdown import markdown_table
+from gsedit.bench.measure import PAIRS, PIECES, QUICK_PIECES, Timing, timed, timed_together
+from gsedit.bench.provenance import commit, machine
+from gsedit.bench.renderer.accuracy import Drawn, differentiate, errors, reference_of
 from gsedit.bench.renderer.pairs import listed_pairs, nearest_to_floor
-from gsedit.bench.renderer.rows import markdown
-from gsedit.bench.renderer.sweep import Setting, draw
+from gsedit.bench.renderer.settings import Setting, draw
 from gsedit.bench.renderer.worker import Worker, WorkerError, peak_memory
 from gsedit.bench.renderer.workloads import Workload, cloud, fitted, garden, smaller, synthetic
 from gsedit.reports.events import Event
@@ -39,7 +31,7 @@ from rasterizer.numerics import AUTO, DEFAULT, Execution
 from rasterizer.project import Box
 from rasterizer.tiles import TILE_SIZES
 
-GOALS = {  # yardsticks: garden's scale, eager or compiled, forward or both
+TIME_LIMITS = {  # garden's scale and execution: yardsticks of forward, of forward + backward
     (1.0, "eager"): (15.0, 40.0),
     (0.25, "eager"): (8.0, 15.0),
     (1.0, "compiled"): (8.0, 20.0),
@@ -49,14 +41,14 @@ EXECUTIONS = {"eager": AUTO, "compiled": replace(AUTO, compile=True)}
 
 
 @dataclass(frozen=True)
-class Bar:
-    """One promise."""
+class Target:
+    """One target, and what this machine reaches."""
 
     name: str
-    goal: str
+    required: str
     measured: str
     reached: bool | None
-    """None: could not be measured here, for the reason in `measured`."""
+    """None: it could not be measured here; `measured` holds the reason."""
 
 
 @dataclass(frozen=True)
@@ -75,10 +67,13 @@ FULL = Size()
 QUICK = Size(runs=2, pieces=QUICK_PIECES, shrink=16, clouds=(1_000, 2_000, 4_000))
 
 
-def measure_bars(
+GARDEN_SCALES = (1.0, 0.25)
+
+
+def measure_targets(
     size: Size, points: Path | None, scenes: Sequence[Path], cache: Path | None = None
-) -> Iterator[Event | Bar]:
-    """Every bar, with events that say what is going on. `points`: of the garden, else left out."""
+) -> Iterator[Event | Target]:
+    """Every target, and events that name the next ones. `points`: of the garden, else left out."""
     began = perf_counter()
     gardens = {} if points is None else {s: garden(s, points) for s in GARDEN_SCALES}
     workloads = [*gardens.values(), *(fitted(path) for path in scenes), *synthetic()]
@@ -86,44 +81,50 @@ def measure_bars(
         workloads = [smaller(one, size.shrink) for one in workloads]
         gardens = dict(zip(gardens, workloads))
     if points is None:
-        yield Event("bars", 0.0, note="the garden's points are not given: its bars are left out")
-
-    work: list[tuple[str, Callable[[], list[Bar]]]] = []
-    for scale, one in gardens.items():
-        work.append((f"times, {one.name}", partial(time_bars, one, scale, size)))
-    for one in gardens.values():
-        work.append((f"accuracy, {one.name}", partial(accuracy_bars, one, cache)))
-    work += [(f"tile size, {one.name}", partial(tile_bars, one, size)) for one in workloads]
-    if gardens:
-        work.append(("crop", partial(crop_bars, gardens[1.0], size)))
-        work.append(("threads", partial(thread_bars, gardens[1.0], size)))
-    work.append(("memory and scaling", partial(scaling_bars, size)))
-    for step, (what, job) in enumerate(work):
-        yield Event("bars", perf_counter() - began, step, len(work), note=what)
+        yield Event("targets", 0.0, note="the garden's targets are left out: no points are given")
+    jobs = _jobs(gardens, workloads, size, cache)
+    for step, (name, job) in enumerate(jobs):
+        yield Event("targets", perf_counter() - began, step, len(jobs), note=name)
         yield from job()
-    yield Event("bars", perf_counter() - began, len(work), len(work))
+    yield Event("targets", perf_counter() - began, len(jobs), len(jobs))
 
 
-GARDEN_SCALES = (1.0, 0.25)
+def _jobs(
+    gardens: Mapping[float, Workload], workloads: Sequence[Workload], size: Size, cache: Path | None
+) -> list[tuple[str, Callable[[], list[Target]]]]:
+    """What is measured, by name, in order."""
+    jobs: list[tuple[str, Callable[[], list[Target]]]] = [
+        (f"times, {one.name}", partial(time_targets, one, scale, size))
+        for scale, one in gardens.items()
+    ]
+    jobs += [
+        (f"accuracy, {one.name}", partial(accuracy_targets, one, cache)) for one in gardens.values()
+    ]
+    jobs += [(f"tile size, {one.name}", partial(tile_targets, one, size)) for one in workloads]
+    if gardens:
+        jobs.append(("crop", partial(crop_targets, gardens[1.0], size)))
+        jobs.append(("threads", partial(thread_targets, gardens[1.0], size)))
+    jobs.append(("memory and scaling", partial(scaling_targets, size)))
+    return jobs
 
 
-def time_bars(workload: Workload, scale: float, size: Size) -> list[Bar]:
-    """Eager and compiled, forward and both, against the goals in yardsticks."""
-    found = []
+def time_targets(workload: Workload, scale: float, size: Size) -> list[Target]:
+    """Eager and compiled, forward and both, against the limits in yardsticks."""
+    targets = []
     for name, execution in EXECUTIONS.items():
         drawing = partial(draw, Setting(execution=execution))
         both = partial(differentiate, drawing, workload.scene, workload.camera)
-        for part, goal, job in zip(
+        for part, limit, job in zip(
             ("forward", "forward + backward"),
-            GOALS[scale, name],
+            TIME_LIMITS[scale, name],
             (partial(_forward, drawing, workload), both),
         ):
             timing, _ = timed(job, size.runs, pieces=size.pieces)
             wall, cpu = timing.wall / timing.yardstick, timing.cpu / timing.yardstick
             measured = f"{wall:.1f} Y wall ({1e3 * timing.wall:.0f} ms), {cpu:.1f} Y CPU"
             label = f"{workload.name}, {name}, {part}"
-            found.append(Bar(label, f"{goal:g} Y wall", measured, wall <= goal))
-    return found
+            targets.append(Target(label, f"{limit:g} Y wall", measured, wall <= limit))
+    return targets
 
 
 def _forward(drawing: Callable, workload: Workload) -> None:
@@ -131,39 +132,39 @@ def _forward(drawing: Callable, workload: Workload) -> None:
         drawing(workload.scene, workload.camera)
 
 
-def accuracy_bars(workload: Workload, cache: Path | None) -> list[Bar]:
-    """float32 against the reference, with and without the stop."""
-    truth = truth_of(workload.scene, workload.camera, cache)
+def accuracy_targets(workload: Workload, cache: Path | None) -> list[Target]:
+    """float32 against the reference, with and without the early stop."""
+    reference = reference_of(workload.scene, workload.camera, cache)
     whole = replace(DEFAULT, transmittance_min=0.0)
     drawings = {
         "no early stop": (partial(draw, Setting(numerics=whole)), 1e-6, 2e-5),
         "default stop": (partial(draw, Setting()), 5e-6, 1.2e-4),
     }
-    found = []
+    targets = []
     for name, (drawing, mean, tail) in drawings.items():
         drawn = differentiate(drawing, workload.scene, workload.camera)
-        got = errors(drawn, truth)
+        wrong = errors(drawn, reference)
         label = f"{workload.name}, float32, {name}"
-        found += [
-            Bar(f"{label}: mean error", f"{mean:.0e}", f"{got.mean:.1e}", got.mean <= mean),
-            Bar(f"{label}: 99.9 %", f"{tail:.1e}", f"{got.tail:.1e}", got.tail <= tail),
-            larger_errors_bar(label, workload, drawn, truth, tail),
-            gradient_bar(label, drawn, truth),
+        targets += [
+            Target(f"{label}: mean error", f"{mean:.0e}", f"{wrong.mean:.1e}", wrong.mean <= mean),
+            Target(f"{label}: 99.9 %", f"{tail:.1e}", f"{wrong.tail:.1e}", wrong.tail <= tail),
+            larger_errors_target(label, workload, drawn, reference, tail),
+            gradient_target(label, drawn, reference),
         ]
-    return found
+    return targets
 
 
-def larger_errors_bar(
-    label: str, workload: Workload, drawn: Drawn, truth: Drawn, limit: float
-) -> Bar:
+def larger_errors_target(
+    label: str, workload: Workload, drawn: Drawn, reference: Drawn, limit: float
+) -> Target:
     """Each pixel with an error above the limit must have an alpha within rounding of the floor."""
-    error = (drawn.picture.double() - truth.picture).abs().amax(-1)
+    error = (drawn.picture.double() - reference.picture).abs().amax(-1)
     pixels = (error > limit).nonzero()
     nearest = nearest_to_floor(workload.scene, workload.camera, pixels)
     unexplained = int((nearest > ROUNDING).sum())
     measured = f"{unexplained} of {len(pixels)} such pixels, the largest error {error.max():.1e}"
-    return Bar(f"{label}: errors above {limit:.1e} away from the floor", "0", measured,
-               unexplained == 0)  # fmt: skip
+    name = f"{label}: errors above {limit:.1e} away from the floor"
+    return Target(name, "0", measured, unexplained == 0)
 
 
 ROUNDING = 1e-3
@@ -172,16 +173,16 @@ and the exponent at the floor changes by up to sqrt(2 ln 255) / sqrt(0.3) = 6 a 
 coordinates and the sums besides. By chance one pixel in thirty has such an alpha."""
 
 
-def gradient_bar(label: str, drawn: Drawn, truth: Drawn) -> Bar:
+def gradient_target(label: str, drawn: Drawn, reference: Drawn) -> Target:
     """Every input's gradient, the pose's too; names the worst."""
     by_input = {
-        name: errors(replace(drawn, gradients={name: drawn.gradients[name]}), truth)
+        name: errors(replace(drawn, gradients={name: drawn.gradients[name]}), reference)
         for name in drawn.gradients
     }
     worst = max(by_input, key=lambda name: by_input[name].gradient or 0.0)
     error = by_input[worst].gradient or 0.0
-    cosine = min(found.cosine for found in by_input.values() if found.cosine is not None)
-    return Bar(
+    cosine = min(wrong.cosine for wrong in by_input.values() if wrong.cosine is not None)
+    return Target(
         f"{label}: gradients",
         "2e-04, cosine 0.999999",
         f"{error:.1e} ({worst}), cosine 1 - {1 - cosine:.0e}",
@@ -189,7 +190,7 @@ def gradient_bar(label: str, drawn: Drawn, truth: Drawn) -> Bar:
     )
 
 
-def tile_bars(workload: Workload, size: Size) -> list[Bar]:
+def tile_targets(workload: Workload, size: Size) -> list[Target]:
     """Forward and backward with the chosen tile size, against the best of all sizes."""
     jobs = {}
     for side in TILE_SIZES:
@@ -202,10 +203,10 @@ def tile_bars(workload: Workload, size: Size) -> list[Bar]:
     ratio = timings[chosen].wall / timings[best].wall
     spread = ", ".join(f"{side}: {1e3 * timing.wall:.0f}" for side, timing in timings.items())
     measured = f"{chosen}: {ratio:.2f} of {best} (ms by side {spread})"
-    return [Bar(f"{workload.name}: tile choice", "1.1 of the best", measured, ratio <= 1.1)]
+    return [Target(f"{workload.name}: tile choice", "1.1 of the best", measured, ratio <= 1.1)]
 
 
-def crop_bars(workload: Workload, size: Size) -> list[Bar]:
+def crop_targets(workload: Workload, size: Size) -> list[Target]:
     """Four quarters of a picture, one after the other, against the whole of it."""
     camera = workload.camera
     width, height = camera.width // 2, camera.height // 2
@@ -220,15 +221,15 @@ def crop_bars(workload: Workload, size: Size) -> list[Bar]:
     timings, _ = timed_together(jobs, size.runs, pieces=size.pieces)
     ratio = timings["quarters"].wall / timings["whole"].wall
     measured = f"{ratio:.2f} of the whole"
-    return [Bar("four quarters as crops, forward", "1.5 of the whole", measured, ratio <= 1.5)]
+    return [Target("four quarters as crops, forward", "1.5 of the whole", measured, ratio <= 1.5)]
 
 
-def thread_bars(workload: Workload, size: Size) -> list[Bar]:
+def thread_targets(workload: Workload, size: Size) -> list[Target]:
     """Forward and backward, on two threads against one."""
-    name, goal = f"{workload.name}, 2 threads against 1", "1.7 times as fast"
+    name, required = f"{workload.name}, 2 threads against 1", "1.7 times as fast"
     cores = os.cpu_count() or 1
     if cores < 2:
-        return [Bar(name, goal, "this machine has one core", None)]
+        return [Target(name, required, "this machine has one core", None)]
     before = torch.get_num_threads()
 
     def job(threads: int, execution: Execution) -> None:
@@ -236,7 +237,7 @@ def thread_bars(workload: Workload, size: Size) -> list[Bar]:
         drawing = partial(draw, Setting(execution=execution))
         differentiate(drawing, workload.scene, workload.camera)
 
-    found = []
+    targets = []
     for kind, execution in EXECUTIONS.items():
         try:
             jobs = {n: partial(job, n, execution) for n in (1, 2)}
@@ -244,44 +245,54 @@ def thread_bars(workload: Workload, size: Size) -> list[Bar]:
         finally:
             torch.set_num_threads(before)
         ratio = timings[1].wall / timings[2].wall
-        found.append(Bar(f"{name}, {kind}", goal, f"{ratio:.2f} times", ratio >= 1.7))
-    return found
+        targets.append(Target(f"{name}, {kind}", required, f"{ratio:.2f} times", ratio >= 1.7))
+    return targets
 
 
-def scaling_bars(size: Size) -> list[Bar]:
-    """Time and memory of clouds of ever more Gaussians; and the largest one's memory."""
-    times, peaks = [], []
-    peak: int | None = None
-    timing: Timing | None = None
-    note = ""
-    drawing = partial(draw, Setting())
+@dataclass(frozen=True)
+class CloudCost:
+    """Forward and backward of one cloud."""
+
+    pairs: int
+    timing: Timing
+    peak: int | None
+    """Bytes above the inputs; None: not measured, for the reason in `note`."""
+    note: str = ""
+
+
+def scaling_targets(size: Size) -> list[Target]:
+    """Time and memory of clouds of more and more Gaussians; and the largest one's memory."""
     with Worker() as worker:
-        warm = cloud(100, 16, 16)
-        for count in size.clouds:
-            one = cloud(count, *pixels_for(count))
-            pairs, _ = listed_pairs(one.scene, one.camera)
-            job = partial(differentiate, drawing, one.scene, one.camera)
-            timing, _ = timed(job, size.runs, budget=10.0, pieces=size.pieces)
-            times.append((float(pairs), timing.wall))
-            try:
-                worker.call(differentiate, drawing, warm.scene, warm.camera)
-                peak = worker.call(peak_memory, differentiate, drawing, one.scene, one.camera)
-            except WorkerError as error:
-                peak, note = None, str(error)
-            if peak:
-                peaks.append((float(pairs), float(peak)))
-    pairs = f"{times[0][0]:.2g} to {times[-1][0]:.2g} pairs"
+        costs = [_cloud_cost(count, size, worker) for count in size.clouds]
+    last = costs[-1]
+    pairs = f"{costs[0].pairs:.2g} to {last.pairs:.2g} pairs"
     name = f"{size.clouds[-1]:,} Gaussians at {'x'.join(map(str, pixels_for(size.clouds[-1])))}"
-    assert timing
-    seconds = f"{timing.wall:.1f} s, {timing.wall / timing.yardstick:.0f} Y"
-    fitting = "a peak could not be measured" + (f": {note}" if note else "")
+    seconds = f"{last.timing.wall:.1f} s, {last.timing.wall / last.timing.yardstick:.0f} Y"
+    reasons = [cost.note for cost in costs if cost.note]
+    missing = ": ".join(("a peak could not be measured", *reasons[-1:]))
+    times = [(float(cost.pairs), cost.timing.wall) for cost in costs]
+    peaks = [(float(cost.pairs), float(cost.peak)) for cost in costs if cost.peak]
     return [
-        Bar(f"{name}, forward + backward: memory above the inputs", "2.5 GB",
-            fitting if peak is None else f"{peak / 1e9:.2f} GB ({seconds})",
-            None if peak is None else peak < 2.5e9),
-        slope_bar(f"time by pairs, forward + backward, {pairs}", times, ""),
-        slope_bar(f"memory by pairs, forward + backward, {pairs}", peaks, fitting),
+        Target(f"{name}, forward + backward: memory above the inputs", "2.5 GB",
+               missing if last.peak is None else f"{last.peak / 1e9:.2f} GB ({seconds})",
+               None if last.peak is None else last.peak < 2.5e9),
+        slope_target(f"time by pairs, forward + backward, {pairs}", times, ""),
+        slope_target(f"memory by pairs, forward + backward, {pairs}", peaks, missing),
     ]  # fmt: skip
+
+
+def _cloud_cost(count: int, size: Size, worker: Worker) -> CloudCost:
+    drawing = partial(draw, Setting())
+    warm, one = cloud(100, 16, 16), cloud(count, *pixels_for(count))
+    pairs, _ = listed_pairs(one.scene, one.camera)
+    job = partial(differentiate, drawing, one.scene, one.camera)
+    timing, _ = timed(job, size.runs, budget=10.0, pieces=size.pieces)
+    try:
+        worker.call(differentiate, drawing, warm.scene, warm.camera)
+        peak = worker.call(peak_memory, differentiate, drawing, one.scene, one.camera)
+    except WorkerError as error:
+        return CloudCost(pairs, timing, None, str(error))
+    return CloudCost(pairs, timing, peak)
 
 
 def pixels_for(count: int) -> tuple[int, int]:
@@ -290,30 +301,35 @@ def pixels_for(count: int) -> tuple[int, int]:
     return max(16, round(1920 * side)), max(9, round(1080 * side))
 
 
-def slope_bar(name: str, points: Sequence[tuple[float, float]], missing: str) -> Bar:
-    """Linear: a doubling of pairs is no more than a doubling of cost, up to 5 % of the exponent.
+def slope_target(name: str, points: Sequence[tuple[float, float]], missing: str) -> Target:
+    """Linear cost: twice the pairs cost at most twice as much, up to 5 % of the exponent.
 
-    Fixed costs make the slope of the smallest pictures less; the steepest step is told too.
+    Fixed costs make the slope of the smallest pictures less, so the steepest step is quoted too.
+    `missing`: why there may be no points.
     """
+    required = "log-log slope at most 1.05"
     if len(points) < 2:
-        return Bar(name, "log-log slope at most 1.05", missing or "too few sizes", None)
-    found = slope(points)
+        return Target(name, required, missing or "too few sizes", None)
+    overall = slope(points)
     steepest = max(slope(pair) for pair in pairwise(points))
-    measured = f"slope {found:.2f} (steepest step {steepest:.2f})"
-    return Bar(name, "log-log slope at most 1.05", measured, found <= 1.05)
+    measured = f"slope {overall:.2f} (steepest step {steepest:.2f})"
+    return Target(name, required, measured, overall <= 1.05)
 
 
-def table(bars: Sequence[Bar]) -> str:
-    """Markdown: what was measured on what, and a line a bar."""
+def table(targets: Sequence[Target]) -> str:
+    """Markdown: how many are reached on which machine, and a line a target."""
     words = {True: "yes", False: "**no**", None: "not measured"}
-    lines = [(bar.name, bar.goal, bar.measured, words[bar.reached]) for bar in bars]
-    asked = [bar for bar in bars if bar.reached is not None]
-    reached = sum(bar.reached is True for bar in asked)
+    lines = [
+        (target.name, target.required, target.measured, words[target.reached]) for target in targets
+    ]
+    measured = [target for target in targets if target.reached is not None]
+    reached = sum(target.reached is True for target in measured)
     threads = torch.get_num_threads()
-    asked_of = "" if threads == 2 else " The goals are for 2 threads."
+    other_threads = "" if threads == 2 else " The targets are for 2 threads."
     return (
-        f"{reached} of {len(asked)} bars are reached on {machine()}, {threads} "
+        f"{reached} of {len(measured)} targets are reached on {machine()}, {threads} "
         f"thread{'s' * (threads > 1)}, commit {commit()}. Y: the time of the arithmetic "
         f"of {PAIRS:,} pixel-Gaussian pairs on the same threads between the same runs."
-        f"{asked_of}\n\n" + markdown(("bar", "goal", "measured", "reached"), lines)
+        f"{other_threads}\n\n"
+        + markdown_table(("target", "required", "measured", "reached"), lines)
     )

@@ -1,7 +1,7 @@
-"""Another process that runs one function after the other: for what must not share this one.
+"""A second process that runs one function after the other.
 
-Peak memory is measured there, above what the inputs take, and code of others runs there, which may
-end its process. Functions are sent by name (they must be importable), arguments as pickles.
+Peak memory is measured there, above the memory of the inputs, and other renderers run there, which
+may end their process. Functions are sent by name (they must be importable), arguments as pickles.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ STATUS, RESET = Path("/proc/self/status"), Path("/proc/self/clear_refs")
 
 
 class WorkerError(Exception):
-    """What a function raised in the other process, or how that process ended."""
+    """A function raised in the worker's process, or that process ended."""
 
 
 class Worker:
@@ -42,16 +42,16 @@ class Worker:
         self.end()
 
     def end(self) -> None:
-        """End the process, whatever it does; the next call starts another."""
+        """Kill the process; the next call starts another."""
         process, self._process = self._process, None
         if process is not None:
             process.kill()
             process.communicate()
 
     def call(self, function: Callable[..., Any], *args: Any) -> Any:
-        """What `function(*args)` gives there. Raises WorkerError with one line of what went wrong.
+        """The result of `function(*args)` in that process. Keyword arguments: functools.partial.
 
-        Keyword arguments travel in a functools.partial.
+        Raises WorkerError with one line on what went wrong.
         """
         process = self._started()
         assert process.stdin
@@ -82,7 +82,7 @@ class Worker:
 
 
 def serve(requests: IO[bytes], replies: IO[bytes]) -> None:
-    """Run what is asked until there is nothing more to read."""
+    """Run requested functions until there are no more requests."""
     while True:
         try:
             threads, function, args = pickle.load(requests)
@@ -98,10 +98,10 @@ def serve(requests: IO[bytes], replies: IO[bytes]) -> None:
 
 
 def peak_memory(work: Callable[..., Any], *args: Any) -> int | None:
-    """Bytes that `work(*args)` takes at its peak above what stands before; its result counts.
+    """Bytes that `work(*args)` takes at its peak above the memory before; its result counts.
 
-    From the kernel's high-water mark of this process (Linux), which is set back before. None where
-    that cannot be had.
+    Read from the kernel's high-water mark of this process (Linux), which is reset before. None
+    where the system has none.
     """
     _trim()
     try:
@@ -122,13 +122,13 @@ def _resident(field: str) -> int:
 
 
 def _trim() -> None:
-    """Give freed memory back to the system: else work takes it again without being seen."""
+    """Give freed memory back to the system: else work could reuse it unmeasured."""
     with contextlib.suppress(OSError, AttributeError):  # only the GNU C library has it
         ctypes.CDLL(None).malloc_trim(0)
 
 
 def _main() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears it too, and ends us
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent gets it too, and ends this process
     replies = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what libraries print must not mix with the replies
     serve(sys.stdin.buffer, replies)

@@ -1,10 +1,11 @@
-"""What is drawn: the garden, fitted scenes, scenes made here, clouds of any size.
+"""What is drawn: the garden, fitted scenes, synthetic scenes, clouds of any size.
 
-`n` Gaussians, float32, seen by one camera.
+`n` Gaussians, float32, and one camera.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import tan
 from pathlib import Path
@@ -19,15 +20,13 @@ from gsedit.views.orbit import orbit
 from rasterizer import Camera, Gaussians
 from rasterizer.numerics import SH_DC
 
-GARDEN = "GSEDIT_GARDEN"
-"""Environment variable: path of the garden's points."""
-SHOWN = ("columns", "cage")
+SYNTHETIC = ("columns", "cage")
 """Synthetic scenes that are measured: one hides most of itself, one has bars a few pixels wide."""
 
 
 @dataclass(frozen=True, eq=False)
 class Workload:
-    """A scene and where it is seen from."""
+    """A scene and the camera that it is drawn from."""
 
     name: str
     scene: Gaussians
@@ -84,9 +83,9 @@ def fitted(path: Path, size: int = 512) -> Workload:
 
 
 def synthetic(
-    names: tuple[str, ...] = SHOWN, count: int = 30_000, size: int = 256
+    names: tuple[str, ...] = SYNTHETIC, count: int = 30_000, size: int = 256
 ) -> list[Workload]:
-    """Discs on the surfaces of scenes made here."""
+    """Discs on the surfaces of synthetic scenes."""
     chosen = [scene for scene in scenes() if scene.name in names]
     return [
         Workload(
@@ -124,7 +123,7 @@ def cloud(count: int, width: int, height: int, seed: int = 0) -> Workload:
 
 
 def smaller(workload: Workload, factor: int) -> Workload:
-    """The same view with every `factor`-th Gaussian and pixel: for a first look."""
+    """The same view with every `factor`-th Gaussian and pixel, for a quick run."""
     camera = workload.camera
     return replace(
         workload,
@@ -132,3 +131,26 @@ def smaller(workload: Workload, factor: int) -> Workload:
         scene=workload.scene[::factor],
         camera=camera.resized(max(1, camera.width // factor), max(1, camera.height // factor)),
     )
+
+
+def standard_workloads(
+    scenes: Sequence[Path], points: Path | None, *, quick: bool = False
+) -> list[Workload]:
+    """The garden at two sizes where its points are given, scene files, and synthetic scenes.
+
+    Measurements are told apart by the names of their scenes, so files of one name are named by
+    their paths. `quick`: every 8th Gaussian and pixel. Raises InputError for a file that cannot be
+    read, UsageError where nothing is left to measure.
+    """
+    paths = list(dict.fromkeys(scenes))
+    files = [fitted(path) for path in paths]
+    names = [one.name for one in files]
+    files = [
+        replace(one, name=str(path)) if names.count(one.name) > 1 else one
+        for one, path in zip(files, paths)
+    ]
+    gardens = [] if points is None else [garden(scale, points) for scale in (0.25, 1.0)]
+    workloads = [*gardens, *files, *synthetic()]
+    if not workloads:
+        raise UsageError("nothing to measure: name a scene file")
+    return [smaller(one, 8) for one in workloads] if quick else workloads

@@ -1,1 +1,1 @@
-"""Error against run time of the sampler."""
+"""Error against run time of the sampler: its solvers, consensus and cost."""

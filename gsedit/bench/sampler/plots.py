@@ -7,12 +7,12 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, Literal
 
-from gsedit.bench.sampler.rows import SamplerRow
+from gsedit.bench.sampler.measurements import SamplerMeasurement
 from gsedit.files.atomic import atomic_path
 
 Cost = Literal["evaluations", "seconds"]
 
-# Okabe and Ito's colours, told apart by everyone; each line has a marker of its own too
+# Okabe and Ito's colours, which colour-blind readers tell apart; each line has its own marker
 SOLVERS = {
     "ddim": ("#0072B2", "o", "DDIM = Euler"),
     "heun": ("#009E73", "s", "Heun, two a step"),
@@ -22,7 +22,7 @@ LINES = (
     ("#D55E00", "^"), ("#0072B2", "o"), ("#009E73", "s"), ("#CC79A7", "D"),
 )  # fmt: skip
 FLOOR, CEILING = 1e-10, 1e3
-"""Errors beyond are drawn at the edge: what left the data is all the same."""
+"""Errors beyond are drawn at the edge: a result that left the data is wrong at any distance."""
 PANEL = (3.1, 2.7)  # inches
 DPI = 120
 MEASURES = {
@@ -33,41 +33,49 @@ MEASURES = {
 
 
 def work_precision(
-    rows: Iterable[SamplerRow], path: Path, cost: Cost, *, overwrite: bool = False
+    rows: Iterable[SamplerMeasurement], path: Path, cost: Cost, *, overwrite: bool = False
 ) -> None:
-    """A PNG: error over evaluations or seconds, a panel a problem, a row a guidance."""
-    found = [row for row in rows if row.study == "solver" and row.error is not None]
-    problems = list(dict.fromkeys(row.problem for row in found))
+    """A PNG: error over evaluations or seconds, a panel a problem, a line of panels a guidance."""
+    measured = [row for row in rows if row.study == "solver" and row.error is not None]
+    problems = list(dict.fromkeys(row.problem for row in measured))
     widths = list(dict.fromkeys(name.split(", ")[0] for name in problems))
     scales = list(dict.fromkeys(name.split(", ")[1] for name in problems))
     figure, panels = _figure(len(scales), len(widths), sharey=True)
-    known: dict[str, Any] = {}
+    handles: dict[str, Any] = {}
     for name in problems:
         width, scale = name.split(", ")
         axes = panels[scales.index(scale)][widths.index(width)]
-        _decorate(axes, name)
-        axes.set_xscale("log")
-        axes.set_yscale("log")
-        group = [row for row in found if row.problem == name]
-        if cost == "evaluations":
-            _guides(axes, group)
-        for solver, (color, marker, label) in SOLVERS.items():
-            points = [row for row in group if row.variant == solver]
-            errors = [min(max(row.error or 0.0, FLOOR), CEILING) for row in points]
-            (known[label],) = axes.plot(
-                [getattr(row, cost) for row in points], errors, color=color, marker=marker,
-                markersize=4.5, linewidth=1.2, label=label,
-            )  # fmt: skip
+        handles |= _problem_panel(axes, name, [r for r in measured if r.problem == name], cost)
     for axes in panels[-1]:
         axes.set_xlabel("evaluations of the network" if cost == "evaluations" else "seconds")
     for line in panels:
         line[0].set_ylabel("RMS error")
-    told = "Error of each solver against the ODE's exact path, in the data's standard deviation"
-    _save(figure, told, known, path, overwrite)
+    title = "Error of each solver against the ODE's exact path, in the data's standard deviation"
+    _save(figure, title, handles, path, overwrite)
 
 
-def _guides(axes: Any, rows: Sequence[SamplerRow]) -> None:
-    """What first and second order look like."""
+def _problem_panel(
+    axes: Any, name: str, rows: Sequence[SamplerMeasurement], cost: Cost
+) -> dict[str, Any]:
+    """A line a solver; what the legend has to explain."""
+    _decorate(axes, name)
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    if cost == "evaluations":
+        _guides(axes, rows)
+    handles = {}
+    for solver, (color, marker, label) in SOLVERS.items():
+        points = [row for row in rows if row.variant == solver]
+        errors = [min(max(row.error or 0.0, FLOOR), CEILING) for row in points]
+        (handles[label],) = axes.plot(
+            [getattr(row, cost) for row in points], errors, color=color, marker=marker,
+            markersize=4.5, linewidth=1.2, label=label,
+        )  # fmt: skip
+    return handles
+
+
+def _guides(axes: Any, rows: Sequence[SamplerMeasurement]) -> None:
+    """Slopes of first and second order, dashed."""
     low, high = min(row.evaluations for row in rows), max(row.evaluations for row in rows)
     anchor = max(min(max(row.error or 0 for row in rows), 1.0), FLOOR)
     for order in (1, 2):
@@ -77,27 +85,27 @@ def _guides(axes: Any, rows: Sequence[SamplerRow]) -> None:
                       ha="right", va="bottom")  # fmt: skip
 
 
-def sweep_plot(rows: Iterable[SamplerRow], path: Path, *, overwrite: bool = False) -> None:
-    """A PNG of the three measures over T_end: a row a scene, a line a way of agreeing."""
+def sweep_plot(rows: Iterable[SamplerMeasurement], path: Path, *, overwrite: bool = False) -> None:
+    """A PNG of three measures over T_end: a line of panels a scene, a curve a variant."""
     swept = [row for row in rows if row.study == "consensus" and row.t_end is not None]
     scenes = [(name, list(group)) for name, group in groupby(swept, key=lambda row: row.problem)]
     figure, panels = _figure(max(len(scenes), 1), len(MEASURES))
-    known: dict[str, Any] = {}
+    handles: dict[str, Any] = {}
     for (name, group), line in zip(scenes, panels):
         variants = list(dict.fromkeys(row.variant for row in group))
         for axes, (measure, label) in zip(line, MEASURES.items()):
             _decorate(axes, f"{name.removesuffix(', T_end')}: {label}")
             for variant, (color, marker) in zip(variants, LINES):
                 points = [row for row in group if row.variant == variant]
-                (known[variant],) = axes.plot(
+                (handles[variant],) = axes.plot(
                     [row.t_end for row in points], [getattr(row, measure) for row in points],
                     color=color, marker=marker, markersize=5, label=variant,
                 )  # fmt: skip
             axes.set_ylim(0, 1.1 * max(getattr(row, measure) for row in group) or 1)
     for axes in panels[-1]:
         axes.set_xlabel("T_end: steps with consensus, of 50")
-    told = "How long views agree: the three together, for agreement alone is trivial"
-    _save(figure, told, known, path, overwrite)
+    title = "Steps with consensus: agreement of views, and what it costs in contrast and strength"
+    _save(figure, title, handles, path, overwrite)
 
 
 def _figure(lines: int, columns: int, *, sharey: bool = False) -> tuple[Any, Any]:
@@ -118,13 +126,13 @@ def _decorate(axes: Any, title: str) -> None:
         axes.spines[side].set_visible(False)
 
 
-def _save(figure: Any, title: str, known: dict[str, Any], path: Path, overwrite: bool) -> None:
+def _save(figure: Any, title: str, handles: dict[str, Any], path: Path, overwrite: bool) -> None:
     height = figure.get_figheight()
     figure.suptitle(title, x=0.01, y=1 - 0.06 / height, ha="left", va="top", fontsize=11)
-    if known:
+    if handles:
         figure.legend(
-            handles=list(known.values()), labels=list(known), loc="lower left", frameon=False,
-            ncols=len(known), fontsize=9, bbox_to_anchor=(0.005, 0.0),
+            handles=list(handles.values()), labels=list(handles), loc="lower left", frameon=False,
+            ncols=len(handles), fontsize=9, bbox_to_anchor=(0.005, 0.0),
         )  # fmt: skip
     figure.tight_layout(rect=(0, 0.3 / height, 1, 1))
     with atomic_path(path, overwrite=overwrite) as temporary:

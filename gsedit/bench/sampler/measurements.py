@@ -1,33 +1,35 @@
-"""Measurements of the sampler, as records, JSON lines and tables."""
+"""Measurements of the sampler, as records and tables."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from itertools import groupby
 from typing import Literal
 
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
-from gsedit.bench.measure import commit, machine
-from gsedit.bench.renderer.rows import markdown
+from gsedit.bench.markdown import markdown_table
+from gsedit.bench.provenance import commit, machine
 
 Study = Literal["solver", "stiff", "consensus", "cost"]
 
 
 @dataclass(frozen=True)
-class SamplerRow:
-    """One measurement; None where it does not apply."""
+class SamplerMeasurement:
+    """One measurement; None where a field does not apply. The fields are those of bench.jsonl."""
 
     study: Study
     problem: str
     variant: str
-    """The solver, or the way of agreeing, or what was timed."""
+    """The solver, the variant of consensus, or what was timed."""
     steps: int
     evaluations: int
     seconds: float
     yardstick: float | None = None
-    """Seconds of a pass of the yardstick (see measure.py), beside it."""
+    """Seconds of a pass of the yardstick (see measure.py), between the same runs."""
     error: float | None = None
     disagreement: float | None = None
     """RMS difference of corresponding cells from their mean, in the units of the result."""
@@ -36,8 +38,9 @@ class SamplerRow:
     strength: float | None = None
     """RMS difference from the unedited views."""
     t_end: float | None = None
+    """Steps with consensus."""
     overhead: float | None = None
-    """Our loop's seconds over those of the bare network calls, less 1."""
+    """The sampler's seconds over those of the bare network calls, less 1."""
     note: str = ""
     threads: int = 0
     commit: str = ""
@@ -59,11 +62,11 @@ TITLES = {
 }
 
 
-def table(rows: Iterable[SamplerRow]) -> str:
-    """Markdown: a heading and a table a study. Solver errors stand beside each other by steps."""
+def table(rows: Iterable[SamplerMeasurement]) -> str:
+    """Markdown: a heading and a table a study; errors of solvers in columns by cost."""
     parts = []
-    for study, found in groupby(rows, key=lambda row: row.study):
-        group = list(found)
+    for study, members in groupby(rows, key=lambda row: row.study):
+        group = list(members)
         parts.append(f"## {TITLES[study]}")
         match study:
             case "solver":
@@ -80,36 +83,44 @@ def table(rows: Iterable[SamplerRow]) -> str:
     return "\n\n".join((first, *parts)) + "\n"
 
 
-def _across(rows: list[SamplerRow], column: str, variant: Callable[[SamplerRow], str]) -> str:
+def _across(
+    rows: list[SamplerMeasurement], column: str, variant: Callable[[SamplerMeasurement], str]
+) -> str:
     """A line a problem and solver, its errors in columns."""
     columns = sorted({getattr(row, column) for row in rows})
     cells: dict[tuple[str, str], dict[int, str]] = {}
     for row in rows:
         cells.setdefault((row.problem, variant(row)), {})[getattr(row, column)] = _error(row)
     lines = [
-        [f"{problem}: {solver}", *(found.get(c, "") for c in columns)]
-        for (problem, solver), found in cells.items()
+        [f"{problem}: {solver}", *(by_cost.get(c, "") for c in columns)]
+        for (problem, solver), by_cost in cells.items()
     ]
-    return markdown(("", *map(str, columns)), lines)
+    return markdown_table(("", *map(str, columns)), lines)
 
 
-def _error(row: SamplerRow) -> str:
+def _error(row: SamplerMeasurement) -> str:
     return row.note if row.error is None else f"{row.error:.1e}" + "!" * bool(row.note)
 
 
-def _plain(rows: list[SamplerRow], columns: tuple[str, ...]) -> str:
+def _plain(rows: list[SamplerMeasurement], columns: tuple[str, ...]) -> str:
     head = ("", "steps", *columns)
-    return markdown(head, [[_name(row), str(row.steps), *_values(row, columns)] for row in rows])
+    return markdown_table(
+        head, [[_name(row), str(row.steps), *_values(row, columns)] for row in rows]
+    )
 
 
-def _name(row: SamplerRow) -> str:
+def _name(row: SamplerMeasurement) -> str:
     at = "" if row.t_end is None else f" {row.t_end:g}"
     return f"{row.problem}{at}: {row.variant}"
 
 
-def _values(row: SamplerRow, columns: tuple[str, ...]) -> list[str]:
-    def told(value: object) -> str:
+def _values(row: SamplerMeasurement, columns: tuple[str, ...]) -> list[str]:
+    def cell(value: object) -> str:
         return "" if value is None else f"{value:.3g}" if isinstance(value, float) else str(value)
 
-    known = {field.name for field in fields(SamplerRow)}
-    return [told(getattr(row, column)) for column in columns if column in known]
+    return [cell(getattr(row, column)) for column in columns]
+
+
+def rms(x: Float[Tensor, "..."]) -> float:
+    """Root mean square of all elements, computed in float64."""
+    return float(x.double().square().mean().sqrt())

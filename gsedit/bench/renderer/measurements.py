@@ -1,26 +1,30 @@
-"""One row a measurement: as JSON lines, as a Markdown table, and against rows of another day."""
+"""Measurements of renderers: read from JSON lines, as a Markdown table, against earlier ones."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 
+from gsedit.bench.markdown import markdown_table
 from gsedit.reports.json_lines import read_lines
 
 OURS = "gsedit"
 
 
 @dataclass(frozen=True)
-class Row:
-    """What was drawn by what and how, how long it took, how wrong it was. Null: not measured."""
+class RenderMeasurement:
+    """One scene drawn in one way: how long it took and how wrong it is. None: not measured.
+
+    The fields are those of a line of bench.jsonl.
+    """
 
     scene: str
     implementation: str
     """gsedit, a baseline, or a peer with its version."""
     knob: str
-    """What differs from the defaults; "default" where nothing does."""
+    """The setting that differs from the defaults; "default" where none does."""
     value: str
     gaussians: int
     width: int
@@ -30,31 +34,33 @@ class Row:
     evaluated: int
     """Pixel-pairs in those tiles."""
     contributing: int
-    """Pixel-pairs that change the picture. All three: of gsedit, for other implementations too."""
+    """Pixel-pairs that change the picture. All three counts are gsedit's, for peers too."""
     dtype: str
     threads: int
     runs: int
     """The seconds below are medians of so many; forward + backward may have fewer than forward."""
     forward_wall: float | None
-    """Projection and sorting included."""
+    """Seconds of wall clock, projection and sorting included."""
     forward_cpu: float | None
+    """Seconds of all threads together."""
     both_wall: float | None
     """Forward and backward, to the gradients of every input."""
     both_cpu: float | None
     yardstick: float | None
     """Seconds of a pass of the yardstick (see measure.py), between the same runs."""
     error_mean: float | None
-    """Of a colour, against the float64 reference, over all pixels and channels."""
+    """Of colours in [0, 1] against the float64 reference, over all pixels and channels."""
     error_tail: float | None
-    """99.9 % are at most this."""
+    """99.9 % of the errors are at most this."""
     error_max: float | None
     gradient_error: float | None
-    """Of the worst input: |difference| / |truth|."""
+    """Of the worst input: |difference| / |reference|."""
     gradient_cosine: float | None
+    """Of the worst input, between its gradient and the reference's."""
     peak_bytes: int | None
-    """Of forward and backward, above the inputs."""
+    """Memory of forward and backward, above the inputs."""
     note: str
-    """What went wrong, where something did."""
+    """What went wrong; empty where nothing did."""
     commit: str
     machine: str
     date: str
@@ -62,25 +68,19 @@ class Row:
 
     @property
     def label(self) -> str:
-        """Which of its scene's rows this is."""
+        """Name of the row among those of its scene."""
         if self.implementation != OURS:
             return self.implementation
         return "default" if self.knob == "default" else f"{self.knob} {self.value}"
 
 
-def read_rows(path: Path) -> list[Row]:
-    """The rows of a bench.jsonl; a last line without its newline was cut off: it is left out.
+def read_measurements(path: Path) -> list[RenderMeasurement]:
+    """The measurements of a bench.jsonl; an unfinished last line is left out.
 
-    Raises InputError naming the file and the line where a line is not a row.
+    Raises InputError naming the file and the line where a line is not a measurement.
     """
     advice = "give a bench.jsonl of gsedit bench rasterizer"
-    return read_lines(path, Row, kind="a measurement", advice=advice)
-
-
-def markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A Markdown table, its first column to the left, the others to the right."""
-    lines = [head, ["---", *("---:" for _ in head[1:])], *rows]
-    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
+    return read_lines(path, RenderMeasurement, kind="a measurement", advice=advice)
 
 
 HEAD = (
@@ -89,12 +89,12 @@ HEAD = (
 )  # fmt: skip
 
 
-def table(rows: Iterable[Row]) -> str:
+def table(rows: Iterable[RenderMeasurement]) -> str:
     """Markdown: a heading and a table a scene, and what the columns mean."""
     parts = [_LEGEND]
-    for scene, found in groupby(rows, key=lambda row: row.scene):
-        group = list(found)
-        parts += [_heading(scene, group[0]), markdown(HEAD, [_cells(row) for row in group])]
+    for scene, members in groupby(rows, key=lambda row: row.scene):
+        group = list(members)
+        parts += [_heading(scene, group[0]), markdown_table(HEAD, [_cells(row) for row in group])]
         parts += [f"- {row.label}: {row.note}" for row in group if row.note]
     return "\n\n".join(parts) + "\n"
 
@@ -103,13 +103,13 @@ _LEGEND = (
     "Times are medians of n runs, projection and sorting included; both: forward and backward, to "
     "the gradients of every input, the pose too. Y: the time of the arithmetic of 25,000,000 "
     "pixel-Gaussian pairs on the same threads between the same runs; CPU Y: seconds of all threads "
-    "together, in Y. Errors are of colours in [0, 1] against the float64 reference, which neither "
-    "stops early nor knows tiles; gradients: relative L2 error, and 1 - cosine, of the worst "
+    "together, in Y. Errors are of colours in [0, 1] against the float64 reference, which has "
+    "no early stop and no tiles; gradients: relative L2 error, and 1 - cosine, of the worst "
     "input. Peak memory of both, above the inputs."
 )
 
 
-def _heading(scene: str, row: Row) -> str:
+def _heading(scene: str, row: RenderMeasurement) -> str:
     pairs = " / ".join(_millions(n) for n in (row.pairs, row.evaluated, row.contributing))
     return (
         f"## {scene}\n\n{row.gaussians:,} Gaussians, {row.width}x{row.height}, {row.dtype}; "
@@ -122,7 +122,7 @@ def _millions(count: int) -> str:
     return f"{count / 1e6:.3g}"
 
 
-def _cells(row: Row) -> list[str]:
+def _cells(row: RenderMeasurement) -> list[str]:
     unit = row.yardstick
 
     def units(seconds: float | None) -> str:
@@ -146,18 +146,18 @@ def _cells(row: Row) -> list[str]:
     ]  # fmt: skip
 
 
-def comparison(new: Iterable[Row], old: Iterable[Row]) -> str:
+def comparison(new: Iterable[RenderMeasurement], old: Iterable[RenderMeasurement]) -> str:
     """Markdown: new medians over old ones, in yardsticks, of the rows that both have."""
-    known = {(row.scene, row.label): row for row in old}
+    earlier = {(row.scene, row.label): row for row in old}
     lines = [
-        [f"{row.scene}: {row.label}", *_ratios(row, known[row.scene, row.label])]
+        [f"{row.scene}: {row.label}", *_ratios(row, earlier[row.scene, row.label])]
         for row in new
-        if (row.scene, row.label) in known
+        if (row.scene, row.label) in earlier
     ]
-    return markdown(("new / old", "forward", "both", "mean error", "peak memory"), lines)
+    return markdown_table(("new / old", "forward", "both", "mean error", "peak memory"), lines)
 
 
-def _ratios(new: Row, old: Row) -> list[str]:
+def _ratios(new: RenderMeasurement, old: RenderMeasurement) -> list[str]:
     def ratio(name: str, *, timed: bool = False) -> str:
         a, b = getattr(new, name), getattr(old, name)
         if timed and a and b and new.yardstick and old.yardstick:

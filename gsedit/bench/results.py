@@ -1,0 +1,36 @@
+"""Files of a benchmark: measurements as JSON lines, tables as text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import TypeVar
+
+from gsedit.files.atomic import atomic_path
+from gsedit.reports.events import Event
+from gsedit.reports.json_lines import write_line
+
+Measurement = TypeVar("Measurement")
+
+
+def write_measurements(
+    items: Iterable[Event | Measurement], path: Path, measurements: list[Measurement]
+) -> Iterator[Event | Measurement]:
+    """Pass on events and measurements; each measurement is first appended to the list, and to the
+    file as a JSON line, so that an interruption loses none.
+
+    The first measurement replaces a file that is there already.
+    """
+    for item in items:
+        if not isinstance(item, Event):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with path.open("a" if measurements else "w", encoding="utf-8") as file:
+                write_line(file, item)
+            measurements.append(item)
+        yield item
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file, all of it or nothing; overwrites."""
+    with atomic_path(path, overwrite=True) as temporary:
+        temporary.write_text(text, encoding="utf-8")
