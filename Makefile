@@ -1,7 +1,7 @@
 # make demo   edit the built-in scene and leave pictures in out/demo
 # make test   run the tests
 # Both start from a fresh clone: they make .venv and install everything first (make setup).
-# make check (lint, format, types) and make bench (measurements) are for those who change the code.
+# make check (lint, format, types) and make bench (targets) are for those who change the code.
 
 PYTHON ?= python3
 BIN := .venv/bin
@@ -10,7 +10,7 @@ STAMP := .venv/.installed
 # What open3d and pyvista load at run time on Linux; the core of gsedit needs none of them.
 LIBRARIES := libusb-1.0-0 libegl1 libgl1 libgl1-mesa-dri libx11-6 libudev1 libidn2-0
 
-# The benchmark scene's points (gsplat's garden.npz); without them make bench leaves its rows out.
+# The benchmark scene's points (gsplat's garden.npz); without them make bench leaves its targets out.
 GARDEN ?= $(or $(GSEDIT_GARDEN),../shared/data/garden_points.npz)
 
 .PHONY: setup demo test check bench
@@ -35,7 +35,7 @@ check: setup
 	$(BIN)/basedpyright
 
 bench: setup
-	$(BIN)/gsedit bench bars $(if $(wildcard $(GARDEN)),--points $(GARDEN)) $(SCENES)
+	$(BIN)/gsedit bench targets $(if $(wildcard $(GARDEN)),--points $(GARDEN)) $(SCENES)
 
 # Debian and its children: install what is missing if we may, else say how. Never a reason to stop:
 # without the libraries only the viewers are missing, and without venv the next line says so itself.

@@ -1,7 +1,7 @@
-"""Small Gaussian scenes for the laws of the renderer: each exhibit says why it exists.
+"""Small Gaussian scenes for the laws of the renderer, each with the reason why it is here.
 
 All float64, and none by a global draw. A camera looks along +z from the origin unless it says so.
-The stiff and extreme ones are in gsedit/bench/museum.py.
+The stiff and extreme ones are in gsedit/bench/renderer/edge_cases.py.
 """
 
 from __future__ import annotations
@@ -160,8 +160,8 @@ def one_pixel() -> EdgeCase:
 
 
 EDGE_CASES: dict[str, Callable[[], EdgeCase]] = {
-    exhibit.__name__: exhibit
-    for exhibit in (
+    scene.__name__: scene
+    for scene in (
         one,
         crossing,
         wall,

@@ -1,4 +1,4 @@
-"""The sampler's measurements: what they measure, and how they are told."""
+"""Studies of the sampler: what they measure, their table and their plots."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ import pytest
 import torch
 
 from gsedit.bench.curves import slope
-from gsedit.bench.sampler import experiments as sampler
+from gsedit.bench.sampler import consensus_study, solver_study
+from gsedit.bench.sampler.measurements import SamplerMeasurement, table
+from gsedit.bench.sampler.mixtures import exact_solution
+from gsedit.bench.sampler.network import untrained_network
+from gsedit.bench.sampler.overlapping import crops, picture_views, texture_views
 from gsedit.bench.sampler.plots import sweep_plot, work_precision
-from gsedit.bench.sampler.problems import crops, network, picture_scene, texture_scene
-from gsedit.bench.sampler.rows import SamplerRow, table
 from gsedit.diffusion import Need, SamplerSettings
 from gsedit.reports.json_lines import plain, write_line
 
@@ -19,17 +21,14 @@ from gsedit.reports.json_lines import plain, write_line
 @pytest.fixture(scope="module")
 def solver_rows():
     with pytest.MonkeyPatch.context() as patch:  # the slow reference has its own test
-        patch.setattr(sampler, "truth", lambda *a: sampler_truth(*a, steps=500))
-        return [*sampler.solver_rows((0.3,), (1.0,), (10, 20, 40, 80), runs=1)]
-
-
-sampler_truth = sampler.truth
+        patch.setattr(solver_study, "exact_solution", lambda *a: exact_solution(*a, steps=500))
+        return [*solver_study.solver_study((0.3,), (1.0,), (10, 20, 40, 80), runs=1)]
 
 
 @pytest.fixture(scope="module")
 def consensus_rows():
-    scenes = texture_scene(), picture_scene(side=4)
-    return [*sampler.consensus_rows(1, scenes, (0, 10, 50))]
+    views = texture_views(), picture_views(side=4)
+    return [*consensus_study.consensus_study(1, views, (0, 10, 50))]
 
 
 def test_the_solvers_rows_fall_with_their_order(solver_rows):
@@ -42,7 +41,7 @@ def test_the_solvers_rows_fall_with_their_order(solver_rows):
 
 
 def test_every_extreme_is_measured_or_says_why_not():
-    rows = [*sampler.stiff_rows((1,))]
+    rows = [*solver_study.stiff_study((1,))]
     assert {row.variant for row in rows} == {"ddim", "heun", "dpm++2m", "ancestral"}
     assert any("terminal SNR 0" in row.problem for row in rows)
     assert {
@@ -58,7 +57,7 @@ def test_every_extreme_is_measured_or_says_why_not():
     assert all(row.error is not None and row.error < 0.02 for row in narrow)
 
 
-def test_agreement_is_told_with_contrast_and_strength(consensus_rows):
+def test_agreement_comes_with_contrast_and_strength(consensus_rows):
     found = {r.variant: r for r in consensus_rows if r.problem == "texture" and r.t_end is None}
     paper, ours = found["xt, independent (paper)"], found["x0, shared (default)"]
     none = found["none, independent noise"]
@@ -70,8 +69,8 @@ def test_agreement_is_told_with_contrast_and_strength(consensus_rows):
 
 
 def test_the_sweep_ends_in_agreement(consensus_rows):
-    for scene in ("texture", "closed form"):
-        swept = [r for r in consensus_rows if r.problem == f"{scene}, T_end"]
+    for name in ("texture", "closed form"):
+        swept = [r for r in consensus_rows if r.problem == f"{name}, T_end"]
         assert {row.t_end for row in swept} == {0, 10, 50}
         xt = {r.t_end: r.disagreement for r in swept if r.variant == "xt, shared"}
         # the state itself is averaged last; only decoding and clamping come after
@@ -79,41 +78,43 @@ def test_the_sweep_ends_in_agreement(consensus_rows):
         assert xt[0.0] > xt[10.0]
 
 
-def test_disagreement_is_what_the_loop_says():
-    scene = texture_scene(side=6, shift=1)
+def test_disagreement_is_that_of_a_plain_loop():
+    views = texture_views(side=6, shift=1)
     x = torch.randn(4, 6, 6, 1, generator=torch.Generator().manual_seed(0))
     squares = []
-    for cluster in range(int(scene.clusters.max()) + 1):
-        cells = x[scene.clusters == cluster]
+    for cluster in range(int(views.clusters.max()) + 1):
+        cells = x[views.clusters == cluster]
         if len(cells):
             squares.append(((cells - cells.mean(0)) ** 2).flatten())
     expected = torch.cat(squares).mean().sqrt().item()
-    assert scene.disagreement(x) == pytest.approx(expected, rel=1e-5)
+    assert views.disagreement(x) == pytest.approx(expected, rel=1e-5)
 
 
 def test_crops_see_the_same_places():
     labels = crops(3, 5, 1)
     assert torch.equal(labels[0, 1:, 1:], labels[1, :-1, :-1])
     assert (labels[0, 0] == -1).all()  # its first row is seen by no other view
-    scene = picture_scene(side=4)
-    agreed = scene.originals
-    assert scene.disagreement(agreed) == pytest.approx(0, abs=1e-7)
+    views = picture_views(side=4)
+    agreed = views.originals
+    assert views.disagreement(agreed) == pytest.approx(0, abs=1e-7)
 
 
-def test_the_network_answers_what_is_needed():
-    model = network(channels=8, depth=1)
+def test_the_network_predicts_what_is_needed():
+    model = untrained_network(channels=8, depth=1)
     x = torch.randn(2, 4, 8, 8, generator=torch.Generator().manual_seed(0))
     two = model.branches(x, 500.0, None, Need(True, True, False))
     assert two.none is None
     assert two.text_image is not None
     assert two.text_image.shape == x.shape
-    again = network(channels=8, depth=1).branches(x, 500.0, None, Need())
+    again = untrained_network(channels=8, depth=1).branches(x, 500.0, None, Need())
     assert again.image is not None
     torch.testing.assert_close(again.image, two.image)
 
 
 def test_rows_as_json_and_as_a_table(solver_rows, consensus_rows, tmp_path):
-    row = SamplerRow("stiff", "width 1", "heun", 20, 39, 0.1, error=float("nan"), note="refused")
+    row = SamplerMeasurement(
+        "stiff", "width 1", "heun", 20, 39, 0.1, error=float("nan"), note="refused"
+    )
     with (tmp_path / "rows.jsonl").open("w") as file:
         write_line(file, row)
     assert json.loads((tmp_path / "rows.jsonl").read_text())["error"] is None
@@ -131,5 +132,5 @@ def test_rows_as_json_and_as_a_table(solver_rows, consensus_rows, tmp_path):
 
 
 def test_the_settings_of_every_variant_are_valid():
-    for options in sampler.VARIANTS.values():
+    for options in consensus_study.VARIANTS.values():
         assert SamplerSettings(**options).steps == 20

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import torch
 
-from gsedit.bench.sampler.problems import network
+from gsedit.bench.sampler.network import untrained_network
 from gsedit.diffusion import Branches, Need, SamplerSettings, Schedule
 from gsedit.diffusion import machine as this
 from gsedit.diffusion.machine import InBfloat16, faster, peak_bytes, relative_error, views_at_once
@@ -32,7 +32,7 @@ def test_peak_is_what_is_held_at_one_time():
 
 
 def test_peak_grows_with_the_views():
-    layers = network(channels=16, depth=1).layers
+    layers = untrained_network(channels=16, depth=1).layers
     with torch.no_grad():
         one, four = (peak_bytes(lambda n=n: layers(torch.zeros(n, 4, 16, 16))) for n in (1, 4))
     assert four == pytest.approx(4 * one, rel=0.05)
@@ -58,7 +58,7 @@ def test_free_memory_respects_a_container(tmp_path, monkeypatch):
 
 
 def test_bfloat16_only_where_it_errs_little():
-    model = network(channels=16, depth=2)
+    model = untrained_network(channels=16, depth=2)
     x = torch.randn(1, 4, 8, 8, generator=torch.Generator().manual_seed(0))
 
     def ask(asked: Any) -> torch.Tensor:
@@ -91,7 +91,7 @@ class Painter:
     padding: str = "edge"
     predicts: str = "eps"
     schedule: Schedule = field(default_factory=Schedule.scaled_linear)
-    layers: Any = field(default_factory=lambda: network(channels=8, depth=1).layers)
+    layers: Any = field(default_factory=lambda: untrained_network(channels=8, depth=1).layers)
 
     @property
     def capabilities(self):

@@ -11,7 +11,12 @@ import pytest
 import torch
 
 from gsedit.bench.curves import slope
-from gsedit.bench.sampler.problems import Problem, problem, start, truth
+from gsedit.bench.sampler.mixtures import (
+    MixtureProblem,
+    exact_solution,
+    mixture_problem,
+    noised_draw,
+)
 from gsedit.diffusion import (
     CLEAN,
     Need,
@@ -46,10 +51,10 @@ def generator(seed: int = 0) -> torch.Generator:
     return torch.Generator().manual_seed(seed)
 
 
-def run(model: Problem, settings: SamplerSettings, **options) -> torch.Tensor:
+def run(model: MixtureProblem, settings: SamplerSettings, **options) -> torch.Tensor:
     """Clean latents from a draw of the noised data."""
     first = levels_of(model.schedule, settings)[0]
-    x = start(model, first, dtype=options.pop("state", torch.float64))
+    x = noised_draw(model, first, dtype=options.pop("state", torch.float64))
     return last(sample(model, None, x, settings, generator=generator(), **options)).x
 
 
@@ -65,13 +70,13 @@ def ladder(schedule: Schedule, steps: int) -> list[NoiseLevel]:
 @pytest.fixture(scope="module")
 def exact():
     """(problem, where it starts, the ODE's answer): 10^4 steps of Runge and Kutta in float64."""
-    model = problem(0.5)
+    model = mixture_problem(0.5)
     first = ladder(SD, 1)[0]
-    x = start(model, first)
-    return model, x, truth(model, x, first, UNGUIDED, SD.level(0).sigma)
+    x = noised_draw(model, first)
+    return model, x, exact_solution(model, x, first, UNGUIDED, SD.level(0).sigma)
 
 
-def error(exact, solver: str, steps: int, model: Problem | None = None) -> float:
+def error(exact, solver: str, steps: int, model: MixtureProblem | None = None) -> float:
     known, x, answer = exact
     model = model or known
     levels = ladder(model.schedule, steps)
@@ -99,7 +104,7 @@ def test_error_falls_with_the_solvers_order(exact, solver, order, within, kind):
 
 def test_the_reference_does_not_depend_on_its_steps(exact):
     model, x, answer = exact
-    coarse = truth(model, x, SD.level(999), UNGUIDED, SD.level(0).sigma, steps=500)
+    coarse = exact_solution(model, x, SD.level(999), UNGUIDED, SD.level(0).sigma, steps=500)
     # a fourth-order method at a twentieth of the steps has 20^4 = 160,000 times the error
     torch.testing.assert_close(coarse, answer, rtol=0, atol=1e-8)
 
@@ -107,12 +112,12 @@ def test_the_reference_does_not_depend_on_its_steps(exact):
 def test_the_reference_of_one_gaussian_is_its_closed_form():
     """q - mu shrinks as sqrt(w^2 + sigma^2): the ODE moves every quantile to itself."""
     width = 0.3
-    model = problem(width)
+    model = mixture_problem(width)
     certain = torch.zeros(8, 1, dtype=torch.float64)
-    one = model.told._replace(offsets=model.told.offsets[:1], log_weights=certain)
+    one = model.text_image._replace(offsets=model.text_image.offsets[:1], log_weights=certain)
     first = SD.level(999)
-    x = start(model, first)
-    q = truth(replace(model, told=one), x, first, UNGUIDED, 0.05, steps=1000)
+    x = noised_draw(model, first)
+    q = exact_solution(replace(model, text_image=one), x, first, UNGUIDED, 0.05, steps=1000)
     shrunk = math.sqrt((width**2 + 0.05**2) / (width**2 + first.sigma**2))
     torch.testing.assert_close(q, one.offsets[0] + (x / first.a - one.offsets[0]) * shrunk)
 
@@ -154,7 +159,7 @@ def test_ancestral_is_ddim_at_eta_one_and_k_diffusions_step():
     expected = q + (down - HERE.sigma) * found.eps + up * noise
     torch.testing.assert_close(ancestral(found, HERE, THERE, 1.0, noise) / THERE.a, expected)
     ends_clean = replace(UNGUIDED, spacing="linspace", steps=5)
-    model = problem(0.5)
+    model = mixture_problem(0.5)
     ddpm = run(model, replace(ends_clean, solver="ddim", eta=1.0))
     assert torch.equal(run(model, replace(ends_clean, solver="ancestral")), ddpm)
     assert not torch.equal(run(model, replace(ends_clean, solver="euler")), ddpm)
@@ -164,7 +169,7 @@ def test_second_order_is_exact_where_their_papers_say_so():
     """2M is exact for an x0 that is linear in log(a/b); Heun for an eps that is linear in sigma."""
     levels = [SD.level(t) for t in (800, 600, 450)]
 
-    class Linear(Problem):
+    class Linear(MixtureProblem):
         def branches(self, x, t, condition, need):
             level = self.schedule.level(t)
             if self.predicts == "x0":
@@ -175,8 +180,8 @@ def test_second_order_is_exact_where_their_papers_say_so():
                 torch.full_like(x, level.sigma), None, None
             )
 
-    base = problem(0.5, shape=(1, 1, 1, 1))
-    fields = {name: getattr(base, name) for name in ("told", "shown", "neither")}
+    base = mixture_problem(0.5, shape=(1, 1, 1, 1))
+    fields = {name: getattr(base, name) for name in ("text_image", "image", "none")}
     q = torch.full((1, 1, 1, 1), 2.0, dtype=torch.float64)
     heun = replace(UNGUIDED, solver="heun")
     states = [*sample(Linear(**fields), None, q * levels[0].a, heun, levels=levels)]
@@ -197,8 +202,8 @@ def test_second_order_is_exact_where_their_papers_say_so():
 def test_ancestral_samples_have_the_variance_that_their_noise_adds_up_to():
     """For one Gaussian a step is linear, so the variance follows a recursion; it ends near w^2."""
     shape, width = (2, 1, 40, 40), 0.4
-    model = problem(width, shape=shape)
-    one = model.told._replace(
+    model = mixture_problem(width, shape=shape)
+    one = model.text_image._replace(
         offsets=torch.zeros(1, *shape, dtype=torch.float64),
         log_weights=torch.zeros(2, 1, dtype=torch.float64),
     )
@@ -212,9 +217,9 @@ def test_ancestral_samples_have_the_variance_that_their_noise_adds_up_to():
         variance *= (share + down * (1 - share) / here.sigma) ** 2
         variance += up**2
     assert variance**0.5 == pytest.approx(width, rel=0.1)  # first-order: 100 steps
-    x = start(model, levels[0])
-    x -= levels[0].a * model.told.offsets[0]  # a draw of the one Gaussian about 0
-    states = sample(replace(model, told=one), None, x, settings, generator=generator())
+    x = noised_draw(model, levels[0])
+    x -= levels[0].a * model.text_image.offsets[0]  # a draw of the one Gaussian about 0
+    states = sample(replace(model, text_image=one), None, x, settings, generator=generator())
     # the deviation of a standard deviation of 3200 numbers is 1/sqrt(6400) = 1.25 %: three of it
     assert last(states).x.std().item() == pytest.approx(variance**0.5, rel=0.0375)
 
@@ -241,7 +246,9 @@ def test_every_prediction_is_the_same_pair(schedule, kind):
 def test_what_is_predicted_and_guided_does_not_matter(solver):
     """The weights of guidance sum to 1, so that any of the four may be guided."""
     settings = SamplerSettings(steps=12, solver=solver, strength=1.0)
-    runs = [run(problem(0.3, predicts=kind), settings) for kind in ("eps", "x0", "v", "flow")]
+    runs = [
+        run(mixture_problem(0.3, predicts=kind), settings) for kind in ("eps", "x0", "v", "flow")
+    ]
     for other in runs[1:]:
         torch.testing.assert_close(other, runs[0], rtol=1e-9, atol=1e-9)
 
@@ -252,9 +259,9 @@ def test_a_straight_path_is_the_same_path(solver):
     sigmas = karras_sigmas(10.0, 0.05, 12)
     settings, results = replace(UNGUIDED, solver=solver), []
     for schedule, kind in ((SD, "eps"), (FLOW, "flow"), (Schedule.cosine(), "v")):
-        model = problem(0.3, schedule=schedule, predicts=kind)
+        model = mixture_problem(0.3, schedule=schedule, predicts=kind)
         levels = [*(schedule.level_at(sigma) for sigma in sigmas), CLEAN]
-        q = start(problem(0.3), SD.level_at(10.0)) / SD.level_at(10.0).a
+        q = noised_draw(mixture_problem(0.3), SD.level_at(10.0)) / SD.level_at(10.0).a
         states = sample(
             model, None, q * levels[0].a, settings, levels=levels, generator=generator()
         )
@@ -341,27 +348,31 @@ def test_stable_diffusions_ddim_ends_at_its_first_level():
 def test_a_terminal_snr_of_zero(solver, kind, spacing):
     settings = replace(UNGUIDED, solver=solver, steps=20, spacing=spacing)
     for schedule in (TERMINAL, FLOW):
-        model = problem(0.3, schedule=schedule, predicts=kind)
+        model = mixture_problem(0.3, schedule=schedule, predicts=kind)
         first = levels_of(schedule, settings)[0]
         assert first.a == 0
         found = run(model, settings)
         # all samples end within a few widths of a component, as far as 20 steps go
-        distance = (found - model.told.offsets).flatten(2).norm(dim=-1).amin(0)
+        distance = (found - model.text_image.offsets).flatten(2).norm(dim=-1).amin(0)
         assert distance.max() < 2.0
 
 
 def test_noise_predictions_cannot_start_at_a_terminal_snr_of_zero():
     settings = replace(UNGUIDED, steps=20, spacing="trailing")
     with pytest.raises(UsageError, match=r"terminal SNR is 0.*strength below 1"):
-        run(problem(0.3, schedule=TERMINAL), settings)
-    assert run(problem(0.3, schedule=TERMINAL), replace(settings, strength=0.9)).isfinite().all()
+        run(mixture_problem(0.3, schedule=TERMINAL), settings)
+    assert (
+        run(mixture_problem(0.3, schedule=TERMINAL), replace(settings, strength=0.9))
+        .isfinite()
+        .all()
+    )
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("width", [1.0, 1e-2, 1e-4])
 @pytest.mark.parametrize("guidance", [1.0, 7.5, 30.0])
 def test_stiff_data_and_strong_guidance_stay_finite(solver, width, guidance):
-    model = problem(width)
+    model = mixture_problem(width)
     for steps in (1, 2, 20):
         settings = SamplerSettings(
             steps=steps, guidance_text=guidance, solver=solver, strength=1.0, spacing="karras"
@@ -374,7 +385,7 @@ def test_a_thousand_steps(solver):
     settings = replace(UNGUIDED, steps=1000, solver=solver, spacing="leading")
     levels = levels_of(SD, settings)
     assert (levels[0].t, len(levels)) == (999, 1001)
-    found = run(problem(0.3), settings)
+    found = run(mixture_problem(0.3), settings)
     assert found.isfinite().all()
 
 
@@ -382,8 +393,8 @@ def test_a_thousand_steps(solver):
 @pytest.mark.parametrize("solver", ["ddim", "heun", "dpm++2m"])
 def test_networks_of_low_precision_keep_a_state_of_full_precision(dtype, solver):
     settings = replace(UNGUIDED, solver=solver, steps=20)
-    exact = run(problem(0.5), settings)
-    rough = run(problem(0.5, dtype=dtype), settings, state=torch.float32)
+    exact = run(mixture_problem(0.5), settings)
+    rough = run(mixture_problem(0.5, dtype=dtype), settings, state=torch.float32)
     assert rough.dtype == torch.float32
     # an error of half a unit in the last place at sigma 14.6, not amplified by later steps
     assert (rough - exact).square().mean().sqrt() < 14.6 * torch.finfo(dtype).eps
@@ -391,17 +402,17 @@ def test_networks_of_low_precision_keep_a_state_of_full_precision(dtype, solver)
 
 def test_a_half_precision_state_is_refused():
     with pytest.raises(UsageError, match="float32 or float64"):
-        run(problem(0.5), UNGUIDED, state=torch.bfloat16)
+        run(mixture_problem(0.5), UNGUIDED, state=torch.bfloat16)
 
 
 def test_an_overflowing_network_is_named():
-    class Overflowing(Problem):
+    class Overflowing(MixtureProblem):
         def branches(self, x, t, condition, need):
             found = super().branches(x, t, condition, need)
             return type(found)(*(None if b is None else (b * 1e9).half() for b in found))
 
-    base = problem(0.5)
-    fields = {name: getattr(base, name) for name in ("told", "shown", "neither")}
+    base = mixture_problem(0.5)
+    fields = {name: getattr(base, name) for name in ("text_image", "image", "none")}
     with pytest.raises(UsageError, match=r"mixture's answer \(in torch.float16\) at t = 999"):
         run(Overflowing(**fields), replace(UNGUIDED, steps=5))
 
@@ -409,7 +420,7 @@ def test_an_overflowing_network_is_named():
 @pytest.mark.parametrize("shape", [(1, 4, 1, 1), (2, 4, 3, 7), (64, 1, 2, 1)])
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_any_shape_of_latents(shape, solver):
-    model = problem(0.3, shape=shape)
+    model = mixture_problem(0.3, shape=shape)
     found = run(model, SamplerSettings(steps=3, solver=solver), state=torch.float32)
     assert found.shape == shape
     assert found.isfinite().all()
@@ -422,9 +433,9 @@ def test_eta_is_for_ddim(solver):
 
 
 def test_ancestral_needs_a_generator_and_one_step_draws_nothing():
-    model = problem(0.3)
+    model = mixture_problem(0.3)
     settings = replace(UNGUIDED, solver="ancestral", steps=1)
-    x = start(model, levels_of(SD, settings)[0])
+    x = noised_draw(model, levels_of(SD, settings)[0])
     with pytest.raises(UsageError, match="ancestral draws fresh noise"):
         last(sample(model, None, x, settings))
     ended = last(sample(model, None, x, settings, generator=generator())).x
@@ -436,12 +447,12 @@ def test_evaluations_of_each_solver():
     for solver in SOLVERS:
         asked = []
 
-        class Counting(Problem):
+        class Counting(MixtureProblem):
             def branches(self, x, t, condition, need, asked=asked):
                 asked.append(need)
                 return super().branches(x, t, condition, need)
 
-        base = problem(0.5)
-        fields = {name: getattr(base, name) for name in ("told", "shown", "neither")}
+        base = mixture_problem(0.5)
+        fields = {name: getattr(base, name) for name in ("text_image", "image", "none")}
         run(Counting(**fields), replace(UNGUIDED, solver=solver, steps=6))
         assert asked == [Need(True, False, False)] * (11 if solver == "heun" else 6)

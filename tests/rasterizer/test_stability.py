@@ -1,4 +1,4 @@
-"""The museum: finite pictures and gradients, or a ValueError that names the input and the row."""
+"""Edge cases: finite pictures and gradients, or a ValueError that names the input and the row."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from gsedit.bench.renderer.edge_cases import (
     EDGE_CASES,
     camera,
     gaussian,
+    over_background,
     random_cloud,
-    shown,
 )
 from rasterizer import Execution, Numerics, Rendering, checks, harmonics, rasterization, render
 from rasterizer.blending import cpp_backend as compiled
 from rasterizer.project import project, rotation_matrices
 
 DTYPES = (torch.float32, torch.float64)
-BY_NAME = {exhibit.name: exhibit for exhibit in EDGE_CASES}
+BY_NAME = {case.name: case for case in EDGE_CASES}
 ROUNDING = CROWD * EPS32
 """Of a colour in [0, 1]: a rounding for each Gaussian that one pixel can blend."""
-DRAWN = [exhibit.name for exhibit in EDGE_CASES if exhibit.refused is None]
+DRAWN = [case.name for case in EDGE_CASES if case.refused is None]
 
 # What float32 cannot give, and why. Everything else keeps the promise of 2e-4.
 GRADIENTS_32 = {
@@ -54,12 +54,12 @@ ERRORS_64 = {
 
 @pytest.mark.parametrize("dtype", DTYPES, ids=str)
 @pytest.mark.parametrize("name", BY_NAME)
-def test_every_exhibit_is_right_or_refused_by_name(name, dtype):
-    exhibit = BY_NAME[name]
-    row = stability.measure(exhibit, dtype, runs=1)
-    if exhibit.refused is not None:
+def test_every_edge_case_is_right_or_refused_by_name(name, dtype):
+    case = BY_NAME[name]
+    row = stability.measure_edge_case(case, dtype, runs=1)
+    if case.refused is not None:
         assert row.outcome == "refused"
-        assert re.match(exhibit.refused, row.message)
+        assert re.match(case.refused, row.message)
         return
     assert row.outcome == "finite"
     if dtype == torch.float32:
@@ -114,7 +114,7 @@ def test_depths_alphas_and_their_gradients_are_finite(name, dtype):
 @pytest.mark.skipif(compiled.load() is None, reason="no C++ compiler compiles the kernel here")
 @pytest.mark.parametrize("dtype", DTYPES, ids=str)
 @pytest.mark.parametrize("name", DRAWN)
-def test_the_compiled_kernel_draws_every_exhibit_like_torch(name, dtype):
+def test_the_compiled_kernel_draws_every_edge_case_like_torch(name, dtype):
     wanted, truths = draw_all(name, dtype)
     found, gradients = draw(name, dtype, stability.WHOLE_SUM, compile=True)
     # each is within its bar of the reference, so within twice that of each other
@@ -134,7 +134,7 @@ def test_the_compiled_kernel_draws_every_exhibit_like_torch(name, dtype):
     "name", ["needle 1e3 : 1e-3", "needle of 1000 pixels", "1e7 from the origin"]
 )
 def test_the_textbook_is_a_hundred_times_as_wrong(name):
-    row = stability.measure(BY_NAME[name], torch.float32, runs=1)
+    row = stability.measure_edge_case(BY_NAME[name], torch.float32, runs=1)
     assert row.textbook_image_error > 100 * row.image_error
 
 
@@ -195,7 +195,7 @@ def test_scales_are_drawn_up_to_a_limit_and_refused_beyond_it():
 
 
 def spoil(name: str, rows: list[int], value: float):
-    scene = shown(random_cloud(CROWD, seed=3, degree=1)).scene
+    scene = over_background(random_cloud(CROWD, seed=3, degree=1)).scene
     values = getattr(scene, name).clone()
     values.view(CROWD, -1)[rows, 1 if values.dim() > 1 else 0] = value
     return replace(scene, **{name: values})
@@ -419,18 +419,20 @@ def test_the_drop_in_names_its_own_arguments(name, index, value):
 # The table
 
 
-def test_rows_are_both_dtypes_of_each_exhibit_or_float32_alone():
-    full = list(islice(stability.rows(), 4))
+def test_rows_are_both_dtypes_of_each_edge_case_or_float32_alone():
+    full = list(islice(stability.measurements(), 4))
     assert [row.name for row in full] == [EDGE_CASES[i // 2].name for i in range(4)]
     assert [row.dtype for row in full] == ["float32", "float64"] * 2
-    quick = list(islice(stability.rows(quick=True), 2))
+    quick = list(islice(stability.measurements(quick=True), 2))
     assert [row.dtype for row in quick] == ["float32", "float32"]
     assert all(row.seconds > 0 for row in (*full, *quick))
 
 
 def test_the_table_shows_errors_refusals_and_what_is_not_finite():
     names = ("ordinary crowd", "needle 1e3 : 1e-3", "means nan")
-    found = [stability.measure(BY_NAME[name], dtype, 1) for name in names for dtype in DTYPES]
+    found = [
+        stability.measure_edge_case(BY_NAME[name], dtype, 1) for name in names for dtype in DTYPES
+    ]
     text = stability.table(found)
     assert text.count("\n| **") == 2
     assert f"| {found[0].image_error:.1e} | {found[0].textbook_image_error:.1e} |" in text

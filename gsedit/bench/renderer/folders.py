@@ -17,6 +17,7 @@ from gsedit.reports.events import Event
 
 SWEEP_ROWS, SWEEP_TABLE = "bench.jsonl", "bench.md"
 IMAGE_PLOT, GRADIENT_PLOT = "image_error.png", "gradient_error.png"
+SWEEP_FILES = (SWEEP_ROWS, SWEEP_TABLE, IMAGE_PLOT, GRADIENT_PLOT)
 STABILITY_ROWS, STABILITY_TABLE = "stability.jsonl", "stability.md"
 
 

@@ -81,7 +81,9 @@ def measure_targets(
         workloads = [smaller(one, size.shrink) for one in workloads]
         gardens = dict(zip(gardens, workloads))
     if points is None:
-        yield Event("targets", 0.0, note="the garden's targets are left out: no points are given")
+        yield Event(
+            "targets", 0.0, note="the garden's points are not given: its targets are left out"
+        )
     jobs = _jobs(gardens, workloads, size, cache)
     for step, (name, job) in enumerate(jobs):
         yield Event("targets", perf_counter() - began, step, len(jobs), note=name)

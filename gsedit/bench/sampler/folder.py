@@ -13,6 +13,7 @@ from gsedit.reports.events import Event
 
 ROWS, TABLE = "bench.jsonl", "bench.md"
 EVALUATIONS_PLOT, SECONDS_PLOT, T_END_PLOT = "evaluations.png", "seconds.png", "t_end.png"
+FILES = (ROWS, TABLE, EVALUATIONS_PLOT, SECONDS_PLOT, T_END_PLOT)
 
 
 def sampler_to_folder(

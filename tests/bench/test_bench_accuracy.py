@@ -1,0 +1,59 @@
+"""Errors of pictures and gradients, and the reference that is kept."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+import torch
+
+from gsedit.bench.renderer import accuracy, workloads
+
+
+@pytest.fixture
+def tiny() -> workloads.Workload:
+    return workloads.cloud(60, 24, 16)
+
+
+def test_picture_errors_are_mean_tail_and_largest():
+    truth = torch.zeros(100, 10, 3)
+    found = truth.clone()
+    found[0, 0, 0], found[5, 5, 1] = -0.5, 0.25  # 2 of 3,000: beyond the 99.9 %
+    mean, tail, largest = accuracy.picture_errors(found, truth)
+    assert mean == pytest.approx(0.75 / 3000)
+    assert (tail, largest) == (0.0, 0.5)
+    found[:2] = 1.0  # 2 % are not
+    assert accuracy.picture_errors(found, truth)[1] == 1.0
+
+
+def test_the_worst_gradient_counts():
+    picture = torch.zeros(2, 2, 3)
+    truth = {"a": torch.tensor([3.0, 4.0]), "b": torch.tensor([1.0, 0.0])}
+    found = {"a": torch.tensor([3.0, 4.5]), "b": torch.tensor([0.0, 1.0])}
+    got = accuracy.errors(accuracy.Drawn(picture, found), accuracy.Drawn(picture, truth))
+    assert got.gradient == pytest.approx(math.sqrt(2))
+    assert got.cosine == pytest.approx(0.0)
+    alone = accuracy.Drawn(picture, {"a": found["a"]})
+    assert accuracy.errors(alone, accuracy.Drawn(picture, truth)).gradient == pytest.approx(0.1)
+
+
+def test_gradients_that_should_be_zero():
+    zero, one = torch.zeros(3), torch.ones(3)
+    assert accuracy.relative(zero, zero) == 0.0
+    assert accuracy.cosine(zero, zero) == 1.0
+    assert accuracy.relative(one, zero) == pytest.approx(math.sqrt(3))
+    assert accuracy.cosine(one, zero) == 0.0
+
+
+def test_the_truth_is_kept_and_never_stale(tiny, tmp_path, monkeypatch):
+    first = accuracy.reference_of(tiny.scene, tiny.camera, tmp_path)
+    assert first.picture.dtype == torch.float64
+    assert set(first.gradients) == {*accuracy.FIELDS, accuracy.POSE}
+    monkeypatch.setattr(accuracy.reference, "render_reference", None)  # to be called no more
+    again = accuracy.reference_of(tiny.scene, tiny.camera, tmp_path)
+    assert torch.equal(again.picture, first.picture)
+    assert all(torch.equal(again.gradients[n], first.gradients[n]) for n in first.gradients)
+    moved = replace(tiny.camera, cx=tiny.camera.cx + 1)
+    with pytest.raises(TypeError):
+        accuracy.reference_of(tiny.scene, moved, tmp_path)
