@@ -1,6 +1,6 @@
-"""What one step of training sees: pictures, sentences, and what the sentences make of them.
+"""Batches of training: crops of pictures, prompts, and what the prompts make of the crops.
 
-`n` pictures of `h w` pixels, `b` lessons.
+`n` pictures of `h w` pixels; `b` prompts, some for each picture.
 """
 
 from __future__ import annotations
@@ -12,95 +12,98 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor
 
-from train_small.phrases import garbled, held_out_pair, pick, training_prompt
-from train_small.sources import Sources, Stored, cat
-from train_small.target_edits import TRUTHS, Draw, edited
+from train_small.prompts import augmented, held_out_pair, pick, training_prompt
+from train_small.sources import PackedSources, Sources, cat
+from train_small.target_edits import TARGET_EDITS, Variation, target_images
 
-PAIRED = 0.25
-"""The share of lessons that ask for two looks: a subject's and a scene's."""
-SUBJECT = 0.55
-"""The share of subject looks among the single ones: they are harder, where the subject ends."""
-NEAR = 0.5
-"""What is nearer, in distances of the subject, is as far as this to the eye: else the ground at the
-camera's feet would be most of what it learns."""
-SMALLEST = 0.65
-"""Of a picture's height: the smallest part that is shown."""
-SUBJECT_LOOKS = tuple(name for name, truth in TRUTHS.items() if truth.scope == "subject")
-SCENE_LOOKS = tuple(name for name, truth in TRUTHS.items() if truth.scope == "scene")
+PAIR_SHARE = 0.25
+"""Share of the prompts that ask for two looks: a subject's and a scene's."""
+SUBJECT_SHARE = 0.55
+"""Share of subject looks among the others: they are harder, at the subject's edge."""
+NEAREST = 0.5
+"""In distances of the subject: nearer depths count as this one, else the ground at the camera's
+feet would dominate the geometry loss."""
+SMALLEST_CROP = 0.65
+"""Share of a picture's height."""
+SUBJECT_LOOKS = tuple(name for name, edit in TARGET_EDITS.items() if edit.scope == "subject")
+SCENE_LOOKS = tuple(name for name, edit in TARGET_EDITS.items() if edit.scope == "scene")
 
 
-class Lessons(NamedTuple):
-    """Pictures, some instructions for each, and the answers, picture by picture."""
+class TrainingBatch(NamedTuple):
+    """Pictures, some prompts for each, and their target images, picture by picture."""
 
-    pictures: Float[Tensor, "n h w 3"]
+    images: Float[Tensor, "n h w 3"]
+    """Unedited, sRGB in [0, 1]."""
     prompts: tuple[str, ...]
-    answers: Float[Tensor, "b h w 3"]
+    targets: Float[Tensor, "b h w 3"]
     geometry: Float[Tensor, "n h w 3"]
-    """What there is to see in the pictures: the subject's share, 1 / depth, the normal's height."""
+    """Targets of the image encoder: the subject's share, 1 / depth, the normal's height."""
 
 
-def lessons(
-    stored: Stored,
+def training_batch(
+    pictures: PackedSources,
     size: int,
     count: int,
     edits: int,
     generator: torch.Generator,
-    strange: float = 0.0,
-    borrowed: float = 0.0,
-) -> Lessons:
-    """Parts of `count` random pictures, `size` pixels square and differently exposed, each with
-    `edits` instructions: a random look or two in random words, a share of them `strange` (see
-    garbled, and there `borrowed`)."""
-    index = torch.randint(len(stored), (count,), generator=generator)
-    sources = cat([framed(stored[i], size, generator) for i in index[:, None]])
-    sources = sources._replace(image=developed(sources.image, generator))
+    augmented_prompts: float = 0.0,
+    distractors: float = 0.0,
+) -> TrainingBatch:
+    """Crops of `count` random pictures, scaled to `size` pixels a side, with random colours and
+    `edits` prompts each, which ask for one or two random looks. A share `augmented_prompts` of
+    the prompts is augmented, with a share `distractors` (see prompts.augmented)."""
+    index = torch.randint(len(pictures), (count,), generator=generator)
+    sources = cat([random_crop(pictures[i], size, generator) for i in index[:, None]])
+    sources = sources._replace(image=colour_jitter(sources.image, generator))
     if bool(torch.rand((), generator=generator) < 0.5):
-        sources = mirrored(sources)
-    names = [random_looks(generator) for _ in range(count * edits)]
-    answers = [
-        edited(sources.rows(torch.tensor([i // edits])), each, Draw.random(generator))
-        for i, each in enumerate(names)
+        sources = flipped(sources)
+    looks = [random_looks(generator) for _ in range(count * edits)]
+    targets = [
+        target_images(sources.rows(torch.tensor([i // edits])), names, Variation.random(generator))
+        for i, names in enumerate(looks)
     ]
-    prompts = [training_prompt(each, generator) for each in names]
-    if strange:
-        drawn = torch.rand(len(prompts), generator=generator) < strange
+    prompts = [training_prompt(names, generator) for names in looks]
+    if augmented_prompts:
+        chosen = torch.rand(len(prompts), generator=generator) < augmented_prompts
         prompts = [
-            garbled(prompt, generator, borrowed) if odd else prompt
-            for prompt, odd in zip(prompts, drawn.tolist())
+            augmented(prompt, generator, distractors) if augment else prompt
+            for prompt, augment in zip(prompts, chosen.tolist())
         ]
-    geometry = (sources.subject, 1 / sources.depth.clamp_min(NEAR), sources.normal[..., 2:])
-    return Lessons(sources.image, tuple(prompts), torch.cat(answers), torch.cat(geometry, -1))
+    inverse_depth = 1 / sources.depth.clamp_min(NEAREST)
+    geometry = torch.cat((sources.subject, inverse_depth, sources.normal[..., 2:]), -1)
+    return TrainingBatch(sources.image, tuple(prompts), torch.cat(targets), geometry)
 
 
 def random_looks(generator: torch.Generator) -> tuple[str, ...]:
     """One look, or a subject's with a scene's of the pairs that are not held out."""
     kind = float(torch.rand((), generator=generator))
-    if kind >= PAIRED:
-        share = (kind - PAIRED) / (1 - PAIRED)
-        return (pick(SUBJECT_LOOKS if share < SUBJECT else SCENE_LOOKS, generator),)
+    if kind >= PAIR_SHARE:
+        share = (kind - PAIR_SHARE) / (1 - PAIR_SHARE)
+        return (pick(SUBJECT_LOOKS if share < SUBJECT_SHARE else SCENE_LOOKS, generator),)
     while True:
         pair = pick(SUBJECT_LOOKS, generator), pick(SCENE_LOOKS, generator)
         if not held_out_pair(*pair):
             return pair
 
 
-def framed(sources: Sources, size: int, generator: torch.Generator) -> Sources:
-    """A random square of the picture, from SMALLEST of its height to all of it, at that size."""
+def random_crop(sources: Sources, size: int, generator: torch.Generator) -> Sources:
+    """A random square of the picture, SMALLEST_CROP to 1 of its height, scaled to `size`
+    pixels a side."""
     height, width = sources.image.shape[1:3]
-    share = SMALLEST + (1 - SMALLEST) * float(torch.rand((), generator=generator))
+    share = SMALLEST_CROP + (1 - SMALLEST_CROP) * float(torch.rand((), generator=generator))
     side = round(share * min(height, width))
     top = int(torch.randint(height - side + 1, (), generator=generator))
     left = int(torch.randint(width - side + 1, (), generator=generator))
     part = (..., slice(top, top + side), slice(left, left + side))
-    return sources.mapped(
+    return sources.resampled(
         lambda planes: F.interpolate(planes[part], (size, size), mode="bilinear", antialias=True)
     )
 
 
-def developed(
+def colour_jitter(
     images: Float[Tensor, "b h w 3"], generator: torch.Generator
 ) -> Float[Tensor, "b h w 3"]:
-    """As another camera would have taken them: exposure, white balance, contrast, colour, grain."""
+    """Random exposure, white balance, contrast, saturation and grain; in [0, 1]."""
 
     def draw(deviation: float, channels: int = 1) -> Tensor:
         shape = (len(images), 1, 1, channels)
@@ -114,6 +117,6 @@ def developed(
     return (image + grain).clamp(0, 1)
 
 
-def mirrored(sources: Sources) -> Sources:
-    """Left and right exchanged; of normals the height is kept, and no look asks for more."""
+def flipped(sources: Sources) -> Sources:
+    """Mirrored left to right. Only the height of the normals stays valid; no look uses more."""
     return Sources(*(field.flip(2) for field in sources))

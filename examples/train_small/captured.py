@@ -1,4 +1,4 @@
-"""Photos of a capture as pictures with known depth, normals and subject: to examine editors on.
+"""Photos of a capture with depth, normals and the subject's mask: to evaluate editors on.
 
 `n` photos of `h w` pixels.
 """
@@ -20,12 +20,12 @@ from rasterizer.render import render
 from rasterizer.scene import Gaussians
 from train_small.sources import FAR, Sources, cat
 
-SOLID = 0.5  # of alpha: less is sky
+SOLID = 0.5  # alpha; below it a pixel is sky
 
 
 @dataclass(frozen=True, eq=False)
-class Column:
-    """Where the subject is: what stands above a level, within a distance of an upright axis."""
+class UprightCylinder:
+    """Where the subject is: above a level and within a distance of an upright axis."""
 
     centre: Float[Tensor, "3"]
     up: Float[Tensor, "3"]
@@ -35,21 +35,21 @@ class Column:
     lowest: float
     """Along `up` from the centre, world units."""
 
-    def holds(self, points: Float[Tensor, "*b 3"]) -> Bool[Tensor, "*b"]:
+    def contains(self, points: Float[Tensor, "*b 3"]) -> Bool[Tensor, "*b"]:
         """Whether points are inside."""
         offset = points - self.centre.to(points)
         height = offset @ self.up.to(points)
-        aside = (offset - height[..., None] * self.up.to(points)).norm(dim=-1)
-        return (height > self.lowest) & (aside < self.radius)
+        radius = (offset - height[..., None] * self.up.to(points)).norm(dim=-1)
+        return (height > self.lowest) & (radius < self.radius)
 
 
-def captured(scene: Gaussians, views: Sequence[View], subject: Column) -> Sources:
+def captured(scene: Gaussians, views: Sequence[View], subject: UprightCylinder) -> Sources:
     """The photos, with the geometry of a scene that was fitted to them."""
-    return cat([_one(scene, view, subject) for view in views])
+    return cat([_with_geometry(scene, view, subject) for view in views])
 
 
-def looked_at(cameras: Sequence[Camera]) -> Float[Tensor, "3"]:
-    """The point that is nearest to the cameras' axes, least squares."""
+def focus_point(cameras: Sequence[Camera]) -> Float[Tensor, "3"]:
+    """The point nearest to the cameras' optical axes, least squares."""
     axes = torch.stack([camera.world_to_camera[2, :3] for camera in cameras]).double()
     centres = torch.stack([camera.centre for camera in cameras]).double()
     across = torch.eye(3, dtype=torch.float64) - axes[:, :, None] * axes[:, None]
@@ -63,31 +63,31 @@ def mean_up(cameras: Sequence[Camera]) -> Float[Tensor, "3"]:
 
 
 @torch.no_grad()
-def _one(scene: Gaussians, view: View, subject: Column) -> Sources:
+def _with_geometry(scene: Gaussians, view: View, subject: UprightCylinder) -> Sources:
     camera = view.camera
     rendered = render(scene, camera, median_depth=True)
     assert rendered.median_depth is not None
     depth, solid = rendered.median_depth.double(), rendered.alpha > SOLID
     pixels = camera.pixel_centres().reshape(-1, 2)
     points = camera.unproject(pixels, depth.reshape(-1)).double().reshape(*depth.shape, 3)
-    mask = subject.holds(points) & solid
+    mask = subject.contains(points) & solid
     near = depth[mask].median() if mask.any() else depth[solid].median()
     normal = _normals(points, camera.centre.double()) @ _upright(subject.up.double()).T
-    beside = F.max_pool2d((~solid)[None].float(), 3, 1, 1)[0] > 0  # differences reach into nothing
+    at_sky = F.max_pool2d((~solid)[None].float(), 3, 1, 1)[0] > 0  # no depth to differentiate
     return Sources(
         image=view.image[None].float(),
         depth=(depth / near).masked_fill(~solid, FAR).clamp(max=FAR)[None, ..., None].float(),
-        normal=(normal * ~beside[..., None])[None].float(),
+        normal=(normal * ~at_sky[..., None])[None].float(),
         subject=mask[None, ..., None].float(),
     )
 
 
-def _normals(points: Float[Tensor, "h w 3"], eye: Float[Tensor, "3"]) -> Float[Tensor, "h w 3"]:
-    """Unit normals of a depth picture, toward the eye, from central differences."""
-    framed = F.pad(points.movedim(-1, 0)[None], (1, 1, 1, 1), mode="replicate")[0].movedim(0, -1)
-    across, down = framed[1:-1, 2:] - framed[1:-1, :-2], framed[2:, 1:-1] - framed[:-2, 1:-1]
+def _normals(points: Float[Tensor, "h w 3"], centre: Float[Tensor, "3"]) -> Float[Tensor, "h w 3"]:
+    """Unit normals of unprojected pixels from central differences, toward the camera's centre."""
+    padded = F.pad(points.movedim(-1, 0)[None], (1, 1, 1, 1), mode="replicate")[0].movedim(0, -1)
+    across, down = padded[1:-1, 2:] - padded[1:-1, :-2], padded[2:, 1:-1] - padded[:-2, 1:-1]
     normal = F.normalize(torch.linalg.cross(across, down), dim=-1)
-    away = ((points - eye) * normal).sum(-1, keepdim=True) > 0
+    away = ((points - centre) * normal).sum(-1, keepdim=True) > 0
     return torch.where(away, -normal, normal)
 
 

@@ -1,7 +1,6 @@
-"""Pictures of random painted solids, sphere-traced: the kind of scene that gsedit.synthetic makes.
+"""Pictures of random painted solids, sphere-traced, like the scenes of gsedit.synthetic.
 
-Subjects are the piles of balls, boxes and drums of train_small.pictures, which flow into each
-other here.
+Subjects are the piles of balls, boxes and drums of train_small.pictures, blended smoothly.
 """
 
 from __future__ import annotations
@@ -27,48 +26,48 @@ from gsedit.synthetic.shapes import (
     union,
 )
 from rasterizer.camera import Camera, look_at
-from train_small.pictures import BALL, BOX, SUBJECTS, Dice, Point, Solid, color
+from train_small.pictures import BALL, BOX, SUBJECTS, Point, RandomStream, Solid, color
 from train_small.sources import FAR, Sources, cat
 
 VIEWS = 3  # pictures of one scene
-RADIUS = 1.2  # of the ball that a scene fills, as the gallery's
+RADIUS = 1.2  # of the ball that a scene fills, as in gsedit.synthetic
 SUPERSAMPLE = 1.5  # rays a pixel and axis
 
 
-class Staged(NamedTuple):
+class SubjectScene(NamedTuple):
     scene: SyntheticScene
     subject: Sdf
     surroundings: Sdf | None
-    """Plinth and floor; the subject is where its own distance is the smaller one."""
+    """Plinth and floor; a point is on the subject where `subject` is the smaller distance."""
 
 
 def random_scene(generator: torch.Generator) -> SyntheticScene:
     """Random solids in random paints, lit from one side, on a floor or not; z is up."""
-    return staged(Dice(generator)).scene
+    return subject_scene(RandomStream(generator)).scene
 
 
-def staged(dice: Dice) -> Staged:
+def subject_scene(rng: RandomStream) -> SubjectScene:
     """A random scene, and which of its solids are the subject."""
-    solids = _standing(dice.pick(SUBJECTS)(dice))
-    blend = dice.pick((0.0, 0.03, 0.07))
+    solids = _standing(rng.pick(SUBJECTS)(rng))
+    blend = rng.pick((0.0, 0.03, 0.07))
     painted = []
     for material in sorted({solid.material for solid in solids}):
         pieces = [_sdf(solid) for solid in solids if solid.material == material]
         whole = smooth_union(blend, *pieces) if blend else union(*pieces)
-        painted.append((whole, _paint(dice)))
+        painted.append((whole, _paint(rng)))
     subject = union(*(solid for solid, _ in painted))
-    below = _surroundings(dice, min(_foot(solid) for solid in solids))
+    below = _surroundings(rng, min(_foot(solid) for solid in solids))
     everything = union(subject, *(solid for solid, _ in below))
-    light = (dice(-1, 1), dice(-1, 1), dice(0.2, 1.2))
+    toward_light = (rng(-1, 1), rng(-1, 1), rng(0.2, 1.2))
     scene = SyntheticScene(
         name="random",
         sdf=everything,
-        albedo=lit(parts(*painted, *below), everything, light, dice(0.35, 0.75)),
-        background=torch.tensor(_color(dice), dtype=torch.float64),
+        albedo=lit(parts(*painted, *below), everything, toward_light, rng(0.35, 0.75)),
+        background=torch.tensor(_color(rng), dtype=torch.float64),
         radius=RADIUS,
         up=torch.tensor((0.0, 0.0, 1.0), dtype=torch.float64),
     )
-    return Staged(scene, subject, union(*(solid for solid, _ in below)) if below else None)
+    return SubjectScene(scene, subject, union(*(solid for solid, _ in below)) if below else None)
 
 
 def _standing(solids: list[Solid]) -> list[Solid]:
@@ -91,47 +90,47 @@ def _foot(solid: Solid) -> float:
     return solid.centre[2] - sum(h * abs(row[2]) for h, row in zip(solid.half, solid.axes))
 
 
-def _surroundings(dice: Dice, level: float) -> list[tuple[Sdf, Paint]]:
+def _surroundings(rng: RandomStream, level: float) -> list[tuple[Sdf, Paint]]:
     """None, a floor, or a plinth on a floor, with their tops at `level`."""
     made: list[tuple[Sdf, Paint]] = []
     level += 0.02
-    if dice.chance(0.4):
-        half, wide = dice(0.04, 0.1), dice(0.5, 0.8)
-        slab = cylinder(wide, half, 0.02) if dice.chance(0.5) else box((wide, wide, half), 0.02)
-        made.append((translate(slab, (0, 0, level - half)), _paint(dice)))
+    if rng.chance(0.4):
+        half, wide = rng(0.04, 0.1), rng(0.5, 0.8)
+        slab = cylinder(wide, half, 0.02) if rng.chance(0.5) else box((wide, wide, half), 0.02)
+        made.append((translate(slab, (0, 0, level - half)), _paint(rng)))
         level -= 2 * half
-    if dice.chance(0.8):
-        wide = dice(0.8, 1.2)
-        disc = cylinder(wide, 0.04, 0.02) if dice.chance(0.7) else box((wide, wide, 0.04), 0.02)
-        made.append((translate(disc, (0, 0, level - 0.04)), _paint(dice)))
+    if rng.chance(0.8):
+        wide = rng(0.8, 1.2)
+        disc = cylinder(wide, 0.04, 0.02) if rng.chance(0.7) else box((wide, wide, 0.04), 0.02)
+        made.append((translate(disc, (0, 0, level - 0.04)), _paint(rng)))
     return made
 
 
-def _paint(dice: Dice) -> Paint:
+def _paint(rng: RandomStream) -> Paint:
     """Two colours, alike or not, in a pattern."""
-    first = _color(dice)
-    second = tuple(min(max(c + dice(-0.25, 0.25), 0.0), 1.0) for c in first)
-    second = _color(dice) if dice.chance(0.4) else second
-    share = dice.pick(
+    first = _color(rng)
+    second = tuple(min(max(c + rng(-0.25, 0.25), 0.0), 1.0) for c in first)
+    second = _color(rng) if rng.chance(0.4) else second
+    share = rng.pick(
         (
-            waves(dice(0.15, 0.9)),
-            waves(dice(0.15, 0.9)),
-            checker(dice(0.25, 0.8), dice(1, 3)),
-            stripes(_direction(dice), dice(0.14, 0.5), dice(1, 3)),
-            tiles(dice(0.2, 0.4), 0.02),
+            waves(rng(0.15, 0.9)),
+            waves(rng(0.15, 0.9)),
+            checker(rng(0.25, 0.8), rng(1, 3)),
+            stripes(_direction(rng), rng(0.14, 0.5), rng(1, 3)),
+            tiles(rng(0.2, 0.4), 0.02),
         )
     )
-    return plain(first) if dice.chance(0.2) else mix(plain(first), plain(second), share)
+    return plain(first) if rng.chance(0.2) else mix(plain(first), plain(second), share)
 
 
-def _color(dice: Dice) -> tuple[float, float, float]:
+def _color(rng: RandomStream) -> tuple[float, float, float]:
     """A displayed colour, grey as often as not."""
-    linear = color(dice(), dice() ** 1.7, dice(0.1, 1.0))
+    linear = color(rng(), rng() ** 1.7, rng(0.1, 1.0))
     return tuple(c ** (1 / 2.2) for c in linear)  # pyright: ignore
 
 
-def _direction(dice: Dice) -> tuple[float, float, float]:
-    azimuth, z = dice(0, 2 * pi), dice(-1, 1)
+def _direction(rng: RandomStream) -> tuple[float, float, float]:
+    azimuth, z = rng(0, 2 * pi), rng(-1, 1)
     level = (1 - z * z) ** 0.5
     return (level * cos(azimuth), level * sin(azimuth), z)
 
@@ -165,7 +164,7 @@ def _sdf(solid: Solid) -> Sdf:
 
 
 def _ellipsoid(half: Point) -> Sdf:
-    """A ball stretched: the scaled distance, by the least half axis, never claims too much room."""
+    """A stretched ball; scaled by the least half axis, the distance is never overestimated."""
     least = min(half)
     if max(half) - least < 1e-6:
         return sphere(least)
@@ -177,35 +176,35 @@ def _ellipsoid(half: Point) -> Sdf:
     return distance
 
 
-def _cameras(dice: Dice, size: int) -> list[Camera]:
-    """Cameras around a scene that see its ball, or a part of it."""
+def _cameras(rng: RandomStream, size: int) -> list[Camera]:
+    """VIEWS random cameras around a scene that see its ball, or a part of it."""
     made = []
     for _ in range(VIEWS):
-        azimuth, elevation = dice(0, 2 * pi), radians(dice(-5, 50))
-        fov, zoom = dice(30, 60), dice(0.6, 1.1)
+        azimuth, elevation = rng(0, 2 * pi), radians(rng(-5, 50))
+        fov, zoom = rng(30, 60), rng(0.6, 1.1)
         away = zoom * RADIUS / sin(radians(fov) / 2)
-        eye = away * torch.tensor(
+        position = away * torch.tensor(
             (cos(azimuth) * cos(elevation), sin(azimuth) * cos(elevation), sin(elevation))
         )
-        target = torch.tensor([dice(-0.15, 0.15) for _ in range(3)])
+        target = torch.tensor([rng(-0.15, 0.15) for _ in range(3)])
         up = torch.tensor((0.0, 0.0, 1.0))
-        made.append(look_at(eye, target, up, fov, size, size))
+        made.append(look_at(position, target, up, fov, size, size))
     return made
 
 
-def _pictured(view: Staged, camera: Camera, size: int) -> Sources:
+def _pictured(view: SubjectScene, camera: Camera, size: int) -> Sources:
     """One picture, depth and normals of every sub-pixel averaged."""
-    seen = view.scene.trace(camera)
+    trace = view.scene.trace(camera)
     distance = float(camera.centre @ -camera.forward)
-    depth = torch.where(seen.hit, seen.depth / distance, FAR).clamp_max(FAR)
-    subject = seen.hit
+    depth = torch.where(trace.hit, trace.depth / distance, FAR).clamp_max(FAR)
+    subject = trace.hit
     if view.surroundings is not None:
-        points = camera.unproject(camera.pixel_centres()[seen.hit], seen.depth[seen.hit])
+        points = camera.unproject(camera.pixel_centres()[trace.hit], trace.depth[trace.hit])
         subject = subject.clone()
-        subject[seen.hit] = view.subject(points) < view.surroundings(points)
-    fields = (seen.image, depth[..., None], seen.normal, subject[..., None])
+        subject[trace.hit] = view.subject(points) < view.surroundings(points)
+    fields = (trace.image, depth[..., None], trace.normal, subject[..., None])
     fine = Sources(*(field[None].float() for field in fields))
-    pooled = fine.mapped(
+    pooled = fine.resampled(
         lambda planes: F.interpolate(planes, (size, size), mode="bilinear", antialias=True)
     )
     return pooled._replace(
@@ -217,9 +216,9 @@ def _pictured(view: Staged, camera: Camera, size: int) -> Sources:
 
 def traced(count: int, size: int, generator: torch.Generator) -> Sources:
     """`count` pictures of size^2 pixels of random scenes, VIEWS of each."""
-    dice, made = Dice(generator), []
+    rng, made = RandomStream(generator), []
     while len(made) < count:
-        view = staged(dice)
-        for camera in _cameras(dice, round(size * SUPERSAMPLE)):
+        view = subject_scene(rng)
+        for camera in _cameras(rng, round(size * SUPERSAMPLE)):
             made.append(_pictured(view, camera, size))
     return cat(made[:count])

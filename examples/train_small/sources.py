@@ -1,4 +1,4 @@
-"""Pictures to be edited, with what is known of their scenes: as floats, and as compact bytes.
+"""Pictures with depth, normals and the subject's mask: as floats, and packed as bytes.
 
 `n` pictures of `h w` pixels.
 """
@@ -14,11 +14,11 @@ import torch.nn.functional as F
 from jaxtyping import Float, Float16, Int, Int8, UInt8
 from torch import Tensor
 
-FAR = 8.0  # distances of the subject: where the sky is, and whatever lies beyond
+FAR = 8.0  # distances of the subject: the depth of the sky and of whatever lies beyond
 
 
 class Sources(NamedTuple):
-    """Pictures to be edited, with what is known of their scenes."""
+    """Pictures to be edited, with the geometry of their scenes."""
 
     image: Float[Tensor, "n h w 3"]
     """sRGB in [0, 1], float32."""
@@ -33,8 +33,8 @@ class Sources(NamedTuple):
         """The pictures of these numbers, in this order."""
         return Sources(*(field[index] for field in self))
 
-    def mapped(self, change: Callable[[Tensor], Tensor]) -> Sources:
-        """All that is known, as planes [n c h w], resampled alike; normals are unit again."""
+    def resampled(self, change: Callable[[Tensor], Tensor]) -> Sources:
+        """All fields, as planes [n c h w], resampled by one function; normals are unit again."""
         planes = change(torch.cat(self, -1).movedim(-1, 1))
         image, depth, normal, subject = planes.movedim(1, -1).split((3, 1, 3, 1), -1)
         return Sources(image, depth, F.normalize(normal, dim=-1), subject)
@@ -46,9 +46,9 @@ def cat(parts: Sequence[Sources]) -> Sources:
 
 
 @dataclass(frozen=True, eq=False)
-class Stored:
-    """The same in 9 bytes a pixel: steps of 1/255 in colour and mask, 1/127 in normals, 11 bits of
-    depth."""
+class PackedSources:
+    """Sources in 9 bytes a pixel: steps of 1/255 in colour and mask, 1/127 in normals, 11 bits of
+    precision in depth."""
 
     image: UInt8[Tensor, "n h w 3"]
     depth: Float16[Tensor, "n h w 1"]
@@ -67,21 +67,21 @@ class Stored:
             subject=self.subject[index].float() / 255,
         )
 
-    def first(self, count: int | None) -> Stored:
+    def first(self, count: int | None) -> PackedSources:
         """The first pictures, or all (None); not copied."""
-        return Stored(*(column[:count] for column in vars(self).values()))
+        return PackedSources(*(column[:count] for column in vars(self).values()))
 
-    def halved(self) -> Stored:
+    def halved(self) -> PackedSources:
         """Half as high and wide, the mean of 2x2 pixels."""
         parts = (self[rows] for rows in torch.arange(len(self)).split(64))
-        return cat_stored(
-            [store(part.mapped(lambda planes: F.avg_pool2d(planes, 2))) for part in parts]
+        return cat_packed(
+            [pack(part.resampled(lambda planes: F.avg_pool2d(planes, 2))) for part in parts]
         )
 
 
-def store(sources: Sources) -> Stored:
+def pack(sources: Sources) -> PackedSources:
     """The pictures as bytes."""
-    return Stored(
+    return PackedSources(
         image=_to_byte(sources.image),
         depth=sources.depth.half(),
         normal=(sources.normal * 127).round().to(torch.int8),
@@ -89,9 +89,11 @@ def store(sources: Sources) -> Stored:
     )
 
 
-def cat_stored(parts: Sequence[Stored]) -> Stored:
+def cat_packed(parts: Sequence[PackedSources]) -> PackedSources:
     """All pictures of all parts, one after another, still as bytes."""
-    return Stored(*(torch.cat(column) for column in zip(*(vars(part).values() for part in parts))))
+    return PackedSources(
+        *(torch.cat(column) for column in zip(*(vars(part).values() for part in parts)))
+    )
 
 
 def _to_byte(share: Float[Tensor, "*b"]) -> UInt8[Tensor, "*b"]:

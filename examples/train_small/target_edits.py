@@ -1,4 +1,4 @@
-"""The edits that the small model learns: what a picture must become, by the name of the look.
+"""The target edits that the small editor is trained on: what a picture becomes, by look.
 
 A look is a smooth function of a pixel's colour, normal and depth: nearly one colour for a surface
 point in every view, at every resolution. `n` pictures of `h w` pixels, sRGB in [0, 1].
@@ -16,30 +16,30 @@ from torch import Tensor
 
 from gsedit.editors.looks import ramp
 from gsedit.views.image_ops import rotate_hue
-from train_small.paints import (
-    Paint,
+from train_small.look_functions import (
+    LookFunction,
     blueprint,
-    coat,
-    drawn,
-    dusk,
-    dusty,
-    fogged,
-    grown,
-    leaves,
+    desert,
+    fog,
     metal,
-    nightfall,
+    mossy,
+    night,
     on_image,
-    pencil,
+    outlined_cartoon,
+    painted,
     polaroid,
-    posterised,
-    rained,
-    saturated,
-    snowfall,
+    pop_art,
+    rain,
+    saturate,
+    season,
+    sketch,
+    snow,
     solid,
     streaked,
-    sunken,
+    sunset,
     toned,
-    washed,
+    underwater,
+    watercolor,
 )
 from train_small.sources import Sources
 
@@ -47,31 +47,31 @@ Pictures = Float[Tensor, "n h w 3"]
 
 
 @dataclass(frozen=True)
-class Truth:
-    """One look."""
+class TargetEdit:
+    """What a picture becomes under one look."""
 
     name: str
     scope: Literal["subject", "scene"]
     """A subject's look leaves every pixel outside the subject as it was."""
-    paint: Paint
+    apply: LookFunction
     """Pictures -> whole edited pictures, not clamped."""
     hue_share: float = 1.0
-    """How much of a draw's hue it takes: less where a turned hue would be another look."""
+    """Share of a variation's hue that is used: less where a rotated hue would be another look."""
 
 
 @dataclass(frozen=True)
-class Draw:
-    """How one sample departs from the central truth."""
+class Variation:
+    """How one sample differs from the look's standard edit: augmentation of the targets."""
 
     gain: float
-    """Factor on brightness, 1 = none."""
+    """Factor on brightness; 1 = none."""
     hue: float
-    """Turn about the grey axis, degrees."""
+    """Rotation about the grey axis, degrees."""
     amount: float
-    """1 = the whole edit, 0 = the original."""
+    """1 = the whole edit, 0 = the unedited picture."""
 
     @classmethod
-    def random(cls, generator: torch.Generator) -> Draw:
+    def random(cls, generator: torch.Generator) -> Variation:
         """Gain in 0.85..1.15, hue within +-10 degrees, amount in 0.75..1."""
         gain, hue = torch.randn(2, generator=generator).tolist()
         weaker = torch.rand((), generator=generator).item()
@@ -81,31 +81,34 @@ class Draw:
             amount=1 - 0.25 * weaker,
         )
 
-    def part(self, count: int) -> Draw:
-        """The departure of each of `count` looks that together depart by this one."""
-        return Draw(self.gain ** (1 / count), self.hue / count, self.amount)
+    def part(self, count: int) -> Variation:
+        """The variation of each of `count` looks that together make up this one."""
+        return Variation(self.gain ** (1 / count), self.hue / count, self.amount)
 
 
-CENTRE = Draw(1.0, 0.0, 1.0)
+NO_VARIATION = Variation(1.0, 0.0, 1.0)
 
 
-def edited(sources: Sources, names: Sequence[str], draw: Draw = CENTRE) -> Pictures:
-    """The pictures with every look, in [0, 1]: the subject's first, then the scene's."""
-    truths = sorted((TRUTHS[name] for name in names), key=lambda truth: truth.scope == "scene")
-    for truth in truths:
-        sources = sources._replace(image=_applied(truth, sources, draw.part(len(truths))))
+def target_images(
+    sources: Sources, names: Sequence[str], variation: Variation = NO_VARIATION
+) -> Pictures:
+    """The pictures with every look, in [0, 1]: the subject's is applied first, then the scene's."""
+    edits = sorted((TARGET_EDITS[name] for name in names), key=lambda edit: edit.scope == "scene")
+    for edit in edits:
+        sources = sources._replace(image=_applied(edit, sources, variation.part(len(edits))))
     return sources.image
 
 
-def _applied(truth: Truth, sources: Sources, draw: Draw) -> Pictures:
-    goal = truth.paint(sources).clamp(0, 1)
-    if draw != CENTRE:
-        goal = (rotate_hue(goal, draw.hue * truth.hue_share) * draw.gain).clamp(0, 1)
-    share = draw.amount * sources.subject if truth.scope == "subject" else draw.amount
+def _applied(edit: TargetEdit, sources: Sources, variation: Variation) -> Pictures:
+    goal = edit.apply(sources).clamp(0, 1)
+    if variation != NO_VARIATION:
+        goal = (rotate_hue(goal, variation.hue * edit.hue_share) * variation.gain).clamp(0, 1)
+    amount = variation.amount
+    share = amount * sources.subject if edit.scope == "subject" else amount
     return (sources.image + share * (goal - sources.image)).clamp(0, 1)
 
 
-_SUBJECT: dict[str, tuple[Paint, float]] = {
+_SUBJECT: dict[str, tuple[LookFunction, float]] = {
     "bronze": (metal("100804 4c2c10 8c5c24 c89850 f8e0a8"), 0.6),
     "gold": (metal("3c1c00 a86800 f0b010 ffe058 fffce0"), 0.5),
     "silver": (metal("101218 4c525c 98a0aa d4dae2 ffffff"), 0.0),
@@ -121,31 +124,31 @@ _SUBJECT: dict[str, tuple[Paint, float]] = {
     "jade": (solid("083c20 3c9c58 80d090 bcecbc f4fff0"), 0.5),
     "ice": (metal("0c3c6c 3490d8 80ccf8 c8f0ff ffffff"), 0.3),
     "lava": (streaked("0c0404 200806 481008 a02808 f08020", "ffb020", 2.5, 1.0), 0.4),
-    "moss": (grown("0c1404 2c4010 546c1c 84983c b4c468"), 0.5),
-    "red": (coat("e01018"), 0.4),
-    "orange": (coat("ff8600"), 0.3),
-    "yellow": (coat("fff010"), 0.3),
-    "green": (coat("18b428"), 0.6),
-    "blue": (coat("1438e8"), 0.6),
-    "purple": (coat("7818c0"), 0.5),
-    "pink": (coat("ff50b0"), 0.5),
-    "white": (coat("ffffff"), 0.0),
+    "moss": (mossy("0c1404 2c4010 546c1c 84983c b4c468"), 0.5),
+    "red": (painted("e01018"), 0.4),
+    "orange": (painted("ff8600"), 0.3),
+    "yellow": (painted("fff010"), 0.3),
+    "green": (painted("18b428"), 0.6),
+    "blue": (painted("1438e8"), 0.6),
+    "purple": (painted("7818c0"), 0.5),
+    "pink": (painted("ff50b0"), 0.5),
+    "white": (painted("ffffff"), 0.0),
     "black": (solid("000001 030305 0a0a0d 1c1c20 686870", contrast=0.6), 0.0),
 }
-_SCENE: dict[str, tuple[Paint, float]] = {
-    "snow": (snowfall, 0.0),
-    "fog": (fogged, 0.0),
-    "rain": (rained, 0.3),
-    "desert": (dusty, 0.5),
-    "underwater": (sunken, 0.6),
-    "night": (nightfall, 0.6),
-    "sunset": (dusk, 0.5),
-    "autumn": (leaves("3c1004 b84c08 f09020 ffd060", "ffe0b0", "f0dcb8"), 0.5),
-    "spring": (leaves("083004 208810 58c828 b8f060", "e8fff0", "58b0f8"), 0.5),
-    "sketch": (pencil, 0.0),
-    "watercolor": (washed, 0.5),
-    "cartoon": (drawn, 0.3),
-    "pop-art": (posterised, 0.4),
+_SCENE: dict[str, tuple[LookFunction, float]] = {
+    "snow": (snow, 0.0),
+    "fog": (fog, 0.0),
+    "rain": (rain, 0.3),
+    "desert": (desert, 0.5),
+    "underwater": (underwater, 0.6),
+    "night": (night, 0.6),
+    "sunset": (sunset, 0.5),
+    "autumn": (season("3c1004 b84c08 f09020 ffd060", "ffe0b0", "f0dcb8"), 0.5),
+    "spring": (season("083004 208810 58c828 b8f060", "e8fff0", "58b0f8"), 0.5),
+    "sketch": (sketch, 0.0),
+    "watercolor": (watercolor, 0.5),
+    "cartoon": (outlined_cartoon, 0.3),
+    "pop-art": (pop_art, 0.4),
     "blueprint": (blueprint, 0.4),
     "black-and-white": (on_image(ramp("000000 ffffff", keep=0.0, contrast=0.9, gamma=1.2)), 0.0),
     "sepia": (on_image(ramp("1c1008 644830 ac8c64 e0c8a0 fff4dc", keep=0.0, gamma=1.1)), 0.3),
@@ -160,12 +163,12 @@ _SCENE: dict[str, tuple[Paint, float]] = {
     "cooler": (toned((0.6, 0.95, 1.35)), 0.3),
     "brighter": (on_image(lambda image: 1.05 * (1 - (1 - image) ** 2)), 0.3),
     "darker": (on_image(lambda image: 0.42 * image), 0.3),
-    "high-contrast": (on_image(lambda image: saturated(0.45 + 2.6 * (image - 0.45), 1.2)), 0.3),
-    "vivid": (on_image(lambda image: saturated(image, 2.8)), 0.3),
+    "high-contrast": (on_image(lambda image: saturate(0.45 + 2.6 * (image - 0.45), 1.2)), 0.3),
+    "vivid": (on_image(lambda image: saturate(image, 2.8)), 0.3),
 }
 
-TRUTHS: dict[str, Truth] = {
-    **{name: Truth(name, "subject", *entry) for name, entry in _SUBJECT.items()},
-    **{name: Truth(name, "scene", *entry) for name, entry in _SCENE.items()},
+TARGET_EDITS: dict[str, TargetEdit] = {
+    **{name: TargetEdit(name, "subject", *entry) for name, entry in _SUBJECT.items()},
+    **{name: TargetEdit(name, "scene", *entry) for name, entry in _SCENE.items()},
 }
-"""By name: what happens to the subject, then what happens to the scene."""
+"""By name of the look: those of the subject, then those of the scene."""

@@ -1,4 +1,4 @@
-"""How each look is asked for, in the words of training and in those held out for testing.
+"""Wordings of each look: those of the training prompts, and those held out for evaluation.
 
 A look has four forms of wording: things ("a bronze statue"), states ("made of bronze"), orders
 ("give {it} a bronze finish") and changes that fit "make it ..." ("bronze").
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Wording:
-    """How one look is asked for. `{it}` stands for the subject."""
+    """Phrases for one look. `{it}` stands for the subject."""
 
     things: tuple[str, ...] = ()
     """Fit "turn it into ..." and "as ..."."""
@@ -21,14 +21,14 @@ class Wording:
     """Whole commands."""
     changes: tuple[str, ...] = ()
     """Fit "make it ..."."""
-    held_things: tuple[str, ...] = ()
-    held_states: tuple[str, ...] = ()
-    held_orders: tuple[str, ...] = ()
+    held_out_things: tuple[str, ...] = ()
+    held_out_states: tuple[str, ...] = ()
+    held_out_orders: tuple[str, ...] = ()
 
     def fragments(self) -> tuple[str, ...]:
-        """All wordings that are trained, about "it"."""
-        said = (*self.things, *self.states, *self.orders, *self.changes)
-        return tuple(dict.fromkeys(fragment.format(it="it") for fragment in said))
+        """All phrases of the training prompts, with "it" as the subject."""
+        phrases = (*self.things, *self.states, *self.orders, *self.changes)
+        return tuple(dict.fromkeys(phrase.format(it="it") for phrase in phrases))
 
 
 def _article(noun: str) -> str:
@@ -38,7 +38,8 @@ def _article(noun: str) -> str:
 def _material(
     stuff: str, made: str, *, adjective: str = "", also: str = "", more: tuple[str, ...] = ()
 ) -> Wording:
-    """A solid material: noun, how it is worked, adjective, a second noun, more states."""
+    """A solid material: noun (`stuff`), participle that goes with it (`made`), adjective, a second
+    noun, more states."""
     adjective, also = adjective or stuff, also or stuff
     return Wording(
         things=(
@@ -50,9 +51,9 @@ def _material(
         states=(f"made of {stuff}", f"{made} {stuff}", f"in {also}", *more),
         orders=(f"make {{it}} out of {also}", f"replace {{it}} with {_article(adjective)} copy"),
         changes=(stuff, adjective, f"look like {stuff}", f"look {adjective}"),
-        held_things=(f"a sculpture of pure {stuff}", f"something made entirely of {stuff}"),
-        held_states=(f"in solid {stuff}",),
-        held_orders=(f"use {stuff} for {{it}}", f"change the material of {{it}} to {stuff}"),
+        held_out_things=(f"a sculpture of pure {stuff}", f"something made entirely of {stuff}"),
+        held_out_states=(f"in solid {stuff}",),
+        held_out_orders=(f"use {stuff} for {{it}}", f"change the material of {{it}} to {stuff}"),
     )
 
 
@@ -69,22 +70,22 @@ def _paint(colour: str, shade: str) -> Wording:
             f"spray {{it}} {colour}",
         ),
         changes=(colour, shade),
-        held_things=(f"something painted all {colour}",),
-        held_states=(f"with {colour} paint all over",),
-        held_orders=(f"use {colour} paint on {{it}}", f"cover {{it}} with {colour} color"),
+        held_out_things=(f"something painted all {colour}",),
+        held_out_states=(f"with {colour} paint all over",),
+        held_out_orders=(f"use {colour} paint on {{it}}", f"cover {{it}} with {colour} color"),
     )
 
 
-def _worded(things: str, states: str, orders: str, changes: str, held: str) -> Wording:
-    """Wordings separated by bars; of the held ones, commands carry a leading plus."""
+def _worded(things: str, states: str, orders: str, changes: str, held_out: str) -> Wording:
+    """From phrases separated by bars; of the held-out ones, orders start with a plus."""
     split = [tuple(part.strip() for part in text.split("|")) for text in (things, states)]
-    held_parts = tuple(part.strip() for part in held.split("|"))
+    held_out_parts = tuple(part.strip() for part in held_out.split("|"))
     return Wording(
         *split,
         orders=tuple(part.strip() for part in orders.split("|")),
         changes=tuple(part.strip() for part in changes.split("|")),
-        held_states=tuple(part for part in held_parts if not part.startswith("+")),
-        held_orders=tuple(part[1:] for part in held_parts if part.startswith("+")),
+        held_out_states=tuple(part for part in held_out_parts if not part.startswith("+")),
+        held_out_orders=tuple(part[1:] for part in held_out_parts if part.startswith("+")),
     )
 
 
@@ -310,4 +311,4 @@ WORDINGS: dict[str, Wording] = {
         "with very vivid and colorful tones | in saturated vivid style | +use more vivid colors",
     ),
 }
-"""Per look, in the order of TRUTHS."""
+"""By name of the look, in the order of TARGET_EDITS."""

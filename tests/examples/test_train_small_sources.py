@@ -6,7 +6,7 @@ import pytest
 import torch
 from train_small.pictures import procedural
 from train_small.random_scenes import random_scene, traced
-from train_small.sources import FAR, Sources, cat, cat_stored, store
+from train_small.sources import FAR, Sources, cat, cat_packed, pack
 
 SIZE = 32
 
@@ -16,16 +16,16 @@ def _seeded(seed: int = 0) -> torch.Generator:
 
 
 @pytest.fixture(scope="module")
-def drawn() -> Sources:
+def ray_cast() -> Sources:
     return procedural(40, SIZE, _seeded())
 
 
 @pytest.fixture(scope="module")
-def sculpted() -> Sources:
+def sphere_traced() -> Sources:
     return traced(6, SIZE, _seeded())
 
 
-@pytest.fixture(params=("drawn", "sculpted"))
+@pytest.fixture(params=("ray_cast", "sphere_traced"))
 def sources(request: pytest.FixtureRequest) -> Sources:
     return request.getfixturevalue(request.param)
 
@@ -64,24 +64,24 @@ def test_floors_face_up(sources: Sources):
     assert (around[..., 2] > 0.999).float().mean() > 0.1
 
 
-def test_they_vary(drawn: Sources):
-    share = drawn.subject.mean((1, 2, 3))
+def test_they_vary(ray_cast: Sources):
+    share = ray_cast.subject.mean((1, 2, 3))
     assert share.quantile(0.1) < 0.15
     assert share.quantile(0.9) > 0.35
-    assert drawn.image.mean((1, 2)).std(0).min() > 0.05
+    assert ray_cast.image.mean((1, 2)).std(0).min() > 0.05
 
 
-def test_storage_keeps_all_but_the_last_bits(sources: Sources):
-    kept = store(sources)[torch.arange(len(sources.image))]
-    assert (kept.image - sources.image).abs().max() <= 0.51 / 255
-    assert (kept.subject - sources.subject).abs().max() <= 0.51 / 255
-    assert (kept.depth / sources.depth - 1).abs().max() <= 2**-11  # half precision
-    assert (kept.normal - sources.normal).norm(dim=-1).max() <= 1 / 127
+def test_packing_keeps_all_but_the_last_bits(sources: Sources):
+    unpacked = pack(sources)[torch.arange(len(sources.image))]
+    assert (unpacked.image - sources.image).abs().max() <= 0.51 / 255
+    assert (unpacked.subject - sources.subject).abs().max() <= 0.51 / 255
+    assert (unpacked.depth / sources.depth - 1).abs().max() <= 2**-11  # half precision
+    assert (unpacked.normal - sources.normal).norm(dim=-1).max() <= 1 / 127
 
 
-def test_storage_is_small(sources: Sources):
-    stored = store(sources)
-    fields = (stored.image, stored.depth, stored.normal, stored.subject)
+def test_packed_sources_are_small(sources: Sources):
+    packed = pack(sources)
+    fields = (packed.image, packed.depth, packed.normal, packed.subject)
     per_pixel = sum(field.nbytes for field in fields) / sources.depth.numel()
     assert per_pixel * 6000 * 128**2 < 1.2e9
 
@@ -90,9 +90,9 @@ def test_rows_and_cat(sources: Sources):
     index = torch.tensor([1, 0])
     both = cat((sources, sources.rows(index)))
     assert torch.equal(both.image[-1], sources.image[0])
-    stored = cat_stored((store(sources), store(sources.rows(index))))
-    assert len(stored) == len(both.image)
-    assert torch.equal(stored[torch.tensor([len(stored) - 1])].depth, stored[index[1:]].depth)
+    packed = cat_packed((pack(sources), pack(sources.rows(index))))
+    assert len(packed) == len(both.image)
+    assert torch.equal(packed[torch.tensor([len(packed) - 1])].depth, packed[index[1:]].depth)
 
 
 def test_a_random_scene_is_within_its_ball():

@@ -1,11 +1,12 @@
-"""What the small model learns: looks that are told apart, and sentences that ask for them."""
+"""Target edits of the small editor: looks that differ clearly, and prompts that ask for them."""
 
 import itertools
 import re
 
 import pytest
 import torch
-from train_small.phrases import (
+from train_small.pictures import procedural
+from train_small.prompts import (
     HELD_OUT_NOUNS,
     LONGEST,
     NOUNS,
@@ -14,12 +15,11 @@ from train_small.phrases import (
     held_out_prompts,
     training_prompt,
 )
-from train_small.pictures import procedural
 from train_small.sources import FAR, Sources
-from train_small.target_edits import CENTRE, TRUTHS, Draw, edited
+from train_small.target_edits import NO_VARIATION, TARGET_EDITS, Variation, target_images
 
 BETWEEN, FROM_ORIGINAL = 0.07, 0.08  # RMSE, mean over the pictures
-NAMES = tuple(TRUTHS)
+NAMES = tuple(TARGET_EDITS)
 ORIGINAL = "(as it was)"
 
 
@@ -30,12 +30,12 @@ def pictures() -> Sources:
 
 
 @pytest.fixture(scope="module")
-def answers(pictures) -> dict[str, torch.Tensor]:
-    return {name: edited(pictures, [name]) for name in NAMES}
+def targets(pictures) -> dict[str, torch.Tensor]:
+    return {name: target_images(pictures, [name]) for name in NAMES}
 
 
 def of_the_subject(*names: str) -> bool:
-    return all(name == ORIGINAL or TRUTHS[name].scope == "subject" for name in names)
+    return all(name == ORIGINAL or TARGET_EDITS[name].scope == "subject" for name in names)
 
 
 def distance(first, second, share) -> float:
@@ -56,9 +56,9 @@ def flat(colour: float, *, subject: float, depth: float) -> Sources:
 
 
 def test_there_are_enough_looks_of_both_scopes():
-    assert len(TRUTHS) >= 46
-    assert all(name == truth.name for name, truth in TRUTHS.items())
-    assert {truth.scope for truth in TRUTHS.values()} == {"subject", "scene"}
+    assert len(TARGET_EDITS) >= 46
+    assert all(name == edit.name for name, edit in TARGET_EDITS.items())
+    assert {edit.scope for edit in TARGET_EDITS.values()} == {"subject", "scene"}
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -73,34 +73,40 @@ def test_there_are_enough_looks_of_both_scopes():
     ids=["black", "white", "sky", "nothing"],
 )
 def test_extreme_pictures_give_colours(name, extreme):
-    draw = Draw(1.15, -10.0, 0.75)
-    for result in (edited(extreme, [name]), edited(extreme, [name], draw)):
+    variation = Variation(1.15, -10.0, 0.75)
+    for result in (target_images(extreme, [name]), target_images(extreme, [name], variation)):
         assert result.shape == extreme.image.shape
         assert result.isfinite().all()
         assert result.min() >= 0
         assert result.max() <= 1
 
 
-def test_a_subject_look_leaves_the_rest_exactly(pictures, answers):
+def test_a_subject_look_leaves_the_rest_exactly(pictures, targets):
     outside = (pictures.subject == 0).expand_as(pictures.image)
     assert outside.any()
-    draw = Draw(0.9, 8.0, 0.8)
+    variation = Variation(0.9, 8.0, 0.8)
     for name in filter(of_the_subject, NAMES):
-        for result in (answers[name], edited(pictures, [name], draw)):
+        for result in (targets[name], target_images(pictures, [name], variation)):
             assert torch.equal(result[outside], pictures.image[outside]), name
 
 
-def test_a_weaker_draw_lies_between_the_original_and_the_edit(pictures, answers):
-    half = edited(pictures, ["gold"], Draw(1.0, 0.0, 0.5))
-    torch.testing.assert_close(half, (pictures.image + answers["gold"]) / 2, atol=1e-6, rtol=0)
+def test_a_weaker_variation_lies_between_the_original_and_the_edit(pictures, targets):
+    half = target_images(pictures, ["gold"], Variation(1.0, 0.0, 0.5))
+    torch.testing.assert_close(half, (pictures.image + targets["gold"]) / 2, atol=1e-6, rtol=0)
 
 
-def test_any_two_looks_are_clearly_different_pictures(pictures, answers):
+def test_any_two_looks_are_clearly_different_pictures(pictures, targets):
     everywhere = torch.ones_like(pictures.subject)
-    pool = {ORIGINAL: pictures.image, **answers}
+    images = {ORIGINAL: pictures.image, **targets}
     rows = sorted(
-        (distance(pool[a], pool[b], pictures.subject if of_the_subject(a, b) else everywhere), a, b)
-        for a, b in itertools.combinations(pool, 2)
+        (
+            distance(
+                images[a], images[b], pictures.subject if of_the_subject(a, b) else everywhere
+            ),
+            a,
+            b,
+        )
+        for a, b in itertools.combinations(images, 2)
         if ORIGINAL not in (a, b) or of_the_subject(a, b) or not of_the_subject(b)
     )
     print(*(f"{error:.3f} {a} / {b}" for error, a, b in rows[:10]), sep="\n")  # noqa: T201
@@ -108,28 +114,28 @@ def test_any_two_looks_are_clearly_different_pictures(pictures, answers):
         assert error >= (FROM_ORIGINAL if ORIGINAL in (a, b) else BETWEEN), (a, b)
 
 
-def test_draws_stay_within_their_limits():
+def test_variations_stay_within_their_limits():
     generator = torch.Generator().manual_seed(0)
-    draws = [Draw.random(generator) for _ in range(500)]
-    assert all(0.85 <= draw.gain <= 1.15 for draw in draws)
-    assert all(-10 <= draw.hue <= 10 for draw in draws)
-    assert all(0.75 <= draw.amount <= 1 for draw in draws)
-    assert len(set(draws)) == len(draws)
-    assert (CENTRE.gain, CENTRE.hue, CENTRE.amount) == (1, 0, 1)
+    variations = [Variation.random(generator) for _ in range(500)]
+    assert all(0.85 <= variation.gain <= 1.15 for variation in variations)
+    assert all(-10 <= variation.hue <= 10 for variation in variations)
+    assert all(0.75 <= variation.amount <= 1 for variation in variations)
+    assert len(set(variations)) == len(variations)
+    assert (NO_VARIATION.gain, NO_VARIATION.hue, NO_VARIATION.amount) == (1, 0, 1)
 
 
-def test_draws_stay_nearest_to_their_own_look(pictures, answers):
-    """Over several pictures at once, since in some a look has little to change.
+def test_variations_stay_nearest_to_their_own_look(pictures, targets):
+    """Over several pictures at once, since some looks change little in some pictures.
 
-    About one draw in a hundred falls to a neighbour: the weakest and darkest of them.
+    About one variation in a hundred is nearer to another look: the weakest and darkest of them.
     """
     generator = torch.Generator().manual_seed(1)
-    goals = torch.stack([pictures.image, *answers.values()])[:, :6]
+    goals = torch.stack([pictures.image, *targets.values()])[:, :6]
     few = Sources(*(field[:6] for field in pictures))
     wrong = []
     for name in NAMES:
         for _ in range(2):
-            drawn = edited(few, [name], Draw.random(generator))
+            drawn = target_images(few, [name], Variation.random(generator))
             nearest = int((goals - drawn).square().mean((1, 2, 3, 4)).argmin())
             if (ORIGINAL, *NAMES)[nearest] != name:
                 wrong.append((name, (ORIGINAL, *NAMES)[nearest]))
@@ -137,16 +143,16 @@ def test_draws_stay_nearest_to_their_own_look(pictures, answers):
 
 
 def test_of_two_looks_the_subject_is_changed_first(pictures):
-    together = edited(pictures, ["night", "gold"])
-    assert torch.equal(together, edited(pictures, ["gold", "night"]))
-    gold = pictures._replace(image=edited(pictures, ["gold"]))
-    torch.testing.assert_close(together, edited(gold, ["night"]))
+    together = target_images(pictures, ["night", "gold"])
+    assert torch.equal(together, target_images(pictures, ["gold", "night"]))
+    gold = pictures._replace(image=target_images(pictures, ["gold"]))
+    torch.testing.assert_close(together, target_images(gold, ["night"]))
 
 
-def test_a_look_is_the_same_in_any_batch(pictures, answers):
+def test_a_look_is_the_same_in_any_batch(pictures, targets):
     alone = Sources(*(field[3:4] for field in pictures))
     for name in ("gold", "sketch", "sunset", "snow"):
-        torch.testing.assert_close(edited(alone, [name]), answers[name][3:4])
+        torch.testing.assert_close(target_images(alone, [name]), targets[name][3:4])
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -164,8 +170,14 @@ def test_every_look_has_sentences_and_held_out_ones_that_are_never_trained(name)
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_held_out_sentence_names_its_look_in_trained_words(name):
-    said = {look: set(plain(" ".join(phrases)).split()) for look, phrases in PHRASES.items()}
-    rare = {word for word in said[name] if sum(word in words for words in said.values()) <= 5}
+    words_by_look = {
+        look: set(plain(" ".join(phrases)).split()) for look, phrases in PHRASES.items()
+    }
+    rare = {
+        word
+        for word in words_by_look[name]
+        if sum(word in words for words in words_by_look.values()) <= 5
+    }
     for sentence in held_out_prompts([name]):
         assert rare & set(plain(sentence).split()), (sentence, rare)
 
@@ -194,8 +206,8 @@ def test_held_out_nouns_are_not_trained():
 
 
 def test_a_fifth_of_the_pairs_is_held_out_in_either_order():
-    subjects = [name for name in NAMES if TRUTHS[name].scope == "subject"]
-    scenes = [name for name in NAMES if TRUTHS[name].scope == "scene"]
+    subjects = [name for name in NAMES if TARGET_EDITS[name].scope == "subject"]
+    scenes = [name for name in NAMES if TARGET_EDITS[name].scope == "scene"]
     pairs = list(itertools.product(subjects, scenes))
     assert all(held_out_pair(a, b) == held_out_pair(b, a) for a, b in pairs)
     assert sum(held_out_pair(a, b) for a, b in pairs) / len(pairs) == pytest.approx(0.2, abs=0.03)

@@ -6,14 +6,24 @@ before backdrops (trees, walls, hills) and a sky.
 World: +z up, the ground at z = 0, the subject about 1 in size. A ray is origin + t * direction with
 directions of unit depth: t is depth along the view. Letters of all shapes: `m` rays, or the points
 where they end; `k` solids; `s` texels a side of a texture; `h w` pixels. Colours are linear rgb
-until the picture is developed.
+until the camera response.
 """
 
 from train_small.pictures.colors import color
 from train_small.pictures.procedural import procedural
-from train_small.pictures.randomness import Dice
+from train_small.pictures.random_stream import RandomStream
 from train_small.pictures.solids import BALL, BOX, DRUM, Solid
 from train_small.pictures.subjects import SUBJECTS
 from train_small.pictures.vectors import Point
 
-__all__ = ["BALL", "BOX", "DRUM", "SUBJECTS", "Dice", "Point", "Solid", "color", "procedural"]
+__all__ = [
+    "BALL",
+    "BOX",
+    "DRUM",
+    "SUBJECTS",
+    "Point",
+    "RandomStream",
+    "Solid",
+    "color",
+    "procedural",
+]

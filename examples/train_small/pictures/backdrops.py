@@ -12,7 +12,7 @@ from torch import Tensor
 from train_small.pictures.camera import Pinhole
 from train_small.pictures.materials import Material
 from train_small.pictures.palette import VEGETATION, WALLS
-from train_small.pictures.randomness import Dice
+from train_small.pictures.random_stream import RandomStream
 from train_small.pictures.textures import Textures
 
 
@@ -37,20 +37,20 @@ class Backdrop(NamedTuple):
 
 
 def random_backdrops(
-    dice: Dice, textures: Textures, heading: float, floor: Material | None
+    rng: RandomStream, textures: Textures, heading: float, floor: Material | None
 ) -> list[Backdrop]:
     """Up to three across a view's heading (radians), one behind another; in a studio one high
     wall, more often than not of its floor's material."""
     studio = floor is not None
     made = []
-    for i in range(1 if studio else dice.pick((0, 1, 1, 2, 3))):
-        angle, offset = heading + dice(-0.6, 0.6), dice(1.5, 4.0) + 3.0 * i
-        wall = studio or (i == 0 and dice.chance(0.25))
-        maker = dice.pick(WALLS if wall else VEGETATION)
-        material = floor if floor and dice.chance(0.6) else maker(dice, textures)
-        height = 50.0 if studio else dice(0.5, 6.0)
-        edge = textures.pick("cloud", dice)
-        ragged = 0.0 if wall else dice(0.2, 0.9)
+    for i in range(1 if studio else rng.pick((0, 1, 1, 2, 3))):
+        angle, offset = heading + rng(-0.6, 0.6), rng(1.5, 4.0) + 3.0 * i
+        wall = studio or (i == 0 and rng.chance(0.25))
+        maker = rng.pick(WALLS if wall else VEGETATION)
+        material = floor if floor and rng.chance(0.6) else maker(rng, textures)
+        height = 50.0 if studio else rng(0.5, 6.0)
+        edge = textures.pick("cloud", rng)
+        ragged = 0.0 if wall else rng(0.2, 0.9)
         made.append(Backdrop((cos(angle), sin(angle)), offset, height, ragged, edge, material))
     return made
 

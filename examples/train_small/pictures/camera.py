@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from train_small.pictures.randomness import Dice
+from train_small.pictures.random_stream import RandomStream
 from train_small.pictures.solids import Solid
 from train_small.pictures.vectors import direction, turned
 
@@ -43,24 +43,24 @@ class Pinhole(NamedTuple):
         return right * xy[0] + down * xy[1] + forward
 
 
-def random_camera(dice: Dice, subject: Sequence[Solid]) -> Pinhole:
+def random_camera(rng: RandomStream, subject: Sequence[Solid]) -> Pinhole:
     """A camera that shows the subject, 20 % to 115 % of the picture, off the middle."""
     points = _outline(subject)
     middle = (points.amin(0) + points.amax(0)) / 2
-    elevation = radians(dice(-3, 15) if dice.chance(0.45) else dice(10, 50))
-    azimuth, fov = dice(0, 2 * pi), radians(dice(25, 65))
+    elevation = radians(rng(-3, 15) if rng.chance(0.45) else rng(10, 50))
+    azimuth, fov = rng(0, 2 * pi), radians(rng(25, 65))
     back = torch.tensor(direction(azimuth, elevation))
     right = torch.tensor((-sin(azimuth), cos(azimuth), 0.0))
     up = torch.linalg.cross(back, right)
     offsets = points - middle
     wide, tall = torch.stack((offsets @ right, offsets @ up)).abs().amax(-1)
     focal, extent = 0.5 / tan(fov / 2), 2 * float(torch.maximum(tall, 0.9 * wide))
-    fill = dice(0.4, 1.15) if dice.chance(0.8) else dice(0.2, 0.5)
+    fill = rng(0.4, 1.15) if rng.chance(0.8) else rng(0.2, 0.5)
     distance = max(focal * extent / fill, float((offsets @ back).amax()) + 0.25)
     origin = middle + distance * back
     origin[2] = origin[2].clamp_min(0.08)  # above the ground
-    roll, shift = dice(-0.06, 0.06), 0.22 * (1.15 - 0.6 * fill)
-    tilt = torch.tensor(turned(roll, dice(-shift, shift) / focal, dice(-shift, shift) / focal))
+    roll, shift = rng(-0.06, 0.06), 0.22 * (1.15 - 0.6 * fill)
+    tilt = torch.tensor(turned(roll, rng(-shift, shift) / focal, rng(-shift, shift) / focal))
     axes = tilt @ torch.stack((right, -up, -back))
     return Pinhole(origin, axes, focal, max(float((middle - origin) @ axes[2]), 0.2))
 

@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from train_small.pictures.randomness import Dice
+from train_small.pictures.random_stream import RandomStream
 from train_small.pictures.vectors import Point
 
 GAMMA = 2.2  # of the display that values are meant for
@@ -20,16 +20,20 @@ def color(hue: float, saturation: float, value: float) -> Point:
 
 
 def ramp(
-    dice: Dice, hue: float, saturation: float, values: tuple[float, float], spread: float = 0.03
+    rng: RandomStream,
+    hue: float,
+    saturation: float,
+    values: tuple[float, float],
+    spread: float = 0.03,
 ) -> Float[Tensor, "5 3"]:
     """Linear rgb of about one hue (within `spread` turns), from the dark to the light value."""
     dark, light = values
     return torch.tensor(
         [
             color(
-                hue + dice(-spread, spread),
-                _clip(saturation + dice(-0.1, 0.1)),
-                _clip(dark + (light - dark) * i / 4 + dice(-0.04, 0.04), 0.02),
+                hue + rng(-spread, spread),
+                _clip(saturation + rng(-0.1, 0.1)),
+                _clip(dark + (light - dark) * i / 4 + rng(-0.04, 0.04), 0.02),
             )
             for i in range(5)
         ]

@@ -27,12 +27,12 @@ def first_solid(
         some = solids.rows(rows)
         start = some.local(camera.origin[None])
         if kind == BOX:
-            found = box_depth(some.to_local, start, directions)
+            depths = box_depth(some.to_local, start, directions)
         else:
-            found = quadric_depth(some, camera, xy)
+            depths = quadric_depth(some, camera, xy)
         if kind == DRUM:
-            found = _capped(found, some, start, directions)
-        near, which = found.min(0)
+            depths = _capped(depths, some, start, directions)
+        near, which = depths.min(0)
         number = torch.where(near < depth, rows[which], number)
         depth = torch.where(near < depth, near, depth)
     return depth, number

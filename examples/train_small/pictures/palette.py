@@ -11,17 +11,17 @@ from torch import Tensor
 
 from train_small.pictures.colors import ramp
 from train_small.pictures.materials import Material
-from train_small.pictures.randomness import Dice
+from train_small.pictures.random_stream import RandomStream
 from train_small.pictures.textures import Textures
 
-Maker: TypeAlias = Callable[[Dice, Textures], Material]
+Maker: TypeAlias = Callable[[RandomStream, Textures], Material]
 
 # A scene's materials by number: 0, 1 and 2 are the subject's, from BACKDROP on the backdrops'.
 GROUND, PATCH, ROCK, FOLIAGE, TRUNK, BACKDROP = 3, 4, 5, 6, 7, 8
 
 
 def _material(
-    dice: Dice,
+    rng: RandomStream,
     textures: Textures,
     families: tuple[str, str],
     colors: Float[Tensor, "c 3"],
@@ -30,74 +30,74 @@ def _material(
 ) -> Material:
     """A material whose other traits are random, save the `fixed` ones."""
     return Material(
-        textures=(textures.pick(families[0], dice), textures.pick(families[1], dice)),
-        share=dice(0.2, 0.6),
-        repeats=(repeats, repeats * dice(0.3, 2.0)),
+        textures=(textures.pick(families[0], rng), textures.pick(families[1], rng)),
+        share=rng(0.2, 0.6),
+        repeats=(repeats, repeats * rng(0.3, 2.0)),
         ramp=colors,
-        drift_texture=textures.pick("cloud", dice),
-        drift=dice(0.1, 0.6),
+        drift_texture=textures.pick("cloud", rng),
+        drift=rng(0.1, 0.6),
         specular=0.0,
         shininess=10.0,
-        bump=dice(0.1, 0.5),
+        bump=rng(0.1, 0.5),
     )._replace(**fixed)
 
 
-def grass(dice: Dice, textures: Textures) -> Material:
+def grass(rng: RandomStream, textures: Textures) -> Material:
     """Grass, moss, low plants."""
-    hue, saturation, values = dice(0.19, 0.35), dice(0.3, 0.75), (dice(0.05, 0.3), dice(0.5, 0.9))
-    colors = ramp(dice, hue, saturation, values, 0.04)
-    families = (dice.pick(("blades", "leaves")), "rough")
-    return _material(dice, textures, families, colors, dice(0.4, 2.0))
+    hue, saturation, values = rng(0.19, 0.35), rng(0.3, 0.75), (rng(0.05, 0.3), rng(0.5, 0.9))
+    colors = ramp(rng, hue, saturation, values, 0.04)
+    families = (rng.pick(("blades", "leaves")), "rough")
+    return _material(rng, textures, families, colors, rng(0.4, 2.0))
 
 
-def soil(dice: Dice, textures: Textures) -> Material:
+def soil(rng: RandomStream, textures: Textures) -> Material:
     """Earth, sand, bark chips, dry leaves."""
-    hue, saturation, values = dice(0.02, 0.14), dice(0.1, 0.55), (dice(0.1, 0.35), dice(0.4, 0.9))
-    colors = ramp(dice, hue, saturation, values)
-    families = (dice.pick(("cells", "leaves", "rough", "speckle")), dice.pick(("rough", "blades")))
-    return _material(dice, textures, families, colors, dice(0.5, 2.0))
+    hue, saturation, values = rng(0.02, 0.14), rng(0.1, 0.55), (rng(0.1, 0.35), rng(0.4, 0.9))
+    colors = ramp(rng, hue, saturation, values)
+    families = (rng.pick(("cells", "leaves", "rough", "speckle")), rng.pick(("rough", "blades")))
+    return _material(rng, textures, families, colors, rng(0.5, 2.0))
 
 
-def stone(dice: Dice, textures: Textures) -> Material:
+def stone(rng: RandomStream, textures: Textures) -> Material:
     """Asphalt, gravel, concrete, rock."""
-    hue, saturation, values = dice(), dice(0.0, 0.15), (dice(0.1, 0.5), dice(0.5, 0.95))
-    colors = ramp(dice, hue, saturation, values, 0.1)
-    first = dice.pick(("speckle", "cells", "cracks", "rough"))
-    families = (first, dice.pick(("rough", "cloud", "cracks")))
-    return _material(dice, textures, families, colors, dice(0.3, 2.0), specular=dice(0, 0.15))
+    hue, saturation, values = rng(), rng(0.0, 0.15), (rng(0.1, 0.5), rng(0.5, 0.95))
+    colors = ramp(rng, hue, saturation, values, 0.1)
+    first = rng.pick(("speckle", "cells", "cracks", "rough"))
+    families = (first, rng.pick(("rough", "cloud", "cracks")))
+    return _material(rng, textures, families, colors, rng(0.3, 2.0), specular=rng(0, 0.15))
 
 
-def laid(dice: Dice, textures: Textures) -> Material:
+def laid(rng: RandomStream, textures: Textures) -> Material:
     """Tiles, planks, bricks, carpets."""
-    hue = dice(0.0, 0.15) if dice.chance(0.7) else dice()
-    colors = ramp(dice, hue, dice(0.0, 0.6), (dice(0.1, 0.4), dice(0.5, 0.95)))
-    first = dice.pick(("masonry", "masonry", "wood", "print"))
-    families = (first, dice.pick(("rough", "wood", "cloud")))
-    repeats, fixed = dice(0.2, 0.8), {"share": dice(0.1, 0.4), "specular": dice(0, 0.4)}
-    return _material(dice, textures, families, colors, repeats, **fixed)
+    hue = rng(0.0, 0.15) if rng.chance(0.7) else rng()
+    colors = ramp(rng, hue, rng(0.0, 0.6), (rng(0.1, 0.4), rng(0.5, 0.95)))
+    first = rng.pick(("masonry", "masonry", "wood", "print"))
+    families = (first, rng.pick(("rough", "wood", "cloud")))
+    repeats, fixed = rng(0.2, 0.8), {"share": rng(0.1, 0.4), "specular": rng(0, 0.4)}
+    return _material(rng, textures, families, colors, repeats, **fixed)
 
 
-def smooth(dice: Dice, textures: Textures) -> Material:
+def smooth(rng: RandomStream, textures: Textures) -> Material:
     """Paint, paper, plaster, a studio's backdrop."""
-    value = dice(0.15, 0.97)
-    colors = ramp(dice, dice(), dice() ** 2 * 0.9, (value - 0.03, value + 0.03))
-    repeats, fixed = dice(0.2, 0.6), {"drift": dice(0, 0.2), "bump": 0.0, "specular": dice(0, 0.3)}
-    return _material(dice, textures, ("cloud", "rough"), colors, repeats, **fixed)
+    value = rng(0.15, 0.97)
+    colors = ramp(rng, rng(), rng() ** 2 * 0.9, (value - 0.03, value + 0.03))
+    repeats, fixed = rng(0.2, 0.6), {"drift": rng(0, 0.2), "bump": 0.0, "specular": rng(0, 0.3)}
+    return _material(rng, textures, ("cloud", "rough"), colors, repeats, **fixed)
 
 
-def foliage(dice: Dice, textures: Textures) -> Material:
+def foliage(rng: RandomStream, textures: Textures) -> Material:
     """Leaves of trees and bushes, from near or from far."""
-    hue, saturation = dice(0.15, 0.4), dice(0.2, 0.7)
-    colors = ramp(dice, hue, saturation, (dice(0.02, 0.12), dice(0.35, 0.85)), 0.05)
-    families = (dice.pick(("leaves", "leaves", "rough", "blades")), "rough")
-    return _material(dice, textures, families, colors, dice(0.2, 1.0), drift=dice(0.3, 0.9))
+    hue, saturation = rng(0.15, 0.4), rng(0.2, 0.7)
+    colors = ramp(rng, hue, saturation, (rng(0.02, 0.12), rng(0.35, 0.85)), 0.05)
+    families = (rng.pick(("leaves", "leaves", "rough", "blades")), "rough")
+    return _material(rng, textures, families, colors, rng(0.2, 1.0), drift=rng(0.3, 0.9))
 
 
-def bark(dice: Dice, textures: Textures) -> Material:
+def bark(rng: RandomStream, textures: Textures) -> Material:
     """Trunks, and woods seen from far."""
-    hue, saturation, values = dice(0.02, 0.1), dice(0.1, 0.5), (dice(0.03, 0.15), dice(0.3, 0.6))
-    colors = ramp(dice, hue, saturation, values)
-    return _material(dice, textures, ("cracks", "blades"), colors, dice(0.5, 1.5), drift=0.6)
+    hue, saturation, values = rng(0.02, 0.1), rng(0.1, 0.5), (rng(0.03, 0.15), rng(0.3, 0.6))
+    colors = ramp(rng, hue, saturation, values)
+    return _material(rng, textures, ("cracks", "blades"), colors, rng(0.5, 1.5), drift=0.6)
 
 
 GROUNDS: tuple[Maker, ...] = (grass, grass, soil, soil, stone, stone, laid)
@@ -106,55 +106,55 @@ WALLS: tuple[Maker, ...] = (laid, smooth, stone)
 VEGETATION: tuple[Maker, ...] = (foliage, foliage, foliage, bark, grass)
 
 
-def anything(dice: Dice, textures: Textures) -> Material:
+def anything(rng: RandomStream, textures: Textures) -> Material:
     """A subject's material: any colours, any pattern."""
-    style = dice.whole(0, 9)
-    specular, shininess = dice() ** 2, 2 ** dice(2, 7)
+    style = rng.integer(0, 9)
+    specular, shininess = rng() ** 2, 2 ** rng(2, 7)
     if style <= 3:
-        material = _mineral(dice, textures)._replace(specular=0.5 * specular)
+        material = _mineral(rng, textures)._replace(specular=0.5 * specular)
     elif style <= 6:
-        material = _painted(dice, textures)._replace(specular=specular)
+        material = _painted(rng, textures)._replace(specular=specular)
     elif style <= 8:
-        material = _patterned(dice, textures)._replace(specular=specular)
+        material = _patterned(rng, textures)._replace(specular=specular)
     else:
-        return dice.pick((grass, foliage, bark, soil))(dice, textures)
+        return rng.pick((grass, foliage, bark, soil))(rng, textures)
     return material._replace(shininess=shininess)
 
 
-def _mineral(dice: Dice, textures: Textures) -> Material:
+def _mineral(rng: RandomStream, textures: Textures) -> Material:
     """Stone and metal: grey or one hue, speckled."""
-    colors = ramp(dice, dice(), dice() ** 2 * 0.6, (dice(0.1, 0.6), dice(0.45, 0.95)))
-    first = dice.pick(("speckle", "rough", "cracks", "cells"))
-    families = (first, dice.pick(("cloud", "rough", "speckle")))
-    return _material(dice, textures, families, colors, dice(0.4, 2.5))
+    colors = ramp(rng, rng(), rng() ** 2 * 0.6, (rng(0.1, 0.6), rng(0.45, 0.95)))
+    first = rng.pick(("speckle", "rough", "cracks", "cells"))
+    families = (first, rng.pick(("cloud", "rough", "speckle")))
+    return _material(rng, textures, families, colors, rng(0.4, 2.5))
 
 
-def _painted(dice: Dice, textures: Textures) -> Material:
+def _painted(rng: RandomStream, textures: Textures) -> Material:
     """One colour, nearly plain."""
-    value = dice(0.2, 0.95)
-    colors = ramp(dice, dice(), dice(0, 1), (value - dice(0, 0.15), value + dice(0, 0.1)))
-    repeats, fixed = dice(0.3, 1.5), {"drift": dice(0, 0.3), "bump": dice(0, 0.2)}
-    return _material(dice, textures, ("cloud", "rough"), colors, repeats, **fixed)
+    value = rng(0.2, 0.95)
+    colors = ramp(rng, rng(), rng(0, 1), (value - rng(0, 0.15), value + rng(0, 0.1)))
+    repeats, fixed = rng(0.3, 1.5), {"drift": rng(0, 0.3), "bump": rng(0, 0.2)}
+    return _material(rng, textures, ("cloud", "rough"), colors, repeats, **fixed)
 
 
-def _patterned(dice: Dice, textures: Textures) -> Material:
+def _patterned(rng: RandomStream, textures: Textures) -> Material:
     """Two colours in a pattern."""
-    values = (dice(0.1, 0.9), dice(0.1, 0.9))
-    dark, light = (ramp(dice, dice(), dice(0, 1), (value, value + 0.1)) for value in values)
+    values = (rng(0.1, 0.9), rng(0.1, 0.9))
+    dark, light = (ramp(rng, rng(), rng(0, 1), (value, value + 0.1)) for value in values)
     colors = torch.cat((dark[:3], light[2:]))
-    families = (dice.pick(("print", "print", "masonry", "cloud", "cells", "wood")), "rough")
-    repeats, share = dice(0.3, 1.5), dice(0, 0.2)
-    return _material(dice, textures, families, colors, repeats, share=share, bump=0.0)
+    families = (rng.pick(("print", "print", "masonry", "cloud", "cells", "wood")), "rough")
+    repeats, share = rng(0.3, 1.5), rng(0, 0.2)
+    return _material(rng, textures, families, colors, repeats, share=share, bump=0.0)
 
 
-def random_materials(dice: Dice, textures: Textures, studio: bool) -> list[Material]:
+def random_materials(rng: RandomStream, textures: Textures, studio: bool) -> list[Material]:
     """All of a scene's materials but those of its backdrops, by number."""
     grounds = STUDIO_FLOORS if studio else GROUNDS
-    main, *details = (anything(dice, textures) for _ in range(3))
-    around = [dice.pick(grounds)(dice, textures) for _ in (GROUND, PATCH)]
-    around += [stone(dice, textures), foliage(dice, textures), bark(dice, textures)]
-    if dice.chance(0.25):  # all of one make
+    main, *details = (anything(rng, textures) for _ in range(3))
+    around = [rng.pick(grounds)(rng, textures) for _ in (GROUND, PATCH)]
+    around += [stone(rng, textures), foliage(rng, textures), bark(rng, textures)]
+    if rng.chance(0.25):  # all of one make
         details = [main, main]
-    if dice.chance(0.15):  # the subject in the colours of what is around it
-        main = main._replace(ramp=dice.pick(around[:4]).ramp)
+    if rng.chance(0.15):  # the subject in the colours of what is around it
+        main = main._replace(ramp=rng.pick(around[:4]).ramp)
     return [main, *details, *around]

@@ -14,76 +14,76 @@ from jaxtyping import Float, Int
 from scipy.spatial import KDTree
 from torch import Tensor
 
-from train_small.pictures.randomness import Dice
+from train_small.pictures.random_stream import RandomStream
 
 TILE = 256  # texels a side; a power of 2
 
 
-def fractal(dice: Dice, slope: float) -> Float[Tensor, "s s"]:
+def fractal(rng: RandomStream, slope: float) -> Float[Tensor, "s s"]:
     """Noise whose amplitude falls as 1 / frequency^slope."""
-    spectrum = torch.fft.rfft2(_white(dice)) / frequency().clamp_min(1) ** slope
+    spectrum = torch.fft.rfft2(_white(rng)) / frequency().clamp_min(1) ** slope
     spectrum[0, 0] = 0
     return _spread(torch.fft.irfft2(spectrum))
 
 
-def speckle(dice: Dice, sigma: float, sharpness: float) -> Float[Tensor, "s s"]:
+def speckle(rng: RandomStream, sigma: float, sharpness: float) -> Float[Tensor, "s s"]:
     """Grains of `sigma` texels, dark ones rarer than light ones: granite."""
-    noise = _filtered(dice, gaussian(sigma))
+    noise = _filtered(rng, gaussian(sigma))
     return _spread(torch.sigmoid(sharpness * (noise / noise.std() + 0.7)))
 
 
-def blades(dice: Dice) -> Float[Tensor, "s s"]:
+def blades(rng: RandomStream) -> Float[Tensor, "s s"]:
     """Short strokes in several directions, the lightest on top: grass, needles, fur."""
     y, x = torch.fft.fftfreq(TILE)[:, None], torch.fft.rfftfreq(TILE)
     best = torch.full((TILE, TILE), -torch.inf)
     for _ in range(5):
-        angle = dice(-0.7, 0.7)
+        angle = rng(-0.7, 0.7)
         along, across = x * sin(angle) + y * cos(angle), x * cos(angle) - y * sin(angle)
-        stroke = _filtered(dice, (-((30 * along) ** 2) - (4 * across) ** 2).exp())
+        stroke = _filtered(rng, (-((30 * along) ** 2) - (4 * across) ** 2).exp())
         best = torch.maximum(best, stroke / stroke.std())
     return _spread(best)
 
 
-def cells(dice: Dice, count: int) -> Float[Tensor, "s s"]:
+def cells(rng: RandomStream, count: int) -> Float[Tensor, "s s"]:
     """`count` pebbles: a grey of its own each, darker toward the gaps."""
-    first, second, site = _nearest(dice, count)
-    tone = torch.rand((count,), generator=dice.generator)[site]
+    first, second, site = _nearest(rng, count)
+    tone = torch.rand((count,), generator=rng.generator)[site]
     gap = ((second - first) / (0.25 * TILE / sqrt(count))).clamp(0, 1)
     return _spread(tone * gap + 0.3 * gap)
 
 
-def leaves(dice: Dice, count: int) -> Float[Tensor, "s s"]:
+def leaves(rng: RandomStream, count: int) -> Float[Tensor, "s s"]:
     """Foliage: `count` light discs over dark hollows."""
-    first, _, site = _nearest(dice, count)
-    tone = torch.rand((count,), generator=dice.generator)[site]
+    first, _, site = _nearest(rng, count)
+    tone = torch.rand((count,), generator=rng.generator)[site]
     disc = torch.sigmoid(6 * (0.7 - first / (TILE / sqrt(count) * 0.7)))
-    hollow = fractal(dice, 1.4)
-    return _spread(tone * disc + dice(0.3, 1.2) * hollow)
+    hollow = fractal(rng, 1.4)
+    return _spread(tone * disc + rng(0.3, 1.2) * hollow)
 
 
-def cracks(dice: Dice, slope: float) -> Float[Tensor, "s s"]:
+def cracks(rng: RandomStream, slope: float) -> Float[Tensor, "s s"]:
     """Thin dark lines through soft noise, the zeros of fractal noise of that slope: rock, bark."""
-    ridge = (fractal(dice, slope) - 0.5).abs()
-    return _spread((ridge / 0.05).clamp(0, 1) + 1.5 * fractal(dice, 1.2), 0.2)
+    ridge = (fractal(rng, slope) - 0.5).abs()
+    return _spread((ridge / 0.05).clamp(0, 1) + 1.5 * fractal(rng, 1.2), 0.2)
 
 
-def masonry(dice: Dice, rows: int, columns: int) -> Float[Tensor, "s s"]:
+def masonry(rng: RandomStream, rows: int, columns: int) -> Float[Tensor, "s s"]:
     """Bricks, slabs or planks with joints, a tone each: so many rows and columns a tile."""
     y, x = torch.meshgrid(torch.arange(TILE) / TILE, torch.arange(TILE) / TILE, indexing="ij")
     row = (y * rows).floor()
     shifted = x * columns + 0.5 * (row % 2)
     brick = (shifted.floor() % columns + columns * row).long()
-    tone = torch.tensor([dice() for _ in range(rows * columns)])[brick]
+    tone = torch.tensor([rng() for _ in range(rows * columns)])[brick]
     joint = torch.minimum(_to_edge(y * rows) / rows, _to_edge(shifted) / columns) * TILE
     return (0.35 + 0.5 * tone) * (0.4 + 0.6 * (joint / 2).clamp(0, 1))
 
 
-def wood(dice: Dice) -> Float[Tensor, "s s"]:
+def wood(rng: RandomStream) -> Float[Tensor, "s s"]:
     """Warped fine lines."""
     x = torch.arange(TILE) / TILE
-    warp = fractal(dice, 2.2)
-    rings = (2 * pi * (dice.whole(8, 20) * x + 2.5 * warp)).sin()
-    return 0.5 + 0.35 * rings * fractal(dice, 1.2)
+    warp = fractal(rng, 2.2)
+    rings = (2 * pi * (rng.integer(8, 20) * x + 2.5 * warp)).sin()
+    return 0.5 + 0.35 * rings * fractal(rng, 1.2)
 
 
 def lines(count: int) -> Float[Tensor, "s s"]:
@@ -114,12 +114,12 @@ def gaussian(sigma: float) -> Float[Tensor, "s f"]:
     return (-2 * (pi * (sigma / TILE) * frequency()) ** 2).exp()
 
 
-def _white(dice: Dice) -> Float[Tensor, "s s"]:
-    return torch.randn((TILE, TILE), generator=dice.generator)
+def _white(rng: RandomStream) -> Float[Tensor, "s s"]:
+    return torch.randn((TILE, TILE), generator=rng.generator)
 
 
-def _filtered(dice: Dice, transfer: Float[Tensor, "s f"]) -> Float[Tensor, "s s"]:
-    return torch.fft.irfft2(torch.fft.rfft2(_white(dice)) * transfer)
+def _filtered(rng: RandomStream, transfer: Float[Tensor, "s f"]) -> Float[Tensor, "s s"]:
+    return torch.fft.irfft2(torch.fft.rfft2(_white(rng)) * transfer)
 
 
 def _spread(tile: Float[Tensor, "s s"], spread: float = 0.25) -> Float[Tensor, "s s"]:
@@ -128,10 +128,10 @@ def _spread(tile: Float[Tensor, "s s"], spread: float = 0.25) -> Float[Tensor, "
 
 
 def _nearest(
-    dice: Dice, count: int
+    rng: RandomStream, count: int
 ) -> tuple[Float[Tensor, "s s"], Float[Tensor, "s s"], Int[Tensor, "s s"]]:
     """Of every texel the distances (texels) to the two nearest of random sites, and whose it is."""
-    random = torch.rand((count, 2), generator=dice.generator, dtype=torch.float64)
+    random = torch.rand((count, 2), generator=rng.generator, dtype=torch.float64)
     grid = np.indices((TILE, TILE)).reshape(2, -1).T
     distance, site = KDTree((random * TILE).numpy(), boxsize=TILE).query(grid, k=2)
     first, second = torch.from_numpy(distance).float().reshape(TILE, TILE, 2).unbind(-1)

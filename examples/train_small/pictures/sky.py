@@ -9,7 +9,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from train_small.pictures.colors import color
-from train_small.pictures.randomness import Dice
+from train_small.pictures.random_stream import RandomStream
 from train_small.pictures.textures import Textures
 from train_small.pictures.vectors import normalized
 
@@ -26,19 +26,19 @@ class Sky(NamedTuple):
     """Of the clouds."""
 
 
-def random_sky(dice: Dice, textures: Textures, studio: bool) -> Sky:
+def random_sky(rng: RandomStream, textures: Textures, studio: bool) -> Sky:
     """Blue more often than not outdoors, else of any two colours."""
-    if dice.chance(0.65) and not studio:
-        low = color(dice(0.52, 0.62), dice(0.0, 0.35), dice(0.75, 1.0))
-        high = color(dice(0.55, 0.63), dice(0.2, 0.7), dice(0.5, 0.95))
+    if rng.chance(0.65) and not studio:
+        low = color(rng(0.52, 0.62), rng(0.0, 0.35), rng(0.75, 1.0))
+        high = color(rng(0.55, 0.63), rng(0.2, 0.7), rng(0.5, 0.95))
     else:
-        low, high = (color(dice(), dice() ** 2, dice(0.1, 1.0)) for _ in range(2))
+        low, high = (color(rng(), rng() ** 2, rng(0.1, 1.0)) for _ in range(2))
     return Sky(
         low=torch.tensor(low),
         high=torch.tensor(high),
-        cloud=torch.full((3,), dice(0.6, 1.3)),
-        cover=dice(-0.5, 1.2),
-        texture=textures.pick("cloud", dice),
+        cloud=torch.full((3,), rng(0.6, 1.3)),
+        cover=rng(-0.5, 1.2),
+        texture=textures.pick("cloud", rng),
     )
 
 

@@ -10,22 +10,22 @@ from torch import Tensor
 
 from train_small.pictures import patterns
 from train_small.pictures.patterns import TILE
-from train_small.pictures.randomness import Dice
+from train_small.pictures.random_stream import RandomStream
 
 LEVELS = 6  # of blur: each twice as wide as the one before
 
 
 class Textures(NamedTuple):
-    """`n` grey patterns of TILE^2 texels, known by number, each in `l` = LEVELS of blur."""
+    """`n` grey patterns of TILE^2 texels, addressed by number, each in `l` = LEVELS of blur."""
 
     texels: Float[Tensor, " t"]
     """In [0, 1], flat: `n l s s`, by texture, level, row and column."""
     families: dict[str, tuple[int, ...]]
     """The numbers of patterns of one make."""
 
-    def pick(self, family: str, dice: Dice) -> int:
+    def pick(self, family: str, rng: RandomStream) -> int:
         """The number of one of a family."""
-        return dice.pick(self.families[family])
+        return rng.pick(self.families[family])
 
     def sample(
         self, texture: int, uv: Float[Tensor, "2 m"], level: Int[Tensor, " m"] | int = 0
@@ -41,18 +41,18 @@ def level_of(footprint: Float[Tensor, " m"]) -> Int[Tensor, " m"]:
     return footprint.clamp(1, 2 ** (LEVELS - 1)).log2().round().long()
 
 
-def random_textures(dice: Dice) -> Textures:
+def random_textures(rng: RandomStream) -> Textures:
     """A bank with some of every family."""
     made = {
-        "cloud": [patterns.fractal(dice, dice(1.3, 2.0)) for _ in range(4)],
-        "rough": [patterns.fractal(dice, dice(0.5, 1.1)) for _ in range(4)],
-        "speckle": [patterns.speckle(dice, dice(0.6, 1.6), dice(0.8, 3.0)) for _ in range(4)],
-        "blades": [patterns.blades(dice) for _ in range(3)],
-        "leaves": [patterns.leaves(dice, count) for count in (150, 400, 900, 2000)],
-        "cells": [patterns.cells(dice, count) for count in (60, 250, 900, 2500)],
-        "cracks": [patterns.cracks(dice, dice(1.2, 1.8)) for _ in range(3)],
-        "masonry": [patterns.masonry(dice, *laid) for laid in ((16, 8), (8, 8), (8, 1), (12, 4))],
-        "wood": [patterns.wood(dice) for _ in range(2)],
+        "cloud": [patterns.fractal(rng, rng(1.3, 2.0)) for _ in range(4)],
+        "rough": [patterns.fractal(rng, rng(0.5, 1.1)) for _ in range(4)],
+        "speckle": [patterns.speckle(rng, rng(0.6, 1.6), rng(0.8, 3.0)) for _ in range(4)],
+        "blades": [patterns.blades(rng) for _ in range(3)],
+        "leaves": [patterns.leaves(rng, count) for count in (150, 400, 900, 2000)],
+        "cells": [patterns.cells(rng, count) for count in (60, 250, 900, 2500)],
+        "cracks": [patterns.cracks(rng, rng(1.2, 1.8)) for _ in range(3)],
+        "masonry": [patterns.masonry(rng, *laid) for laid in ((16, 8), (8, 8), (8, 1), (12, 4))],
+        "wood": [patterns.wood(rng) for _ in range(2)],
         "print": [patterns.checks(8), patterns.lines(8), patterns.lines(16), patterns.dots(8)],
     }
     families, stack = {}, []

@@ -51,7 +51,7 @@ def schedule() -> Schedule:
     Neighbouring pixels and cells are alike: their mean is visible through noise that hides each of
     them, the more so the larger the image (Hoogeboom et al. 2023, section 2.1). The default 20
     steps start at sigma 37, where a render's mean colour is still visible; the training accounts
-    for that (see train_small.training.noisy_targets).
+    for that (see train_small.loss.noisy_targets).
     """
     t = torch.arange(1, STEPS + 1, dtype=torch.float64) / (STEPS + 1)
     return Schedule(1 / (1 + sigma_at(t) ** 2))

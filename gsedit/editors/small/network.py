@@ -36,7 +36,7 @@ from gsedit.views.padding import pad_to_multiple
 CELL = 4
 CHANNELS = 3 * CELL * CELL
 PRIOR_STD = 0.15  # of values in [-1, 1]: about the error of the network's mean where it is unsure
-TRAINED_SIGMAS = (0.02, 360.0)  # the range of sigma in train_small.training
+TRAINED_SIGMAS = (0.02, 360.0)  # the range of sigma in train_small.loss
 INPUT_NOISE_SCALE = 4.0  # the denoiser's input x_t is divided by 1 + sigma / INPUT_NOISE_SCALE
 GEOMETRY_CHANNELS = 3  # of every pixel: subject, depth, height of the normal
 FREQUENCIES = 16  # of the noise level's embedding

@@ -1,4 +1,4 @@
-"""What a camera makes of light: defocus, exposure, white balance, haze, a tone curve, noise."""
+"""The response of a random camera: defocus, exposure, white balance, haze, a tone curve, noise."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from jaxtyping import Float
 from kornia.filters import gaussian_blur2d
 from torch import Tensor
 
-from train_small.pictures.randomness import Dice
+from train_small.pictures.random_stream import RandomStream
 
 
-def developed(
-    rgb: Float[Tensor, "h w 3"], subject: Float[Tensor, "h w 1"], dice: Dice
+def camera_response(
+    rgb: Float[Tensor, "h w 3"], subject: Float[Tensor, "h w 1"], rng: RandomStream
 ) -> Float[Tensor, "h w 3"]:
     """sRGB in [0, 1] of linear rgb; defocus, if any, spares the subject (a share in [0, 1])."""
-    if dice.chance(0.3):
-        rgb = _defocused(rgb, subject, dice(0.5, 4.0) * len(rgb) / 128)
+    if rng.chance(0.3):
+        rgb = _defocused(rgb, subject, rng(0.5, 4.0) * len(rgb) / 128)
     middle = rgb.mean(-1).flatten().median().clamp_min(0.02)
-    exposed = rgb * (dice(0.14, 0.6) / middle) ** dice(0.5, 1.0)
-    balanced = exposed * torch.tensor([dice(0.9, 1.11) for _ in range(3)])
-    hazy = balanced + dice(0, 0.04) ** 1.5
-    shown = (hazy / (1 + 0.25 * hazy)).clamp_min(1e-4) ** (1 / dice(1.9, 2.5))
-    noise = torch.randn(rgb.shape, generator=dice.generator)
-    return (shown + dice(0, 0.17) ** 2 * noise).clamp(0, 1)
+    exposed = rgb * (rng(0.14, 0.6) / middle) ** rng(0.5, 1.0)
+    balanced = exposed * torch.tensor([rng(0.9, 1.11) for _ in range(3)])
+    hazy = balanced + rng(0, 0.04) ** 1.5
+    shown = (hazy / (1 + 0.25 * hazy)).clamp_min(1e-4) ** (1 / rng(1.9, 2.5))
+    noise = torch.randn(rgb.shape, generator=rng.generator)
+    return (shown + rng(0, 0.17) ** 2 * noise).clamp(0, 1)
 
 
 def _defocused(

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from train_small.pictures.backdrops import backdrop_depth
 from train_small.pictures.intersect import first_solid
-from train_small.pictures.light import Received, reflected, sky_share, sun_share
+from train_small.pictures.lighting import Received, reflected, sky_share, sun_share
 from train_small.pictures.materials import albedo
 from train_small.pictures.palette import BACKDROP, GROUND
 from train_small.pictures.sky import sky_color
@@ -25,7 +25,7 @@ ON_GROUND, ON_BACKDROP = 1000, 2000  # what a ray meets if no solid: backdrop i 
 NOTHING = -1
 
 
-class Picture(NamedTuple):
+class RaySamples(NamedTuple):
     """What `m` rays see, row by row."""
 
     rgb: Float[Tensor, "m 3"]
@@ -51,25 +51,25 @@ class Hits(NamedTuple):
     """In the sky the camera's origin."""
 
 
-def shoot(stage: Stage, textures: Textures, size: int) -> Picture:
-    """What size^2 rays see; `size` is even."""
+def ray_cast(stage: Stage, textures: Textures, size: int) -> RaySamples:
+    """What size^2 rays see, row by row; `size` is even."""
     strips = stage.camera.rays(size).split(STRIP * size, -1)
-    shot = [_shoot_rows(stage, textures, xy, size) for xy in strips]
-    return Picture(*(torch.cat(column) for column in zip(*shot)))
+    parts = [_cast_rows(stage, textures, xy, size) for xy in strips]
+    return RaySamples(*(torch.cat(column) for column in zip(*parts)))
 
 
-def _shoot_rows(stage: Stage, textures: Textures, xy: Float[Tensor, "2 m"], size: int) -> Picture:
+def _cast_rows(stage: Stage, textures: Textures, xy: Float[Tensor, "2 m"], size: int) -> RaySamples:
     """What some rows of `size` rays see."""
-    hits = cast(stage, textures, xy)
+    hits = first_hits(stage, textures, xy)
     normals = _normals(stage, hits)
     subject = torch.zeros_like(hits.depth)
     on_solid = _on_solid(hits)
     subject[on_solid] = stage.solids.subject[hits.what[on_solid]].float()
     depth = (hits.depth / stage.camera.distance).clamp_max(FAR)
-    return Picture(_colors(stage, textures, hits, normals, size), depth, normals, subject)
+    return RaySamples(_colors(stage, textures, hits, normals, size), depth, normals, subject)
 
 
-def cast(stage: Stage, textures: Textures, xy: Float[Tensor, "2 m"]) -> Hits:
+def first_hits(stage: Stage, textures: Textures, xy: Float[Tensor, "2 m"]) -> Hits:
     """What every ray meets first; `xy` is where it goes at unit depth, in the camera's axes."""
     camera = stage.camera
     directions = camera.directions(xy)
@@ -77,11 +77,11 @@ def cast(stage: Stage, textures: Textures, xy: Float[Tensor, "2 m"]) -> Hits:
     ground = ground.masked_fill(directions[2] > -1e-4, torch.inf)  # the horizon
     depth = torch.full_like(ground, torch.inf)
     what = torch.full_like(ground, NOTHING, dtype=torch.long)
-    found: list[tuple[Tensor, Tensor | int]] = [(ground, ON_GROUND)]
+    candidates: list[tuple[Tensor, Tensor | int]] = [(ground, ON_GROUND)]
     for i, backdrop in enumerate(stage.backdrops):
-        found.append((backdrop_depth(backdrop, textures, camera, directions), ON_BACKDROP + i))
-    found.append(first_solid(stage.solids, camera, xy))
-    for other, name in found:
+        candidates.append((backdrop_depth(backdrop, textures, camera, directions), ON_BACKDROP + i))
+    candidates.append(first_solid(stage.solids, camera, xy))
+    for other, name in candidates:
         what = torch.where(other < depth, name, what)
         depth = torch.where(other < depth, other, depth)
     points = camera.origin[:, None] + depth.nan_to_num(posinf=0.0) * directions
@@ -123,8 +123,8 @@ def _colors(
         color, height = albedo(
             material, textures, surface_uv(hits.points[rows], normal), footprint[rows]
         )
-        light = Received(*(share[rows] for share in received))
-        rgb[rows] = reflected(material, stage.light, color, height, normal, view, light)
+        shares = Received(*(share[rows] for share in received))
+        rgb[rows] = reflected(material, stage.lighting, color, height, normal, view, shares)
     return rgb
 
 
@@ -151,13 +151,13 @@ def _received(
     coarse, upright = (
         grid.reshape(-1, size, 3)[::2, ::2].reshape(-1, 3) for grid in (points, normals)
     )
-    light, solids = stage.light, stage.solids
-    sun = sun_share(solids, coarse + 0.01 * upright, light.toward)
-    if light.dapple:
-        height = coarse[:, 2:] / light.toward[2].clamp_min(0.3)
-        foot = coarse[:, :2] - height * light.toward[:2]  # where the sun would meet the ground
+    lighting, solids = stage.lighting, stage.solids
+    sun = sun_share(solids, coarse + 0.01 * upright, lighting.toward)
+    if lighting.dapple:
+        height = coarse[:, 2:] / lighting.toward[2].clamp_min(0.3)
+        foot = coarse[:, :2] - height * lighting.toward[:2]  # where the sun would meet the ground
         leaves = textures.sample(stage.sky.texture, foot.T * 0.35)
-        sun = sun * (1 - light.dapple * ((leaves - 0.45) * 8).clamp(0, 1))
+        sun = sun * (1 - lighting.dapple * ((leaves - 0.45) * 8).clamp(0, 1))
     pair = torch.stack((sun, sky_share(solids, coarse, upright))).reshape(1, 2, -1, size // 2)
     fine = torch.nn.functional.interpolate(pair, scale_factor=2, mode="bilinear")
     return Received(*fine.reshape(2, -1))

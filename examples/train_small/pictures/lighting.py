@@ -1,4 +1,4 @@
-"""The light of sun and sky: how much of either reaches a point, and the colour that leaves it."""
+"""Lighting by sun and sky: how much of either reaches a point, and the colour it reflects."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from torch import Tensor
 
 from train_small.pictures.intersect import box_depth
 from train_small.pictures.materials import Material
-from train_small.pictures.randomness import Dice
+from train_small.pictures.random_stream import RandomStream
 from train_small.pictures.solids import BOX, Solids
 from train_small.pictures.vectors import direction, normalized
 
 PENUMBRA = 0.15  # of a ball's radius: how soft the shadows of round things are
 
 
-class Light(NamedTuple):
+class Lighting(NamedTuple):
     """A sun and a sky; linear rgb."""
 
     toward: Float[Tensor, "3"]
@@ -26,7 +26,7 @@ class Light(NamedTuple):
     sun: Float[Tensor, "3"]
     sky: Float[Tensor, "3"]
     dapple: float
-    """How much of the sun leaves hold up, in spots: a share in [0, 1]."""
+    """How much of the sun is blocked by leaves, in spots: a share in [0, 1]."""
 
 
 class Received(NamedTuple):
@@ -36,17 +36,17 @@ class Received(NamedTuple):
     sky: Float[Tensor, " m"]
 
 
-def random_light(dice: Dice) -> Light:
+def random_lighting(rng: RandomStream) -> Lighting:
     """A sun high or low, bright or behind clouds, warm or cold."""
-    azimuth, elevation = dice(0, 2 * pi), radians(dice(15, 85))
-    overcast = dice.chance(0.3)
-    strength = dice(0.05, 0.4) if overcast else dice(0.6, 1.6)
-    warm = dice(-0.12, 0.2)
-    return Light(
+    azimuth, elevation = rng(0, 2 * pi), radians(rng(15, 85))
+    overcast = rng.chance(0.3)
+    strength = rng(0.05, 0.4) if overcast else rng(0.6, 1.6)
+    warm = rng(-0.12, 0.2)
+    return Lighting(
         toward=torch.tensor(direction(azimuth, elevation)),
         sun=strength * torch.tensor((1 + warm, 1.0, 1 - 1.2 * warm)),
-        sky=dice(0.25, 0.7) * torch.tensor((1 - dice(-0.05, 0.15), 1.0, 1 + dice(-0.05, 0.25))),
-        dapple=dice(0.4, 1.0) if dice.chance(0.3) else 0.0,
+        sky=rng(0.25, 0.7) * torch.tensor((1 - rng(-0.05, 0.15), 1.0, 1 + rng(-0.05, 0.25))),
+        dapple=rng(0.4, 1.0) if rng.chance(0.3) else 0.0,
     )
 
 
@@ -81,7 +81,7 @@ def sky_share(
 
 def reflected(
     material: Material,
-    light: Light,
+    lighting: Lighting,
     color: Float[Tensor, "m 3"],
     height: Float[Tensor, " m"],
     normals: Float[Tensor, "m 3"],
@@ -93,11 +93,11 @@ def reflected(
     `height` is the texture's, in [0, 1]; `directions` are those of the rays that see the points.
     """
     bump = material.bump * (height - 0.5)
-    direct = (normals @ light.toward + bump).clamp_min(0) * received.sun
+    direct = (normals @ lighting.toward + bump).clamp_min(0) * received.sun
     ambient = (0.55 + 0.45 * normals[:, 2]) * received.sky * (1 + bump)
-    lit = color * (direct[:, None] * light.sun + ambient[:, None] * light.sky)
+    lit = color * (direct[:, None] * lighting.sun + ambient[:, None] * lighting.sky)
     if not material.specular:
         return lit
-    half = normalized(light.toward - normalized(directions, dim=-1), dim=-1)
+    half = normalized(lighting.toward - normalized(directions, dim=-1), dim=-1)
     highlight = (normals * half).sum(-1).clamp_min(0) ** material.shininess
-    return lit + (highlight * received.sun * material.specular)[:, None] * light.sun
+    return lit + (highlight * received.sun * material.specular)[:, None] * lighting.sun

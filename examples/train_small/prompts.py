@@ -1,7 +1,7 @@
-"""Sentences that ask for a look: those to train with, and others to test with.
+"""Prompts that ask for a look: those of the training, and others held out for evaluation.
 
-Sentences for training and held-out sentences take different wordings and frames (and nouns, of a
-subject's look), so they never meet.
+Training prompts and held-out prompts use different wordings and frames (and nouns, for a subject's
+look), so no prompt is in both sets.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from functools import lru_cache
 import torch
 
 from gsedit.editors.small.text import MAX_WORDS, words_of
-from train_small.target_edits import TRUTHS
+from train_small.target_edits import TARGET_EDITS
 from train_small.wordings import WORDINGS
 
-LONGEST = 18  # words of a sentence
-HELD_OUT_PAIRS = 5  # one pair in so many is never trained
-LOST, REPLACED = 0.15, 0.4  # of a garbled sentence's words
+LONGEST = 18  # words of a prompt
+HELD_OUT_PAIRS = 5  # one pair of looks in so many is never trained
+DROPPED, REPLACED = 0.15, 0.4  # shares of an augmented prompt's words that name no look
 SYLLABLE = (
     ("b", "c", "d", "f", "g", "h", "l", "m", "n", "p", "r", "s", "t", "v", "w", "st", "th", "br"),
     ("a", "e", "i", "o", "u", "ea", "ou"),
@@ -30,36 +30,37 @@ SYLLABLE = (
 PHRASES: dict[str, tuple[str, ...]] = {
     name: wording.fragments() for name, wording in WORDINGS.items()
 }
-"""Per look the fragments that training sentences are built of."""
+"""By name of the look: the phrases that training prompts are built of."""
 
-COMMON = 3
-"""A word that is said of more looks than this does not tell which one is meant."""
-IDLE = frozenset(
+MAX_LOOKS = 3
+"""A word in the phrases of more looks than this does not name a look."""
+FILLER_WORDS = frozenset(
     (
         *("after", "age", "all", "among", "and", "at", "bit", "by", "down", "during", "fill"),
         *("have", "increase", "into", "is", "more", "move", "much", "over", "put", "raise", "s"),
         *("seen", "show", "take", "to", "under", "up", "without"),
     )
 )
-"""Words that are said of few looks and mean none of them."""
-VAGUE = frozenset(("bright", "dark", "light", "color", "colors", "colour", "colours"))
-"""Words that are said of many looks and still mean something."""
+"""Words in the phrases of few looks that name none of them."""
+AMBIGUOUS_WORDS = frozenset(("bright", "dark", "light", "color", "colors", "colour", "colours"))
+"""Words in the phrases of many looks that still have a meaning for them."""
 
 
 @lru_cache(maxsize=1)
-def telling_words() -> frozenset[str]:
-    """Words that name a look, or a few: what an instruction should have one of."""
-    return frozenset(word for word, looks in _said().items() if looks <= COMMON) - IDLE
+def look_words() -> frozenset[str]:
+    """Words that name a look, or a few: an instruction should have at least one of them."""
+    counts = _look_counts()
+    return frozenset(word for word, looks in counts.items() if looks <= MAX_LOOKS) - FILLER_WORDS
 
 
 @lru_cache(maxsize=1)
-def _idle_words() -> tuple[str, ...]:
-    """Words of the sentences that do not tell which look is meant."""
-    return tuple(sorted(_said().keys() - telling_words() - VAGUE))
+def _distractors() -> tuple[str, ...]:
+    """Words of the phrases that name no look."""
+    return tuple(sorted(_look_counts().keys() - look_words() - AMBIGUOUS_WORDS))
 
 
-def _said() -> Counter[str]:
-    """Every word of the fragments and of the looks' names: of how many looks it is said."""
+def _look_counts() -> Counter[str]:
+    """In how many looks' phrases or names each word is."""
     words = ({*words_of(" ".join(PHRASES[name])), *words_of(name)} for name in PHRASES)
     return Counter(itertools.chain.from_iterable(words))
 
@@ -85,11 +86,11 @@ STATE_FRAMES = (
 )
 CHANGE_FRAMES = ("make {it} {look}", "can you make {it} {look}", "I want you to make {it} {look}")
 ORDER_FRAMES = ("{look}", "{look}", "{look}", "you should {look}", "now {look}")
-HELD_THING_FRAMES = ("could this become {look}", "imagine that {it} is {look}")
-HELD_STATE_FRAMES = ("imagine {it} {look}", "how would {it} look {look}")
-HELD_ORDER_FRAMES = ("would you kindly {look}", "go ahead and {look}")
+HELD_OUT_THING_FRAMES = ("could this become {look}", "imagine that {it} is {look}")
+HELD_OUT_STATE_FRAMES = ("imagine {it} {look}", "how would {it} look {look}")
+HELD_OUT_ORDER_FRAMES = ("would you kindly {look}", "go ahead and {look}")
 
-COURTESIES = ("please {ask}", "{ask} please", "{ask}, please")
+COURTESIES = ("please {clause}", "{clause} please", "{clause}, please")
 ENDS = ("", "", "", ".", "!")
 
 
@@ -100,38 +101,40 @@ def held_out_pair(first: str, second: str) -> bool:
 
 
 def training_prompt(names: Sequence[str], generator: torch.Generator) -> str:
-    """A random sentence that asks for one or two looks."""
-    ordered = sorted(names, key=lambda name: TRUTHS[name].scope == "scene")
+    """A random prompt for one or two looks, of at most LONGEST words."""
+    ordered = sorted(names, key=lambda name: TARGET_EDITS[name].scope == "scene")
     while True:
-        asks = _pair(ordered, generator) if len(ordered) == 2 else _single(ordered[0], generator)
-        sentence = _finished(asks, generator)
-        if len(sentence.split()) <= LONGEST:
-            return sentence
+        clause = _pair(ordered, generator) if len(ordered) == 2 else _single(ordered[0], generator)
+        prompt = _punctuated(clause, generator)
+        if len(prompt.split()) <= LONGEST:
+            return prompt
 
 
-def garbled(sentence: str, generator: torch.Generator, borrowed: float = 0.0) -> str:
-    """The same look asked for in a stranger's words: of those that do not tell which one it is,
-    some are replaced and some left out, and more are put in between. The strange ones are nonsense,
-    or by a share `borrowed` from the sentences of any look: else "all", which only black and white
-    happens to be asked for with, would mean that. Without a word that tells it stays as it is."""
-    if not telling_words().intersection(words_of(sentence)):
-        return sentence
-    said = list[str]()
-    for word in sentence.split():
+def augmented(prompt: str, generator: torch.Generator, distractors: float = 0.0) -> str:
+    """The prompt with words inserted, and with words that name no look replaced or dropped.
+
+    New words are nonsense, or by a share `distractors` words of any look's prompts that name no
+    look: else "all", which is only in prompts for black and white, would come to mean that look. A
+    prompt without any look word is returned as it is.
+    """
+    if not look_words().intersection(words_of(prompt)):
+        return prompt
+    words = list[str]()
+    for word in prompt.split():
         if _number(8, generator) == 0:
-            said.append(_strange(generator, borrowed))
-        if telling_words().intersection(words_of(word)):
-            said.append(word)
+            words.append(_new_word(generator, distractors))
+        if look_words().intersection(words_of(word)):
+            words.append(word)
             continue
-        fate = float(torch.rand((), generator=generator))
-        if fate >= LOST:
-            said.append(_strange(generator, borrowed) if fate < LOST + REPLACED else word)
-    return " ".join(said[:MAX_WORDS])
+        u = float(torch.rand((), generator=generator))
+        if u >= DROPPED:
+            words.append(_new_word(generator, distractors) if u < DROPPED + REPLACED else word)
+    return " ".join(words[:MAX_WORDS])
 
 
-def _strange(generator: torch.Generator, borrowed: float) -> str:
-    if borrowed and float(torch.rand((), generator=generator)) < borrowed:
-        return pick(_idle_words(), generator)
+def _new_word(generator: torch.Generator, distractors: float) -> str:
+    if distractors and float(torch.rand((), generator=generator)) < distractors:
+        return pick(_distractors(), generator)
     return _nonsense(generator)
 
 
@@ -140,41 +143,46 @@ def _nonsense(generator: torch.Generator) -> str:
     while True:
         count = 1 + _number(3, generator)
         word = "".join(pick(sounds, generator) for _ in range(count) for sounds in SYLLABLE)
-        if word not in telling_words():
+        if word not in look_words():
             return word
 
 
 def held_out_prompts(names: Sequence[str]) -> tuple[str, ...]:
-    """Sentences that `training_prompt` never says: first those in wordings that it does not know,
-    then known ones in frames that it does not know. A subject's have nouns of their own."""
-    ordered = sorted(names, key=lambda name: TRUTHS[name].scope == "scene")
+    """Prompts that `training_prompt` never returns: first those in held-out wordings, then trained
+    wordings in held-out frames. Those for a subject's look have held-out nouns."""
+    ordered = sorted(names, key=lambda name: TARGET_EDITS[name].scope == "scene")
     singles = [tuple(_held_out_single(name)) for name in ordered]
     if len(singles) == 1:
         return singles[0]
-    states = _held_states(ordered[1])
+    states = _states(ordered[1])
     pairs = itertools.product(singles[0][:4], states[:2])
     return tuple(f"{first}, {second}" for first, second in pairs)
 
 
 def _held_out_single(name: str) -> Iterable[str]:
     wording = WORDINGS[name]
-    nouns = itertools.cycle(HELD_OUT_NOUNS if TRUTHS[name].scope == "subject" else ("it", "this"))
-    for look, frame in zip(wording.held_things, itertools.cycle(HELD_THING_FRAMES)):
+    nouns = itertools.cycle(
+        HELD_OUT_NOUNS if TARGET_EDITS[name].scope == "subject" else ("it", "this")
+    )
+    for look, frame in zip(wording.held_out_things, itertools.cycle(HELD_OUT_THING_FRAMES)):
         yield frame.format(look=look, it=next(nouns))
-    for look, frame in zip(wording.held_states, itertools.cycle(HELD_STATE_FRAMES)):
+    for look, frame in zip(wording.held_out_states, itertools.cycle(HELD_OUT_STATE_FRAMES)):
         yield frame.format(look=look, it=next(nouns))
-    for look, frame in zip(wording.held_orders, itertools.cycle(("{look}", *HELD_ORDER_FRAMES))):
+    for look, frame in zip(
+        wording.held_out_orders, itertools.cycle(("{look}", *HELD_OUT_ORDER_FRAMES))
+    ):
         yield frame.format(look=look.format(it=next(nouns)))
-    yield HELD_STATE_FRAMES[0].format(look=wording.states[0], it=next(nouns))
-    yield HELD_THING_FRAMES[1].format(look=wording.things[0], it=next(nouns))
+    yield HELD_OUT_STATE_FRAMES[0].format(look=wording.states[0], it=next(nouns))
+    yield HELD_OUT_THING_FRAMES[1].format(look=wording.things[0], it=next(nouns))
 
 
-def _held_states(name: str) -> tuple[str, ...]:
-    return (*WORDINGS[name].held_states, *WORDINGS[name].states)
+def _states(name: str) -> tuple[str, ...]:
+    """Held-out ones first."""
+    return (*WORDINGS[name].held_out_states, *WORDINGS[name].states)
 
 
 def _single(name: str, generator: torch.Generator) -> str:
-    """One look's clause, without capitals and courtesy."""
+    """A clause that asks for one look."""
     wording = WORDINGS[name]
     forms = (
         (THING_FRAMES, wording.things),
@@ -189,7 +197,7 @@ def _single(name: str, generator: torch.Generator) -> str:
 
 
 def _pair(names: Sequence[str], generator: torch.Generator) -> str:
-    """Both looks in one sentence; a state of the second mostly trails the first."""
+    """A clause that asks for two looks: mostly the first, followed by a state of the second."""
     first, second = names
     clause = _single(first, generator)
     if _number(4, generator):
@@ -202,21 +210,21 @@ def _pair(names: Sequence[str], generator: torch.Generator) -> str:
 
 
 def _noun(name: str, generator: torch.Generator) -> str:
-    """What the look is asked of: half of the time only "it", more often for a scene's look."""
-    plain = 2 if TRUTHS[name].scope == "subject" else 5
-    return pick(NOUNS, generator) if _number(plain, generator) == 0 else "it"
+    """The noun for the subject: "it" half of the time, and more often for a scene's look."""
+    one_in = 2 if TARGET_EDITS[name].scope == "subject" else 5
+    return pick(NOUNS, generator) if _number(one_in, generator) == 0 else "it"
 
 
-def _finished(ask: str, generator: torch.Generator) -> str:
-    """With or without courtesy, capital and full stop."""
+def _punctuated(clause: str, generator: torch.Generator) -> str:
+    """With or without "please", capitals and final punctuation."""
     if _number(6, generator) == 0:
-        ask = pick(COURTESIES, generator).format(ask=ask)
+        clause = pick(COURTESIES, generator).format(clause=clause)
     style = _number(10, generator)
     if style < 4:
-        ask = ask[0].upper() + ask[1:]
+        clause = clause[0].upper() + clause[1:]
     elif style == 4:
-        ask = ask.upper()
-    return ask + pick(ENDS, generator)
+        clause = clause.upper()
+    return clause + pick(ENDS, generator)
 
 
 def pick(choices: Sequence[str], generator: torch.Generator) -> str:

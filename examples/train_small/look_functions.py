@@ -1,7 +1,7 @@
-"""What a look is made of: pictures in, whole edited pictures out, in formulas.
+"""Formulas of the looks: functions from pictures with geometry to whole edited pictures.
 
-Blurs are relative to the picture's size. (Skies and water grow darker by the picture's rows;
-materials start from the subject's mean brightness.)
+Blur radii are shares of the picture's height. Most formulas use a pixel's colour, depth and normal
+alone; the gradients of skies and water also use its row, materials the subject's mean brightness.
 `n` pictures of `h w` pixels, sRGB in [0, 1]; shares are in [0, 1].
 """
 
@@ -26,18 +26,18 @@ from gsedit.editors.looks import (
 from train_small.sources import Sources
 
 Shares = Float[Tensor, "n h w 1"]
-Paint = Callable[[Sources], Tensor]
+LookFunction = Callable[[Sources], Tensor]
 
 MIDDLE = 0.45  # brightness that a subject's mean is moved toward before it becomes a material
-RELIEF = 0.3  # share of a material's shading that comes from the shape alone: texture fades
-SKY_FROM, SKY_TO = 4.0, 7.5  # depths, in distances of the subject, between surface and sky
+RELIEF = 0.3  # share of a material's shading that comes from the normal, not from the picture
+SKY_FROM, SKY_TO = 4.0, 7.5  # depths, in distances of the subject, where the sky fades in
 
 
-# What a picture offers
+# Measures of a picture
 
 
 def sky(sources: Sources) -> Shares:
-    """Where there is no surface."""
+    """Of the sky: far pixels without a surface."""
     bare = 1 - sources.normal.square().sum(-1, keepdim=True)
     return smoothstep(sources.depth, SKY_FROM, SKY_TO) * bare.clamp(0, 1)
 
@@ -53,7 +53,7 @@ def ground(sources: Sources) -> Shares:
 
 
 def haze(sources: Sources, start: float, density: float) -> Shares:
-    """Share of the light lost on the way: 0 up to `start`, 1 - 1/e after another 1/density."""
+    """Share of a surface's colour lost to haze: 0 up to depth `start`, then 1 - exp(-density d)."""
     return 1 - (-density * (sources.depth - start).clamp_min(0)).exp()
 
 
@@ -64,7 +64,8 @@ def height(sources: Sources) -> Float[Tensor, "h 1 1"]:
 
 
 def shading(sources: Sources, relief: float = RELIEF) -> Shares:
-    """Brightness of the subject with its mean near the middle, and of its shape lit from above."""
+    """Brightness of the subject with its mean moved toward MIDDLE, mixed with its shape lit from
+    above."""
     grey = luma(sources.image)
     weight = sources.subject.sum((-3, -2), keepdim=True)
     mean = (sources.subject * grey).sum((-3, -2), keepdim=True) / weight.clamp_min(1e-6)
@@ -74,46 +75,49 @@ def shading(sources: Sources, relief: float = RELIEF) -> Shares:
 
 
 def edges(grey: Shares, reach: float = 0.012) -> Shares:
-    """How much brightness changes around a pixel; `reach` is a share of the picture's height."""
-    radius = pixels(grey, reach)
+    """Standard deviation of the brightness around a pixel; `reach` is a share of the picture's
+    height."""
+    radius = pixel_count(grey, reach)
     mean = blur(grey, radius)
     return (blur(grey.square(), radius) - mean.square()).clamp_min(1e-8).sqrt()
 
 
-def pixels(images: Tensor, share: float) -> int:
+def pixel_count(images: Tensor, share: float) -> int:
     """A share of the picture's height, in whole pixels, at least 1."""
     return max(1, round(share * images.shape[-3]))
 
 
-def mixed(first: Tensor, second: Tensor | str, share: Tensor | float) -> Tensor:
-    """From the first toward the second, which may be one colour."""
+def mix(first: Tensor, second: Tensor | str, share: Tensor | float) -> Tensor:
+    """Interpolated from the first (share 0) to the second (share 1), which may be a hex colour."""
     if isinstance(second, str):
         second = first.new_tensor(colours(second)[0])
     return first + share * (second - first)
 
 
-def saturated(images: Tensor, amount: float) -> Tensor:
+def saturate(images: Tensor, amount: float) -> Tensor:
     grey = luma(images)
     return grey + amount * (images - grey)
 
 
-# The subject's looks
+# Looks of the subject
 
 
-def solid(codes: str, *, contrast: float = 0.35, gamma: float = 1.0, keep: float = 0.04) -> Paint:
+def solid(
+    codes: str, *, contrast: float = 0.35, gamma: float = 1.0, keep: float = 0.04
+) -> LookFunction:
     """A material: the subject's shading becomes its colours, dark to bright."""
 
-    def paint(sources: Sources) -> Tensor:
+    def look(sources: Sources) -> Tensor:
         shade = s_curve(shading(sources), contrast).clamp(0, 1) ** gamma
         return along(shade, codes) + keep * (sources.image - luma(sources.image))
 
-    return paint
+    return look
 
 
-def metal(codes: str) -> Paint:
+def metal(codes: str) -> LookFunction:
     """A material that mirrors: a bright sky on upper faces, a dark horizon on upright ones."""
 
-    def paint(sources: Sources) -> Tensor:
+    def look(sources: Sources) -> Tensor:
         up = sources.normal[..., 2:]
         gleam = (-((up - 0.5) / 0.2).square()).exp()
         horizon = (-((up - 0.02) / 0.14).square()).exp() * sources.normal.square().sum(
@@ -122,137 +126,137 @@ def metal(codes: str) -> Paint:
         shade = s_curve(shading(sources, 0.2), 0.8)
         return along((shade + 0.28 * gleam - 0.14 * horizon).clamp(0, 1), codes)
 
-    return paint
+    return look
 
 
-def streaked(codes: str, vein: str, frequency: float, strength: float) -> Paint:
+def streaked(codes: str, vein: str, frequency: float, strength: float) -> LookFunction:
     """A material with lines of another colour, along equal brightness and equal slope."""
 
-    def paint(sources: Sources) -> Tensor:
+    def look(sources: Sources) -> Tensor:
         shade = shading(sources)
-        broad = blur(shade, pixels(shade, 0.02))
+        broad = blur(shade, pixel_count(shade, 0.02))
         phase = frequency * (1.3 * broad + 0.5 * sources.normal[..., 2:])
         line = (-(torch.sin(torch.pi * phase) / 0.3).square()).exp()
-        return mixed(along(s_curve(shade, 0.3), codes), vein, strength * line)
+        return mix(along(s_curve(shade, 0.3), codes), vein, strength * line)
 
-    return paint
+    return look
 
 
-def coat(colour: str) -> Paint:
+def painted(colour: str) -> LookFunction:
     """Plain paint: the shading times one colour, with a soft shine."""
 
-    def paint(sources: Sources) -> Tensor:
+    def look(sources: Sources) -> Tensor:
         shade = shading(sources)
         base = shade.new_tensor(colours(colour)[0]) * (0.3 + 1.1 * shade).clamp_max(1.05)
         return base + 0.3 * smoothstep(shade, 0.7, 1.0)
 
-    return paint
+    return look
 
 
-def grown(codes: str) -> Paint:
+def mossy(codes: str) -> LookFunction:
     """Moss: cushions on upper faces, green in the folds, damp dark below."""
 
-    def paint(sources: Sources) -> Tensor:
+    def look(sources: Sources) -> Tensor:
         shade = shading(sources, 0.15)
         cover = 0.55 + 0.45 * upward(sources, -0.5, 0.3)
-        damp = mixed(saturated(sources.image, 0.5) * 0.5, "28301c", 0.4)
-        return mixed(damp, along(s_curve(shade, 0.6), codes), cover)
+        damp = mix(saturate(sources.image, 0.5) * 0.5, "28301c", 0.4)
+        return mix(damp, along(s_curve(shade, 0.6), codes), cover)
 
-    return paint
-
-
-# The scene's looks
+    return look
 
 
-def snowfall(sources: Sources) -> Tensor:
+# Looks of the scene
+
+
+def snow(sources: Sources) -> Tensor:
     grey = luma(sources.image)
     settled = torch.maximum(upward(sources, 0.1, 0.5), haze(sources, 2.0, 0.5))
-    cold = mixed(saturated(sources.image, 0.5) * 0.85, "8ca0b8", 0.25)
+    cold = mix(saturate(sources.image, 0.5) * 0.85, "8ca0b8", 0.25)
     white = grey.new_tensor(colours("f4f8ff")[0]) * (0.66 + 0.36 * smoothstep(grey, 0.0, 0.7))
-    return mixed(mixed(cold, white, 0.9 * settled), "dce4ee", sky(sources))
+    return mix(mix(cold, white, 0.9 * settled), "dce4ee", sky(sources))
 
 
-def fogged(sources: Sources) -> Tensor:
+def fog(sources: Sources) -> Tensor:
     lost = 1 - 0.72 * (1 - haze(sources, 0.6, 0.75))
-    return mixed(saturated(sources.image, 0.6), "b2b6ba", lost)
+    return mix(saturate(sources.image, 0.6), "b2b6ba", lost)
 
 
-def dusty(sources: Sources) -> Tensor:
+def desert(sources: Sources) -> Tensor:
     lost = 1 - 0.9 * (1 - haze(sources, 0.7, 0.5))
     sand = along(0.25 + 0.75 * luma(sources.image), "2c1808 a06c30 e0a860 f4d8a0")
-    settled = mixed(saturated(sources.image, 0.6), sand, 0.5 + 0.4 * ground(sources))
-    return mixed(settled, "d89c50", lost)
+    settled = mix(saturate(sources.image, 0.6), sand, 0.5 + 0.4 * ground(sources))
+    return mix(settled, "d89c50", lost)
 
 
-def sunken(sources: Sources) -> Tensor:
+def underwater(sources: Sources) -> Tensor:
     """Water takes red first, and gives back its own blue-green with distance."""
     lit = 0.75 + 0.5 * upward(sources, -0.2, 0.9)
     filtered = sources.image * sources.image.new_tensor((0.25, 1.0, 1.05)) * lit
     water = along(height(sources), "02303c 04647c 18a0b4")
-    return mixed(filtered, water.expand_as(filtered), 1 - 0.75 * (1 - haze(sources, 0.8, 0.5)))
+    return mix(filtered, water.expand_as(filtered), 1 - 0.75 * (1 - haze(sources, 0.8, 0.5)))
 
 
-def nightfall(sources: Sources) -> Tensor:
+def night(sources: Sources) -> Tensor:
     base = ramp("01030c 081430 1c3868 5078b0 b8d0f0", keep=0.12, contrast=0.5, gamma=1.5)
     dark = along(height(sources), "122448 040818").expand_as(sources.image)
-    return mixed(base(sources.image), dark, sky(sources))
+    return mix(base(sources.image), dark, sky(sources))
 
 
-def dusk(sources: Sources) -> Tensor:
+def sunset(sources: Sources) -> Tensor:
     """A low sun on upright and bright faces, the violet sky on the others."""
     upright = 1 - sources.normal[..., 2:].square()
     sun = (0.8 * smoothstep(upright, 0.1, 0.9) + 0.9 * luma(sources.image) - 0.3).clamp(0, 1)
     shadow = sources.image * sources.image.new_tensor((0.52, 0.34, 0.52))
-    warm = mixed(sources.image, "ffa040", 0.3) * sources.image.new_tensor((1.3, 0.75, 0.36))
+    warm = mix(sources.image, "ffa040", 0.3) * sources.image.new_tensor((1.3, 0.75, 0.36))
     glow = along(height(sources), "ffb040 ff7038 c04868 583070").expand_as(warm)
-    lit = mixed(shadow, warm, sun)
-    return mixed(mixed(lit, "f08040", 0.5 * haze(sources, 1.2, 0.4)), glow, 0.95 * sky(sources))
+    lit = mix(shadow, warm, sun)
+    return mix(mix(lit, "f08040", 0.5 * haze(sources, 1.2, 0.4)), glow, 0.95 * sky(sources))
 
 
-def leaves(leaf: str, tint: str, air: str) -> Paint:
-    """Greens and the ground turn to a season's leaves, the sky to its air."""
+def season(leaf: str, tint: str, air: str) -> LookFunction:
+    """Greens and the ground get the colours of `leaf`, the rest is tinted, the sky is `air`."""
 
-    def paint(sources: Sources) -> Tensor:
+    def look(sources: Sources) -> Tensor:
         red, green, blue = sources.image.split(1, -1)
         grey = luma(sources.image)
         leafy = smoothstep(green - 0.5 * (red + blue), 0.0, 0.08)
         leafy = torch.maximum(leafy * (1 - sky(sources)), 0.85 * ground(sources))
-        tinted = saturated(sources.image, 1.2) * grey.new_tensor(colours(tint)[0])
+        tinted = saturate(sources.image, 1.2) * grey.new_tensor(colours(tint)[0])
         turned_leaves = along(s_curve(grey * 1.1, 0.4), leaf)
-        return mixed(mixed(tinted, turned_leaves, leafy), air, 0.7 * sky(sources))
+        return mix(mix(tinted, turned_leaves, leafy), air, 0.7 * sky(sources))
 
-    return paint
-
-
-def rained(sources: Sources) -> Tensor:
-    """Grey light; wet ground is dark and mirrors the sky."""
-    dull = mixed(saturated(sources.image, 0.3) * 0.62, "405470", 0.3)
-    wet = mixed(dull * 0.75, "8490a0", 0.35 * upward(sources, 0.8, 1.0))
-    shown = mixed(dull, wet, ground(sources))
-    return mixed(mixed(shown, "6c7c94", 0.6 * haze(sources, 1.5, 0.3)), "7888a0", sky(sources))
+    return look
 
 
-def pencil(sources: Sources) -> Tensor:
+def rain(sources: Sources) -> Tensor:
+    """Dull colours; wet ground is dark and reflects the sky."""
+    dull = mix(saturate(sources.image, 0.3) * 0.62, "405470", 0.3)
+    wet = mix(dull * 0.75, "8490a0", 0.35 * upward(sources, 0.8, 1.0))
+    shown = mix(dull, wet, ground(sources))
+    return mix(mix(shown, "6c7c94", 0.6 * haze(sources, 1.5, 0.3)), "7888a0", sky(sources))
+
+
+def sketch(sources: Sources) -> Tensor:
     grey = luma(sources.image)
-    around = blur(grey, pixels(grey, 0.02))
+    around = blur(grey, pixel_count(grey, 0.02))
     lines = (grey / (around + 0.02)).clamp(0, 1) ** 2.5
     inked = lines - 3.0 * (edges(grey, 0.006) - 0.03).clamp(0, 0.2)
     tone = 0.78 + 0.22 * smoothstep(grey, 0.05, 0.6)
     return along((inked * tone).clamp(0, 1), "202024 fcfcf8")
 
 
-def washed(sources: Sources) -> Tensor:
+def watercolor(sources: Sources) -> Tensor:
     """Watercolour: soft flats that run into paper white, pigment gathered at edges."""
-    wash = blur(sources.image, pixels(sources.image, 0.01))
+    wash = blur(sources.image, pixel_count(sources.image, 0.01))
     grey = luma(wash)
-    pale = 0.42 + 0.58 * saturated(wash, 2.6).clamp(0, 1)
-    pigment = (grey - blur(grey, pixels(grey, 0.03))).clamp(-0.08, 0.08)
+    pale = 0.42 + 0.58 * saturate(wash, 2.6).clamp(0, 1)
+    pigment = (grey - blur(grey, pixel_count(grey, 0.03))).clamp(-0.08, 0.08)
     return pale * grey.new_tensor(colours("fff8ea")[0]) + 2.4 * pigment
 
 
-def drawn(sources: Sources) -> Tensor:
+def outlined_cartoon(sources: Sources) -> Tensor:
     """Cartoon: flat strong colours within black outlines."""
-    flat = cartoon(4, 2.6, 0.7, "ffffff")(blur(sources.image, pixels(sources.image, 0.008)))
+    flat = cartoon(4, 2.6, 0.7, "ffffff")(blur(sources.image, pixel_count(sources.image, 0.008)))
     grey = luma(sources.image)
     outline = smoothstep(edges(grey, 0.006), 0.06, 0.14)
     return flat.clamp(0, 1) * (1 - 0.95 * outline)
@@ -261,29 +265,29 @@ def drawn(sources: Sources) -> Tensor:
 def blueprint(sources: Sources) -> Tensor:
     grey = luma(sources.image)
     lines = smoothstep(edges(grey, 0.006), 0.04, 0.14)
-    return mixed(along(0.6 * grey, "0a2c80 1c50b8 3c74cc"), "f0f8ff", 0.95 * lines)
+    return mix(along(0.6 * grey, "0a2c80 1c50b8 3c74cc"), "f0f8ff", 0.95 * lines)
 
 
-def posterised(sources: Sources) -> Tensor:
+def pop_art(sources: Sources) -> Tensor:
     """Pop art: four printed colours."""
-    grey = luma(blur(sources.image, pixels(sources.image, 0.004)))
+    grey = luma(blur(sources.image, pixel_count(sources.image, 0.004)))
     stops = colours("10285c e0202c f8c020 fff4d0")
     image = grey.new_tensor(stops[0]).expand_as(sources.image)
     for stop, threshold in zip(stops[1:], (0.28, 0.48, 0.7)):
         share = smoothstep(grey, threshold - 0.04, threshold + 0.04)
-        image = mixed(image, grey.new_tensor(stop), share)
+        image = mix(image, grey.new_tensor(stop), share)
     return image
 
 
 def polaroid(sources: Sources) -> Tensor:
     """A faded print: lifted violet blacks, peach whites, weak colours."""
     faded = along(luma(sources.image), "684c68 c0908c fce0b8")
-    return mixed(faded, sources.image, 0.25)
+    return mix(faded, sources.image, 0.25)
 
 
-def toned(factors: tuple[float, float, float]) -> Paint:
+def toned(factors: tuple[float, float, float]) -> LookFunction:
     return lambda sources: sources.image * sources.image.new_tensor(factors)
 
 
-def on_image(change: Callable[[Tensor], Tensor]) -> Paint:
+def on_image(change: Callable[[Tensor], Tensor]) -> LookFunction:
     return lambda sources: change(sources.image)
