@@ -1,12 +1,13 @@
 """Which Gaussian touches which tile, in depth order. Integers: nothing here has a gradient.
 
-`m` Gaussians, `t` tiles in rows, `p` (tile, Gaussian) pairs. Positions are relative to the box's
-corner. A Gaussian's rank is its place in depth.
+`m` Gaussians, `t` tiles, `p` (tile, Gaussian) pairs. Positions are pixels from the box's corner.
+A Gaussian's rank is its place in the order of depth, 0 in front.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -14,6 +15,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 TILE_SIZES = (4, 8, 16, 32)
+"""Sides to choose from, pixels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,9 +27,9 @@ class Bins:
     starts: Int[Tensor, " t1"]
     """Tile i holds members[starts[i] : starts[i + 1]]; tiles are in row-major order."""
     slots: Int[Tensor, " p"]
-    """Where each pair stands when pairs are grouped by rank."""
+    """Position of each pair when pairs are grouped by rank."""
     firsts: Int[Tensor, " m"]
-    """Where, among those, each rank's pairs begin."""
+    """Slot at which each rank's pairs begin."""
     rank: Int[Tensor, " m"]
     """Of each Gaussian."""
     size: int
@@ -49,7 +51,10 @@ class Footprints:
 
 @torch.no_grad()
 def choose_tile_size(footprints: Footprints, width: int, height: int, pair_overhead: float) -> int:
-    """The side for which the pairs' pixels, plus each pair's overhead (in pixels), are fewest."""
+    """The side, of TILE_SIZES, that costs least: every pair its tile's pixels, plus an overhead.
+
+    `pair_overhead` is what a pair costs beside its pixels, in units of one pixel of one pair.
+    """
     half = footprints.radius[:, None] * footprints.covariance[:, ::2].sqrt()
     extent = torch.tensor((width, height), dtype=half.dtype)
     low = (footprints.xy - half).clamp_min(0).minimum(extent)
@@ -78,25 +83,71 @@ def bin_tiles(
 ) -> Bins:  # fmt: skip
     """List the Gaussians of every tile that an ellipse touches: exact, a row of tiles at a time.
 
-    `order` lists the Gaussians front to back.
-    `boxes` lists those of every tile that the ellipse's bounding box touches: what it would cost.
+    `order` lists the Gaussians front to back; `size`, `width` and `height` are in pixels.
+    `boxes` lists those of every tile that the ellipse's bounding box touches, which costs more and
+    draws the same: for comparison.
     """
     columns, rows = -(-width // size), -(-height // size)
+    spans = _row_spans(footprints, order, size, rows)
+    first_column, column_count = _span(*_reach_in_rows(spans, size, boxes), size, columns)
+    pair = torch.repeat_interleave(column_count)
+    ends = column_count.cumsum(0)
+    first_tile = spans.row * columns + first_column - ends + column_count
+    tile = first_tile.index_select(0, pair) + torch.arange(len(pair))
+    by_tile = stable_argsort(tile, columns * rows)
+    counts = torch.bincount(tile, minlength=columns * rows)
+    members = order.index_select(0, spans.owner).index_select(0, pair)
+    before = torch.cat((ends.new_zeros(1), ends))  # pairs of all spans up to one
+    return Bins(
+        members=members.index_select(0, by_tile),
+        starts=torch.cat((counts.new_zeros(1), counts.cumsum(0))),
+        slots=by_tile,
+        firsts=before.index_select(0, spans.firsts),
+        rank=inverse(order),
+        size=size,
+        columns=columns,
+        rows=rows,
+    )
+
+
+class _RowSpans(NamedTuple):
+    """Every row of tiles that an ellipse reaches, for each ellipse: `r` in all, by rank."""
+
+    row: Int[Tensor, " r"]
+    """Of tiles."""
+    owner: Int[Tensor, " r"]
+    """The ellipse's rank."""
+    firsts: Int[Tensor, " m"]
+    """Where each rank's spans begin."""
+    ellipses: tuple[Tensor, ...]
+    """x, y, xx, xy, yy, variance of x at a given y, radius and vertical reach by rank [m]."""
+
+
+def _row_spans(footprints: Footprints, order: Int[Tensor, " m"], size: int, rows: int) -> _RowSpans:
     # Rounding must never lose a pair: a superset is harmless, each pixel tests its own alpha.
     radius = footprints.radius * 1.0005 + 1e-3
-    columns_of = (*footprints.xy.unbind(-1), *footprints.covariance.unbind(-1), radius)
-    x, y, xx, xy, yy, within, radius = _columns(torch.stack(columns_of), order)
+    fields = (*footprints.xy.unbind(-1), *footprints.covariance.unbind(-1), radius)
+    x, y, xx, xy, yy, within, radius = _columns(torch.stack(fields), order)
     reach = radius * yy.sqrt()
     first_row, row_count = _span(y - reach, y + reach, size, rows)
     owner = torch.repeat_interleave(row_count)
-    row_ends = row_count.cumsum(0)
-    row = (first_row - row_ends + row_count).index_select(0, owner) + torch.arange(len(owner))
+    firsts = row_count.cumsum(0) - row_count
+    row = (first_row - firsts).index_select(0, owner) + torch.arange(len(owner))
+    return _RowSpans(row, owner, firsts, (x, y, xx, xy, yy, within, radius, reach))
 
-    # In a row of tiles the ellipse's x is extreme at its own tip, or at the edge nearest to that.
+
+def _reach_in_rows(
+    spans: _RowSpans, size: int, boxes: bool
+) -> tuple[Float[Tensor, " r"], Float[Tensor, " r"]]:
+    """Lowest and highest x, pixels, that each ellipse has in each of its rows of tiles.
+
+    In a row the ellipse's x is extreme at its own tip, or at the edge nearest to that.
+    """
+    x, y, xx, xy, yy, within, radius, reach = spans.ellipses
     tip = radius * xy / xx.sqrt()
     shapes = torch.stack((x, y, tip, reach, xy / yy, within, 1 / yy, radius.square()))
-    x, y, tip, reach, shear, within, per_yy, radius_squared = _columns(shapes, owner)
-    top = (row * size).to(y) + 0.5 - y
+    x, y, tip, reach, shear, within, per_yy, radius_squared = _columns(shapes, spans.owner)
+    top = (spans.row * size).to(y) + 0.5 - y
     bottom = top + (size - 1)
 
     def edge(sign: float) -> Float[Tensor, " r"]:
@@ -107,33 +158,16 @@ def bin_tiles(
         half = (within * (radius_squared - dy * dy * per_yy).clamp_min(0)).sqrt()
         return x + shear * dy + sign * half
 
-    first_column, column_count = _span(edge(-1.0), edge(1.0), size, columns)
-    pair = torch.repeat_interleave(column_count)
-    ends = column_count.cumsum(0)
-    first_tile = row * columns + first_column - ends + column_count
-    tile = first_tile.index_select(0, pair) + torch.arange(len(pair))
-    by_tile = stable_argsort(tile, columns * rows)
-    counts = torch.bincount(tile, minlength=columns * rows)
-    members = order.index_select(0, owner).index_select(0, pair)
-    before = torch.cat((ends.new_zeros(1), ends))  # pairs of all rows up to one
-    return Bins(
-        members=members.index_select(0, by_tile),
-        starts=torch.cat((counts.new_zeros(1), counts.cumsum(0))),
-        slots=by_tile,
-        firsts=before.index_select(0, row_ends - row_count),
-        rank=inverse(order),
-        size=size,
-        columns=columns,
-        rows=rows,
-    )
+    return edge(-1.0), edge(1.0)
 
 
-def _columns(values: Tensor, index: Int[Tensor, " n"]) -> Tensor:
+def _columns(values: Float[Tensor, "f n"], index: Int[Tensor, " i"]) -> Float[Tensor, "f i"]:
     """values[:, index], on all threads."""
     return values.gather(1, index.expand(len(values), -1))
 
 
 def inverse(permutation: Int[Tensor, " n"]) -> Int[Tensor, " n"]:
+    """The permutation that undoes another."""
     places = torch.empty_like(permutation)
     places[permutation] = torch.arange(len(permutation))
     return places
@@ -147,7 +181,10 @@ def stable_argsort(keys: Int[Tensor, " p"], bound: int) -> Int[Tensor, " p"]:
 
 
 def depth_order(depth: Float[Tensor, " m"]) -> Int[Tensor, " m"]:
-    """Front to back; equal depths keep file order. Floats above 0 sort like their bits, faster."""
+    """Indices front to back; equal depths keep file order.
+
+    Floats above 0 sort like their bits, and those faster.
+    """
     depth = depth.detach()
     if len(depth) and depth.min() <= 0:  # an orthographic camera sees what is behind it
         return torch.argsort(depth, stable=True)
