@@ -13,7 +13,7 @@ from torch import Tensor
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """Where the picture is taken from, and how the world falls on its pixels."""
+    """Pose, intrinsics and size of a picture."""
 
     world_to_camera: Float[Tensor, "4 4"]
     """Rigid transform; may require gradients. Usually float64; cast to the scene's dtype."""
@@ -23,9 +23,11 @@ class Camera:
     cx: float
     cy: float
     width: int
+    """Of the picture, pixels."""
     height: int
     model: Literal["pinhole", "ortho"] = "pinhole"
-    """ortho: parallel rays. x of a pixel is fx x + cx whatever the depth; fx is pixels per unit."""
+    """ortho: parallel rays. The pixel's x is fx x + cx at any depth; fx is pixels per world
+    unit."""
 
     @property
     def rotation(self) -> Float[Tensor, "3 3"]:

@@ -1,4 +1,4 @@
-"""What a picture means (Numerics), how it is computed (Execution): every knob and its reason."""
+"""What a picture means (Numerics) and how it is computed (Execution): every setting, and why."""
 
 from __future__ import annotations
 
@@ -11,34 +11,34 @@ SH_DC = 0.28209479177387814  # Y_00 = 1 / (2 sqrt(pi)); INRIA's colour is 0.5 + 
 
 @dataclass(frozen=True)
 class Numerics:
-    """What the picture means. The defaults are gsplat's, but for the stop: scenes look the same."""
+    """What the picture means. The defaults are gsplat's, except the stop: scenes look the same."""
 
     alpha_max: float = 0.99
-    """One splat never hides everything: (1 - 0.99)^2 is the stop threshold: two must be met."""
+    """One splat never hides everything. At least 0.01 passes each, so that the stop below takes
+    three opaque ones (at gsplat's 1e-4, two)."""
     alpha_min: float = 1 / 255
-    """Below one step of an 8-bit picture a splat contributes nothing; bounds every footprint."""
+    """Below it, one step of an 8-bit picture, alpha is 0; it bounds every footprint."""
     transmittance_min: float = 1e-5
-    """A tile is finished when less than this shows through all its pixels: the largest error of a
-    colour. 0: never, the whole sum. At gsplat's 1e-4 the gradients of opacities behind a nearly
-    opaque splat, which divide what is left out by 1 - alpha, were wrong by 1.5e-3; a tenth of it
-    costs 5 % more time and leaves 6e-5."""
+    """The stop: a tile is finished when at most this passes each of its pixels, which is also the
+    largest error of a colour in [0, 1]. 0: every Gaussian is summed. At gsplat's 1e-4 the gradients
+    of opacities behind a nearly opaque splat, which divide what is left out by 1 - alpha, were
+    wrong by 1.5e-3; at 1e-5 by 6e-5, for 5 % more time."""
     blur: float = 0.3
-    """Pixel variance added to each projected covariance (EWA low-pass)."""
+    """Variance added to each projected covariance, square pixels (EWA low-pass)."""
     antialiased: bool = False
-    """Scale each opacity by sqrt(det(covariance) / det(covariance + blur)): what the blur spreads
-    out is not added to the picture (Mip-Splatting, arXiv 2311.16493)."""
+    """Scale each opacity by sqrt(det(covariance) / det(covariance + blur)), so that the blur adds
+    nothing to the picture (Mip-Splatting, arXiv 2311.16493)."""
     near: float = 0.01
-    """Splats whose centre is not farther than this are not drawn (world units along the view).
-    Below 0 only for an orthographic camera."""
+    """Splats are drawn whose centre is farther than this: world units along the view. Below 0 only
+    for an orthographic camera."""
     far: float = math.inf
-    """Splats whose centre is farther than this are not drawn."""
+    """And not farther than this."""
     radius_clip: float = 0.0
-    """Splats are not drawn whose footprint reaches no more than this many pixels to its sides and
-    up and down, rounded up to whole pixels: far away ones, for time."""
+    """Splats are not drawn whose footprint reaches at most this many pixels from its centre, both
+    across and down, each rounded up to whole pixels. Leaving out distant splats saves time."""
     margin: float = 0.3
-    """The projection's Jacobian is taken at most this fraction of the half extent off the
-    picture.
-    """
+    """The projection's Jacobian is taken at most this far off the picture, as a fraction of half
+    the picture's width or height."""
 
     @property
     def log_alpha_max(self) -> float:
@@ -54,22 +54,24 @@ DEFAULT = Numerics()
 
 @dataclass(frozen=True)
 class Execution:
-    """How the picture is computed. Changes time, memory and rounding; nothing else."""
+    """How the picture is computed: changes time, memory and rounding only."""
 
     tile_size: int | None = None
     """Side of a tile, pixels; None: chosen from the splats' footprints."""
     block: int | None = None
-    """Gaussians of a tile that are blended at once; None: chosen from the lists' lengths."""
+    """Gaussians of a tile that are blended at once; None: chosen from the number of tiles. The C++
+    backend has its own."""
     cull: Literal["ellipse", "box"] = "ellipse"
-    """A tile lists what its ellipse touches, or all whose bounding box does (more, for nothing)."""
+    """A tile lists the splats whose ellipse touches it, or all whose bounding box does (more of
+    them, and the same picture)."""
     compile: bool = False
-    """Blend with a compiled kernel: needs a C++ compiler, falls back with a warning without."""
+    """Blend with the C++ backend; without a compiler it warns and blends in torch."""
 
     def __post_init__(self) -> None:
         for name in ("tile_size", "block"):
             value = getattr(self, name)
             if value is not None and value < 1:
-                raise ValueError(f"{name} is {value}: give 1 or more, or None for a good one")
+                raise ValueError(f"{name} is {value}: give 1 or more, or None to choose one")
         if self.cull not in ("ellipse", "box"):
             raise ValueError(f"cull is {self.cull!r}: ellipse or box")
 

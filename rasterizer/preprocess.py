@@ -136,27 +136,27 @@ def preprocess(
     checks.crop(box, camera)
     with torch.no_grad():
         rows = cull(source.means, source.extents(), source.opacities(), camera, box, numerics)
-    seen = source.select(rows)
-    projected = seen.project(camera, numerics)
+    visible = source.select(rows)
+    projected = visible.project(camera, numerics)
     checks.footprints(projected, rows, source.names[:2])
     features = []
     if color:
-        features.append(_colors(seen, rows, camera))
+        features.append(_colors(visible, rows, camera))
     if depth:
         features.append(projected.depth[:, None])
     return Splats(
         rows=rows,
         projected=projected,
-        log_opacities=effective_log_opacities(projected, seen.log_opacities(), numerics),
+        log_opacities=effective_log_opacities(projected, visible.log_opacities(), numerics),
         features=torch.cat(features, -1) if features else projected.xy.new_empty(len(rows), 0),
     )
 
 
-def _colors(seen: Source, rows: Int[Tensor, " m"], camera: Camera) -> Float[Tensor, "m d"]:
-    """Colours of the rows in sight, as the camera sees them; ValueError unless they are finite."""
-    checks.finite(seen.names.colors, seen.colors, rows)
-    if seen.colors.ndim == 2:
-        return seen.colors
-    colors = view_dependent_colors(seen.colors, seen.means, camera)
-    checks.finite(seen.names.colors, colors, rows)  # sums of finite numbers may overflow
+def _colors(visible: Source, rows: Int[Tensor, " m"], camera: Camera) -> Float[Tensor, "m d"]:
+    """Features as they are, harmonics as colours; ValueError unless they are finite."""
+    checks.finite(visible.names.colors, visible.colors, rows)
+    if visible.colors.ndim == 2:
+        return visible.colors
+    colors = view_dependent_colors(visible.colors, visible.means, camera)
+    checks.finite(visible.names.colors, colors, rows)  # sums of finite numbers may overflow
     return colors

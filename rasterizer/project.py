@@ -112,12 +112,12 @@ def cull(
     ):
         slope = at / distance
         stretch = (1 + slope.clamp(low, high).square()).sqrt() * focal
-        place = slope * focal
-        # float32 rounds a place by 1e-7 of it, which counts where a sensor is shifted by 1e7 pixels
-        rounding = 1 + 1e-6 * place.abs().clamp_max(1e30)
+        position = slope * focal
+        # float32 rounds a position by 1e-7 of it: much where a sensor is shifted by 1e7 pixels
+        rounding = 1 + 1e-6 * position.abs().clamp_max(1e30)
         reach = cutoff * ((sigma * stretch).square() + numerics.blur).sqrt() * 1.001 + rounding
-        offset = place + (centre - start)
-        keep &= ~((offset < -reach) | (offset > size + reach))  # NaN stays, to be refused
+        offset = position + (centre - start)
+        keep &= ~((offset < -reach) | (offset > size + reach))  # NaN is kept, to be refused
     return keep.nonzero().squeeze(-1)
 
 

@@ -1,4 +1,4 @@
-"""The scene: parallel tensors, one row a Gaussian. `n` Gaussians, `k` SH coefficients a channel."""
+"""The scene: parallel tensors, a row per Gaussian. `n` Gaussians, `k` SH coefficients a channel."""
 
 from __future__ import annotations
 
@@ -29,21 +29,24 @@ class Gaussians:
 
     @property
     def scales(self) -> Float[Tensor, "n 3"]:
+        """Standard deviations along the rotated axes, world units."""
         return self.log_scales.exp()
 
     @property
     def opacities(self) -> Float[Tensor, " n"]:
+        """In [0, 1]."""
         return self.logit_opacities.sigmoid()
 
     @property
     def degree(self) -> int:
+        """Of the spherical harmonics."""
         return isqrt(self.sh.shape[1]) - 1
 
     def __len__(self) -> int:
         return self.means.shape[0]
 
     def __getitem__(self, index: Any) -> Gaussians:
-        """The rows that `index` (slice, mask or integer tensor) names."""
+        """The rows that `index` (slice, mask or integer tensor) selects."""
         rows = isinstance(index, Tensor) and index.dtype == torch.int64 and index.ndim == 1
         if rows and (not len(index) or index.min() >= 0):
             return self.map(lambda field: field.index_select(0, index))  # 4 times faster

@@ -171,7 +171,7 @@ class TileGroup:
         quadratic = batch.select(self.quadratic, 2).reshape(6, -1)
         torch.mm(quadratic.T, self.grid.monomials, out=alpha.flatten(0, 1))
         alpha.clamp_(numerics.log_alpha_min - 1e-3, numerics.log_alpha_max).exp_()
-        # threshold keeps what is greater: step one ulp down so that alpha == alpha_min is kept
+        # threshold keeps what is greater: one ulp less, so that alpha == alpha_min stays
         return torch.threshold_(alpha, numerics.alpha_min * (1 - torch.finfo(alpha.dtype).eps), 0.0)
 
     def chain(self, rows: Float[Tensor, "k n g"]) -> None:

@@ -5,7 +5,7 @@
     alpha_i = min(opacity_i exp(-|W_i (p - xy_i)|^2 / 2), alpha_max), 0 below alpha_min
     color   = sum_i T_i alpha_i c_i,   T_{i+1} = T_i (1 - alpha_i).
 
-A tile is left once less than transmittance_min passes each of its pixels: what is left out is at
+A tile is finished once at most transmittance_min passes each of its pixels: what is left out is at
 most that much of a colour. Going back, with c_i . g and g_T the loss's gradients of colour and T,
 
     dL/dalpha_i = T_i (c_i . g) - (sum_j>i T_j alpha_j (c_j . g) + T_end g_T) / (1 - alpha_i).

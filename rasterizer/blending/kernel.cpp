@@ -20,7 +20,7 @@
 namespace {
 
 constexpr int GEOMETRY = 6;  // x, y, w0, w1, w2, log opacity; then the features
-constexpr int BLOCK = 16;    // Gaussians between two looks at the stop, and between two checkpoints
+constexpr int BLOCK = 16;    // Gaussians between two tests of the stop, and two checkpoints
 
 template <typename T>
 struct Job {

@@ -17,7 +17,7 @@ from rasterizer.blending.batches import Batch, TileGrid, TileGroup
 from rasterizer.tiles import Bins
 
 SAVED_PAIRS = 1 << 22
-"""Up to so many, what the backward pass needs of each pair (80 bytes) is kept: 8 % faster."""
+"""Up to so many, what the backward pass needs of each pair (80 bytes) is saved: 8 % faster."""
 OPEN_SHARE = 0.8
 """Opaque tiles leave a batch where fewer than this share of its tiles stays: leaving copies."""
 
@@ -34,7 +34,7 @@ class _Saved(NamedTuple):
 
     grid: TileGrid
     groups: list[TileGroup]
-    """As they were blended; empty where there are too many to keep: they are made again."""
+    """As they were blended; empty where they are too many to save: then they are made again."""
     batches: list[list[_SavedBatch]]
     """Of each group; empty unless a gradient is wanted."""
 
@@ -230,9 +230,9 @@ def _median_index(grid: TileGrid, out: _TiledPicture) -> Int[Tensor, "t q"]:
     """The Gaussian that takes a pixel's transmittance to one half or below; -1: none."""
     assert out.above_half is not None
     starts, ends = grid.bins.starts[:-1, None], grid.bins.starts[1:, None]
-    place = starts + out.above_half.long()
-    hit = (out.transmittance <= 0.5) & (place < ends)
-    return torch.where(hit, grid.members[place.clamp_max(len(grid.members) - 1)], -1)
+    position = starts + out.above_half.long()
+    hit = (out.transmittance <= 0.5) & (position < ends)
+    return torch.where(hit, grid.members[position.clamp_max(len(grid.members) - 1)], -1)
 
 
 BACKEND = Backend(
