@@ -1,57 +1,28 @@
-"""What an edit can be told, in groups that mirror the library's settings."""
+"""Options of `gsedit edit`: the 2D editor's, the strategies', and those of the settings record."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass, fields, replace
 from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .options import given
+from .setting_options import Layout, Setting, Values, settings_of, with_values
 
 if TYPE_CHECKING:
     from gsedit.editors import Editor
     from gsedit.session.settings import EditSettings
     from gsedit.strategies import Strategy
 
-
-class Preset(str, Enum):
-    default = "default"
-    paper = "paper"
+EDITOR, STRATEGY, SAMPLING, UPDATE = "2D editor", "Strategy", "Sampling", "Scene update"
+LAYOUT = Layout(UPDATE, panels={"sampler": SAMPLING, "update": UPDATE, "execution": "Rendering"})
 
 
-class SolverName(str, Enum):
-    ddim = "ddim"
-    euler = "euler"
-    heun = "heun"
-    multistep = "dpm++2m"
-    ancestral = "ancestral"
-
-
-class PrecisionName(str, Enum):
-    float32 = "float32"
-    bfloat16 = "bfloat16"
-    auto = "auto"
-
-
-class Geometry(str, Enum):
-    appearance = "appearance"
-    full = "full"
-
-
-class Condition(str, Enum):
-    render = "render"
-    photo = "photo"
-
-
-def option(name: str, help: str, **more: Any) -> Any:
-    """An option whose default is the library's, so it is only told here, not set."""
-    return typer.Option(name, help=help, show_default=False, **more)
-
-
-EDITOR, SAMPLER, UPDATE = "The 2D editor", "How it samples", "How the scene follows"
+def editor_option(name: str, help: str, **more: Any) -> Any:
+    return typer.Option(name, help=help, rich_help_panel=EDITOR, **{"show_default": False, **more})
 
 
 @dataclass(frozen=True)
@@ -60,44 +31,41 @@ class EditorOptions:
 
     editor: Annotated[
         str,
-        typer.Option(
+        editor_option(
             "--editor",
+            "The 2D editor that changes the views: small, pix2pix, closed-form, command, or one "
+            "of another package; see gsedit editors.",
             metavar="NAME",
-            rich_help_panel=EDITOR,
-            help="small: learned, some fifty looks in your words; closed-form: 21 looks with a "
-            "known answer, to measure by; pix2pix: InstructPix2Pix weights; command: any program; "
-            "others: see gsedit editors.",
+            show_default=True,
         ),
     ] = "small"
     model: Annotated[
         str | None,
-        option(
+        editor_option(
             "--model",
-            "pix2pix: a folder of weights, or a hub id. small: a file of weights.",
-            rich_help_panel=EDITOR,
+            "pix2pix: a folder of weights, or a Hugging Face id. small: a file of weights.",
         ),
     ] = None
     weights_dir: Annotated[
         Path | None,
-        option("--weights-dir", "pix2pix: where weights are kept.", rich_help_panel=EDITOR),
+        editor_option("--weights-dir", "pix2pix: folder where downloaded weights are kept."),
     ] = None
     run: Annotated[
         str | None,
-        option(
+        editor_option(
             "--run",
-            'command: the program, as in "my_editor {input} {output} {prompt}"; it must fill the '
-            "folder {output} with a PNG for each in {input}. No shell is involved.",
+            'command: the program to run, as in "my_editor {input} {output} {prompt}". It must '
+            "write to the folder {output} a PNG for each PNG in {input}. No shell is involved.",
             metavar="COMMAND",
-            rich_help_panel=EDITOR,
         ),
     ] = None
     timeout: Annotated[
         float | None,
-        option(
+        editor_option(
             "--timeout",
-            "command: seconds that it may take for the views of a round (default: any).",
+            "command: seconds that the program may take for the views of a round.",
             metavar="SECONDS",
-            rich_help_panel=EDITOR,
+            show_default="no limit",
         ),
     ] = None
 
@@ -115,150 +83,72 @@ class EditorOptions:
         )
 
 
-@dataclass(frozen=True)
-class SamplerOptions:
-    """Fields of gsedit.diffusion.SamplerSettings; None leaves the preset's value."""
-
-    steps: Annotated[
-        int | None,
-        option("--steps", "Sampling steps (default 20).", rich_help_panel=SAMPLER),
-    ] = None
-    guidance_text: Annotated[
-        float | None,
-        option(
-            "--guidance",
-            "How strongly the instruction (default: what suits the editor; 7.5, small 1.4)",
-            rich_help_panel=SAMPLER,
-        ),
-    ] = None
-    guidance_image: Annotated[
-        float | None,
-        option(
-            "--image-guidance",
-            "... and the picture hold (likewise; 1.5, small 1).",
-            rich_help_panel=SAMPLER,
-        ),
-    ] = None
-    temperature: Annotated[
-        float | None,
-        option(
-            "--temperature",
-            "How much of the starting noise: less is nearer to the middle of what is possible "
-            "(likewise; 1, small 0.2).",
-            rich_help_panel=SAMPLER,
-        ),
-    ] = None
-    consensus: Annotated[
-        bool | None,
-        option(
-            "--consensus/--no-consensus",
-            "Views agree on corresponding cells while they are sampled (default yes).",
-            rich_help_panel=SAMPLER,
-        ),
-    ] = None
-    solver: Annotated[
-        SolverName | None,
-        option("--solver", "How a step is taken (default ddim).", rich_help_panel=SAMPLER),
-    ] = None
-    memory: Annotated[
-        float | None,
-        option(
-            "--memory",
-            "GB that a network may use for views at once (default: half of what is free).",
-            metavar="GB",
-            rich_help_panel=SAMPLER,
-        ),
-    ] = None
-    precision: Annotated[
-        PrecisionName | None,
-        option(
-            "--precision",
-            "Of a network; auto: bfloat16 if the processor has it and it errs little (default).",
-            rich_help_panel=SAMPLER,
-        ),
-    ] = None
-
-
-@dataclass(frozen=True)
-class UpdateOptions:
-    """Fields of gsedit.fitting.update.UpdateSettings; None leaves the library's value."""
-
-    update_steps: Annotated[
-        int | None,
-        option("--update-steps", "Fitting steps a round (default 200).", rich_help_panel=UPDATE),
-    ] = None
-    patches: Annotated[
-        int | None,
-        option("--patches", "Crops rendered a step (default 4).", rich_help_panel=UPDATE),
-    ] = None
-    patch: Annotated[
-        int | None,
-        option("--patch", "Side of a crop, pixels (default 64).", rich_help_panel=UPDATE),
-    ] = None
-    gram_weight: Annotated[
-        float | None,
-        option("--gram-weight", "Weight of the Gram loss (default 0.1).", rich_help_panel=UPDATE),
-    ] = None
-
-
-@dataclass(frozen=True)
-class RoundOptions:
-    """Fields of gsedit.edit.EditSettings; None leaves the library's value."""
-
-    views_per_round: Annotated[
-        int | None,
-        option("--views", "Views edited together in a round (default 4).", rich_help_panel=UPDATE),
-    ] = None
-    rounds: Annotated[
-        int | None, option("--rounds", "Rounds at most (default 2).", rich_help_panel=UPDATE)
-    ] = None
-    coverage: Annotated[
-        float | None,
-        option(
-            "--coverage",
-            "Stop when this share of what the cameras see was edited (default 0.95).",
-            rich_help_panel=UPDATE,
-        ),
-    ] = None
-    geometry: Annotated[
-        Geometry | None,
-        option(
-            "--geometry",
-            "Move colours and opacities only, or everything (default appearance).",
-            rich_help_panel=UPDATE,
-        ),
-    ] = None
-    condition: Annotated[
-        Condition | None,
-        option(
-            "--condition",
-            "What the editor is shown as the unedited picture (default render).",
-            rich_help_panel=UPDATE,
-        ),
-    ] = None
-
-
-def resolve(
-    preset: Preset,
-    sampler: SamplerOptions,
-    update: UpdateOptions,
-    plan: RoundOptions,
-    *,
-    compile: bool = False,
-) -> tuple[EditSettings, Strategy]:
-    """The preset's settings with what the user gave put over them. Raises UsageError."""
-    from gsedit.diffusion import SamplerSettings
-    from gsedit.fitting.settings import UpdateSettings
+def edit_settings() -> list[Setting]:
+    """Every option that comes from a field of EditSettings or of a strategy."""
     from gsedit.session.settings import EditSettings
-    from gsedit.strategies.single_pass import SinglePass
-    from rasterizer.numerics import Execution
+    from gsedit.strategies import DEFAULT, find_strategy, strategy_names
 
-    fitting = given(update)
-    steps = fitting.pop("update_steps", None)
-    settings = EditSettings(
-        sampler=replace(SamplerSettings.preset(preset.value), **given(sampler)),
-        update=UpdateSettings(**fitting),
-        execution=Execution(compile=compile),
-        **given(plan),
+    strategies = {name: find_strategy(name) for name in strategy_names()}
+    summaries = "; ".join(f"{name}: {summary(each)}" for name, each in strategies.items())
+    choice = Setting(
+        path=("strategy",),
+        flag="--strategy",
+        type=Enum("strategy", {name: name for name in strategies}, type=str),
+        help=f"When views are edited and the scene is fitted. {summaries} [default: {DEFAULT}]",
+        panel=STRATEGY,
     )
-    return settings, SinglePass() if steps is None else SinglePass(steps)
+    shared = settings_of(EditSettings(), LAYOUT)
+    taken = {"--strategy", *(setting.flag for setting in shared)}
+    return [choice, *strategy_options(strategies, taken), *shared]
+
+
+def summary(strategy: type) -> str:
+    """The first line of a strategy's docstring."""
+    return (strategy.__doc__ or "").strip().split("\n")[0]
+
+
+def strategy_options(strategies: dict[str, type[Strategy]], taken: Iterable[str]) -> list[Setting]:
+    """An option for each field of any strategy, whose help names the strategies that have it."""
+    options: dict[str, Setting] = {}
+    for name, strategy in strategies.items():
+        for setting in settings_of(strategy(), Layout(STRATEGY), ("strategy",), taken):
+            help = f"{name}: {setting.help}"
+            if earlier := options.get(setting.flag):
+                help = f"{earlier.help} {help}"
+            options[setting.flag] = replace(setting, help=help)
+    return list(options.values())
+
+
+def resolve(preset: str, values: Values) -> tuple[EditSettings, Strategy]:
+    """The settings and the strategy: the preset's values, replaced by those that were given.
+
+    Raises UsageError for a value out of range, and an option that another strategy has.
+    """
+    from gsedit.diffusion import SamplerSettings
+    from gsedit.session.settings import EditSettings
+
+    shared = {path: value for path, value in values.items() if path[0] != "strategy"}
+    own = {path[1:]: value for path, value in values.items() if path[0] == "strategy" and path[1:]}
+    settings = EditSettings(sampler=SamplerSettings.preset(preset))
+    return with_values(settings, shared), make_strategy(values.get(("strategy",)), own)
+
+
+def make_strategy(name: str | None, values: Values) -> Strategy:
+    """The strategy of that name, or the default. Raises UsageError for an option it has not."""
+    from gsedit.errors import UsageError
+    from gsedit.strategies import DEFAULT, find_strategy, strategy_names
+
+    name = name or DEFAULT
+    for path in values:
+        owners = [each for each in strategy_names() if has_field(find_strategy(each), path[0])]
+        if name not in owners:
+            flag = next(each.flag for each in edit_settings() if each.path == ("strategy", *path))
+            raise UsageError(
+                f"{flag} is an option of the strategy {' and '.join(owners)}, not of {name}: "
+                f"leave it out, or add --strategy {owners[0]}"
+            )
+    return with_values(find_strategy(name)(), values)
+
+
+def has_field(record: type, name: str) -> bool:
+    return any(item.name == name for item in fields(record))

@@ -2,75 +2,65 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from .checkpoints import Checkpoints, run_to_result
 from .console import print_message, print_result
-from .options import Compile, DropInvalid, Force, Seeded, Size, check_scene_file, output, read
+from .options import DropInvalid, Force, Seeded, Size, check_scene_file, load_scene, output
 from .progress import progress
+from .setting_options import Layout, Setting, SettingsGroup, Values, settings_of, with_values
+
+if TYPE_CHECKING:
+    from gsedit.fitting.fit import FitResult
+    from gsedit.fitting.settings import FitSettings
+
+FITTING = "Fitting"
+
+Dataset = Annotated[
+    Path,
+    typer.Argument(
+        metavar="DATASET",
+        show_default=False,
+        help="Folder of posed photos: nerfstudio (transforms.json) or COLMAP.",
+    ),
+]
+Start = Annotated[
+    Path | None,
+    typer.Option("--from", metavar="SCENE", show_default=False, help="Continue from this scene."),
+]
+Minutes = Annotated[
+    float | None,
+    typer.Option(
+        "--minutes",
+        min=0.01,
+        show_default="10, or no limit with --steps",
+        rich_help_panel=FITTING,
+        help="Stop after this time.",
+    ),
+]
 
 
-@dataclass(frozen=True)
-class FitOptions:
-    """How long and how fine; what is not given is for the library to choose."""
+def fit_settings() -> list[Setting]:
+    """An option for each field of FitSettings; --minutes stands for `seconds`."""
+    from gsedit.fitting.settings import FitSettings
 
-    steps: Annotated[
-        int | None,
-        typer.Option("--steps", min=1, show_default=False, help="Stop after this many steps."),
-    ] = None
-    minutes: Annotated[
-        float | None,
-        typer.Option("--minutes", min=0.01, show_default=False, help="Stop after this long."),
-    ] = None
-
-    sh_degree: Annotated[
-        int | None,
-        typer.Option(
-            "--sh-degree", min=0, max=3, show_default=False, help="How colours vary with the view."
-        ),
-    ] = None
-
-    compile: Compile = False
-
-    def fields(self) -> dict[str, Any]:
-        """What was given, as fields of FitSettings."""
-        fields: dict[str, Any] = {}
-        if self.steps is not None or self.minutes is not None:  # one budget lifts the other
-            fields = {"steps": self.steps, "seconds": self.minutes and 60 * self.minutes}
-        if self.sh_degree is not None:
-            fields["sh_degree"] = self.sh_degree
-        if self.compile:
-            from rasterizer.numerics import Execution
-
-            fields["execution"] = Execution(compile=True)
-        return fields
+    panels = {"execution": "Rendering"}
+    return settings_of(FitSettings(), Layout(FITTING, panels, without=("seconds", "coarse")))
 
 
 def fit(
-    dataset: Annotated[
-        Path,
-        typer.Argument(
-            metavar="DATASET",
-            show_default=False,
-            help="Folder of posed photos: nerfstudio (transforms.json) or COLMAP.",
-        ),
-    ],
+    dataset: Dataset,
     out: Annotated[Path, output("Scene to write: .ply, .compressed.ply or .spz.")],
     size: Size = 256,
-    *,
-    options: FitOptions,
-    start: Annotated[
-        Path | None,
-        typer.Option(
-            "--from", metavar="SCENE", show_default=False, help="Continue from this scene."
-        ),
-    ] = None,
+    start: Start = None,
     drop_invalid: DropInvalid = False,
     force: Force = False,
+    *,
+    minutes: Minutes = None,
+    values: Annotated[Values, SettingsGroup(fit_settings)],
     common: Seeded,
 ) -> None:
     """Fit a scene to posed photos. Every 8th photo is held out and measures the result.
@@ -82,37 +72,51 @@ def fit(
         out.with_suffix(".checkpoint.ply"),
         f"continue with gsedit fit {dataset} -o {out} --from {out.with_suffix('.checkpoint.ply')}",
     )
-    refuse_forgotten(checkpoints.path, force=force or start is not None)
+    check_left_checkpoint(checkpoints.path, force=force or start is not None)
     common.apply()
 
     from gsedit.files import load_dataset, save
     from gsedit.fitting.fit import fit_steps
-    from gsedit.fitting.settings import FitSettings
 
-    first = None if start is None else read(start, drop_invalid=drop_invalid)
+    settings = with_budget(values, minutes)
+    first = None if start is None else load_scene(start, drop_invalid=drop_invalid)
     photos = load_dataset(dataset, size=size)
-    settings = FitSettings(**options.fields())
     with checkpoints:
         with progress(as_json=common.json) as show:
             steps = fit_steps(photos, settings, generator=common.generator(), start=first)
             result = run_to_result(steps, show, checkpoints)
         save(result.scene, out, overwrite=force)
+    print_fit(result, out, as_json=common.json)
+
+
+def with_budget(values: Values, minutes: float | None) -> FitSettings:
+    """The settings of a fit. A budget of steps or of time lifts the default of the other."""
+    from gsedit.fitting.settings import FitSettings
+
+    budget = {}
+    if minutes is not None or ("steps",) in values:
+        budget = {("seconds",): minutes and 60 * minutes}
+    return with_values(FitSettings(), {**values, **budget})
+
+
+def print_fit(result: FitResult, out: Path, *, as_json: bool) -> None:
+    """Print what the fit came to."""
     print_message(
         f"{len(result.scene)} Gaussians, {result.psnr:.2f} dB on held-out photos, "
         f"{result.steps} steps in {result.seconds:.0f} s; look: gsedit preview {out}"
     )
     record = {
-        "scene": str(out),
+        "scene": out,
         "gaussians": len(result.scene),
         "psnr": result.psnr,
         "steps": result.steps,
         "seconds": result.seconds,
-        "curve": [list(point) for point in result.curve],
+        "curve": result.curve,
     }
-    print_result(record, str(out), as_json=common.json)
+    print_result(record, str(out), as_json=as_json)
 
 
-def refuse_forgotten(checkpoint: Path, *, force: bool) -> None:
+def check_left_checkpoint(checkpoint: Path, *, force: bool) -> None:
     """Raise UsageError rather than write over what an interrupted fit left behind."""
     from gsedit.errors import UsageError
 

@@ -1,10 +1,9 @@
-"""Options that several verbs share, each named once, and the checks made before any work begins."""
+"""Options that several verbs share, and the checks that verbs make before any work begins."""
 
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, fields
-from enum import Enum
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -31,14 +30,15 @@ Data = Annotated[
 ]
 Size = Annotated[
     int,
-    typer.Option("--size", min=16, metavar="PIXELS", help="Longer side of the pictures worked on."),
+    typer.Option("--size", min=16, metavar="PIXELS", help="Longer side of the views."),
 ]
 Compile = Annotated[
     bool,
     typer.Option(
         "--compile",
         show_default=False,
-        help="Draw with a compiled kernel: the same, sooner; needs a C++ compiler, the first time.",
+        help="Render with a compiled kernel: faster, and equal within rounding. The first time it "
+        "needs a C++ compiler; without one, rendering goes on without the kernel.",
     ),
 ]
 DropInvalid = Annotated[
@@ -48,7 +48,7 @@ DropInvalid = Annotated[
     ),
 ]
 Force = Annotated[
-    bool, typer.Option("--force", "-f", help="Overwrite what stands at the output already.")
+    bool, typer.Option("--force", "-f", help="Replace files that exist at the output.")
 ]
 
 
@@ -57,26 +57,26 @@ def output(what: str) -> Any:
     return typer.Option("--output", "-o", metavar="PATH", show_default=False, help=what)
 
 
-def everywhere(name: str, help: str, **more: Any) -> Any:
-    """An option of every command."""
+def common_option(name: str, help: str, **more: Any) -> Any:
+    """An option that every command has."""
     return typer.Option(name, help=help, rich_help_panel="Every command", **more)
 
 
 @dataclass(frozen=True)
 class Common:
-    """What every verb understands."""
+    """Options of every verb."""
 
-    json: Annotated[bool, everywhere("--json", "Results and events as JSON lines on stdout.")] = (
-        False
-    )
-    debug: Annotated[bool, everywhere("--debug", "Show the traceback of an error.")] = False
+    json: Annotated[
+        bool, common_option("--json", "Print results and events as JSON lines on stdout.")
+    ] = False
+    debug: Annotated[bool, common_option("--debug", "Show the traceback of an error.")] = False
     threads: Annotated[
         int | None,
-        everywhere("--threads", "CPU threads to use.", min=1, show_default="as torch finds"),
+        common_option("--threads", "CPU threads to use.", min=1, show_default="torch's choice"),
     ] = None
 
     def apply(self) -> None:
-        """Give torch the threads that were asked for."""
+        """Set torch's number of threads."""
         if self.threads:
             import torch
 
@@ -85,29 +85,24 @@ class Common:
 
 @dataclass(frozen=True)
 class Seeded(Common):
-    """What a verb that draws random numbers understands too."""
+    """Options of every verb that draws random numbers."""
 
-    seed: Annotated[int, everywhere("--seed", "Same seed, same threads: same result.")] = 0
+    seed: Annotated[
+        int,
+        common_option(
+            "--seed", "Seed of the random numbers. Equal seeds and threads give equal results."
+        ),
+    ] = 0
 
     def generator(self) -> torch.Generator:
-        """The one source of randomness of a command."""
+        """The only source of random numbers of a command."""
         import torch
 
         return torch.Generator().manual_seed(self.seed)
 
 
-def given(options: Any) -> dict[str, Any]:
-    """The fields of a group of options that the user set: the rest is for the library to choose."""
-    values = {field.name: getattr(options, field.name) for field in fields(options)}
-    return {
-        name: value.value if isinstance(value, Enum) else value
-        for name, value in values.items()
-        if value is not None
-    }
-
-
 def check_file(path: Path, force: bool) -> None:
-    """Raise UsageError unless a file can be written at `path`: asked before the work, not after."""
+    """Raise UsageError unless a file can be written at `path`: checked before the work."""
     from gsedit.files.atomic import check_writable
 
     check_writable(path, overwrite=force)
@@ -147,18 +142,18 @@ def _check_permission(folder: Path) -> None:
         raise UsageError(f"-o: no permission to write in {nearest}; choose another place")
 
 
-def read(path: Path, *, drop_invalid: bool) -> Gaussians:
-    """The scene at `path`; what the file held besides is said in a line each."""
+def load_scene(path: Path, *, drop_invalid: bool) -> Gaussians:
+    """The scene at `path`; notes on the file are printed, a line each."""
     from gsedit.files import read_scene
 
-    found = read_scene(path, drop_invalid=drop_invalid)
-    for note in found.notes:
+    file = read_scene(path, drop_invalid=drop_invalid)
+    for note in file.notes:
         print_message(f"{path}: {note}")
-    return found.scene
+    return file.scene
 
 
-def whole_numbers(text: str, option: str) -> list[int]:
-    """Numbers separated by commas, as in `--views 0,8,16`; UsageError otherwise."""
+def parse_indices(text: str, option: str) -> list[int]:
+    """Whole numbers separated by commas, as in `--views 0,8,16`; UsageError otherwise."""
     from gsedit.errors import UsageError
 
     try:

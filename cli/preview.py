@@ -3,30 +3,35 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from .cameras import Up, check_axis, up_vector
 from .console import print_message, print_result
-from .options import Common, DropInvalid, Force, Scene, check_file, output, read
+from .options import Common, DropInvalid, Force, Scene, check_file, load_scene, output
+
+
+def pixels(flag: str, help: str) -> Any:
+    return typer.Option(flag, min=16, metavar="PIXELS", help=help)
 
 
 def preview(
     scene: Scene,
     out: Annotated[Path | None, output("PNG to write; without it a window opens.")] = None,
     up: Up = None,
-    width: Annotated[int, typer.Option("--width", min=16, help="Pixels.")] = 960,
-    height: Annotated[int, typer.Option("--height", min=16, help="Pixels.")] = 720,
+    width: Annotated[int, pixels("--width", "Width of the picture.")] = 960,
+    height: Annotated[int, pixels("--height", "Height of the picture.")] = 720,
     min_opacity: Annotated[
-        float, typer.Option("--min-opacity", min=0, max=1, help="Leave out what is fainter.")
+        float,
+        typer.Option("--min-opacity", min=0, max=1, help="Leave out Gaussians of lower opacity."),
     ] = 0.1,
     drop_invalid: DropInvalid = False,
     force: Force = False,
     *,
     common: Common,
 ) -> None:
-    """Show the Gaussians' centres as coloured points (pyvista): a window, or a PNG with -o.
+    """Show the centres of the Gaussians as coloured points: in a window, or as a PNG with -o.
 
     gsedit preview scene.ply -o scene.png
     """
@@ -41,9 +46,9 @@ def preview(
 
     from gsedit.viewer.preview import preview as show
 
-    found = read(scene, drop_invalid=drop_invalid)
+    gaussians = load_scene(scene, drop_invalid=drop_invalid)
     axis, size = up_vector(up), (width, height)
-    show(found, out, up=axis, size=size, min_opacity=min_opacity, overwrite=force)
+    show(gaussians, out, up=axis, size=size, min_opacity=min_opacity, overwrite=force)
     if out is not None:
-        print_message(f"{out} shows {len(found)} Gaussians as points")
+        print_message(f"{out} shows {len(gaussians)} Gaussians as points")
         print_result({"picture": str(out)}, str(out), as_json=common.json)

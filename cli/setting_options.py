@@ -13,11 +13,11 @@ import inspect
 import re
 import textwrap
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
 from enum import Enum
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import typer
 
@@ -39,10 +39,8 @@ class Layout:
     """Heading of the outermost record's options in the help."""
     panels: Mapping[str, str] = field(default_factory=dict)
     """Headings of nested records, by field; without one, the field's name."""
-    defaults: Mapping[str, str] = field(default_factory=dict)
-    """What the help shows as default where the record has None, by field."""
     without: tuple[str, ...] = ()
-    """Fields of the outermost record that get no option."""
+    """Fields that get no option."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +53,8 @@ class Setting:
     """One of SIMPLE, or an Enum of the choices."""
     help: str
     panel: str
+    negatable: bool = False
+    """Whether --no-... exists beside the flag."""
 
     @property
     def name(self) -> str:
@@ -63,8 +63,11 @@ class Setting:
 
     def parameter(self) -> inspect.Parameter:
         """The option as typer reads it; None where it is not given."""
+        from rich.markup import escape
+
+        flag = f"{self.flag}/--no-{self.flag.removeprefix('--')}" if self.negatable else self.flag
         option = typer.Option(
-            self.flag, help=self.help, rich_help_panel=self.panel, show_default=False
+            flag, help=escape(self.help), rich_help_panel=self.panel, show_default=False
         )
         return keyword(self.name, Annotated[self.type | None, option], None)
 
@@ -87,39 +90,45 @@ class SettingsGroup:
         }
 
 
-def settings_of(defaults: Any, layout: Layout) -> list[Setting]:
+def settings_of(
+    defaults: Any, layout: Layout, parents: FieldPath = (), taken: Iterable[str] = ()
+) -> list[Setting]:
     """The options of a settings record, which `defaults` is an instance of.
 
-    A flag that is taken by an earlier field gets the name of its record's field as a prefix:
-    `--steps` of `sampler`, then `--update-steps` of `update`. Raises TypeError for a field whose
-    type no option can hold.
+    A flag that is `taken`, or by an earlier field, gets the name of its record's field (the last of
+    `parents`) as a prefix: `--steps` of `sampler`, then `--update-steps` of `update`. Raises
+    TypeError for a field whose type no option can hold.
     """
-    return _settings_of(defaults, layout, (), layout.panel, set())
-
-
-def _settings_of(
-    defaults: Any, layout: Layout, parents: FieldPath, panel: str, taken: set[str]
-) -> list[Setting]:
     settings: list[Setting] = []
     types, docs = get_type_hints(type(defaults)), field_docs(type(defaults))
     for item in fields(defaults):
-        name = item.name
-        path, default = (*parents, name), getattr(defaults, name)
-        if not parents and name in layout.without:
+        if item.name in layout.without:
             continue
+        path, default = (*parents, item.name), getattr(defaults, item.name)
+        in_use = {*taken, *(setting.flag for setting in settings)}
         if is_dataclass(default):
-            heading = layout.panels.get(name, name.replace("_", " ").capitalize())
-            settings += _settings_of(default, layout, path, heading, taken)
-            continue
-        flag = item.metadata.get("flag", f"--{name.replace('_', '-')}")
-        if flag in taken and parents:
-            flag = f"--{parents[-1]}-{flag.removeprefix('--')}"
-        taken.add(flag)
-        if default is True:
-            flag = f"{flag}/--no-{flag.removeprefix('--')}"
-        help = help_text(docs.get(name, name), default, layout.defaults.get(name))
-        settings.append(Setting(path, flag, option_type(path, types[name]), help, panel))
+            heading = layout.panels.get(item.name, item.name.replace("_", " ").capitalize())
+            settings += settings_of(default, Layout(heading, layout.panels), path, in_use)
+        else:
+            settings.append(
+                Setting(
+                    path,
+                    flag_of(item, parents, in_use),
+                    option_type(path, types[item.name]),
+                    help_text(docs.get(item.name, item.name), default),
+                    layout.panel,
+                    negatable=default is True,
+                )
+            )
     return settings
+
+
+def flag_of(item: Field[Any], parents: FieldPath, taken: Iterable[str]) -> str:
+    """The flag of a field: from its metadata, or its name; with a prefix where it is taken."""
+    flag = item.metadata.get("flag", f"--{item.name.replace('_', '-')}")
+    if flag in taken and parents:
+        flag = f"--{parents[-1].replace('_', '-')}-{flag.removeprefix('--')}"
+    return flag
 
 
 def option_type(path: FieldPath, annotation: Any) -> Any:
@@ -137,26 +146,23 @@ def option_type(path: FieldPath, annotation: Any) -> Any:
     raise TypeError(f"setting {'.'.join(path)}: no option can hold a {annotation}")
 
 
-def help_text(doc: str, default: Any, none_means: str | None = None) -> str:
-    """The help of an option: its field's docstring, and the default in parentheses.
+def help_text(doc: str, default: Any) -> str:
+    """The help of an option: its field's docstring, and the default in square brackets.
 
-    A docstring may end with "None: ..." to say what an absent value means: this is then shown as
-    the default, unless `none_means` says more.
+    A docstring may end with "None: ..." to say what None means: it is shown as the default.
     """
-    from rich.markup import escape
-
     text, *rest = re.split(r"(?:^|\s)None: ", " ".join(doc.replace("`", "").split()))
     text = text.rstrip(" .;")
     match default:
         case None:
-            shown = f": {none_means or rest[0].rstrip('.')}" if none_means or rest else ""
+            shown = rest[0].rstrip(".") if rest else ""
         case bool():
-            shown = " yes" if default else ""
+            shown = "on" if default else ""
         case float():
-            shown = f" {default:g}"
+            shown = f"{default:g}"
         case _:
-            shown = f" {default}"
-    return escape(f"{text} (default{shown})." if shown else f"{text}.")
+            shown = str(default)
+    return f"{text}. [default: {shown}]" if shown else f"{text}."
 
 
 def field_docs(record: type) -> dict[str, str]:
@@ -179,11 +185,16 @@ def field_docs(record: type) -> dict[str, str]:
 
 
 def with_values(record: Record, values: Values) -> Record:
-    """The record with the given values in place of its own. Raises what its checks raise."""
+    """The record with the given values in place of its own. Raises UsageError for a bad value."""
+    from gsedit.errors import UsageError
+
     own = {path[0]: value for path, value in values.items() if len(path) == 1}
     nested: dict[str, dict[FieldPath, Any]] = {}
     for (head, *tail), value in values.items():
         if tail:
             nested.setdefault(head, {})[tuple(tail)] = value
     inner = {name: with_values(getattr(record, name), each) for name, each in nested.items()}
-    return replace(record, **own, **inner)  # pyright: ignore[reportArgumentType, reportCallIssue]
+    try:
+        return replace(cast(Any, record), **own, **inner)
+    except ValueError as error:  # of records that do not know gsedit's errors
+        raise UsageError(str(error)) from error

@@ -6,7 +6,7 @@ The docstring under each field of `SamplerSettings` is also the help text of its
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple, get_args
 
 from gsedit.errors import UsageError
@@ -35,10 +35,10 @@ class SamplerSettings:
 
     steps: int = 20
     """Denoising steps, from 1 to 1000. The time of an edit is proportional to it."""
-    guidance_text: float | None = None
+    guidance_text: float | None = field(default=None, metadata={"flag": "--guidance"})
     """Weight of the instruction, s_T of InstructPix2Pix, 0 or more; 1 or less adds no push towards
     it. None: the editor's default (7.5; small 1.4)."""
-    guidance_image: float | None = None
+    guidance_image: float | None = field(default=None, metadata={"flag": "--image-guidance"})
     """Weight of the unedited picture, s_I of InstructPix2Pix, 0 or more; 1 skips the unconditional
     branch, a third of the cost. None: the editor's default (1.5; small 1)."""
     strength: float = 0.98

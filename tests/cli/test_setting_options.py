@@ -21,6 +21,8 @@ from gsedit_cli.setting_options import (
 )
 from typer.testing import CliRunner
 
+from gsedit.errors import UsageError
+
 Mode = Literal["soft", "hard-edged"]
 
 
@@ -92,14 +94,14 @@ def run(monkeypatch):
 def test_every_field_is_an_option_with_help_and_default(run):
     text = " ".join(re.sub(r"[│╭╮╰╯─\s]+", " ", run("--help")[0].stdout).split())
     for words in (
-        "--steps <int> Steps of everything, on two lines (default 20).",
-        "<soft|hard-edged> How (default soft).",
-        "--gentle --no-gentle <bool> gentle (default yes).",
+        "--steps <int> Steps of everything, on two lines. [default: 20]",
+        "<soft|hard-edged> How. [default: soft]",
+        "--gentle --no-gentle <bool> gentle. [default: on]",
         "Be quick.",
-        "--views <int> Views together (default 4).",
+        "--views <int> Views together. [default: 4]",
         "--file <path> Where.",
-        "--inner-steps <int> Steps of the inner part (default 9).",
-        "--share <float> Share of it, in [0, 1] (default: all that is left).",
+        "--inner-steps <int> Steps of the inner part. [default: 9]",
+        "--share <float> Share of it, in [0, 1]. [default: all that is left]",
     ):
         assert words in text
     assert text.index("Outer panel") < text.index("--steps")
@@ -117,7 +119,7 @@ def test_a_new_field_is_a_new_option_without_another_change():
         """What colour."""
 
     (new,) = (each for each in settings_of(Grown(), LAYOUT) if each.flag not in before)
-    assert (new.flag, new.type, new.help) == ("--colour", str, "What colour (default red).")
+    assert (new.flag, new.type, new.help) == ("--colour", str, "What colour. [default: red]")
 
 
 def test_only_what_is_given_replaces_the_records_values(run):
@@ -131,7 +133,7 @@ def test_only_what_is_given_replaces_the_records_values(run):
     assert with_values(base, values) == Outer(
         5, "hard-edged", False, False, 2, Path("a"), Inner(3, 0.5)
     )
-    with pytest.raises(ValueError, match="steps"):  # the record checks itself
+    with pytest.raises(UsageError, match="steps"):  # the record checks itself
         with_values(base, {("steps",): 0})
 
 
@@ -162,10 +164,10 @@ def test_docstrings_are_read_from_the_source_and_from_bases():
 @pytest.mark.parametrize(
     ("doc", "default", "shown"),
     [
-        ("Share, in (0, 1].", 0.5, "Share, in (0, 1] (default 0.5)."),
-        ("Seconds. None: for ever.", None, "Seconds (default: for ever)."),
-        ("Seconds; None: for ever.", None, "Seconds (default: for ever)."),
-        ("Seconds. None: for ever.", 3, "Seconds (default 3)."),
+        ("Share, in (0, 1].", 0.5, "Share, in (0, 1]. [default: 0.5]"),
+        ("Seconds. None: for ever.", None, "Seconds. [default: for ever]"),
+        ("Seconds; None: for ever.", None, "Seconds. [default: for ever]"),
+        ("Seconds. None: for ever.", 3, "Seconds. [default: 3]"),
         ("Seconds.", None, "Seconds."),
         ("Be quick", False, "Be quick."),
     ],

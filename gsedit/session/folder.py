@@ -1,0 +1,85 @@
+"""The folder of an edit: the scene, what was measured, and pictures to look at."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from gsedit.files import atomic_path, save
+from gsedit.reports.environment import environment
+from gsedit.reports.events import Checkpoint, Event
+from gsedit.reports.journal import as_record
+from gsedit.reports.json_lines import plain, write_line
+from gsedit.session.result import EditResult
+
+
+def write_edit(
+    folder: Path | str,
+    instruction: str,
+    result: EditResult,
+    events: Iterable[Event | Checkpoint] = (),
+    *,
+    request: Mapping[str, Any] | None = None,
+    overwrite: bool = False,
+) -> None:
+    """Write scene.ply, metrics.jsonl, before_after.png, error_vs_time.png and edit.json.
+
+    `*events, result = edit_steps(...)` gives the events; `request` is what else edit.json should
+    say of how the result was made. Each file is whole or not there, and edit.json is last: with it
+    the folder is complete. Raises UsageError where files exist, unless `overwrite`.
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    if overwrite:
+        (folder / "edit.json").unlink(missing_ok=True)  # an earlier run's, about other files
+    happened = [event for event in events if isinstance(event, Event)]
+    save(result.scene, folder / "scene.ply", overwrite=overwrite)
+    with (
+        atomic_path(folder / "metrics.jsonl", overwrite=overwrite) as temporary,
+        temporary.open("w", encoding="utf-8") as file,
+    ):
+        for event in happened:
+            write_line(file, as_record(event))
+    _write_pictures(folder, instruction, result, happened, overwrite=overwrite)
+    record = plain({"instruction": instruction, **(request or {}), **edit_record(result)})
+    with atomic_path(folder / "edit.json", overwrite=overwrite) as temporary:
+        temporary.write_text(json.dumps(record, indent=2, allow_nan=False) + "\n")
+
+
+def edit_record(result: EditResult) -> dict[str, Any]:
+    """What edit.json says of a result: settings, timings, measurements, versions."""
+    return {
+        "settings": result.settings,
+        "strategy": {"name": type(result.strategy).__name__, **plain(result.strategy)},
+        "timings": result.timings,
+        "gaussians": len(result.scene),
+        "edited_views": [view.name for view in result.targets],
+        "measured": {
+            "matched": result.matched,
+            "pairs": result.pairs,
+            "coverage": result.plan.coverage[-1],
+            "strength": result.strength,
+            "residual": result.residual,
+            "ground_truth": result.ground_truth,
+        },
+        **environment(),
+    }
+
+
+def _write_pictures(
+    folder: Path, instruction: str, result: EditResult, events: list[Event], *, overwrite: bool
+) -> None:
+    """The same views before the edit, edited in 2D, and after it; error and loss against time."""
+    from gsedit.files.pictures import save_picture
+    from gsedit.reports.contact_sheet import contact_sheet
+    from gsedit.reports.figures import error_vs_time
+
+    rows = (
+        ("original", result.originals),
+        (f"2D targets: {instruction}", result.targets),
+        ("edited scene", result.finals),
+    )
+    save_picture(contact_sheet(rows), folder / "before_after.png", overwrite=overwrite)
+    error_vs_time(events, folder / "error_vs_time.png", overwrite=overwrite)

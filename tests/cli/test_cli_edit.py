@@ -1,0 +1,73 @@
+"""`gsedit edit`: its folder, its options, interruption."""
+
+from __future__ import annotations
+
+import json
+from importlib import import_module
+
+from command_line import files, gsedit
+
+from gsedit.diffusion import SamplerSettings
+from gsedit.reports.events import Checkpoint, Event
+from gsedit.reports.journal import read_events
+
+
+def stub_edit(monkeypatch, *, end: BaseException | None = None):
+    from gsedit.session.result import EditResult
+    from gsedit.views.plan import ViewPlan
+
+    given = {}
+
+    def edit_steps(scene, prompt, *, dataset, editor, settings, strategy, features, generator):
+        given.update(prompt=prompt, settings=settings, dataset=dataset)
+        yield Event("update", 1.0, 1, 2, 0.5, 0.1)
+        yield Checkpoint(scene, 1, 1.0)
+        if end is not None:
+            raise end
+        yield Event("measure", 2.0, error=0.05, note="well done")
+        yield EditResult(
+            scene=scene,
+            originals=dataset.views,
+            targets=dataset.views,
+            finals=dataset.views,
+            settings=settings,
+            strategy=strategy,
+            plan=ViewPlan(((0,),), (1.0,)),
+            matched=0.5,
+            pairs=(("a", "b", 0.5),),
+            strength=0.1,
+            residual=float("inf"),
+            ground_truth=None,
+            timings={"total": 2.0},
+        )
+
+    monkeypatch.setattr(import_module("gsedit.edit"), "edit_steps", edit_steps)
+    return given
+
+
+def test_edit_leaves_the_scene_and_its_evidence(monkeypatch, scene, photos, tmp_path):
+    given = stub_edit(monkeypatch)
+    out = tmp_path / "out"
+    result = gsedit("edit", scene, "make it snow", "--data", photos, "-o", out, "--rounds", 1)
+    assert result.exit_code == 0, result.stderr
+    assert result.stdout.strip() == str(out / "scene.ply")
+    names = {"scene.ply", "edit.json", "metrics.jsonl", "before_after.png", "error_vs_time.png"}
+    assert {path.name for path in files(out)} == names
+    assert [event.stage for event in read_events(out / "metrics.jsonl")] == ["update", "measure"]
+    record = json.loads((out / "edit.json").read_text())
+    assert record["instruction"] == given["prompt"] == "make it snow"
+    assert record["settings"]["rounds"] == 1
+    assert record["settings"]["sampler"]["steps"] == SamplerSettings().steps
+    assert record["measured"]["residual"] is None  # JSON has no infinity
+    assert set(record) >= {"seed", "versions", "threads", "timings", "platform", "python"}
+    assert gsedit("edit", scene, "make it snow", "-o", out).exit_code == 2
+
+
+def test_an_interrupted_edit_keeps_its_metrics_and_checkpoint(monkeypatch, scene, tmp_path):
+    stub_edit(monkeypatch, end=KeyboardInterrupt())
+    out = tmp_path / "out"
+    result = gsedit("edit", scene, "make it snow", "-o", out, "--size", 16)
+    assert result.exit_code == 130
+    assert f"{out / 'checkpoint.ply'} (step 1)" in result.stderr
+    assert {path.name for path in files(out)} == {"checkpoint.ply", "metrics.jsonl"}
+    assert len(read_events(out / "metrics.jsonl")) == 1

@@ -1,0 +1,98 @@
+"""`gsedit fit`: events, checkpoints, interruption."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from command_line import files, gsedit, stub_fit
+
+from gsedit.files import load
+
+
+def test_fit_writes_the_scene_and_removes_its_checkpoint(monkeypatch, photos, tmp_path):
+    given = stub_fit(monkeypatch)
+    out = tmp_path / "scene.ply"
+    result = gsedit("fit", photos, "-o", out, "--minutes", 2, "--seed", 7, "--json")
+    assert result.exit_code == 0, result.stderr
+    event, record = (json.loads(line) for line in result.stdout.splitlines())
+    assert event["type"] == "event"
+    assert record == {
+        "type": "result", "scene": str(out), "gaussians": 3, "psnr": 20.0,
+        "steps": 2, "seconds": 2.0, "curve": [[2.0, 20.0]],
+    }  # fmt: skip
+    assert given["settings"].seconds == 120
+    assert given["settings"].steps is None
+    assert not given["settings"].execution.compile
+    assert given["seed"] == 7
+    assert len(load(out)) == 3
+    assert set(files(tmp_path)) - set(files(photos)) == {out}
+    assert "gsedit preview" in result.stderr
+
+
+@pytest.mark.parametrize("end", [KeyboardInterrupt(), RuntimeError("bug"), MemoryError()])
+def test_an_ended_fit_leaves_its_last_checkpoint_and_says_where(monkeypatch, photos, tmp_path, end):
+    stub_fit(monkeypatch, end=end, checkpoints=2)
+    out, checkpoint = tmp_path / "scene.ply", tmp_path / "scene.checkpoint.ply"
+    result = gsedit("fit", photos, "-o", out)
+    assert result.exit_code == (130 if isinstance(end, KeyboardInterrupt) else 1)
+    assert f"last complete checkpoint is {checkpoint} (step 20)" in result.stderr
+    assert f"--from {checkpoint}" in result.stderr
+    assert len(load(checkpoint)) == 3
+    assert not out.exists()
+
+    stub_fit(monkeypatch)  # a second run does not write over it unasked
+    forgotten = gsedit("fit", photos, "-o", out)
+    assert forgotten.exit_code == 2
+    assert "--from" in forgotten.stderr
+    given = stub_fit(monkeypatch)
+    assert gsedit("fit", photos, "-o", out, "--from", checkpoint).exit_code == 0
+    assert len(given["start"]) == 3
+    assert not checkpoint.exists()
+
+
+def test_interrupted_before_the_first_checkpoint(monkeypatch, photos, tmp_path):
+    stub_fit(monkeypatch, end=KeyboardInterrupt(), checkpoints=0)
+    result = gsedit("fit", photos, "-o", tmp_path / "scene.ply")
+    assert result.exit_code == 130
+    assert result.stderr.splitlines()[-1].startswith("gsedit: interrupted; no checkpoint")
+    assert set(files(tmp_path)) == set(files(photos))
+
+
+@pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such signals")
+def test_a_signal_ends_a_real_process_as_ctrl_c_does(photos, tmp_path, stop):
+    code = (
+        "import sys, time\n"
+        "from importlib import import_module\n"
+        f"sys.path[:0] = {[str(folder) for folder in Path(__file__).parents[:2]]}\n"
+        "from command_line import stub_scene, Checkpoint, Event\n"
+        "def fit_steps(*_, **__):\n"
+        "    yield Checkpoint(stub_scene(), 5, 0.1)\n"
+        "    yield Event('fit', 0.2, 5, 10)\n"
+        "    time.sleep(60)\n"
+        "import_module('gsedit.fitting.fit').fit_steps = fit_steps\n"
+        "from gsedit_cli.main import main\n"
+        f"sys.argv = ['gsedit', 'fit', {str(photos)!r}, '-o', {str(tmp_path / 's.ply')!r}]\n"
+        "main()\n"
+    )
+    process = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, text=True)
+    assert process.stderr is not None
+    assert "fit 5/10" in process.stderr.readline()
+    process.send_signal(stop)
+    told = process.communicate(timeout=30)[1]
+    assert process.returncode == 130
+    assert "(step 5)" in told
+    assert len(load(tmp_path / "s.checkpoint.ply")) == 3
+
+
+def test_a_fit_can_be_compiled(monkeypatch, photos, tmp_path):
+    given = stub_fit(monkeypatch)
+    result = gsedit("fit", photos, "-o", tmp_path / "scene.ply", "--minutes", 2, "--compile")
+    assert result.exit_code == 0, result.stderr
+    assert given["settings"].execution.compile

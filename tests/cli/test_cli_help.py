@@ -1,0 +1,91 @@
+"""Help, version, and requests that make no sense."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+
+import pytest
+from command_line import files, gsedit, one_line
+
+VERBS = ("fit", "edit", "render", "preview", "info", "editors", "doctor")
+DERIVED = ("fit", "edit")
+"""Verbs whose options are derived from settings records."""
+
+
+@pytest.mark.parametrize(
+    ("verbs", "heavy"),
+    [
+        (
+            [v for v in VERBS if v not in DERIVED],
+            "torch numpy open3d pyvista matplotlib kornia PIL",
+        ),
+        (DERIVED, "open3d pyvista matplotlib"),  # torch comes with the settings records
+    ],
+    ids=["others", "derived from settings"],
+)
+def test_help_loads_nothing_heavy(verbs, heavy):
+    code = (
+        "import contextlib, io, sys\n"
+        "from gsedit_cli.main import app\n"
+        f"for words in [[], *([verb] for verb in {verbs})]:\n"
+        "    with contextlib.suppress(SystemExit), contextlib.redirect_stdout(io.StringIO()):\n"
+        "        app([*words, '--help'])\n"
+        f"heavy = set({heavy.split()})\n"
+        "sys.exit(', '.join(heavy & set(sys.modules)) or 0)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_list_of_verbs_has_a_line_for_each(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "160")
+    text = gsedit("--help").stdout
+    for verb in (*VERBS, "bench"):
+        assert re.search(rf"{verb} +[A-Z][^.]+\.", text)
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_help_shows_an_example_and_the_common_options(verb):
+    result = gsedit(verb, "--help")
+    assert result.exit_code == 0
+    assert f"gsedit {verb} " in result.stdout
+    for option in ("--json", "--debug", "--threads"):
+        assert option in result.stdout
+
+
+def test_version():
+    assert re.fullmatch(r"gsedit \d+\.\d+\.\d+\S*\n", gsedit("--version").stdout)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["nonsense"],
+        ["--nonsense"],
+        ["info"],
+        ["info", "a.ply", "b.ply"],
+        ["fit", "photos"],
+        ["fit", "photos", "-o", "a.ply", "--steps", "many"],
+        ["edit", "a.ply", "make it snow", "-o", "out", "--geometry", "none"],
+        ["render", "a.ply", "-o", "out", "--views", "0,8"],
+        ["render", "a.ply", "-o", "out", "--data", "d", "--views", "0,eight"],
+        ["preview", "a.ply", "-o", "a.jpg"],
+        ["preview", "a.ply", "-o", "a.png", "--up", "w"],
+    ],
+    ids=" ".join,
+)
+def test_a_request_that_makes_no_sense_is_one_line_and_2(words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = gsedit(*words)
+    assert result.exit_code == 2
+    assert one_line(result.stderr)
+    assert result.stdout == ""
+    assert not files(tmp_path)
+
+
+def test_no_verb_shows_the_help_and_is_2():
+    result = gsedit()
+    assert result.exit_code == 2
+    assert "preview" in result.output

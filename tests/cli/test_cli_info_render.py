@@ -1,0 +1,94 @@
+"""`gsedit info` and `gsedit render`: what is printed and which files are written."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from bad_files import ply_bytes, scene_table
+from command_line import files, gsedit
+from PIL import Image
+
+from gsedit.files import load
+
+
+def test_info_tells_what_the_file_holds(scene):
+    record = json.loads(gsedit("info", scene, "--json").stdout)
+    means = load(scene).means
+    assert record["gaussians"] == 5
+    assert record["sh_degree"] == 1
+    assert record["bytes"] == scene.stat().st_size
+    assert [record[axis][0] for axis in "xyz"] == means.amin(0).tolist()
+    assert [record[axis][-1] for axis in "xyz"] == means.amax(0).tolist()
+    text = gsedit("info", scene)
+    assert text.exit_code == 0
+    assert text.stderr == ""
+    assert len(text.stdout.splitlines()) == 9
+
+
+def test_drop_invalid_says_what_it_dropped(tmp_path):
+    table = scene_table()
+    table[1, 0] = float("nan")
+    path = tmp_path / "holes.ply"
+    path.write_bytes(ply_bytes(table))
+    assert gsedit("info", path).exit_code == 3
+    result = gsedit("info", path, "--drop-invalid", "--json")
+    assert json.loads(result.stdout)["gaussians"] == 4
+    assert "1 of 5" in result.stderr
+
+
+def test_render_writes_what_it_lists(scene, photos, tmp_path):
+    out = tmp_path / "out"
+    words = ["render", scene, "--data", photos, "--views", "0,2", "--depth", "-o", out, "--json"]
+    result = gsedit(*words)
+    assert result.exit_code == 0, result.stderr
+    lines = [json.loads(line) for line in result.stdout.splitlines()]
+    listed = {Path(line["picture"]) for line in lines if line["type"] == "result"}
+    assert listed == set(files(out))
+    ends = ("000_0.png", "000_0.depth.npy", "000_0.depth.png")
+    assert {out / end for end in ends} < listed
+    assert len(listed) == 6
+    assert gsedit("render", scene, "--data", photos, "--views", "3", "-o", out, "-f").exit_code == 2
+
+
+def test_render_places_cameras_where_there_are_none(scene, tmp_path):
+    result = gsedit("render", scene, "--count", 2, "--size", 16, "-o", tmp_path / "out")
+    assert result.exit_code == 0, result.stderr
+    pictures = [tmp_path / "out" / f"orbit_{i:03d}.png" for i in range(2)]
+    assert result.stdout.split() == [str(path) for path in pictures]
+    assert set(files(tmp_path / "out")) == set(pictures)
+
+
+@pytest.mark.filterwarnings("ignore:.*without the compiled kernel")
+def test_compile_draws_the_same_pictures(scene, tmp_path):
+    for words in ([], ["--compile"]):
+        out = tmp_path / f"out{len(words)}"
+        result = gsedit("render", scene, "--count", 1, "--size", 32, "-o", out, *words)
+        assert result.exit_code == 0, result.stderr
+    a, b = (decode(tmp_path / f"out{i}" / "orbit_000.png") for i in (0, 1))
+    assert (a - b).abs().max() <= 1  # rounding may fall to either side
+
+
+def decode(path: Path) -> torch.Tensor:
+    return torch.from_numpy(np.asarray(Image.open(path)).astype(int))
+
+
+def test_core_commands_do_without_the_viewers(scene, tmp_path):
+    code = (
+        "import sys; sys.modules.update(open3d=None, pyvista=None, vtk=None)\n"
+        "import gsedit, gsedit.fitting.fit, gsedit.edit\n"
+        "from gsedit_cli.main import app\n"
+        "for words in (['info', sys.argv[1]], ['render', sys.argv[1], '--count', '1', '--size',\n"
+        "              '16', '-o', sys.argv[2]]):\n"
+        "    try: app(words)\n"
+        "    except SystemExit as end: assert not end.code\n"
+    )
+    words = [sys.executable, "-c", code, str(scene), str(tmp_path / "out")]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "out" / "orbit_000.png").exists()

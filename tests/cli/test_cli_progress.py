@@ -1,0 +1,24 @@
+"""Progress as lines of a log."""
+
+from __future__ import annotations
+
+from gsedit_cli.progress import plain_line, progress
+
+from gsedit.reports.events import Event
+
+
+def test_the_time_left_is_from_the_pace_so_far():
+    line = plain_line(Event("fit", 30.0, 20, 40, 0.5), Event("fit", 10.0, 10, 40))
+    assert "20/40" in line
+    assert "about 40 s left" in line  # 2 seconds a step, 20 steps
+
+
+def test_a_log_is_a_line_a_stage_and_now_and_then(capsys):
+    with progress(as_json=False) as show:
+        for second in range(100):
+            show(Event("fit", float(second), second + 1, 100))
+        show(Event("measure", 100.0, error=0.1))
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0].startswith("[0 s] fit 1/100")
+    assert lines[-1] == "[100 s] measure 20.00 dB"
+    assert len(lines) == 1 + 9 + 1 + 1  # first, every 10 seconds, last, and the other stage
