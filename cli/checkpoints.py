@@ -17,14 +17,15 @@ if TYPE_CHECKING:
 
 @dataclass
 class Checkpoints:
-    """The last complete scene of work in progress: kept if it ends early, removed when done."""
+    """A context in which the last complete scene is kept; a normal exit removes it."""
 
     path: Path
     advice: str
-    """What to do with it, after "the last complete checkpoint is X (step N); "."""
+    """What the user can do with it; ends the line that names the checkpoint."""
     kept: Checkpoint | None = None
 
     def keep(self, checkpoint: Checkpoint) -> None:
+        """Write the scene over the one kept before."""
         from gsedit.files import save
 
         self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -38,11 +39,12 @@ class Checkpoints:
         if error is None:
             self.path.unlink(missing_ok=True)
         elif isinstance(error, KeyboardInterrupt):
-            raise Interrupted(f"interrupted; {self.remains()}") from None
+            raise Interrupted(f"interrupted; {self.left_behind()}") from None
         elif self.kept:
-            print_message(f"gsedit: {self.remains()}")
+            print_message(f"gsedit: {self.left_behind()}")
 
-    def remains(self) -> str:
+    def left_behind(self) -> str:
+        """What of the work is on disk, and what to do with it."""
         if self.kept is None:
             if self.path.exists():
                 return f"no new checkpoint was complete yet; the earlier one is {self.path}"

@@ -8,31 +8,31 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from .console import print_message, print_result
+from .exits import UNREADABLE
 from .options import Common
 
 if TYPE_CHECKING:
     from gsedit.editors.weights import Weights
-
-INCOMPLETE = 3  # the code of an input that cannot be read
 
 
 def doctor(
     model: Annotated[
         str | None,
         typer.Argument(
-            metavar="[MODEL]",
-            help="A folder of InstructPix2Pix weights, or a hub id in the local cache.",
+            metavar="MODEL",
+            help="A folder of InstructPix2Pix weights, or a Hugging Face id in the local cache.",
             show_default=False,
         ),
     ] = None,
     *,
     common: Common,
 ) -> None:
-    """Check versions, threads, memory, compiler and viewers; with MODEL, its weights instead.
+    """Check this machine: versions, threads, memory, compiler, viewers. With MODEL, check weights.
 
     gsedit doctor models/instruct-pix2pix
 
-    Ends with 3 where the weights are not whole. What the machine lacks is advice, and ends with 0.
+    The exit code is 3 if the weights of MODEL are incomplete. It is 0 for anything that the machine
+    lacks.
     """
     common.apply()
     if model is None:
@@ -42,43 +42,45 @@ def doctor(
 
 
 def check_machine(*, as_json: bool) -> None:
+    """Print a line a check, with advice below it."""
     from gsedit.doctor import check_machine
 
-    advised = 0
+    problems = 0
     for check in check_machine():
-        advised += bool(check.advice)
+        problems += bool(check.advice)
         advice = f"\n{'':<16} -> {check.advice}" if check.advice else ""
         print_result(asdict(check), f"{check.name:<16} {check.found}{advice}", as_json=as_json)
     if not as_json:
-        print_message(f"{advised} to look at" if advised else "all is well")
+        print_message(f"{problems} problems, marked ->" if problems else "no problems")
 
 
 def check_weights(model: str, *, as_json: bool) -> None:
+    """Print what of a model's weights is there. Exits with UNREADABLE unless all of it is."""
     from gsedit.editors.pix2pix import find
     from gsedit.editors.weights import inspect
 
-    found = inspect(find(model, offline=True))
+    weights = inspect(find(model, offline=True))
     record = {
-        "folder": found.folder,
-        "complete": found.complete,
-        "kind": found.kind,
-        "parts": list(found.parts),
-        "notes": list(found.notes),
+        "folder": weights.folder,
+        "complete": weights.complete,
+        "kind": weights.kind,
+        "parts": list(weights.parts),
+        "notes": list(weights.notes),
     }
-    print_result(record, as_text(found), as_json=as_json)
-    if not found.complete:
-        raise typer.Exit(INCOMPLETE)
+    print_result(record, as_text(weights), as_json=as_json)
+    if not weights.complete:
+        raise typer.Exit(UNREADABLE)
 
 
-def as_text(found: Weights) -> str:
-    """A line a part, its problems below it, and last the verdict."""
+def as_text(weights: Weights) -> str:
+    """A line a part, its problems below it, and last whether all is complete."""
     lines = []
-    for part in found.parts:
+    for part in weights.parts:
         held = f"{part.size / 1e6:,.1f} MB in {len(part.files)} files" if part.files else "here"
         copy = f", {part.variant} copy" if part.variant else ""
-        lines.append(f"{part.name:<16} {'NOT WHOLE' if part.problems else held + copy}")
+        lines.append(f"{part.name:<16} {'INCOMPLETE' if part.problems else held + copy}")
         lines += [f"{'':<16} -> {problem}" for problem in part.problems]
-    lines += [f"{'note':<16} {note}" for note in found.notes]
-    kind = f"InstructPix2Pix ({found.kind})" if found.kind else "a model"
-    state = "complete" if found.complete else f"NOT complete, {len(found.problems)} problems"
-    return "\n".join([*lines, f"{found.folder}: {kind}, {state}"])
+    lines += [f"{'note':<16} {note}" for note in weights.notes]
+    kind = f"InstructPix2Pix ({weights.kind})" if weights.kind else "a model"
+    state = "complete" if weights.complete else f"incomplete, {len(weights.problems)} problems"
+    return "\n".join([*lines, f"{weights.folder}: {kind}, {state}"])

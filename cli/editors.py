@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def editors(*, common: Common) -> None:
-    """List the 2D editors, ours and those that other packages add, and what each needs.
+    """List the 2D editors, of gsedit and of other packages, and what each needs to run.
 
     gsedit editors --json
     """
@@ -29,7 +29,7 @@ def editors(*, common: Common) -> None:
 
 
 def as_text(listing: Listing) -> str:
-    """A line of what it is, and one for each thing that it needs."""
+    """Its name and summary, and a line for each thing that is missing."""
     state = "ready" if listing.ready else "not ready"
     origin = f" (from {listing.source})" if listing.source != "gsedit" else ""
     lines = [f"{listing.name:<12} {state}{origin}", listing.summary]

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+OK, FAILED, USAGE, UNREADABLE, INTERRUPTED = 0, 1, 2, 3, 130
+OUT_OF_MEMORY = "out of memory: try a smaller --size, or close other programs"
+
 
 class Interrupted(Exception):
-    """Ctrl-C or `kill`; the message says what remains of the work."""
-
-
-OK, FAILED, USAGE, UNREADABLE, INTERRUPTED = 0, 1, 2, 3, 130
+    """Ctrl-C or `kill`; the message names what is left of the work."""
 
 
 def explain(error: BaseException) -> tuple[str, int]:
@@ -16,31 +16,31 @@ def explain(error: BaseException) -> tuple[str, int]:
 
     match error:
         case UsageError():
-            return one_line(error), USAGE
+            return one_line(str(error)), USAGE
         case InputError():
-            return one_line(error), UNREADABLE
+            return one_line(str(error)), UNREADABLE
         case GseditError():
-            return one_line(error), FAILED
+            return one_line(str(error)), FAILED
         case Interrupted():
-            return one_line(error), INTERRUPTED
+            return one_line(str(error)), INTERRUPTED
         case KeyboardInterrupt():
             return "interrupted; files that were written before are whole", INTERRUPTED
         case MemoryError():
-            return "out of memory: try a smaller --size, or close other programs", FAILED
-        case RuntimeError() if "can't allocate memory" in str(error):  # torch's own words
-            return "out of memory: try a smaller --size, or close other programs", FAILED
+            return OUT_OF_MEMORY, FAILED
+        case RuntimeError() if "can't allocate memory" in str(error):  # torch raises this
+            return OUT_OF_MEMORY, FAILED
         case OSError():
             where = f"{error.filename}: " if error.filename else ""
-            reason = error.strerror or one_line(error)
+            reason = error.strerror or one_line(str(error))
             return f"{where}{reason}; check the disk's space and your permissions", FAILED
         case _:
             kind = type(error).__name__
             return (
-                f"internal error ({kind}: {one_line(error)}); "
+                f"internal error ({kind}: {one_line(str(error))}); "
                 "rerun with --debug and report what it shows",
                 FAILED,
             )
 
 
-def one_line(error: BaseException) -> str:
-    return " ".join(str(error).split())
+def one_line(text: str) -> str:
+    return " ".join(text.split())

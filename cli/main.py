@@ -1,4 +1,4 @@
-"""The `gsedit` program: its verbs, and one table from what went wrong to one line and a code."""
+"""The `gsedit` program: its verbs, and how every one of them ends."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .console import print_message
 from .doctor import doctor
 from .edit import edit
 from .editors import editors
-from .exits import FAILED, OK, USAGE, Interrupted, explain
+from .exits import FAILED, OK, USAGE, Interrupted, explain, one_line
 from .fit import fit
 from .info import info
 from .preview import preview
@@ -35,15 +35,15 @@ class Verbs(TyperGroup):
         self.add_command(LazyCommand("bench", bench_summary.__doc__ or "", lambda: bench))
 
     def main(self, args: Any = None, *rest: Any, **options: Any) -> Any:
-        words = sys.argv[1:] if args is None else list(args)
+        arguments = sys.argv[1:] if args is None else list(args)
         try:
             # not standalone: typer would print its own boxes and tracebacks
-            code = super().main(words, *rest, **{**options, "standalone_mode": False})
+            code = super().main(arguments, *rest, **{**options, "standalone_mode": False})
         except BrokenPipeError:  # the reader of stdout left, as `head` does
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             code = FAILED
         except Exception as error:
-            code = self.end(error, debug="--debug" in words)
+            code = self.end(error, debug="--debug" in arguments)
         sys.exit(code or OK)
 
     def invoke(self, ctx: Any) -> Any:
@@ -53,26 +53,23 @@ class Verbs(TyperGroup):
             raise Interrupted(explain(interruption)[0]) from None
 
     def end(self, error: Exception, *, debug: bool) -> int:
-        """Say what went wrong; the exit code."""
+        """Print one line about an error; the exit code."""
         if debug:
             traceback.print_exception(error)
-        if hasattr(error, "format_message"):  # the command line itself was not understood
-            return self.misunderstood(error)
+        if hasattr(error, "format_message"):  # typer could not parse the command line
+            return self.end_usage_error(error)
         line, code = explain(error)
         print_message(f"gsedit: {line}")
         return code
 
-    def misunderstood(self, error: Any) -> int:
+    def end_usage_error(self, error: Any) -> int:
+        """Print typer's complaint about the command line on one line; the exit code."""
         if not error.format_message().strip() or type(error).__name__ == "NoArgsIsHelpError":
             error.show()
         else:
             verb = error.ctx.command_path if getattr(error, "ctx", None) else "gsedit"
-            print_message(f"{verb}: {one_line_text(error.format_message())} (see {verb} --help)")
+            print_message(f"{verb}: {one_line(error.format_message())} (see {verb} --help)")
         return USAGE
-
-
-def one_line_text(text: str) -> str:
-    return " ".join(text.split())
 
 
 app = typer.Typer(
@@ -84,8 +81,8 @@ app = typer.Typer(
 )
 
 
-def show_version(wanted: bool) -> None:
-    if wanted:
+def show_version(requested: bool) -> None:
+    if requested:
         from importlib.metadata import version
 
         typer.echo(f"gsedit {version('gsedit')}")
@@ -95,24 +92,26 @@ def show_version(wanted: bool) -> None:
 def gsedit(
     version: Annotated[
         bool,
-        typer.Option("--version", callback=show_version, is_eager=True, help="Show the version."),
+        typer.Option(
+            "--version", callback=show_version, is_eager=True, help="Show the version and exit."
+        ),
     ] = False,
 ) -> None:
     """Edit captured 3D scenes (Gaussian splats) from a sentence, on a machine without a GPU.
 
-    Messages go to stderr, results to stdout. Exit codes: 0 done, 1 failed, 2 the request was not
-    understood, 3 an input could not be read, 130 interrupted.
+    Messages go to stderr, results to stdout. Exit codes: 0 done, 1 failed, 2 wrong request (an
+    option, an instruction), 3 unreadable input, 130 interrupted.
     """
 
 
 app.callback(help=paragraphs(gsedit))(gsedit)
 
 
-def _stop(*_: Any) -> None:
+def _interrupt(*_: Any) -> None:
     raise KeyboardInterrupt
 
 
 def main() -> None:
-    """The entry point: `kill` ends the work as Ctrl-C does, with its checkpoint kept."""
-    signal.signal(signal.SIGTERM, _stop)
+    """The entry point. SIGTERM ends the work as Ctrl-C does, with its checkpoint kept."""
+    signal.signal(signal.SIGTERM, _interrupt)
     app()

@@ -99,23 +99,23 @@ def _bars() -> Iterator[Show]:
         TextColumn("{task.fields[summary]}", markup=False),
     )
     tasks: dict[str, TaskID] = {}
-    with Progress(*columns, console=Console(stderr=True)) as progress:
+    with Progress(*columns, console=Console(stderr=True)) as bars:
 
         def end_stages_without_steps() -> None:
-            for task in progress.tasks:
+            for task in bars.tasks:
                 if task.total is None:
-                    progress.update(task.id, total=1, completed=1)
+                    bars.update(task.id, total=1, completed=1)
 
         def show(event: Event) -> None:
             if event.stage not in tasks:
                 end_stages_without_steps()
-                tasks[event.stage] = progress.add_task(event.stage, total=None, summary="")
+                tasks[event.stage] = bars.add_task(event.stage, total=None, summary="")
             task = tasks[event.stage]
-            if event.step < progress.tasks[task].completed:  # the stage has begun anew
-                progress.reset(task)
-            measured = summary(event) or progress.tasks[task].fields["summary"]
+            if event.step < bars.tasks[task].completed:  # the stage starts again
+                bars.reset(task)
+            measured = summary(event) or bars.tasks[task].fields["summary"]
             total = event.steps or None
-            progress.update(task, completed=event.step, total=total, summary=measured)
+            bars.update(task, completed=event.step, total=total, summary=measured)
 
         yield show
         end_stages_without_steps()

@@ -1,4 +1,4 @@
-"""What this machine has that an edit needs, and what to do about what it lacks."""
+"""What this machine has of what an edit needs, and how to get the rest."""
 
 from __future__ import annotations
 
@@ -7,30 +7,34 @@ import platform
 import subprocess
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
 
 from gsedit.errors import GseditError
+from gsedit.reports.environment import installed_version
 
 LITTLE_MEMORY = 4e9
-"""Bytes. Below, an edit at the default size still runs, a fit or a large model may not."""
-PATIENCE = 120  # seconds for importing a package in another process: cold disks are slow
+"""Bytes. With less, an edit at the default size still runs; a fit or a large model may not."""
+IMPORT_TIMEOUT = 120
+"""Seconds for importing a package in another process: the first read from a slow disk is slow."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """One thing that was looked at."""
+    """The state of one thing on this machine."""
 
     name: str
     found: str
+    """Version or state, for a person."""
     advice: str = ""
-    """The next move where something is missing; empty where all is well."""
+    """What to do about a problem; empty where there is none."""
 
 
 def check_machine() -> Iterator[Check]:
-    """Everything but weights, quickest first; nothing is raised."""
-    yield Check("gsedit", _version("gsedit") or "not installed (run from its source folder)")
+    """All checks but those of weights, the fastest first. Raises nothing."""
+    yield Check(
+        "gsedit", installed_version("gsedit") or "not installed (run from its source folder)"
+    )
     yield Check("python", f"{platform.python_version()} on {platform.platform()}")
     yield from check_packages()
     yield check_threads()
@@ -40,7 +44,7 @@ def check_machine() -> Iterator[Check]:
 
 
 def check_packages() -> Iterator[Check]:
-    """What computes, and what the editors need besides."""
+    """torch, and the packages and weights that editors need."""
     import torch
 
     from gsedit.diffusion.machine import has_bfloat16
@@ -51,9 +55,9 @@ def check_packages() -> Iterator[Check]:
     short = ", bfloat16 in hardware" if has_bfloat16() else ""
     yield Check("torch", f"{torch.__version__} ({speed}{short}{cuda})")
     for name in ("diffusers", "transformers"):
-        found = _version(name)
-        advice = "" if found else "the pix2pix editor needs it: pip install 'gsedit[diffusers]'"
-        yield Check(name, found or "not installed", advice)
+        installed = installed_version(name)
+        advice = "" if installed else "the pix2pix editor needs it: pip install 'gsedit[diffusers]'"
+        yield Check(name, installed or "not installed", advice)
     _, missing = BUILT_IN[DEFAULT]
     yield Check("default editor", DEFAULT, "; ".join(missing()))
 
@@ -73,7 +77,7 @@ def check_threads() -> Check:
 
 
 def check_memory() -> Check:
-    """What new work may have: the system's, or a container's own limit."""
+    """Free memory of the system, or of the container if that is less."""
     from gsedit.diffusion.machine import free_bytes
 
     free = free_bytes()
@@ -82,34 +86,43 @@ def check_memory() -> Check:
 
 
 def check_compiler() -> Check:
-    """Whether the rasteriser's kernel compiles here; compiles it if it never was."""
-    from rasterizer.blending import cpp_backend as compiled
+    """Whether the rasteriser's kernel compiles here; compiles it the first time."""
+    from rasterizer.blending import cpp_backend
 
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        kernel = compiled.load()
+        kernel = cpp_backend.load()
     if kernel is not None:
         return Check("compiled kernel", "ready")
-    reason = str(told[-1].message) if told else "see the warning above"
+    reason = str(caught[-1].message) if caught else "see the warning above"
     return Check("compiled kernel", "none: everything works, slower", reason)
 
 
 def check_viewers() -> Iterator[Check]:
     """The two packages that need system libraries; neither is needed to edit or to render."""
-    failed = _fails("import open3d")
-    yield Check(
-        "open3d",
-        failed or f"{_version('open3d-cpu') or _version('open3d') or 'unknown version'}",
-        ""
-        if not failed
-        else "only to_open3d needs it; on Debian: apt-get install -y "
-        "libusb-1.0-0 libegl1 libgl1 libx11-6 libudev1 libidn2-0",
-    )
-    yield _tried("pyvista", _draw, _version("pyvista") or "unknown version")
+    yield check_open3d()
+    try:
+        _draw()
+    except GseditError as error:
+        yield Check("pyvista", "does not draw", f"only gsedit preview needs it; {error}")
+    else:
+        yield Check("pyvista", f"{installed_version('pyvista') or 'unknown version'}, draws")
+
+
+def check_open3d() -> Check:
+    """Whether open3d imports, which `to_open3d` needs."""
+    if failure := _import_failure("import open3d"):
+        advice = (
+            "only to_open3d needs it; on Debian: apt-get install -y "
+            "libusb-1.0-0 libegl1 libgl1 libx11-6 libudev1 libidn2-0"
+        )
+        return Check("open3d", failure, advice)
+    version = installed_version("open3d-cpu") or installed_version("open3d")
+    return Check("open3d", version or "unknown version")
 
 
 def _draw() -> None:
-    """A point drawn off screen, as `gsedit preview` does."""
+    """Draw a few points off screen, as `gsedit preview` does. Raises GseditError."""
     import torch
 
     from gsedit.viewer.preview import snapshot
@@ -122,31 +135,16 @@ def _draw() -> None:
     snapshot(scene, framing_camera(scene, size=(16, 16)))
 
 
-def _tried(name: str, work: Callable[[], None], found: str) -> Check:
-    try:
-        work()
-    except GseditError as error:
-        return Check(name, "does not draw", f"only gsedit preview needs it; {error}")
-    return Check(name, f"{found}, draws")
-
-
-def _fails(code: str) -> str:
-    """Why a line of Python fails in another process (a library can end the process it is in)."""
+def _import_failure(code: str) -> str:
+    """The last line of the error that a line of Python ends with in a process of its own, as a
+    library can end the process that loads it; empty where there is none."""
     try:
         done = subprocess.run(
             [sys.executable, "-c", code],
-            capture_output=True, text=True, timeout=PATIENCE, check=False,
+            capture_output=True, text=True, timeout=IMPORT_TIMEOUT, check=False,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
-        return f"no answer within {PATIENCE} s"
+        return f"no answer within {IMPORT_TIMEOUT} s"
     if done.returncode == 0:
         return ""
     return (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
-
-
-def _version(package: str) -> str:
-    """The installed version; empty where there is none."""
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return ""

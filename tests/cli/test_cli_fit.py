@@ -85,9 +85,9 @@ def test_a_signal_ends_a_real_process_as_ctrl_c_does(photos, tmp_path, stop):
     assert process.stderr is not None
     assert "fit 5/10" in process.stderr.readline()
     process.send_signal(stop)
-    told = process.communicate(timeout=30)[1]
+    messages = process.communicate(timeout=30)[1]
     assert process.returncode == 130
-    assert "(step 5)" in told
+    assert "(step 5)" in messages
     assert len(load(tmp_path / "s.checkpoint.ply")) == 3
 
 
