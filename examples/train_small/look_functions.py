@@ -13,11 +13,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.editors.looks import (
-    along,
+from gsedit.editors.looks.colour_maps import (
     blur,
     cartoon,
     colours,
+    gradient_map,
     luma,
     ramp,
     s_curve,
@@ -109,7 +109,7 @@ def solid(
 
     def look(sources: Sources) -> Tensor:
         shade = s_curve(shading(sources), contrast).clamp(0, 1) ** gamma
-        return along(shade, codes) + keep * (sources.image - luma(sources.image))
+        return gradient_map(shade, codes) + keep * (sources.image - luma(sources.image))
 
     return look
 
@@ -124,7 +124,7 @@ def metal(codes: str) -> LookFunction:
             -1, keepdim=True
         )
         shade = s_curve(shading(sources, 0.2), 0.8)
-        return along((shade + 0.28 * gleam - 0.14 * horizon).clamp(0, 1), codes)
+        return gradient_map((shade + 0.28 * gleam - 0.14 * horizon).clamp(0, 1), codes)
 
     return look
 
@@ -137,7 +137,7 @@ def streaked(codes: str, vein: str, frequency: float, strength: float) -> LookFu
         broad = blur(shade, pixel_count(shade, 0.02))
         phase = frequency * (1.3 * broad + 0.5 * sources.normal[..., 2:])
         line = (-(torch.sin(torch.pi * phase) / 0.3).square()).exp()
-        return mix(along(s_curve(shade, 0.3), codes), vein, strength * line)
+        return mix(gradient_map(s_curve(shade, 0.3), codes), vein, strength * line)
 
     return look
 
@@ -160,7 +160,7 @@ def mossy(codes: str) -> LookFunction:
         shade = shading(sources, 0.15)
         cover = 0.55 + 0.45 * upward(sources, -0.5, 0.3)
         damp = mix(saturate(sources.image, 0.5) * 0.5, "28301c", 0.4)
-        return mix(damp, along(s_curve(shade, 0.6), codes), cover)
+        return mix(damp, gradient_map(s_curve(shade, 0.6), codes), cover)
 
     return look
 
@@ -183,7 +183,7 @@ def fog(sources: Sources) -> Tensor:
 
 def desert(sources: Sources) -> Tensor:
     lost = 1 - 0.9 * (1 - haze(sources, 0.7, 0.5))
-    sand = along(0.25 + 0.75 * luma(sources.image), "2c1808 a06c30 e0a860 f4d8a0")
+    sand = gradient_map(0.25 + 0.75 * luma(sources.image), "2c1808 a06c30 e0a860 f4d8a0")
     settled = mix(saturate(sources.image, 0.6), sand, 0.5 + 0.4 * ground(sources))
     return mix(settled, "d89c50", lost)
 
@@ -192,13 +192,13 @@ def underwater(sources: Sources) -> Tensor:
     """Water takes red first, and gives back its own blue-green with distance."""
     lit = 0.75 + 0.5 * upward(sources, -0.2, 0.9)
     filtered = sources.image * sources.image.new_tensor((0.25, 1.0, 1.05)) * lit
-    water = along(height(sources), "02303c 04647c 18a0b4")
+    water = gradient_map(height(sources), "02303c 04647c 18a0b4")
     return mix(filtered, water.expand_as(filtered), 1 - 0.75 * (1 - haze(sources, 0.8, 0.5)))
 
 
 def night(sources: Sources) -> Tensor:
     base = ramp("01030c 081430 1c3868 5078b0 b8d0f0", keep=0.12, contrast=0.5, gamma=1.5)
-    dark = along(height(sources), "122448 040818").expand_as(sources.image)
+    dark = gradient_map(height(sources), "122448 040818").expand_as(sources.image)
     return mix(base(sources.image), dark, sky(sources))
 
 
@@ -208,7 +208,7 @@ def sunset(sources: Sources) -> Tensor:
     sun = (0.8 * smoothstep(upright, 0.1, 0.9) + 0.9 * luma(sources.image) - 0.3).clamp(0, 1)
     shadow = sources.image * sources.image.new_tensor((0.52, 0.34, 0.52))
     warm = mix(sources.image, "ffa040", 0.3) * sources.image.new_tensor((1.3, 0.75, 0.36))
-    glow = along(height(sources), "ffb040 ff7038 c04868 583070").expand_as(warm)
+    glow = gradient_map(height(sources), "ffb040 ff7038 c04868 583070").expand_as(warm)
     lit = mix(shadow, warm, sun)
     return mix(mix(lit, "f08040", 0.5 * haze(sources, 1.2, 0.4)), glow, 0.95 * sky(sources))
 
@@ -222,7 +222,7 @@ def season(leaf: str, tint: str, air: str) -> LookFunction:
         leafy = smoothstep(green - 0.5 * (red + blue), 0.0, 0.08)
         leafy = torch.maximum(leafy * (1 - sky(sources)), 0.85 * ground(sources))
         tinted = saturate(sources.image, 1.2) * grey.new_tensor(colours(tint)[0])
-        turned_leaves = along(s_curve(grey * 1.1, 0.4), leaf)
+        turned_leaves = gradient_map(s_curve(grey * 1.1, 0.4), leaf)
         return mix(mix(tinted, turned_leaves, leafy), air, 0.7 * sky(sources))
 
     return look
@@ -242,7 +242,7 @@ def sketch(sources: Sources) -> Tensor:
     lines = (grey / (around + 0.02)).clamp(0, 1) ** 2.5
     inked = lines - 3.0 * (edges(grey, 0.006) - 0.03).clamp(0, 0.2)
     tone = 0.78 + 0.22 * smoothstep(grey, 0.05, 0.6)
-    return along((inked * tone).clamp(0, 1), "202024 fcfcf8")
+    return gradient_map((inked * tone).clamp(0, 1), "202024 fcfcf8")
 
 
 def watercolor(sources: Sources) -> Tensor:
@@ -265,7 +265,7 @@ def outlined_cartoon(sources: Sources) -> Tensor:
 def blueprint(sources: Sources) -> Tensor:
     grey = luma(sources.image)
     lines = smoothstep(edges(grey, 0.006), 0.04, 0.14)
-    return mix(along(0.6 * grey, "0a2c80 1c50b8 3c74cc"), "f0f8ff", 0.95 * lines)
+    return mix(gradient_map(0.6 * grey, "0a2c80 1c50b8 3c74cc"), "f0f8ff", 0.95 * lines)
 
 
 def pop_art(sources: Sources) -> Tensor:
@@ -281,7 +281,7 @@ def pop_art(sources: Sources) -> Tensor:
 
 def polaroid(sources: Sources) -> Tensor:
     """A faded print: lifted violet blacks, peach whites, weak colours."""
-    faded = along(luma(sources.image), "684c68 c0908c fce0b8")
+    faded = gradient_map(luma(sources.image), "684c68 c0908c fce0b8")
     return mix(faded, sources.image, 0.25)
 
 

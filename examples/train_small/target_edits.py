@@ -14,7 +14,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.editors.looks import ramp
+from gsedit.editors.looks.colour_maps import ramp
 from gsedit.views.image_ops import rotate_hue
 from train_small.look_functions import (
     LookFunction,

@@ -39,7 +39,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.diffusion import Branches, Need, Prediction, Schedule
-from gsedit.editors.looks import VARIANTS, agreed_variant, parse
+from gsedit.editors.looks.recipe import agreed_variant, parse
+from gsedit.editors.looks.table import VARIANTS
 from gsedit.editors.protocol import Capabilities, GroundTruth
 from gsedit.views.image_ops import rotate_hue
 from gsedit.views.padding import PadMode

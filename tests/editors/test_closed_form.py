@@ -9,9 +9,10 @@ import torch
 
 from gsedit.consistency.correspond import Correspondences
 from gsedit.diffusion import Need, SamplerSettings, guide
-from gsedit.editors import EDITORS, EditBatch, looks, make_editor
+from gsedit.editors import EDITORS, EditBatch, make_editor
 from gsedit.editors.closed_form import CODE, ClosedForm, Mixture, Perturbation, perturb
-from gsedit.editors.looks import LOOKS, agreed_variant, parse
+from gsedit.editors.looks.recipe import agreed_variant, parse
+from gsedit.editors.looks.table import LOOKS, VARIANTS
 from gsedit.editors.sampling import DiffusionEditor
 from gsedit.errors import UsageError
 
@@ -168,7 +169,7 @@ def test_views_agree_with_consensus_and_choose_alone_without():
     assert len(variants) == 3  # and they do not agree because there is only one
 
 
-@pytest.mark.parametrize("k", range(looks.VARIANTS))
+@pytest.mark.parametrize("k", range(VARIANTS))
 def test_views_follow_an_anchor(k):
     views, matches = overlapping()
     images = views.clone()
