@@ -47,7 +47,7 @@ def check_packages() -> Iterator[Check]:
     """torch, and the packages and weights that editors need."""
     import torch
 
-    from gsedit.diffusion.machine import has_bfloat16
+    from gsedit.diffusion.precision import has_bfloat16
     from gsedit.editors.registry import BUILT_IN, DEFAULT
 
     cuda = f", built for CUDA {torch.version.cuda}: not used" if torch.version.cuda else ""
@@ -78,7 +78,7 @@ def check_threads() -> Check:
 
 def check_memory() -> Check:
     """Free memory of the system, or of the container if that is less."""
-    from gsedit.diffusion.machine import free_bytes
+    from gsedit.diffusion.memory import free_bytes
 
     free = free_bytes()
     advice = "close other programs, or use a smaller --size" if free < LITTLE_MEMORY else ""

@@ -55,7 +55,7 @@ def test_a_machine_without_a_compiler(monkeypatch):
 
 @pytest.mark.parametrize(("free", "advised"), [(int(2e9), True), (int(8e9), False)])
 def test_little_memory_is_advice(monkeypatch, free, advised):
-    monkeypatch.setattr("gsedit.diffusion.machine.free_bytes", lambda: free)
+    monkeypatch.setattr("gsedit.diffusion.memory.free_bytes", lambda: free)
     check = doctor.check_memory()
     assert check.found == f"{free / 1e9:.1f} GB free"
     assert bool(check.advice) == advised

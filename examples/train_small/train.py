@@ -16,7 +16,7 @@ from pathlib import Path
 
 import torch
 
-from gsedit.diffusion.machine import has_bfloat16
+from gsedit.diffusion.precision import has_bfloat16
 from gsedit.editors.small import Small, SmallNetwork, save_small
 from gsedit.files.atomic import atomic_path
 from train_small.picture_cache import Chunk, cached_pictures

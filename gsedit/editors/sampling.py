@@ -24,7 +24,8 @@ from gsedit.diffusion import (
     predict_guided,
     sample,
 )
-from gsedit.diffusion.machine import InBfloat16, faster, peak_bytes, views_at_once
+from gsedit.diffusion.memory import peak_bytes, views_at_once
+from gsedit.diffusion.precision import InBfloat16, with_precision
 from gsedit.editors.protocol import Capabilities, Denoiser, EditBatch, EditProgress
 from gsedit.errors import UsageError
 from gsedit.views.padding import pad_to, pad_to_multiple, round_up
@@ -125,7 +126,7 @@ def prepared(
         return predict_guided(predictor, condition, x[:1], first, settings)
 
     held = max(peak_bytes(lambda: guided(denoiser)), peak_bytes(lambda: denoiser.decode(x[:1])))
-    chosen = faster(denoiser, guided, settings.precision)
+    chosen = with_precision(denoiser, guided, settings.precision)
     sized = with_micro_batch(views_at_once(len(x), held, settings.memory))
     return sized if chosen is denoiser else InBfloat16(sized)
 

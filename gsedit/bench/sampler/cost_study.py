@@ -13,7 +13,7 @@ from gsedit.bench.sampler.measurements import SamplerMeasurement
 from gsedit.bench.sampler.network import UntrainedNetwork, untrained_network
 from gsedit.bench.sampler.solver_study import SOLVERS
 from gsedit.diffusion import Need, SamplerSettings, Solver, levels_of, sample
-from gsedit.diffusion.machine import InBfloat16, has_bfloat16, relative_error
+from gsedit.diffusion.precision import InBfloat16, has_bfloat16, relative_error
 
 STEPS = 10
 

@@ -1,4 +1,4 @@
-"""How much of the machine the sampler takes."""
+"""How many views the sampler takes at once, and when it takes bfloat16."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import pytest
 import torch
 
 from gsedit.bench.sampler.network import untrained_network
-from gsedit.diffusion import Branches, Need, SamplerSettings, Schedule
-from gsedit.diffusion import machine as this
-from gsedit.diffusion.machine import InBfloat16, faster, peak_bytes, relative_error, views_at_once
+from gsedit.diffusion import Branches, Need, SamplerSettings, Schedule, memory
+from gsedit.diffusion.memory import peak_bytes, views_at_once
+from gsedit.diffusion.precision import MAX_ERROR, InBfloat16, relative_error, with_precision
 from gsedit.editors import Capabilities, EditBatch
 from gsedit.editors.sampling import DiffusionEditor, prepared
 from gsedit.errors import UsageError
@@ -42,19 +42,19 @@ def test_views_that_fit_the_budget(monkeypatch):
     assert views_at_once(8, 10**9, 3.5) == 3
     assert views_at_once(8, 10**9, 0.1) == 1  # fewer than one cannot be
     assert views_at_once(2, 10**9, 30.0) == 2
-    monkeypatch.setattr(this, "free_bytes", lambda: 10 * 10**9)
+    monkeypatch.setattr(memory, "free_bytes", lambda: 10 * 10**9)
     assert views_at_once(8, 10**9, None) == 5  # half of what is free
     with pytest.raises(UsageError, match="memory"):
         SamplerSettings(memory=0.0)
 
 
 def test_free_memory_respects_a_container(tmp_path, monkeypatch):
-    assert this.free_bytes() > 0
+    assert memory.free_bytes() > 0
     (tmp_path / "memory.max").write_text("5000\n")
     (tmp_path / "memory.current").write_text("2000\n")
-    assert this._below_limit(tmp_path) == 3000
+    assert memory._container_bytes(tmp_path) == 3000
     (tmp_path / "memory.max").write_text("max\n")
-    assert this._below_limit(tmp_path) > 2**60
+    assert memory._container_bytes(tmp_path) > 2**60
 
 
 def test_bfloat16_only_where_it_errs_little():
@@ -65,17 +65,17 @@ def test_bfloat16_only_where_it_errs_little():
         text = asked.branches(x, 500.0, None, Need(True, False, False)).text_image
         return text.float()
 
-    assert faster(model, ask, "float32") is model
-    assert isinstance(faster(model, ask, "bfloat16"), InBfloat16)
-    rounded = faster(model, ask, "auto", able=True)
+    assert with_precision(model, ask, "float32") is model
+    assert isinstance(with_precision(model, ask, "bfloat16"), InBfloat16)
+    rounded = with_precision(model, ask, "auto", supported=True)
     assert isinstance(rounded, InBfloat16)
-    assert 0 < relative_error(ask(rounded), ask(model)) <= this.BOUND
-    assert faster(model, ask, "auto", able=False) is model
+    assert 0 < relative_error(ask(rounded), ask(model)) <= MAX_ERROR
+    assert with_precision(model, ask, "auto", supported=False) is model
 
     def far_off(asked: Any) -> torch.Tensor:
         return ask(asked) * (1.1 if isinstance(asked, InBfloat16) else 1.0)
 
-    assert faster(model, far_off, "auto", able=True) is model
+    assert with_precision(model, far_off, "auto", supported=True) is model
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,10 +124,10 @@ def test_the_editor_gives_a_network_as_many_views_as_fit():
     batch = EditBatch(views, views, "paint")
     fine = SamplerSettings(steps=1, precision="float32")
     results = []
-    for memory, expected in ((1e-12, [1] * 5), (10.0, [5])):
+    for budget, expected in ((1e-12, [1] * 5), (10.0, [5])):
         seen: list[int] = []
         editor = DiffusionEditor(Painter(seen))
-        *_, last = editor.edit(batch, replace(fine, memory=memory), torch.Generator())
+        *_, last = editor.edit(batch, replace(fine, memory=budget), torch.Generator())
         assert seen == [1, *expected]  # the first view is measured
         results.append(last.images)
     # a batch of another size may take another convolution kernel: roundings only
