@@ -12,7 +12,7 @@ from .exits import UNREADABLE
 from .options import Common
 
 if TYPE_CHECKING:
-    from gsedit.editors.weights import Weights
+    from gsedit.editors.pix2pix.weights import Weights
 
 
 def doctor(
@@ -56,8 +56,8 @@ def check_machine(*, as_json: bool) -> None:
 
 def check_weights(model: str, *, as_json: bool) -> None:
     """Print what of a model's weights is there. Exits with UNREADABLE unless all of it is."""
-    from gsedit.editors.pix2pix import find
-    from gsedit.editors.weights import inspect
+    from gsedit.editors.pix2pix.hub import find
+    from gsedit.editors.pix2pix.weights import inspect
 
     weights = inspect(find(model, offline=True))
     record = {

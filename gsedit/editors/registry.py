@@ -1,12 +1,12 @@
 """Which 2D editors there are, what each needs, and how one is made: ours, and those of others.
 
 A package adds an editor by an entry point of the group `gsedit.editors`: a name, and a callable
-(a class, say) that makes an Editor. Its docstring's first line is what it does. Its parameters are
-the options that it takes, by name: of `model`, `weights_dir`, `run`, `timeout` and `folder`, those
-that were given are handed over. If it has an attribute `missing`, a callable without arguments,
-that names what is not installed, a line each with its next move. What is optional of an editor is
-declared in its attribute `capabilities` (gsedit.editors.Capabilities).
-`examples/write_an_editor.py` shows one.
+(a class, say) that makes an Editor. The first line of its docstring is the editor's summary. Its
+parameters are the options that it takes: `model`, `weights_dir`, `run`, `timeout` and `folder` are
+passed by name where they were given. It may have an attribute `missing`, a callable without
+arguments that returns what is not installed, one line for each with its next move. The editor's
+attribute `capabilities` (gsedit.editors.Capabilities) declares everything optional.
+`examples/write_an_editor.py` shows one. Listing the editors loads no torch.
 """
 
 from __future__ import annotations
@@ -16,10 +16,12 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from gsedit.editors.protocol import Editor
 from gsedit.errors import GseditError, UsageError
+
+if TYPE_CHECKING:
+    from gsedit.editors.protocol import Editor
 
 GROUP = "gsedit.editors"
 DEFAULT = "small"
@@ -27,7 +29,7 @@ OURS = "gsedit"
 PARTS = ["name", "cell", "check", "edit", "capabilities"]
 """What every editor has."""
 
-Factory = Callable[..., Editor]
+Factory = Callable[..., "Editor"]
 Missing = Callable[[], Iterable[str]]
 
 
@@ -41,7 +43,7 @@ class Listing:
     source: str
     """The package it comes with."""
     options: tuple[str, ...]
-    """What it can be told, as on the command line: --model, --run, ..."""
+    """Its options as on the command line: --model, --run, ..."""
     needs: tuple[str, ...]
     """What is missing before it can run, each with its next move."""
 
@@ -69,7 +71,7 @@ def _small_missing() -> Iterable[str]:
 
 
 def _closed_form() -> Editor:
-    """Built in, no weights: known looks with a known answer, to measure the method by."""
+    """Built in, no weights: fixed looks with a known ground truth, to measure the method by."""
     from gsedit.editors.closed_form import ClosedForm
     from gsedit.editors.sampling import DiffusionEditor
 
@@ -78,38 +80,39 @@ def _closed_form() -> Editor:
 
 def _pix2pix(model: str | Path | None = None, weights_dir: str | Path | None = None) -> Editor:
     """InstructPix2Pix weights of Stable Diffusion 1.5 or SDXL, a folder or hub id: any sentence."""
-    from gsedit.editors import pix2pix
+    from gsedit.editors.pix2pix.hub import DEFAULT as DEFAULT_MODEL
+    from gsedit.editors.pix2pix.load import load_pix2pix
     from gsedit.editors.sampling import DiffusionEditor
 
-    denoiser = pix2pix.load_pix2pix(model or pix2pix.DEFAULT, weights_dir=weights_dir)
-    return DiffusionEditor(denoiser)
+    return DiffusionEditor(load_pix2pix(model or DEFAULT_MODEL, weights_dir=weights_dir))
 
 
 def _pix2pix_missing() -> Iterable[str]:
     from importlib.util import find_spec
 
-    from gsedit.editors import pix2pix
-    from gsedit.editors.weights import inspect as inspect_weights
+    from gsedit.editors.pix2pix import hub
+    from gsedit.editors.pix2pix.weights import inspect as inspect_weights
 
     absent = [name for name in ("diffusers", "transformers") if find_spec(name) is None]
     if absent:
         yield f"{' and '.join(absent)}: pip install 'gsedit[diffusers]'"
     try:
-        whole = inspect_weights(pix2pix.find(pix2pix.DEFAULT, offline=True)).complete
+        complete = inspect_weights(hub.find(hub.DEFAULT, offline=True)).complete
     except GseditError:
-        whole = False
-    if not whole:
+        complete = False
+    if not complete:
         yield (
             "weights: add --model FOLDER_OR_ID, or let the first use download "
-            f"{pix2pix.DEFAULT}; {pix2pix.advice(pix2pix.DEFAULT)}"
+            f"{hub.DEFAULT}; {hub.download_advice(hub.DEFAULT)}"
         )
 
 
 def _command(
     run: str | None = None, timeout: float | None = None, folder: Path | None = None
 ) -> Editor:
-    """Any program that fills a folder of pictures from another; made consistent afterwards."""
-    from gsedit.editors.command import EXAMPLE, Command
+    """Any program that reads a folder of pictures and fills another; made consistent afterwards."""
+    from gsedit.editors.command.editor import Command
+    from gsedit.editors.command.program import EXAMPLE
 
     if run is None:
         raise UsageError(f"the command editor needs to know the program: add {EXAMPLE}")
@@ -117,7 +120,7 @@ def _command(
 
 
 def _command_missing() -> Iterable[str]:
-    from gsedit.editors.command import EXAMPLE
+    from gsedit.editors.command.program import EXAMPLE
 
     yield f"a program of yours: {EXAMPLE}"
 
@@ -132,7 +135,7 @@ EDITORS = tuple(BUILT_IN)
 """The names of ours."""
 
 
-# ---- everybody's ---------------------------------------------------------------------------------
+# ---- ours and those of others -------------------------------------------------------------------
 
 
 def make_editor(name: str = DEFAULT, **options: Any) -> Editor:
@@ -144,18 +147,30 @@ def make_editor(name: str = DEFAULT, **options: Any) -> Editor:
     cannot be made.
     """
     factory, source = _factory(name)
-    takes = _parameters(factory)
+    parameters = _parameters(factory)
     given = {key: value for key, value in options.items() if value is not None}
-    if "folder" not in takes:  # offered to whoever wants one, asked for by nobody
+    if "folder" not in parameters:  # always offered, and no option of the command line
         given.pop("folder", None)
     for key in given:
-        if key not in takes:
-            told = f"it takes {', '.join(_flags(factory))}" if takes else "it takes none"
-            able = [other for other in BUILT_IN if key in _parameters(BUILT_IN[other][0])]
-            hint = f"; {' or '.join(f'--editor {other}' for other in able)} has it" if able else ""
-            raise UsageError(f"the {name} editor has no option {_flag(key)}: {told}{hint}")
+        if key not in parameters:
+            raise UsageError(f"the {name} editor has no option {_flag(key)}: {_hint(key, factory)}")
     if source == OURS:
         return factory(**given)
+    return _made_by_others(name, source, factory, given)
+
+
+def _hint(key: str, factory: Factory) -> str:
+    """Which options an editor takes instead of this one, and which editors take this one."""
+    flags = _flags(factory)
+    takes = f"it takes {', '.join(flags)}" if flags else "it takes none"
+    others = [name for name, (other, _) in BUILT_IN.items() if key in _parameters(other)]
+    if not others:
+        return takes
+    return f"{takes}; {' or '.join(f'--editor {name}' for name in others)} has it"
+
+
+def _made_by_others(name: str, source: str, factory: Factory, given: dict[str, Any]) -> Editor:
+    """An editor of another package. Raises GseditError where it fails or is incomplete."""
     try:
         editor = factory(**given)
     except GseditError:
@@ -176,7 +191,7 @@ def make_editor(name: str = DEFAULT, **options: Any) -> Editor:
 
 
 def editor_names() -> tuple[str, ...]:
-    """Every editor that can be asked for, ours first."""
+    """Every editor that `make_editor` takes, ours first."""
     return (*BUILT_IN, *_others())
 
 
@@ -194,43 +209,43 @@ def _factory(name: str) -> tuple[Factory, str]:
     if name not in others:
         names = ", ".join(editor_names())
         raise UsageError(f"there is no editor {name!r}: choose one of {names} (see gsedit editors)")
-    found, source = others[name], _source(others[name])
+    entry, source = others[name], _source(others[name])
     try:
-        factory: Factory = found.load()
+        factory: Factory = entry.load()
     except Exception as error:  # importing runs their code
         raise GseditError(
             f"the {name} editor ({source}) cannot be imported ({_reason(error)}): "
             f"reinstall or remove {source}"
         ) from error
     if not callable(factory):
-        raise GseditError(f"the {name} editor ({source}) is no callable: {found.value}")
+        raise GseditError(f"the {name} editor ({source}) is no callable: {entry.value}")
     return factory, source
 
 
 def _all_others() -> list[EntryPoint]:
-    return sorted(entry_points(group=GROUP), key=lambda found: (found.name, found.value))
+    return sorted(entry_points(group=GROUP), key=lambda entry: (entry.name, entry.value))
 
 
 def _others() -> dict[str, EntryPoint]:
-    """The entry points that can be asked for: ours have the right of way, then the first."""
+    """The usable entry points by name: ours have precedence, then the first of a name."""
     named: dict[str, EntryPoint] = {}
-    for found in _all_others():
-        if found.name not in BUILT_IN:
-            named.setdefault(found.name, found)
+    for entry in _all_others():
+        if entry.name not in BUILT_IN:
+            named.setdefault(entry.name, entry)
     return named
 
 
-def _their_listing(found: EntryPoint) -> Listing:
-    source = _source(found)
-    first = _others().get(found.name)
-    if first is None or first != found:
-        taken = f"another name: {found.name!r} is taken; ask the authors of {source}"
-        return Listing(found.name, "", source, (), (taken,))
+def _their_listing(entry: EntryPoint) -> Listing:
+    source = _source(entry)
+    first = _others().get(entry.name)
+    if first is None or first != entry:
+        taken = f"another name: {entry.name!r} is taken; ask the authors of {source}"
+        return Listing(entry.name, "", source, (), (taken,))
     try:
-        factory, _ = _factory(found.name)
-        return _listing(found.name, factory, getattr(factory, "missing", tuple), source)
+        factory, _ = _factory(entry.name)
+        return _listing(entry.name, factory, getattr(factory, "missing", tuple), source)
     except Exception as error:  # a list that one package can break lists nothing
-        return Listing(found.name, "", source, (), (_reason(error),))
+        return Listing(entry.name, "", source, (), (_reason(error),))
 
 
 def _listing(name: str, factory: Factory, missing: Missing, source: str) -> Listing:
@@ -240,8 +255,8 @@ def _listing(name: str, factory: Factory, missing: Missing, source: str) -> List
 
 def _parameters(factory: Factory) -> tuple[str, ...]:
     spread = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
-    taken = inspect.signature(factory).parameters.values()
-    return tuple(parameter.name for parameter in taken if parameter.kind not in spread)
+    parameters = inspect.signature(factory).parameters.values()
+    return tuple(parameter.name for parameter in parameters if parameter.kind not in spread)
 
 
 def _flags(factory: Factory) -> tuple[str, ...]:
@@ -252,8 +267,9 @@ def _flag(key: str) -> str:
     return f"--{key.replace('_', '-')}"
 
 
-def _source(found: EntryPoint) -> str:
-    return found.dist.name if found.dist else found.value
+def _source(entry: EntryPoint) -> str:
+    """The package that an entry point comes with."""
+    return entry.dist.name if entry.dist else entry.value
 
 
 def _reason(error: Exception) -> str:

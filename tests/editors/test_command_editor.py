@@ -19,7 +19,7 @@ from gsedit.consistency.correspond import Correspondences, correspond
 from gsedit.consistency.harmonise import cell_means, harmonise, robust_mean
 from gsedit.diffusion import SamplerSettings
 from gsedit.editors import EditBatch, make_editor
-from gsedit.editors.command import CELL, Command
+from gsedit.editors.command.editor import CELL, Command
 from gsedit.errors import GseditError, InputError, UsageError
 from gsedit.synthetic import demo_scene, ring_cameras, scenes
 
@@ -275,7 +275,7 @@ def test_leaving_early_ends_the_program_and_its_children(program, tmp_path, how,
     if how == "close":
         steps.close()
     else:
-        monkeypatch.setattr("gsedit.editors.command._wait", lambda _: raise_interrupt())
+        monkeypatch.setattr("gsedit.editors.command.editor.wait", lambda _: raise_interrupt())
         with pytest.raises(KeyboardInterrupt):
             next(steps)
     assert ended([int(pid) for pid in pids.read_text().split()])

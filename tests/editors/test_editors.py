@@ -19,7 +19,7 @@ from gsedit.editors import (
     make_editor,
     registry,
 )
-from gsedit.editors.weights import inspect, tensors
+from gsedit.editors.pix2pix.weights import inspect, tensors
 from gsedit.errors import GseditError, InputError, UsageError
 
 THEIRS = '''

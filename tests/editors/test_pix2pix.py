@@ -13,8 +13,9 @@ import transformers
 
 from gsedit.consistency.correspond import Correspondences
 from gsedit.diffusion import Anchor, Need, SamplerSettings, sample
-from gsedit.editors import EditBatch, make_editor, pix2pix
-from gsedit.editors.pix2pix import load_pix2pix
+from gsedit.editors import EditBatch, make_editor
+from gsedit.editors.pix2pix import hub
+from gsedit.editors.pix2pix.load import load_pix2pix
 from gsedit.errors import InputError, UsageError
 
 PROMPT = "make it snow"
@@ -449,14 +450,14 @@ def test_the_hub_s_cache_comes_before_the_network(folder, tmp_path, monkeypatch)
             raise ConnectionError
         return cached
 
-    monkeypatch.setattr(pix2pix, "_fetch", fetch)
-    assert pix2pix.find("owner/name") == cached
+    monkeypatch.setattr(hub, "_fetch", fetch)
+    assert hub.find("owner/name") == cached
     assert asked == [True]
     (cached / "unet" / "diffusion_pytorch_model.safetensors").unlink()  # cut off while it came
     with pytest.raises(InputError, match=r"could not be downloaded \(ConnectionError\)"):
-        pix2pix.find("owner/name")
+        hub.find("owner/name")
     assert asked == [True, True, False]
-    assert pix2pix.find("owner/name", offline=True) == cached  # for the doctor to look at
+    assert hub.find("owner/name", offline=True) == cached  # for the doctor to look at
 
 
 def test_the_real_cache_is_found(folder, tmp_path, monkeypatch):

@@ -28,13 +28,12 @@ from gsedit.editors.small.network import (
     from_cells,
     to_cells,
 )
+from gsedit.editors.small.shipped import REINSTALL, WEIGHTS
 from gsedit.editors.small.text import MAX_WORDS, tokenise, words_of
 from gsedit.errors import InputError, UsageError
 from gsedit.files.atomic import atomic_path
 from gsedit.views.padding import PadMode
 
-WEIGHTS = Path(__file__).with_name("small.safetensors")
-REINSTALL = "they come with gsedit: install it again, or check the file out again in a clone"
 MODEL_HINT = (
     "leave --model out for the weights that come with gsedit; "
     "InstructPix2Pix weights need --editor pix2pix"
