@@ -17,7 +17,7 @@ from gsedit.reports.events import Event
 from gsedit.session.probe import mean
 from gsedit.session.session import Session
 from gsedit.views.dataset import View
-from rasterizer.camera import Camera
+from gsedit.views.padding import pad_camera, pad_to_multiple
 
 WEAK_MATCH = 0.05
 """Below this fraction of matched cells a pair of views has little to agree on: worth a warning."""
@@ -73,10 +73,12 @@ def _correspondences(session: Session, members: Sequence[int]) -> Correspondence
     cell = session.request.editor.cell
     renderings = [session.unedited_rendering(i) for i in members]
     depths = [r.median_depth for r in renderings if r.median_depth is not None]
+    alphas = [r.alpha for r in renderings]
+    # up to whole cells nothing is seen: alpha 0
     return correspond(
-        [_whole_cells(session.request.views[i].camera, cell) for i in members],
-        _padded(torch.stack(depths), cell),
-        _padded(torch.stack([r.alpha for r in renderings]), cell),
+        [pad_camera(session.request.views[i].camera, cell) for i in members],
+        pad_to_multiple(torch.stack(depths), cell, "constant"),
+        pad_to_multiple(torch.stack(alphas), cell, "constant"),
         cell=cell,
     )
 
@@ -101,20 +103,6 @@ def _request(
         anchored=torch.tensor([i in anchors for i in members]),
         seed=session.noise_seed,
     )
-
-
-def _whole_cells(camera: Camera, cell: int) -> Camera:
-    """The camera with a picture that goes on to the right and below to whole cells."""
-    return replace(
-        camera,
-        width=camera.width + -camera.width % cell,
-        height=camera.height + -camera.height % cell,
-    )
-
-
-def _padded(maps: Float[Tensor, "v h w"], cell: int) -> Float[Tensor, "v H W"]:
-    """Zeros to the right and below, as far as whole cells go."""
-    return torch.nn.functional.pad(maps, (0, -maps.shape[2] % cell, 0, -maps.shape[1] % cell))
 
 
 def _anchors(
