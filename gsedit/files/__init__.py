@@ -1,4 +1,4 @@
-"""Scenes and datasets, in and out, by suffix; each name is imported when it is first used."""
+"""Scenes and datasets in files; each name is imported when it is first used."""
 
 from __future__ import annotations
 

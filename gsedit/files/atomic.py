@@ -20,7 +20,7 @@ def atomic_path(path: str | Path, *, overwrite: bool = False) -> Iterator[Path]:
     """
     path = Path(path)
     check_writable(path, overwrite=overwrite)
-    # not mkstemp: its files are readable by their owner only, whatever the umask says
+    # not mkstemp: it ignores the umask, and its files are readable by their owner only
     temporary = path.with_name(f".{secrets.token_hex(4)}.{path.name}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -35,7 +35,10 @@ def atomic_path(path: str | Path, *, overwrite: bool = False) -> Iterator[Path]:
 
 
 def check_writable(path: str | Path, *, overwrite: bool = False) -> None:
-    """Raise UsageError if `path` is taken: worth asking before long work, not only after it."""
+    """Raise UsageError if `path` is a folder, or exists and not `overwrite`.
+
+    To be called before long work too, whose result could not be written.
+    """
     path = Path(path)
     if path.is_dir():
         raise UsageError(f"{path} is a folder: name the file to write inside it")
@@ -46,5 +49,5 @@ def check_writable(path: str | Path, *, overwrite: bool = False) -> None:
 def _remove(temporary: Path) -> None:
     try:
         temporary.unlink(missing_ok=True)
-    except OSError:  # its folder is no folder: then nothing was written either
+    except OSError:  # the parent is no folder, so nothing was written
         return

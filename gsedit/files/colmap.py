@@ -80,9 +80,10 @@ def _open(model: Path) -> Any:
 
 
 def _check_complete(path: Path) -> None:
-    """Walk the rows: on a file that is cut off pycolmap may loop for minutes, or end the process.
+    """Walk the rows of a .bin file; raise InputError where it is cut off.
 
-    It takes what it cannot read for whatever is in memory, counts included.
+    pycolmap takes what it cannot read from uninitialised memory, counts included: it may then loop
+    for minutes, or end the process.
     """
     data = existing_file(path).read_bytes()
     try:
@@ -97,7 +98,7 @@ def _check_complete(path: Path) -> None:
 
 def _camera_end(data: bytes, at: int) -> int:
     _CAMERA.unpack_from(data, at)
-    return at + _CAMERA.size  # at least: how many parameters follow is pycolmap's to know
+    return at + _CAMERA.size  # at least: the number of parameters depends on the model
 
 
 def _image_end(data: bytes, at: int) -> int:
@@ -136,7 +137,9 @@ _ROWS = {
 
 
 def _check_cameras(path: Path, reconstruction: Any) -> None:
-    """pycolmap fills the parameters that a cut-off cameras.bin lacks with whatever is there."""
+    """Raise InputError where cameras.bin is cut off: pycolmap fills up the missing parameters from
+    uninitialised memory.
+    """
     needed = _U64.size + sum(
         _CAMERA.size + 8 * len(camera.params) for camera in reconstruction.cameras.values()
     )

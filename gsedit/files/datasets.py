@@ -1,4 +1,4 @@
-"""Posed photos as views: found, undistorted, made smaller, in the order of their names."""
+"""Datasets of posed photos, read as views: undistorted, scaled down, sorted by name."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def load_dataset(path: str | Path, *, size: int | None = None, limit: int | None
         check_size(photo, str(path))
     chosen = photos if limit is None else [photos[i] for i in evenly_spaced(len(photos), limit)]
     views: dict[PosedPhoto, View] = {}
-    for lens in dict.fromkeys(photo.lens for photo in chosen):  # one at a time: each is a large map
+    for lens in dict.fromkeys(photo.lens for photo in chosen):  # its map is large: one at a time
         undo = _undistortion(path, lens)
         views |= {photo: _view(photo, undo, size) for photo in chosen if photo.lens == lens}
     xyz, rgb = points or (None, None)
@@ -58,6 +58,7 @@ def _read(path: Path) -> tuple[tuple[PosedPhoto, ...], SparsePoints | None]:
 
 
 def _undistortion(path: Path, lens: Lens) -> Undistortion:
+    """`undistortion`, with the dataset's path in the message of an InputError."""
     try:
         return undistortion(lens)
     except InputError as error:

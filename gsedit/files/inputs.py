@@ -1,4 +1,4 @@
-"""What must hold of an input before it is parsed: it exists, holds bytes, stays in its folder."""
+"""Checks of an input before it is parsed: it exists, is not empty, lies in its folder."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def existing_file(path: str | Path) -> Path:
 def file_inside(folder: Path, relative: str, where: str) -> Path:
     """`folder / relative`, which must not leave the folder: not by `..`, a root, or a link.
 
-    A dataset is data from strangers: it names its own files and no others. `where` is the place
-    that named the file, for the message.
+    A dataset may come from anybody, so it may name its own files only. `where` is the place that
+    named the file, for the message. Raises InputError.
     """
     path = folder / relative
     try:

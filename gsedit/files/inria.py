@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
 from gsedit.errors import InputError, UsageError
 from gsedit.files.ply import PlyHeader, read_ply
@@ -52,13 +54,14 @@ def field_columns(k: int) -> dict[str, np.ndarray]:
 def read_inria(path: Path, header: PlyHeader) -> tuple[Gaussians, tuple[str, ...]]:
     """The scene, float32, and notes on what the file holds beyond it.
 
-    Through gsply where the file is exactly what gsply expects, through our own reader otherwise:
-    any column order and type, ASCII, big-endian, more elements.
+    Read by gsply where the file is exactly what gsply expects, and by our own reader otherwise:
+    any column order and type, ASCII, big-endian, more elements. Raises InputError where columns of
+    a splat are missing.
     """
     vertex = header.element("vertex")
     k = _coefficients(path, vertex.names if vertex else ())
-    known = {*columns(k), *_NORMALS}
-    extra = [name for name in (vertex.names if vertex else ()) if name not in known]
+    splat_columns = {*columns(k), *_NORMALS}
+    extra = [name for name in (vertex.names if vertex else ()) if name not in splat_columns]
     others = [e.name for e in header.elements if e.name != "vertex"]
     notes = [f"columns left out: {', '.join(extra)}"] if extra else []
     notes += [f"elements left out: {', '.join(others)}"] if others else []
@@ -67,9 +70,10 @@ def read_inria(path: Path, header: PlyHeader) -> tuple[Gaussians, tuple[str, ...
 
 
 def write_inria(scene: Gaussians, path: Path) -> None:
-    """Write INRIA's layout, float32, little-endian, no comments (some viewers choke on them).
+    """Write INRIA's layout, float32, little-endian, no comments (some viewers fail on them).
 
-    Not through gsply, which leaves out the normals: INRIA's own viewer reads 62 columns blindly.
+    Not through gsply, which leaves out the normals: INRIA's own viewer reads 62 columns unchecked.
+    Raises UsageError for a scene of a higher SH degree than 3.
     """
     if scene.degree > MAX_DEGREE:
         raise UsageError(
@@ -89,13 +93,13 @@ def write_inria(scene: Gaussians, path: Path) -> None:
 
 
 def from_gsply(data: Any) -> Gaussians:
-    """gsply keeps log scales, logit opacities, and SH in two parts."""
+    """The scene of gsply's GSData: log scales, logit opacities, SH in two parts."""
     bands = [data.sh0[:, None]]
     if data.shN is not None:  # None from .spz of degree 0, an empty array from .ply
         bands.append(data.shN.reshape(len(data), data.shN.shape[1], 3))
     sh = np.concatenate(bands, axis=1)
     arrays = (data.means, data.quats, data.scales, data.opacities.reshape(-1), sh)
-    # C order: the arrays are views into one table, and the scene should not keep that alive
+    # copied: the arrays are views into one table, which would stay in memory
     return Gaussians(*(torch.from_numpy(np.array(a, dtype=np.float32, order="C")) for a in arrays))
 
 
@@ -122,7 +126,7 @@ def _coefficients(path: Path, names: tuple[str, ...]) -> int:
 
 
 def _is_plain(header: PlyHeader) -> bool:
-    """gsply takes every other type and element for nothing, and reads on at the wrong byte."""
+    """Whether gsply reads it right: it skips other types and elements, at the wrong offset."""
     return (
         header.format == "binary_little_endian"
         and len(header.elements) == 1
@@ -131,8 +135,9 @@ def _is_plain(header: PlyHeader) -> bool:
 
 
 def _through_gsply(path: Path) -> Gaussians | None:
+    """The scene; None where gsply fails, as numba in it does without a folder for its cache."""
     try:
-        import gsply  # numba inside: fails where its cache has no folder to write to
+        import gsply
 
         return from_gsply(gsply.plyread(path))
     except (ValueError, ImportError, RuntimeError):
@@ -140,12 +145,13 @@ def _through_gsply(path: Path) -> Gaussians | None:
 
 
 def _tolerant(path: Path, k: int) -> Gaussians:
+    """The scene by our own reader: columns by name, in any order and type."""
     vertex = read_ply(path).elements.get("vertex")
     if vertex is None:
         raise InputError(f"{path}: a list element stands before vertex: export it without faces")
 
-    def gather(names: np.ndarray) -> torch.Tensor:
-        with np.errstate(over="ignore"):  # a double beyond float32 becomes inf: found later
+    def gather(names: np.ndarray) -> Float[Tensor, "n ..."]:
+        with np.errstate(over="ignore"):  # a double beyond float32 becomes inf: `load` refuses it
             parts = [vertex[name].astype(np.float32) for name in names.ravel().tolist()]
         return torch.from_numpy(np.stack(parts, axis=-1).reshape(len(vertex), *names.shape))
 

@@ -1,7 +1,7 @@
 """nerfstudio's transforms.json: camera-to-world matrices in OpenGL axes (y up, z back).
 
-Also what Blender-style sets leave out: camera_angle_x for the focal length, photos named without
-suffix, sizes taken from the photos. Axes and keys: nerfstudio documentation, "Data conventions"."""
+Also Blender-style files: camera_angle_x instead of the focal length, photos named without their
+suffix, no sizes. Axes and keys: nerfstudio documentation, "Data conventions"."""
 
 from __future__ import annotations
 
@@ -78,9 +78,9 @@ def _world_to_camera(matrix: Any, where: str) -> Float[Tensor, "4 4"]:
         pose = torch.tensor(matrix, dtype=torch.float64)
     except (TypeError, ValueError, RuntimeError, OverflowError):
         pose = torch.zeros(0)
-    wrong = _wrong_pose(pose)
-    if wrong:
-        raise InputError(f"{where}: transform_matrix {wrong}: correct it or remove the frame")
+    problem = _pose_error(pose)
+    if problem:
+        raise InputError(f"{where}: transform_matrix {problem}: correct it or remove the frame")
     rotation = pose[:3, :3] * torch.tensor([1.0, -1.0, -1.0], dtype=torch.float64)
     inverse = torch.eye(4, dtype=torch.float64)
     inverse[:3, :3] = rotation.T
@@ -88,14 +88,15 @@ def _world_to_camera(matrix: Any, where: str) -> Float[Tensor, "4 4"]:
     return inverse
 
 
-def _wrong_pose(pose: Tensor) -> str:
+def _pose_error(pose: Float[Tensor, "..."]) -> str:
+    """What is wrong with a camera-to-world matrix; empty if nothing is."""
     if pose.shape != (4, 4):
         return "is not 4x4 numbers"
     if not pose.isfinite().all():
         return "is not finite"
-    rotation, eye = pose[:3, :3], torch.eye(4, dtype=torch.float64)
-    error = (rotation.T @ rotation - eye[:3, :3]).abs().max()
-    if error > _ORTHONORMAL or rotation.det() < 0 or not torch.equal(pose[3], eye[3]):
+    rotation, identity = pose[:3, :3], torch.eye(4, dtype=torch.float64)
+    error = (rotation.T @ rotation - identity[:3, :3]).abs().max()
+    if error > _ORTHONORMAL or rotation.det() < 0 or not torch.equal(pose[3], identity[3]):
         return "is no rigid motion (a rotation, a translation, 0 0 0 1)"
     return ""
 
@@ -148,5 +149,5 @@ def _points(path: Path, record: dict[str, Any]) -> SparsePoints | None:
     if isinstance(named, str) and named:
         return read_points(file_inside(path.parent, named, f"{path}: ply_file_path"))
     beside = (path.parent / name for name in _POINTS)
-    found = next((file for file in beside if file.is_file()), None)
-    return read_points(found) if found else None
+    file = next((file for file in beside if file.is_file()), None)
+    return read_points(file) if file else None

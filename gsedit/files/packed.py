@@ -1,4 +1,6 @@
-"""Quantised scenes: PlayCanvas .compressed.ply, Niantic .spz and .splat, a few bytes a Gaussian."""
+"""Quantised scenes, a few bytes a Gaussian: PlayCanvas .compressed.ply, Niantic .spz, .splat.
+
+Readers raise InputError for a damaged file, writers UsageError for a scene that does not fit."""
 
 from __future__ import annotations
 
@@ -26,22 +28,22 @@ _SPLAT_ROW = np.dtype(
 
 
 def is_compressed(header: PlyHeader) -> bool:
-    """Is this PLY PlayCanvas' packed layout, whatever the file is called?"""
+    """Whether this PLY has PlayCanvas' packed layout, whatever the file's name."""
     vertex = header.element("vertex")
     return vertex is not None and "packed_position" in vertex.names
 
 
 def read_compressed(path: Path) -> Gaussians:
-    """A .compressed.ply through gsply; its header and size are checked by then."""
+    """Read a .compressed.ply through gsply, after its header and size were checked."""
     import gsply
 
     return _decoded(path, lambda: gsply.plyread(path))
 
 
 def read_spz(path: Path) -> Gaussians:
-    """An .spz through gsply: versions 1-3, and 4 where the package zstandard is installed.
+    """Read an .spz through gsply: versions 1-3, and 4 where the package zstandard is installed.
 
-    The frame is taken as stored: writers disagree on the specification's RUB.
+    Coordinates are taken as stored: the specification has RUB axes, but not all writers do.
     """
     import gsply
 

@@ -1,4 +1,4 @@
-"""A photo with its place, not read yet: what both dataset formats say, in one record."""
+"""Posed photos, not read yet, and sparse points: the records that every dataset format fills."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from gsedit.files.undistort import Lens
 
 @dataclass(frozen=True, eq=False)
 class PosedPhoto:
-    """One line of a dataset."""
+    """A photo's file with its pose and its lens."""
 
     name: str
     """Its file, relative to the folder of photos."""
@@ -30,7 +30,7 @@ class PosedPhoto:
 
 
 class SparsePoints(NamedTuple):
-    """World positions, and colours in [0, 1] where the file has them."""
+    """World positions, and RGB in [0, 1] where the file has colours."""
 
     xyz: Float[Tensor, "n 3"]
     rgb: Float[Tensor, "n 3"] | None
@@ -38,16 +38,17 @@ class SparsePoints(NamedTuple):
 
 def check_size(photo: PosedPhoto, where: str) -> None:
     """Raise InputError if the picture in the file is not the one that the lens describes."""
-    found = picture_size(photo.path)
-    wanted = (photo.lens.width, photo.lens.height)
-    if found != wanted:
+    width, height = picture_size(photo.path)
+    lens = photo.lens
+    if (width, height) != (lens.width, lens.height):
         raise InputError(
-            f"{where}: {photo.path} is {found[0]}x{found[1]} pixels, its camera says "
-            f"{wanted[0]}x{wanted[1]}: use the photos that the poses were made from"
+            f"{where}: {photo.path} is {width}x{height} pixels, its camera "
+            f"{lens.width}x{lens.height}: use the photos that the poses were made from"
         )
 
 
 def missing_photo(path: Path, where: str) -> InputError:
+    """The error to raise for a photo that `where` names and that is not there."""
     return InputError(f"{where}: photo {path} does not exist: copy it there or remove its entry")
 
 

@@ -59,10 +59,12 @@ def save_picture(picture: Image.Image, path: Path | str, *, overwrite: bool = Fa
         picture.save(temporary, format="PNG")
 
 
-def _unit(pixels: np.ndarray) -> Tensor:
+def _unit(pixels: np.ndarray) -> Float[Tensor, "h w c"]:
+    """From 8 bits a channel to [0, 1]."""
     return torch.from_numpy(pixels).float() / 255
 
 
 def _unreadable(path: Path, error: Exception) -> InputError:
+    """The error to raise for a file that Pillow cannot decode."""
     reason = str(error).split("\n")[0].removesuffix(f" {str(path)!r}")
     return InputError(f"{path} is no readable picture ({reason}): copy or export it again")

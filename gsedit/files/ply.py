@@ -1,6 +1,6 @@
 """Any PLY file as records: ASCII or binary, either byte order, any elements and columns.
 
-Nothing is allocated before the header's promise is compared with the size of the file.
+The row counts of the header are compared with the size of the file before memory is allocated.
 Format: G. Turk, "The PLY Polygon File Format", 1994."""
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class PlyElement:
 
 @dataclass(frozen=True)
 class PlyHeader:
-    """What a PLY file says about itself."""
+    """The header of a PLY file."""
 
     format: str
     """ascii, binary_little_endian or binary_big_endian."""
@@ -91,7 +91,7 @@ def read_ply_header(path: str | Path) -> PlyHeader:
     path = existing_file(path)
     with path.open("rb") as handle:
         header = _parse_header(path, handle)
-    _check_promise(path, header)
+    _check_size(path, header)
     return header
 
 
@@ -162,8 +162,11 @@ def _with_column(path: Path, element: PlyElement, words: list[str]) -> PlyElemen
     return PlyElement(element.name, element.count, (*element.columns, column), count_types)
 
 
-def _check_promise(path: Path, header: PlyHeader) -> None:
-    """A header is text: it can ask for a petabyte. Python integers do not overflow here."""
+def _check_size(path: Path, header: PlyHeader) -> None:
+    """Raise InputError if the header announces more rows than the file has bytes for.
+
+    A header can ask for a petabyte; Python integers do not overflow here.
+    """
     left = path.stat().st_size - header.data_offset
     left += header.format == "ascii"  # the last value needs no separator
     for element in header.elements:
@@ -184,12 +187,12 @@ def _read_element(path: Path, handle: BinaryIO, element: PlyElement, fmt: str) -
     else:
         filled = (line for line in handle if line.strip())
         try:
-            with warnings.catch_warnings():  # no rows at all: said below, with the file's name
+            with warnings.catch_warnings():  # on no rows at all: an InputError follows below
                 warnings.simplefilter("ignore", UserWarning)
                 lines = islice(filled, element.count)
                 rows = np.loadtxt(lines, dtype, comments=None, ndmin=1)
         except (ValueError, OverflowError) as error:
-            reason = str(error).split("\n")[0].split(";")[0]  # behind it is advice for programmers
+            reason = str(error).split("\n")[0].split(";")[0]  # then follows advice on NumPy's API
             reason = reason.replace("the dtype passed requires", "a row needs")
             raise InputError(f"{path}: element {element.name}: {reason}: export it again") from None
     if len(rows) < element.count:

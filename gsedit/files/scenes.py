@@ -33,7 +33,7 @@ _MAX_LOG_SCALE = 40.0  # e^40 squared still has room in float32; a scene never d
 
 @dataclass(frozen=True, eq=False)
 class SceneFile:
-    """A scene as it was read, and what there is to say about the file."""
+    """A scene as it was read, with notes on its file."""
 
     scene: Gaussians
     notes: tuple[str, ...] = ()
@@ -95,7 +95,7 @@ def _suffix(path: Path) -> str:
 
 
 def _read(path: Path) -> tuple[Gaussians, tuple[str, ...]]:
-    existing_file(path)  # before the suffix: a missing file or a folder is the plainer news
+    existing_file(path)  # before the suffix: that the file is missing is the more useful message
     match _suffix(path):
         case ".ply" | ".compressed.ply":
             header = read_ply_header(path)

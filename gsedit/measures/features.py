@@ -1,4 +1,4 @@
-"""What the Gram matrix looks at: a fixed filter bank, or VGG16 from torchvision's weights file.
+"""The features of the Gram loss: a fixed filter bank, or VGG16 from torchvision's weights file.
 
 `n` pictures of `h w` pixels, `c` channels of `y x` positions, kernels of `k k` pixels."""
 
@@ -19,10 +19,10 @@ from gsedit.errors import InputError, UsageError
 
 @runtime_checkable
 class FeatureExtractor(Protocol):
-    """Pictures to feature maps, one a layer; differentiable in the pictures."""
+    """From pictures to feature maps, one a layer; differentiable in the pictures."""
 
     def __call__(self, images: Float[Tensor, "n 3 h w"]) -> list[Float[Tensor, "n c y x"]]:
-        """`images` in [0, 1]."""
+        """The layers of `images`, which are in [0, 1]."""
         ...
 
 
@@ -153,14 +153,14 @@ class Vgg16:
     def __call__(self, images: Float[Tensor, "n 3 h w"]) -> list[Float[Tensor, "n c y x"]]:
         """The chosen layers, shallow first. Each pooling halves the sides: relu4 needs 8 pixels."""
         mean, std = (images.new_tensor(s)[:, None, None] for s in (IMAGENET_MEAN, IMAGENET_STD))
-        x, found = (images - mean) / std, []
+        x, layers = (images - mean) / std, []
         for name, (weight, bias) in self.convolutions.items():
             if name.endswith("_1") and name != "relu1_1":
                 x = F.max_pool2d(x, 2)
             x = F.conv2d(x, weight.to(x), bias.to(x), padding=1).relu()
             if name in self.layers:
-                found.append(x)
-        return found
+                layers.append(x)
+        return layers
 
 
 def _read_state(path: Path) -> Mapping[str, object]:
@@ -181,14 +181,16 @@ def _read_state(path: Path) -> Mapping[str, object]:
     return state
 
 
-def _tensor(state: Mapping[str, object], path: Path, key: str, shape: tuple[int, ...]) -> Tensor:
-    found = state.get(key)
-    if not isinstance(found, Tensor):
+def _tensor(
+    state: Mapping[str, object], path: Path, key: str, shape: tuple[int, ...]
+) -> Float[Tensor, "..."]:
+    tensor = state.get(key)
+    if not isinstance(tensor, Tensor):
         raise InputError(
             f"{path}: has no tensor {key}; are these torchvision's VGG16 weights, with their names?"
         )
-    if tuple(found.shape) != shape:
+    if tuple(tensor.shape) != shape:
         raise InputError(
-            f"{path}: {key} is {tuple(found.shape)}, VGG16 needs {shape}; is it another VGG?"
+            f"{path}: {key} is {tuple(tensor.shape)}, VGG16 needs {shape}; is it another VGG?"
         )
-    return found.float()
+    return tensor.float()

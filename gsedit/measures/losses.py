@@ -1,4 +1,4 @@
-"""How far a picture is from its target. Everything here is differentiable.
+"""Losses between a picture and its target, all differentiable.
 
 Pictures are `h w 3` in [0, 1]; `*n` any leading axes; features `c` channels."""
 
@@ -15,12 +15,12 @@ SSIM_WINDOW = 11
 
 
 def mse(image: Float[Tensor, "*s"], target: Float[Tensor, "*s"]) -> Float[Tensor, ""]:
-    """Mean squared error over everything; the colour term of eq. (loss)."""
+    """Mean squared error over all elements; the colour term of eq. (loss)."""
     return (image - target).square().mean()
 
 
 def l1(image: Float[Tensor, "*s"], target: Float[Tensor, "*s"]) -> Float[Tensor, ""]:
-    """Mean absolute error over everything."""
+    """Mean absolute error over all elements."""
     return (image - target).abs().mean()
 
 
@@ -68,5 +68,8 @@ def edit_loss(
     loss = mse(image, target)
     if not gram_weight:
         return loss
-    found, wanted = (features(t.reshape(-1, *t.shape[-3:]).movedim(-1, 1)) for t in (image, target))
-    return loss + gram_weight * gram_loss(found, wanted)
+    layers, targets = (
+        features(pictures.reshape(-1, *pictures.shape[-3:]).movedim(-1, 1))
+        for pictures in (image, target)
+    )
+    return loss + gram_weight * gram_loss(layers, targets)

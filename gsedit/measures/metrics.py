@@ -55,8 +55,10 @@ def edit_strength(
     edited: Float[Tensor, "*n h w 3"],
     mask: Bool[Tensor, "*n h w"] | None = None,
 ) -> float:
-    """How much was changed, inside the mask (what was to be edited). Report warp error beside it:
-    a scene that was not edited at all is perfectly consistent."""
+    """RMSE between the edited and the original pictures, inside the mask (what was to be edited).
+
+    Report it beside the warp error: a scene that was not edited at all is perfectly consistent.
+    """
     return rmse(edited, original, mask)
 
 
@@ -65,13 +67,13 @@ def leakage(
     edited: Float[Tensor, "*n h w 3"],
     mask: Bool[Tensor, "*n h w"],
 ) -> float:
-    """How much was changed outside the mask: what should have stayed as it was."""
+    """RMSE between the edited and the original pictures, outside the mask: 0 is best."""
     return rmse(edited, original, ~mask)
 
 
 @dataclass(frozen=True, eq=False)
 class WarpError:
-    """How far views contradict each other where they show the same surface."""
+    """How far views differ in colour where they show the same surface."""
 
     pairs: tuple[tuple[int, int], ...]
     rmse: tuple[float, ...]
@@ -83,8 +85,8 @@ class WarpError:
     def mean(self) -> float:
         """RMSE over all compared pixels of all pairs; nan if there are none."""
         total = sum(self.coverage)
-        seen = sum(c * e**2 for c, e in zip(self.coverage, self.rmse) if c)
-        return sqrt(seen / total) if total else nan
+        square = sum(c * e**2 for c, e in zip(self.coverage, self.rmse) if c)
+        return sqrt(square / total) if total else nan
 
 
 @torch.no_grad()
@@ -95,17 +97,18 @@ def warp_error(
     alphas: Float[Tensor, "v h w"],
     pairs: Sequence[tuple[int, int]] | None = None,
 ) -> WarpError:
-    """Each pair's RMSE between view a and view b seen from a, where `correspond.warp` is valid.
+    """Each pair's RMSE between view a and view b warped into a, where `correspond.warp` is valid.
 
     `pairs` defaults to every pair once. On a camera path, short range is (t, t - 1) and long range
-    (t, t - 7). Depths are the unedited scene's, unless the edit moved the geometry. Compare with
-    the same number for the unedited pictures: shading and resampling make it more than zero.
+    (t, t - 7). Depths are the unedited scene's, in world units along the view,
+    unless the edit moved the geometry. Compare with the same number for the unedited pictures:
+    shading and resampling make it more than zero.
     """
     pairs = tuple(pairs or itertools.combinations(range(len(images)), 2))
     errors, coverage = [], []
     views = list(zip(cameras, depths, alphas, strict=True))
     for a, b in pairs:
-        seen, valid = warp(images[b], *views[a], *views[b])
-        errors.append(rmse(seen, images[a], valid) if valid.any() else nan)
+        warped, valid = warp(images[b], *views[a], *views[b])
+        errors.append(rmse(warped, images[a], valid) if valid.any() else nan)
         coverage.append(valid.double().mean().item())
     return WarpError(pairs, tuple(errors), tuple(coverage))

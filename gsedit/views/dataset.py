@@ -1,4 +1,4 @@
-"""Pictures with cameras: photos read from disk, cameras placed by us, and renders of a scene."""
+"""Pictures with cameras: photos from disk, or renders of a scene."""
 
 from __future__ import annotations
 
@@ -18,24 +18,25 @@ from rasterizer.scene import Gaussians
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """One picture and where it was taken from."""
+    """One picture and the camera that took it."""
 
     name: str
     camera: Camera
     image: Float[Tensor, "h w 3"]
-    """sRGB values in [0, 1]; h and w are the camera's."""
+    """sRGB in [0, 1]; as many pixels as the camera has."""
 
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """Posed pictures of one scene, and the sparse points they came with, if any."""
+    """Posed pictures of one scene, and sparse points of it, if there are any."""
 
     views: tuple[View, ...]
     points: Float[Tensor, "n 3"] | None = None
-    """World positions, same frame as the cameras."""
+    """World positions, in the cameras' frame and units."""
     point_colors: Float[Tensor, "n 3"] | None = None
-    """In [0, 1]."""
+    """RGB in [0, 1]."""
     source: Path | None = None
+    """The folder or file that it was read from."""
 
     def __len__(self) -> int:
         return len(self.views)
@@ -47,9 +48,9 @@ class Dataset:
 
 
 def evenly_spaced(count: int, at_most: int) -> list[int]:
-    """Indices of at most `at_most` of `count` things, in order, the first among them."""
-    chosen = min(count, at_most)
-    return [index * count // chosen for index in range(chosen)]
+    """At most `at_most` evenly spaced ones of the indices 0 to `count` - 1, 0 among them."""
+    number = min(count, at_most)
+    return [index * count // number for index in range(number)]
 
 
 @torch.no_grad()
@@ -59,7 +60,7 @@ def capture(
     names: Sequence[str],
     execution: Execution = AUTO,
 ) -> tuple[View, ...]:
-    """Pictures of a scene from some cameras, clamped to [0, 1]."""
+    """Renders of a scene as views, clamped to [0, 1]; one name for each camera."""
     return tuple(
         View(name, camera, render(scene, camera, execution=execution).color.clamp(0, 1))
         for name, camera in zip(names, cameras, strict=True)

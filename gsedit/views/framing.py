@@ -1,4 +1,6 @@
-"""Where to stand around a scene that came without cameras: its bulk, the way up, viewpoints."""
+"""Framing a scene without cameras: its bulk, its upward direction, a camera that shows it.
+
+`n` Gaussians; positions in world units."""
 
 from __future__ import annotations
 
@@ -14,11 +16,14 @@ from rasterizer.camera import Camera, look_at
 from rasterizer.scene import Gaussians
 
 UP_AXES = {"x": 0, "y": 1, "z": 2}
+GROUND_SHARE = 0.22  # of the centres near the middle: fewer in one layer are no ground
+ABOVE_SHARE = 0.2  # fewer above the layer: the layer may be a wall or a ceiling
+MAX_BELOW = 0.2  # of those above: more below, and the layer is no ground either
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """What a scene is about, robust to the far-away splats that every capture has."""
+    """The ball that holds the bulk of a scene, world units; far-away splats do not count."""
 
     centre: tuple[float, float, float]
     radius: float
@@ -32,30 +37,32 @@ def bounds(scene: Gaussians) -> Bounds:
     if not len(scene):
         raise UsageError("the scene has no Gaussians: there is nothing to frame")
     opacities = scene.opacities.detach()
-    kept = scene[opacities >= opacities.median()].detach().to(torch.float64)
-    centre = kept.means.median(0).values
-    extent, half, most = _distances(kept.means, centre)  # of a capture: most is surroundings
-    if most <= 3 * half:  # an object alone: the middle of all of it, not of where most splats are
-        low, high = (kept.means.sort(0).values[int(f * (len(kept) - 1))] for f in (0.03, 0.97))
+    opaque = scene[opacities >= opacities.median()].detach().to(torch.float64)
+    centre = opaque.means.median(0).values
+    extent, half, most = _distances(opaque.means, centre)
+    if most <= 3 * half:  # an object alone, not a capture, most of which is surroundings
+        low, high = (opaque.means.sort(0).values[int(f * (len(opaque) - 1))] for f in (0.03, 0.97))
         centre = (low + high) / 2
-        extent = 1.15 * _distances(kept.means, centre)[2]  # what stands out is wanted too
+        extent = 1.15 * _distances(opaque.means, centre)[2]  # includes the parts that stand out
     x, y, z = centre.tolist()
-    splat = 3 * float(kept.scales.amax(-1).median())  # they reach beyond their centres
+    splat = 3 * float(opaque.scales.amax(-1).median())  # splats reach beyond their centres
     return Bounds((x, y, z), extent + splat)
 
 
 def _distances(points: Float[Tensor, "n 3"], centre: Float[Tensor, "3"]) -> tuple[float, ...]:
-    """Within which 30 % of the points lie, half of them, and 95 %."""
+    """The radii around the centre within which 30 %, 50 % and 95 % of the points lie."""
     distance = (points - centre).norm(dim=-1).sort().values
     return tuple(float(distance[int(f * (len(distance) - 1))]) for f in (0.3, 0.5, 0.95))
 
 
 def guess_up(scene: Gaussians) -> Float[Tensor, "3"]:
-    """The normal of the ground the scene stands on, or INRIA's -y where there is no clear ground.
+    """The upward unit normal of the ground that the scene stands on, float64, or INRIA's -y where
+    there is no clear ground.
 
-    Capture frames are seldom level. Of directions all around, this takes the one along which the
-    middle 40 % of the centres pile up most in one of 32 layers. A ground has much in it, much above
-    it and little below; the shares were chosen on two captures with a ground and three without.
+    The axes of a capture are seldom level. Of 400 directions, this takes the one along which the
+    nearest 40 % of the centres are most concentrated in one of 32 layers. That layer is the ground
+    where it holds much, much lies on one side of it and little on the other; the thresholds were
+    chosen on two captures with a ground and three without.
     """
     if not len(scene):
         return up_vector("-y")
@@ -72,7 +79,7 @@ def guess_up(scene: Gaussians) -> Float[Tensor, "3"]:
     ground = int(shares.argmax())
     ahead, behind = float(shares[ground + 2 :].sum()), float(shares[: max(ground - 1, 0)].sum())
     above, below = max(ahead, behind), min(ahead, behind)
-    if shares[ground] < 0.22 or above < 0.2 or below > 0.2 * above:
+    if shares[ground] < GROUND_SHARE or above < ABOVE_SHARE or below > MAX_BELOW * above:
         return up_vector("-y")
     return directions[best] if ahead > behind else -directions[best]
 
@@ -81,12 +88,12 @@ def _hemisphere(count: int) -> Float[Tensor, "n 3"]:
     """Evenly spread directions, one of each opposite pair (a Fibonacci spiral)."""
     index = torch.arange(count, dtype=torch.float64) + 0.5
     z = 1 - index / count
-    turn = index * pi * (1 + 5**0.5)
-    return torch.stack(((1 - z**2).sqrt() * turn.cos(), (1 - z**2).sqrt() * turn.sin(), z), 1)
+    angle = index * pi * (1 + 5**0.5)
+    return torch.stack(((1 - z**2).sqrt() * angle.cos(), (1 - z**2).sqrt() * angle.sin(), z), 1)
 
 
 def up_vector(axis: str) -> Float[Tensor, "3"]:
-    """The unit vector of an axis name: x, -x, y, -y, z or -z. Raises UsageError otherwise."""
+    """The unit vector, float64, of an axis name: x, -x, y, -y, z or -z; otherwise UsageError."""
     if axis.lstrip("-") not in UP_AXES or axis.count("-") > 1:
         raise UsageError(f"up axis '{axis}': use one of x, -x, y, -y, z, -z")
     vector = torch.zeros(3, dtype=torch.float64)
@@ -97,21 +104,21 @@ def up_vector(axis: str) -> Float[Tensor, "3"]:
 def framing_camera(
     scene: Gaussians, *, up: Float[Tensor, "3"] | None = None, size: tuple[int, int] = (960, 720)
 ) -> Camera:
-    """A camera that sees the bulk of a scene from a little above; `size` is (width, height).
+    """A camera that shows the bulk of a scene from a little above; `size` is (width, height).
 
-    It aims at the median of the centres; the ball of `bounds` fills the picture, so
-    far floaters and backgrounds do not matter. Raises UsageError for an empty scene.
+    The ball of `bounds` fills the picture; `up` is a unit vector, guessed if None. Raises
+    UsageError for an empty scene.
     """
     width, height = size
     bulk = bounds(scene)
-    above = guess_up(scene) if up is None else up
+    up = guess_up(scene) if up is None else up
     # COLMAP's cameras look along +z, nerfstudio's (z up) stand at -y: 30 degrees from there
-    front = -torch.eye(3, dtype=torch.float64)[1 if above[2].abs() > 0.7 else 2]
-    side = torch.nn.functional.normalize(torch.linalg.cross(front, above), dim=0)
-    direction = 0.87 * torch.linalg.cross(above, side) + 0.5 * side + 0.4 * above
+    front = -torch.eye(3, dtype=torch.float64)[1 if up[2].abs() > 0.7 else 2]
+    side = torch.nn.functional.normalize(torch.linalg.cross(front, up), dim=0)
+    direction = 0.87 * torch.linalg.cross(up, side) + 0.5 * side + 0.4 * up
     fov_y = 50.0
     narrower = radians(fov_y) / 2 * min(1.0, width / height)
     distance = bulk.radius / sin(narrower)
     centre = torch.tensor(bulk.centre, dtype=torch.float64)
     eye = centre + distance * direction / direction.norm()
-    return look_at(eye, centre, above, fov_y, width, height)
+    return look_at(eye, centre, up, fov_y, width, height)

@@ -63,7 +63,7 @@ def orbit(
     elevation: float = 20.0,
     fov: float = 50.0,
 ) -> tuple[Camera, ...]:
-    """`count` cameras on a circle around the bulk of a scene, `size` pixels square.
+    """`count` cameras on a circle around the bulk of a scene, `size`^2 pixels each.
 
     `up` (any length, world axes) is guessed if None; `elevation` and `fov` are in degrees. Raises
     UsageError for an `up` that is no direction, or an empty scene.
@@ -78,5 +78,5 @@ def orbit(
 
 
 def orbit_names(count: int) -> list[str]:
-    """What the views of an orbit are called: orbit_000, orbit_001, ..."""
+    """The names of an orbit's views: orbit_000, orbit_001, ..."""
     return [f"orbit_{index:03d}" for index in range(count)]
