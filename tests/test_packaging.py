@@ -1,0 +1,73 @@
+"""What a wheel holds: every package of the tree, what it reads at run time, and nothing else."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+def table(text: str, name: str) -> str:
+    """The lines of a table of pyproject.toml (tomllib came with Python 3.11)."""
+    return text.split(f"[{name}]\n")[1].split("\n[")[0]
+
+
+def strings(text: str) -> list[str]:
+    return re.findall(r'"([^"]+)"', re.sub(r"#.*", "", text))
+
+
+@pytest.fixture(scope="module")
+def pyproject() -> str:
+    return (ROOT / "pyproject.toml").read_text()
+
+
+def test_the_list_of_packages_is_that_of_the_folders(pyproject):
+    folders = [
+        path.parent.relative_to(ROOT)
+        for package in ("gsedit", "rasterizer")
+        for path in (ROOT / package).rglob("__init__.py")
+    ]
+    names = {".".join(folder.parts) for folder in folders}
+    listed = strings(table(pyproject, "tool.setuptools"))
+    assert set(listed) == names | {"gsedit_cli"}
+    assert len(listed) == len(set(listed))
+    assert not any("train" in name for name in listed)
+    assert 'gsedit_cli = "cli"' in table(pyproject, "tool.setuptools.package-dir")
+
+
+def test_every_file_that_is_no_module_is_package_data(pyproject):
+    tracked = subprocess.run(
+        ["git", "-C", str(ROOT), "ls-files", "gsedit", "rasterizer", "cli"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    if tracked.returncode:
+        pytest.skip("not a git checkout")
+    data = {name for name in tracked.stdout.split() if not name.endswith(".py")}
+    declared = set()
+    for line in table(pyproject, "tool.setuptools.package-data").strip().splitlines():
+        package, *files = strings(line)
+        declared |= {f"{package.replace('.', '/')}/{file}" for file in files}
+    assert declared == data
+    assert {Path(name).name for name in data} >= {
+        "kernel.cpp", "small.safetensors", "MODEL_CARD.md",
+    }  # fmt: skip
+
+
+def test_every_dependency_is_imported(pyproject):
+    modules = {"pillow": "PIL", "open3d-cpu": "open3d"}
+    section = pyproject.split("dependencies = [")[1].split("\n]")[0]
+    code = "\n".join(
+        path.read_text()
+        for folder in ("gsedit", "rasterizer", "cli")
+        for path in (ROOT / folder).rglob("*.py")
+    )
+    for requirement in strings(section):
+        name = re.split(r"[><=;\s]", requirement)[0]
+        if name == "zstandard":  # gsply imports it, for SPZ version 4
+            continue
+        module = modules.get(name, name)
+        assert re.search(rf"^\s*(from|import) {module}\b", code, re.MULTILINE), requirement
