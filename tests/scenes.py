@@ -24,7 +24,7 @@ def one() -> EdgeCase:
     return gaussian((0.13, -0.07, 2.0), (0.3, 0.1, 0.2), (0.9, 0.2, -0.3, 0.1)), camera()
 
 
-def crossing() -> EdgeCase:
+def intersecting() -> EdgeCase:
     """Two long Gaussians through each other: order is by centre, for every pixel alike."""
     first = gaussian((0.0, 0.0, 2.0), (0.8, 0.05, 0.05), (0.9, 0.0, 0.4, 0.0))
     second = gaussian(
@@ -111,7 +111,7 @@ def empty() -> EdgeCase:
 
 
 def opaque_stack() -> EdgeCase:
-    """Forty opaque layers in a row: the stop at 1e-4, and the cap of alpha at 0.99."""
+    """Forty opaque layers in a row: the stop, and the cap of alpha at 0.99."""
     layers = [
         gaussian(
             (0.0, 0.0, 2 + 0.05 * i), (0.5, 0.5, 0.01), opacity=0.9999, color=(i / 40, 0.5, 0.3)
@@ -163,7 +163,7 @@ EDGE_CASES: dict[str, Callable[[], EdgeCase]] = {
     scene.__name__: scene
     for scene in (
         one,
-        crossing,
+        intersecting,
         wall,
         shell,
         needle,

@@ -1,4 +1,4 @@
-"""The promised numbers: renderer against reference, depth and correspondences against the truth."""
+"""Renderer against reference; depth and correspondences against the exact ones of a scene."""
 
 from __future__ import annotations
 

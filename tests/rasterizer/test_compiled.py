@@ -31,7 +31,7 @@ def kernel():
 
 @pytest.fixture
 def empty_cache(tmp_path, monkeypatch):
-    """A kernel that has yet to be made; the one of before is back afterwards."""
+    """A cache without a kernel; the one of before is back afterwards."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     compiled.load.cache_clear()
     yield tmp_path / "cache" / "gsedit"
@@ -155,12 +155,12 @@ def test_without_a_folder_to_keep_it_in(kernel, empty_cache):
 def test_without_a_compiler_torch_goes_on(compiler, reason, empty_cache, monkeypatch):
     monkeypatch.setenv("CXX", compiler)
     scene, camera = cloud()
-    with pytest.warns(UserWarning, match=reason) as told:
+    with pytest.warns(UserWarning, match=reason) as warned:
         drawn = render(scene, camera, execution=COMPILED)
-    assert "CXX" in str(told[0].message)
+    assert "CXX" in str(warned[0].message)
     assert torch.equal(drawn.color, render(scene, camera).color)
     with warnings.catch_warnings():
-        warnings.simplefilter("error")  # said once
+        warnings.simplefilter("error")  # it warns once
         render(scene, camera, execution=COMPILED)
 
 

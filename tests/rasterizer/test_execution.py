@@ -1,4 +1,4 @@
-"""What may surround a rendering: other ways to compute it, other modes of torch, bad settings."""
+"""Both backends under other modes of torch, with extreme settings and bad ones."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from rasterizer import Camera, Execution, Numerics, concatenate, contributions, 
 from rasterizer.blending import cpp_backend as compiled
 from rasterizer.reference import render_reference
 
-WAYS = [Execution(), Execution(compile=True)]
+EXECUTIONS = [Execution(), Execution(compile=True)]
 
 
-@pytest.fixture(params=WAYS, ids=["torch", "compiled"])
-def way(request):
+@pytest.fixture(params=EXECUTIONS, ids=["torch", "compiled"])
+def execution(request):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         if request.param.compile and compiled.load() is None:
@@ -27,88 +27,88 @@ def way(request):
     return request.param
 
 
-def gradients(scene, camera, way, **options):
+def gradients(scene, camera, execution, **options):
     inputs = leaves(scene)
-    picture = render(inputs, camera, execution=way, **options).color
+    picture = render(inputs, camera, execution=execution, **options).color
     return torch.autograd.grad((picture * weights_like(picture)).sum(), tensors(inputs))
 
 
-def test_a_single_pair_has_the_gradients_of_many(way):
+def test_a_single_pair_has_the_gradients_of_many(execution):
     """One Gaussian, one tile, one block: arrays of one number are views of themselves."""
     scene = gaussian((0.1, 0.05, 2.0))
     camera = Camera(torch.eye(4, dtype=torch.float64), 16.0, 16.0, 8.0, 8.0, 16, 16)
-    alone = gradients(scene, camera, replace(way, tile_size=16, block=1))
-    for a, b in zip(alone, gradients(scene, camera, replace(way, tile_size=4))):
+    alone = gradients(scene, camera, replace(execution, tile_size=16, block=1))
+    for a, b in zip(alone, gradients(scene, camera, replace(execution, tile_size=4))):
         assert (a - b).abs().max() < 1e-13
 
 
-def test_second_derivatives_are_refused(way):
-    """They would lack the blending's part, and nobody would see it."""
+def test_second_derivatives_are_refused(execution):
+    """They would lack the blending's part, without a sign of it."""
     scene, camera = cloud()
     inputs = leaves(scene)
-    picture = render(inputs, camera, execution=way).color
+    picture = render(inputs, camera, execution=execution).color
     with pytest.raises(RuntimeError, match="create_graph"):
         torch.autograd.grad(picture.square().sum(), inputs.means, create_graph=True)
 
 
-def test_autocast_changes_no_bit(way):
-    """Networks beside it may run in bfloat16; a picture has too few bits to give away."""
+def test_autocast_changes_no_bit(execution):
+    """Networks beside it may run in bfloat16; its eight bits are too few for a picture."""
     scene, camera = cloud()
     inputs = leaves(scene.to(torch.float32))
     with torch.autocast("cpu", dtype=torch.bfloat16):
-        picture = render(inputs, camera, execution=way).color
+        picture = render(inputs, camera, execution=execution).color
     found = torch.autograd.grad((picture * weights_like(picture)).sum(), tensors(inputs))
-    for a, b in zip(found, gradients(scene.to(torch.float32), camera, way)):
+    for a, b in zip(found, gradients(scene.to(torch.float32), camera, execution)):
         assert torch.equal(a, b)
 
 
-def test_contributions_under_inference_mode(way):
+def test_contributions_under_inference_mode(execution):
     scene, camera = cloud()
-    wanted = contributions(scene, camera, execution=way)
+    wanted = contributions(scene, camera, execution=execution)
     with torch.inference_mode():
-        assert torch.equal(contributions(scene, camera, execution=way), wanted)
+        assert torch.equal(contributions(scene, camera, execution=execution), wanted)
 
 
-def test_a_picture_may_be_changed_before_the_backward_pass(way):
+def test_a_picture_may_be_changed_before_the_backward_pass(execution):
     """6 x 6 pixels are one tile: what is returned must not be what was kept."""
     scene, _ = cloud()
     camera = Camera(torch.eye(4, dtype=torch.float64), 6.0, 6.0, 3.0, 3.0, 6, 6)
     inputs = leaves(scene)
-    drawn = render(inputs, camera, execution=replace(way, tile_size=6))
+    drawn = render(inputs, camera, execution=replace(execution, tile_size=6))
     loss = (drawn.color * weights_like(drawn.color)).sum()
     with torch.no_grad():
         drawn.alpha.zero_()
     found = torch.autograd.grad(loss, tensors(inputs))
-    for a, b in zip(found, gradients(scene, camera, replace(way, tile_size=6))):
+    for a, b in zip(found, gradients(scene, camera, replace(execution, tile_size=6))):
         assert torch.equal(a, b)
 
 
-def test_tiny_floors_are_no_number_that_wraps(way):
+def test_tiny_floors_are_no_number_that_wraps(execution):
     scene, camera = cloud()
     numerics = Numerics(alpha_min=1e-120)
-    picture = render(scene.to(torch.float32), camera, execution=way, numerics=numerics).color
+    picture = render(scene.to(torch.float32), camera, execution=execution, numerics=numerics).color
     wanted = render(scene, camera, numerics=replace(numerics, alpha_min=1e-9)).color
     assert (picture - wanted).abs().max() < 1e-5
 
 
 @pytest.mark.parametrize("near", [-100.0, -1e20, -math.inf])
-def test_an_orthographic_camera_sees_behind_itself_in_order(near, way):
+def test_an_orthographic_camera_sees_behind_itself_in_order(near, execution):
     front, rear = gaussian((0.0, 0.0, -3.0), color=(0.0, 0.0, 1.0)), gaussian((0.0, 0.0, -2.0))
     camera = replace(cloud()[1], model="ortho")
     numerics = Numerics(near=near)
     scene = concatenate(rear, front)
     wanted = render_reference(scene, camera, numerics=numerics).color
-    picture = render(scene, camera, numerics=numerics, execution=way).color
+    picture = render(scene, camera, numerics=numerics, execution=execution).color
     assert wanted.max() > 0.5
     assert (picture - wanted).abs().max() < 1e-4
 
 
-def test_a_line_of_no_width_has_antialiased_gradients(way):
+def test_a_line_of_no_width_has_antialiased_gradients(execution):
     line = gaussian((0.0, 0.0, 2.0))
     thin = torch.tensor([[-math.inf, 6.0, -math.inf]], dtype=torch.float64)
     line = replace(line, log_scales=thin)
     numerics = Numerics(antialiased=True)
-    for found in gradients(line.to(torch.float32), cloud()[1], way, numerics=numerics):
+    for found in gradients(line.to(torch.float32), cloud()[1], execution, numerics=numerics):
         assert found.isfinite().all()
 
 
@@ -119,17 +119,17 @@ def test_sizes_below_one_are_refused(name, value):
         Execution(**{name: value})
 
 
-def test_a_culling_nobody_knows_is_refused():
+def test_an_unknown_culling_is_refused():
     execution = Execution()
     object.__setattr__(execution, "cull", "sphere")  # past the types that these tests check
     with pytest.raises(ValueError, match="ellipse or box"):
         execution.__post_init__()
 
 
-def test_a_tile_larger_than_memory_is_a_tile_as_large_as_the_picture(way):
+def test_a_tile_larger_than_memory_is_a_tile_as_large_as_the_picture(execution):
     scene, camera = cloud()
-    wanted = render(scene, camera, execution=way).color
-    found = render(scene, camera, execution=replace(way, tile_size=1 << 20)).color
+    wanted = render(scene, camera, execution=execution).color
+    found = render(scene, camera, execution=replace(execution, tile_size=1 << 20)).color
     assert (found - wanted).abs().max() < 1e-11
 
 

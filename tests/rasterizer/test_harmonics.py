@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
+from gsplat_call import cloud, gsplat_arguments
+from scenes import camera
 
-from rasterizer import harmonics
+from rasterizer import harmonics, rasterization
+from rasterizer.harmonics import without_zero_bands
 from rasterizer.numerics import SH_DC
 
 
@@ -57,3 +61,24 @@ def test_colors_do_not_depend_on_the_length_of_the_direction():
 def test_a_degree_above_four_is_refused():
     with pytest.raises(ValueError, match="degree 5"):
         harmonics.basis(torch.zeros(1, 3), 5)
+
+
+def test_bands_that_are_zero_are_left_out():
+    scene = cloud(4)
+    sh = scene.sh.clone()
+    sh[:, 4:] = 0
+    assert without_zero_bands(sh).shape == (60, 4, 3)
+    assert without_zero_bands(torch.zeros_like(sh)).shape == (60, 1, 3)
+    assert without_zero_bands(scene.sh) is scene.sh
+    late = torch.zeros(100, 25, 3)
+    late[99, 24, 2] = 1e-30  # the last number of all
+    assert without_zero_bands(late).shape == (100, 25, 3)
+    # a zero has a gradient of its own: with one asked for, all bands stay
+    assert without_zero_bands(sh.requires_grad_()).shape == (60, 25, 3)
+    color, _, _ = rasterization(**gsplat_arguments(replace(scene, sh=sh), camera()))
+    color.sum().backward()
+    assert sh.grad is not None
+    assert sh.grad[:, 4:].any()
+    with torch.no_grad():
+        again, _, _ = rasterization(**gsplat_arguments(replace(scene, sh=sh), camera()))
+    assert (again - color).abs().max() < 1e-14

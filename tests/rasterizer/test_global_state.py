@@ -1,0 +1,86 @@
+"""A rendering changes no setting of torch or NumPy, and none of them changes it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from closeness import EPS32, leaves, tensors, weights_like
+
+from gsedit.bench.renderer.edge_cases import (
+    CROWD,
+    EDGE_CASES,
+)
+from rasterizer import render
+
+BY_NAME = {case.name: case for case in EDGE_CASES}
+
+
+ROUNDING = CROWD * EPS32
+"""Of a colour in [0, 1]: a rounding for each Gaussian that one pixel can blend."""
+
+
+def flags() -> dict[str, object]:
+    tiny = torch.tensor([1e-40]) * 0.5  # 0 where denormals are flushed
+    return {
+        "default dtype": torch.get_default_dtype(),
+        "default device": torch.get_default_device(),
+        "gradients": torch.is_grad_enabled(),
+        "inference": torch.is_inference_mode_enabled(),
+        "anomalies": torch.is_anomaly_enabled(),
+        "threads": (torch.get_num_threads(), torch.get_num_interop_threads()),
+        "denormals": bool(tiny > 0),
+        "deterministic": (
+            torch.are_deterministic_algorithms_enabled(),
+            torch.is_deterministic_algorithms_warn_only_enabled(),
+            torch.backends.cudnn.deterministic,
+        ),
+        "matmul": torch.get_float32_matmul_precision(),
+        "mkldnn": torch.backends.mkldnn.enabled,
+        "torch draws": torch.get_rng_state().tolist(),
+        "numpy draws": [np.asarray(part).tolist() for part in np.random.get_state()],
+        "numpy errors": np.geterr(),
+    }
+
+
+def differentiated(name: str = "ordinary crowd"):
+    scene, view, background = BY_NAME[name].make(torch.float32)
+    inputs = leaves(scene)
+    picture = render(inputs, view, background=background, depth=True, median_depth=True)
+    loss = (picture.color * weights_like(picture.color)).sum() + picture.depth.sum()
+    return picture.color.detach(), torch.autograd.grad(loss, tensors(inputs))
+
+
+@pytest.mark.parametrize("name", ["ordinary crowd", "empty scene", "nothing visible", "means nan"])
+def test_no_global_flag_is_changed(name):
+    before = flags()
+    if BY_NAME[name].refused is None:
+        differentiated(name)
+    else:
+        with pytest.raises(ValueError, match=r"means\[57, 2\]"):
+            differentiated(name)
+    assert flags() == before
+
+
+def test_global_flags_of_others_change_nothing():
+    picture, gradients = differentiated()
+    torch.set_default_dtype(torch.float64)
+    torch.use_deterministic_algorithms(True)
+    try:
+        again, others = differentiated()
+    finally:
+        torch.use_deterministic_algorithms(False)
+        torch.set_default_dtype(torch.float32)
+    assert again.dtype == torch.float32
+    assert torch.equal(again, picture)
+    assert all(torch.equal(a, b) for a, b in zip(others, gradients))
+
+
+@pytest.mark.parametrize("context", [torch.no_grad, torch.inference_mode])
+def test_a_picture_without_gradients_is_the_same(context):
+    """To rounding: without a depth channel the products have another shape."""
+    picture, _ = differentiated()
+    scene, view, background = BY_NAME["ordinary crowd"].make(torch.float32)
+    with context():
+        plain = render(scene, view, background=background).color
+    torch.testing.assert_close(plain, picture, rtol=0, atol=ROUNDING)
