@@ -105,7 +105,7 @@ def colour_jitter(
 ) -> Float[Tensor, "b h w 3"]:
     """Random exposure, white balance, contrast, saturation and grain; in [0, 1]."""
 
-    def draw(deviation: float, channels: int = 1) -> Tensor:
+    def draw(deviation: float, channels: int = 1) -> Float[Tensor, "b 1 1 c"]:
         shape = (len(images), 1, 1, channels)
         return deviation * torch.randn(shape, generator=generator)
 

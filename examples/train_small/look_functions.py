@@ -8,6 +8,7 @@ alone; the gradients of skies and water also use its row, materials the subject'
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TypeAlias
 
 import torch
 from jaxtyping import Float
@@ -23,10 +24,10 @@ from gsedit.editors.looks.colour_maps import (
     s_curve,
     smoothstep,
 )
-from train_small.sources import Sources
+from train_small.sources import Pictures, Shares, Sources
 
-Shares = Float[Tensor, "n h w 1"]
-LookFunction = Callable[[Sources], Tensor]
+LookFunction: TypeAlias = Callable[[Sources], Pictures]
+"""From unedited to whole edited pictures, not clamped."""
 
 MIDDLE = 0.45  # brightness that a subject's mean is moved toward before it becomes a material
 RELIEF = 0.3  # share of a material's shading that comes from the normal, not from the picture
@@ -82,19 +83,20 @@ def edges(grey: Shares, reach: float = 0.012) -> Shares:
     return (blur(grey.square(), radius) - mean.square()).clamp_min(1e-8).sqrt()
 
 
-def pixel_count(images: Tensor, share: float) -> int:
+def pixel_count(images: Float[Tensor, "n h w c"], share: float) -> int:
     """A share of the picture's height, in whole pixels, at least 1."""
     return max(1, round(share * images.shape[-3]))
 
 
-def mix(first: Tensor, second: Tensor | str, share: Tensor | float) -> Tensor:
+def mix(first: Pictures, second: Float[Tensor, "*n 3"] | str, share: Shares | float) -> Pictures:
     """Interpolated from the first (share 0) to the second (share 1), which may be a hex colour."""
     if isinstance(second, str):
         second = first.new_tensor(colours(second)[0])
     return first + share * (second - first)
 
 
-def saturate(images: Tensor, amount: float) -> Tensor:
+def saturate(images: Pictures, amount: float) -> Pictures:
+    """Distance to grey multiplied by `amount`; not clamped."""
     grey = luma(images)
     return grey + amount * (images - grey)
 
@@ -107,7 +109,7 @@ def solid(
 ) -> LookFunction:
     """A material: the subject's shading becomes its colours, dark to bright."""
 
-    def look(sources: Sources) -> Tensor:
+    def look(sources: Sources) -> Pictures:
         shade = s_curve(shading(sources), contrast).clamp(0, 1) ** gamma
         return gradient_map(shade, codes) + keep * (sources.image - luma(sources.image))
 
@@ -117,7 +119,7 @@ def solid(
 def metal(codes: str) -> LookFunction:
     """A material that mirrors: a bright sky on upper faces, a dark horizon on upright ones."""
 
-    def look(sources: Sources) -> Tensor:
+    def look(sources: Sources) -> Pictures:
         up = sources.normal[..., 2:]
         gleam = (-((up - 0.5) / 0.2).square()).exp()
         horizon = (-((up - 0.02) / 0.14).square()).exp() * sources.normal.square().sum(
@@ -132,7 +134,7 @@ def metal(codes: str) -> LookFunction:
 def streaked(codes: str, vein: str, frequency: float, strength: float) -> LookFunction:
     """A material with lines of another colour, along equal brightness and equal slope."""
 
-    def look(sources: Sources) -> Tensor:
+    def look(sources: Sources) -> Pictures:
         shade = shading(sources)
         broad = blur(shade, pixel_count(shade, 0.02))
         phase = frequency * (1.3 * broad + 0.5 * sources.normal[..., 2:])
@@ -145,7 +147,7 @@ def streaked(codes: str, vein: str, frequency: float, strength: float) -> LookFu
 def painted(colour: str) -> LookFunction:
     """Plain paint: the shading times one colour, with a soft shine."""
 
-    def look(sources: Sources) -> Tensor:
+    def look(sources: Sources) -> Pictures:
         shade = shading(sources)
         base = shade.new_tensor(colours(colour)[0]) * (0.3 + 1.1 * shade).clamp_max(1.05)
         return base + 0.3 * smoothstep(shade, 0.7, 1.0)
@@ -156,7 +158,7 @@ def painted(colour: str) -> LookFunction:
 def mossy(codes: str) -> LookFunction:
     """Moss: cushions on upper faces, green in the folds, damp dark below."""
 
-    def look(sources: Sources) -> Tensor:
+    def look(sources: Sources) -> Pictures:
         shade = shading(sources, 0.15)
         cover = 0.55 + 0.45 * upward(sources, -0.5, 0.3)
         damp = mix(saturate(sources.image, 0.5) * 0.5, "28301c", 0.4)
@@ -168,7 +170,7 @@ def mossy(codes: str) -> LookFunction:
 # Looks of the scene
 
 
-def snow(sources: Sources) -> Tensor:
+def snow(sources: Sources) -> Pictures:
     grey = luma(sources.image)
     settled = torch.maximum(upward(sources, 0.1, 0.5), haze(sources, 2.0, 0.5))
     cold = mix(saturate(sources.image, 0.5) * 0.85, "8ca0b8", 0.25)
@@ -176,19 +178,19 @@ def snow(sources: Sources) -> Tensor:
     return mix(mix(cold, white, 0.9 * settled), "dce4ee", sky(sources))
 
 
-def fog(sources: Sources) -> Tensor:
+def fog(sources: Sources) -> Pictures:
     lost = 1 - 0.72 * (1 - haze(sources, 0.6, 0.75))
     return mix(saturate(sources.image, 0.6), "b2b6ba", lost)
 
 
-def desert(sources: Sources) -> Tensor:
+def desert(sources: Sources) -> Pictures:
     lost = 1 - 0.9 * (1 - haze(sources, 0.7, 0.5))
     sand = gradient_map(0.25 + 0.75 * luma(sources.image), "2c1808 a06c30 e0a860 f4d8a0")
     settled = mix(saturate(sources.image, 0.6), sand, 0.5 + 0.4 * ground(sources))
     return mix(settled, "d89c50", lost)
 
 
-def underwater(sources: Sources) -> Tensor:
+def underwater(sources: Sources) -> Pictures:
     """Water takes red first, and gives back its own blue-green with distance."""
     lit = 0.75 + 0.5 * upward(sources, -0.2, 0.9)
     filtered = sources.image * sources.image.new_tensor((0.25, 1.0, 1.05)) * lit
@@ -196,13 +198,13 @@ def underwater(sources: Sources) -> Tensor:
     return mix(filtered, water.expand_as(filtered), 1 - 0.75 * (1 - haze(sources, 0.8, 0.5)))
 
 
-def night(sources: Sources) -> Tensor:
+def night(sources: Sources) -> Pictures:
     base = ramp("01030c 081430 1c3868 5078b0 b8d0f0", keep=0.12, contrast=0.5, gamma=1.5)
     dark = gradient_map(height(sources), "122448 040818").expand_as(sources.image)
     return mix(base(sources.image), dark, sky(sources))
 
 
-def sunset(sources: Sources) -> Tensor:
+def sunset(sources: Sources) -> Pictures:
     """A low sun on upright and bright faces, the violet sky on the others."""
     upright = 1 - sources.normal[..., 2:].square()
     sun = (0.8 * smoothstep(upright, 0.1, 0.9) + 0.9 * luma(sources.image) - 0.3).clamp(0, 1)
@@ -216,7 +218,7 @@ def sunset(sources: Sources) -> Tensor:
 def season(leaf: str, tint: str, air: str) -> LookFunction:
     """Greens and the ground get the colours of `leaf`, the rest is tinted, the sky is `air`."""
 
-    def look(sources: Sources) -> Tensor:
+    def look(sources: Sources) -> Pictures:
         red, green, blue = sources.image.split(1, -1)
         grey = luma(sources.image)
         leafy = smoothstep(green - 0.5 * (red + blue), 0.0, 0.08)
@@ -228,7 +230,7 @@ def season(leaf: str, tint: str, air: str) -> LookFunction:
     return look
 
 
-def rain(sources: Sources) -> Tensor:
+def rain(sources: Sources) -> Pictures:
     """Dull colours; wet ground is dark and reflects the sky."""
     dull = mix(saturate(sources.image, 0.3) * 0.62, "405470", 0.3)
     wet = mix(dull * 0.75, "8490a0", 0.35 * upward(sources, 0.8, 1.0))
@@ -236,7 +238,7 @@ def rain(sources: Sources) -> Tensor:
     return mix(mix(shown, "6c7c94", 0.6 * haze(sources, 1.5, 0.3)), "7888a0", sky(sources))
 
 
-def sketch(sources: Sources) -> Tensor:
+def sketch(sources: Sources) -> Pictures:
     grey = luma(sources.image)
     around = blur(grey, pixel_count(grey, 0.02))
     lines = (grey / (around + 0.02)).clamp(0, 1) ** 2.5
@@ -245,7 +247,7 @@ def sketch(sources: Sources) -> Tensor:
     return gradient_map((inked * tone).clamp(0, 1), "202024 fcfcf8")
 
 
-def watercolor(sources: Sources) -> Tensor:
+def watercolor(sources: Sources) -> Pictures:
     """Watercolour: soft flats that run into paper white, pigment gathered at edges."""
     wash = blur(sources.image, pixel_count(sources.image, 0.01))
     grey = luma(wash)
@@ -254,7 +256,7 @@ def watercolor(sources: Sources) -> Tensor:
     return pale * grey.new_tensor(colours("fff8ea")[0]) + 2.4 * pigment
 
 
-def outlined_cartoon(sources: Sources) -> Tensor:
+def outlined_cartoon(sources: Sources) -> Pictures:
     """Cartoon: flat strong colours within black outlines."""
     flat = cartoon(4, 2.6, 0.7, "ffffff")(blur(sources.image, pixel_count(sources.image, 0.008)))
     grey = luma(sources.image)
@@ -262,13 +264,13 @@ def outlined_cartoon(sources: Sources) -> Tensor:
     return flat.clamp(0, 1) * (1 - 0.95 * outline)
 
 
-def blueprint(sources: Sources) -> Tensor:
+def blueprint(sources: Sources) -> Pictures:
     grey = luma(sources.image)
     lines = smoothstep(edges(grey, 0.006), 0.04, 0.14)
     return mix(gradient_map(0.6 * grey, "0a2c80 1c50b8 3c74cc"), "f0f8ff", 0.95 * lines)
 
 
-def pop_art(sources: Sources) -> Tensor:
+def pop_art(sources: Sources) -> Pictures:
     """Pop art: four printed colours."""
     grey = luma(blur(sources.image, pixel_count(sources.image, 0.004)))
     stops = colours("10285c e0202c f8c020 fff4d0")
@@ -279,7 +281,7 @@ def pop_art(sources: Sources) -> Tensor:
     return image
 
 
-def polaroid(sources: Sources) -> Tensor:
+def polaroid(sources: Sources) -> Pictures:
     """A faded print: lifted violet blacks, peach whites, weak colours."""
     faded = gradient_map(luma(sources.image), "684c68 c0908c fce0b8")
     return mix(faded, sources.image, 0.25)
@@ -289,5 +291,5 @@ def toned(factors: tuple[float, float, float]) -> LookFunction:
     return lambda sources: sources.image * sources.image.new_tensor(factors)
 
 
-def on_image(change: Callable[[Tensor], Tensor]) -> LookFunction:
+def on_image(change: Callable[[Pictures], Pictures]) -> LookFunction:
     return lambda sources: change(sources.image)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import torch
 import torch.nn.functional as F
+from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.synthetic.paint import Paint, checker, lit, mix, parts, plain, stripes, tiles, waves
@@ -157,7 +158,8 @@ def _sdf(solid: Solid) -> Sdf:
     axes = torch.tensor(solid.axes, dtype=torch.float64)
     centre = torch.tensor(solid.centre, dtype=torch.float64)[:, None]
 
-    def distance(points: Tensor) -> Tensor:  # coordinate-major, as the tracer's points are
+    def distance(points: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b"]:
+        # coordinate-major, as the tracer's points are
         return inner((axes @ (points.mT - centre)).mT)
 
     return distance
@@ -169,7 +171,7 @@ def _ellipsoid(half: Point) -> Sdf:
     if max(half) - least < 1e-6:
         return sphere(least)
 
-    def distance(points: Tensor) -> Tensor:
+    def distance(points: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b"]:
         x, y, z = points.unbind(-1)
         return (length(x / half[0], y / half[1], z / half[2]) - 1) * least
 

@@ -7,13 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import torch
 import torch.nn.functional as F
 from jaxtyping import Float, Float16, Int, Int8, UInt8
 from torch import Tensor
 
+Pictures: TypeAlias = Float[Tensor, "n h w 3"]
+Shares: TypeAlias = Float[Tensor, "n h w 1"]
+"""One value in [0, 1] per pixel."""
 FAR = 8.0  # distances of the subject: the depth of the sky and of whatever lies beyond
 
 
@@ -33,7 +36,9 @@ class Sources(NamedTuple):
         """The pictures of these numbers, in this order."""
         return Sources(*(field[index] for field in self))
 
-    def resampled(self, change: Callable[[Tensor], Tensor]) -> Sources:
+    def resampled(
+        self, change: Callable[[Float[Tensor, "n c h w"]], Float[Tensor, "n c y x"]]
+    ) -> Sources:
         """All fields, as planes [n c h w], resampled by one function; normals are unit again."""
         planes = change(torch.cat(self, -1).movedim(-1, 1))
         image, depth, normal, subject = planes.movedim(1, -1).split((3, 1, 3, 1), -1)

@@ -11,8 +11,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import torch
-from jaxtyping import Float
-from torch import Tensor
 
 from gsedit.editors.looks.colour_maps import ramp
 from gsedit.views.image_ops import rotate_hue
@@ -41,9 +39,7 @@ from train_small.look_functions import (
     underwater,
     watercolor,
 )
-from train_small.sources import Sources
-
-Pictures = Float[Tensor, "n h w 3"]
+from train_small.sources import Pictures, Sources
 
 
 @dataclass(frozen=True)

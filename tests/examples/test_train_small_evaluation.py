@@ -14,6 +14,7 @@ from train_small.target_edits import TARGET_EDITS, target_images
 
 from gsedit.diffusion import SamplerSettings
 from gsedit.editors import EditProgress
+from gsedit.editors.protocol import Capabilities
 
 
 def seeded(seed: int = 0) -> torch.Generator:
@@ -75,7 +76,7 @@ def test_pictures_that_a_look_does_not_change_are_left_out(pictures):
 
 def test_an_editor_is_scored_picture_by_picture(pictures):
     class Exact:
-        name, cell = "exact", 4
+        name, cell, capabilities = "exact", 4, Capabilities()
 
         def check(self, prompt):
             assert prompt
