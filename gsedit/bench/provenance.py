@@ -12,6 +12,8 @@ from pathlib import Path
 
 import torch
 
+from gsedit.reports.environment import installed_version
+
 
 @dataclass(frozen=True)
 class Provenance:
@@ -47,12 +49,7 @@ def commit() -> str:
         )  # fmt: skip
         return described.stdout.strip()
     except (OSError, subprocess.CalledProcessError):
-        from importlib.metadata import PackageNotFoundError, version
-
-        try:
-            return version("gsedit")
-        except PackageNotFoundError:
-            return "unknown"
+        return installed_version("gsedit") or "unknown"
 
 
 @cache

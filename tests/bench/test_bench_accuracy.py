@@ -1,4 +1,4 @@
-"""Errors of pictures and gradients, and the reference that is kept."""
+"""Errors of pictures and gradients; the reference's file."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ def tiny() -> workloads.Workload:
 
 
 def test_picture_errors_are_mean_tail_and_largest():
-    truth = torch.zeros(100, 10, 3)
-    found = truth.clone()
-    found[0, 0, 0], found[5, 5, 1] = -0.5, 0.25  # 2 of 3,000: beyond the 99.9 %
-    mean, tail, largest = accuracy.picture_errors(found, truth)
+    expected = torch.zeros(100, 10, 3)
+    drawn = expected.clone()
+    drawn[0, 0, 0], drawn[5, 5, 1] = -0.5, 0.25  # 2 of 3,000: beyond the 99.9 %
+    mean, tail, largest = accuracy.picture_errors(drawn, expected)
     assert mean == pytest.approx(0.75 / 3000)
     assert (tail, largest) == (0.0, 0.5)
-    found[:2] = 1.0  # 2 % are not
-    assert accuracy.picture_errors(found, truth)[1] == 1.0
+    drawn[:2] = 1.0  # 2 % are not
+    assert accuracy.picture_errors(drawn, expected)[1] == 1.0
 
 
 def test_the_worst_gradient_counts():
     picture = torch.zeros(2, 2, 3)
-    truth = {"a": torch.tensor([3.0, 4.0]), "b": torch.tensor([1.0, 0.0])}
-    found = {"a": torch.tensor([3.0, 4.5]), "b": torch.tensor([0.0, 1.0])}
-    got = accuracy.errors(accuracy.Drawn(picture, found), accuracy.Drawn(picture, truth))
+    expected = {"a": torch.tensor([3.0, 4.0]), "b": torch.tensor([1.0, 0.0])}
+    drawn = {"a": torch.tensor([3.0, 4.5]), "b": torch.tensor([0.0, 1.0])}
+    got = accuracy.errors(accuracy.Drawn(picture, drawn), accuracy.Drawn(picture, expected))
     assert got.gradient == pytest.approx(math.sqrt(2))
     assert got.cosine == pytest.approx(0.0)
-    alone = accuracy.Drawn(picture, {"a": found["a"]})
-    assert accuracy.errors(alone, accuracy.Drawn(picture, truth)).gradient == pytest.approx(0.1)
+    alone = accuracy.Drawn(picture, {"a": drawn["a"]})
+    assert accuracy.errors(alone, accuracy.Drawn(picture, expected)).gradient == pytest.approx(0.1)
 
 
 def test_gradients_that_should_be_zero():
@@ -46,7 +46,7 @@ def test_gradients_that_should_be_zero():
     assert accuracy.cosine(one, zero) == 0.0
 
 
-def test_the_truth_is_kept_and_never_stale(tiny, tmp_path, monkeypatch):
+def test_the_reference_is_stored_and_never_stale(tiny, tmp_path, monkeypatch):
     first = accuracy.reference_of(tiny.scene, tiny.camera, tmp_path)
     assert first.picture.dtype == torch.float64
     assert set(first.gradients) == {*accuracy.FIELDS, accuracy.POSE}

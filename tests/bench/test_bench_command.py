@@ -49,9 +49,9 @@ def test_rasterizer_leaves_its_folder(scene, tmp_path):
     assert done.exit_code == 0, done.stderr
     assert done.stdout == f"{out / 'bench.md'}\n"
     assert "the garden is left out" in done.stderr
-    found = read_measurements(out / "bench.jsonl")
-    assert [one.label for one in found] == ["default", "stop 0", "stop 0.01", "tile 4", "tile 32"]
-    assert {one.scene for one in found} == {"scene, 1 in 8"}
+    rows = read_measurements(out / "bench.jsonl")
+    assert [row.label for row in rows] == ["default", "stop 0", "stop 0.01", "tile 4", "tile 32"]
+    assert {row.scene for row in rows} == {"scene, 1 in 8"}
     assert "| tile 4 |" in (out / "bench.md").read_text()
     for name in ("image_error.png", "gradient_error.png"):
         assert count_near(rgb(out / name), plots.STYLES["stop"][0]) > 50
@@ -76,7 +76,7 @@ def test_rasterizer_leaves_its_folder(scene, tmp_path):
 
 @pytest.mark.usefixtures("alone")
 @pytest.mark.parametrize(
-    ("words", "code", "said"),
+    ("words", "code", "message"),
     [
         (["{scene}", "--knobs", "speed"], 2, "no knob 'speed'"),
         (["{broken}"], 3, "broken.ply"),
@@ -86,12 +86,12 @@ def test_rasterizer_leaves_its_folder(scene, tmp_path):
         ([], 2, "nothing to measure"),
     ],
 )
-def test_what_cannot_be_measured_is_one_line(scene, tmp_path, words, code, said):
+def test_what_cannot_be_measured_is_one_line(scene, tmp_path, words, code, message):
     (tmp_path / "broken.ply").write_bytes(b"ply\nformat\n")
     paths = {"scene": scene, "broken": tmp_path / "broken.ply"}
     done = gsedit_bench("rasterizer", *(w.format(**paths) for w in words), "-o", tmp_path / "out")
     assert done.exit_code == code
-    assert said in done.stderr.splitlines()[-1]
+    assert message in done.stderr.splitlines()[-1]
     assert done.stdout == ""
     assert not (tmp_path / "out").exists()
 

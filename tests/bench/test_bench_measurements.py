@@ -28,8 +28,8 @@ def test_rows_survive_json(tmp_path):
 def test_what_is_not_a_number_is_null(tmp_path):
     with (tmp_path / "bench.jsonl").open("w") as file:
         write_line(file, render_measurement(error_mean=nan, error_max=math.inf))
-    (found,) = read_measurements(tmp_path / "bench.jsonl")
-    assert found == render_measurement(error_mean=None, error_max=None)
+    (measurement,) = read_measurements(tmp_path / "bench.jsonl")
+    assert measurement == render_measurement(error_mean=None, error_max=None)
 
 
 def test_a_line_that_is_no_row_is_named(tmp_path):

@@ -68,12 +68,12 @@ def test_an_alpha_at_the_floor_is_seen():
     pixels = torch.tensor([[16, 28], [0, 0], [16, 30]])
     floor = float(alpha[16, 30])  # so that the last pixel lies on the circle
     numerics = replace(DEFAULT, alpha_min=floor)
-    found = pairs.nearest_to_floor(one, view, pixels, numerics)
-    assert found[2] < 1e-12  # some roundings in float64
+    nearest = pairs.nearest_to_floor(one, view, pixels, numerics)
+    assert nearest[2] < 1e-12  # some roundings in float64
     ratio = float(alpha[16, 28] / floor)
     assert 1 < ratio < 2
-    assert found[0] == pytest.approx(ratio - 1)
-    assert found[1] == pytest.approx(1.0)  # nothing is near
+    assert nearest[0] == pytest.approx(ratio - 1)
+    assert nearest[1] == pytest.approx(1.0)  # nothing is near
     nothing = pairs.nearest_to_floor(one[:0], view, pixels)
     assert len(nothing) == 3
     assert nothing.min() == 1

@@ -58,9 +58,11 @@ def test_every_extreme_is_measured_or_says_why_not():
 
 
 def test_agreement_comes_with_contrast_and_strength(consensus_rows):
-    found = {r.variant: r for r in consensus_rows if r.problem == "texture" and r.t_end is None}
-    paper, ours = found["xt, independent (paper)"], found["x0, shared (default)"]
-    none = found["none, independent noise"]
+    by_variant = {
+        r.variant: r for r in consensus_rows if r.problem == "texture" and r.t_end is None
+    }
+    paper, ours = by_variant["xt, independent (paper)"], by_variant["x0, shared (default)"]
+    none = by_variant["none, independent noise"]
     # the mean of four independent draws has half their deviation; not all cells are in four views
     assert (paper.contrast or 0) < 0.75
     assert (ours.contrast or 0) > 0.9

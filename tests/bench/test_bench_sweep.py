@@ -85,14 +85,14 @@ def test_a_sweep_yields_measurements_and_events(tmp_path, monkeypatch):
     )
     items = list(sweep.sweep([fog()], plan("stop", "dtype", "peers"), tmp_path))
     events = [item for item in items if isinstance(item, Event)]
-    found = {item.label: item for item in items if isinstance(item, RenderMeasurement)}
+    rows = {item.label: item for item in items if isinstance(item, RenderMeasurement)}
     assert "not installed: no_such_renderer" in events[0].note
     assert events[1].note == "reference in float64"
     assert (events[-1].step, events[-1].steps) == (6, 6)
-    assert list(found) == [
+    assert list(rows) == [
         "default", "stop 0", "stop 0.0001", "stop 0.001", "stop 0.01", "dtype float64",
     ]  # fmt: skip
-    default = found["default"]
+    default = rows["default"]
     assert (default.gaussians, default.width, default.height) == (600, 24, 16)
     assert default.contributing <= default.evaluated
     assert default.forward_wall > 0
@@ -102,11 +102,11 @@ def test_a_sweep_yields_measurements_and_events(tmp_path, monkeypatch):
     assert default.error_mean < 1e-6
     assert default.gradient_error < 2e-4
     assert default.gradient_cosine > 0.999999
-    assert found["stop 0.01"].error_mean > found["stop 0"].error_mean
-    assert found["stop 0.01"].contributing < default.contributing
-    assert found["dtype float64"].dtype == "float64"
+    assert rows["stop 0.01"].error_mean > rows["stop 0"].error_mean
+    assert rows["stop 0.01"].contributing < default.contributing
+    assert rows["dtype float64"].dtype == "float64"
     if Path("/proc/self/clear_refs").exists():
-        assert all(one.peak_bytes is not None for one in found.values())
+        assert all(row.peak_bytes is not None for row in rows.values())
 
 
 def test_a_failed_setting_is_a_row_with_its_reason(tiny, monkeypatch):

@@ -1,4 +1,4 @@
-"""Every target is measured; what is missed or not measured is said."""
+"""Every target is measured; the table shows those that are missed or not measured."""
 
 from __future__ import annotations
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from time import perf_counter
 
 from gsedit.bench.renderer import measurements, stability
 from gsedit.bench.renderer.measurements import RenderMeasurement
@@ -14,6 +13,7 @@ from gsedit.bench.renderer.sweep import SweepPlan, sweep
 from gsedit.bench.renderer.workloads import Workload
 from gsedit.bench.results import write_measurements, write_text
 from gsedit.reports.events import Event
+from gsedit.reports.stopwatch import Stopwatch
 
 SWEEP_ROWS, SWEEP_TABLE = "bench.jsonl", "bench.md"
 IMAGE_PLOT, GRADIENT_PLOT = "image_error.png", "gradient_error.png"
@@ -50,7 +50,7 @@ def stability_to_folder(folder: Path, *, quick: bool) -> Iterator[Event | EdgeCa
 def _with_events(
     rows: Iterator[EdgeCaseMeasurement],
 ) -> Iterator[Event | EdgeCaseMeasurement]:
-    began = perf_counter()
+    stopwatch = Stopwatch()
     for count, row in enumerate(rows, start=1):
         yield row
-        yield Event("stability", perf_counter() - began, count, note=row.name)
+        yield Event("stability", stopwatch.seconds, count, note=row.name)

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from itertools import groupby
 from math import isfinite
 from statistics import median
-from time import perf_counter
 from typing import Literal
 
 import torch
@@ -19,6 +18,7 @@ from torch import Tensor
 from gsedit.bench.markdown import markdown_table
 from gsedit.bench.renderer.accuracy import Draw, Drawn, differentiate, errors
 from gsedit.bench.renderer.edge_cases import EDGE_CASES, EdgeCase, RenderInput
+from gsedit.reports.stopwatch import Stopwatch
 from rasterizer.numerics import Numerics
 from rasterizer.reference import render_reference
 from rasterizer.render import render
@@ -112,12 +112,12 @@ def _timed(draw: Draw, given: RenderInput, runs: int) -> tuple[Drawn | None, str
     """Picture and gradients, "", and median seconds; or None, the refusal's text, and None."""
     drawn, seconds = None, []
     for _ in range(runs):
-        start = perf_counter()
+        stopwatch = Stopwatch()
         try:
             drawn = differentiate(draw, given.scene, given.camera)
         except ValueError as error:
             return None, str(error), None
-        seconds.append(perf_counter() - start)
+        seconds.append(stopwatch.seconds)
     return drawn, "", median(seconds)
 
 

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 import torch
@@ -22,6 +21,7 @@ from gsedit.bench.renderer.settings import PEERS, Setting, draw, reduced, settin
 from gsedit.bench.renderer.worker import Worker, WorkerError, peak_memory
 from gsedit.bench.renderer.workloads import Workload
 from gsedit.reports.events import Event
+from gsedit.reports.stopwatch import Stopwatch
 from rasterizer import Gaussians, Numerics
 from rasterizer.blending import cpp_backend as compiled
 
@@ -47,7 +47,7 @@ def sweep(
 
     `cache`: folder that keeps the reference's pictures and gradients between runs.
     """
-    began = perf_counter()
+    stopwatch = Stopwatch()
     installed, absent = peers.installed() if PEERS in plan.knobs else ([], [])
     if absent:
         yield Event("peers", 0.0, note=f"left out, not installed: {', '.join(absent)}")
@@ -57,7 +57,7 @@ def sweep(
             steps = len(settings) + len(installed)
 
             def event(step: int, note: str) -> Event:
-                return Event(workload.name, perf_counter() - began, step, steps, note=note)  # noqa: B023
+                return Event(workload.name, stopwatch.seconds, step, steps, note=note)  # noqa: B023
 
             yield event(0, "reference in float64")
             reference = reference_of(workload.scene, workload.camera, cache)

@@ -12,7 +12,6 @@ from functools import partial
 from itertools import pairwise
 from math import isqrt
 from pathlib import Path
-from time import perf_counter
 
 import torch
 
@@ -26,6 +25,7 @@ from gsedit.bench.renderer.settings import Setting, draw
 from gsedit.bench.renderer.worker import Worker, WorkerError, peak_memory
 from gsedit.bench.renderer.workloads import Workload, cloud, fitted, garden, smaller, synthetic
 from gsedit.reports.events import Event
+from gsedit.reports.stopwatch import Stopwatch
 from rasterizer import render
 from rasterizer.numerics import AUTO, DEFAULT, Execution
 from rasterizer.project import Box
@@ -74,7 +74,7 @@ def measure_targets(
     size: Size, points: Path | None, scenes: Sequence[Path], cache: Path | None = None
 ) -> Iterator[Event | Target]:
     """Every target, and events that name the next ones. `points`: of the garden, else left out."""
-    began = perf_counter()
+    stopwatch = Stopwatch()
     gardens = {} if points is None else {s: garden(s, points) for s in GARDEN_SCALES}
     workloads = [*gardens.values(), *(fitted(path) for path in scenes), *synthetic()]
     if size.shrink > 1:
@@ -86,9 +86,9 @@ def measure_targets(
         )
     jobs = _jobs(gardens, workloads, size, cache)
     for step, (name, job) in enumerate(jobs):
-        yield Event("targets", perf_counter() - began, step, len(jobs), note=name)
+        yield Event("targets", stopwatch.seconds, step, len(jobs), note=name)
         yield from job()
-    yield Event("targets", perf_counter() - began, len(jobs), len(jobs))
+    yield Event("targets", stopwatch.seconds, len(jobs), len(jobs))
 
 
 def _jobs(

@@ -34,7 +34,7 @@ class Workload:
 
 
 def garden(scale: float, path: Path, view: int = 0) -> Workload:
-    """111,785 Gaussians seen by a camera of 648x420 pixels times `scale`; `view` is 0, 1 or 2.
+    """111,785 Gaussians and a camera of 648x420 pixels times `scale`; `view` is 0, 1 or 2.
 
     The points of mip-NeRF 360's garden (gsplat's test asset: means3d, colors, Ks, viewmats, width,
     height) inside [-2, 2]^3 keep their colours; scales, rotations and opacities are drawn, in this
@@ -72,7 +72,7 @@ def garden(scale: float, path: Path, view: int = 0) -> Workload:
 
 
 def fitted(path: Path, size: int = 512) -> Workload:
-    """A scene file, seen from the first camera of an orbit around it, `size` pixels square.
+    """A scene file and the first camera of an orbit around it, `size` pixels square.
 
     Raises InputError where it cannot be read, UsageError where there is nothing in it.
     """
@@ -138,9 +138,9 @@ def standard_workloads(
 ) -> list[Workload]:
     """The garden at two sizes where its points are given, scene files, and synthetic scenes.
 
-    Measurements are told apart by the names of their scenes, so files of one name are named by
-    their paths. `quick`: every 8th Gaussian and pixel. Raises InputError for a file that cannot be
-    read, UsageError where nothing is left to measure.
+    A measurement is identified by its scene's name, so files of one name get their paths as names.
+    `quick`: every 8th Gaussian and pixel. Raises InputError for a file that cannot be read,
+    UsageError where nothing is left to measure.
     """
     paths = list(dict.fromkeys(scenes))
     files = [fitted(path) for path in paths]

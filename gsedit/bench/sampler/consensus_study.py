@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import product
-from time import perf_counter
 
 from gsedit.bench.sampler.measurements import SamplerMeasurement, rms
 from gsedit.bench.sampler.overlapping import OverlappingViews, picture_views, texture_views
 from gsedit.diffusion import SamplerSettings
+from gsedit.reports.stopwatch import Stopwatch
 
 VARIANTS: dict[str, dict[str, object]] = {
     "none, independent noise": {"consensus": False, "noise": "independent"},
@@ -58,9 +58,9 @@ def _measurement(
     variant: str = "",
 ) -> SamplerMeasurement:
     settings = SamplerSettings(**options)  # pyright: ignore[reportArgumentType]
-    began = perf_counter()
+    stopwatch = Stopwatch()
     results = [views.edit(settings, seed) for seed in range(seeds)]
-    seconds = (perf_counter() - began) / seeds
+    seconds = stopwatch.seconds / seeds
     contrast = sum(float(x.flatten(1).std(1).mean()) for x in results) / seeds
     return SamplerMeasurement(
         "consensus",

@@ -10,7 +10,6 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import product
-from time import perf_counter
 
 import torch
 from jaxtyping import Float
@@ -34,6 +33,7 @@ from gsedit.diffusion import (
     sample,
 )
 from gsedit.errors import UsageError
+from gsedit.reports.stopwatch import Stopwatch
 
 SOLVERS: tuple[Solver, ...] = ("ddim", "heun", "dpm++2m")
 WIDTHS = (1.0, 1e-1, 1e-2, 1e-3, 1e-4)
@@ -143,9 +143,9 @@ def _stiff_measurement(
     settings = replace(_settings(scale), steps=count, solver=solver, spacing="trailing")
     levels = levels_of(schedule, settings)
     x = noised_draw(model, levels[0], dtype=torch.float32)
-    began = perf_counter()
+    stopwatch = Stopwatch()
     result = _result(model, x, settings, levels)
-    seconds = perf_counter() - began
+    seconds = stopwatch.seconds
     rounding = "" if dtype is None else f", {str(dtype).removeprefix('torch.')} network"
     name = f"width {width:g}, guidance {scale:g}{', terminal SNR 0' * terminal}{rounding}"
     evaluations = 2 * count - 1 if solver == "heun" else count

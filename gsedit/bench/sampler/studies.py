@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import asdict, replace
 from itertools import chain
-from time import perf_counter
 
 from gsedit.bench.provenance import provenance
 from gsedit.bench.sampler.consensus_study import consensus_study
@@ -13,6 +12,7 @@ from gsedit.bench.sampler.cost_study import cost_study
 from gsedit.bench.sampler.measurements import SamplerMeasurement
 from gsedit.bench.sampler.solver_study import GUIDANCE, STEPS, WIDTHS, solver_study, stiff_study
 from gsedit.reports.events import Event
+from gsedit.reports.stopwatch import Stopwatch
 
 
 def measure_sampler(*, quick: bool = False, runs: int = 5) -> Iterator[Event | SamplerMeasurement]:
@@ -26,8 +26,8 @@ def measure_sampler(*, quick: bool = False, runs: int = 5) -> Iterator[Event | S
         consensus_study(1 if quick else 3),
         cost_study(runs),
     )
-    began = perf_counter()
+    stopwatch = Stopwatch()
     for count, row in enumerate(studies, start=1):
         note = f"{row.problem}: {row.variant}, {row.steps} steps"
-        yield Event("sampler", perf_counter() - began, count, note=note)
+        yield Event("sampler", stopwatch.seconds, count, note=note)
         yield replace(row, **asdict(provenance()))
