@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from gsedit.fitting.fit import FitResult, fit, fit_steps
     from gsedit.fitting.settings import FitSettings
     from gsedit.reports.events import Checkpoint, Event
+    from gsedit.session.folder import write_edit
     from gsedit.session.result import EditResult
     from gsedit.session.settings import EditSettings
     from gsedit.views.dataset import Dataset, View
@@ -42,6 +43,7 @@ __all__ = [
     "load_dataset",
     "orbit",
     "save",
+    "write_edit",
 ]
 
 _HOMES = {
@@ -64,6 +66,7 @@ _HOMES = {
     "load_dataset": "files",
     "orbit": "views.orbit",
     "save": "files",
+    "write_edit": "session.folder",
 }
 
 

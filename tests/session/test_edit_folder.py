@@ -1,0 +1,72 @@
+"""The folder of an edit from Python: one call, every file, and nothing replaced unasked."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+import torch
+
+import gsedit
+from gsedit.diffusion import SamplerSettings
+from gsedit.editors import make_editor
+from gsedit.errors import UsageError
+from gsedit.fitting.settings import UpdateSettings
+from gsedit.reports.journal import read_events
+from gsedit.strategies.single_pass import SinglePass
+from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
+from gsedit.views.dataset import Dataset, capture
+
+FILES = {"scene.ply", "edit.json", "metrics.jsonl", "before_after.png", "error_vs_time.png"}
+
+
+@pytest.fixture(scope="module")
+def edited():
+    """(events and checkpoints, result) of a small edit."""
+    scene = surface_gaussians(demo_scene(), 500, torch.Generator().manual_seed(0))
+    cameras = ring_cameras(demo_scene(), 9, 32)
+    settings = gsedit.EditSettings(
+        sampler=SamplerSettings(steps=2),
+        update=UpdateSettings(patches=1, patch=16),
+        views_per_round=2,
+        rounds=1,
+    )
+    *events, result = gsedit.edit_steps(
+        scene,
+        "as bronze",
+        editor=make_editor("closed-form"),
+        generator=torch.Generator().manual_seed(0),
+        dataset=Dataset(capture(scene, cameras, [str(i) for i in range(9)])),
+        settings=settings,
+        strategy=SinglePass(2),
+    )
+    return events, result
+
+
+def test_one_call_writes_the_folder_of_the_command(edited, tmp_path):
+    events, result = edited
+    folder = tmp_path / "new" / "out"
+    gsedit.write_edit(folder, "as bronze", result, events, request={"seed": 0, "scene": folder})
+    assert {path.name for path in folder.iterdir()} == FILES
+    assert len(gsedit.load(folder / "scene.ply")) == len(result.scene)
+    happened = [event for event in events if isinstance(event, gsedit.Event)]
+    assert read_events(folder / "metrics.jsonl") == happened
+    record = json.loads((folder / "edit.json").read_text())
+    assert (record["instruction"], record["seed"]) == ("as bronze", 0)
+    assert record["strategy"] == {"name": "SinglePass", "update_steps": 2}
+    assert record["settings"]["update"]["patch"] == 16
+    assert record["measured"]["ground_truth"] == pytest.approx(result.ground_truth)
+    assert record["edited_views"] == [view.name for view in result.targets]
+    assert record["versions"]["torch"] == torch.__version__
+
+
+def test_files_are_replaced_only_if_asked(edited, tmp_path):
+    _, result = edited
+    (tmp_path / "scene.ply").write_text("mine")
+    with pytest.raises(UsageError, match=r"scene\.ply"):
+        gsedit.write_edit(tmp_path, "as bronze", result)
+    assert (tmp_path / "scene.ply").read_text() == "mine"
+    assert not (tmp_path / "edit.json").exists()
+    gsedit.write_edit(tmp_path, "as bronze", result, overwrite=True)
+    assert {path.name for path in tmp_path.iterdir()} == FILES
+    assert read_events(tmp_path / "metrics.jsonl") == []
