@@ -263,10 +263,11 @@ def test_colmap(model, text, tmp_path):
     ideal = undistortion(lens).lens
     assert [view.name for view in data.views] == ["0.png", "1.png", "2.png"]
     assert [float(v.image.mean()) for v in data.views] == pytest.approx([0, 40 / 255, 80 / 255])
-    for view, camera in zip(data.views, cameras()):
-        torch.testing.assert_close(view.camera.world_to_camera, camera.world_to_camera)
-        found = view.camera
-        assert (found.fx, found.fy, found.cx, found.cy) == (ideal.fx, ideal.fy, ideal.cx, ideal.cy)
+    for view, expected in zip(data.views, cameras()):
+        camera = view.camera
+        torch.testing.assert_close(camera.world_to_camera, expected.world_to_camera)
+        intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy)
+        assert intrinsics == (ideal.fx, ideal.fy, ideal.cx, ideal.cy)
     assert data.points is not None
     assert data.point_colors is not None
     assert data.points.tolist() == [[1, 2, 3]]
@@ -293,7 +294,7 @@ def test_colmap_folder_itself(tmp_path):
     assert len(load_dataset(folder / "sparse" / "0")) == 3
 
 
-def test_unknown_colmap_model_says_who_can_undistort(tmp_path):
+def test_unknown_colmap_model_names_a_tool_that_undistorts(tmp_path):
     with pytest.raises(InputError, match=r"FOV.*image_undistorter"):
         load_dataset(colmap_dataset(tmp_path, "FOV"))
 

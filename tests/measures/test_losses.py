@@ -1,12 +1,10 @@
-"""Laws of the losses and of the features under the Gram term, VGG16 against a naive evaluation."""
-
-from math import inf
+"""Laws of the losses, and of the filter bank under the Gram term."""
 
 import pytest
 import torch
 
-from gsedit.errors import InputError, UsageError
-from gsedit.measures.features import BINOMIAL, OPPONENT, VGG16, FilterBank, Vgg16
+from gsedit.errors import UsageError
+from gsedit.measures.features import BINOMIAL, OPPONENT, FilterBank
 from gsedit.measures.losses import dssim, edit_loss, gram, gram_loss, l1, mse, ssim
 
 EPS32 = torch.finfo(torch.float32).eps
@@ -88,8 +86,8 @@ def test_gram_loss_is_the_sum_over_layers():
 
 def test_edit_loss_is_the_papers_sum():
     image, target, bank = picture(2, 32, 32, 3), picture(2, 32, 32, 3, seed=1), FilterBank(2)
-    found, wanted = (bank(t.permute(0, 3, 1, 2)) for t in (image, target))
-    expected = mse(image, target) + 0.1 * gram_loss(found, wanted)
+    layers, targets = (bank(t.permute(0, 3, 1, 2)) for t in (image, target))
+    expected = mse(image, target) + 0.1 * gram_loss(layers, targets)
     torch.testing.assert_close(edit_loss(image, target, bank), expected)
     assert edit_loss(image, target, bank, gram_weight=0.0) == mse(image, target)
     assert edit_loss(image, image, bank) == 0
@@ -151,7 +149,7 @@ def test_transposing_a_picture_swaps_its_derivatives():
 def test_channels_have_comparable_energy_on_natural_spectra():
     pictures = torch.stack([smooth(seed=s) for s in range(16)])
     energies = torch.stack([f.square().mean((0, 2, 3)) for f in FilterBank()(pictures)])
-    # equal but for what reflection at borders and the missing low frequencies of a patch take away
+    # not exactly equal: borders are reflected, and a patch lacks the lowest frequencies
     assert (energies.amax(1) / energies.amin(1) < 10).all()  # channels of an octave
     assert (energies.amax(0) / energies.amin(0) < 10).all()  # octaves of a channel
     finest = energies[0, [1, 2, 4, 5, 7, 8, 9, 10, 11]]
@@ -172,134 +170,3 @@ def test_a_patch_too_small_and_a_bank_too_short_are_refused():
         FilterBank()(picture(1, 3, 7, 64))
     with pytest.raises(UsageError, match="1 or more"):
         FilterBank(0)
-
-
-# ---- VGG16 ---------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def state():
-    """Random weights, torchvision's names and shapes; float16, only to relu4_3, to stay small."""
-    generator = torch.Generator().manual_seed(0)
-    state = {}
-    for number, inputs, outputs in list(VGG16.values())[:10]:
-        scale = (2 / (9 * inputs)) ** 0.5  # keeps the size of activations through the layers
-        weight = torch.randn(outputs, inputs, 3, 3, generator=generator) * scale
-        state[f"features.{number}.weight"] = weight.half()
-        state[f"features.{number}.bias"] = torch.rand(outputs, generator=generator).half()
-    return state
-
-
-@pytest.fixture(scope="module")
-def weights(state, tmp_path_factory):
-    path = tmp_path_factory.mktemp("vgg") / "vgg16.pth"
-    torch.save(state, path)
-    return path
-
-
-def naive_vgg16(image, state):
-    """torchvision's `features` as a list of modules, by number, convolutions as sums of shifts."""
-    mean, std = torch.tensor([0.485, 0.456, 0.406]), torch.tensor([0.229, 0.224, 0.225])
-    x = (image.double() - mean[:, None, None]) / std[:, None, None]
-    pools, maps = {4, 9, 16}, {}
-    for number in range(23):
-        if number in pools:
-            x = x.unfold(1, 2, 2).unfold(2, 2, 2).amax((3, 4))
-        elif f"features.{number}.weight" in state:
-            weight, bias = (state[f"features.{number}.{k}"].double() for k in ("weight", "bias"))
-            padded = torch.nn.functional.pad(x, (1, 1, 1, 1))
-            height, width = x.shape[1:]
-            x = bias[:, None, None]
-            for i in range(3):
-                for j in range(3):
-                    shifted = padded[:, i : i + height, j : j + width]
-                    x = x + torch.einsum("oi,ihw->ohw", weight[:, :, i, j], shifted)
-        else:
-            x = x.clamp_min(0)
-        maps[number] = x
-    return [maps[n] for n in (3, 8, 15, 22)]  # relu1_2, relu2_2, relu3_3, relu4_3
-
-
-def test_vgg16_is_what_the_naive_network_says(state, weights):
-    images = picture(2, 3, 16, 24, dtype=torch.float32)
-    found = Vgg16(weights)(images)
-    assert [f.shape[1] for f in found] == [64, 128, 256, 512]
-    for n in range(2):
-        for layer, expected in zip(found, naive_vgg16(images[n], state), strict=True):
-            # ten convolutions of up to 4608 float32 products each
-            close = 10 * 4608**0.5 * EPS32 * expected.abs().max().item()
-            torch.testing.assert_close(layer[n].double(), expected, atol=close, rtol=0)
-
-
-def test_vgg16_reads_only_what_its_layers_need(state, tmp_path):
-    path = tmp_path / "short.pth"
-    torch.save({k: v for k, v in state.items() if k.split(".")[1] in ("0", "2")}, path)
-    images = picture(1, 3, 8, 8, dtype=torch.float32).requires_grad_()
-    (layer,) = Vgg16(path, layers=("relu1_2",))(images)
-    layer.sum().backward()
-    assert images.grad is not None
-    assert images.grad.abs().sum() > 0
-    with pytest.raises(InputError, match=r"short\.pth: has no tensor features\.5\.weight"):
-        Vgg16(path)
-    with pytest.raises(UsageError, match="relu9_9"):
-        Vgg16(path, layers=("relu9_9",))
-
-
-def test_vgg16_reads_safetensors_alike(state, tmp_path):
-    from safetensors.torch import save_file
-
-    first = {k: v for k, v in state.items() if k.split(".")[1] == "0"}
-    torch.save(first, tmp_path / "a.pth")
-    save_file(first, tmp_path / "a.safetensors")
-    images = picture(1, 3, 8, 8, dtype=torch.float32)
-    (one,), (other,) = (
-        Vgg16(tmp_path / name, layers=("relu1_1",))(images) for name in ("a.pth", "a.safetensors")
-    )
-    assert torch.equal(one, other)
-
-
-BROKEN = {
-    "missing": None,
-    "empty": b"",
-    "text": b"not weights\n" * 100,
-    "truncated zip": b"PK\x03\x04" + bytes(200),
-}
-
-
-@pytest.mark.parametrize("kind", BROKEN)
-@pytest.mark.parametrize("suffix", ["pth", "safetensors"])
-def test_a_file_that_is_not_weights_is_named_in_one_line(kind, suffix, tmp_path):
-    path = tmp_path / f"vgg.{suffix}"
-    if BROKEN[kind] is not None:
-        path.write_bytes(BROKEN[kind])
-    with pytest.raises(InputError) as error:
-        Vgg16(path)
-    assert str(path) in str(error.value)
-    assert "give torchvision's" in str(error.value)
-    assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        ([1, 2], "holds a list"),
-        ({}, "has no tensor features.0.weight"),
-        ({"features.0.weight": 3.0}, "has no tensor features.0.weight"),
-        ({"features.0.weight": torch.zeros(64, 1, 3, 3)}, r"features.0.weight is \(64, 1, 3, 3\)"),
-        ({"features.0.weight": inf}, "has no tensor"),
-    ],
-)
-def test_weights_of_something_else_are_refused(content, message, tmp_path):
-    torch.save(content, tmp_path / "other.pth")
-    with pytest.raises(InputError, match=message):
-        Vgg16(tmp_path / "other.pth")
-
-
-def test_a_pickle_that_runs_code_is_refused(tmp_path):
-    class Trap:
-        def __reduce__(self):
-            return print, ("executed",)
-
-    torch.save({"features.0.weight": Trap()}, tmp_path / "trap.pth")
-    with pytest.raises(InputError, match="not a readable weights file"):
-        Vgg16(tmp_path / "trap.pth")

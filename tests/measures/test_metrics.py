@@ -1,4 +1,4 @@
-"""Laws of the meter: a number means what its name says, on pictures whose answer is known."""
+"""Laws of the metrics: each number is what its name says, on pictures whose error is known."""
 
 from dataclasses import replace
 from math import inf, isnan, log10
@@ -68,24 +68,24 @@ def wall(views=3, step=4):
 
 
 def test_views_of_one_texture_agree():
-    found = warp_error(*wall())
-    assert found.pairs == ((0, 1), (0, 2), (1, 2))
+    measured = warp_error(*wall())
+    assert measured.pairs == ((0, 1), (0, 2), (1, 2))
     # the sample grid is at whole pixels up to float64 rounding, texture differences are below 1
-    assert max(found.rmse) < 1e-9
-    assert found.coverage == pytest.approx((60 / 64, 56 / 64, 60 / 64), abs=1 / 64)
+    assert max(measured.rmse) < 1e-9
+    assert measured.coverage == pytest.approx((60 / 64, 56 / 64, 60 / 64), abs=1 / 64)
 
 
-def test_a_view_of_its_own_mind_is_found():
+def test_a_view_of_another_colour_has_the_error():
     images, *rest = wall()
     images[2] += 0.3
-    found = warp_error(images, *rest)
-    assert found.rmse == pytest.approx((0, 0.3, 0.3), abs=1e-9)
-    covered = found.coverage
+    measured = warp_error(images, *rest)
+    assert measured.rmse == pytest.approx((0, 0.3, 0.3), abs=1e-9)
+    covered = measured.coverage
     expected = 0.3 * ((covered[1] + covered[2]) / sum(covered)) ** 0.5
-    assert found.mean == pytest.approx(expected, rel=1e-9)
+    assert measured.mean == pytest.approx(expected, rel=1e-9)
 
 
-def test_averaging_views_lowers_the_error_by_the_square_root_of_their_number():
+def test_independent_noise_of_two_views_adds_up():
     images, *rest = wall(2)
     noise = 0.1 * torch.randn(2, 64, 64, 3, generator=torch.Generator().manual_seed(0)).double()
     single = warp_error(images + noise, *rest).mean
@@ -97,8 +97,8 @@ def test_averaging_views_lowers_the_error_by_the_square_root_of_their_number():
 
 def test_chosen_pairs_and_pairs_that_share_nothing():
     images, cameras, depths, alphas = wall()
-    found = warp_error(images, cameras, depths, alphas, pairs=[(1, 0), (2, 1)])
-    assert found.pairs == ((1, 0), (2, 1))
+    measured = warp_error(images, cameras, depths, alphas, pairs=[(1, 0), (2, 1)])
+    assert measured.pairs == ((1, 0), (2, 1))
     nothing = warp_error(images, cameras, 0 * depths, alphas)
     assert nothing.coverage == (0, 0, 0)
     assert all(map(isnan, nothing.rmse))
@@ -107,5 +107,5 @@ def test_chosen_pairs_and_pairs_that_share_nothing():
 
 
 def test_pairs_without_common_pixels_do_not_spoil_the_mean():
-    found = WarpError(((0, 1), (0, 2)), (0.2, float("nan")), (0.5, 0.0))
-    assert found.mean == pytest.approx(0.2)
+    measured = WarpError(((0, 1), (0, 2)), (0.2, float("nan")), (0.5, 0.0))
+    assert measured.mean == pytest.approx(0.2)

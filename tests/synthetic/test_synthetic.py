@@ -70,7 +70,7 @@ SOLIDS = {
 
 
 @pytest.mark.parametrize("solid", SOLIDS.values(), ids=SOLIDS.keys())
-def test_a_distance_never_grows_faster_than_the_way(solid):
+def test_signed_distances_are_1_lipschitz(solid):
     a, b = cloud(4000), cloud(4000, seed=1)
     near = a + 0.05 * (b - a)
     for other in (b, near):
@@ -119,7 +119,7 @@ def test_depth_unprojects_onto_the_surface(scene):
 
 @every_scene
 def test_nothing_is_stepped_over(scene):
-    """The free way to every hit is free indeed, by a dumb walk in small steps."""
+    """Nothing lies in front of any hit, checked by a walk in small steps."""
     camera = ring_cameras(scene, 3, 24)[1]
     traced = scene.trace(camera)
     xy, depth = camera.pixel_centres()[traced.hit], traced.depth[traced.hit]
@@ -146,7 +146,7 @@ def test_correspondences_see_the_same_colour(scene):
     xy_b, visible = scene.correspondence(a, xy, b)
     assert float(visible[scene.trace(a).hit].double().mean()) > 0.1
     assert not bool(visible[~scene.trace(a).hit].any())
-    # the way back ends where it began; at a silhouette a rounding may lose it
+    # the round trip ends where it began; at a silhouette a rounding may lose it
     xy_a, back = scene.correspondence(b, xy_b[visible], a)
     assert float(back.double().mean()) > 0.99
     torch.testing.assert_close(xy_a[back], xy[visible][back], atol=1e-3, rtol=0)
@@ -158,7 +158,7 @@ def test_correspondences_see_the_same_colour(scene):
     assert float(((seen_a - seen_b[row, column]).abs().amax(-1) < 0.1).double().mean()) > 0.93
 
 
-def test_what_is_hidden_is_said_to_be():
+def test_hidden_points_are_not_visible():
     scene = ball_scene()
     camera = ring_cameras(scene, 1, 64)[0]
     points = surface_points(scene, 2000, torch.Generator().manual_seed(0))
@@ -185,8 +185,8 @@ def test_a_pillar_hides_the_ball_behind_it():
     inside = (xy.floor() >= 0).all(-1) & (xy.floor() < 64).all(-1)
     # what b sees there is another point, and a sees that one elsewhere
     elsewhere, _ = scene.correspondence(b, xy[inside], a)
-    way = (elsewhere - a.pixel_centres()[hidden][inside]).norm(dim=-1)
-    assert float(way.min()) > 0.1
+    offset = (elsewhere - a.pixel_centres()[hidden][inside]).norm(dim=-1)
+    assert float(offset.min()) > 0.1
 
 
 @every_scene

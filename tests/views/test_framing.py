@@ -1,4 +1,4 @@
-"""Cameras around a scene that has none stand where a person would."""
+"""Scenes without cameras are framed upright, by their bulk."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_the_framing_camera_sees_the_scene_upright(axis):
     assert abs(head_x - foot_x) < 1e-10  # upright: float64 rounding of 64 pixels
 
 
-def test_framing_does_not_mind_far_floaters():
+def test_far_floaters_do_not_change_the_framing():
     scene = ball(2000)
     far = cloud(torch.cat((scene.means, 1e4 * torch.ones(5, 3))))
     here, there = (
