@@ -218,11 +218,11 @@ def _linearise(means: Float[Tensor, "n 3"], camera: Camera, numerics: Numerics) 
 def _whiten(
     means: Float[Tensor, "n 3"],
     linear: _Linearised,
-    moments: tuple[Tensor, Tensor, Tensor, Tensor],
+    moments: tuple[Float[Tensor, " n"], ...],
     numerics: Numerics,
 ) -> Projected:
-    """From the second moments xx, xy, yy on the picture [n], and their determinant over the blurred
-    xx [n]; all else unblurred.
+    """From the second moments xx, xy, yy on the picture, and their determinant over the blurred
+    xx; all else unblurred.
     """
     s1, xy, s2, sharp = moments
     xx, yy = s1 + numerics.blur, s2 + numerics.blur
@@ -242,7 +242,7 @@ def _whiten(
     )
 
 
-def _stack(like: Tensor, *columns: Float[Tensor, " n"]) -> Float[Tensor, "n k"]:
+def _stack(like: Float[Tensor, "..."], *columns: Float[Tensor, " n"]) -> Float[Tensor, "n k"]:
     return torch.stack([column.to(like) for column in columns], -1)
 
 

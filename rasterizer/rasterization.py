@@ -77,7 +77,7 @@ def rasterization(
 ) -> tuple[Float[Tensor, "*batch C h w X"], Float[Tensor, "*batch C h w 1"], dict[str, Any]]:
     """Render N Gaussians into the images of C cameras, as gsplat does.
 
-    Takes
+    Arguments
     - `quats` wxyz, any norm; `scales` standard deviations (not logarithms); `opacities` in [0, 1].
     - `colors`: features [..., (C,) N, D], any D; with `sh_degree` (0 to 4) harmonics
       [..., (C,) N, K, 3], of which the first (sh_degree + 1)^2 are used, and colour + 0.5 is not
@@ -88,11 +88,11 @@ def rasterization(
     - `camera_model` "pinhole" or "ortho" (x of a pixel is fx x + cx, at any depth).
     - `near_plane`, `far_plane`: Gaussians with near < z <= far are drawn.
     - `eps2d`: pixel variance added to each projected covariance; at least 1e-10.
-    - `radius_clip`: Gaussians whose radii are not above it are not drawn.
+    - `radius_clip`: Gaussians with both radii at most this, pixels, are not drawn.
     - `rasterize_mode` "antialiased": opacities times sqrt(det(cov) / det(cov + eps2d)).
     - `tile_size`: None chooses one per image, from the footprints. Changes time only.
     - `execution`: how it is computed; `tile_size`, where given, replaces the one in it.
-    - `packed`, `channel_chunk`, `segmented`: gsplat's trade of memory for time; nothing here.
+    - `packed`, `channel_chunk`, `segmented` are ignored: in gsplat they trade memory for time.
 
     Returns
     - colours [..., C, h, w, X]: X is D, then depth as the last channel with +D (the sum of
@@ -105,13 +105,13 @@ def rasterization(
       height, tile_size, tile_width, tile_height (of the first image), n_batches, n_cameras;
       batch_ids, camera_ids, gaussian_ids are None. gsplat's lists of tiles are not in it.
 
-    Differentiable in all tensors but `Ks` (nor is gsplat's). Float32 or float64, as `means` is.
-    The stop differs: gsplat drops what follows, and the Gaussian that crosses, where less than 1e-4
-    shows through; here an image is wrong by at most 1e-5 of a colour.
+    Differentiable in all tensors but `Ks` (as in gsplat). Float32 or float64, as `means` is.
+    The stop differs: gsplat leaves out the Gaussian after which less than 1e-4 would pass a pixel,
+    and all behind it; here the image is wrong by at most 1e-5 of a colour.
 
-    Raises NotImplementedError, naming it, for an option of gsplat's that is not here, and
-    ValueError for shapes that do not fit together, and for NaN or infinity in an input, with its
-    name and the first row (of colors: of those in sight).
+    Raises NotImplementedError for an option of gsplat's that is not implemented, and ValueError for
+    shapes that do not fit together and for NaN or infinity in an input, with its name and the first
+    row (of `colors`: of those in sight).
     """
     refuse_unsupported(
         sparse_grad=sparse_grad,
@@ -155,7 +155,7 @@ def rasterization(
         preprocess(cloud, camera, box, numerics, **parts) for cloud, camera in zip(clouds, cameras)
     ]
     meta = _meta(clouds, splats, leading, width, height)
-    # positions by way of meta["means2d"], which so gets its gradient
+    # splatted at meta["means2d"], so that it takes the gradient of the positions
     centres = meta["means2d"].reshape(images, -1, 2)
     pictures = [
         splat(_moved(one, xy[one.rows]), box, numerics, execution=execution)
@@ -197,6 +197,7 @@ def _composed(
 
 
 def _has_depth(render_mode: RenderMode) -> bool:
+    """Whether depth is a channel: in every mode but RGB."""
     return "D" in render_mode.replace("RGB", "")
 
 
@@ -207,6 +208,7 @@ def _meta(
     count = len(clouds[0].means)
 
     def all_rows(values: list[Tensor]) -> Tensor:
+        """From a value for each row in sight, image by image, to [..., C, N, ...]."""
         images = [
             value.new_zeros(count, *value.shape[1:]).index_copy(0, one.rows, value)
             for one, value in zip(splats, values)

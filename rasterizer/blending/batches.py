@@ -32,40 +32,45 @@ class TileGrid:
         side = bins.size
         local = torch.arange(side, dtype=table.dtype) + (0.5 - side / 2)
         y, x = (c.flatten() for c in torch.meshgrid(local, local, indexing="ij"))
-        self.monomials = torch.stack((torch.ones_like(x), x, y, x * x, x * y, y * y))
+        self.monomials: Float[Tensor, "6 q"] = torch.stack(
+            (torch.ones_like(x), x, y, x * x, x * y, y * y)
+        )
+        """1, x, y, xx, xy, yy of the pixels' centres, from the tile's centre."""
         tile = torch.arange(bins.rows * bins.columns)
-        self.centres = (
-            torch.stack((tile % bins.columns, tile // bins.columns)) * side + side / 2
-        ).to(table)
+        corners = torch.stack((tile % bins.columns, tile // bins.columns)) * side
+        self.centres: Float[Tensor, "2 t"] = (corners + side / 2).to(table)
+        """Of all tiles: x, y, pixels from the picture's corner."""
         self.bins, self.numerics, self.pixels = bins, numerics, side * side
         # a last, empty Gaussian fills up the blocks
         empty = table.new_zeros(1, table.shape[1])
         empty[0, 5] = 2 * numerics.log_alpha_min
         padded = torch.cat((table, empty))
-        self.geometry = padded[:, :GEOMETRY].T.contiguous()
-        self.features = padded[:, GEOMETRY:].contiguous()
+        self.geometry: Float[Tensor, "6 m1"] = padded[:, :GEOMETRY].T.contiguous()
+        self.features: Float[Tensor, "m1 d"] = padded[:, GEOMETRY:].contiguous()
         self.members = torch.cat((bins.members, bins.members.new_tensor([len(table)])))
+        """The bins' members, then the empty Gaussian."""
         self.capped = len(table) > 0 and bool(table[:, 5].max() > numerics.log_alpha_max)
-        self.lengths = bins.starts.diff()
+        """Whether some alpha may be held at its cap."""
+        self.lengths: Int[Tensor, " t"] = bins.starts.diff()
         self.occupied = int((self.lengths > 0).sum())
         fitting = ELEMENTS // (self.pixels * max(1, self.occupied))
         self.block = inputs.block or min(max(fitting, BLOCK), MAX_BLOCK)
-        self.together = max(1, ELEMENTS // (self.block * self.pixels))
-        """Tiles of a group."""
+        self.group_size = max(1, ELEMENTS // (self.block * self.pixels))
+        """Largest number of tiles of a group."""
         self.buffers: list[Tensor] = []
 
     def groups(self) -> Iterator[TileGroup]:
         """All tiles that are not empty, as many at once as make a batch of ELEMENTS."""
         order = torch.argsort(self.lengths, descending=True, stable=True)[: self.occupied]
         if self.occupied:
-            for tiles in order.split(self.together):
+            for tiles in order.split(self.group_size):
                 yield TileGroup(self, tiles)
 
     def buffer(self, number: int, tiles: int) -> Float[Tensor, "k b q"]:
         """Memory for a batch, the same each time: new memory costs more than what is done in it."""
         shape = self.block, tiles, self.pixels
         while len(self.buffers) <= number:
-            largest = self.block * min(self.together, self.occupied) * self.pixels
+            largest = self.block * min(self.group_size, self.occupied) * self.pixels
             self.buffers.append(self.monomials.new_empty(largest))
         return self.buffers[number][: prod(shape)].view(shape)
 
@@ -79,7 +84,7 @@ class Batch(NamedTuple):
     open_tiles: Int[Tensor, " b"] | None = None
     """Ascending positions among the group's tiles; None: 0 .. count - 1."""
 
-    def select(self, values: Tensor, axis: int) -> Tensor:
+    def select(self, values: Float[Tensor, "..."], axis: int) -> Float[Tensor, "..."]:
         """Its part of an array of all blocks, which are counted along `axis`."""
         if self.open_tiles is None:
             return values.narrow(axis, self.start, self.count)
@@ -88,22 +93,20 @@ class Batch(NamedTuple):
             return values.gather(axis, chosen.expand(*values.shape[:-1], -1))
         return values.index_select(axis, chosen)
 
-    def select_tiles(self, values: Tensor) -> Tensor:
+    def select_tiles(self, values: Float[Tensor, "t ..."]) -> Float[Tensor, "b ..."]:
         """Its part (a view, if it is the first tiles) of an array of all the group's tiles."""
-        return (
-            values[: self.count]
-            if self.open_tiles is None
-            else values.index_select(0, self.open_tiles)
-        )
+        if self.open_tiles is None:
+            return values[: self.count]
+        return values.index_select(0, self.open_tiles)
 
-    def store_tiles(self, values: Tensor, rows: Tensor) -> None:
+    def store_tiles(self, values: Float[Tensor, "t ..."], rows: Float[Tensor, "b ..."]) -> None:
         """Write its part of an array of all the group's tiles."""
         if self.open_tiles is None:
             values[: self.count] = rows
         else:
             values[self.open_tiles] = rows
 
-    def store(self, values: Tensor, rows: Tensor) -> None:
+    def store(self, values: Float[Tensor, "k n ..."], rows: Float[Tensor, "k b ..."]) -> None:
         """Write its part of an array of all blocks, which are counted along the second axis."""
         if self.open_tiles is None:
             values[:, self.start : self.start + self.count] = rows

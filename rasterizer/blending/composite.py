@@ -18,6 +18,7 @@ from __future__ import annotations
 from typing import Any
 
 import torch
+from jaxtyping import Float, Int
 from torch import Tensor
 from torch.nn.functional import embedding_bag
 
@@ -37,8 +38,12 @@ class _Composite(torch.autograd.Function):
     @staticmethod
     @torch.autocast("cpu", enabled=False)
     def forward(  # type: ignore[override]
-        ctx: Any, table: Tensor, inputs: BlendInputs, backend: Backend, median: bool
-    ) -> tuple[Tensor, Tensor, Tensor | None]:
+        ctx: Any,
+        table: Float[Tensor, "m g"],
+        inputs: BlendInputs,
+        backend: Backend,
+        median: bool,
+    ) -> tuple[Float[Tensor, "h w d"], Float[Tensor, "h w"], Int[Tensor, "h w"] | None]:
         inputs = inputs._replace(table=table.detach())
         blended, ctx.saved = backend.forward(inputs, median, ctx.needs_input_grad[0])
         ctx.backend, ctx.bins = backend, inputs.bins
@@ -51,8 +56,11 @@ class _Composite(torch.autograd.Function):
     @staticmethod
     @torch.autocast("cpu", enabled=False)
     def backward(  # type: ignore[override]
-        ctx: Any, grad_features: Tensor, grad_transmittance: Tensor, _: Any
-    ) -> tuple[Tensor | None, ...]:
+        ctx: Any,
+        grad_features: Float[Tensor, "h w d"],
+        grad_transmittance: Float[Tensor, "h w"],
+        _: Any,
+    ) -> tuple[Float[Tensor, "m g"] | None, ...]:
         if torch.is_grad_enabled():  # the gradients of these gradients would be silently wrong
             raise RuntimeError("a picture has first derivatives only: leave out create_graph=True")
         (transmittance,) = ctx.saved_tensors
