@@ -25,7 +25,11 @@ def make_pictures(folder: Path, chunks: Sequence[Chunk] = CHUNKS) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(prog="train_small.make_pictures", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="train_small.make_pictures",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument("folder", type=Path, metavar="OUT")
     make_pictures(parser.parse_args(arguments).folder)
 

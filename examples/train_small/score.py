@@ -41,8 +41,9 @@ from train_small.target_edits import TARGET_EDITS, target_images
 
 SEED = 9000  # the training pictures have seeds from 1000 up, one a chunk
 SETTINGS = SamplerSettings()
-PROMPTS, PICTURES, PAIRS, PHOTOS = 3, 2, 24, 4
-COLUMNS = 13
+PROMPTS, PICTURES = 3, 2  # per look, per prompt
+PAIRS, PHOTOS = 24, 4
+COLUMNS = 13  # of a contact sheet
 CONSENSUS = ("bronze", "red", "snow", "night", "autumn", "sketch")
 
 
@@ -141,13 +142,17 @@ def photos(scene: Path, data: Path, radius: float, lowest: float) -> Sources:
 
 def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     """Exits with a message if only some of the options for photos are given."""
-    parser = argparse.ArgumentParser(prog="train_small.score", description=__doc__)
-    parser.add_argument("weights", type=Path)
-    parser.add_argument("-o", "--out", type=Path, required=True)
-    parser.add_argument("--scene", type=Path)
-    parser.add_argument("--data", type=Path)
-    parser.add_argument("--radius", type=float)
-    parser.add_argument("--lowest", type=float)
+    parser = argparse.ArgumentParser(
+        prog="train_small.score",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("weights", type=Path, help="file of weights")
+    parser.add_argument("-o", "--out", type=Path, required=True, help="folder for the scores")
+    parser.add_argument("--scene", type=Path, help="scene fitted to the photos")
+    parser.add_argument("--data", type=Path, help="dataset of the photos")
+    parser.add_argument("--radius", type=float, help="of the subject's cylinder")
+    parser.add_argument("--lowest", type=float, help="its lower end, from the focus point")
     options = parser.parse_args(arguments)
     photo_options = (options.scene, options.data, options.radius, options.lowest)
     if None in photo_options and any(each is not None for each in photo_options):

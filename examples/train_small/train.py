@@ -71,7 +71,11 @@ def save(state: TrainingState, folder: Path) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(prog="train_small.train", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="train_small.train",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument("folder", type=Path, metavar="OUT")
     train(parser.parse_args(arguments).folder)
 

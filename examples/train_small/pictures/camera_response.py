@@ -37,7 +37,7 @@ def _defocused(
 
 
 def _blurred(planes: Float[Tensor, "h w c"], sigma: float) -> Float[Tensor, "h w c"]:
-    """Convolved with a Gaussian of `sigma` pixels; the border goes on beyond the picture."""
+    """Convolved with a Gaussian of `sigma` pixels; the border is replicated."""
     side = 2 * max(ceil(2.5 * sigma), 1) + 1
     stack = gaussian_blur2d(planes.movedim(-1, 0)[None], side, (sigma, sigma), "replicate")
     return stack[0].movedim(0, -1)

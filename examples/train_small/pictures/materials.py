@@ -1,4 +1,4 @@
-"""What things are made of: two textures, a ramp of colours, a gloss."""
+"""Materials: two textures, a ramp of colours, a highlight."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What stands around a subject and below it: trunks, bushes, rocks, boxes, pedestals."""
+"""Objects around a subject and below it: trunks, bushes, rocks, boxes, pedestals."""
 
 from __future__ import annotations
 

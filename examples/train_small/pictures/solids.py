@@ -1,4 +1,4 @@
-"""Balls, boxes and drums: one by one while a scene is built, as columns of tensors to be seen."""
+"""Balls, boxes and drums: one by one while a scene is built, then as columns of tensors."""
 
 from __future__ import annotations
 
