@@ -1,1 +1,1 @@
-"""Losses, the features under them, and metrics."""
+"""Losses, the features under them, metrics, and decibels."""

@@ -37,7 +37,7 @@ OPPONENT = (
 BINOMIAL = (1 / 16, 4 / 16, 6 / 16, 4 / 16, 1 / 16)
 """Low-pass before halving (Burt and Adelson 1983)."""
 RADIUS = 3  # pixels; a Gaussian of sigma 1 has 0.3 % of its mass beyond
-SMALLEST = 8  # pixels; an octave of fewer cannot hold a 7-pixel kernel away from its border
+MIN_SIDE = 8  # pixels; an octave of fewer cannot hold a 7-pixel kernel away from its border
 SPECTRUM_SIZE = 64  # pixels; the patch on which energies are made equal: the size that is trained
 
 
@@ -60,16 +60,16 @@ class FilterBank:
 
     def __call__(self, images: Float[Tensor, "n 3 h w"]) -> list[Float[Tensor, "n 12 y x"]]:
         """One layer per octave, the finest first; octaves smaller than 8 pixels are left out."""
-        if min(images.shape[-2:]) < SMALLEST:
+        if min(images.shape[-2:]) < MIN_SIDE:
             raise UsageError(
                 f"A patch of {images.shape[-1]}x{images.shape[-2]} pixels is too small for the "
-                f"filter bank; use patches of {SMALLEST} pixels or more."
+                f"filter bank; use patches of {MIN_SIDE} pixels or more."
             )
         level, layers = images - 0.5, []
         kernels = self.kernels.to(images)
         low_pass = self.low_pass.to(images).expand(3, 1, -1, -1)
         for _ in range(self.octaves):
-            if min(level.shape[-2:]) < SMALLEST:
+            if min(level.shape[-2:]) < MIN_SIDE:
                 break
             layers.append(F.conv2d(F.pad(level, (RADIUS,) * 4, mode="reflect"), kernels))
             level = F.conv2d(F.pad(level, (2,) * 4, mode="reflect"), low_pass, stride=2, groups=3)
@@ -121,7 +121,7 @@ VGG16 = {
 }
 """The 13 convolutions (3x3, padding 1): number in torchvision's `features`, channels in and out.
 Configuration D of Simonyan and Zisserman 2015; a 2x2 maximum pool before each `reluN_1`, N > 1."""
-JOHNSON = ("relu1_2", "relu2_2", "relu3_3", "relu4_3")
+STYLE_LAYERS = ("relu1_2", "relu2_2", "relu3_3", "relu4_3")
 """The style layers of Johnson et al. 2016, whom the paper cites for its Gram matrix."""
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
 IMAGENET_STD = (0.229, 0.224, 0.225)
@@ -131,7 +131,7 @@ IMAGENET_STD = (0.229, 0.224, 0.225)
 class Vgg16:
     """Feature maps of a local VGG16: torchvision's state dict, as .pth or .safetensors."""
 
-    def __init__(self, path: str | Path, layers: Sequence[str] = JOHNSON) -> None:
+    def __init__(self, path: str | Path, layers: Sequence[str] = STYLE_LAYERS) -> None:
         """Reads the convolutions up to the deepest of `layers`. Raises InputError, UsageError."""
         unknown = [name for name in layers if name not in VGG16]
         if unknown or not layers:

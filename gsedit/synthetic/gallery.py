@@ -171,7 +171,7 @@ def _scarf() -> Sdf:
 
 
 def _shifted(coat: Paint, offset: Triple) -> Paint:
-    """The paint of a translated solid: it moves along."""
+    """The paint of a solid, moved by `offset` with it."""
     return lambda points: coat(points - points.new_tensor(offset))
 
 

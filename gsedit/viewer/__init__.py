@@ -1,1 +1,1 @@
-"""Scenes and results as something to look at."""
+"""Scenes as point clouds of pyvista and Open3D, and a preview of their centres."""

@@ -1,1 +1,1 @@
-"""Cameras and pictures: datasets, framing, and which views an edit needs."""
+"""Views: datasets, cameras around a scene, sizes of pictures, and which views an edit needs."""

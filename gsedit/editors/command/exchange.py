@@ -18,7 +18,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.errors import InputError, UsageError
-from gsedit.files.pictures import read_picture
+from gsedit.files.pictures import as_picture, read_picture
 
 QUOTED = 5  # last lines of a failed program's output
 
@@ -68,11 +68,8 @@ class Exchange:
 
     def write(self, images: Float[Tensor, "v h w 3"]) -> None:
         """The pictures as 8-bit PNGs into `input`."""
-        from PIL import Image
-
         for image, name in zip(images, self.names, strict=True):
-            levels = (image.clamp(0, 1) * 255).round().to(torch.uint8)
-            Image.fromarray(levels.cpu().numpy()).save(self.input / name)
+            as_picture(image).save(self.input / name)
 
     def read(self, height: int, width: int) -> Float[Tensor, "v {height} {width} 3"]:
         """The pictures in `output`. Raises InputError naming the first bad one."""
