@@ -1,9 +1,9 @@
-"""Finished pictures made to agree, for editors whose inside is closed: after the fact, by depth.
+"""Finished pictures made to agree, for editors that cannot be sampled together.
 
 `v` views of `h w` pixels, `y x` cells, `n` = y x cells in a view, `k` clusters, `m` cells that are
-in one. Where the sampler is ours, views agree while they are sampled (see consensus.py); a
-program hands back pictures, one of which may have taken another turn than the rest. So what
-corresponding cells show is brought to a *robust* mean, by a correction without fine detail: matches
+in one. Diffusion editors make views agree while they are sampled (see consensus.py); a program
+returns finished pictures, one of which may show another edit than the rest. So the colours of
+corresponding cells are brought to a *robust* mean, by a correction without fine detail: matches
 are exact to half a cell only, and detail averaged at that precision would be blurred.
 """
 
@@ -31,7 +31,7 @@ view of five that was not edited comes from 0.37 to 0.11 of the truth (0.10 with
 
 def harmonise(
     images: Float[Tensor, "v h w 3"],
-    found: Correspondences,
+    matches: Correspondences,
     *,
     anchored: Bool[Tensor, " v"] | None = None,
     strength: float = 1.0,
@@ -45,7 +45,7 @@ def harmonise(
     for cells of other pictures.
     """
     views, height, width = images.shape[:3]
-    cell, labels = found.cell, found.labels
+    cell, labels = matches.cell, matches.labels
     grid = (-(-height // cell), -(-width // cell))
     if labels.shape != (views, *grid):
         raise UsageError(
@@ -55,9 +55,9 @@ def harmonise(
     if not 0 <= strength <= 1:
         raise UsageError(f"strength must be from 0 to 1, not {strength:g}")
     led = torch.zeros(views, dtype=torch.bool) if anchored is None else anchored
-    seen = cell_means(images, cell)
-    rest = _agreed(seen, labels, led, tolerance) - seen
-    correction = _smooth(rest, (labels >= 0) & ~led[:, None, None])
+    means = cell_means(images, cell)
+    difference = _agreed(means, labels, led, tolerance) - means
+    correction = _smooth(difference, (labels >= 0) & ~led[:, None, None])
     correction = F.interpolate(
         correction.movedim(-1, 1), scale_factor=float(cell), mode="bilinear", align_corners=False
     ).movedim(1, -1)[:, :height, :width]
@@ -66,7 +66,7 @@ def harmonise(
 
 def cell_means(images: Float[Tensor, "v h w c"], cell: int) -> Float[Tensor, "v y x c"]:
     """Mean of each cell's pixels; of those that there are, at the right and lower border."""
-    sums = F.avg_pool2d(
+    blurred = F.avg_pool2d(
         images.movedim(-1, 1), cell, ceil_mode=True, count_include_pad=False
     )  # fmt: skip
     return sums.movedim(1, -1)
@@ -88,7 +88,7 @@ def robust_mean(
     weighted = weights[:, None]
     for _ in range(ROUNDS + 1):
         total = values.new_zeros(count, 1).index_add(0, groups, weighted)
-        sums = values.new_zeros(count, values.shape[1]).index_add(0, groups, values * weighted)
+        blurred = values.new_zeros(count, values.shape[1]).index_add(0, groups, values * weighted)
         centre = sums / total.clamp_min(torch.finfo(values.dtype).tiny)
         distance = (values - centre[groups]).square().sum(-1, keepdim=True)
         weighted = weights[:, None] / (1 + distance / tolerance**2).sqrt()
@@ -96,39 +96,39 @@ def robust_mean(
 
 
 def _agreed(
-    seen: Float[Tensor, "v y x 3"],
+    means: Float[Tensor, "v y x 3"],
     labels: Int[Tensor, "v y x"],
     led: Bool[Tensor, " v"],
     tolerance: float,
 ) -> Float[Tensor, "v y x 3"]:
-    """What every cell should show: its cluster's colour, or its own where it is in none."""
+    """The colour of each cell after agreement: its cluster's, or its own where it is in none."""
     flat = labels.reshape(-1).long()
     rows = torch.nonzero(flat >= 0).squeeze(1)
     if not len(rows):
-        return seen
+        return means
     groups, count = flat[rows], int(flat.max()) + 1
     leads = led[rows // labels[0].numel()]
     decided = torch.zeros(count, dtype=torch.bool)
     decided[groups[leads]] = True
-    weights = (leads | ~decided[groups]).to(seen)
-    values = seen.reshape(-1, 3)
+    weights = (leads | ~decided[groups]).to(means)
+    values = means.reshape(-1, 3)
     centre = robust_mean(values[rows], groups, count, weights, tolerance)
-    return values.index_copy(0, rows, centre[groups]).reshape(seen.shape)
+    return values.index_copy(0, rows, centre[groups]).reshape(means.shape)
 
 
 def _smooth(
-    rest: Float[Tensor, "v y x 3"], member: Bool[Tensor, "v y x"]
+    difference: Float[Tensor, "v y x 3"], member: Bool[Tensor, "v y x"]
 ) -> Float[Tensor, "v y x 3"]:
     """A correction without fine detail that ends smoothly around the members.
 
     Each cell takes the Gaussian mean of the members about it; in full where at least half of the
     weight within the picture is theirs, as on a straight border, and less beyond.
     """
-    mask = member[:, None].to(rest)
-    known = _blur(torch.cat((rest.movedim(-1, 1) * mask, mask, torch.ones_like(mask)), 1))
-    share, inside = known[:, 3:4], known[:, 4:]
+    mask = member[:, None].to(difference)
+    blurred = _blur(torch.cat((difference.movedim(-1, 1) * mask, mask, torch.ones_like(mask)), 1))
+    share, inside = blurred[:, 3:4], blurred[:, 4:]
     full = (2 * share / inside).clamp(max=1)
-    return (known[:, :3] / share.clamp_min(1e-6) * full).movedim(1, -1)
+    return (blurred[:, :3] / share.clamp_min(1e-6) * full).movedim(1, -1)
 
 
 def _blur(grid: Float[Tensor, "v c y x"]) -> Float[Tensor, "v c y x"]:

@@ -14,7 +14,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.consistency.correspond import warp
+from gsedit.consistency.warp import warp
 from gsedit.errors import UsageError
 from gsedit.measures import losses
 from gsedit.measures.decibels import psnr_from_rmse

@@ -1,7 +1,8 @@
 """Laws of agreement between views inside the sampler, at every solver and target.
 
-What holds of the operator alone is in test_correspond.py. The denoiser here knows one Gaussian a
-view, so that every solver is an affine map of its start and the laws are exact up to rounding.
+What holds of the operator alone is in test_consensus_operator.py. The denoiser here knows one
+Gaussian a view, so that every solver is an affine map of its start and the laws are exact up to
+rounding.
 """
 
 from __future__ import annotations

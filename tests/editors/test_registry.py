@@ -1,4 +1,4 @@
-"""Editors by name, ours and third parties'; whole sides; weights on disk; what the machine has."""
+"""Editors by name: ours, and those of other packages."""
 
 from __future__ import annotations
 
@@ -7,9 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-import torch
 from gsedit_cli.main import app
-from safetensors.torch import save_file
 from typer.testing import CliRunner
 
 from gsedit.editors import (
@@ -19,8 +17,7 @@ from gsedit.editors import (
     make_editor,
     registry,
 )
-from gsedit.editors.pix2pix.weights import inspect, tensors
-from gsedit.errors import GseditError, InputError, UsageError
+from gsedit.errors import GseditError, UsageError
 
 THEIRS = '''
 from gsedit.editors import Capabilities
@@ -89,9 +86,6 @@ def packages(tmp_path, monkeypatch):
 
 def gsedit(*words: object):
     return CliRunner().invoke(app, [str(word) for word in words])
-
-
-# ---- by name -------------------------------------------------------------------------------------
 
 
 def test_ours_are_listed_with_what_they_need():
@@ -205,161 +199,3 @@ def test_a_third_party_s_editor_from_the_command_line(packages, tmp_path):
     result = gsedit("edit", scene, "turn round", "-o", tmp_path / "out", "--editor", "nobody")
     assert result.exit_code == 2
     assert "see gsedit editors" in result.stderr
-
-
-# ---- weights on disk -----------------------------------------------------------------------------
-
-
-@pytest.fixture
-def model(tmp_path) -> Path:
-    """The layout of an InstructPix2Pix, with weights of a few bytes."""
-    folder = tmp_path / "model"
-    configs = {
-        "unet": {"in_channels": 8},
-        "vae": {"latent_channels": 4},
-        "text_encoder": {},
-        "scheduler": {},
-    }
-    for part, config in configs.items():
-        (folder / part).mkdir(parents=True)
-        name = "scheduler_config.json" if part == "scheduler" else "config.json"
-        (folder / part / name).write_text(json.dumps(config))
-    weights = {"conv_in.weight": torch.ones(4, 8, 3, 3), "b": torch.ones(5, dtype=torch.float16)}
-    for part, stem in (("unet", UNET), ("vae", UNET), ("text_encoder", "model")):
-        save_file(weights, folder / part / f"{stem}.safetensors")
-    (folder / "tokenizer").mkdir()
-    for name in ("vocab.json", "merges.txt"):
-        (folder / "tokenizer" / name).write_text("{}")
-    return folder
-
-
-UNET = "diffusion_pytorch_model"
-
-
-def test_a_whole_model(model):
-    found = inspect(model).require()
-    assert found.complete
-    assert found.kind == "SD"
-    assert not found.notes
-    assert [part.name for part in found.parts] == ["unet", "vae", "text_encoder", "tokenizer"]
-    size = (model / "unet" / f"{UNET}.safetensors").stat().st_size
-    assert (found.parts[0].size, found.parts[0].variant) == (size, None)
-    assert tensors(model / "vae" / f"{UNET}.safetensors") == {
-        "conv_in.weight": (4, 8, 3, 3),
-        "b": (5,),
-    }
-
-
-def test_an_xl_model_has_two_of_each(model):
-    (model / "unet" / "config.json").write_text(
-        json.dumps({"in_channels": 8, "addition_embed_type": "text_time"})
-    )
-    found = inspect(model)
-    assert found.kind == "SDXL"
-    assert [part.name for part in found.parts if part.problems] == ["text_encoder_2", "tokenizer_2"]
-    with pytest.raises(InputError, match=r"has no text_encoder_2/.*\(and 1 more: gsedit doctor"):
-        found.require()
-
-
-def test_half_precision_copies_and_shards_are_found(model):
-    unet = model / "unet"
-    (unet / f"{UNET}.safetensors").rename(unet / f"{UNET}.fp16.safetensors")
-    assert inspect(model).variant("unet") == "fp16"
-    names = [f"{UNET}-0000{i}-of-00002.safetensors" for i in (1, 2)]
-    for name in names:
-        save_file({name: torch.ones(2)}, unet / name)
-    index = {"weight_map": dict.fromkeys("ab", names[0]) | {"c": names[1]}}
-    (unet / f"{UNET}.safetensors.index.json").write_text(json.dumps(index))
-    found = inspect(model)
-    assert found.complete
-    assert found.parts[0].files == tuple(f"unet/{name}" for name in names)
-    (unet / names[1]).unlink()
-    assert inspect(model).problems == (f"{unet / names[1]} is missing: download it",)
-
-
-def cut(path: Path, size: int) -> None:
-    path.write_bytes(path.read_bytes()[:size])
-
-
-def damage(model: Path, how: str) -> None:
-    unet = model / "unet" / f"{UNET}.safetensors"
-    match how:
-        case "data":
-            cut(unet, unet.stat().st_size - 7)
-        case "header":
-            cut(unet, 50)
-        case "empty":
-            cut(unet, 0)
-        case "longer":
-            unet.write_bytes(unet.read_bytes() + b"more")
-        case "page":
-            unet.write_text("<html>404: not found</html>" * 9)
-        case "pointer":
-            unet.write_text("version https://git-lfs.github.com/spec/v1\noid sha256:12\nsize 9\n")
-        case "pickle":
-            unet.rename(unet.with_suffix(".bin"))
-        case "gone":
-            unet.unlink()
-        case "config":
-            (unet.parent / "config.json").write_text("{")
-        case "no config":
-            (unet.parent / "config.json").unlink()
-        case "plain":
-            (unet.parent / "config.json").write_text('{"in_channels": 4}')
-        case "other":
-            save_file({"conv_in.weight": torch.ones(4, 4, 3, 3)}, unet)
-        case "words":
-            (model / "tokenizer" / "merges.txt").unlink()
-
-
-@pytest.mark.parametrize(
-    ("how", "message"),
-    [
-        ("data", r"has 1,\d+ bytes of the 1,\d+ bytes that its header names: download it again"),
-        ("header", r"cut short inside its header \(50 bytes\)"),
-        ("empty", r"cut short inside its header \(0 bytes\)"),
-        ("longer", "that its header names"),
-        ("page", "is no safetensors file"),
-        ("pointer", "is a Git LFS pointer, not weights: run 'git lfs pull'"),
-        ("pickle", r"has only \S+\.bin: a pickle runs whatever code is in it.*safetensors"),
-        ("gone", rf"has no {UNET}\.safetensors: download it"),
-        ("config", r"unet/config\.json cannot be read"),
-        ("no config", r"unet/config\.json is missing"),
-        ("plain", r"not an InstructPix2Pix model \(its unet takes 4 channels, not 8\)"),
-        ("other", "takes 4 channels and its config.json says 8: the two are of different models"),
-        ("words", r"tokenizer has no merges\.txt"),
-    ],
-)
-def test_what_is_wrong_is_found_without_loading(model, how, message):
-    damage(model, how)
-    with pytest.raises(InputError, match=message):
-        inspect(model).require()
-    result = gsedit("doctor", model)
-    assert result.exit_code == 3
-    assert "incomplete, 1 problems" in result.stdout
-    record = json.loads(gsedit("doctor", model, "--json").stdout)
-    assert not record["complete"]
-    (part,) = (part for part in record["parts"] if part["problems"])
-    assert part["name"] == ("tokenizer" if how == "words" else "unet")
-
-
-def test_a_single_file_is_no_model(tmp_path):
-    for name, message in (("a.ckpt", "is a pickle"), ("a.safetensors", "from_single_file")):
-        (tmp_path / name).write_bytes(b"")
-        with pytest.raises(InputError, match=f"{message}.*FOLDER|{message}.*folder"):
-            inspect(tmp_path / name)
-    with pytest.raises(InputError, match="no such folder"):
-        inspect(tmp_path / "nowhere")
-
-
-def test_the_doctor_on_weights(model):
-    (model / "unet" / "extra.bin").write_bytes(b"pickle")
-    (model / "scheduler" / "scheduler_config.json").unlink()
-    result = gsedit("doctor", model)
-    assert result.exit_code == 0
-    assert result.stdout.splitlines()[-1] == f"{model}: InstructPix2Pix (SD), complete"
-    assert "unet/extra.bin: left alone" in result.stdout
-    assert "Stable Diffusion's own schedule" in result.stdout
-    result = gsedit("doctor", model / "nothing" / "here")
-    assert result.exit_code == 3
-    assert "no such model folder" in result.stderr

@@ -1,0 +1,96 @@
+"""When a rendered depth map shows one surface, and how far away it is.
+
+`h w` pixels, `y x` cells of `cell` pixels, `p` positions. xy is in pixels, the corner of the first
+pixel at (0, 0). Depth is along the view, 0 where nothing was rendered.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from rasterizer.camera import Camera
+
+
+@dataclass(frozen=True)
+class Visibility:
+    """When two cells are believed to show the same surface. Each rule stops one kind of error."""
+
+    min_alpha: float = 0.9
+    """Opacity a pixel needs: below it the depth is a blend of surfaces that are not there."""
+    depth_agreement: float = 0.01
+    """Largest |z - depth_b| / depth_b: beyond it something else stands in front (occlusion)."""
+    round_trip: float = 0.5
+    """Largest displacement there and back, in cells along either axis: the point stays in its
+    cell. Nearest-cell rounding alone reaches 0.5, so less would leave periodic holes."""
+    silhouette: float = 0.05
+    """Largest relative spread of 1 / depth in a cell about its best plane (a step keeps its whole
+    height, a slope has none), and of depth between neighbours: beyond it there are two surfaces."""
+    footprint: float = 2.0
+    """Largest ratio, either way, of the sizes in the world of the two cells: beyond it one cell
+    holds several of the other, and one value cannot stand for all."""
+
+
+DEFAULT_RULES = Visibility()
+ROUNDING = 1e-6
+"""Pixels: a position on the border of a picture is inside it, whatever float64 makes of it."""
+
+
+def surface_at(
+    depth: Float[Tensor, "h w"],
+    alpha: Float[Tensor, "h w"],
+    xy: Float[Tensor, "*p 2"],
+    rules: Visibility,
+) -> tuple[Float[Tensor, "*p"], Bool[Tensor, "*p"]]:
+    """(depth at positions inside the picture, whether the four pixels around show one surface).
+
+    The centre of a cell with an even number of pixels is a pixel corner, so its depth is read
+    between four pixels: bilinear in 1 / depth, which is linear across the picture of a plane and so
+    exact on one however slanted. Elsewhere depth is 1.
+    """
+    height, width = depth.shape
+    low = (xy - 0.5).floor()
+    tx, ty = (xy - 0.5 - low).unbind(-1)
+    columns = torch.stack((low[..., 0], low[..., 0] + 1), -1).long().clamp(0, width - 1)
+    rows = torch.stack((low[..., 1], low[..., 1] + 1), -1).long().clamp(0, height - 1)
+    corner = rows[..., :, None] * width + columns[..., None, :]
+    four = depth.reshape(-1)[corner].flatten(-2)
+    opaque = (alpha.reshape(-1)[corner].flatten(-2) > rules.min_alpha).all(-1)
+    near, far = four.amin(-1), four.amax(-1)
+    smooth = opaque & has_depth(near) & has_depth(far) & (far <= (1 + rules.silhouette) * near)
+    weights = torch.stack(((1 - ty) * (1 - tx), (1 - ty) * tx, ty * (1 - tx), ty * tx), -1)
+    inverse = (weights / torch.where(smooth[..., None], four, 1.0)).sum(-1)
+    return 1 / inverse, smooth
+
+
+def roughness(inverse: Float[Tensor, "h w"], cell: int) -> Float[Tensor, "y x"]:
+    """Spread of 1 / depth in each cell about its least-squares plane, over its mean."""
+    height, width = inverse.shape
+    blocks = inverse.reshape(height // cell, cell, width // cell, cell).movedim(1, 2)
+    x = torch.arange(cell, dtype=inverse.dtype) - (cell - 1) / 2  # orthogonal to 1, and to y
+    y, norm = x[:, None], (cell * x.square().sum()).clamp_min(1)
+    mean, along_x, along_y = (
+        (blocks * basis).sum((2, 3), keepdim=True) / size
+        for basis, size in ((torch.ones(()), cell**2), (x, norm), (y, norm))
+    )
+    rest = blocks - along_x * x - along_y * y
+    return (rest.amax((2, 3)) - rest.amin((2, 3))) / mean[..., 0, 0]
+
+
+def clip_to_picture(
+    xy: Float[Tensor, "*p 2"], z: Float[Tensor, "*p"], camera: Camera, margin: float = 0.0
+) -> tuple[Float[Tensor, "*p 2"], Bool[Tensor, "*p"]]:
+    """(positions, the origin where outside; which are in front and `margin` pixels within)."""
+    size = xy.new_tensor((camera.width, camera.height))
+    low, high = margin - ROUNDING, size - margin + ROUNDING
+    inside = (z > 0) & ((xy > low) & (xy < high)).all(-1)  # NaN compares false
+    xy = xy.clamp(min=0).minimum(size.nextafter(torch.zeros_like(size)))
+    return torch.where(inside[..., None], xy, 0.0), inside
+
+
+def has_depth(depth: Float[Tensor, "*p"]) -> Bool[Tensor, "*p"]:
+    """Where something was rendered: depth is 0 elsewhere."""
+    return (depth > 0) & depth.isfinite()

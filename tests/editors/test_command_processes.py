@@ -1,0 +1,118 @@
+"""A program never outlives its caller, in Python and from the command line."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import torch
+from programs import (
+    APART,
+    CHILD,
+    INVERT,
+    batch,
+    ended,
+    leftovers,
+    needs_proc,
+    run,
+)
+
+from gsedit.errors import GseditError
+from gsedit.synthetic import demo_scene
+
+
+@needs_proc
+def test_a_program_that_takes_too_long_is_ended_with_its_children(program, tmp_path):
+    pids = tmp_path / "pids"
+    editor = program(CHILD.format(pids=str(pids)), timeout=1.0)
+    with pytest.raises(GseditError, match=r"stopped after 1 s: raise --timeout.*0 of 2 pictures"):
+        run(editor)
+    assert ended([int(pid) for pid in pids.read_text().split()])
+
+
+@needs_proc
+@pytest.mark.parametrize("how", ["close", "interrupt"])
+def test_leaving_early_ends_the_program_and_its_children(program, tmp_path, how, monkeypatch):
+    pids = tmp_path / "pids"
+    first = INVERT + "    break\n"
+    steps = program(first + CHILD.format(pids=str(pids))).edit(batch(), APART, torch.Generator())
+    assert next(steps).step == 1
+    while not pids.exists() or not pids.read_text().endswith("\n"):
+        time.sleep(0.05)
+    if how == "close":
+        steps.close()
+    else:
+        monkeypatch.setattr("gsedit.editors.command.editor.wait", lambda _: raise_interrupt())
+        with pytest.raises(KeyboardInterrupt):
+            next(steps)
+    assert ended([int(pid) for pid in pids.read_text().split()])
+    assert [p.parent.name for p in leftovers(tmp_path)] == ["input", "input", "output"]
+
+
+def raise_interrupt():
+    raise KeyboardInterrupt
+
+
+@pytest.fixture
+def scene(tmp_path) -> Path:
+    import gsedit
+    from gsedit.synthetic import surface_gaussians
+
+    path = tmp_path / "bear.ply"
+    gsedit.save(surface_gaussians(demo_scene(), 1000, torch.Generator().manual_seed(0)), path)
+    return path
+
+
+def edit_words(scene: Path, out: Path, command: str) -> list[str]:
+    return [
+        "edit", str(scene), "fade $(it) \"now\"", "-o", str(out), "--editor", "command",
+        "--run", command, "--size", "48", "--views", "2", "--rounds", "2", "--coverage", "1",
+        "--update-steps", "4", "--patch", "16",
+    ]  # fmt: skip
+
+
+def test_an_edit_with_a_program_and_one_that_fails_in_the_second_round(program, scene, tmp_path):
+    from gsedit_cli.main import app
+    from typer.testing import CliRunner
+
+    out = tmp_path / "out"
+    good = CliRunner().invoke(app, edit_words(scene, out, program(INVERT).run))
+    assert good.exit_code == 0, good.stderr
+    assert (out / "before_after.png").exists()
+    assert not (out / "command").exists()
+
+    memory = tmp_path / "ran before"
+    once = f"from pathlib import Path as P\nimport sys\nif P({str(memory)!r}).exists():\n"
+    once += f"    sys.exit('no memory left')\nP({str(memory)!r}).touch()\n"
+    bad = CliRunner().invoke(app, [*edit_words(scene, out, program(once + INVERT).run), "-f"])
+    assert bad.exit_code == 1
+    assert "ended with code 1; it said: no memory left." in bad.stderr
+    assert "last complete checkpoint" in bad.stderr
+    assert "Traceback" not in bad.stderr
+    assert (out / "checkpoint.ply").exists()  # the first round's
+    assert len(list((out / "command").rglob("input/*.png"))) == 2
+
+
+@needs_proc
+def test_ctrl_c_ends_the_program_and_says_what_remains(program, scene, tmp_path):
+    pids = tmp_path / "pids"
+    command = program(CHILD.format(pids=str(pids))).run
+    words = edit_words(scene, tmp_path / "out", command)
+    code = f"from gsedit_cli.main import main; import sys; sys.argv[1:] = {words!r}; main()"
+    process = subprocess.Popen(
+        [sys.executable, "-c", code], stderr=subprocess.PIPE, text=True, env=os.environ
+    )
+    for _ in range(600):
+        if pids.exists() and pids.read_text().endswith("\n"):
+            break
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    told = process.communicate(timeout=30)[1]
+    assert process.returncode == 130
+    assert "interrupted; no checkpoint was complete yet" in told
+    assert ended([int(pid) for pid in pids.read_text().split()])
