@@ -66,7 +66,7 @@ def harmonise(
 
 def cell_means(images: Float[Tensor, "v h w c"], cell: int) -> Float[Tensor, "v y x c"]:
     """Mean of each cell's pixels; of those that there are, at the right and lower border."""
-    blurred = F.avg_pool2d(
+    sums = F.avg_pool2d(
         images.movedim(-1, 1), cell, ceil_mode=True, count_include_pad=False
     )  # fmt: skip
     return sums.movedim(1, -1)
@@ -88,7 +88,7 @@ def robust_mean(
     weighted = weights[:, None]
     for _ in range(ROUNDS + 1):
         total = values.new_zeros(count, 1).index_add(0, groups, weighted)
-        blurred = values.new_zeros(count, values.shape[1]).index_add(0, groups, values * weighted)
+        sums = values.new_zeros(count, values.shape[1]).index_add(0, groups, values * weighted)
         centre = sums / total.clamp_min(torch.finfo(values.dtype).tiny)
         distance = (values - centre[groups]).square().sum(-1, keepdim=True)
         weighted = weights[:, None] / (1 + distance / tolerance**2).sqrt()

@@ -196,7 +196,7 @@ def test_pictures_are_written_as_they_are(program, tmp_path):
     assert torch.equal(levels, (request.originals[0] * 255).round().long())
 
 
-def test_a_program_s_pictures_are_settled(program):
+def test_a_program_s_pictures_are_harmonised(program):
     code = INVERT.replace(
         "ImageOps.invert(Image.open(path))", "Image.new('RGB', (8, 6), level(path))"
     )
