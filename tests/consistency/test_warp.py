@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import torch
-from gsedit.consistency.warp import warp
 from walls import (
     FOUR,
     SLANTED,
@@ -11,6 +10,8 @@ from walls import (
     plane_depth,
     seen,
 )
+
+from gsedit.consistency.warp import warp
 
 
 def paint(view, depth):
