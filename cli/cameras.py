@@ -1,10 +1,13 @@
-"""The option that says which way is up, for cameras placed around a scene."""
+"""Where views are taken from: a dataset's cameras, or cameras placed around a scene."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from .options import Data, Size
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -18,6 +21,15 @@ Up = Annotated[
         help="World axis that points up: x, -x, y, -y, z or -z.",
     ),
 ]
+
+
+@dataclass(frozen=True)
+class ViewOptions:
+    """The cameras of a verb that needs several."""
+
+    data: Data = None
+    size: Size = 256
+    up: Up = None
 
 
 def check_axis(up: str | None) -> None:

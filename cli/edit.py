@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .cameras import Up, check_axis, up_vector
+from .cameras import ViewOptions, check_axis, up_vector
 from .checkpoints import Checkpoints, run_to_result
 from .console import print_message, print_result
 from .edit_options import SAMPLING, UPDATE, EditorOptions, edit_settings, resolve
-from .options import Data, DropInvalid, Force, Scene, Seeded, Size, check_folder, load_scene, output
+from .options import DropInvalid, Force, Scene, Seeded, check_folder, load_scene, output
 from .progress import progress
 from .setting_options import SettingsGroup, Values
 
@@ -54,12 +55,10 @@ def edit(
     scene: Scene,
     instruction: Instruction,
     out: Annotated[Path, output("Folder for the results.")],
-    data: Data = None,
-    size: Size = 256,
-    up: Up = None,
     drop_invalid: DropInvalid = False,
     force: Force = False,
     *,
+    views: ViewOptions,
     editor: EditorOptions,
     preset: Preset = "default",
     values: Annotated[Values, SettingsGroup(edit_settings)],
@@ -73,22 +72,19 @@ def edit(
     The folder gets scene.ply, edit.json (settings, versions, timings), metrics.jsonl (a line an
     event), before_after.png and error_vs_time.png.
     """
-    check_instruction(instruction)
-    check_axis(up)
-    check_folder(out, force)
+    check_request(instruction, views.up, out, force)
     common.apply()
 
     from gsedit.edit import edit_steps
 
     settings, strategy = resolve(preset, values)
-    editor_2d = editor.make(out)
-    editor_2d.check(instruction)
+    editor_2d = editor.make(out, instruction)
     features = load_features(vgg)
     gaussians = load_scene(scene, drop_invalid=drop_invalid)
     steps = edit_steps(
         gaussians,
         instruction,
-        dataset=load_views(data, gaussians, size, up),
+        dataset=load_views(views, gaussians),
         editor=editor_2d,
         settings=settings,
         strategy=strategy,
@@ -96,20 +92,22 @@ def edit(
         generator=common.generator(),
     )
     request = {
-        "scene": scene, "drop_invalid": drop_invalid, "data": data, "size": size, "up": up,
-        "editor": editor, "preset": preset, "vgg": vgg, "seed": common.seed,
+        "scene": scene, "drop_invalid": drop_invalid, **asdict(views), "editor": editor,
+        "preset": preset, "vgg": vgg, "seed": common.seed,
     }  # fmt: skip
     result = run_and_write(steps, out, instruction, request, as_json=common.json)
     record = {"folder": out, "scene": out / "scene.ply", "ground_truth": result.ground_truth}
     print_result(record, str(out / "scene.ply"), as_json=common.json)
 
 
-def check_instruction(instruction: str) -> None:
-    """Raise UsageError for an empty instruction."""
+def check_request(instruction: str, up: str | None, out: Path, force: bool) -> None:
+    """Raise UsageError for what needs no file to be found wrong."""
     from gsedit.errors import UsageError
 
     if not instruction.strip():
         raise UsageError("the instruction is empty: say what should change, as in 'make it snow'")
+    check_axis(up)
+    check_folder(out, force)
 
 
 def load_features(vgg: Path | None) -> FeatureExtractor | None:
@@ -121,15 +119,15 @@ def load_features(vgg: Path | None) -> FeatureExtractor | None:
     return Vgg16(vgg)
 
 
-def load_views(data: Path | None, scene: Gaussians, size: int, up: str | None) -> Dataset:
+def load_views(views: ViewOptions, scene: Gaussians) -> Dataset:
     """The photos, or pictures of the scene from around it where there are none."""
-    if data is not None:
+    if views.data is not None:
         from gsedit.files import load_dataset
 
-        return load_dataset(data, size=size)
+        return load_dataset(views.data, size=views.size)
     from gsedit.edit import around
 
-    return around(scene, size, up_vector(up))
+    return around(scene, views.size, up_vector(views.up))
 
 
 def run_and_write(

@@ -69,11 +69,13 @@ class EditorOptions:
         ),
     ] = None
 
-    def make(self, out: Path) -> Editor:
-        """The editor, which may keep files below `out`. Raises UsageError."""
+    def make(self, out: Path, instruction: str) -> Editor:
+        """The editor, which may keep files below `out`. Raises UsageError for an option that it
+        does not have, or an instruction that it cannot follow.
+        """
         from gsedit.editors import make_editor
 
-        return make_editor(
+        editor = make_editor(
             self.editor,
             model=self.model,
             weights_dir=self.weights_dir,
@@ -81,6 +83,8 @@ class EditorOptions:
             timeout=self.timeout,
             folder=out / "command",
         )
+        editor.check(instruction)
+        return editor
 
 
 def edit_settings() -> list[Setting]:

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 from .console import print_json, print_message
 
 if TYPE_CHECKING:
+    from rich.progress import ProgressColumn
+
     from gsedit.reports.events import Event
 
 Show = Callable[["Event"], None]
@@ -80,26 +82,10 @@ def plain_line(event: Event, first: Event) -> str:
 def _bars() -> Iterator[Show]:
     """A progress bar a stage, on a terminal."""
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TaskID,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
+    from rich.progress import Progress, TaskID
 
-    columns = (
-        TextColumn("{task.description:<10}"),
-        BarColumn(bar_width=24),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        TextColumn("{task.fields[summary]}", markup=False),
-    )
     tasks: dict[str, TaskID] = {}
-    with Progress(*columns, console=Console(stderr=True)) as bars:
+    with Progress(*_columns(), console=Console(stderr=True)) as bars:
 
         def end_stages_without_steps() -> None:
             for task in bars.tasks:
@@ -119,3 +105,23 @@ def _bars() -> Iterator[Show]:
 
         yield show
         end_stages_without_steps()
+
+
+def _columns() -> tuple[ProgressColumn, ...]:
+    """Stage, bar, steps, time spent, time left, and what was measured last."""
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    return (
+        TextColumn("{task.description:<10}"),
+        BarColumn(bar_width=24),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[summary]}", markup=False),
+    )

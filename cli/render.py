@@ -7,16 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .cameras import Up, check_axis, up_vector
+from .cameras import ViewOptions, check_axis, up_vector
 from .console import print_message, print_result
 from .options import (
     Common,
     Compile,
-    Data,
     DropInvalid,
     Force,
     Scene,
-    Size,
     check_folder,
     load_scene,
     output,
@@ -56,16 +54,14 @@ Depth = Annotated[
 def render(
     scene: Scene,
     out: Annotated[Path, output("Folder for the pictures.")],
-    data: Data = None,
     views: Views = None,
     count: Count = 8,
-    size: Size = 256,
-    up: Up = None,
     depth: Depth = False,
     compile: Compile = False,
     drop_invalid: DropInvalid = False,
     force: Force = False,
     *,
+    cameras: ViewOptions,
     common: Common,
 ) -> None:
     """Render a scene to one PNG per view, from a dataset's cameras or from around the scene.
@@ -74,10 +70,10 @@ def render(
     """
     from gsedit.errors import UsageError
 
-    if views is not None and data is None:
+    if views is not None and cameras.data is None:
         raise UsageError("--views names views of a dataset: add --data DATASET, or use --count")
     indices = None if views is None else parse_indices(views, "--views")
-    check_axis(up)
+    check_axis(cameras.up)
     check_folder(out, force)
     common.apply()
 
@@ -87,38 +83,34 @@ def render(
     from rasterizer.numerics import Execution
 
     gaussians = load_scene(scene, drop_invalid=drop_invalid)
-    if data is None:
-        cameras = orbit_cameras(gaussians, count, size, up)
-    else:
-        cameras = dataset_cameras(data, indices, count, size)
+    placed = place_cameras(gaussians, cameras, indices, count)
     execution, watch = Execution(compile=compile), Stopwatch()
     with progress(as_json=common.json) as show:
-        for step, (name, camera) in enumerate(cameras.items(), 1):
+        for step, (name, camera) in enumerate(placed.items(), 1):
             for path in write_view(
                 gaussians, camera, out / name, depth=depth, execution=execution, overwrite=force
             ):
                 print_result({"picture": path}, str(path), as_json=common.json)
-            show(Event("render", watch.seconds, step, len(cameras)))
-    print_message(f"{len(cameras)} views are in {out}")
+            show(Event("render", watch.seconds, step, len(placed)))
+    print_message(f"{len(placed)} views are in {out}")
 
 
-def orbit_cameras(scene: Gaussians, count: int, size: int, up: str | None) -> dict[str, Camera]:
-    """Cameras on a circle around the scene, by the name of their picture."""
-    from gsedit.views.orbit import orbit, orbit_names
-
-    return dict(zip(orbit_names(count), orbit(scene, count, size, up=up_vector(up))))
-
-
-def dataset_cameras(
-    data: Path, indices: list[int] | None, count: int, size: int
+def place_cameras(
+    scene: Gaussians, options: ViewOptions, indices: list[int] | None, count: int
 ) -> dict[str, Camera]:
-    """A dataset's cameras at `indices`, or `count` of them, by the name of their picture."""
+    """The cameras to render from, by the name of their picture: the dataset's at `indices`, or
+    `count` of them; without a dataset `count` on a circle around the scene.
+    """
     from gsedit.files import load_dataset
     from gsedit.views.dataset import evenly_spaced
+    from gsedit.views.orbit import orbit, orbit_names
 
-    dataset = load_dataset(data, size=size)
+    if options.data is None:
+        around = orbit(scene, count, options.size, up=up_vector(options.up))
+        return dict(zip(orbit_names(count), around))
+    dataset = load_dataset(options.data, size=options.size)
     chosen = evenly_spaced(len(dataset), count) if indices is None else indices
-    return dict(named_camera(dataset, index, data) for index in chosen)
+    return dict(named_camera(dataset, index, options.data) for index in chosen)
 
 
 def named_camera(dataset: Dataset, index: int, data: Path) -> tuple[str, Camera]:
