@@ -19,6 +19,7 @@ from math import inf
 from typing import Any, TypeVar
 
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 GAUSSIANS, PIXELS = 4096, 64
@@ -47,8 +48,12 @@ class Timing:
 
 
 @cache
-def _piece() -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Quadratic forms, monomials, factors and room for the result; no number is a denormal."""
+def _piece() -> tuple[
+    Float[Tensor, "n 6"], Float[Tensor, "6 p"], Float[Tensor, "n p"], Float[Tensor, "n p"]
+]:
+    """Quadratic forms of n Gaussians, monomials of p pixels, factors, and a buffer for the result;
+    no number is denormal.
+    """
     generator = torch.Generator().manual_seed(0)
     forms = -8 / 6 * torch.rand(GAUSSIANS, 6, generator=generator)  # exponents in (-8, 0]
     monomials = torch.rand(6, PIXELS, generator=generator)

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from gsedit.bench.curves import Point, pareto
+from gsedit.bench.figures import DPI, frame, plain_ticks, save_png
 from gsedit.bench.renderer.measurements import RenderMeasurement
-from gsedit.files.atomic import atomic_path
 
 Which = Literal["image", "gradients"]
 
@@ -34,7 +34,6 @@ FLOOR = 1e-10
 """Smaller errors are drawn here, with their value: zero has no logarithm."""
 PANEL = (5.2, 4.3)  # inches
 TOP, LEGEND_ROW, LEGEND_COLUMN = 0.9, 0.2, 1.75  # inches
-DPI = 120
 
 
 Box = tuple[float, float, float, float]
@@ -72,8 +71,7 @@ def work_precision(
     figure.draw_without_rendering()  # text has its place only now
     for axes, scene_marks in zip(panels, marks.values()):
         _name_points(axes, scene_marks)
-    with atomic_path(path, overwrite=overwrite) as temporary:
-        figure.savefig(temporary, format="png", dpi=DPI)
+    save_png(figure, path, overwrite=overwrite)
 
 
 def _figure(count: int) -> tuple[Any, Any, int]:
@@ -110,17 +108,13 @@ def _panel(
     """Draw points and front of a scene; handles for the legend, by knob."""
     axes.set_xscale("log")
     axes.set_yscale("log")
-    axes.set_title(f"{name}: {row.gaussians:,} Gaussians", fontsize=11, loc="left")
+    frame(axes, f"{name}: {row.gaussians:,} Gaussians", fontsize=11)
     axes.set_xlabel("forward, seconds" if which == "image" else "forward + backward, seconds")
     axes.set_ylabel(
         "mean error of a colour in [0, 1]"
         if which == "image"
         else "worst gradient's relative error"
     )
-    axes.grid(which="major", color="#dddddd", linewidth=0.7)
-    axes.set_axisbelow(True)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
     handles = _front(axes, [(m.seconds, m.error) for m in marks])
     for knob, members in groupby(marks, key=lambda mark: mark.knob):
         group = list(members)
@@ -136,7 +130,7 @@ def _panel(
             markersize=7, markeredgecolor="white", markeredgewidth=0.6, zorder=4,
         )  # fmt: skip
     axes.margins(0.14)
-    _ticks(axes)
+    plain_ticks(axes)
     return handles
 
 
@@ -149,17 +143,6 @@ def _front(axes: Any, points: Sequence[Point]) -> dict[str, Any]:
     line = {"color": "#bbbbbb", "linewidth": 4.5, "solid_capstyle": "round", "zorder": 1}
     (drawn,) = axes.plot(*zip(*front), drawstyle="steps-post", label="Pareto front", **line)
     return {"front": drawn}
-
-
-def _ticks(axes: Any) -> None:
-    """Seconds as plain numbers, also between powers of ten where there are few of those."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-    low, high = axes.get_xlim()
-    subs = (1.0,) if high / low > 300 else (1.0, 3.0) if high / low > 20 else (1.0, 2.0, 5.0)
-    axes.xaxis.set_major_locator(LogLocator(subs=subs))
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
-    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def _title(figure: Any, rows: Sequence[RenderMeasurement], which: Which) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Literal
@@ -49,8 +49,6 @@ class SamplerMeasurement:
 
 
 COLUMNS = {
-    "solver": ("error", "seconds"),
-    "stiff": ("error", "note"),
     "consensus": ("disagreement", "contrast", "strength", "seconds"),
     "cost": ("seconds", "overhead", "error", "note"),
 }
@@ -70,27 +68,26 @@ def table(rows: Iterable[SamplerMeasurement]) -> str:
         parts.append(f"## {TITLES[study]}")
         match study:
             case "solver":
-                parts.append(_across(group, "evaluations", lambda row: row.variant))
+                parts.append(_across(group, "evaluations"))
+                parts.append("Columns: evaluations of the network, each of all branches at once.")
             case "stiff":
-                parts.append(_across(group, "steps", lambda row: row.variant))
+                parts.append(_across(group, "steps"))
+                parts.append("Columns: steps. !: the result has left the data.")
             case _:
                 parts.append(_plain(group, COLUMNS[study]))
-        if study == "solver":
-            parts.append("Columns: evaluations of the network, of all branches at once.")
     if not parts:
         return "Nothing was measured.\n"
-    first = f"{machine()}, {torch.get_num_threads()} threads, commit {commit()}"
+    threads = torch.get_num_threads()
+    first = f"{machine()}, {threads} thread{'s' * (threads > 1)}, commit {commit()}"
     return "\n\n".join((first, *parts)) + "\n"
 
 
-def _across(
-    rows: list[SamplerMeasurement], column: str, variant: Callable[[SamplerMeasurement], str]
-) -> str:
+def _across(rows: list[SamplerMeasurement], column: Literal["evaluations", "steps"]) -> str:
     """A line a problem and solver, its errors in columns."""
     columns = sorted({getattr(row, column) for row in rows})
     cells: dict[tuple[str, str], dict[int, str]] = {}
     for row in rows:
-        cells.setdefault((row.problem, variant(row)), {})[getattr(row, column)] = _error(row)
+        cells.setdefault((row.problem, row.variant), {})[getattr(row, column)] = _error(row)
     lines = [
         [f"{problem}: {solver}", *(by_cost.get(c, "") for c in columns)]
         for (problem, solver), by_cost in cells.items()

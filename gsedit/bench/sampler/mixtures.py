@@ -65,7 +65,9 @@ class MixtureProblem:
             )
         )
 
-    def _prediction(self, x0: Tensor, x: Tensor, level: NoiseLevel) -> Tensor:
+    def _prediction(
+        self, x0: Float[Tensor, "v c y x"], x: Float[Tensor, "v c y x"], level: NoiseLevel
+    ) -> Float[Tensor, "v c y x"]:
         eps = (x - level.a * x0) / level.b
         match self.predicts:
             case "eps":
@@ -94,7 +96,7 @@ def mixture_problem(
     generator = torch.Generator().manual_seed(seed)
     centres = SPREAD * torch.randn(6, *shape, generator=generator, dtype=torch.float64)
 
-    def mixture(offsets: Tensor, width: float) -> Mixture:
+    def mixture(offsets: Float[Tensor, "k v c y x"], width: float) -> Mixture:
         even = torch.full((shape[0], len(offsets)), -math.log(len(offsets)), dtype=torch.float64)
         return Mixture(torch.zeros(shape, dtype=torch.float64), offsets, even, width)
 

@@ -99,7 +99,7 @@ def texture_views(side: int = 24, shift: int = 2) -> OverlappingViews:
 class Texture:
     """A Predictor: under every condition x0 is normal about `bias` with unit variance."""
 
-    bias: Tensor
+    bias: Float[Tensor, "v 1 y x"]
     schedule: Schedule = field(default_factory=Schedule.scaled_linear)
     predicts: Prediction = "x0"
     name: str = "texture"

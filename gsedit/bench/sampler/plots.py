@@ -7,8 +7,8 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, Literal
 
+from gsedit.bench.figures import DPI, frame, plain_ticks, save_png
 from gsedit.bench.sampler.measurements import SamplerMeasurement
-from gsedit.files.atomic import atomic_path
 
 Cost = Literal["evaluations", "seconds"]
 
@@ -24,7 +24,6 @@ LINES = (
 FLOOR, CEILING = 1e-10, 1e3
 """Errors beyond are drawn at the edge: a result that left the data is wrong at any distance."""
 PANEL = (3.1, 2.7)  # inches
-DPI = 120
 MEASURES = {
     "disagreement": "disagreement of views (RMS)",
     "contrast": "contrast kept",
@@ -71,6 +70,7 @@ def _problem_panel(
             [getattr(row, cost) for row in points], errors, color=color, marker=marker,
             markersize=4.5, linewidth=1.2, label=label,
         )  # fmt: skip
+    plain_ticks(axes)
     return handles
 
 
@@ -118,12 +118,8 @@ def _figure(lines: int, columns: int, *, sharey: bool = False) -> tuple[Any, Any
 
 
 def _decorate(axes: Any, title: str) -> None:
-    axes.set_title(title, fontsize=9, loc="left")
-    axes.grid(which="major", color="#dddddd", linewidth=0.7)
-    axes.set_axisbelow(True)
+    frame(axes, title, fontsize=9)
     axes.tick_params(labelsize=8)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
 
 
 def _save(figure: Any, title: str, handles: dict[str, Any], path: Path, overwrite: bool) -> None:
@@ -135,5 +131,4 @@ def _save(figure: Any, title: str, handles: dict[str, Any], path: Path, overwrit
             ncols=len(handles), fontsize=9, bbox_to_anchor=(0.005, 0.0),
         )  # fmt: skip
     figure.tight_layout(rect=(0, 0.3 / height, 1, 1))
-    with atomic_path(path, overwrite=overwrite) as temporary:
-        figure.savefig(temporary, format="png", dpi=DPI)
+    save_png(figure, path, overwrite=overwrite)
