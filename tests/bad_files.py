@@ -1,4 +1,4 @@
-"""Inputs that cannot be read, one builder each: what every entrance to gsedit must survive."""
+"""Inputs that cannot be read, one builder each; every reader and command must refuse them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class BadFile(NamedTuple):
 
     name: str
     build: Callable[[Path], Path]
-    """Writes it below an empty folder and gives the path to pass to gsedit."""
+    """Writes it below an empty folder and returns the path to pass to gsedit."""
     kind: str
     """ "scene" or "dataset": which reader it is for."""
     words: tuple[str, ...]
@@ -45,7 +45,7 @@ def ply_bytes(
 
 
 def dataset(folder: Path, frames: int = 3, size: tuple[int, int] = (8, 6)) -> dict[str, Any]:
-    """A valid nerfstudio dataset in `folder`; gives its record, to spoil and `write` again."""
+    """Write a valid nerfstudio dataset; returns its record, to be changed and written again."""
     (folder / "images").mkdir(parents=True)
     record: dict[str, Any] = {"w": size[0], "h": size[1], "fl_x": 9.0, "frames": []}
     for i in range(frames):
@@ -58,7 +58,7 @@ def dataset(folder: Path, frames: int = 3, size: tuple[int, int] = (8, 6)) -> di
 
 
 def write(folder: Path, record: Any) -> Path:
-    """Write transforms.json; gives the folder."""
+    """Write transforms.json; returns the folder."""
     (folder / "transforms.json").write_text(json.dumps(record))
     return folder
 

@@ -1,4 +1,4 @@
-"""Scenes that are little more than points: for what only looks at where Gaussians are."""
+"""Scenes of small round Gaussians, for tests that need positions only."""
 
 from __future__ import annotations
 

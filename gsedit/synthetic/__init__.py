@@ -1,18 +1,18 @@
 """Small scenes with exact pictures, depth, correspondences and edited ground truth."""
 
 from gsedit.synthetic.gallery import demo_scene, scenes
-from gsedit.synthetic.photos import dataset, ring_cameras
+from gsedit.synthetic.photos import ring_cameras, traced_dataset
 from gsedit.synthetic.scene import SyntheticScene, Traced, first_hit
 from gsedit.synthetic.splats import surface_gaussians, surface_points
 
 __all__ = [
     "SyntheticScene",
     "Traced",
-    "dataset",
     "demo_scene",
     "first_hit",
     "ring_cameras",
     "scenes",
     "surface_gaussians",
     "surface_points",
+    "traced_dataset",
 ]

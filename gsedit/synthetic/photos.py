@@ -34,7 +34,7 @@ def ring_cameras(
     )
 
 
-def dataset(
+def traced_dataset(
     scene: SyntheticScene,
     cameras: Sequence[Camera],
     supersample: int = 2,

@@ -15,7 +15,7 @@ from gsedit.fitting.initial import initial_scene, neighbour_distance
 from gsedit.fitting.optimiser import SH_REST, SceneOptimiser
 from gsedit.fitting.settings import FitSettings
 from gsedit.reports.events import Checkpoint, Event
-from gsedit.synthetic import dataset, ring_cameras, scenes
+from gsedit.synthetic import ring_cameras, scenes, traced_dataset
 from rasterizer.render import render
 
 
@@ -23,7 +23,7 @@ def photos(count: int = 16, size: int = 48):
     """A globe that fills the pictures, and points on it without colours."""
     ring = ring_cameras(scenes()[0], count, size)
     cameras = [replace(c, fx=2.2 * c.fx, fy=2.2 * c.fy) for c in ring]
-    return replace(dataset(scenes()[0], cameras, points=500), point_colors=None)
+    return replace(traced_dataset(scenes()[0], cameras, points=500), point_colors=None)
 
 
 def generator(seed: int = 0) -> torch.Generator:

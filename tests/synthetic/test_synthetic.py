@@ -9,12 +9,12 @@ import torch
 
 from gsedit.synthetic import (
     SyntheticScene,
-    dataset,
     demo_scene,
     ring_cameras,
     scenes,
     surface_gaussians,
     surface_points,
+    traced_dataset,
 )
 from gsedit.synthetic.paint import mix, plain, waves
 from gsedit.synthetic.shapes import (
@@ -305,7 +305,7 @@ def test_gaussians_look_like_the_scene(name):
 def test_a_dataset_is_what_a_capture_would_be():
     scene = demo_scene()
     cameras = ring_cameras(scene, 3, 24)
-    data = dataset(scene, cameras, points=200)
+    data = traced_dataset(scene, cameras, points=200)
     assert [view.image.shape for view in data.views] == [(24, 24, 3)] * 3
     assert len({view.name for view in data.views}) == 3
     assert data.points is not None
