@@ -106,19 +106,19 @@ def image_clouds(
         shared = expect_shape(name, values, (*shape, *columns)).reshape(batches, count, *columns)
         return [batch for batch in shared for _ in range(views)]
 
-    covars = None if covars is None else _full_covariances(covars, shape)
-    if covars is None and (quats is None or scales is None):
+    if covars is not None:
+        kind, sizes = CovarianceCloud, [by_image("covars", _full_covariances(covars, shape), 3, 3)]
+    elif quats is None or scales is None:
         raise ValueError("quats and scales may be None only where covars are given")
-    fields = by_image("means", means, 3), by_image("opacities", opacities)
-    if covars is None:
-        assert quats is not None
-        assert scales is not None
-        axes = by_image("quats", quats, 4), by_image("scales", scales, 3)
-        painted = (*fields, _image_colors(colors, leading, count, sh_degree))
-        return [AxesCloud(*one) for one in zip(*painted, *axes)]
-    given = by_image("covars", covars, 3, 3)
-    painted = (*fields, _image_colors(colors, leading, count, sh_degree))
-    return [CovarianceCloud(*one) for one in zip(*painted, given)]
+    else:
+        kind, sizes = AxesCloud, [by_image("quats", quats, 4), by_image("scales", scales, 3)]
+    fields = (
+        by_image("means", means, 3),
+        by_image("opacities", opacities),
+        _image_colors(colors, leading, count, sh_degree),
+        *sizes,
+    )
+    return [kind(*one) for one in zip(*fields)]
 
 
 def _full_covariances(
