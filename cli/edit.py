@@ -43,10 +43,10 @@ Vgg = Annotated[
     typer.Option(
         "--vgg",
         metavar="FILE",
-        show_default=False,
+        show_default="features of a filter bank",
         rich_help_panel=UPDATE,
-        help="Compare Gram matrices of VGG16 features: torchvision's weights, .pth or "
-        ".safetensors (default: features of a filter bank).",
+        help="Weights of VGG16 as torchvision has them, .pth or .safetensors: the Gram loss then "
+        "compares its features.",
     ),
 ]
 

@@ -59,8 +59,8 @@ class Execution:
     tile_size: int | None = None
     """Side of a tile, pixels; None: chosen from the splats' footprints."""
     block: int | None = None
-    """Gaussians of a tile that are blended at once; None: chosen from the number of tiles. The C++
-    backend has its own."""
+    """Gaussians of a tile that the torch backend blends at once (the C++ backend has a fixed
+    number). None: chosen from the number of tiles."""
     cull: Literal["ellipse", "box"] = "ellipse"
     """A tile lists the splats whose ellipse touches it, or all whose bounding box does (more of
     them, and the same picture)."""

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from gsedit.files.atomic import atomic_path
 from gsedit.reports.events import Event
-from gsedit.reports.json_lines import write_line
+from gsedit.reports.journal import Journal
 
 Measurement = TypeVar("Measurement")
 
@@ -21,12 +21,10 @@ def write_measurements(
 
     The first measurement replaces a file that is there already.
     """
+    journal = Journal(path, records=measurements)
     for item in items:
         if not isinstance(item, Event):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with path.open("a" if measurements else "w", encoding="utf-8") as file:
-                write_line(file, item)
-            measurements.append(item)
+            journal.write(item)
         yield item
 
 

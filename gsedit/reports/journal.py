@@ -1,4 +1,4 @@
-"""metrics.jsonl: one JSON line an event, each on disk before the next event happens."""
+"""Files of JSON lines that grow with the work; metrics.jsonl, with one line an event, is one."""
 
 from __future__ import annotations
 
