@@ -22,12 +22,14 @@ def test_contributing_pairs_are_those_of_the_sum_pixel_by_pixel(tiny, stop):
     """Against the definition: every Gaussian at every pixel, front to back, in float64."""
     numerics = replace(DEFAULT, transmittance_min=stop)
     scene, view = tiny.scene.to(torch.float64), tiny.camera
-    flat = pairs._flattened(scene, view, numerics, AUTO)
-    front = flat.bins.rank.argsort()
-    offset = view.pixel_centres()[:, :, None] - flat.xy[front]
-    w0, w1, w2 = flat.whitening[front].unbind(-1)
+    binned = pairs.bin_gaussians(scene, view, numerics)
+    front = binned.bins.rank.argsort()
+    offset = view.pixel_centres()[:, :, None] - binned.xy[front]
+    w0, w1, w2 = binned.whitening[front].unbind(-1)
     u, v = w0 * offset[..., 0], w1 * offset[..., 0] + w2 * offset[..., 1]
-    alpha = (flat.log_opacities[front] - 0.5 * (u * u + v * v)).exp().clamp_max(numerics.alpha_max)
+    alpha = (
+        (binned.log_opacities[front] - 0.5 * (u * u + v * v)).exp().clamp_max(numerics.alpha_max)
+    )
     alpha = torch.where(alpha >= numerics.alpha_min, alpha, 0.0)
     passed = torch.cat((torch.ones_like(alpha[..., :1]), (1 - alpha).cumprod(-1)[..., :-1]), -1)
     wanted = int(((alpha > 0) & (passed > stop)).sum())
@@ -58,9 +60,9 @@ def test_an_alpha_at_the_floor_is_seen():
     """One Gaussian of opacity 1/2: on the circle where it falls to the floor, and off it."""
     view = camera()
     one = gaussian((0.0, 0.0, 2.0), (0.3, 0.3, 0.3), opacity=0.5)
-    flat = pairs._flattened(one, view, DEFAULT, AUTO)
-    offset = view.pixel_centres() - flat.xy[0]
-    w0, w1, w2 = flat.whitening[0]
+    binned = pairs.bin_gaussians(one, view, DEFAULT)
+    offset = view.pixel_centres() - binned.xy[0]
+    w0, w1, w2 = binned.whitening[0]
     power = 0.5 * (
         (w0 * offset[..., 0]).square() + (w1 * offset[..., 0] + w2 * offset[..., 1]).square()
     )

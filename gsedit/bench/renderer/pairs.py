@@ -20,7 +20,27 @@ from rasterizer.preprocess import preprocess, stored_scene
 from rasterizer.splat import list_tiles
 from rasterizer.tiles import Bins
 
-ELEMENTS = 1 << 22  # pixel-pairs looked at together
+ELEMENTS = 1 << 22
+"""Pixel-pairs that are evaluated at once."""
+
+
+class BinnedGaussians(NamedTuple):
+    """2D Gaussians, and the Gaussians of each tile: as `splat` lists them."""
+
+    xy: Float[Tensor, "n 2"]
+    whitening: Float[Tensor, "n 3"]
+    log_opacities: Float[Tensor, " n"]
+    bins: Bins
+
+
+def bin_gaussians(
+    scene: Gaussians, camera: Camera, numerics: Numerics = DEFAULT, execution: Execution = AUTO
+) -> BinnedGaussians:
+    """The visible Gaussians of a scene, on the picture and in its tiles."""
+    box = (0, 0, camera.width, camera.height)
+    splats = preprocess(stored_scene(scene), camera, box, numerics, color=False)
+    xy, bins = list_tiles(splats, box, numerics, execution, choose_backend(execution))
+    return BinnedGaussians(xy, splats.projected.whitening, splats.log_opacities, bins)
 
 
 @torch.no_grad()
@@ -28,7 +48,7 @@ def listed_pairs(
     scene: Gaussians, camera: Camera, numerics: Numerics = DEFAULT, execution: Execution = AUTO
 ) -> tuple[int, int]:
     """(tile, Gaussian) pairs, and their pixels: what a renderer without early stop evaluates."""
-    bins = _flattened(scene, camera, numerics, execution).bins
+    bins = bin_gaussians(scene, camera, numerics, execution).bins
     tiled = len(bins.members)
     return tiled, tiled * bins.size**2
 
@@ -39,17 +59,43 @@ def contributing_pairs(scene: Gaussians, camera: Camera, numerics: Numerics = DE
 
     Takes longer than drawing: never inside a timed region.
     """
-    flat = _flattened(scene, camera, numerics, AUTO)
-    bins, lengths = flat.bins, flat.bins.starts.diff()
+    binned = bin_gaussians(scene, camera, numerics)
+    bins, lengths = binned.bins, binned.bins.starts.diff()
     order = torch.argsort(lengths, descending=True)
-    total, done, full = 0, 0, int((lengths > 0).sum())
-    while done < full:
+    total, done, filled = 0, 0, int((lengths > 0).sum())
+    while done < filled:
         longest = int(lengths[order[done]])
         count = max(1, ELEMENTS // (longest * bins.size**2))
-        tiles = order[done : min(full, done + count)]
-        total += _contributing(flat, tiles, camera, numerics)
+        tiles = order[done : min(filled, done + count)]
+        total += _contributing(binned, tiles, camera, numerics)
         done += count
     return total
+
+
+def _contributing(
+    binned: BinnedGaussians, tiles: Int[Tensor, " b"], camera: Camera, numerics: Numerics
+) -> int:
+    """Pixel-pairs of some tiles that change the picture."""
+    bins = binned.bins
+    starts, ends = bins.starts[tiles], bins.starts[tiles + 1]
+    at = starts + torch.arange(int((ends - starts).max()))[:, None]
+    missing = at >= ends  # [k, b]
+    members = bins.members[at.masked_fill(missing, 0)]
+    corner = torch.stack((tiles % bins.columns, tiles // bins.columns), -1) * bins.size
+    inside = torch.arange(bins.size)
+    y, x = (c.flatten() for c in torch.meshgrid(inside, inside, indexing="ij"))
+    x, y = corner[:, :1] + x, corner[:, 1:] + y  # [b, q]
+    in_picture = (x < camera.width) & (y < camera.height)
+    centre = binned.xy[members]
+    dx = x + 0.5 - centre[..., :1]  # [k, b, q]
+    dy = y + 0.5 - centre[..., 1:]
+    w0, w1, w2 = binned.whitening[members][..., None, :].unbind(-1)
+    power = 0.5 * ((w0 * dx).square() + (w1 * dx + w2 * dy).square())
+    alpha = (binned.log_opacities[members][..., None] - power).exp_().clamp_max_(numerics.alpha_max)
+    drawn = (alpha >= numerics.alpha_min) & in_picture & ~missing[..., None]
+    after = (1 - alpha * drawn).cumprod(0)  # transmittance behind each Gaussian
+    before = torch.cat((torch.ones_like(after[:1]), after[:-1]))
+    return int((drawn & (before > numerics.transmittance_min)).sum())
 
 
 @torch.no_grad()
@@ -59,63 +105,23 @@ def nearest_to_floor(
     pixels: Int[Tensor, "p 2"],
     numerics: Numerics = DEFAULT,
 ) -> Float[Tensor, " p"]:
-    """Least relative distance from the floor of a Gaussian's alpha at each pixel (row, column);
-    at most 1.
+    """Least relative distance of a Gaussian's alpha from the floor, at each pixel (row, column).
 
-    Near 0, a rounding decides whether a step of alpha_min is drawn. In float64, without tiles.
+    At most 1. Near 0, a rounding decides whether a step of alpha_min is drawn. In float64, without
+    tiles.
     """
-    flat = _flattened(scene.to(torch.float64), camera, numerics, AUTO)
-    w0, w1, w2 = flat.whitening.unbind(-1)
+    binned = bin_gaussians(scene.to(torch.float64), camera, numerics)
+    w0, w1, w2 = binned.whitening.unbind(-1)
     nearest = [torch.ones(0, dtype=torch.float64)]
     for some in pixels.split(32):
-        dx, dy = (some.flip(-1)[:, None] + 0.5 - flat.xy).unbind(-1)
+        dx, dy = (some.flip(-1)[:, None] + 0.5 - binned.xy).unbind(-1)
         power = 0.5 * ((w0 * dx).square() + (w1 * dx + w2 * dy).square())
-        excess = flat.log_opacities - power - numerics.log_alpha_min
+        excess = binned.log_opacities - power - numerics.log_alpha_min
         nearest.append(_least(excess))
     return torch.cat(nearest)
 
 
 def _least(excess: Float[Tensor, "p n"]) -> Float[Tensor, " p"]:
-    """Relative distance of the alpha whose logarithm is nearest; 1 where there is none."""
-    nobody = excess.new_full((len(excess), 1), log(2))
-    return torch.expm1(torch.cat((excess.abs(), nobody), -1).amin(-1))
-
-
-class _Flat(NamedTuple):
-    """2D Gaussians, and the Gaussians of each tile: as splat lists them."""
-
-    xy: Float[Tensor, "n 2"]
-    whitening: Float[Tensor, "n 3"]
-    log_opacities: Float[Tensor, " n"]
-    bins: Bins
-
-
-def _flattened(scene: Gaussians, camera: Camera, numerics: Numerics, execution: Execution) -> _Flat:
-    box = (0, 0, camera.width, camera.height)
-    splats = preprocess(stored_scene(scene), camera, box, numerics, color=False)
-    xy, bins = list_tiles(splats, box, numerics, execution, choose_backend(execution))
-    return _Flat(xy, splats.projected.whitening, splats.log_opacities, bins)
-
-
-def _contributing(flat: _Flat, tiles: Int[Tensor, " b"], camera: Camera, numerics: Numerics) -> int:
-    """Pixel-pairs of some tiles that change the picture."""
-    bins = flat.bins
-    starts, ends = bins.starts[tiles], bins.starts[tiles + 1]
-    at = starts + torch.arange(int((ends - starts).max()))[:, None]
-    missing = at >= ends  # [k, b]
-    members = bins.members[at.masked_fill(missing, 0)]
-    corner = torch.stack((tiles % bins.columns, tiles // bins.columns), -1) * bins.size
-    inside = torch.arange(bins.size)
-    y, x = (c.flatten() for c in torch.meshgrid(inside, inside, indexing="ij"))
-    x, y = corner[:, :1] + x, corner[:, 1:] + y  # [b, q]
-    picture = (x < camera.width) & (y < camera.height)
-    centre = flat.xy[members]
-    dx = x + 0.5 - centre[..., :1]  # [k, b, q]
-    dy = y + 0.5 - centre[..., 1:]
-    w0, w1, w2 = flat.whitening[members][..., None, :].unbind(-1)
-    power = 0.5 * ((w0 * dx).square() + (w1 * dx + w2 * dy).square())
-    alpha = (flat.log_opacities[members][..., None] - power).exp_().clamp_max_(numerics.alpha_max)
-    kept = (alpha >= numerics.alpha_min) & picture & ~missing[..., None]
-    passed = (1 - alpha * kept).cumprod(0)
-    before = torch.cat((torch.ones_like(passed[:1]), passed[:-1]))
-    return int((kept & (before > numerics.transmittance_min)).sum())
+    """Relative distance of the alpha whose logarithm is nearest; at most 1."""
+    limit = excess.new_full((len(excess), 1), log(2))
+    return torch.expm1(torch.cat((excess.abs(), limit), -1).amin(-1))

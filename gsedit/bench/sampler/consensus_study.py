@@ -33,11 +33,11 @@ SWEEP_STEPS, SWEEP = 50, (0, 10, 20, 30, 40, 50)
 
 
 def consensus_study(
-    seeds: int, scenes: Iterable[OverlappingViews] | None = None, sweep: Iterable[int] = SWEEP
+    seeds: int, groups: Iterable[OverlappingViews] | None = None, sweep: Iterable[int] = SWEEP
 ) -> Iterator[SamplerMeasurement]:
     """Every variant of consensus at 20 steps, then the sweep of T_end; means over seeds."""
     sweep = tuple(sweep)
-    for views in scenes or (texture_views(), picture_views()):
+    for views in groups or (texture_views(), picture_views()):
         alone = _measurement(views, {"consensus": False, "noise": "independent"}, seeds, None)
         for variant, options in VARIANTS.items():
             yield _measurement(views, {"steps": 20, **options}, seeds, alone, variant)
@@ -57,6 +57,7 @@ def _measurement(
     alone: SamplerMeasurement | None,
     variant: str = "",
 ) -> SamplerMeasurement:
+    """Means over seeds; the contrast is relative to that of the measurement `alone`, if given."""
     settings = SamplerSettings(**options)  # pyright: ignore[reportArgumentType]
     stopwatch = Stopwatch()
     results = [views.edit(settings, seed) for seed in range(seeds)]
