@@ -9,7 +9,7 @@ from torch import Tensor
 
 
 class Need(NamedTuple):
-    """Which conditions a step asks the denoiser about."""
+    """Under which conditions a step needs a prediction."""
 
     text_image: bool = True
     image: bool = True
@@ -17,7 +17,7 @@ class Need(NamedTuple):
 
 
 class Branches(NamedTuple):
-    """The predictions under the three conditions; None where it was not asked for."""
+    """The predictions under the three conditions; None where it is not needed."""
 
     text_image: Float[Tensor, "v c y x"] | None
     image: Float[Tensor, "v c y x"] | None
@@ -39,25 +39,29 @@ def needed(s_T: float, s_I: float) -> Need:
 
 
 def guide(
-    text_image: Tensor | None, image: Tensor | None, none: Tensor | None, s_T: float, s_I: float
-) -> Tensor:
+    text_image: Float[Tensor, "*d"] | None,
+    image: Float[Tensor, "*d"] | None,
+    none: Float[Tensor, "*d"] | None,
+    s_T: float,
+    s_I: float,
+) -> Float[Tensor, "*d"]:
     """e_u + s_I (e_I - e_u) + s_T (e_TI - e_I): eq. 3 of InstructPix2Pix, whichever s_T and s_I.
 
     A branch that is None must be one of those that `needed` leaves out; ValueError otherwise. The
     sum of weights is 1, so it does not matter whether eps, x0 or v are guided.
     """
     branches = (text_image, image, none)
-    if any(ask and branch is None for ask, branch in zip(needed(s_T, s_I), branches)):
+    if any(need and branch is None for need, branch in zip(needed(s_T, s_I), branches)):
         raise ValueError(f"guidance {s_T:g} / {s_I:g} needs a branch that is missing")
     if text_image is not None and image is not None:  # differences lose fewer digits than products
         guided = image + s_T * (text_image - image)
         return guided if none is None else guided + (s_I - 1) * (image - none)
-    known = [
+    weighted = [
         (weight, branch)
         for weight, branch in zip(weights(s_T, s_I), branches)
         if weight != 0 and branch is not None
     ]
-    (first, guided), *others = known
+    (first, guided), *others = weighted
     if first != 1:
         guided = first * guided
     for weight, branch in others:

@@ -1,6 +1,6 @@
 """What a network predicts, as the pair (x0, eps) that solvers work with.
 
-Of x_t = a x0 + b noise, a network may answer the noise, the clean latent, or one of two
+Of x_t = a x0 + b noise, a network may predict the noise, the clean latent, or one of two
 combinations. Each is a linear map of the pair, and with x_t = a x0 + b eps it is solved for both.
 """
 
@@ -14,6 +14,7 @@ from torch import Tensor
 from gsedit.diffusion.schedules import NoiseLevel
 from gsedit.errors import UsageError
 
+Latents = Float[Tensor, "v c y x"]
 Prediction = Literal["eps", "x0", "v", "flow"]
 """eps: the noise. x0: the clean latent. v = a eps - b x0 (Salimans and Ho 2022). flow = eps - x0,
 the velocity dx/ds of a straight path (Liu et al. 2023)."""
@@ -22,14 +23,14 @@ the velocity dx/ds of a straight path (Liu et al. 2023)."""
 class Pair(NamedTuple):
     """Two predictions that belong together: x_t = a x0 + b eps."""
 
-    x0: Float[Tensor, "v c y x"]
-    eps: Float[Tensor, "v c y x"]
+    x0: Latents
+    eps: Latents
 
 
 def as_pair(
     kind: Prediction,
-    predicted: Float[Tensor, "v c y x"],
-    x: Float[Tensor, "v c y x"],
+    predicted: Latents,
+    x: Latents,
     level: NoiseLevel,
 ) -> Pair:
     """(x0, eps) of a prediction at x_t. Raises UsageError for eps where nothing is left of x0."""
@@ -46,8 +47,8 @@ def as_pair(
             return Pair((x - b * predicted) / (a + b), (x + a * predicted) / (a + b))
 
 
-def clean_of(eps: Tensor, x: Tensor, level: NoiseLevel) -> Tensor:
-    """x0 that belongs to x_t and eps. Raises UsageError where x_t holds nothing of it."""
+def clean_of(eps: Latents, x: Latents, level: NoiseLevel) -> Latents:
+    """x0 that belongs to x_t and eps. Raises UsageError where a is 0: x_t holds nothing of it."""
     if level.a == 0:
         raise UsageError(
             f"at t = {level.t:g} the terminal SNR is 0: a prediction of the noise says nothing of "
@@ -57,6 +58,6 @@ def clean_of(eps: Tensor, x: Tensor, level: NoiseLevel) -> Tensor:
     return (x - level.b * eps) / level.a
 
 
-def noise_of(x0: Tensor, x: Tensor, level: NoiseLevel) -> Tensor:
+def noise_of(x0: Latents, x: Latents, level: NoiseLevel) -> Latents:
     """eps that belongs to x_t and x0; b must not be 0."""
     return (x - level.a * x0) / level.b

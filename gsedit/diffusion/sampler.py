@@ -1,4 +1,4 @@
-"""The sampler: guidance, consensus and a solver, as a generator of every state.
+"""The sampler: guidance, consensus and a solver, as a generator of steps.
 
 `v` views, `c` channels, `y x` latent cells.
 """
@@ -17,14 +17,14 @@ from torch import Tensor
 
 from gsedit.diffusion import solvers
 from gsedit.diffusion.guidance import guide, needed
-from gsedit.diffusion.predictions import Pair, as_pair, clean_of, noise_of
+from gsedit.diffusion.predictions import Latents, Pair, as_pair, clean_of, noise_of
 from gsedit.diffusion.predictor import Predictor
 from gsedit.diffusion.schedules import NoiseLevel, Schedule
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.errors import UsageError
 
-Hook = Callable[[Tensor], Tensor]
-"""A linear map of [v c y x] to itself: what makes corresponding cells agree."""
+Hook = Callable[[Latents], Latents]
+"""A linear map of latents that makes corresponding cells agree."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class SamplerStep:
 
 @dataclass(frozen=True, eq=False)
 class Anchor:
-    """Views whose answer is known: their x0 is given, and the denoiser is not asked."""
+    """Views whose x0 is given, so that the denoiser is not run for them."""
 
     views: Bool[Tensor, " v"]
     x0: Float[Tensor, "v c y x"]
@@ -79,7 +79,7 @@ def sample(
     anchor: Anchor | None = None,
     generator: torch.Generator | None = None,
 ) -> Iterator[SamplerStep]:
-    """From `x`, latents noised to the first of the levels, to the last; yields every step.
+    """Denoise `x`, latents at the first of the levels, to the last; yields every step.
 
     `consensus` acts on `settings.target` while t > t_end * t_max, at t_end 0 always; `share` acts
     on fresh noise, which only eta > 0 and `ancestral` draw (from `generator`, then required).
@@ -92,26 +92,26 @@ def sample(
     levels = levels_of(denoiser.schedule, settings) if levels is None else levels
     t_stop = settings.t_end * denoiser.schedule.t_max(settings.strength)
     everywhere = settings.t_end == 0  # also at t = 0, where some spacings have a step
-    past: solvers.Past | None = None
+    previous: solvers.PreviousStep | None = None
     steps = len(levels) - 1
 
     for step, (here, there) in enumerate(pairwise(levels), start=1):
         acts = settings.consensus and (everywhere or here.t > t_stop)
         agree = consensus if acts else None
-        ask = partial(_predict_agreed, denoiser, condition, settings, anchor, agree)
-        pair = ask(x, here)
+        predict = partial(_predict_agreed, denoiser, condition, settings, anchor, agree)
+        pair = predict(x, here)
         match settings.solver:
             case "heun":
-                x = solvers.heun(pair, here, there, ask)
+                x = solvers.heun(pair, here, there, predict)
             case "dpm++2m":
-                x = solvers.multistep(pair, here, there, past)
+                x = solvers.multistep(pair, here, there, previous)
             case "euler" | "ddim" | "ancestral":
                 x = _one_step(pair, here, there, settings.fresh_noise, share, generator)
-        past = solvers.Past(here, pair.x0)
+        previous = solvers.PreviousStep(here, pair.x0)
         if agree and settings.target == "xt":
             x = agree(x)
             if settings.solver == "dpm++2m":  # its next step is linear in x and in this x0
-                past = solvers.Past(here, agree(pair.x0))
+                previous = solvers.PreviousStep(here, agree(pair.x0))
         _check_finite(x, f"the latents after step {step} of {steps}", here, settings)
         yield SamplerStep(step, steps, there.t, x, pair.x0)
 
@@ -122,10 +122,11 @@ def _predict_agreed(
     settings: SamplerSettings,
     anchor: Anchor | None,
     agree: Hook | None,
-    x: Tensor,
+    x: Latents,
     level: NoiseLevel,
 ) -> Pair:
-    """What the solver is told: the views' predictions, or what they have in common of them."""
+    """The solver's input: the views' predictions, after consensus if the settings' target is one
+    of them."""
     pair = _predict(denoiser, condition, x, level, settings, anchor)
     if agree is None or settings.target == "xt":
         return pair
@@ -142,7 +143,8 @@ def _one_step(
     eta: float,
     share: Hook | None,
     generator: torch.Generator | None,
-) -> Tensor:
+) -> Latents:
+    """A step of ddim, euler or ancestral: part of the noise, by eta, is drawn anew."""
     if eta == 0 or there.b == 0:
         return solvers.straight_on(pair, there)
     noise = torch.randn(pair.x0.shape, generator=generator, dtype=pair.x0.dtype)
@@ -152,46 +154,47 @@ def _one_step(
 def _predict(
     denoiser: Predictor,
     condition: Any,
-    x: Tensor,
+    x: Latents,
     level: NoiseLevel,
     settings: SamplerSettings,
     anchor: Anchor | None,
 ) -> Pair:
-    """The guided pair; of an anchored view, its known x0 and the eps that leads there."""
+    """The guided pair; of an anchored view, its given x0 and the eps that leads there."""
     if anchor is None:
-        return _ask(denoiser, condition, x, level, settings)
+        return _predict_free(denoiser, condition, x, level, settings)
     free = ~anchor.views
     pair = Pair(anchor.x0.to(x).clone(), noise_of(anchor.x0.to(x), x, level))
     if free.any():
-        asked = _ask(denoiser, condition, x[free], level, settings)
-        pair.x0[free], pair.eps[free] = asked
+        predicted = _predict_free(denoiser, condition, x[free], level, settings)
+        pair.x0[free], pair.eps[free] = predicted
     return pair
 
 
-def _ask(
-    denoiser: Predictor, condition: Any, x: Tensor, level: NoiseLevel, settings: SamplerSettings
+def _predict_free(
+    denoiser: Predictor, condition: Any, x: Latents, level: NoiseLevel, settings: SamplerSettings
 ) -> Pair:
+    """The guided pair of views that are not anchored."""
     guided = predict_guided(denoiser, condition, x, level, settings)
     return as_pair(denoiser.predicts, guided, x, level)
 
 
 def predict_guided(
-    denoiser: Predictor, condition: Any, x: Tensor, level: NoiseLevel, settings: SamplerSettings
-) -> Tensor:
-    """What the denoiser says with guidance, in the dtype of x. Raises UsageError if not finite."""
+    denoiser: Predictor, condition: Any, x: Latents, level: NoiseLevel, settings: SamplerSettings
+) -> Latents:
+    """The guided prediction, in the dtype of x. Raises UsageError if it is not finite."""
     s_T, s_I = settings.scales
     branches = denoiser.branches(x, level.t, condition, needed(s_T, s_I))
-    answered = next(branch.dtype for branch in branches if branch is not None)
+    dtype = next(branch.dtype for branch in branches if branch is not None)
     text_image, image, none = (b if b is None else b.to(x.dtype) for b in branches)
     guided = guide(text_image, image, none, s_T, s_I)
-    _check_finite(guided, f"{denoiser.name}'s answer (in {answered})", level, settings)
+    _check_finite(guided, f"{denoiser.name}'s prediction (in {dtype})", level, settings)
     return guided
 
 
-def _check_start(x: Tensor, settings: SamplerSettings, generator: torch.Generator | None) -> None:
+def _check_start(x: Latents, settings: SamplerSettings, generator: torch.Generator | None) -> None:
     if settings.fresh_noise > 0 and generator is None:
-        told = "ancestral" if settings.solver == "ancestral" else "eta above 0"
-        raise UsageError(f"{told} draws fresh noise and needs a generator")
+        name = "ancestral" if settings.solver == "ancestral" else "eta above 0"
+        raise UsageError(f"{name} draws fresh noise and needs a generator")
     if x.dtype not in (torch.float32, torch.float64):
         raise UsageError(
             f"latents in {x.dtype} lose the small steps: give them in float32 or float64; "
@@ -199,7 +202,7 @@ def _check_start(x: Tensor, settings: SamplerSettings, generator: torch.Generato
         )
 
 
-def _check_finite(x: Tensor, what: str, level: NoiseLevel, settings: SamplerSettings) -> None:
+def _check_finite(x: Latents, what: str, level: NoiseLevel, settings: SamplerSettings) -> None:
     # one sum is not finite where a number is not; a sum that overflows is out of bounds too
     if not torch.isfinite(x.sum()):
         s_T, s_I = settings.scales

@@ -21,10 +21,10 @@ RHO = 7.0  # Karras et al. 2022, section 3.1
 
 
 class NoiseLevel(NamedTuple):
-    """x_t = a x0 + b noise."""
+    """x_t = a x0 + b noise, with unit noise."""
 
     t: float
-    """The training step that a network is told; between two of them it is interpolated."""
+    """The training step, as a network's input; between two of them it is interpolated."""
     a: float
     b: float
 
@@ -39,7 +39,7 @@ CLEAN = NoiseLevel(0.0, 1.0, 0.0)
 
 @dataclass(frozen=True, eq=False)
 class Schedule:
-    """How much of the picture is left at each training step."""
+    """How much of the clean latents is left at each training step."""
 
     alphas_cumprod: Float[Tensor, " t"]
     """float64, falling from nearly 1 to nearly 0; the last may be exactly 0."""
@@ -111,9 +111,9 @@ class Schedule:
         ab = self.alphas_cumprod
         if self.straight:
             b = sigma / (1 + sigma)
-            return NoiseLevel(_where(_straight_table(ab), b), 1 - b, b)
+            return NoiseLevel(_fractional_index(_straight_table(ab), b), 1 - b, b)
         a = (1 + sigma**2) ** -0.5
-        return NoiseLevel(_where(((1 - ab) / ab).sqrt(), sigma), a, sigma * a)
+        return NoiseLevel(_fractional_index(((1 - ab) / ab).sqrt(), sigma), a, sigma * a)
 
     def alpha(self, t: int | float) -> float:
         """`ab` at `t`; before step 0 it is that of step 0, not 1 (set_alpha_to_one False)."""
@@ -167,10 +167,10 @@ class Schedule:
         """
         times = self.timesteps(steps, strength, spacing)
         if spacing == "karras":
-            found = self._karras(steps, self.t_max(strength))
+            levels = self._karras(steps, self.t_max(strength))
         else:
-            found = [self.level(t) for t in times]
-        return [*found, CLEAN if clean or times[-1] <= 0 else self.level(0)]
+            levels = [self.level(t) for t in times]
+        return [*levels, CLEAN if clean or times[-1] <= 0 else self.level(0)]
 
     def _karras(self, steps: int, t_max: int) -> list[NoiseLevel]:
         first, last = self.level(t_max - 1), self.level(0)
@@ -204,7 +204,7 @@ def _straight_table(ab: Float[Tensor, " t"]) -> Float[Tensor, " t"]:
     return (1 - ab).sqrt() / (ab.sqrt() + (1 - ab).sqrt())
 
 
-def _where(rising: Float[Tensor, " t"], value: float) -> float:
+def _fractional_index(rising: Float[Tensor, " t"], value: float) -> float:
     """The fractional index at which a rising table has that value, within the table."""
     above = int(torch.searchsorted(rising, value))
     if above == 0:

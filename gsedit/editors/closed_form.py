@@ -1,4 +1,4 @@
-"""A diffusion model of edited pictures whose score is known exactly: no weights, a known answer.
+"""A diffusion model of edited pictures whose score is exact: no weights, a known ground truth.
 
 `v` views, `k` components, `c y x` latents, `d` code channels. In units of a clean latent, a noised
 one is q = x_t / sqrt(ab) = x0 + s n with unit noise n and s^2 = (1 - ab) / ab.
@@ -12,14 +12,14 @@ cell shows; 0 for an unedited picture. For a picture z and an instruction with v
                  gives way to them where the noise is finer than it (b = 2^(-n/2), n dimensions)
 Each branch's eps is (q - E[x0 | q]) / s with the posterior mean in closed form.
 
-Guidance. While noise hides the picture the image branch answers z, and 7.5 / 1.5 exaggerates what
-the text adds. Near a variant it answers m_k too (a consistent marginal must), s_T falls out of the
+Guidance. While noise hides the picture the image branch predicts z, and 7.5 / 1.5 exaggerates what
+the text adds. Near a variant it predicts m_k too (a consistent marginal must), s_T falls out of the
 formula, and sampling ends exactly at m_k for every s_T. (A single broad Gaussian instead, of
 precision 1 / s_I^2 << 7.5 / w^2, has the right limit, but there the guided ODE has slope 1 - s_T
 in log s: 20 Euler steps of it diverge. A narrow one overshoots to 7.5 m - 6 z.)
 
 Choice. A view's cells choose their variant together, by <q, m_j - m_k> / s^2. Were it read off the
-pixels, some 10^5 of them would settle it in the first step, before views can agree, and in favour
+pixels, some 10^5 of them would decide it in the first step, before views can agree, and in favour
 of the variant towards which guidance overshoots. So the picture's share of the latent is small
 (`Shape.radius`), the noise hides it at first, and the codes decide: equally far from each other
 and from the unedited picture, hence equally likely, and of a size (`Shape.code`) at which the
@@ -45,7 +45,7 @@ from gsedit.editors.protocol import Capabilities, GroundTruth
 from gsedit.views.image_ops import rotate_hue
 from gsedit.views.padding import PadMode
 
-CODE = 2  # channels of a cell that say which variant it shows: a triangle lies in a plane
+CODE = 2  # channels of a cell that encode its variant: a triangle lies in a plane
 CELL = 8  # Stable Diffusion's, so that correspondences are met at the size that real weights have
 FIRST_T = 932  # the first time of 20 steps at strength 0.98: where the variants are equally likely
 
@@ -79,7 +79,7 @@ class Perturbation:
 
 @dataclass(frozen=True)
 class Shape:
-    """Sizes and widths of the distributions, in units of the noise where not said."""
+    """Sizes and widths of the distributions, in units of the noise unless stated."""
 
     radius: float = 2.5
     """Norm of the latent of a picture that is black or white everywhere, of any size: at the end of
@@ -158,7 +158,7 @@ class ClosedForm:
 
     @property
     def capabilities(self) -> Capabilities:
-        """It runs no network, and its edits have a known truth."""
+        """It runs no network, and its edits have a known ground truth."""
         return Capabilities(ground_truth=self.ground_truth)
 
     def check(self, prompt: str) -> None:
@@ -257,13 +257,13 @@ class ClosedForm:
 def _prior_mean(
     q: Float[Tensor, "v c y x"], variance: float, image: Mixture
 ) -> Float[Tensor, "v c y x"]:
-    """E[x0 | q] of the branch that knows neither text nor image."""
+    """E[x0 | q] of the branch without text and image."""
     n = q[0].numel()
     broad = -q.flatten(1).double().square().sum(1) / (2 * (1 + variance))
     broad = broad - n / 2 * math.log(1 + variance)
-    known = torch.sigmoid(image.log_density(q, variance) - n / 2 * math.log(2) - broad)
-    known = known.to(q)[:, None, None, None]
-    return torch.lerp(q / (1 + variance), image.posterior_mean(q, variance), known)
+    is_picture = torch.sigmoid(image.log_density(q, variance) - n / 2 * math.log(2) - broad)
+    is_picture = is_picture.to(q)[:, None, None, None]
+    return torch.lerp(q / (1 + variance), image.posterior_mean(q, variance), is_picture)
 
 
 def perturb(

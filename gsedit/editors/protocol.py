@@ -60,8 +60,8 @@ class Capabilities:
     defaults: SamplerDefaults = field(default_factory=SamplerDefaults)
     """What fills the sampler's settings where they are None."""
     denoiser: Denoiser | None = None
-    """The diffusion model, for what asks it directly (score distillation); None where there is
-    none. A denoiser's own record leaves it None: the editor around it fills it in."""
+    """The diffusion model, for strategies that use it directly (score distillation); None where
+    there is none. A denoiser's own record leaves it None: the editor around it fills it in."""
     with_micro_batch: Callable[[int], Denoiser] | None = None
     """The same denoiser with that many views in one pass of its network; the predictions are equal
     but for rounding. None where no network is run: then memory is not measured."""
@@ -75,7 +75,7 @@ class Capabilities:
         | None
     ) = None
     """(prompt, edited views, their originals) -> the true edit that these views agreed on, or None;
-    with it the error of an edit can be measured. None for editors without a known truth."""
+    with it the error of an edit can be measured. None for editors without one."""
 
 
 @runtime_checkable

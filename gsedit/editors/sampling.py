@@ -111,7 +111,8 @@ def prepared(
     prompt: str,
     settings: SamplerSettings,
 ) -> Predictor:
-    """The denoiser with as many views at once, and as few bits, as suit it and this machine.
+    """The denoiser with as many views in a pass as fit in memory, and in bfloat16 if that is exact
+    enough (see gsedit.diffusion.precision).
 
     A denoiser that runs a network (with_micro_batch is declared) is measured on the first view:
     the memory of a pass and of a decoding, and the error of bfloat16. Others are left alone.

@@ -90,7 +90,7 @@ def test_an_overflowing_network_is_named():
 
     base = mixture_problem(0.5)
     fields = {name: getattr(base, name) for name in ("text_image", "image", "none")}
-    with pytest.raises(UsageError, match=r"mixture's answer \(in torch.float16\) at t = 999"):
+    with pytest.raises(UsageError, match=r"mixture's prediction \(in torch.float16\) at t = 999"):
         run(Overflowing(**fields), replace(UNGUIDED, steps=5))
 
 

@@ -135,7 +135,7 @@ def blur(images: Map, radius: int) -> Map:
 
 
 def sketch(ink: str, paper: str) -> ColourMap:
-    """Pencil: brightness over its surroundings leaves lines; a light wash keeps the form."""
+    """Pencil: brightness over its surroundings leaves lines; a pale wash keeps the form."""
 
     def apply(images: Image) -> Image:
         grey = luma(images)

@@ -198,4 +198,4 @@ LOOKS: dict[str, Look] = {
         ),
     ),
 }
-"""By name, in the order in which they are listed to people. Variants are told apart at a glance."""
+"""By name, in the order in which they are listed. Variants differ at a glance."""

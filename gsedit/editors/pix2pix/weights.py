@@ -1,4 +1,4 @@
-"""Is an InstructPix2Pix folder whole? Answered from names, configs and headers: no tensor is read.
+"""Whether an InstructPix2Pix folder is complete, by names, configs and headers; no tensor is read.
 
 The layout is diffusers': a folder a part, `config.json` and safetensors in it. A safetensors file
 is 8 bytes (the header's length, little-endian), the header (JSON: name -> dtype, shape,
@@ -41,9 +41,9 @@ class Part:
 
     name: str
     problems: tuple[str, ...] = ()
-    """What is wrong, each with its next move; none: it is whole."""
+    """What is wrong, each with its next move; empty for a complete part."""
     files: tuple[str, ...] = ()
-    """Weights found whole, relative to the model's folder."""
+    """Complete files of weights, relative to the model's folder."""
     size: int = 0
     """Their bytes."""
     variant: str | None = None
@@ -52,14 +52,14 @@ class Part:
 
 @dataclass(frozen=True)
 class Weights:
-    """What lies in a model's folder."""
+    """The contents of a model's folder."""
 
     folder: Path
     kind: Kind | None
-    """None where the unet's config does not say."""
+    """None where the unet's config cannot be read."""
     parts: tuple[Part, ...]
     notes: tuple[str, ...] = ()
-    """What is odd and harmless."""
+    """Harmless oddities."""
 
     @property
     def problems(self) -> tuple[str, ...]:
@@ -70,7 +70,7 @@ class Weights:
         return not self.problems
 
     def variant(self, part: str) -> str | None:
-        return next(found.variant for found in self.parts if found.name == part)
+        return next(each.variant for each in self.parts if each.name == part)
 
     def require(self) -> Weights:
         """Itself, if complete. Raises InputError with the first problem and the number of more."""
@@ -82,7 +82,7 @@ class Weights:
 
 
 def inspect(folder: str | Path) -> Weights:
-    """Everything that can be said about a model's folder without loading it.
+    """Inspect a model's folder without loading it.
 
     Raises InputError where there is no such folder, or it is a single file.
     """
