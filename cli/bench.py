@@ -123,7 +123,7 @@ def stability(
     *,
     common: Common,
 ) -> None:
-    """Draw extreme inputs one by one: which are drawn or refused, and with what errors.
+    """Draw extreme inputs one by one, and print the errors, or the message of a refusal.
 
     Writes stability.jsonl and stability.md.
 
@@ -149,7 +149,7 @@ def targets(
     *,
     common: Common,
 ) -> None:
-    """Measure the renderer's targets: speed, accuracy, memory; and print which are reached.
+    """Print which targets of speed, accuracy and memory the renderer reaches on this machine.
 
     The exit code is 0 whether or not they are reached.
 
@@ -173,7 +173,7 @@ def sampler(
     *,
     common: Common,
 ) -> None:
-    """Measure the sampler: errors of its solvers, variants of consensus, its own cost.
+    """Measure the sampler: errors of its solvers, variants of consensus, its run time.
 
     Writes bench.jsonl, bench.md and three plots.
 

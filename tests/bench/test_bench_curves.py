@@ -9,7 +9,7 @@ from gsedit.bench.curves import pareto, slope
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_the_front_is_what_nothing_beats(seed):
+def test_the_front_is_what_no_point_dominates(seed):
     numbers = np.random.default_rng(seed).integers(0, 6, (seed, 2)).astype(float)  # many ties
     points = [(float(x), float(y)) for x, y in numbers]
 

@@ -70,7 +70,7 @@ def test_no_run_begins_once_the_budget_is_spent(monkeypatch, clock):
     assert (slow.wall, slow.runs) == (7.0, 1)  # the warm-up is the run: slow work is not repeated
 
 
-def test_works_that_are_compared_take_turns(monkeypatch):
+def test_compared_works_take_turns(monkeypatch):
     monkeypatch.setattr(measure, "yardstick", lambda _: 0.25)
     order = []
     jobs = {name: lambda name=name: order.append(name) for name in "ab"}

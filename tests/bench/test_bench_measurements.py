@@ -41,7 +41,7 @@ def test_a_line_that_is_no_row_is_named(tmp_path):
         read_measurements(tmp_path / "absent.jsonl")
 
 
-def test_the_table_is_for_people():
+def test_the_table_has_a_section_a_scene():
     missing = ("forward_wall", "forward_cpu", "both_wall", "both_cpu", "yardstick", "error_mean",
                "peak_bytes")  # fmt: skip
     failed = render_measurement(

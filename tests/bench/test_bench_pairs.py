@@ -45,7 +45,7 @@ def test_the_stop_and_the_floor_leave_pairs_out(tiny):
     assert count(alpha_min=0.1) < count()
 
 
-def test_smaller_tiles_look_at_fewer_pixels_in_more_pairs(tiny):
+def test_smaller_tiles_evaluate_fewer_pixels_in_more_pairs(tiny):
     few, many = (
         pairs.listed_pairs(tiny.scene, tiny.camera, execution=replace(AUTO, tile_size=side))
         for side in (4, 16)
@@ -56,7 +56,7 @@ def test_smaller_tiles_look_at_fewer_pixels_in_more_pairs(tiny):
     assert few[1] < many[1]
 
 
-def test_an_alpha_at_the_floor_is_seen():
+def test_an_alpha_at_the_floor_is_detected():
     """One Gaussian of opacity 1/2: on the circle where it falls to the floor, and off it."""
     view = camera()
     one = gaussian((0.0, 0.0, 2.0), (0.3, 0.3, 0.3), opacity=0.5)
@@ -81,7 +81,7 @@ def test_an_alpha_at_the_floor_is_seen():
     assert nothing.min() == 1
 
 
-def test_nothing_in_sight_is_no_pair(tiny):
+def test_an_empty_scene_has_no_pairs(tiny):
     nothing = tiny.scene[:0]
     assert pairs.listed_pairs(nothing, tiny.camera) == (0, 0)
     assert pairs.contributing_pairs(nothing, tiny.camera) == 0

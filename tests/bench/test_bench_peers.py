@@ -33,7 +33,7 @@ def test_gsplat_is_called_as_its_documentation_says(monkeypatch):
     assert measured.both.wall > 0
 
 
-def test_mitsuba_gets_the_scene_in_its_own_words(tiny):
+def test_mitsuba_gets_the_scene_in_its_own_format(tiny):
     mi = SimpleNamespace(TensorXf=np.asarray, ScalarTransform4f=np.asarray)
     shifted = replace(tiny.camera, cx=tiny.camera.cx + 6)
     words = peers.mitsuba_scene(mi, replace(tiny, camera=shifted))

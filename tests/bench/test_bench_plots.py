@@ -38,7 +38,7 @@ def test_a_plot_of_nothing_says_so(tmp_path):
     assert count_near(rgb(tmp_path / "a.png"), "#000000") > 100
 
 
-def test_errors_of_zero_have_their_place(tmp_path):
+def test_errors_of_zero_are_drawn_at_the_floor(tmp_path):
     exact = render_measurement(knob="dtype", value="float64", error_mean=0.0)
     mark = plots._mark(exact, "image")
     assert mark.error == plots.FLOOR
@@ -46,7 +46,7 @@ def test_errors_of_zero_have_their_place(tmp_path):
     plots.work_precision([render_measurement(), exact], tmp_path / "a.png", "image")
 
 
-def test_labels_find_room_or_stay_away():
+def test_labels_do_not_overlap():
     window = (0.0, 0.0, 200.0, 100.0)
     taken: list = []
     for x, y in itertools.product(range(10, 200, 30), range(10, 100, 20)):

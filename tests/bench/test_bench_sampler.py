@@ -92,7 +92,7 @@ def test_disagreement_is_that_of_a_plain_loop():
     assert views.disagreement(x) == pytest.approx(expected, rel=1e-5)
 
 
-def test_crops_see_the_same_places():
+def test_overlapping_crops_correspond():
     labels = crops(3, 5, 1)
     assert torch.equal(labels[0, 1:, 1:], labels[1, :-1, :-1])
     assert (labels[0, 0] == -1).all()  # its first row is seen by no other view

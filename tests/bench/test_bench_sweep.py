@@ -36,7 +36,7 @@ def test_every_setting_turns_one_knob():
     assert len(set(labels)) == len(labels)
 
 
-def test_degrees_beyond_the_scenes_and_most_values_of_a_first_look_are_left_out():
+def test_degrees_beyond_the_scenes_and_middle_values_of_a_quick_run_are_left_out():
     assert [s.degree for s in settings.settings_of(("degree",), 2)] == [None, 0, 1]
     assert len(settings.settings_of(("degree",), 0)) == 1
     assert [s.value for s in settings.settings_of(("tile",), 0, quick=True)] == ["", "4", "32"]
