@@ -17,7 +17,10 @@ def python(code: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
 
 
-@pytest.mark.parametrize("module", ["gsedit", "gsedit.errors", "gsedit.files", "gsedit_cli.main"])
+@pytest.mark.parametrize(
+    "module",
+    ["gsedit", "gsedit.errors", "gsedit.files", "gsedit.diffusion.settings", "gsedit_cli.main"],
+)
 def test_light_modules_do_not_load_torch(module):
     done = python(f"import sys, {module}; assert not {{'torch', 'numpy'}} & set(sys.modules)")
     assert done.returncode == 0, done.stderr

@@ -54,7 +54,7 @@ class OneGaussian:
         centre = self.centres[condition]
         shrunk = WIDTH**2 / (WIDTH**2 + level.sigma**2)
         x0 = centre + shrunk * (x / level.a - centre)
-        return Branches(*(x0 if asked else None for asked in need))
+        return Branches(*(x0 if needed else None for needed in need))
 
 
 def settings(solver: str, target: str = "x0", **more) -> SamplerSettings:

@@ -80,7 +80,7 @@ def test_no_pair_across_an_occlusion():
         wall = centres(a, torch.arange(256))
         true, z = b.project(a.unproject(wall, plane_depth(a, SLANTED, wall)))
         hidden += int((z > 1.01 * sphere_depth(b, *BALL, true)).sum())
-    assert hidden > 50  # the exhibit does hide something
+    assert hidden > 50  # the ball does hide something
 
 
 def test_match_is_symmetric():

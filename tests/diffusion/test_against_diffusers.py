@@ -44,13 +44,13 @@ class Network:
 
     @torch.no_grad()
     def branches(self, x, t, condition, need):
-        told = ((TEXT, IMAGES), (NULL, IMAGES), (NULL, torch.zeros_like(IMAGES)))
+        branches = ((TEXT, IMAGES), (NULL, IMAGES), (NULL, torch.zeros_like(IMAGES)))
         return Branches(
             *(
                 self.unet(torch.cat((x, image), 1), t, text.expand(len(x), -1, -1)).sample
-                if asked
+                if needed
                 else None
-                for asked, (text, image) in zip(need, told)
+                for needed, (text, image) in zip(need, branches)
             )
         )
 

@@ -43,7 +43,7 @@ class Point:
     def branches(self, x, t, condition, need):
         ab = self.schedule.alpha(t)
         eps = (x - ab**0.5 * self.x0[condition]) / (1 - ab) ** 0.5
-        return Branches(*(eps if asked else None for asked in need))
+        return Branches(*(eps if needed else None for needed in need))
 
 
 def last(states):
@@ -155,17 +155,17 @@ def test_unit_image_guidance_needs_no_third_branch():
 def test_branches_are_asked_for_only_where_their_weight_is_not_zero(
     guidance_text, guidance_image, expected
 ):
-    asked = []
+    needs = []
 
     class Spy(Point):
         def branches(self, x, t, condition, need):
-            asked.append(need)
+            needs.append(need)
             return super().branches(x, t, condition, need)
 
     model = Spy(noise(1, 2, 1, 3))
     settings = SamplerSettings(steps=2, guidance_text=guidance_text, guidance_image=guidance_image)
     last(sample(model, VIEWS[:1], noise(1, 2, 1, 3, seed=1), settings))
-    assert asked == [expected] * 2
+    assert needs == [expected] * 2
     # and the formula says the same, with every branch and without those that are not needed
     text, image, none = noise(3, 1, 2, 2, 2).unbind()
     formula = none + guidance_image * (image - none) + guidance_text * (text - image)

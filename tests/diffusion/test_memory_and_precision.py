@@ -61,19 +61,19 @@ def test_bfloat16_only_where_it_errs_little():
     model = untrained_network(channels=16, depth=2)
     x = torch.randn(1, 4, 8, 8, generator=torch.Generator().manual_seed(0))
 
-    def ask(asked: Any) -> torch.Tensor:
-        text = asked.branches(x, 500.0, None, Need(True, False, False)).text_image
+    def guided(predictor: Any) -> torch.Tensor:
+        text = predictor.branches(x, 500.0, None, Need(True, False, False)).text_image
         return text.float()
 
-    assert with_precision(model, ask, "float32") is model
-    assert isinstance(with_precision(model, ask, "bfloat16"), InBfloat16)
-    rounded = with_precision(model, ask, "auto", supported=True)
+    assert with_precision(model, guided, "float32") is model
+    assert isinstance(with_precision(model, guided, "bfloat16"), InBfloat16)
+    rounded = with_precision(model, guided, "auto", supported=True)
     assert isinstance(rounded, InBfloat16)
-    assert 0 < relative_error(ask(rounded), ask(model)) <= MAX_ERROR
-    assert with_precision(model, ask, "auto", supported=False) is model
+    assert 0 < relative_error(guided(rounded), guided(model)) <= MAX_ERROR
+    assert with_precision(model, guided, "auto", supported=False) is model
 
-    def far_off(asked: Any) -> torch.Tensor:
-        return ask(asked) * (1.1 if isinstance(asked, InBfloat16) else 1.0)
+    def far_off(predictor: Any) -> torch.Tensor:
+        return guided(predictor) * (1.1 if isinstance(predictor, InBfloat16) else 1.0)
 
     assert with_precision(model, far_off, "auto", supported=True) is model
 
@@ -116,7 +116,7 @@ class Painter:
         parts = x.split(self.micro_batch)
         self.seen.extend(len(part) for part in parts)
         out = torch.cat([self.layers(part) for part in parts])
-        return Branches(*(out if asked else None for asked in need))
+        return Branches(*(out if needed else None for needed in need))
 
 
 def test_the_editor_gives_a_network_as_many_views_as_fit():

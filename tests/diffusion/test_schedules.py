@@ -96,13 +96,13 @@ def test_stable_diffusions_ddim_ends_at_its_first_level():
 def test_every_prediction_is_the_same_pair(schedule, kind):
     level, found = schedule.level(321), pair()
     x = level.a * found.x0 + level.b * found.eps
-    told = {
+    predicted = {
         "eps": found.eps,
         "x0": found.x0,
         "v": level.a * found.eps - level.b * found.x0,
         "flow": found.eps - found.x0,
     }[kind]
-    for ours, expected in zip(as_pair(kind, told, x, level), found):
+    for ours, expected in zip(as_pair(kind, predicted, x, level), found):
         torch.testing.assert_close(ours, expected)
 
 

@@ -206,14 +206,14 @@ def test_ancestral_needs_a_generator_and_one_step_draws_nothing():
 def test_evaluations_of_each_solver():
     """One a step; heun two, but for the last step, which ends at no noise."""
     for solver in SOLVERS:
-        asked = []
+        needs = []
 
         class Counting(MixtureProblem):
-            def branches(self, x, t, condition, need, asked=asked):
-                asked.append(need)
+            def branches(self, x, t, condition, need, needs=needs):
+                needs.append(need)
                 return super().branches(x, t, condition, need)
 
         base = mixture_problem(0.5)
         fields = {name: getattr(base, name) for name in ("text_image", "image", "none")}
         run(Counting(**fields), replace(UNGUIDED, solver=solver, steps=6))
-        assert asked == [Need(True, False, False)] * (11 if solver == "heun" else 6)
+        assert needs == [Need(True, False, False)] * (11 if solver == "heun" else 6)

@@ -59,18 +59,21 @@ def test_finished_views_are_neither_given_nor_changed(program):
 )
 def test_the_instruction_is_one_argument_whatever_is_in_it(program, tmp_path, prompt, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    told = f"import pathlib, sys\npathlib.Path({str(tmp_path / 'told')!r}).write_text(sys.argv[3], "
-    editor = program(f"{told}encoding='utf-8', newline='')\nassert len(sys.argv) == 4\n{INVERT}")
+    path = str(tmp_path / "argument")
+    write = f"pathlib.Path({path!r}).write_text(sys.argv[3], encoding='utf-8', newline='')"
+    editor = program(f"import pathlib, sys\n{write}\nassert len(sys.argv) == 4\n{INVERT}")
     run(editor, batch(prompt=prompt))
-    assert (tmp_path / "told").read_bytes().decode() == prompt
+    assert (tmp_path / "argument").read_bytes().decode() == prompt
     assert not (tmp_path / "owned").exists()
 
 
 def test_fields_may_stand_inside_words_and_other_braces_stay(program, tmp_path):
-    code = f"import sys\nopen({str(tmp_path / 'told')!r}, 'w').write(repr(sys.argv[3:]))\n{INVERT}"
+    code = (
+        f"import sys\nopen({str(tmp_path / 'argument')!r}, 'w').write(repr(sys.argv[3:]))\n{INVERT}"
+    )
     words = "{input} {output} --text={prompt} --seed={seed} '{\"json\": 1}'"
     run(program(code, words), batch(seed=7))
-    assert (tmp_path / "told").read_text() == repr(
+    assert (tmp_path / "argument").read_text() == repr(
         ["--text=make it snow", "--seed=7", '{"json": 1}']
     )
 
@@ -117,7 +120,7 @@ def test_what_cannot_be_run_is_said_before_the_work(tmp_path):
         fine.check("snow\0")
     with pytest.raises(UsageError, match="empty"):
         fine.check(" ")
-    Command(f"{sys.executable} {{input}} {{output}}").check("")  # it is not told the instruction
+    Command(f"{sys.executable} {{input}} {{output}}").check("")  # it is not given the instruction
     script = tmp_path / "broken"
     script.write_text("#!/surely/no/such/interpreter\n")
     script.chmod(script.stat().st_mode | stat.S_IXUSR)
@@ -133,11 +136,11 @@ def test_a_failure_quotes_the_last_lines_and_keeps_what_was_made(program, tmp_pa
     )
     with pytest.raises(GseditError) as caught:
         run(program(code))
-    told = str(caught.value)
-    assert "ended with code 3" in told
-    assert "it said: line 4 | line 5 | line 6 | line 7 | line 8." in told
-    assert "on stdout" not in told
-    assert f"1 of 2 pictures are in {tmp_path / 'exchange'}" in told
+    message = str(caught.value)
+    assert "ended with code 3" in message
+    assert "it said: line 4 | line 5 | line 6 | line 7 | line 8." in message
+    assert "on stdout" not in message
+    assert f"1 of 2 pictures are in {tmp_path / 'exchange'}" in message
     assert [p.parent.name for p in leftovers(tmp_path)] == ["input", "input", "output"]
 
 

@@ -112,7 +112,7 @@ def test_ctrl_c_ends_the_program_and_says_what_remains(program, scene, tmp_path)
             break
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
-    told = process.communicate(timeout=30)[1]
+    stderr = process.communicate(timeout=30)[1]
     assert process.returncode == 130
-    assert "interrupted; no checkpoint was complete yet" in told
+    assert "interrupted; no checkpoint was complete yet" in stderr
     assert ended([int(pid) for pid in pids.read_text().split()])

@@ -92,12 +92,12 @@ def test_a_model_that_is_nowhere(tmp_path):
         load_pix2pix(tmp_path / "nothing" / "here")
     with pytest.raises(InputError) as caught:
         load_pix2pix("owner/name", weights_dir=tmp_path)
-    told = str(caught.value)
+    message = str(caught.value)
     for place in ("owner/name", str(tmp_path / "owner" / "name"), str(tmp_path / "name")):
-        assert place in told
-    assert "could not be downloaded (no network, or HF_HUB_OFFLINE is set)" in told
-    assert "hf download owner/name --local-dir FOLDER --include" in told
-    assert told.endswith("then bring FOLDER here and add --model FOLDER")
+        assert place in message
+    assert "could not be downloaded (no network, or HF_HUB_OFFLINE is set)" in message
+    assert "hf download owner/name --local-dir FOLDER --include" in message
+    assert message.endswith("then bring FOLDER here and add --model FOLDER")
     with pytest.raises(UsageError, match="micro_batch"):
         load_pix2pix(tmp_path, micro_batch=0)
 
@@ -113,21 +113,21 @@ def snapshot(cache: Path, source: Path) -> Path:
 def test_the_hub_s_cache_comes_before_the_network(folder, tmp_path, monkeypatch):
     monkeypatch.setattr("huggingface_hub.constants.HF_HUB_CACHE", str(tmp_path))
     cached = snapshot(tmp_path, folder)
-    asked = []
+    calls = []
 
     def fetch(model: str, local: bool) -> Path:
-        asked.append(local)
+        calls.append(local)
         if not local:
             raise ConnectionError
         return cached
 
     monkeypatch.setattr(hub, "_fetch", fetch)
     assert hub.find("owner/name") == cached
-    assert asked == [True]
+    assert calls == [True]
     (cached / "unet" / "diffusion_pytorch_model.safetensors").unlink()  # cut off while it came
     with pytest.raises(InputError, match=r"could not be downloaded \(ConnectionError\)"):
         hub.find("owner/name")
-    assert asked == [True, True, False]
+    assert calls == [True, True, False]
     assert hub.find("owner/name", offline=True) == cached  # for the doctor to look at
 
 

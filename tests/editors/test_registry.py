@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import subprocess
 import sys
 from pathlib import Path
 
@@ -103,6 +104,11 @@ def test_ours_are_listed_with_what_they_need():
     assert make_editor().name == "small"
 
 
+def test_listing_them_loads_no_torch():
+    code = "import sys, gsedit.editors as e; e.list_editors(); assert 'torch' not in sys.modules"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
 def test_what_pix2pix_misses_is_named(monkeypatch, tmp_path):
     monkeypatch.setattr("huggingface_hub.constants.HF_HUB_CACHE", str(tmp_path))
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
@@ -185,10 +191,10 @@ def test_the_list_survives_them_all(packages):
     lines = [json.loads(line) for line in result.stdout.splitlines()]
     assert {line["name"] for line in lines} == {*registry.EDITORS, *found}
     assert next(line["name"] for line in lines if line["ready"]) == "small"
-    told = gsedit("editors")
-    assert told.exit_code == 0
-    assert "torn         not ready (from torn)" in told.stdout
-    assert "Traceback" not in told.output
+    result = gsedit("editors")
+    assert result.exit_code == 0
+    assert "torn         not ready (from torn)" in result.stdout
+    assert "Traceback" not in result.output
 
 
 def test_a_third_party_s_editor_from_the_command_line(packages, tmp_path):

@@ -49,7 +49,7 @@ class Unchanged:
         return self.encode(originals)
 
     def branches(self, x: torch.Tensor, t: float, condition: torch.Tensor, need: Any) -> Branches:
-        return Branches(*(condition if asked else None for asked in need))
+        return Branches(*(condition if needed else None for needed in need))
 
 
 def ramps(height: int, width: int) -> torch.Tensor:
