@@ -5,10 +5,9 @@ Each name is imported when it is first used: `import gsedit.errors` loads no tor
 
 from __future__ import annotations
 
-import sys
-from importlib import import_module
-from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from rasterizer.lazy import make_lazy
 
 if TYPE_CHECKING:
     from gsedit.edit import edit, edit_steps
@@ -46,52 +45,19 @@ __all__ = [
     "write_edit",
 ]
 
-_HOMES = {
-    "Checkpoint": "reports.events",
-    "Dataset": "views.dataset",
-    "EditResult": "session.result",
-    "EditSettings": "session.settings",
-    "Event": "reports.events",
-    "FitResult": "fitting.fit",
-    "FitSettings": "fitting.settings",
-    "GseditError": "errors",
-    "InputError": "errors",
-    "UsageError": "errors",
-    "View": "views.dataset",
-    "edit": "edit",
-    "edit_steps": "edit",
-    "fit": "fitting.fit",
-    "fit_steps": "fitting.fit",
-    "load": "files",
-    "load_dataset": "files",
-    "orbit": "views.orbit",
-    "save": "files",
-    "write_edit": "session.folder",
-}
-
-
-def __getattr__(name: str) -> Any:
-    """PEP 562: the object of that name, from the module that defines it."""
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
-
-
-class _Package(ModuleType):
-    """Keeps `gsedit.edit` the function: importing gsedit/edit.py would make it the module.
-
-    The import system sets a submodule as an attribute of its package, which would hide the public
-    name. The module stays in `sys.modules`, where `from gsedit.edit import ...` finds it.
-    """
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        if name in _HOMES and isinstance(value, ModuleType):
-            value = getattr(value, name)
-        super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Package
+make_lazy(
+    __name__,
+    {
+        "edit": ("edit", "edit_steps"),
+        "errors": ("GseditError", "InputError", "UsageError"),
+        "files": ("load", "load_dataset", "save"),
+        "fitting.fit": ("FitResult", "fit", "fit_steps"),
+        "fitting.settings": ("FitSettings",),
+        "reports.events": ("Checkpoint", "Event"),
+        "session.folder": ("write_edit",),
+        "session.result": ("EditResult",),
+        "session.settings": ("EditSettings",),
+        "views.dataset": ("Dataset", "View"),
+        "views.orbit": ("orbit",),
+    },
+)

@@ -1,10 +1,20 @@
-"""A picture of 3D Gaussians and its gradient, on a CPU. Usable alone."""
+"""A picture of 3D Gaussians and its gradient, on a CPU. Usable alone.
 
-from rasterizer.camera import Camera, look_at
-from rasterizer.numerics import Execution, Numerics
-from rasterizer.rasterization import rasterization
-from rasterizer.render import Rendering, contributions, render
-from rasterizer.scene import Gaussians, concatenate
+Each name is imported when it is first used: `import rasterizer.numerics` loads no torch.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rasterizer.lazy import make_lazy
+
+if TYPE_CHECKING:
+    from rasterizer.camera import Camera, look_at
+    from rasterizer.numerics import Execution, Numerics
+    from rasterizer.rasterization import rasterization
+    from rasterizer.render import Rendering, contributions, render
+    from rasterizer.scene import Gaussians, concatenate
 
 __all__ = [
     "Camera",
@@ -18,3 +28,14 @@ __all__ = [
     "rasterization",
     "render",
 ]
+
+make_lazy(
+    __name__,
+    {
+        "camera": ("Camera", "look_at"),
+        "numerics": ("Execution", "Numerics"),
+        "rasterization": ("rasterization",),
+        "render": ("Rendering", "contributions", "render"),
+        "scene": ("Gaussians", "concatenate"),
+    },
+)

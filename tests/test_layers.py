@@ -31,7 +31,7 @@ ORDER = {
     ),
     "rasterizer": (
         "reference", "rasterization", "gsplat_inputs", "render", "splat", "preprocess", "checks",
-        "blending", "tiles", "project", "harmonics", "camera", "scene", "numerics",
+        "blending", "tiles", "project", "harmonics", "camera", "scene", "numerics", "lazy",
     ),
 }  # fmt: skip
 BELOW = {"cli": ("gsedit", "rasterizer"), "gsedit": ("rasterizer",), "rasterizer": ()}

@@ -5,11 +5,10 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
-
-import gsedit
 
 
 def python(code: str) -> subprocess.CompletedProcess[str]:
@@ -19,7 +18,16 @@ def python(code: str) -> subprocess.CompletedProcess[str]:
 
 @pytest.mark.parametrize(
     "module",
-    ["gsedit", "gsedit.errors", "gsedit.files", "gsedit.diffusion.settings", "gsedit_cli.main"],
+    [
+        "gsedit",
+        "gsedit.errors",
+        "gsedit.files",
+        "gsedit.diffusion.settings",
+        "gsedit.session.settings",
+        "gsedit.fitting.settings",
+        "rasterizer.numerics",
+        "gsedit_cli.main",
+    ],
 )
 def test_light_modules_do_not_load_torch(module):
     done = python(f"import sys, {module}; assert not {{'torch', 'numpy'}} & set(sys.modules)")
@@ -51,22 +59,37 @@ def test_gsedit_edit_is_the_function_in_any_order_of_imports(first):
     assert done.returncode == 0, done.stderr
 
 
-def test_every_public_name_is_found_where_type_checkers_are_declared():
-    for name in gsedit.__all__:
-        assert getattr(gsedit, name).__module__.startswith("gsedit.")
-        assert name in dir(gsedit)
-    tree = ast.parse(Path(gsedit.__file__).read_text())
+@pytest.mark.parametrize("first", ["", "import rasterizer.render, rasterizer.rasterization"])
+def test_rasterizer_render_is_the_function_in_any_order_of_imports(first):
+    done = python(
+        f"{first}\n"
+        "import types, rasterizer\n"
+        "from rasterizer import rasterization, render\n"
+        "assert isinstance(render, types.FunctionType), render\n"
+        "assert isinstance(rasterization, types.FunctionType), rasterization\n"
+        "from rasterizer.render import render as same\n"
+        "assert rasterizer.render is same is render\n"
+    )
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    "package", ["gsedit", "gsedit.diffusion", "gsedit.editors", "gsedit.files", "rasterizer"]
+)
+def test_every_public_name_is_found_where_type_checkers_are_told(package):
+    module = import_module(package)
+    for name in module.__all__:
+        assert name in dir(module)
+        assert hasattr(module, name)
+    tree = ast.parse(Path(module.__file__).read_text())
     block = next(node for node in tree.body if isinstance(node, ast.If))
     declared = {
-        alias.name: (node.module or "").removeprefix("gsedit.")
+        alias.name: (node.module or "").removeprefix(f"{package}.")
         for node in block.body
         if isinstance(node, ast.ImportFrom)
         for alias in node.names
     }
-    assert declared == gsedit._HOMES
-    assert sorted(declared) == sorted(gsedit.__all__)
-
-
-def test_a_name_that_is_not_there_is_an_attribute_error():
+    assert declared == module._homes
+    assert sorted(declared) == sorted(module.__all__)
     with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
-        _ = gsedit.nonsense  # pyright: ignore[reportAttributeAccessIssue]
+        _ = module.nonsense

@@ -7,8 +7,9 @@ Each name is imported when it is first used, so that the settings load no torch.
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from rasterizer.lazy import make_lazy
 
 if TYPE_CHECKING:
     from gsedit.diffusion.guidance import Branches, Need, guide, needed
@@ -63,35 +64,30 @@ __all__ = [
     "sample",
 ]
 
-_MODULES = {
-    "guidance": ("Branches", "Need", "guide", "needed"),
-    "predictions": ("Pair", "Prediction", "as_pair"),
-    "predictor": ("Predictor",),
-    "sampler": (
-        "Anchor",
-        "Hook",
-        "SamplerStep",
-        "add_noise",
-        "levels_of",
-        "predict_guided",
-        "sample",
-    ),
-    "schedules": ("CLEAN", "NoiseLevel", "Schedule", "karras_sigmas"),
-    "settings": (
-        "Noise",
-        "Precision",
-        "SamplerDefaults",
-        "SamplerSettings",
-        "Solver",
-        "Spacing",
-        "Target",
-    ),
-}
-_HOMES = {name: module for module, names in _MODULES.items() for name in names}
-
-
-def __getattr__(name: str) -> Any:
-    """PEP 562: `import gsedit.diffusion` itself loads no torch."""
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+make_lazy(
+    __name__,
+    {
+        "guidance": ("Branches", "Need", "guide", "needed"),
+        "predictions": ("Pair", "Prediction", "as_pair"),
+        "predictor": ("Predictor",),
+        "sampler": (
+            "Anchor",
+            "Hook",
+            "SamplerStep",
+            "add_noise",
+            "levels_of",
+            "predict_guided",
+            "sample",
+        ),
+        "schedules": ("CLEAN", "NoiseLevel", "Schedule", "karras_sigmas"),
+        "settings": (
+            "Noise",
+            "Precision",
+            "SamplerDefaults",
+            "SamplerSettings",
+            "Solver",
+            "Spacing",
+            "Target",
+        ),
+    },
+)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from rasterizer.lazy import make_lazy
 
 if TYPE_CHECKING:
     from gsedit.files.atomic import atomic_path
@@ -22,20 +23,12 @@ __all__ = [
     "save",
 ]
 
-_HOMES = {
-    "atomic_path": "atomic",
-    "load_dataset": "datasets",
-    "PlyFile": "ply",
-    "read_ply": "ply",
-    "SceneFile": "scenes",
-    "load": "scenes",
-    "read_scene": "scenes",
-    "save": "scenes",
-}
-
-
-def __getattr__(name: str) -> Any:
-    """PEP 562: `import gsedit.files` itself loads neither torch nor NumPy."""
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+make_lazy(
+    __name__,
+    {
+        "atomic": ("atomic_path",),
+        "datasets": ("load_dataset",),
+        "ply": ("PlyFile", "read_ply"),
+        "scenes": ("SceneFile", "load", "read_scene", "save"),
+    },
+)

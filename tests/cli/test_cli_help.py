@@ -10,20 +10,18 @@ import pytest
 from command_line import files, gsedit, one_line
 
 VERBS = ("fit", "edit", "render", "preview", "info", "editors", "doctor")
-DERIVED = ("fit", "edit")
-"""Verbs whose options are derived from settings records."""
 
 
 @pytest.mark.parametrize(
     ("verbs", "heavy"),
     [
         (
-            [v for v in VERBS if v not in DERIVED],
+            [verb for verb in VERBS if verb != "edit"],
             "torch numpy open3d pyvista matplotlib kornia PIL",
         ),
-        (DERIVED, "open3d pyvista matplotlib"),  # torch comes with the settings records
+        (["edit"], "open3d pyvista matplotlib"),  # torch comes with the strategies
     ],
-    ids=["others", "derived from settings"],
+    ids=["others", "edit"],
 )
 def test_help_loads_nothing_heavy(verbs, heavy):
     code = (
