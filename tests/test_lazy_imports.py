@@ -74,7 +74,15 @@ def test_rasterizer_render_is_the_function_in_any_order_of_imports(first):
 
 
 @pytest.mark.parametrize(
-    "package", ["gsedit", "gsedit.diffusion", "gsedit.editors", "gsedit.files", "rasterizer"]
+    "package",
+    [
+        "gsedit",
+        "gsedit.diffusion",
+        "gsedit.editors",
+        "gsedit.editors.small",
+        "gsedit.files",
+        "rasterizer",
+    ],
 )
 def test_every_public_name_is_found_where_type_checkers_are_told(package):
     module = import_module(package)
