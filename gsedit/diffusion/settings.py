@@ -37,13 +37,13 @@ class SamplerSettings:
     """Denoising steps, from 1 to 1000. The time of an edit is proportional to it."""
     guidance_text: float | None = field(default=None, metadata={"flag": "--guidance"})
     """Weight of the instruction, s_T of InstructPix2Pix, 0 or more; 1 or less adds no push towards
-    it. None: the editor's default (7.5; small 1.4)."""
+    it. None: the editor's own (7.5; small 1.4)."""
     guidance_image: float | None = field(default=None, metadata={"flag": "--image-guidance"})
     """Weight of the unedited picture, s_I of InstructPix2Pix, 0 or more; 1 skips the unconditional
-    branch, a third of the cost. None: the editor's default (1.5; small 1)."""
+    branch, a third of the cost. None: the editor's own (1.5; small 1)."""
     strength: float = 0.98
-    """Fraction of the noise schedule at which the noised render starts, above 0 and at most 1.
-    At 1 nothing of the render is left; less keeps more of it."""
+    """Fraction of the noise schedule at which the noised render starts, above 0 and at most 1;
+    less keeps more of the render."""
     solver: Solver = "ddim"
     """How a step is taken. heun runs the network twice a step; ancestral draws fresh noise."""
     spacing: Spacing = "leading"
@@ -71,8 +71,8 @@ class SamplerSettings:
     """Arithmetic of the network. auto takes bfloat16 where the processor has it and its error,
     measured on the first pass, is at most 2 %."""
     temperature: float | None = None
-    """Factor of the starting noise, from 0 to 1: 1 samples the editor's whole distribution, 0 gives
-    the same result for every seed. None: the editor's default (1; small 0.2)."""
+    """Factor of the starting noise, from 0 to 1: 1 samples the editor's whole distribution, 0
+    starts without noise. None: the editor's own (1; small 0.2)."""
 
     def __post_init__(self) -> None:
         self._check_ranges()
