@@ -1,4 +1,4 @@
-"""What the cells of a cluster have in common while views are edited: values, and noise.
+"""Consensus of corresponding cells while views are sampled, and the noise that they share.
 
 `v` views, `c` channels, `y x` latent cells, `n` = y x cells in a view, `k` clusters, `m` cells that
 are in one. Labels name each cell's cluster, -1 for none; a cluster has at most one cell a view.

@@ -21,9 +21,10 @@ in log s: 20 Euler steps of it diverge. A narrow one overshoots to 7.5 m - 6 z.)
 Choice. A view's cells choose their variant together, by <q, m_j - m_k> / s^2. Were it read off the
 pixels, some 10^5 of them would decide it in the first step, before views can agree, and in favour
 of the variant towards which guidance overshoots. So the picture's share of the latent is small
-(`Shape.radius`), the noise hides it at first, and the codes decide: equally far from each other
-and from the unedited picture, hence equally likely, and of a size (`Shape.code`) at which the
-decision falls into the consensus window. Without consensus every view chooses by its own noise.
+(`Distribution.radius`), the noise hides it at first, and the codes decide: equally far from each
+other and from the unedited picture, hence equally likely, and of a size (`Distribution.code`) at
+which the decision falls into the consensus window. Without consensus every view chooses by its own
+noise.
 """
 
 from __future__ import annotations
@@ -63,32 +64,32 @@ def fine_schedule() -> Schedule:
 
 @dataclass(frozen=True)
 class Perturbation:
-    """What 2D editors do differently from view to view, as standard deviations.
+    """How 2D editors differ from view to view, as standard deviations.
 
     Single views of a detailed photo are then 23 to 26 dB from the unperturbed variant, which shows
     when they are flicked through; the mean of four views comes back to 27 to 31 dB.
     """
 
     gain: float = 0.05
-    """Of the factor on all values: exposure flicker; three sigma are a fifth of a stop."""
+    """Of the factor on all values, about 1: exposures differ; three sigma are a fifth of a stop."""
     hue: float = 4.0
-    """Degrees about the grey axis: tints drift, names of colours do not change."""
+    """Degrees about the grey axis: tints differ, names of colours do not."""
     shift: float = 0.35
     """Pixels along each axis: a latent cell is 8, so structure is placed to a fraction of it."""
 
 
 @dataclass(frozen=True)
-class Shape:
+class Distribution:
     """Sizes and widths of the distributions, in units of the noise unless stated."""
 
     radius: float = 2.5
     """Norm of the latent of a picture that is black or white everywhere, of any size: at the end of
-    the consensus window (s = 4) variants half as far apart are still less than one sigma apart."""
+    the consensus window (s = 4), variants half as far apart are still less than one sigma apart."""
     code: float = 4.5
     """Norm of all codes of a picture. Measured with 4 views over 12 seeds: from 2 to 3.5 views with
-    few matches do not agree yet, from 6.5 each view has chosen before consensus can tell it."""
+    few matches do not agree yet; from 6.5 on each view has chosen before consensus acts."""
     width: float = 0.03
-    """w, standard deviation of a component in pixel values of [-1, 1]: below what is seen."""
+    """w, standard deviation of a component in pixel values of [-1, 1]: below what is visible."""
     share: float = 0.1
     """a, the share of this edit in the image branch; agreement hardly depends on it."""
 
@@ -147,7 +148,7 @@ class ClosedForm:
     """The Denoiser: exact scores on a latent that is the picture itself, cell by cell."""
 
     perturbation: Perturbation = Perturbation()
-    shape: Shape = Shape()
+    distribution: Distribution = Distribution()
     schedule: Schedule = field(default_factory=fine_schedule)
     name: str = "closed-form"
     cell: int = CELL
@@ -184,13 +185,13 @@ class ClosedForm:
         base = self.encode(originals)
         offsets = torch.stack([self.encode(variant) for variant in variants]) - base
         offsets[:, :, -CODE:] = self._codes(base)[:, None]
-        width = self.shape.width * self._scale(originals.shape[1:3].numel())
+        width = self.distribution.width * self._scale(originals.shape[1:3].numel())
         # weights pi_k such that from the noised original every variant is as likely as another
         ab = self.schedule.alpha(FIRST_T)
         variance = width**2 + (1 - ab) / ab
         energy = offsets.flatten(2).double().square().sum(-1).T
         log_weights = (energy / (2 * variance)).log_softmax(-1)
-        share = self.shape.share
+        share = self.distribution.share
         unedited = log_weights.new_full((len(base), 1), math.log1p(-share))
         return Condition(
             Mixture(base, offsets, log_weights, width),
@@ -246,12 +247,14 @@ class ClosedForm:
         """The corners of a regular triangle about 0, the same in every cell."""
         y, x = latents.shape[2:]
         angles = 2 * torch.pi / VARIANTS * torch.arange(VARIANTS).to(latents)
-        corners = torch.stack((angles.cos(), angles.sin()), 1) * (self.shape.code / (y * x) ** 0.5)
+        corners = torch.stack((angles.cos(), angles.sin()), 1) * (
+            self.distribution.code / (y * x) ** 0.5
+        )
         return corners[:, :, None, None].expand(-1, -1, y, x)
 
     def _scale(self, pixels: int) -> float:
         """Latent units per unit of a value in [-1, 1]."""
-        return self.shape.radius / math.sqrt(3 * pixels)
+        return self.distribution.radius / math.sqrt(3 * pixels)
 
 
 def _prior_mean(

@@ -97,7 +97,7 @@ def test_latent_is_an_isometry_with_an_exact_inverse():
     za, zb = model.encode(a), model.encode(b)
     assert za.shape == (2, model.channels, 3, 5)
     assert not za[:, -CODE:].any()
-    scale = model.shape.radius / math.sqrt(3 * 24 * 40)
+    scale = model.distribution.radius / math.sqrt(3 * 24 * 40)
     torch.testing.assert_close((za - zb).norm(), 2 * scale * (a - b).norm())
     torch.testing.assert_close(model.decode(za), a)
 

@@ -63,13 +63,16 @@ class Weights:
 
     @property
     def problems(self) -> tuple[str, ...]:
+        """Those of all parts."""
         return tuple(chain.from_iterable(part.problems for part in self.parts))
 
     @property
     def complete(self) -> bool:
+        """Whether it can be loaded."""
         return not self.problems
 
     def variant(self, part: str) -> str | None:
+        """Which copy of a part's weights there is: None (full precision) or `fp16`."""
         return next(each.variant for each in self.parts if each.name == part)
 
     def require(self) -> Weights:
