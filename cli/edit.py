@@ -96,7 +96,11 @@ def edit(
         "preset": preset, "vgg": vgg, "seed": common.seed,
     }  # fmt: skip
     result = run_and_write(steps, out, instruction, request, as_json=common.json)
-    record = {"folder": out, "scene": out / "scene.ply", "ground_truth": result.ground_truth}
+    record = {
+        "folder": out,
+        "scene": out / "scene.ply",
+        "ground_truth": result.quality.ground_truth,
+    }
     print_result(record, str(out / "scene.ply"), as_json=common.json)
 
 

@@ -30,11 +30,12 @@ def run(path: str, data: str, prompt: str, seeds: int = 3) -> None:
                 settings=settings,
                 generator=torch.Generator().manual_seed(seed),
             )
+            quality = result.quality
             sys.stdout.write(
-                f"seed {seed} {name:11s} {result.ground_truth:.2f} dB to the ground truth, "
-                f"{result.residual:.2f} dB to the targets, strength {result.strength:.3f}, "
+                f"seed {seed} {name:11s} {quality.ground_truth:.2f} dB to the ground truth, "
+                f"{quality.residual:.2f} dB to the targets, strength {quality.strength:.3f}, "
                 f"{result.timings['total']:.0f} s, {len(result.targets)} views, "
-                f"covering {result.plan.coverage[-1]:.0%}, {result.matched:.0%} matched\n"
+                f"covering {result.plan.coverage[-1]:.0%}, {quality.matched:.0%} matched\n"
             )
             sys.stdout.flush()
 

@@ -15,10 +15,9 @@ from gsedit.errors import UsageError
 from gsedit.fitting.optimiser import SceneOptimiser
 from gsedit.fitting.update import rates
 from gsedit.measures.features import FeatureExtractor, FilterBank
-from gsedit.measures.metrics import edit_strength, psnr
 from gsedit.reports.events import Checkpoint, Event
 from gsedit.reports.stopwatch import Stopwatch
-from gsedit.session.probe import mean, measure
+from gsedit.session.quality import assess, measure
 from gsedit.session.result import EditResult
 from gsedit.session.session import EditedViews, Request, Session, survey_views
 from gsedit.session.settings import EditSettings
@@ -139,7 +138,6 @@ def _finish(session: Session, strategy: Strategy) -> Iterator[Event | EditResult
         for i in edited.targets
     )
     yield final.event("measure", session.stopwatch.seconds)
-    is_true = edited.ground_truth is not None and request.held_out
     yield EditResult(
         scene=scene,
         originals=originals,
@@ -148,10 +146,6 @@ def _finish(session: Session, strategy: Strategy) -> Iterator[Event | EditResult
         settings=session.settings,
         strategy=strategy,
         plan=session.surveyed.plan,
-        matched=mean(share for *_, share in edited.pairs) if edited.pairs else None,
-        pairs=tuple(edited.pairs),
-        strength=mean(edit_strength(a.image, b.image) for a, b in zip(originals, finals)),
-        residual=mean(psnr(a.image, b.image) for a, b in zip(finals, targets)),
-        ground_truth=final.decibels if is_true else None,
+        quality=assess(session, originals, finals, final),
         timings=session.stopwatch.stages | {"total": session.stopwatch.seconds},
     )

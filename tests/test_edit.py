@@ -73,11 +73,13 @@ def test_an_edit_moves_the_scene_to_the_known_answer(scene, data):
     result = items[-1]
     assert isinstance(result, EditResult)
     measured = [e.error for e in items if isinstance(e, Event) and e.error is not None]
-    assert measured[-1] == pytest.approx(10 ** (-result.ground_truth / 20))
+    assert measured[-1] == pytest.approx(10 ** (-result.quality.ground_truth / 20))
     before = capture(scene, [v.camera for v in data.views[::8]], ["a", "b"])
     unedited = [(v.image - v.image.flip(-1)).square().mean() for v in before]
     assert measured[-1] < 0.8 * torch.stack(unedited).mean().sqrt()
-    assert result.strength > 0.02  # of the 0.13 that lie between the pictures and their answers
+    assert (
+        result.quality.strength > 0.02
+    )  # of the 0.13 that lie between the pictures and their true edits
     # the same cameras three times
     assert [v.name for v in result.originals] == [v.name for v in result.targets]
     assert [v.name for v in result.finals] == [v.name for v in result.targets]
@@ -158,14 +160,14 @@ def test_views_need_not_divide_into_cells(scene, preset):
     settings = replace(SMALL, sampler=sampler, geometry="full")
     result = run(scene, views, make_editor("closed-form"), settings, steps=2)[-1]
     assert result.targets[0].image.shape == (84, 100, 3)
-    assert result.matched > 0
+    assert result.quality.matched > 0
 
 
 def test_one_view_can_be_edited_alone(scene, data):
     quick = replace(SMALL, views_per_round=1, rounds=1)
     result = run(scene, Dataset(data.views[:1]), make_editor("closed-form"), quick, steps=2)[-1]
-    assert result.matched is None
-    assert result.ground_truth is None
+    assert result.quality.matched is None
+    assert result.quality.ground_truth is None
     assert len(result.targets) == 1
 
 
@@ -179,10 +181,11 @@ def test_appearance_leaves_geometry_alone_and_full_does_not(scene, data):
 
 
 def test_the_closed_form_edit_agrees_and_beats_the_same_without_consensus(scene, data):
-    settings = SMALL
-    alone = replace(settings, sampler=SamplerSettings(consensus=False))
-    together = run(scene, data, make_editor("closed-form"), settings, steps=40)[-1].ground_truth
-    apart = run(scene, data, make_editor("closed-form"), alone, steps=40)[-1].ground_truth
+    alone = replace(SMALL, sampler=SamplerSettings(consensus=False))
+    together, apart = (
+        run(scene, data, make_editor("closed-form"), chosen, steps=40)[-1].quality.ground_truth
+        for chosen in (SMALL, alone)
+    )
     assert together > apart + 2
 
 
@@ -200,7 +203,7 @@ def test_an_edit_without_cameras_places_them(scene):
     quick = replace(SMALL, rounds=1)
     result = run(scene, None, Swapped(), quick, steps=1)[-1]
     assert all(v.name.startswith("orbit") for v in result.targets)
-    assert result.matched > 0
+    assert result.quality.matched > 0
 
 
 def test_the_same_seed_gives_the_same_edit(scene, data):

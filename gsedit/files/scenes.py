@@ -12,17 +12,12 @@ from torch import Tensor
 
 from gsedit.errors import InputError, UsageError
 from gsedit.files.atomic import atomic_path
+from gsedit.files.compressed_ply import is_compressed, read_compressed, write_compressed
 from gsedit.files.inputs import existing_file
 from gsedit.files.inria import field_columns, read_inria, write_inria
-from gsedit.files.packed import (
-    is_compressed,
-    read_compressed,
-    read_splat,
-    read_spz,
-    write_compressed,
-    write_spz,
-)
 from gsedit.files.ply import read_ply_header
+from gsedit.files.splat import read_splat
+from gsedit.files.spz import read_spz, write_spz
 from rasterizer.scene import Gaussians
 
 READABLE = (".ply", ".compressed.ply", ".spz", ".splat")

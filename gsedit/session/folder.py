@@ -56,14 +56,7 @@ def edit_record(result: EditResult) -> dict[str, Any]:
         "timings": result.timings,
         "gaussians": len(result.scene),
         "edited_views": [view.name for view in result.targets],
-        "measured": {
-            "matched": result.matched,
-            "pairs": result.pairs,
-            "coverage": result.plan.coverage[-1],
-            "strength": result.strength,
-            "residual": result.residual,
-            "ground_truth": result.ground_truth,
-        },
+        "measured": result.quality,
         **environment(),
     }
 

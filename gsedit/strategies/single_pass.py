@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from gsedit.errors import UsageError
 from gsedit.reports.events import Checkpoint, Event
-from gsedit.session.editing import edit_views
+from gsedit.session.edit_views import edit_views
+from gsedit.session.fit_targets import checkpoint, fit_targets
 from gsedit.session.session import Session
-from gsedit.session.update import checkpoint, fit_targets
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from gsedit.reports.journal import read_events
 
 
 def stub_edit(monkeypatch, *, end: BaseException | None = None):
+    from gsedit.session.quality import EditQuality
     from gsedit.session.result import EditResult
     from gsedit.views.plan import ViewPlan
 
@@ -33,11 +34,7 @@ def stub_edit(monkeypatch, *, end: BaseException | None = None):
             settings=settings,
             strategy=strategy,
             plan=ViewPlan(((0,),), (1.0,)),
-            matched=0.5,
-            pairs=(("a", "b", 0.5),),
-            strength=0.1,
-            residual=float("inf"),
-            ground_truth=None,
+            quality=EditQuality(0.5, (("a", "b", 0.5),), 1.0, 0.1, float("inf"), None),
             timings={"total": 2.0},
         )
 

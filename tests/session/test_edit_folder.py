@@ -55,7 +55,7 @@ def test_one_call_writes_the_folder_of_the_command(edited, tmp_path):
     assert (record["instruction"], record["seed"]) == ("as bronze", 0)
     assert record["strategy"] == {"name": "SinglePass", "update_steps": 2}
     assert record["settings"]["update"]["patch"] == 16
-    assert record["measured"]["ground_truth"] == pytest.approx(result.ground_truth)
+    assert record["measured"]["ground_truth"] == pytest.approx(result.quality.ground_truth)
     assert record["edited_views"] == [view.name for view in result.targets]
     assert record["versions"]["torch"] == torch.__version__
 

@@ -15,10 +15,10 @@ from gsedit.editors import make_editor
 from gsedit.errors import UsageError
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.reports.events import Checkpoint, Event
-from gsedit.session.editing import edit_views
+from gsedit.session.edit_views import edit_views
+from gsedit.session.fit_targets import checkpoint, fit_targets
 from gsedit.session.session import Session
 from gsedit.session.settings import EditSettings
-from gsedit.session.update import checkpoint, fit_targets
 from gsedit.strategies.single_pass import SinglePass
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 from gsedit.views.dataset import Dataset, capture
@@ -94,13 +94,13 @@ def test_strategies_are_found_by_the_name_of_their_file():
 
 
 def test_a_new_file_is_a_new_strategy(monkeypatch, tmp_path):
-    (tmp_path / "throw_away.py").write_text(
+    (tmp_path / "trial_run.py").write_text(
         "from dataclasses import dataclass\n"
         "@dataclass(frozen=True)\n"
-        "class ThrowAway:\n"
+        "class TrialRun:\n"
         "    pace: float = 2.0\n"
         "    def __call__(self, session): yield from ()\n"
     )
     monkeypatch.setattr(strategies, "__path__", [*strategies.__path__, str(tmp_path)])
-    assert "throw-away" in strategies.strategy_names()
-    assert strategies.find_strategy("throw-away")().pace == 2.0
+    assert "trial-run" in strategies.strategy_names()
+    assert strategies.find_strategy("trial-run")().pace == 2.0

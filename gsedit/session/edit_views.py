@@ -14,7 +14,7 @@ from gsedit.consistency.correspond import Correspondences, correspond
 from gsedit.diffusion import SamplerSettings
 from gsedit.editors.protocol import EditBatch
 from gsedit.reports.events import Event
-from gsedit.session.probe import mean
+from gsedit.session.quality import mean
 from gsedit.session.session import Session
 from gsedit.views.dataset import View
 from gsedit.views.padding import pad_camera, pad_to_multiple

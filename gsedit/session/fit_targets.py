@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from gsedit.fitting.update import update_steps
 from gsedit.reports.events import Checkpoint, Event
-from gsedit.session.probe import measure
+from gsedit.session.quality import measure
 from gsedit.session.session import Session
 
 MEASURE_EVERY = 50

@@ -1,17 +1,36 @@
-"""How far the scene is from what it should become."""
+"""What is measured: while an edit goes on, and of its result."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from gsedit.measures.decibels import rmse_from_psnr
-from gsedit.measures.metrics import psnr
+from gsedit.measures.metrics import edit_strength, psnr
 from gsedit.reports.events import Event
 from gsedit.session.session import Session
+from gsedit.views.dataset import View
 
 PROGRESS_VIEWS = 3
 """Held-out views that are measured while the work goes on; all of them are at its end."""
+
+
+@dataclass(frozen=True)
+class EditQuality:
+    """What edit.json has under "measured": a new metric is a field here and a line in `assess`."""
+
+    matched: float | None
+    """Mean fraction of latent cells matched between two views of a batch; None without any two."""
+    pairs: tuple[tuple[str, str, float], ...]
+    """(view, view, matched fraction) of every two views that were in a batch together."""
+    coverage: float
+    """Share of what all views see that the planned views show well, in [0, 1]."""
+    strength: float
+    """RMSE between renders of the unedited and of the edited scene: 0 is no edit at all."""
+    residual: float
+    """Mean PSNR of the final renders against the edited 2D pictures, dB; higher is closer."""
+    ground_truth: float | None
+    """Mean PSNR to the true edit at the held-out cameras, dB; None where it is unknown."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +65,26 @@ def measure(session: Session, views: int = PROGRESS_VIEWS) -> Measurement:
         against = "edited pictures"
     decibels = mean(psnr(session.render(c), image) for c, image in zip(cameras, expected))
     return Measurement(decibels, against)
+
+
+def assess(
+    session: Session, originals: Sequence[View], finals: Sequence[View], final: Measurement
+) -> EditQuality:
+    """Of the result: the same views `originals` before and `finals` after the edit.
+
+    `final` was measured on all held-out views.
+    """
+    edited = session.edited
+    targets = edited.targets.values()
+    is_true = edited.ground_truth is not None and session.request.held_out
+    return EditQuality(
+        matched=mean(share for *_, share in edited.pairs) if edited.pairs else None,
+        pairs=tuple(edited.pairs),
+        coverage=session.surveyed.plan.coverage[-1],
+        strength=mean(edit_strength(a.image, b.image) for a, b in zip(originals, finals)),
+        residual=mean(psnr(a.image, b.image) for a, b in zip(finals, targets)),
+        ground_truth=final.decibels if is_true else None,
+    )
 
 
 def mean(values: Iterable[float]) -> float:
