@@ -99,7 +99,7 @@ def edit(
     record = {
         "folder": out,
         "scene": out / "scene.ply",
-        "ground_truth": result.quality.ground_truth,
+        "ground_truth": result.quality.psnr_to_ground_truth,
     }
     print_result(record, str(out / "scene.ply"), as_json=common.json)
 
@@ -163,7 +163,7 @@ def run_and_write(
                 show(event)
 
             result = run_to_result(steps, write_and_show, checkpoints)
-        write_edit(out, instruction, result, journal.records, request=request, overwrite=True)
+        write_edit(out, result, request=request, overwrite=True)
     print_message(table(journal.records))
     print_message(
         f"results are in {out}; look at {out / 'before_after.png'}, then: "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator
-from dataclasses import replace
+from dataclasses import is_dataclass, replace
 
 import torch
 from jaxtyping import Float
@@ -21,7 +21,7 @@ from gsedit.session.quality import assess, measure
 from gsedit.session.result import EditResult
 from gsedit.session.session import EditedViews, Request, Session, survey_views
 from gsedit.session.settings import EditSettings
-from gsedit.strategies import DEFAULT, Strategy, find_strategy
+from gsedit.strategies import DEFAULT, Strategy, find_strategy, name_of
 from gsedit.views.dataset import Dataset, View, capture
 from gsedit.views.framing import bounds
 from gsedit.views.orbit import orbit, orbit_names
@@ -48,7 +48,7 @@ def edit_steps(
     Without a dataset, cameras are placed around the scene. Every 8th view is never edited: there
     the result is measured. `strategy` defaults to the single pass, `features` (of the Gram loss) to
     a bank of oriented filters. Raises UsageError for an instruction the editor cannot follow, an
-    empty scene, or views of different sizes.
+    empty scene, views of different sizes, or a strategy that is no dataclass.
     """
     editor.check(prompt)
     if not len(scene):
@@ -58,16 +58,18 @@ def edit_steps(
     sampler = settings.sampler.with_defaults(editor.capabilities.defaults)
     settings = replace(settings, sampler=sampler)
     strategy = strategy or find_strategy(DEFAULT)()
-    if advice := editor.capabilities.advice(prompt):
-        yield Event("advice", 0.0, note=advice)
+    if not is_dataclass(strategy):
+        raise UsageError(f"{strategy!r} is no strategy: it must be a dataclass of its settings")
     views, held_out = _split(dataset or around(scene))
     features = features or FilterBank()
     request = Request(
         scene.detach(), prompt, views, held_out, editor, settings, features, generator
     )
-    session = yield from _begin(request)
-    yield from strategy(session)
-    yield from _finish(session, strategy)
+    events: list[Event] = []
+    for item in _run(request, strategy):
+        if isinstance(item, Event):
+            events.append(item)
+        yield replace(item, events=tuple(events)) if isinstance(item, EditResult) else item
 
 
 def edit(
@@ -114,6 +116,15 @@ def _split(dataset: Dataset) -> tuple[tuple[View, ...], tuple[View, ...]]:
     return (views, held_out) if views else (held_out, ())
 
 
+def _run(request: Request, strategy: Strategy) -> Iterator[Event | Checkpoint | EditResult]:
+    """The edit, after everything that can be refused was checked."""
+    if advice := request.editor.capabilities.advice(request.prompt):
+        yield Event("advice", 0.0, note=advice)
+    session = yield from _begin(request)
+    yield from strategy(session)
+    yield from _finish(session, strategy)
+
+
 def _begin(request: Request) -> Generator[Event, None, Session]:
     """Survey the views; the optimiser starts from the unedited scene."""
     stopwatch = Stopwatch()
@@ -121,30 +132,34 @@ def _begin(request: Request) -> Generator[Event, None, Session]:
     surveyed = yield from survey_views(request, stopwatch)
     moving = rates(request.settings.geometry, bounds(request.scene).radius)
     optimiser = SceneOptimiser(request.scene, moving)
-    return Session(request, surveyed, EditedViews(), optimiser, stopwatch, noise_seed)
+    renderings = dict(surveyed.planned)
+    return Session(request, surveyed, renderings, EditedViews(), optimiser, stopwatch, noise_seed)
 
 
 def _finish(session: Session, strategy: Strategy) -> Iterator[Event | EditResult]:
     """Measure the edited scene and hand everything over."""
-    scene = session.scene.map(torch.clone)
-    edited, request = session.edited, session.request
-    targets = tuple(edited.targets.values())
+    scene, request = session.scene.map(torch.clone), session.request
+    targets = tuple(session.edited.targets.values())
+    indices = tuple(session.edited.targets or session.surveyed.plan.views)
+    views = [request.views[i] for i in indices]
     with session.stopwatch.stage("measure"):
-        cameras, names = [t.camera for t in targets], [t.name for t in targets]
+        cameras, names = [v.camera for v in views], [v.name for v in views]
         finals = capture(scene, cameras, names, session.settings.execution)
         final = measure(session, len(request.held_out))
     originals = tuple(
-        replace(request.views[i], image=session.unedited_rendering(i).color.clamp(0, 1))
-        for i in edited.targets
+        replace(view, image=session.unedited_rendering(i).color.clamp(0, 1))
+        for i, view in zip(indices, views)
     )
     yield final.event("measure", session.stopwatch.seconds)
     yield EditResult(
+        prompt=request.prompt,
         scene=scene,
         originals=originals,
         targets=targets,
         finals=finals,
         settings=session.settings,
         strategy=strategy,
+        strategy_name=name_of(strategy),
         plan=session.surveyed.plan,
         quality=assess(session, originals, finals, final),
         timings=session.stopwatch.stages | {"total": session.stopwatch.seconds},

@@ -31,7 +31,7 @@ class Swapped:
     """A 2D editor that needs no diffusion: red and blue change places, black stays black."""
 
     name, cell = "swapped", 8
-    capabilities = Capabilities(ground_truth=lambda *batch: lambda pictures: pictures.flip(-1))
+    capabilities = Capabilities(find_ground_truth=lambda *batch: lambda pictures: pictures.flip(-1))
 
     def check(self, prompt):
         if not prompt:
@@ -73,7 +73,7 @@ def test_an_edit_moves_the_scene_to_the_known_answer(scene, data):
     result = items[-1]
     assert isinstance(result, EditResult)
     measured = [e.error for e in items if isinstance(e, Event) and e.error is not None]
-    assert measured[-1] == pytest.approx(10 ** (-result.quality.ground_truth / 20))
+    assert measured[-1] == pytest.approx(10 ** (-result.quality.psnr_to_ground_truth / 20))
     before = capture(scene, [v.camera for v in data.views[::8]], ["a", "b"])
     unedited = [(v.image - v.image.flip(-1)).square().mean() for v in before]
     assert measured[-1] < 0.8 * torch.stack(unedited).mean().sqrt()
@@ -167,7 +167,7 @@ def test_one_view_can_be_edited_alone(scene, data):
     quick = replace(SMALL, views_per_round=1, rounds=1)
     result = run(scene, Dataset(data.views[:1]), make_editor("closed-form"), quick, steps=2)[-1]
     assert result.quality.matched is None
-    assert result.quality.ground_truth is None
+    assert result.quality.psnr_to_ground_truth is None
     assert len(result.targets) == 1
 
 
@@ -183,10 +183,10 @@ def test_appearance_leaves_geometry_alone_and_full_does_not(scene, data):
 def test_the_closed_form_edit_agrees_and_beats_the_same_without_consensus(scene, data):
     alone = replace(SMALL, sampler=SamplerSettings(consensus=False))
     together, apart = (
-        run(scene, data, make_editor("closed-form"), chosen, steps=40)[-1].quality.ground_truth
+        run(scene, data, make_editor("closed-form"), chosen, steps=40)[-1].quality
         for chosen in (SMALL, alone)
     )
-    assert together > apart + 2
+    assert together.psnr_to_ground_truth > apart.psnr_to_ground_truth + 2
 
 
 def test_photos_can_be_the_condition(scene, data):

@@ -160,7 +160,7 @@ class ClosedForm:
     @property
     def capabilities(self) -> Capabilities:
         """It runs no network, and its edits have a known ground truth."""
-        return Capabilities(ground_truth=self.ground_truth)
+        return Capabilities(find_ground_truth=self.find_ground_truth)
 
     def check(self, prompt: str) -> None:
         """Raise UsageError if the instruction names no look."""
@@ -220,7 +220,7 @@ class ClosedForm:
             eps(_prior_mean(q, variance, condition.image)) if need.none else None,
         )
 
-    def ground_truth(
+    def find_ground_truth(
         self,
         prompt: str,
         edited: Float[Tensor, "v h w 3"],

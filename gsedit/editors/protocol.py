@@ -67,7 +67,7 @@ class Capabilities:
     but for rounding. None where no network is run: then memory is not measured."""
     advice: Callable[[str], str] = no_advice
     """A remark about an instruction that `check` accepts; empty if there is none."""
-    ground_truth: (
+    find_ground_truth: (
         Callable[
             [str, Float[Tensor, "v h w 3"], Float[Tensor, "v h w 3"]],
             GroundTruth | None,

@@ -73,9 +73,11 @@ def fit_steps(
             f"{len(dataset)} view(s) are too few to fit: every 8th is held out; add photos"
         )
     budget = Budget(settings.steps, settings.seconds)
-    scene = start if start is not None else initial_scene(dataset, settings.sh_degree, generator)
+    if start is None:
+        start = initial_scene(dataset, settings.sh_degree, generator)
     extent = _camera_extent(dataset.views)
-    work = _Fit(scene, train, held_out, extent, settings, generator, budget)
+    work = _Fit(start, train, held_out, extent, settings, generator, budget)
+    del start  # the optimiser has copies
     while not work.budget.finished:
         work.step()
         work.densify_if_due()
@@ -140,9 +142,13 @@ class _Fit:
         self.gradients.add(optimiser.gradient("means"), scene, view.camera)
         optimiser.step({k: v**self.budget.progress for k, v in FINAL_RATE.items()})
         self.budget.step += 1
-        value = loss.item()
-        previous = value if self.loss is None else self.loss
-        self.loss = LOSS_DECAY * previous + (1 - LOSS_DECAY) * value
+        self._count_loss(loss.item())
+
+    def _count_loss(self, value: float) -> None:
+        """The running mean starts at the first value."""
+        if self.loss is not None:
+            value = LOSS_DECAY * self.loss + (1 - LOSS_DECAY) * value
+        self.loss = value
 
     def _next_view(self) -> View:
         """A photo as coarse as the budget says; each once in a random order, then anew."""
@@ -181,7 +187,8 @@ class _Fit:
         seconds = self.budget.seconds
         if seconds - self.last_checkpoint > self.settings.checkpoint_seconds:
             self.last_checkpoint = seconds
-            yield Checkpoint(self.optimiser.scene.detach(), self.budget.step, seconds)
+            scene = self.optimiser.scene.detach().map(torch.clone)
+            yield Checkpoint(scene, self.budget.step, seconds)
 
     def finish(self) -> Iterator[Event | FitResult]:
         """The last measurement, and the result."""

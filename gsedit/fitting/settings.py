@@ -77,3 +77,13 @@ class FitSettings:
                 raise UsageError(f"the budget in {name} is {value}: give a number above 0")
         if not 0 <= self.sh_degree <= 3:
             raise UsageError(f"SH degree {self.sh_degree} is not in 0 to 3, what .ply files hold")
+        for name in ("max_gaussians", "densify_every", "report_every", "evaluations"):
+            if not getattr(self, name) >= 1:
+                raise UsageError(f"{name} is {getattr(self, name)}: give 1 or more")
+        for name in ("dssim_weight", "densify_until", "densify_fraction", "prune_opacity"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise UsageError(f"{name} is {getattr(self, name)}: give a number from 0 to 1")
+        if self.opacity_reset is not None and not 0 <= self.opacity_reset <= 1:
+            raise UsageError(f"opacity_reset is {self.opacity_reset}: give 0 to 1, or None")
+        if not self.checkpoint_seconds >= 0:
+            raise UsageError(f"checkpoint_seconds is {self.checkpoint_seconds}: give 0 or more")

@@ -22,7 +22,7 @@ from gsedit.views.padding import pad_camera, pad_to_multiple
 WEAK_MATCH = 0.05
 """Below this fraction of matched cells a pair of views has little to agree on: worth a warning."""
 ANCHORS = 4
-"""Finished views that the next batch is tied to. They cost no network call, only comparisons."""
+"""Most finished views that the next batch is tied to. They cost comparisons, no network call."""
 
 
 def edit_views(
@@ -32,23 +32,25 @@ def edit_views(
     step: int = 0,
     steps: int = 0,
     sampler: SamplerSettings | None = None,
+    anchors: int = ANCHORS,
 ) -> Iterator[Event]:
     """Edit the views with these indices together, tied to finished ones by anchors.
 
-    This is batch `step` of `steps`. `sampler` overrules the settings'. The targets, pairs and
-    ground truth of `session.edited` are brought up to date.
+    This is batch `step` of `steps`. `sampler` overrules the settings'; `anchors` is the
+    most of them, 0 for none. The targets, pairs and ground truth of `session.edited` are brought up
+    to date.
     """
     sampler = sampler or session.settings.sampler
     edited, stopwatch = session.edited, session.stopwatch
-    anchors = _anchors(session.surveyed.weights, batch, edited.targets)
-    members = (*batch, *anchors)
+    tied = _anchors(session.surveyed.weights, batch, edited.targets)[:anchors]
+    members = (*batch, *tied)
     with stopwatch.stage("correspond"):
         matches = _correspondences(session, members)
     edited.pairs += _named_pairs(matches, [session.request.views[i].name for i in members])
     yield Event("correspond", stopwatch.seconds, step, steps, note=_describe(matches))
     images = None
     with stopwatch.stage("sample"):
-        request = _request(session, members, anchors, matches if sampler.consensus else None)
+        request = _request(session, members, tied, matches if sampler.consensus else None)
         editor, generator = session.request.editor, session.request.generator
         for progress in editor.edit(request, sampler, generator):
             yield Event("sample", stopwatch.seconds, progress.step, progress.steps)
@@ -62,7 +64,7 @@ def edit_views(
 
 
 def _find_ground_truth(session: Session) -> None:
-    edited, find = session.edited, session.request.editor.capabilities.ground_truth
+    edited, find = session.edited, session.request.editor.capabilities.find_ground_truth
     if find is not None:
         images = torch.stack([view.image for view in edited.targets.values()])
         originals = torch.stack([session.unedited_image(i) for i in edited.targets])
@@ -112,7 +114,7 @@ def _anchors(
     shared = weights[list(batch)].sum(0)
     finished = [i for i in targets if i not in batch]
     common = {i: float(torch.minimum(weights[i], shared).sum()) for i in finished}
-    return tuple(sorted(common, key=lambda i: -common[i])[:ANCHORS])
+    return tuple(sorted(common, key=lambda i: -common[i]))
 
 
 def _named_pairs(matches: Correspondences, names: Sequence[str]) -> list[tuple[str, str, float]]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import torch
+
 from gsedit.fitting.update import update_steps
 from gsedit.reports.events import Checkpoint, Event
 from gsedit.session.quality import measure
@@ -35,5 +37,5 @@ def fit_targets(session: Session, steps: int, *, done: int = 0, total: int) -> I
 
 
 def checkpoint(session: Session, step: int) -> Checkpoint:
-    """The scene as it is now."""
-    return Checkpoint(session.scene, step, session.stopwatch.seconds)
+    """A copy of the scene as it is now."""
+    return Checkpoint(session.scene.map(torch.clone), step, session.stopwatch.seconds)

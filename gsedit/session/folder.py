@@ -3,47 +3,47 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from gsedit.files import atomic_path, save
+from gsedit.files.atomic import check_writable
 from gsedit.reports.environment import environment
-from gsedit.reports.events import Checkpoint, Event
 from gsedit.reports.journal import as_record
 from gsedit.reports.json_lines import plain, write_line
 from gsedit.session.result import EditResult
 
+FILES = ("scene.ply", "metrics.jsonl", "before_after.png", "error_vs_time.png", "edit.json")
+
 
 def write_edit(
     folder: Path | str,
-    instruction: str,
     result: EditResult,
-    events: Iterable[Event | Checkpoint] = (),
     *,
     request: Mapping[str, Any] | None = None,
     overwrite: bool = False,
 ) -> None:
     """Write scene.ply, metrics.jsonl, before_after.png, error_vs_time.png and edit.json.
 
-    `*events, result = edit_steps(...)` gives the events; `request` is what else edit.json should
-    say of how the result was made. Each file is whole or not there, and edit.json is last: with it
-    the folder is complete. Raises UsageError where files exist, unless `overwrite`.
+    `request` is what else edit.json should say of how the result was made. Each file is whole or
+    not there, and edit.json is last: with it the folder is complete. Raises UsageError where one of
+    the files exists, unless `overwrite`, before it writes any.
     """
     folder = Path(folder)
+    for name in FILES:
+        check_writable(folder / name, overwrite=overwrite)
     folder.mkdir(parents=True, exist_ok=True)
-    if overwrite:
-        (folder / "edit.json").unlink(missing_ok=True)  # an earlier run's, about other files
-    happened = [event for event in events if isinstance(event, Event)]
+    (folder / "edit.json").unlink(missing_ok=True)  # an earlier run's, about other files
     save(result.scene, folder / "scene.ply", overwrite=overwrite)
     with (
         atomic_path(folder / "metrics.jsonl", overwrite=overwrite) as temporary,
         temporary.open("w", encoding="utf-8") as file,
     ):
-        for event in happened:
+        for event in result.events:
             write_line(file, as_record(event))
-    _write_pictures(folder, instruction, result, happened, overwrite=overwrite)
-    record = plain({"instruction": instruction, **(request or {}), **edit_record(result)})
+    _write_pictures(folder, result, overwrite=overwrite)
+    record = plain({"instruction": result.prompt, **(request or {}), **edit_record(result)})
     with atomic_path(folder / "edit.json", overwrite=overwrite) as temporary:
         temporary.write_text(json.dumps(record, indent=2, allow_nan=False) + "\n")
 
@@ -52,7 +52,7 @@ def edit_record(result: EditResult) -> dict[str, Any]:
     """What edit.json says of a result: settings, timings, measurements, versions."""
     return {
         "settings": result.settings,
-        "strategy": {"name": type(result.strategy).__name__, **plain(result.strategy)},
+        "strategy": {"name": result.strategy_name, "settings": result.strategy},
         "timings": result.timings,
         "gaussians": len(result.scene),
         "edited_views": [view.name for view in result.targets],
@@ -61,18 +61,17 @@ def edit_record(result: EditResult) -> dict[str, Any]:
     }
 
 
-def _write_pictures(
-    folder: Path, instruction: str, result: EditResult, events: list[Event], *, overwrite: bool
-) -> None:
+def _write_pictures(folder: Path, result: EditResult, *, overwrite: bool) -> None:
     """The same views before the edit, edited in 2D, and after it; error and loss against time."""
     from gsedit.files.pictures import save_picture
     from gsedit.reports.contact_sheet import contact_sheet
     from gsedit.reports.figures import error_vs_time
 
-    rows = (
+    rows = [
         ("original", result.originals),
-        (f"2D targets: {instruction}", result.targets),
+        (f"2D targets: {result.prompt}", result.targets),
         ("edited scene", result.finals),
-    )
+    ]
+    rows = [(label, views) for label, views in rows if views]
     save_picture(contact_sheet(rows), folder / "before_after.png", overwrite=overwrite)
-    error_vs_time(events, folder / "error_vs_time.png", overwrite=overwrite)
+    error_vs_time(result.events, folder / "error_vs_time.png", overwrite=overwrite)

@@ -27,9 +27,10 @@ class EditQuality:
     """Share of what all views see that the planned views show well, in [0, 1]."""
     strength: float
     """RMSE between renders of the unedited and of the edited scene: 0 is no edit at all."""
-    residual: float
-    """Mean PSNR of the final renders against the edited 2D pictures, dB; higher is closer."""
-    ground_truth: float | None
+    psnr_to_targets: float | None
+    """Mean PSNR of the final renders against the edited 2D pictures, dB: how well the scene follows
+    them, not how good they are. None where a strategy edits no 2D picture."""
+    psnr_to_ground_truth: float | None
     """Mean PSNR to the true edit at the held-out cameras, dB; None where it is unknown."""
 
 
@@ -37,13 +38,16 @@ class EditQuality:
 class Measurement:
     """Mean PSNR of the scene's renders, and what they were compared with."""
 
-    decibels: float
+    decibels: float | None
+    """None where there is nothing to compare with."""
     against: str
 
     def event(
         self, stage: str, seconds: float, step: int = 0, steps: int = 0, loss: float | None = None
     ) -> Event:
         """The measurement as an event of that stage."""
+        if self.decibels is None:
+            return Event(stage, seconds, step, steps, loss)
         note = f"{self.decibels:.2f} dB to the {self.against}"
         return Event(stage, seconds, step, steps, loss, rmse_from_psnr(self.decibels), note)
 
@@ -52,17 +56,19 @@ def measure(session: Session, views: int = PROGRESS_VIEWS) -> Measurement:
     """The scene as it is now.
 
     Against the ground truth at the first `views` held-out cameras where it is known, otherwise
-    against the edited pictures: a residual, not a quality.
+    against the edited pictures: how well the scene follows them, not how good they are.
     """
-    truth, held_out = session.edited.ground_truth, session.request.held_out
-    if truth is not None and held_out:
+    ground_truth, held_out = session.edited.ground_truth, session.request.held_out
+    if ground_truth is not None and held_out:
         cameras = [view.camera for view in held_out[:views]]
-        expected = [truth(image[None])[0] for image in session.surveyed.held_out[:views]]
+        expected = [ground_truth(image[None])[0] for image in session.surveyed.held_out[:views]]
         against = f"ground truth at {len(cameras)} held-out cameras"
     else:
         targets = session.edited.targets.values()
         cameras, expected = [v.camera for v in targets], [v.image for v in targets]
         against = "edited pictures"
+    if not cameras:
+        return Measurement(None, "nothing")
     decibels = mean(psnr(session.render(c), image) for c, image in zip(cameras, expected))
     return Measurement(decibels, against)
 
@@ -82,8 +88,10 @@ def assess(
         pairs=tuple(edited.pairs),
         coverage=session.surveyed.plan.coverage[-1],
         strength=mean(edit_strength(a.image, b.image) for a, b in zip(originals, finals)),
-        residual=mean(psnr(a.image, b.image) for a, b in zip(finals, targets)),
-        ground_truth=final.decibels if is_true else None,
+        psnr_to_targets=(
+            mean(psnr(a.image, b.image) for a, b in zip(finals, targets)) if targets else None
+        ),
+        psnr_to_ground_truth=final.decibels if is_true else None,
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from gsedit.reports.events import Event
 from gsedit.session.quality import EditQuality
 from gsedit.session.settings import EditSettings
 from gsedit.views.dataset import View
@@ -16,20 +17,25 @@ from rasterizer.scene import Gaussians
 class EditResult:
     """An edited scene and its evidence: the same cameras three times."""
 
+    prompt: str
     scene: Gaussians
     originals: tuple[View, ...]
     """Renders of the unedited scene."""
     targets: tuple[View, ...]
-    """The edited 2D pictures that the scene was fitted to."""
+    """The edited 2D pictures that the scene was fitted to; none where the strategy edits none."""
     finals: tuple[View, ...]
     """Renders of the edited scene."""
     settings: EditSettings
     """With the editor's defaults filled in."""
     strategy: Any
-    """Settings of the strategy; their type says which one."""
+    """The strategy: a record of its settings."""
+    strategy_name: str
+    """As in `--strategy NAME`."""
     plan: ViewPlan
     """Which views were to be edited, and what they cover."""
     quality: EditQuality
     """What was measured."""
     timings: dict[str, float]
     """Seconds per stage, and in total."""
+    events: tuple[Event, ...] = ()
+    """What happened, in order."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -30,7 +30,7 @@ UNSEEN = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Request:
-    """What was asked for."""
+    """What an edit is given."""
 
     scene: Gaussians
     prompt: str
@@ -52,8 +52,8 @@ class SurveyedViews:
     plan: ViewPlan
     weights: Float[Tensor, "v n"]
     """How much each view sees of each Gaussian, in pixels of a small picture."""
-    renderings: dict[int, Rendering]
-    """With median depth; of the planned views, and of others once they were asked for."""
+    planned: Mapping[int, Rendering]
+    """Renderings of the planned views, with median depth."""
     held_out: tuple[Float[Tensor, "h w 3"], ...]
     """Pictures at the held-out cameras."""
 
@@ -76,6 +76,8 @@ class Session:
 
     request: Request
     surveyed: SurveyedViews
+    renderings: dict[int, Rendering]
+    """Of the unedited scene, by view: the planned ones, and others once they were needed."""
     edited: EditedViews
     optimiser: SceneOptimiser
     stopwatch: Stopwatch
@@ -94,8 +96,12 @@ class Session:
 
     @property
     def seen(self) -> Bool[Tensor, " n"]:
-        """The Gaussians that the edited views see; no others move."""
-        return self.surveyed.weights[list(self.edited.targets)].sum(0) > UNSEEN
+        """The Gaussians that the edited views see, or the planned ones before any is edited.
+
+        No others move.
+        """
+        views = list(self.edited.targets or self.surveyed.plan.views)
+        return self.surveyed.weights[views].sum(0) > UNSEEN
 
     def render(self, camera: Camera) -> Float[Tensor, "h w 3"]:
         """A picture of the scene as it is now, in [0, 1]."""
@@ -103,11 +109,11 @@ class Session:
 
     def unedited_rendering(self, i: int) -> Rendering:
         """Of the scene before the edit, at view i."""
-        known = self.surveyed.renderings
-        if i not in known:
+        if i not in self.renderings:
             camera = self.request.views[i].camera
-            known[i] = rendering_of(self.request.scene, camera, self.settings.execution)
-        return known[i]
+            rendering = rendering_of(self.request.scene, camera, self.settings.execution)
+            self.renderings[i] = rendering
+        return self.renderings[i]
 
     def unedited_image(self, i: int) -> Float[Tensor, "h w 3"]:
         """What the editor is shown as the unedited picture of view i, in [0, 1]."""

@@ -1,8 +1,8 @@
-"""When to ask the 2D editor and when to fit the scene: one strategy a file, found by its name.
+"""When views are edited and when the scene is fitted: one strategy a file, found by its name.
 
 A strategy is a frozen dataclass: its fields are its settings (and options of `gsedit edit`), and
 calling it with a Session runs it. The file `single_pass.py` holds `SinglePass`, whose name on the
-command line is `single-pass`.
+command line is `single-pass`. Files whose name begins with an underscore are no strategies.
 """
 
 from __future__ import annotations
@@ -10,9 +10,10 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from dataclasses import is_dataclass
+from typing import TYPE_CHECKING, Protocol, cast, runtime_checkable
 
-from gsedit.errors import UsageError
+from gsedit.errors import GseditError, UsageError
 
 if TYPE_CHECKING:
     from gsedit.reports.events import Checkpoint, Event
@@ -32,17 +33,26 @@ class Strategy(Protocol):
 
 def strategy_names() -> tuple[str, ...]:
     """The strategies that there are; none of them is imported."""
-    return tuple(sorted(m.name.replace("_", "-") for m in pkgutil.iter_modules(__path__)))
+    files = (module.name for module in pkgutil.iter_modules(__path__))
+    return tuple(sorted(name.replace("_", "-") for name in files if not name.startswith("_")))
 
 
 def find_strategy(name: str) -> type[Strategy]:
-    """The dataclass of that name. Raises UsageError, with the names there are, for any other."""
+    """The dataclass of that name.
+
+    Raises UsageError, with the names there are, for any other; GseditError where the file of that
+    name does not hold it.
+    """
     if name not in strategy_names():
         raise UsageError(
             f"there is no strategy {name!r}: choose one of {', '.join(strategy_names())}"
         )
     module = importlib.import_module(f"{__name__}.{name.replace('-', '_')}")
-    return getattr(module, name.title().replace("-", ""))
+    class_name = "".join(word[:1].upper() + word[1:] for word in name.split("-"))
+    found = getattr(module, class_name, None)
+    if not is_dataclass(found):
+        raise GseditError(f"{module.__file__} holds no dataclass {class_name}: name it so")
+    return cast("type[Strategy]", found)
 
 
 def name_of(strategy: Strategy) -> str:

@@ -21,21 +21,26 @@ def stub_edit(monkeypatch, *, end: BaseException | None = None):
 
     def edit_steps(scene, prompt, *, dataset, editor, settings, strategy, features, generator):
         given.update(prompt=prompt, settings=settings, dataset=dataset)
-        yield Event("update", 1.0, 1, 2, 0.5, 0.1)
+        update = Event("update", 1.0, 1, 2, 0.5, 0.1)
+        yield update
         yield Checkpoint(scene, 1, 1.0)
         if end is not None:
             raise end
-        yield Event("measure", 2.0, error=0.05, note="well done")
+        measure = Event("measure", 2.0, error=0.05, note="well done")
+        yield measure
         yield EditResult(
+            prompt=prompt,
             scene=scene,
             originals=dataset.views,
             targets=dataset.views,
             finals=dataset.views,
             settings=settings,
             strategy=strategy,
+            strategy_name="single-pass",
             plan=ViewPlan(((0,),), (1.0,)),
             quality=EditQuality(0.5, (("a", "b", 0.5),), 1.0, 0.1, float("inf"), None),
             timings={"total": 2.0},
+            events=(update, measure),
         )
 
     monkeypatch.setattr(import_module("gsedit.edit"), "edit_steps", edit_steps)
@@ -55,7 +60,7 @@ def test_edit_leaves_the_scene_and_its_evidence(monkeypatch, scene, photos, tmp_
     assert record["instruction"] == given["prompt"] == "make it snow"
     assert record["settings"]["rounds"] == 1
     assert record["settings"]["sampler"]["steps"] == SamplerSettings().steps
-    assert record["measured"]["residual"] is None  # JSON has no infinity
+    assert record["measured"]["psnr_to_targets"] is None  # JSON has no infinity
     assert set(record) >= {"seed", "versions", "threads", "timings", "platform", "python"}
     assert gsedit("edit", scene, "make it snow", "-o", out).exit_code == 2
 

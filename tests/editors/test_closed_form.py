@@ -302,7 +302,7 @@ def test_answer_is_the_majoritys_variant():
     recipe = parse("bronze")
     edited = torch.stack([recipe.variant(v, k) for v, k in zip(views, (2, 0, 2, 2))])
     assert agreed_variant(recipe, edited, views) == (2, (2, 0, 2, 2))
-    find = make_editor("closed-form").capabilities.ground_truth
+    find = make_editor("closed-form").capabilities.find_ground_truth
     ground_truth = find("bronze", edited, views)
     assert torch.equal(ground_truth(views), recipe.variant(views, 2))
 

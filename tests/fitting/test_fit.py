@@ -73,7 +73,21 @@ def test_a_fit_without_budget_or_photos_is_refused():
     data = photos(3, 16)
     with pytest.raises(UsageError, match="--minutes"):
         FitSettings(seconds=None)
-    for wrong in ({"steps": 0}, {"seconds": float("nan")}, {"seconds": -1.0}, {"sh_degree": 4}):
+    for wrong in (
+        {"steps": 0},
+        {"seconds": float("nan")},
+        {"seconds": -1.0},
+        {"sh_degree": 4},
+        {"densify_every": 0},
+        {"report_every": 0},
+        {"evaluations": 0},
+        {"max_gaussians": -5},
+        {"densify_fraction": 3.0},
+        {"dssim_weight": float("nan")},
+        {"prune_opacity": 2.0},
+        {"opacity_reset": -1.0},
+        {"checkpoint_seconds": float("nan")},
+    ):
         with pytest.raises(UsageError, match="is"):
             FitSettings(**wrong)
     with pytest.raises(UsageError, match="photos"):

@@ -46,27 +46,27 @@ def edited():
 def test_one_call_writes_the_folder_of_the_command(edited, tmp_path):
     events, result = edited
     folder = tmp_path / "new" / "out"
-    gsedit.write_edit(folder, "as bronze", result, events, request={"seed": 0, "scene": folder})
+    gsedit.write_edit(folder, result, request={"seed": 0, "scene": folder})
     assert {path.name for path in folder.iterdir()} == FILES
     assert len(gsedit.load(folder / "scene.ply")) == len(result.scene)
     happened = [event for event in events if isinstance(event, gsedit.Event)]
     assert read_events(folder / "metrics.jsonl") == happened
     record = json.loads((folder / "edit.json").read_text())
     assert (record["instruction"], record["seed"]) == ("as bronze", 0)
-    assert record["strategy"] == {"name": "SinglePass", "update_steps": 2}
+    assert record["strategy"] == {"name": "single-pass", "settings": {"update_steps": 2}}
     assert record["settings"]["update"]["patch"] == 16
-    assert record["measured"]["ground_truth"] == pytest.approx(result.quality.ground_truth)
+    assert record["measured"]["psnr_to_ground_truth"] == pytest.approx(
+        result.quality.psnr_to_ground_truth
+    )
     assert record["edited_views"] == [view.name for view in result.targets]
     assert record["versions"]["torch"] == torch.__version__
 
 
 def test_files_are_replaced_only_if_asked(edited, tmp_path):
     _, result = edited
-    (tmp_path / "scene.ply").write_text("mine")
-    with pytest.raises(UsageError, match=r"scene\.ply"):
-        gsedit.write_edit(tmp_path, "as bronze", result)
-    assert (tmp_path / "scene.ply").read_text() == "mine"
-    assert not (tmp_path / "edit.json").exists()
-    gsedit.write_edit(tmp_path, "as bronze", result, overwrite=True)
+    (tmp_path / "before_after.png").write_text("mine")
+    with pytest.raises(UsageError, match=r"before_after\.png"):
+        gsedit.write_edit(tmp_path, result)
+    assert [path.name for path in tmp_path.iterdir()] == ["before_after.png"]  # nothing is written
+    gsedit.write_edit(tmp_path, result, overwrite=True)
     assert {path.name for path in tmp_path.iterdir()} == FILES
-    assert read_events(tmp_path / "metrics.jsonl") == []

@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 import pytest
 import torch
 
+import gsedit
 from gsedit import strategies
 from gsedit.diffusion import SamplerSettings
 from gsedit.edit import edit_steps
 from gsedit.editors import make_editor
-from gsedit.errors import UsageError
+from gsedit.errors import GseditError, UsageError
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.reports.events import Checkpoint, Event
 from gsedit.session.edit_views import edit_views
@@ -39,7 +40,8 @@ class DatasetUpdate:
             low, high = 0.3, 0.98
             draw = float(torch.rand((), generator=session.request.generator))
             noised = replace(sampler, strength=low + (high - low) * draw, consensus=False)
-            yield from edit_views(session, [planned[number % len(planned)]], sampler=noised)
+            view = planned[number % len(planned)]
+            yield from edit_views(session, [view], sampler=noised, anchors=0)
             done = number * self.steps_between
             yield from fit_targets(session, self.steps_between, done=done, total=total)
         yield checkpoint(session, total)
@@ -84,6 +86,49 @@ def test_another_strategy_needs_nothing_but_itself(scene, data):
     assert not torch.equal(result.scene.sh, scene.sh)
 
 
+@dataclass(frozen=True)
+class WithoutTargets:
+    """Edits no 2D picture, as score distillation does."""
+
+    def __call__(self, session: Session) -> Iterator[Event | Checkpoint]:
+        assert session.seen.any()
+        assert session.request.editor.capabilities.denoiser is not None
+        yield checkpoint(session, 0)
+
+
+def test_a_strategy_may_edit_no_picture(scene, data, tmp_path):
+    *events, result = edit_steps(
+        scene,
+        "as bronze",
+        editor=make_editor("closed-form"),
+        generator=torch.Generator().manual_seed(0),
+        dataset=data,
+        settings=EditSettings(views_per_round=2, rounds=1),
+        strategy=WithoutTargets(),
+    )
+    assert result.targets == ()
+    assert len(result.originals) == len(result.finals) == 2
+    assert result.quality.psnr_to_targets is None
+    assert result.quality.strength == 0
+    assert result.events == tuple(e for e in events if isinstance(e, Event))
+    gsedit.write_edit(tmp_path / "out", result)
+    assert (tmp_path / "out" / "edit.json").exists()
+
+
+def test_a_strategy_is_a_record_of_its_settings(scene, data):
+    with pytest.raises(UsageError, match="no strategy: it must be a dataclass"):
+        next(
+            edit_steps(
+                scene,
+                "as bronze",
+                editor=make_editor("closed-form"),
+                generator=torch.Generator(),
+                dataset=data,
+                strategy=lambda session: iter(()),
+            )
+        )
+
+
 def test_strategies_are_found_by_the_name_of_their_file():
     assert "single-pass" in strategies.strategy_names()
     assert strategies.find_strategy("single-pass") is SinglePass
@@ -101,6 +146,11 @@ def test_a_new_file_is_a_new_strategy(monkeypatch, tmp_path):
         "    pace: float = 2.0\n"
         "    def __call__(self, session): yield from ()\n"
     )
+    (tmp_path / "ip2p_update.py").write_text("")
+    (tmp_path / "_shared.py").write_text("")
     monkeypatch.setattr(strategies, "__path__", [*strategies.__path__, str(tmp_path)])
+    assert "-shared" not in strategies.strategy_names()
+    with pytest.raises(GseditError, match=r"ip2p_update\.py holds no dataclass Ip2pUpdate"):
+        strategies.find_strategy("ip2p-update")
     assert "trial-run" in strategies.strategy_names()
     assert strategies.find_strategy("trial-run")().pace == 2.0
