@@ -10,7 +10,7 @@ from typing import Any
 
 
 class LazyPackage(ModuleType):
-    """A package whose names come from its modules when they are asked for.
+    """A package whose public names, and whose modules, are imported when they are first used.
 
     A public name may be that of a module too (`gsedit.edit` is a function of gsedit/edit.py). The
     import system sets an imported module as an attribute of its package, which would hide the name:
@@ -22,9 +22,17 @@ class LazyPackage(ModuleType):
     """The module of each public name."""
 
     def __getattr__(self, name: str) -> Any:
-        if name not in self.__dict__["_homes"]:
-            raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
-        return getattr(import_module(f"{self.__name__}.{self._homes[name]}"), name)
+        homes = self.__dict__["_homes"]
+        if name in homes:
+            return getattr(import_module(f"{self.__name__}.{homes[name]}"), name)
+        module = f"{self.__name__}.{name}"
+        if not name.startswith("_"):
+            try:
+                return import_module(module)
+            except ModuleNotFoundError as error:
+                if error.name != module:  # the module exists, and one that it imports does not
+                    raise
+        raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
 
     def __setattr__(self, name: str, value: Any) -> None:
         if isinstance(value, ModuleType) and name in self._homes:

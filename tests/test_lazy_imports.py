@@ -59,6 +59,25 @@ def test_gsedit_edit_is_the_function_in_any_order_of_imports(first):
     assert done.returncode == 0, done.stderr
 
 
+def test_modules_of_a_package_are_attributes_before_anything_imports_them():
+    done = python(
+        "import types, gsedit\n"
+        "assert issubclass(gsedit.errors.UsageError, Exception)\n"
+        "assert isinstance(gsedit.views, types.ModuleType)\n"
+        "assert isinstance(gsedit.files, types.ModuleType)\n"
+        "assert isinstance(gsedit.fit, types.FunctionType)\n"
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_module_that_lacks_a_dependency_says_so(monkeypatch, tmp_path):
+    (tmp_path / "needy.py").write_text("import no_such_package")
+    gsedit = import_module("gsedit")
+    monkeypatch.setattr(gsedit, "__path__", [*gsedit.__path__, str(tmp_path)])
+    with pytest.raises(ModuleNotFoundError, match="no_such_package"):
+        _ = gsedit.needy
+
+
 @pytest.mark.parametrize("first", ["", "import rasterizer.render, rasterizer.rasterization"])
 def test_rasterizer_render_is_the_function_in_any_order_of_imports(first):
     done = python(
@@ -84,7 +103,7 @@ def test_rasterizer_render_is_the_function_in_any_order_of_imports(first):
         "rasterizer",
     ],
 )
-def test_every_public_name_is_found_where_type_checkers_are_told(package):
+def test_public_names_are_those_imported_for_type_checkers(package):
     module = import_module(package)
     for name in module.__all__:
         assert name in dir(module)
