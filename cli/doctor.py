@@ -49,7 +49,7 @@ def check_machine(*, as_json: bool) -> None:
     for check in check_machine():
         problems += bool(check.advice)
         advice = f"\n{'':<16} -> {check.advice}" if check.advice else ""
-        print_result(asdict(check), f"{check.name:<16} {check.found}{advice}", as_json=as_json)
+        print_result(asdict(check), f"{check.name:<16} {check.state}{advice}", as_json=as_json)
     if not as_json:
         print_message(f"{problems} problems, marked ->" if problems else "no problems")
 

@@ -21,11 +21,11 @@ IMPORT_TIMEOUT = 120
 
 @dataclass(frozen=True)
 class Check:
-    """The state of one thing on this machine."""
+    """One thing that an edit needs, or can use, on this machine."""
 
     name: str
-    found: str
-    """Version or state, for a person."""
+    state: str
+    """Its version, or what was measured, as text for a person."""
     advice: str = ""
     """What to do about a problem; empty where there is none."""
 

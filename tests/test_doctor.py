@@ -21,9 +21,9 @@ def test_the_doctor_on_the_machine(monkeypatch):
     checks = {line["name"]: line for line in map(json.loads, result.stdout.splitlines())}
     assert {"gsedit", "python", "torch", "diffusers", "transformers", "threads", "memory",
             "compiled kernel", "open3d", "pyvista"} <= set(checks)  # fmt: skip
-    assert checks["torch"]["found"].startswith(torch.__version__)
-    assert f"{torch.get_num_threads()} of " in checks["threads"]["found"]
-    assert checks["open3d"]["found"] == "ImportError: libusb-1.0.so.0"
+    assert checks["torch"]["state"].startswith(torch.__version__)
+    assert f"{torch.get_num_threads()} of " in checks["threads"]["state"]
+    assert checks["open3d"]["state"] == "ImportError: libusb-1.0.so.0"
     assert "apt-get install" in checks["open3d"]["advice"]
     assert gsedit("doctor").stderr.endswith(", marked ->\n")
 
@@ -37,7 +37,7 @@ def test_what_is_not_installed_is_advice(monkeypatch):
 
 def test_a_default_editor_without_weights_is_advice(monkeypatch, tmp_path):
     check = {check.name: check for check in doctor.check_packages()}["default editor"]
-    assert (check.found, check.advice) == ("small", "")
+    assert (check.state, check.advice) == ("small", "")
     monkeypatch.setattr("gsedit.editors.small.WEIGHTS", tmp_path / "none.safetensors")
     check = {check.name: check for check in doctor.check_packages()}["default editor"]
     assert "install it again" in check.advice
@@ -49,7 +49,7 @@ def test_a_machine_without_a_compiler(monkeypatch):
 
     monkeypatch.setattr("rasterizer.blending.cpp_backend.load", load)
     check = doctor.check_compiler()
-    assert "slower" in check.found
+    assert "slower" in check.state
     assert "install g++" in check.advice
 
 
@@ -57,7 +57,7 @@ def test_a_machine_without_a_compiler(monkeypatch):
 def test_little_memory_is_advice(monkeypatch, free, advised):
     monkeypatch.setattr("gsedit.diffusion.memory.free_bytes", lambda: free)
     check = doctor.check_memory()
-    assert check.found == f"{free / 1e9:.1f} GB free"
+    assert check.state == f"{free / 1e9:.1f} GB free"
     assert bool(check.advice) == advised
 
 
@@ -72,7 +72,7 @@ def test_threads_that_do_not_fit_the_processors(monkeypatch, threads, limit, adv
     if limit:
         monkeypatch.setenv("OMP_NUM_THREADS", limit)
     check = doctor.check_threads()
-    assert check.found == f"{threads} of 2 processors"
+    assert check.state == f"{threads} of 2 processors"
     assert advice in check.advice
     assert bool(advice) == bool(check.advice)
 
@@ -84,7 +84,7 @@ def test_a_viewer_that_cannot_draw(monkeypatch):
     monkeypatch.setattr(doctor, "_draw", fail)
     monkeypatch.setattr(doctor, "_import_failure", lambda code: "")
     _, drawn = doctor.check_viewers()
-    assert drawn.found == "does not draw"
+    assert drawn.state == "does not draw"
     assert "no OpenGL" in drawn.advice
 
 

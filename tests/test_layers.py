@@ -39,13 +39,13 @@ BELOW = {"cli": ("gsedit", "rasterizer"), "gsedit": ("rasterizer",), "rasterizer
 
 def imports(path: Path) -> list[str]:
     """Absolute names of everything a file imports, at any depth of its code."""
-    found = []
+    names = []
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
-            found += [alias.name for alias in node.names]
+            names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-            found += [f"{node.module}.{alias.name}" for alias in node.names]
-    return found
+            names += [f"{node.module}.{alias.name}" for alias in node.names]
+    return names
 
 
 def offences(folder: str, path: Path, names: list[str]) -> list[str]:
@@ -63,8 +63,8 @@ def offences(folder: str, path: Path, names: list[str]) -> list[str]:
             wrong.append(name)
         order = ORDER.get(folder, ())
         here = path.relative_to(ROOT / folder).parts[0].removesuffix(".py")
-        known = top == own and here in order and rest and rest[0] in order
-        if known and order.index(rest[0]) < order.index(here):
+        listed = top == own and here in order and rest and rest[0] in order
+        if listed and order.index(rest[0]) < order.index(here):
             wrong.append(name)
     return wrong
 
@@ -80,8 +80,8 @@ def test_imports_point_down(folder):
 @pytest.mark.parametrize("folder", ["gsedit", "rasterizer"])
 def test_every_module_has_its_place(folder):
     inside = [p for p in (ROOT / folder).iterdir() if p.is_dir() or p.suffix == ".py"]
-    found = {p.name.removesuffix(".py") for p in inside if p.name[0] != "_"}
-    assert found == set(ORDER[folder])
+    modules = {p.name.removesuffix(".py") for p in inside if p.name[0] != "_"}
+    assert modules == set(ORDER[folder])
 
 
 def test_an_upward_import_is_an_offence():

@@ -6,6 +6,7 @@ import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 import pytest
 
@@ -28,6 +29,10 @@ def test_plain_values_are_what_json_has():
         "path": str(Path("out/a")),
         "3": [None, None, 0.5, True, None],
     }
+
+
+def test_any_mapping_is_an_object():
+    assert plain(MappingProxyType({"error": math.nan})) == {"error": None}
 
 
 def test_a_line_is_on_disk_before_the_next(tmp_path):
