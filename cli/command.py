@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import fields, is_dataclass
 from typing import Annotated, Any, Protocol, get_args, get_origin, get_type_hints, runtime_checkable
 
 import typer
 from typer.core import TyperCommand
+from typer.models import OptionInfo
 
 Body = Callable[..., None]
 
@@ -71,10 +72,45 @@ def as_command(body: Body) -> Body:
         }
         body(**values, **gathered)
 
+    check_flags(options)
     command.__name__, command.__doc__ = body.__name__, paragraphs(body)
     command.__signature__ = inspect.Signature(options)  # pyright: ignore[reportFunctionMemberAccess]
     command.__annotations__ = {option.name: option.annotation for option in options}
     return command
+
+
+def own_flags(body: Body) -> set[str]:
+    """The flags of a verb's own options and dataclasses: all but those derived from settings."""
+    flags = {"--help"}
+    for parameter in inspect.signature(body, eval_str=True).parameters.values():
+        group = _group(parameter.annotation)
+        if group is None or isinstance(group, DataclassGroup):
+            members = [parameter] if group is None else group.parameters()
+            flags.update(flag for member in members for flag in flags_of(member))
+    return flags
+
+
+def check_flags(options: Iterable[inspect.Parameter]) -> None:
+    """Raise TypeError, naming both, for two options with the same flag."""
+    owners: dict[str, str] = {}
+    for option in options:
+        for flag in flags_of(option):
+            if flag in owners:
+                raise TypeError(f"{owners[flag]} and {option.name} have the same flag, {flag}")
+            owners[flag] = option.name
+
+
+def flags_of(parameter: inspect.Parameter) -> list[str]:
+    """The flags of an option, with the one that negates it; none of an argument."""
+    return [
+        flag
+        for item in get_args(parameter.annotation)
+        if isinstance(item, OptionInfo)
+        # in an Annotated, typer.Option holds its first name as the default
+        for declared in (item.default, *(item.param_decls or ()))
+        if isinstance(declared, str)
+        for flag in declared.split("/")
+    ]
 
 
 def paragraphs(body: Body) -> str:
@@ -93,7 +129,8 @@ def _group(annotation: Any) -> OptionGroup | None:
 class LazyCommand(TyperCommand):
     """A verb that is listed at once, and whose options are made when it is asked for.
 
-    Options that are derived from settings import the library, and with it torch.
+    Options that are derived from settings import the records of those settings; the strategies of
+    `gsedit edit` import torch too.
     """
 
     def __init__(self, name: str, summary: str, make: Callable[[], typer.Typer]) -> None:

@@ -11,6 +11,7 @@ import typer
 
 from .cameras import ViewOptions, check_axis, up_vector
 from .checkpoints import Checkpoints, run_to_result
+from .command import own_flags
 from .console import print_message, print_result
 from .edit_options import SAMPLING, UPDATE, EditorOptions, edit_settings, resolve
 from .options import DropInvalid, Force, Scene, Seeded, check_folder, load_scene, output
@@ -61,7 +62,7 @@ def edit(
     views: ViewOptions,
     editor: EditorOptions,
     preset: Preset = "default",
-    values: Annotated[Values, SettingsGroup(edit_settings)],
+    values: Annotated[Values, SettingsGroup(lambda: edit_settings(own_flags(edit)))],
     vgg: Vgg = None,
     common: Seeded,
 ) -> None:
@@ -77,7 +78,7 @@ def edit(
 
     from gsedit.edit import edit_steps
 
-    settings, strategy = resolve(preset, values)
+    settings, strategy = resolve(preset, values, own_flags(edit))
     editor_2d = editor.make(out, instruction)
     features = load_features(vgg)
     gaussians = load_scene(scene, drop_invalid=drop_invalid)

@@ -87,8 +87,11 @@ class EditorOptions:
         return editor
 
 
-def edit_settings() -> list[Setting]:
-    """Every option that comes from a field of EditSettings or of a strategy."""
+def edit_settings(own: Iterable[str] = ()) -> list[Setting]:
+    """Every option that comes from a field of EditSettings or of a strategy.
+
+    `own`: the flags of the verb's other options. Raises TypeError as `strategy_options` does.
+    """
     from gsedit.session.settings import EditSettings
     from gsedit.strategies import DEFAULT, find_strategy, strategy_names
 
@@ -101,8 +104,9 @@ def edit_settings() -> list[Setting]:
         help=f"When views are edited and the scene is fitted. {summaries} [default: {DEFAULT}]",
         panel=STRATEGY,
     )
-    shared = settings_of(EditSettings(), LAYOUT)
-    taken = {"--strategy", *(setting.flag for setting in shared)}
+    own = {*own, "--strategy"}
+    shared = settings_of(EditSettings(), LAYOUT, taken=own)
+    taken = {*own, *(setting.flag for setting in shared)}
     return [choice, *strategy_options(strategies, taken), *shared]
 
 
@@ -112,32 +116,61 @@ def summary(strategy: type) -> str:
 
 
 def strategy_options(strategies: dict[str, type[Strategy]], taken: Iterable[str]) -> list[Setting]:
-    """An option for each field of any strategy, whose help names the strategies that have it."""
+    """An option for each field of any strategy, whose help names the strategies that have it.
+
+    A field whose flag is `taken` gets the prefix `--strategy-`. Raises TypeError where strategies
+    share a flag but not the field's name and type.
+    """
     options: dict[str, Setting] = {}
     for name, strategy in strategies.items():
         for setting in settings_of(strategy(), Layout(STRATEGY), ("strategy",), taken):
             help = f"{name}: {setting.help}"
+            negatable = setting.negatable
             if earlier := options.get(setting.flag):
+                check_same_field(earlier, setting, name)
                 help = f"{earlier.help} {help}"
-            options[setting.flag] = replace(setting, help=help)
+                negatable = negatable or earlier.negatable
+            options[setting.flag] = replace(setting, help=help, negatable=negatable)
     return list(options.values())
 
 
-def resolve(preset: str, values: Values) -> tuple[EditSettings, Strategy]:
+def check_same_field(earlier: Setting, setting: Setting, name: str) -> None:
+    """Raise TypeError unless two strategies, the later one `name`, mean the same by a flag."""
+    if earlier.path != setting.path or accepted(earlier.type) != accepted(setting.type):
+        raise TypeError(
+            f"{setting.flag} of the strategy {name} is {describe(setting)}, and "
+            f"{describe(earlier)} of a strategy before it: give the field another name, or another "
+            "flag in its metadata"
+        )
+
+
+def accepted(kind: type) -> Any:
+    """What an option accepts: the values of an Enum, or the type itself."""
+    return [choice.value for choice in kind] if issubclass(kind, Enum) else kind
+
+
+def describe(setting: Setting) -> str:
+    return f"{setting.path[-1]} ({setting.type.__name__})"
+
+
+def resolve(preset: str, values: Values, own: Iterable[str] = ()) -> tuple[EditSettings, Strategy]:
     """The settings and the strategy: the preset's values, replaced by those that were given.
 
+    `own`: the flags of the verb's other options, which decide those that an error message names.
     Raises UsageError for a value out of range, and an option that another strategy has.
     """
     from gsedit.diffusion import SamplerSettings
     from gsedit.session.settings import EditSettings
 
     shared = {path: value for path, value in values.items() if path[0] != "strategy"}
-    own = {path[1:]: value for path, value in values.items() if path[0] == "strategy" and path[1:]}
+    chosen = {
+        path[1:]: value for path, value in values.items() if path[0] == "strategy" and path[1:]
+    }
     settings = EditSettings(sampler=SamplerSettings.preset(preset))
-    return with_values(settings, shared), make_strategy(values.get(("strategy",)), own)
+    return with_values(settings, shared), make_strategy(values.get(("strategy",)), chosen, own)
 
 
-def make_strategy(name: str | None, values: Values) -> Strategy:
+def make_strategy(name: str | None, values: Values, own: Iterable[str]) -> Strategy:
     """The strategy of that name, or the default. Raises UsageError for an option it has not."""
     from gsedit.errors import UsageError
     from gsedit.strategies import DEFAULT, find_strategy, strategy_names
@@ -146,7 +179,9 @@ def make_strategy(name: str | None, values: Values) -> Strategy:
     for path in values:
         owners = [each for each in strategy_names() if has_field(find_strategy(each), path[0])]
         if name not in owners:
-            flag = next(each.flag for each in edit_settings() if each.path == ("strategy", *path))
+            flag = next(
+                each.flag for each in edit_settings(own) if each.path == ("strategy", *path)
+            )
             raise UsageError(
                 f"{flag} is an option of the strategy {' and '.join(owners)}, not of {name}: "
                 f"leave it out, or add --strategy {owners[0]}"

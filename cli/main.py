@@ -68,7 +68,9 @@ class Verbs(TyperGroup):
             error.show()
         else:
             verb = error.ctx.command_path if getattr(error, "ctx", None) else "gsedit"
-            print_message(f"{verb}: {one_line(error.format_message())} (see {verb} --help)")
+            # pydantic, which typer checks values with, begins its messages with "Value error, "
+            message = one_line(error.format_message()).replace("Value error, ", "")
+            print_message(f"{verb}: {message} (see {verb} --help)")
         return USAGE
 
 

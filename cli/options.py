@@ -32,15 +32,6 @@ Size = Annotated[
     int,
     typer.Option("--size", min=16, metavar="PIXELS", help="Longer side of the views."),
 ]
-Compile = Annotated[
-    bool,
-    typer.Option(
-        "--compile",
-        show_default=False,
-        help="Render with a compiled kernel: faster, and equal within rounding. The first time it "
-        "needs a C++ compiler; without one, rendering goes on without the kernel.",
-    ),
-]
 DropInvalid = Annotated[
     bool,
     typer.Option(

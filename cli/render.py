@@ -11,7 +11,6 @@ from .cameras import ViewOptions, check_axis, up_vector
 from .console import print_message, print_result
 from .options import (
     Common,
-    Compile,
     DropInvalid,
     Force,
     Scene,
@@ -21,6 +20,7 @@ from .options import (
     parse_indices,
 )
 from .progress import progress
+from .setting_options import Layout, Setting, SettingsGroup, Values, settings_of, with_values
 
 if TYPE_CHECKING:
     from gsedit.views.dataset import Dataset
@@ -51,17 +51,25 @@ Depth = Annotated[
 ]
 
 
+def render_settings() -> list[Setting]:
+    """The option --compile, a field of Execution."""
+    from rasterizer.numerics import Execution
+
+    layout = Layout("Rendering", without=("tile_size", "block", "cull"))
+    return settings_of(Execution(), layout)
+
+
 def render(
     scene: Scene,
     out: Annotated[Path, output("Folder for the pictures.")],
     views: Views = None,
     count: Count = 8,
     depth: Depth = False,
-    compile: Compile = False,
     drop_invalid: DropInvalid = False,
     force: Force = False,
     *,
     cameras: ViewOptions,
+    values: Annotated[Values, SettingsGroup(render_settings)],
     common: Common,
 ) -> None:
     """Render a scene to one PNG per view, from a dataset's cameras or from around the scene.
@@ -82,9 +90,10 @@ def render(
     from gsedit.reports.stopwatch import Stopwatch
     from rasterizer.numerics import Execution
 
+    execution = with_values(Execution(), values)
     gaussians = load_scene(scene, drop_invalid=drop_invalid)
     placed = place_cameras(gaussians, cameras, indices, count)
-    execution, watch = Execution(compile=compile), Stopwatch()
+    watch = Stopwatch()
     with progress(as_json=common.json) as show:
         for step, (name, camera) in enumerate(placed.items(), 1):
             for path in write_view(

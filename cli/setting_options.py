@@ -11,6 +11,7 @@ from __future__ import annotations
 import ast
 import inspect
 import re
+import shutil
 import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
@@ -29,6 +30,10 @@ FieldPath = tuple[str, ...]
 Values = Mapping[FieldPath, Any]
 
 SIMPLE = (int, float, str, bool, Path)
+NARROW = 100
+"""Columns. In a narrower terminal the choices of an option are split over lines in the help."""
+COLUMN = 14
+"""Longest line of choices then, if each is shorter."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +72,11 @@ class Setting:
 
         flag = f"{self.flag}/--no-{self.flag.removeprefix('--')}" if self.negatable else self.flag
         option = typer.Option(
-            flag, help=escape(self.help), rich_help_panel=self.panel, show_default=False
+            flag,
+            help=escape(self.help),
+            metavar=choices_text(self.type),
+            rich_help_panel=self.panel,
+            show_default=False,
         )
         return keyword(self.name, Annotated[self.type | None, option], None)
 
@@ -77,7 +86,7 @@ class SettingsGroup:
 
     def __init__(self, settings: Callable[[], Iterable[Setting]]) -> None:
         self.settings = settings
-        """Called when the verb is asked for: it imports the record, and with it the library."""
+        """Called when the verb is asked for: it imports the record."""
 
     def parameters(self) -> list[inspect.Parameter]:
         return [setting.parameter() for setting in self.settings()]
@@ -144,6 +153,23 @@ def option_type(path: FieldPath, annotation: Any) -> Any:
     if len(alternatives) == 1 and type(None) in get_args(annotation):
         return option_type(path, alternatives[0])
     raise TypeError(f"setting {'.'.join(path)}: no option can hold a {annotation}")
+
+
+def choices_text(kind: Any) -> str | None:
+    """The choices of an Enum for the help; None for any other type, which typer names itself.
+
+    In a narrow terminal they are split over lines: typer makes the columns of long texts equally
+    wide, and would cut off flags that are wider than that.
+    """
+    if not issubclass(kind, Enum):
+        return None
+    text = f"<{'|'.join(str(choice.value) for choice in kind)}>"
+    if shutil.get_terminal_size().columns >= NARROW:
+        return text
+    lines = textwrap.wrap(
+        text.replace("|", "| "), COLUMN, break_long_words=False, break_on_hyphens=False
+    )
+    return "\n".join(lines).replace("| ", "|")
 
 
 def help_text(doc: str, default: Any) -> str:

@@ -5,11 +5,18 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from typing import Any
 
 import pytest
+import typer
 from command_line import files, gsedit, one_line
+from gsedit_cli.main import app
+from gsedit_cli.setting_options import field_docs, help_text
+
+from rasterizer.numerics import Execution
 
 VERBS = ("fit", "edit", "render", "preview", "info", "editors", "doctor")
+BENCHMARKS = ("rasterizer", "stability", "targets", "sampler")
 
 
 @pytest.mark.parametrize(
@@ -51,6 +58,47 @@ def test_help_shows_an_example_and_the_common_options(verb):
     assert f"gsedit {verb} " in result.stdout
     for option in ("--json", "--debug", "--threads"):
         assert option in result.stdout
+
+
+def every_command() -> dict[str, Any]:
+    """Each verb as typer makes it, by the words that name it."""
+    commands: dict[str, Any] = {}
+    program: Any = typer.main.get_command(app)
+    for verb, lazy in program.commands.items():
+        command = typer.main.get_command(lazy.make())
+        commands[verb] = command
+        for name, inner in getattr(command, "commands", {}).items():
+            commands[f"{verb} {name}"] = inner
+    return commands
+
+
+@pytest.mark.parametrize("words", [*VERBS, "bench", *(f"bench {name}" for name in BENCHMARKS)])
+def test_no_flag_is_cut_off_at_80_columns(words, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    text = gsedit(*words.split(), "--help").stdout
+    assert max(map(len, text.splitlines())) <= 80
+    options = [param for param in every_command()[words].params if param.opts[0].startswith("-")]
+    for flag in (flag for option in options for flag in (*option.opts, *option.secondary_opts)):
+        assert re.search(rf"(?<![\w-]){re.escape(flag)}(?![\w…-])", text), flag
+
+
+def test_every_verb_is_tested():
+    assert set(every_command()) == {*VERBS, "bench", *(f"bench {name}" for name in BENCHMARKS)}
+
+
+def test_a_wrong_choice_is_explained_in_plain_words(tmp_path):
+    words = ("edit", "a.ply", "snow", "-o", tmp_path / "out", "--strategy", "throwaway")
+    message = gsedit(*words).stderr
+    assert "'--strategy': 'throwaway' is not one of 'single-pass'" in message
+    assert "Value error" not in message
+
+
+def test_compile_has_one_help_text(monkeypatch):
+    text = help_text(field_docs(Execution)["compile"], default=False)
+    monkeypatch.setenv("COLUMNS", "200")
+    for verb in ("fit", "edit", "render"):
+        lines = gsedit(verb, "--help").stdout.replace("│", " ")
+        assert text in " ".join(lines.split())
 
 
 def test_version():

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+import sys
+
 import pytest
 from command_line import gsedit, one_line
 from gsedit_cli.edit_options import edit_settings, resolve
@@ -28,21 +31,41 @@ def help_of_edit(monkeypatch) -> str:
 
 
 @pytest.fixture
-def another_strategy(monkeypatch, tmp_path):
-    """A second strategy in a file of its own: it shares one setting with the first."""
-    (tmp_path / "throw_away.py").write_text(
-        "from dataclasses import dataclass\n"
-        "@dataclass(frozen=True)\n"
-        "class ThrowAway:\n"
-        '    """Edit nothing, slowly."""\n'
-        "    pace: float = 2.0\n"
-        '    """Seconds of waiting."""\n'
-        "    update_steps: int = 3\n"
-        '    """Steps after it."""\n'
-        "    def __call__(self, session): yield from ()\n"
-    )
+def add_strategy(monkeypatch, tmp_path):
+    """Adds a strategy in a file of its own, with the given fields; returns its dataclass."""
     monkeypatch.setattr(strategies, "__path__", [*strategies.__path__, str(tmp_path)])
-    return strategies.find_strategy("throw-away")
+    added = []
+
+    def add(name: str, summary: str, *fields: str) -> type:
+        module = name.replace("-", "_")
+        added.append(module)
+        (tmp_path / f"{module}.py").write_text(
+            "from dataclasses import dataclass\n"
+            "@dataclass(frozen=True)\n"
+            f"class {name.title().replace('-', '')}:\n"
+            f'    """{summary}"""\n'
+            + "".join(f"    {field}\n" for field in fields)
+            + "    def __call__(self, session): yield from ()\n"
+        )
+        return strategies.find_strategy(name)
+
+    yield add
+    for module in added:
+        sys.modules.pop(f"{strategies.__name__}.{module}", None)
+        delattr(strategies, module)
+
+
+@pytest.fixture
+def another_strategy(add_strategy):
+    """A second strategy, which shares one setting with the first."""
+    return add_strategy(
+        "throw-away",
+        "Edit nothing, slowly.",
+        "pace: float = 2.0",
+        '"""Seconds of waiting."""',
+        "update_steps: int = 3",
+        '"""Steps after it."""',
+    )
 
 
 def test_what_is_not_given_is_the_librarys_choice():
@@ -107,6 +130,37 @@ def test_a_strategy_in_a_new_file_is_a_choice_with_its_options(monkeypatch, anot
     assert strategy == another_strategy(pace=0.5)
     _, strategy = resolve("default", {("strategy", "update_steps"): 8})
     assert strategy == SinglePass(8)
+
+
+def test_a_setting_with_the_name_of_an_option_of_the_verb_gets_a_prefix(
+    monkeypatch, add_strategy, tmp_path
+):
+    strategy = add_strategy("throw-away", "Edit nothing.", "seed: int = 1", "size: int = 2")
+    text = help_of_edit(monkeypatch)
+    assert "--strategy-seed <int> throw-away: seed. [default: 1]" in text
+    assert len(re.findall(r"--seed\b", text)) == 1
+    values = {("strategy",): "throw-away", ("strategy", "size"): 5}
+    assert resolve("default", values)[1] == strategy(size=5)
+    result = gsedit("edit", "a.ply", "snow", "-o", tmp_path / "out", "--strategy-size", 5)
+    assert "--strategy-size is an option of the strategy throw-away" in result.stderr
+    result = gsedit("edit", tmp_path / "no.ply", "snow", "-o", tmp_path / "out", "--size", 40)
+    assert "no.ply" in result.stderr
+    assert "--size" not in result.stderr
+
+
+def test_strategies_share_an_option_only_if_its_type_is_the_same(add_strategy):
+    add_strategy("throw-away", "Edit nothing.", "update_steps: float = 1.0")
+    with pytest.raises(TypeError, match=r"--update-steps of .* update_steps \(float\), .* \(int\)"):
+        edit_settings()
+
+
+def test_strategies_may_share_choices(add_strategy):
+    choice = "from typing import Literal; mode: Literal['a', 'b'] = 'a'"
+    add_strategy("throw-away", "Edit nothing.", choice)
+    add_strategy("throw-again", "Edit nothing again.", choice)
+    (mode,) = (setting for setting in edit_settings() if setting.flag == "--mode")
+    assert mode.help.startswith("throw-again: ")
+    assert "throw-away: " in mode.help
 
 
 def test_an_option_of_another_strategy_is_refused(another_strategy, tmp_path):

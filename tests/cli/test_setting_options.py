@@ -14,6 +14,7 @@ from gsedit_cli.command import LazyCommand, as_command, lazy_verb
 from gsedit_cli.setting_options import (
     Layout,
     SettingsGroup,
+    choices_text,
     field_docs,
     help_text,
     settings_of,
@@ -74,6 +75,19 @@ def verb(
     A second paragraph.
     """
     GIVEN.append(settings)
+
+
+@dataclass(frozen=True)
+class Fast:
+    fast: bool = field(default=False, metadata={"flag": "--quick"})
+
+
+def two_quick(
+    quick: Annotated[bool, typer.Option("--quick", "-q")] = False,
+    *,
+    settings: Annotated[Any, SettingsGroup(lambda: settings_of(Fast(), Layout("Panel")))],
+) -> None:
+    """Do it."""
 
 
 @pytest.fixture
@@ -147,6 +161,22 @@ def test_what_no_option_can_hold_is_refused(run, words):
 def test_a_field_that_no_option_can_hold_is_an_error_with_its_name():
     with pytest.raises(TypeError, match=r"library_only: no option can hold a tuple\[int, \.\.\.\]"):
         settings_of(Outer(), Layout("Panel"))
+
+
+def test_two_options_with_the_same_flag_are_an_error_that_names_both():
+    with pytest.raises(TypeError, match="quick and fast have the same flag, --quick"):
+        as_command(two_quick)
+
+
+@pytest.mark.parametrize(
+    ("columns", "shown"),
+    [(160, "<soft|hard-edged>"), (80, "<soft|\nhard-edged>")],
+)
+def test_choices_are_split_over_lines_in_a_narrow_terminal(monkeypatch, columns, shown):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    mode = next(each for each in settings_of(Outer(), LAYOUT) if each.flag == "--mode")
+    assert choices_text(mode.type) == shown
+    assert choices_text(int) is None
 
 
 def test_docstrings_are_read_from_the_source_and_from_bases():
