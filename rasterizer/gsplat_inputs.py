@@ -29,13 +29,16 @@ class _Cloud:
 
     means: Float[Tensor, "n 3"]
     opacity: Float[Tensor, " n"]
-    colors: Float[Tensor, "n ..."]
+    color: Float[Tensor, "n ..."]
 
     def opacities(self) -> Float[Tensor, " n"]:
         return self.opacity
 
-    def log_opacities(self) -> Float[Tensor, " n"]:
-        return self.opacity.log()  # of rows in sight: opacity 0 is culled
+    def log_opacities(self, rows: Int[Tensor, " m"]) -> Float[Tensor, " m"]:
+        return self.opacity[rows].to(self.means).log()  # of rows in sight: opacity 0 is culled
+
+    def colors(self, rows: Int[Tensor, " m"]) -> Float[Tensor, "m ..."]:
+        return self.color[rows].to(self.means)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,12 +52,9 @@ class AxesCloud(_Cloud):
     def extents(self) -> Float[Tensor, " n"]:
         return self.scales.detach().abs().amax(-1)
 
-    def select(self, rows: Int[Tensor, " m"]) -> AxesCloud:
-        return AxesCloud(*_rows_of(self, rows), self.quats[rows], self.scales[rows])
-
-    def project(self, camera: Camera, numerics: Numerics) -> Projected:
-        axes = rotation_matrices(self.quats) * self.scales[:, None, :]
-        return project_axes(self.means, axes, camera, numerics)
+    def project(self, rows: Int[Tensor, " m"], camera: Camera, numerics: Numerics) -> Projected:
+        axes = rotation_matrices(self.quats[rows]) * self.scales[rows][:, None, :]
+        return project_axes(self.means[rows], axes, camera, numerics)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,20 +67,11 @@ class CovarianceCloud(_Cloud):
     def extents(self) -> Float[Tensor, " n"]:
         return self.covars.detach().diagonal(dim1=-2, dim2=-1).sum(-1).clamp_min(0).sqrt()
 
-    def select(self, rows: Int[Tensor, " m"]) -> CovarianceCloud:
-        return CovarianceCloud(*_rows_of(self, rows), self.covars[rows])
-
-    def project(self, camera: Camera, numerics: Numerics) -> Projected:
-        return project_covariances(self.means, self.covars, camera, numerics)
+    def project(self, rows: Int[Tensor, " m"], camera: Camera, numerics: Numerics) -> Projected:
+        return project_covariances(self.means[rows], self.covars[rows], camera, numerics)
 
 
 Cloud = AxesCloud | CovarianceCloud
-
-
-def _rows_of(cloud: _Cloud, rows: Int[Tensor, " m"]) -> tuple[Tensor, Tensor, Tensor]:
-    """Means, opacities and colours of some rows, all in the means' dtype."""
-    means = cloud.means[rows]
-    return means, cloud.opacity[rows].to(means), cloud.colors[rows].to(means)
 
 
 def image_clouds(

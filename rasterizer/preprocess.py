@@ -29,15 +29,13 @@ from rasterizer.scene import Gaussians
 
 @dataclass(frozen=True, eq=False)
 class Splats:
-    """2D Gaussians that may touch a box of pixels, with what is blended of each."""
+    """2D Gaussians that may touch a box of pixels; `features_of` gives what they show."""
 
     rows: Int[Tensor, " m"]
     """Which Gaussians of the source these are, ascending."""
     projected: Projected
     log_opacities: Float[Tensor, " m"]
     """Natural logarithms, with antialiasing; below the floor where `radius_clip` drops."""
-    features: Float[Tensor, "m d"]
-    """Colours, then depth: each only where it was asked for."""
 
 
 class InputNames(NamedTuple):
@@ -48,20 +46,15 @@ class InputNames(NamedTuple):
     colors: str
 
 
-@runtime_checkable
+@runtime_checkable  # the tests check annotations at run time
 class Source(Protocol):
-    """3D Gaussians in some parametrisation."""
+    """3D Gaussians in some parametrisation; what takes `rows` computes it of those only."""
 
     names: ClassVar[InputNames]
 
     @property
     def means(self) -> Float[Tensor, "n 3"]:
         """Centres, world units."""
-        ...
-
-    @property
-    def colors(self) -> Float[Tensor, "n ..."]:
-        """Spherical harmonics [n k 3], or features [n d]."""
         ...
 
     def extents(self) -> Float[Tensor, " n"]:
@@ -72,11 +65,15 @@ class Source(Protocol):
         """In [0, 1]."""
         ...
 
-    def select(self, rows: Int[Tensor, " m"]) -> Source: ...
+    def log_opacities(self, rows: Int[Tensor, " m"]) -> Float[Tensor, " m"]:
+        """Natural logarithms."""
+        ...
 
-    def log_opacities(self) -> Float[Tensor, " n"]: ...
+    def colors(self, rows: Int[Tensor, " m"]) -> Float[Tensor, "m ..."]:
+        """Spherical harmonics [m k 3], or features [m d]."""
+        ...
 
-    def project(self, camera: Camera, numerics: Numerics) -> Projected: ...
+    def project(self, rows: Int[Tensor, " m"], camera: Camera, numerics: Numerics) -> Projected: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,10 +87,6 @@ class StoredScene:
     def means(self) -> Float[Tensor, "n 3"]:
         return self.scene.means
 
-    @property
-    def colors(self) -> Float[Tensor, "n k 3"]:
-        return self.scene.sh
-
     def extents(self) -> Float[Tensor, " n"]:
         first, second, third = self.scene.log_scales.unbind(-1)
         return first.maximum(second).maximum(third).exp()
@@ -101,14 +94,15 @@ class StoredScene:
     def opacities(self) -> Float[Tensor, " n"]:
         return self.scene.opacities
 
-    def select(self, rows: Int[Tensor, " m"]) -> StoredScene:
-        return StoredScene(self.scene[rows])
+    def log_opacities(self, rows: Int[Tensor, " m"]) -> Float[Tensor, " m"]:
+        return logsigmoid(self.scene.logit_opacities.index_select(0, rows))
 
-    def log_opacities(self) -> Float[Tensor, " n"]:
-        return logsigmoid(self.scene.logit_opacities)
+    def colors(self, rows: Int[Tensor, " m"]) -> Float[Tensor, "m k 3"]:
+        return self.scene.sh.index_select(0, rows)
 
-    def project(self, camera: Camera, numerics: Numerics) -> Projected:
-        return project(self.scene, camera, numerics)
+    def project(self, rows: Int[Tensor, " m"], camera: Camera, numerics: Numerics) -> Projected:
+        no_colors = replace(self.scene, sh=self.scene.sh[:, :0])  # most of a row, and not read
+        return project(no_colors[rows], camera, numerics)
 
 
 def stored_scene(scene: Gaussians) -> StoredScene:
@@ -117,46 +111,46 @@ def stored_scene(scene: Gaussians) -> StoredScene:
     return StoredScene(replace(scene, sh=harmonics.without_zero_bands(scene.sh)))
 
 
-def preprocess(
-    source: Source,
-    camera: Camera,
-    box: Box,
-    numerics: Numerics,
-    *,
-    color: bool = True,
-    depth: bool = False,
-) -> Splats:
-    """What a box of the camera's pixels may show of a source; differentiable in source and pose.
+def preprocess(source: Source, camera: Camera, box: Box, numerics: Numerics) -> Splats:
+    """The Gaussians of a source that may touch a box of the camera's pixels, without features.
 
-    Raises ValueError for a camera or a setting that is not usable, for a box that is empty or
-    leaves the picture, and for colours or footprints in sight that are not finite.
+    Differentiable in source and pose. Raises ValueError for a camera or a setting that is not
+    usable, for a box that is empty or leaves the picture, and for footprints in sight that are not
+    finite.
     """
     checks.settings(numerics)
     checks.camera(camera)
     checks.crop(box, camera)
     with torch.no_grad():
         rows = cull(source.means, source.extents(), source.opacities(), camera, box, numerics)
-    visible = source.select(rows)
-    projected = visible.project(camera, numerics)
-    checks.footprints(projected, rows, source.names[:2])
-    features = []
+    projected = source.project(rows, camera, numerics)
+    checks.footprints(projected, rows, (source.names.means, source.names.sizes))
+    log_opacities = effective_log_opacities(projected, source.log_opacities(rows), numerics)
+    return Splats(rows, projected, log_opacities)
+
+
+def features_of(
+    source: Source, splats: Splats, camera: Camera, *, color: bool = True, depth: bool = False
+) -> Float[Tensor, "m d"]:
+    """What is blended of each splat: its colour, then its depth, each only if asked for.
+
+    A step of its own, for features may be most of the memory: of several images, one at a time
+    needs them. Differentiable. Raises ValueError for colours in sight that are not finite.
+    """
+    features = [splats.log_opacities.new_empty(len(splats.rows), 0)]
     if color:
-        features.append(_colors(visible, rows, camera))
+        features.append(_colors(source, splats.rows, camera))
     if depth:
-        features.append(projected.depth[:, None])
-    return Splats(
-        rows=rows,
-        projected=projected,
-        log_opacities=effective_log_opacities(projected, visible.log_opacities(), numerics),
-        features=torch.cat(features, -1) if features else projected.xy.new_empty(len(rows), 0),
-    )
+        features.append(splats.projected.depth[:, None])
+    return torch.cat(features, -1)
 
 
-def _colors(visible: Source, rows: Int[Tensor, " m"], camera: Camera) -> Float[Tensor, "m d"]:
+def _colors(source: Source, rows: Int[Tensor, " m"], camera: Camera) -> Float[Tensor, "m d"]:
     """Features as they are, harmonics as colours; ValueError unless they are finite."""
-    checks.finite(visible.names.colors, visible.colors, rows)
-    if visible.colors.ndim == 2:
-        return visible.colors
-    colors = view_dependent_colors(visible.colors, visible.means, camera)
-    checks.finite(visible.names.colors, colors, rows)  # sums of finite numbers may overflow
+    values = source.colors(rows)
+    checks.finite(source.names.colors, values, rows)
+    if values.ndim == 2:
+        return values
+    colors = view_dependent_colors(values, source.means.index_select(0, rows), camera)
+    checks.finite(source.names.colors, colors, rows)  # sums of finite numbers may overflow
     return colors

@@ -26,7 +26,7 @@ from rasterizer.gsplat_inputs import (
     refuse_unsupported,
 )
 from rasterizer.numerics import AUTO, DEFAULT, Execution, Numerics
-from rasterizer.preprocess import Splats, preprocess
+from rasterizer.preprocess import Splats, features_of, preprocess
 from rasterizer.project import footprint_radii
 from rasterizer.splat import Splatted, splat
 
@@ -151,16 +151,16 @@ def rasterization(
 
     box = (0, 0, width, height)
     parts = {"color": "RGB" in render_mode, "depth": _has_depth(render_mode)}
-    splats = [
-        preprocess(cloud, camera, box, numerics, **parts) for cloud, camera in zip(clouds, cameras)
-    ]
+    splats = [preprocess(*one, box, numerics) for one in zip(clouds, cameras)]
     meta = _meta(clouds, splats, leading, width, height)
     # splatted at meta["means2d"], so that it takes the gradient of the positions
     centres = meta["means2d"].reshape(images, -1, 2)
+    # features, which may be larger than all else, live for one image at a time
     pictures = [
-        splat(_moved(one, xy[one.rows]), box, numerics, execution=execution)
-        for one, xy in zip(splats, centres)
-    ]
+        splat(_moved(one, xy[one.rows]), features_of(cloud, one, camera, **parts), box, numerics,
+              execution=execution)
+        for cloud, camera, one, xy in zip(clouds, cameras, splats, centres)
+    ]  # fmt: skip
     size = pictures[0].tile_size
     meta |= {"tile_size": size, "tile_width": -(-width // size), "tile_height": -(-height // size)}
     picture, alphas = _composed(pictures, render_mode, backgrounds)

@@ -11,7 +11,7 @@ from torch import Tensor
 from rasterizer import checks
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, DEFAULT, SH_DC, Execution, Numerics
-from rasterizer.preprocess import preprocess, stored_scene
+from rasterizer.preprocess import features_of, preprocess, stored_scene
 from rasterizer.project import Box
 from rasterizer.scene import Gaussians
 from rasterizer.splat import splat
@@ -56,8 +56,10 @@ def render(
     if background is not None:
         checks.all_finite("background", background)
     box = crop or (0, 0, camera.width, camera.height)
-    splats = preprocess(stored_scene(scene), camera, box, numerics, depth=depth)
-    blended = splat(splats, box, numerics, execution=execution, median=median_depth)
+    source = stored_scene(scene)
+    splats = preprocess(source, camera, box, numerics)
+    features = features_of(source, splats, camera, depth=depth)
+    blended = splat(splats, features, box, numerics, execution=execution, median=median_depth)
     alpha = 1 - blended.transmittance
     color = blended.features[..., :3]
     if background is not None:

@@ -30,6 +30,7 @@ class Splatted(NamedTuple):
 
 def splat(
     splats: Splats,
+    features: Float[Tensor, "m d"],
     box: Box,
     numerics: Numerics,
     *,
@@ -38,12 +39,13 @@ def splat(
 ) -> Splatted:
     """Blend 2D Gaussians with any number of features over the pixels of a box.
 
-    Differentiable in xy, whitening, log-opacities and features.
+    `execution` and the features' device and dtype choose the backend. Differentiable in xy,
+    whitening, log-opacities and features.
     """
     _, _, width, height = box
-    backend = choose_backend(execution)
+    backend = choose_backend(execution, features.device, features.dtype)
     xy, bins = list_tiles(splats, box, numerics, execution, backend)
-    columns = (xy, splats.projected.whitening, splats.log_opacities[:, None], splats.features)
+    columns = (xy, splats.projected.whitening, splats.log_opacities[:, None], features)
     table = torch.cat(columns, -1)
     inputs = BlendInputs(table, bins, width, height, numerics, execution.block)
     return Splatted(*composite(inputs, backend, median=median), bins.size)

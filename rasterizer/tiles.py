@@ -56,7 +56,7 @@ def choose_tile_size(footprints: Footprints, width: int, height: int, pair_overh
     `pair_overhead` is what a pair costs beside its pixels, in units of one pixel of one pair.
     """
     half = footprints.radius[:, None] * footprints.covariance[:, ::2].sqrt()
-    extent = torch.tensor((width, height), dtype=half.dtype)
+    extent = half.new_tensor((width, height))
     low = (footprints.xy - half).clamp_min(0).minimum(extent)
     span = ((footprints.xy + half).minimum(extent) - low).clamp_min(0)
 
@@ -93,7 +93,7 @@ def bin_tiles(
     pair = torch.repeat_interleave(column_count)
     ends = column_count.cumsum(0)
     first_tile = spans.row * columns + first_column - ends + column_count
-    tile = first_tile.index_select(0, pair) + torch.arange(len(pair))
+    tile = first_tile.index_select(0, pair) + _indices(pair)
     by_tile = stable_argsort(tile, columns * rows)
     counts = torch.bincount(tile, minlength=columns * rows)
     members = order.index_select(0, spans.owner).index_select(0, pair)
@@ -132,7 +132,7 @@ def _row_spans(footprints: Footprints, order: Int[Tensor, " m"], size: int, rows
     first_row, row_count = _span(y - reach, y + reach, size, rows)
     owner = torch.repeat_interleave(row_count)
     firsts = row_count.cumsum(0) - row_count
-    row = (first_row - firsts).index_select(0, owner) + torch.arange(len(owner))
+    row = (first_row - firsts).index_select(0, owner) + _indices(owner)
     return _RowSpans(row, owner, firsts, (x, y, xx, xy, yy, within, radius, reach))
 
 
@@ -166,16 +166,21 @@ def _columns(values: Float[Tensor, "f n"], index: Int[Tensor, " i"]) -> Float[Te
     return values.gather(1, index.expand(len(values), -1))
 
 
+def _indices(values: Int[Tensor, " n"]) -> Int[Tensor, " n"]:
+    """0 to n - 1, on the device of the values."""
+    return torch.arange(len(values), device=values.device)
+
+
 def inverse(permutation: Int[Tensor, " n"]) -> Int[Tensor, " n"]:
     """The permutation that undoes another."""
     places = torch.empty_like(permutation)
-    places[permutation] = torch.arange(len(permutation))
+    places[permutation] = _indices(permutation)
     return places
 
 
 def stable_argsort(keys: Int[Tensor, " p"], bound: int) -> Int[Tensor, " p"]:
-    """Stable argsort of integers in [0, bound): a radix sort where the keys are narrow."""
-    if bound <= 1 << 16:
+    """Stable argsort of integers in [0, bound): on a CPU a radix sort where the keys are narrow."""
+    if bound <= 1 << 16 and keys.device.type == "cpu":
         return torch.from_numpy(np.argsort(keys.numpy().astype(np.uint16), kind="stable"))
     return torch.argsort(keys.int(), stable=True)
 

@@ -1,6 +1,10 @@
 """What an implementation of blending is: a record of its two passes and of what they cost.
 
-A backend is one file in this folder that ends in such a record, and its place in `choose.BACKENDS`.
+A backend is one file in this folder that ends in such a record, and its entry in `choose.BACKENDS`,
+before the torch backend's; a third one touches nothing else where device, dtype and the fields of
+`Execution` tell when it is wanted. (A choice that they cannot tell is a new field of `Execution`.)
+The steps around it make their tensors on the Gaussians' device; none has run on a GPU yet.
+
 `m` Gaussians with `d` features, `p` (tile, Gaussian) pairs, a picture of `h w` pixels; `g` = 6 + d.
 """
 
@@ -10,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
@@ -57,8 +62,9 @@ class Backend:
     """One implementation of the equations in `composite.py`."""
 
     name: str
-    accepts: Callable[[Execution], bool]
-    """Whether it can run here and is what the execution names."""
+    accepts: Callable[[Execution, torch.device, torch.dtype], bool]
+    """(execution, device and dtype of the table): whether it blends such tensors, can run here and
+    is not ruled out by the execution."""
     forward: Callable[[BlendInputs, bool, bool], ForwardPass]
     """(inputs, whether the median index is wanted, whether `backward` may be called). The table
     has no gradients here."""

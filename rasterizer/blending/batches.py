@@ -30,13 +30,13 @@ class TileGrid:
     def __init__(self, inputs: BlendInputs) -> None:
         table, bins, numerics = inputs.table, inputs.bins, inputs.numerics
         side = bins.size
-        local = torch.arange(side, dtype=table.dtype) + (0.5 - side / 2)
+        local = torch.arange(side, dtype=table.dtype, device=table.device) + (0.5 - side / 2)
         y, x = (c.flatten() for c in torch.meshgrid(local, local, indexing="ij"))
         self.monomials: Float[Tensor, "6 q"] = torch.stack(
             (torch.ones_like(x), x, y, x * x, x * y, y * y)
         )
         """1, x, y, xx, xy, yy of the pixels' centres, from the tile's centre."""
-        tile = torch.arange(bins.rows * bins.columns)
+        tile = torch.arange(bins.rows * bins.columns, device=table.device)
         corners = torch.stack((tile % bins.columns, tile // bins.columns)) * side
         self.centres: Float[Tensor, "2 t"] = (corners + side / 2).to(table)
         """Of all tiles: x, y, pixels from the picture's corner."""
@@ -133,15 +133,16 @@ class TileGroup:
         self.grid, self.tiles = grid, tiles
         block, bins = grid.block, grid.bins
         blocks = (grid.lengths[tiles] + block - 1) // block
-        batch = torch.arange(int(blocks[0]))
+        batch = torch.arange(int(blocks[0]), device=tiles.device)
         active = len(tiles) - torch.searchsorted(blocks.flip(0), batch, right=True)
         first = active.cumsum(0) - active
         self.active: list[int] = active.tolist()
         """Tiles of each batch: a prefix of `tiles`."""
         self.first: list[int] = first.tolist()
         batch = torch.repeat_interleave(active)
-        owner = tiles[torch.arange(len(batch)) - first[batch]]
-        at = bins.starts[owner] + batch * block + torch.arange(block)[:, None]
+        owner = tiles[torch.arange(len(batch), device=tiles.device) - first[batch]]
+        inside = torch.arange(block, device=tiles.device)[:, None]
+        at = bins.starts[owner] + batch * block + inside
         self.pairs: Int[Tensor, "k n"] = torch.where(
             at < bins.starts[owner + 1], at, len(bins.members)
         )

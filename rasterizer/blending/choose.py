@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import torch
+
 from rasterizer.blending import cpp_backend, torch_backend
 from rasterizer.blending.backend import Backend
 from rasterizer.numerics import Execution
@@ -10,6 +12,6 @@ BACKENDS: tuple[Backend, ...] = (cpp_backend.BACKEND, torch_backend.BACKEND)
 """In order of preference; the last accepts everything."""
 
 
-def choose_backend(execution: Execution) -> Backend:
-    """The first backend that accepts the execution."""
-    return next(backend for backend in BACKENDS if backend.accepts(execution))
+def choose_backend(execution: Execution, device: torch.device, dtype: torch.dtype) -> Backend:
+    """The first backend that accepts the execution, for tensors of that device and dtype."""
+    return next(backend for backend in BACKENDS if backend.accepts(execution, device, dtype))

@@ -68,5 +68,6 @@ class _Composite(torch.autograd.Function):
             ctx.saved, transmittance, grad_features.contiguous(), grad_transmittance.contiguous()
         )
         # each Gaussian's pairs, tile by tile: the same sum on every run
-        by_rank = embedding_bag(torch.arange(len(pairs)), pairs, ctx.bins.firsts, mode="sum")
+        every = torch.arange(len(pairs), device=pairs.device)
+        by_rank = embedding_bag(every, pairs, ctx.bins.firsts, mode="sum")
         return by_rank.index_select(0, ctx.bins.rank), None, None, None

@@ -23,6 +23,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from rasterizer.blending.backend import GEOMETRY, Backend, Blended, BlendInputs, ForwardPass
+from rasterizer.numerics import Execution
 
 SOURCE = Path(__file__).with_name("kernel.cpp")
 FLAGS = ("-std=c++17", "-shared", "-fPIC", "-pthread", "-O3", "-fno-math-errno",
@@ -73,7 +74,7 @@ def forward(inputs: BlendInputs, median: bool, differentiate: bool) -> ForwardPa
     table, bins, shape = inputs.table, inputs.bins, (inputs.height, inputs.width)
     features = table.new_empty(*shape, table.shape[1] - GEOMETRY)
     transmittance = table.new_empty(shape)
-    median_index = torch.empty(shape, dtype=torch.long) if median else None
+    median_index = bins.members.new_empty(shape) if median else None
     blocks = (bins.starts.diff() + BLOCK - 1) // BLOCK
     total, first = int(blocks.sum()), blocks.cumsum(0) - blocks
     planes = table.new_empty(total, bins.size**2) if differentiate else None
@@ -196,9 +197,15 @@ def _compile(compiler: str, target: Path) -> Path:
     raise _Failed(f"{compiler} could not compile {SOURCE.name} ({complaint})")
 
 
+def accepts(execution: Execution, device: torch.device, dtype: torch.dtype) -> bool:
+    """`Backend.accepts`. Compiles only for what it can blend."""
+    fits = device.type == "cpu" and dtype in (torch.float32, torch.float64)
+    return execution.compile and fits and load() is not None
+
+
 BACKEND = Backend(
     name="cpp",
-    accepts=lambda execution: execution.compile and load() is not None,
+    accepts=accepts,
     forward=forward,
     backward=backward,
     # as the torch backend's; more, for here a pixel costs a tenth of what it costs there

@@ -237,7 +237,7 @@ def _median_index(grid: TileGrid, out: _TiledPicture) -> Int[Tensor, "t q"]:
 
 BACKEND = Backend(
     name="torch",
-    accepts=lambda execution: True,
+    accepts=lambda execution, device, dtype: True,
     forward=forward,
     backward=backward,
     # fitted to forward + backward of six scenes at four tile sizes

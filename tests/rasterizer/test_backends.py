@@ -23,9 +23,36 @@ def gradients(execution):
 @pytest.mark.parametrize("kernel", [None, object()])
 def test_the_compiled_backend_is_chosen_where_it_is_asked_for_and_works(kernel, monkeypatch):
     monkeypatch.setattr(cpp_backend, "load", lambda: kernel)
-    compiled = choose.choose_backend(Execution(compile=True)).name
+    of_this = (torch.device("cpu"), torch.float32)
+    compiled = choose.choose_backend(Execution(compile=True), *of_this).name
     assert compiled == ("torch" if kernel is None else "cpp")
-    assert choose.choose_backend(Execution()).name == "torch"
+    assert choose.choose_backend(Execution(), *of_this).name == "torch"
+
+
+@pytest.mark.parametrize(("device", "dtype"), [("cuda", torch.float32), ("cpu", torch.float16)])
+def test_the_compiled_backend_takes_only_what_it_can_read(device, dtype, monkeypatch):
+    monkeypatch.setattr(cpp_backend, "load", object)
+    execution = Execution(compile=True)
+    assert choose.choose_backend(execution, torch.device(device), dtype).name == "torch"
+
+
+def test_a_backend_may_accept_by_device_or_dtype(monkeypatch):
+    calls = []
+
+    def forward(inputs, *args):
+        calls.append(inputs.table.dtype)
+        return torch_backend.forward(inputs, *args)
+
+    def accepts(execution, device, dtype):
+        return device.type == "cuda" or dtype == torch.float32
+
+    own = replace(torch_backend.BACKEND, name="own", accepts=accepts, forward=forward)
+    monkeypatch.setattr(choose, "BACKENDS", (own, *choose.BACKENDS))
+    scene, camera = cloud()
+    for dtype in (torch.float32, torch.float64):
+        render(scene.to(dtype), camera)
+    assert calls == [torch.float32]
+    assert choose.choose_backend(Execution(), torch.device("cuda"), torch.float64) is own
 
 
 def test_a_backend_of_ones_own_blends_both_ways(monkeypatch):
@@ -43,7 +70,7 @@ def test_a_backend_of_ones_own_blends_both_ways(monkeypatch):
     own = replace(
         torch_backend.BACKEND,
         name="own",
-        accepts=lambda execution: execution.block == 8,
+        accepts=lambda execution, device, dtype: execution.block == 8,
         forward=forward,
         backward=backward,
     )

@@ -11,7 +11,8 @@ from gsedit.bench.renderer.edge_cases import (
     CROWD,
     EDGE_CASES,
 )
-from rasterizer import render
+from rasterizer import Execution, render
+from rasterizer.blending import cpp_backend
 
 BY_NAME = {case.name: case for case in EDGE_CASES}
 
@@ -74,6 +75,27 @@ def test_global_flags_of_others_change_nothing():
     assert again.dtype == torch.float32
     assert torch.equal(again, picture)
     assert all(torch.equal(a, b) for a, b in zip(others, gradients))
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+def test_every_tensor_is_made_on_the_device_of_the_inputs(compiled):
+    """Whatever is made on the default device, which has no values here, cannot be drawn."""
+    if compiled and cpp_backend.load() is None:
+        pytest.skip("no C++ compiler on this machine")
+    scene, view, background = BY_NAME["ordinary crowd"].make(torch.float32)
+    execution = Execution(compile=compiled)
+
+    def drawn():
+        inputs = leaves(scene)
+        picture = render(inputs, view, background=background, depth=True, median_depth=True,
+                         execution=execution)  # fmt: skip
+        loss = picture.color.square().sum() + picture.depth.sum() + picture.median_depth.sum()
+        return picture.color, *torch.autograd.grad(loss, tensors(inputs))
+
+    wanted = drawn()
+    with torch.device("meta"):
+        found = drawn()
+    assert all(torch.equal(a, b) for a, b in zip(found, wanted))
 
 
 @pytest.mark.parametrize("context", [torch.no_grad, torch.inference_mode])

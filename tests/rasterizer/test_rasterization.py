@@ -164,9 +164,9 @@ def test_only_what_was_asked_for_is_blended(mode, channels, monkeypatch):
     module = sys.modules["rasterizer.rasterization"]
     blended = []
 
-    def spy(splats, *rest, **options):
-        blended.append(splats.features.shape[1])
-        return original(splats, *rest, **options)
+    def spy(splats, features, *rest, **options):
+        blended.append(features.shape[1])
+        return original(splats, features, *rest, **options)
 
     original = module.splat
     monkeypatch.setattr(module, "splat", spy)

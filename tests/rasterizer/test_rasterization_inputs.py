@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib import import_module
 from math import sqrt
+from weakref import ref
 
 import pytest
 import torch
@@ -13,8 +15,11 @@ from scenes import camera, random_cloud
 
 from rasterizer import rasterization
 from rasterizer.numerics import SH_DC
+from rasterizer.preprocess import features_of
 from rasterizer.project import rotation_matrices
 from rasterizer.reference import render_reference
+
+module = import_module("rasterizer.rasterization")  # the package's name is the function
 
 
 @pytest.mark.parametrize("mode", ["classic", "antialiased"])
@@ -155,6 +160,35 @@ def test_colors_may_differ_by_camera(harmonic):
     for i, view in enumerate(views):
         own = gsplat_arguments(scene, view) | {"sh_degree": degree, "colors": painted[i]}
         assert torch.equal(color[i], rasterization(**own)[0][0])
+
+
+def test_features_live_one_image_at_a_time(monkeypatch):
+    """Of 24 cameras with 64 channels they were half of all memory."""
+    views = [replace(camera(), cx=cx) for cx in (15.0, 20.0, 25.0)]
+    features = torch.rand(60, 64, generator=torch.Generator().manual_seed(0)).double()
+    made, alive = [], []
+
+    def watched(*args, **options):
+        alive.append(sum(one() is not None for one in made))
+        made.append(ref(result := features_of(*args, **options)))
+        return result
+
+    monkeypatch.setattr(module, "features_of", watched)
+    with torch.no_grad():
+        rasterization(**gsplat_arguments(cloud(), *views) | {"colors": features, "sh_degree": None})
+    assert alive == [0, 0, 0]
+
+
+@pytest.mark.parametrize("mode", ["D", "ED"])
+def test_depth_alone_reads_no_colors(mode, monkeypatch):
+    arguments = gsplat_arguments(cloud(), camera()) | {"render_mode": mode}
+    wanted, _, _ = rasterization(**arguments)
+
+    def colors(self, rows):
+        raise AssertionError("colours were read")
+
+    monkeypatch.setattr("rasterizer.gsplat_inputs._Cloud.colors", colors)
+    assert torch.equal(rasterization(**arguments)[0], wanted)
 
 
 def test_gradients_of_features_backgrounds_and_opacities():

@@ -38,8 +38,9 @@ def bin_gaussians(
 ) -> BinnedGaussians:
     """The visible Gaussians of a scene, on the picture and in its tiles."""
     box = (0, 0, camera.width, camera.height)
-    splats = preprocess(stored_scene(scene), camera, box, numerics, color=False)
-    xy, bins = list_tiles(splats, box, numerics, execution, choose_backend(execution))
+    splats = preprocess(stored_scene(scene), camera, box, numerics)
+    backend = choose_backend(execution, scene.means.device, scene.means.dtype)
+    xy, bins = list_tiles(splats, box, numerics, execution, backend)
     return BinnedGaussians(xy, splats.projected.whitening, splats.log_opacities, bins)
 
 

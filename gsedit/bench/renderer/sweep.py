@@ -99,7 +99,8 @@ class _WorkloadBench:
         except (RuntimeError, ValueError, NotImplementedError) as error:
             return _measurement(fields, note=_one_line(f"{type(error).__name__}: {error}"))
         notes = list(dict.fromkeys(_one_line(str(warning.message)) for warning in caught))
-        if setting.execution.compile and choose_backend(setting.execution).name != "cpp":
+        backend = choose_backend(setting.execution, scene.means.device, scene.means.dtype)
+        if setting.execution.compile and backend.name != "cpp":
             notes = ["no compiled kernel here: this is the eager one"]
         wrong = errors(drawn, self.reference)
         del drawn
