@@ -44,7 +44,8 @@ class FitSettings:
     sh_degree: int = 1
     """Degree of the spherical harmonics, 0 to 3; higher ones cost time and memorise exposure."""
     coarse: tuple[tuple[float, int], ...] = ((0.08, 4), (0.3, 2))
-    """(fraction, factor) pairs: until this fraction, train on pictures this many times smaller."""
+    """(fraction, factor) pairs: until this fraction of the budget, train on pictures so many times
+    smaller."""
     dssim_weight: float = 0.2
     """Share of the structural dissimilarity in the loss; the rest is the L1 error."""
     max_gaussians: int = 120_000
@@ -52,13 +53,14 @@ class FitSettings:
     densify_every: int = 100
     """Steps between densifications."""
     densify_until: float = 0.6
-    """Fraction after which the number of Gaussians is left alone."""
+    """Fraction of the budget after which the number of Gaussians is left alone."""
     densify_fraction: float = 0.05
     """Share of the Gaussians, of the largest positional gradients, that divide each time."""
     prune_opacity: float = 0.005
     """Gaussians below this opacity are removed when the scene is densified."""
     opacity_reset: float | None = 0.3
-    """Fraction at which all opacities are lowered once, so that floaters die; None: never."""
+    """Fraction of the budget at which all opacities are lowered once, so that floaters die; None:
+    never."""
     report_every: int = 10
     """Steps between progress events."""
     evaluations: int = 10
