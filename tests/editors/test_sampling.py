@@ -98,4 +98,4 @@ def test_what_the_denoiser_declares_is_forwarded_with_the_denoiser():
     assert declared.denoiser is denoiser
     assert declared.defaults == (3.0, 1.0, 0.5)
     assert declared.advice("anything") == ""
-    assert declared.ground_truth is None
+    assert declared.find_ground_truth is None
