@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Generator, Iterator
 from dataclasses import is_dataclass, replace
 
@@ -84,7 +85,7 @@ def edit(
     generator: torch.Generator | None = None,
 ) -> EditResult:
     """`edit_steps` to the end, with the editor `small` if none is given."""
-    *_, last = edit_steps(
+    steps = edit_steps(
         scene,
         prompt,
         editor=editor or make_editor(),
@@ -94,6 +95,7 @@ def edit(
         strategy=strategy,
         features=features,
     )
+    last = deque(steps, maxlen=1).pop()  # checkpoints are whole scenes: none is kept
     assert isinstance(last, EditResult)
     return last
 

@@ -34,7 +34,7 @@ def tiny_unet() -> diffusers.UNet2DConditionModel:
 
 
 def tiny_xl_unet() -> diffusers.UNet2DConditionModel:
-    """As SDXL's: it is told six numbers (8 features each) and a pooled text of 32."""
+    """As SDXL's: its conditions are six numbers (8 features each) and a pooled text of 32."""
     return diffusers.UNet2DConditionModel(
         block_out_channels=(32, 64),
         layers_per_block=2,

@@ -6,6 +6,7 @@ can take.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -95,7 +96,8 @@ def fit(
 ) -> FitResult:
     """`fit_steps` to the end."""
     generator = generator or torch.Generator().manual_seed(0)
-    *_, last = fit_steps(dataset, settings, generator=generator, start=start)
+    steps = fit_steps(dataset, settings, generator=generator, start=start)
+    last = deque(steps, maxlen=1).pop()  # checkpoints are whole scenes: none is kept
     assert isinstance(last, FitResult)
     return last
 

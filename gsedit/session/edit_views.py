@@ -58,7 +58,7 @@ def edit_views(
     if images is None:
         raise RuntimeError(f"editor {session.request.editor.name} ended without images")
     for i, image in zip(batch, images):  # the anchors follow, as they were
-        image = image.to(session.scene.means)
+        image = image.to(session.request.scene.means)
         edited.targets[i] = replace(session.request.views[i], image=image)
     _find_ground_truth(session)
 
