@@ -59,8 +59,10 @@ def edit_steps(
     sampler = settings.sampler.with_defaults(editor.capabilities.defaults)
     settings = replace(settings, sampler=sampler)
     strategy = strategy or find_strategy(DEFAULT)()
-    if not is_dataclass(strategy):
-        raise UsageError(f"{strategy!r} is no strategy: it must be a dataclass of its settings")
+    if isinstance(strategy, type) or not is_dataclass(strategy):
+        raise UsageError(
+            f"{strategy!r} is no strategy: give an instance of a dataclass, as in SinglePass()"
+        )
     views, held_out = _split(dataset or around(scene))
     features = features or FilterBank()
     request = Request(
