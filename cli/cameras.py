@@ -1,16 +1,22 @@
-"""Where views are taken from: a dataset's cameras, or cameras placed around a scene."""
+"""Where views are taken from: a dataset, the cameras recorded beside a scene, or found ones."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from .console import print_message
 from .options import Data, Size
 
 if TYPE_CHECKING:
     from torch import Tensor
+
+    from gsedit.views.dataset import Dataset
+    from gsedit.views.viewpoints import Viewpoint
+    from rasterizer.scene import Gaussians
 
 Up = Annotated[
     str | None,
@@ -18,7 +24,8 @@ Up = Annotated[
         "--up",
         metavar="AXIS",
         show_default="normal of the ground if one is found, else -y",
-        help="World axis that points up: x, -x, y, -y, z or -z.",
+        help="World axis that points up: x, -x, y, -y, z or -z. Cameras beside the scene are then "
+        "left aside.",
     ),
 ]
 
@@ -44,3 +51,45 @@ def up_vector(up: str | None) -> Tensor | None:
     from gsedit.views import framing
 
     return framing.up_vector(up)
+
+
+def load_photos(data: Path, size: int, scene: Path) -> Dataset:
+    """The photos of --data, in the frame of the scene file where nerfstudio exported that."""
+    from gsedit.files import load_dataset
+    from gsedit.files.export_frame import in_export_frame
+
+    return in_export_frame(load_dataset(data, size=size), data, scene)
+
+
+def recorded_viewpoints(path: Path, scene: Gaussians, size: int) -> tuple[Viewpoint, ...]:
+    """All cameras recorded beside a scene file; none where there are none, or none sees it."""
+    from gsedit.files.cameras import cameras_file, read_cameras
+    from gsedit.views.viewpoints import same_size, that_see, thinned
+
+    file = cameras_file(path)
+    if file is None:
+        return ()
+    viewpoints = same_size(read_cameras(file), size)
+    if not that_see(thinned(viewpoints, 16), scene):
+        print_message(f"{file}: none of these cameras sees the scene; they are left aside")
+        return ()
+    print_message(f"views are taken from the {len(viewpoints)} cameras of {file}")
+    return viewpoints
+
+
+def load_views(path: Path, scene: Gaussians, options: ViewOptions) -> Dataset:
+    """The views of an edit: photos of --data, or renders from recorded or found cameras."""
+    if options.data is not None:
+        return load_photos(options.data, options.size, path)
+    from gsedit.edit import around
+    from gsedit.views.viewpoints import rendered, that_see, thinned
+
+    if options.up is None:
+        recorded = recorded_viewpoints(path, scene, options.size)
+        if recorded:
+            some = thinned(recorded)
+            seeing = that_see(some, scene)
+            if len(seeing) < len(some):
+                print_message(f"{len(some) - len(seeing)} cameras see nothing: they are left out")
+            return rendered(scene, seeing)
+    return around(scene, options.size, up_vector(options.up))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .cameras import ViewOptions, check_axis, up_vector
+from .cameras import ViewOptions, check_axis, load_views
 from .checkpoints import Checkpoints, run_to_result
 from .command import own_flags
 from .console import print_message, print_result
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from gsedit.measures.features import FeatureExtractor
     from gsedit.reports.events import Event
     from gsedit.session.result import EditResult
-    from gsedit.views.dataset import Dataset
-    from rasterizer.scene import Gaussians
 
 Instruction = Annotated[
     str,
@@ -66,26 +64,29 @@ def edit(
     vgg: Vgg = None,
     common: Seeded,
 ) -> None:
-    """Edit a scene from a sentence; without --data, cameras are placed around it.
+    """Edit a scene from a sentence. Without --data, views are renders: from the cameras.json beside
+    the scene, or else from where the scene looks as if it was captured.
 
     gsedit edit scene.ply "turn it into a bronze statue" --data photos/ -o out
 
-    The folder gets scene.ply, edit.json (settings, versions, timings), metrics.jsonl (a line an
-    event), before_after.png and error_vs_time.png.
+    The folder gets scene.ply, cameras.json (where its views were taken from), edit.json (settings,
+    versions, timings), metrics.jsonl (a line an event), before_after.png and error_vs_time.png.
     """
     check_request(instruction, views.up, out, force)
     common.apply()
 
     from gsedit.edit import edit_steps
+    from gsedit.files.cameras import write_cameras
 
     settings, strategy = resolve(preset, values, own_flags(edit))
     editor_2d = editor.make(out, instruction)
     features = load_features(vgg)
     gaussians = load_scene(scene, drop_invalid=drop_invalid)
+    dataset = load_views(scene, gaussians, views)
     steps = edit_steps(
         gaussians,
         instruction,
-        dataset=load_views(views, gaussians),
+        dataset=dataset,
         editor=editor_2d,
         settings=settings,
         strategy=strategy,
@@ -97,6 +98,7 @@ def edit(
         "preset": preset, "vgg": vgg, "seed": common.seed,
     }  # fmt: skip
     result = run_and_write(steps, out, instruction, request, as_json=common.json)
+    write_cameras(dataset.views, out / "cameras.json", overwrite=True)
     record = {
         "folder": out,
         "scene": out / "scene.ply",
@@ -122,17 +124,6 @@ def load_features(vgg: Path | None) -> FeatureExtractor | None:
     from gsedit.measures.features import Vgg16
 
     return Vgg16(vgg)
-
-
-def load_views(views: ViewOptions, scene: Gaussians) -> Dataset:
-    """The photos, or pictures of the scene from around it where there are none."""
-    if views.data is not None:
-        from gsedit.files import load_dataset
-
-        return load_dataset(views.data, size=views.size)
-    from gsedit.edit import around
-
-    return around(scene, views.size, up_vector(views.up))
 
 
 def run_and_write(

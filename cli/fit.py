@@ -63,7 +63,9 @@ def fit(
     values: Annotated[Values, SettingsGroup(fit_settings)],
     common: Seeded,
 ) -> None:
-    """Fit a scene to posed photos. Every 8th photo is held out and measures the result.
+    """Fit a scene to posed photos, and write their cameras to cameras.json beside it.
+
+    Every 8th photo is held out and measures the result.
 
     gsedit fit photos/ -o scene.ply --size 256 --minutes 10
     """
@@ -76,6 +78,7 @@ def fit(
     common.apply()
 
     from gsedit.files import load_dataset, save
+    from gsedit.files.cameras import write_beside
     from gsedit.fitting.fit import fit_steps
 
     settings = with_budget(values, minutes)
@@ -86,6 +89,8 @@ def fit(
             steps = fit_steps(photos, settings, generator=common.generator(), start=first)
             result = run_to_result(steps, show, checkpoints)
         save(result.scene, out, overwrite=force)
+        cameras = write_beside(out, photos.views)
+    print_message(f"the cameras are in {cameras}: edit, render and preview use them")
     print_fit(result, out, as_json=common.json)
 
 

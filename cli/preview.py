@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from .cameras import Up, check_axis, up_vector
+from .cameras import Up, check_axis, recorded_viewpoints, up_vector
 from .console import print_message, print_result
 from .options import Common, DropInvalid, Force, Scene, check_file, load_scene, output
 
@@ -33,6 +33,8 @@ def preview(
 ) -> None:
     """Show the centres of the Gaussians as coloured points: in a window, or as a PNG with -o.
 
+    Seen from the first camera of the cameras.json beside the scene, or else from around it.
+
     gsedit preview scene.ply -o scene.png
     """
     from gsedit.errors import UsageError
@@ -45,10 +47,16 @@ def preview(
     common.apply()
 
     from gsedit.viewer.preview import preview as show
+    from gsedit.views.viewpoints import framed
 
     gaussians = load_scene(scene, drop_invalid=drop_invalid)
+    camera = None
+    if up is None and (recorded := recorded_viewpoints(scene, gaussians, max(width, height))):
+        camera = framed(recorded[0].camera, width, height)
     axis, size = up_vector(up), (width, height)
-    show(gaussians, out, up=axis, size=size, min_opacity=min_opacity, overwrite=force)
+    show(
+        gaussians, out, camera=camera, up=axis, size=size, min_opacity=min_opacity, overwrite=force
+    )
     if out is not None:
         print_message(f"{out} shows {len(gaussians)} Gaussians as points")
         print_result({"picture": str(out)}, str(out), as_json=common.json)

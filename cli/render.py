@@ -1,13 +1,20 @@
-"""`gsedit render`: pictures and depth of a scene from its dataset's cameras, or from around it."""
+"""`gsedit render`: pictures and depth of a scene from its capture's cameras, or from around it."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .cameras import ViewOptions, check_axis, up_vector
+from .cameras import (
+    ViewOptions,
+    check_axis,
+    load_photos,
+    recorded_viewpoints,
+    up_vector,
+)
 from .console import print_message, print_result
 from .options import (
     Common,
@@ -23,7 +30,8 @@ from .progress import progress
 from .setting_options import Layout, Setting, SettingsGroup, Values, settings_of, with_values
 
 if TYPE_CHECKING:
-    from gsedit.views.dataset import Dataset
+    from gsedit.views.dataset import View
+    from gsedit.views.viewpoints import Viewpoint
     from rasterizer.camera import Camera
     from rasterizer.scene import Gaussians
 
@@ -33,7 +41,7 @@ Views = Annotated[
         "--views",
         metavar="0,8,16",
         show_default=False,
-        help="Numbers of the dataset's views to render, from 0.",
+        help="Numbers of the capture's views to render, from 0.",
     ),
 ]
 Count = Annotated[
@@ -72,14 +80,11 @@ def render(
     values: Annotated[Values, SettingsGroup(render_settings)],
     common: Common,
 ) -> None:
-    """Render a scene to one PNG per view, from a dataset's cameras or from around the scene.
+    """Render a scene to one PNG per view: from the cameras of --data, or those of the cameras.json
+    beside the scene, or else from around it.
 
     gsedit render scene.ply --data photos/ --views 0,8,16 --depth -o frames
     """
-    from gsedit.errors import UsageError
-
-    if views is not None and cameras.data is None:
-        raise UsageError("--views names views of a dataset: add --data DATASET, or use --count")
     indices = None if views is None else parse_indices(views, "--views")
     check_axis(cameras.up)
     check_folder(out, force)
@@ -92,7 +97,7 @@ def render(
 
     execution = with_values(Execution(), values)
     gaussians = load_scene(scene, drop_invalid=drop_invalid)
-    placed = place_cameras(gaussians, cameras, indices, count)
+    placed = place_cameras(scene, gaussians, cameras, indices, count)
     watch = Stopwatch()
     with progress(as_json=common.json) as show:
         for step, (name, camera) in enumerate(placed.items(), 1):
@@ -105,28 +110,38 @@ def render(
 
 
 def place_cameras(
-    scene: Gaussians, options: ViewOptions, indices: list[int] | None, count: int
+    path: Path, scene: Gaussians, options: ViewOptions, indices: list[int] | None, count: int
 ) -> dict[str, Camera]:
-    """The cameras to render from, by the name of their picture: the dataset's at `indices`, or
-    `count` of them; without a dataset `count` on a circle around the scene.
+    """The cameras to render from, by the name of their picture: of the photos, or recorded beside
+    the scene file, at `indices`, or `count` of them; else `count` on a circle around the scene.
+
+    Raises UsageError for indices without cameras to count.
     """
-    from gsedit.files import load_dataset
+    from gsedit.errors import UsageError
     from gsedit.views.dataset import evenly_spaced
     from gsedit.views.orbit import orbit, orbit_names
 
-    if options.data is None:
-        around = orbit(scene, count, options.size, up=up_vector(options.up))
-        return dict(zip(orbit_names(count), around))
-    dataset = load_dataset(options.data, size=options.size)
-    chosen = evenly_spaced(len(dataset), count) if indices is None else indices
-    return dict(named_camera(dataset, index, options.data) for index in chosen)
+    if options.data is not None:
+        views = load_photos(options.data, options.size, path).views
+    else:
+        views = () if options.up else recorded_viewpoints(path, scene, options.size)
+    if views:
+        chosen = evenly_spaced(len(views), count) if indices is None else indices
+        return dict(named_camera(views, index) for index in chosen)
+    if indices is not None:
+        raise UsageError(
+            "--views names views of a capture: add --data DATASET, or a cameras.json beside "
+            f"{path}, or use --count"
+        )
+    around = orbit(scene, count, options.size, up=up_vector(options.up))
+    return dict(zip(orbit_names(count), around))
 
 
-def named_camera(dataset: Dataset, index: int, data: Path) -> tuple[str, Camera]:
+def named_camera(views: Sequence[View | Viewpoint], index: int) -> tuple[str, Camera]:
     """A view's name, of its number and its photo's name, and its camera. Raises UsageError."""
     from gsedit.errors import UsageError
 
-    if not 0 <= index < len(dataset):
-        raise UsageError(f"--views {index}: {data} has views 0 to {len(dataset) - 1}")
-    view = dataset.views[index]
+    if not 0 <= index < len(views):
+        raise UsageError(f"--views {index}: there are views 0 to {len(views) - 1}")
+    view = views[index]
     return f"{index:03d}_{Path(view.name).stem}", view.camera

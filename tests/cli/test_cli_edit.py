@@ -54,6 +54,7 @@ def test_edit_leaves_the_scene_and_its_evidence(monkeypatch, scene, photos, tmp_
     assert result.exit_code == 0, result.stderr
     assert result.stdout.strip() == str(out / "scene.ply")
     names = {"scene.ply", "edit.json", "metrics.jsonl", "before_after.png", "error_vs_time.png"}
+    names |= {"cameras.json"}
     assert {path.name for path in files(out)} == names
     assert [event.stage for event in read_events(out / "metrics.jsonl")] == ["update", "measure"]
     record = json.loads((out / "edit.json").read_text())

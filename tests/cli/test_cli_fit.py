@@ -31,7 +31,7 @@ def test_fit_writes_the_scene_and_removes_its_checkpoint(monkeypatch, photos, tm
     assert not given["settings"].execution.compile
     assert given["seed"] == 7
     assert len(load(out)) == 3
-    assert set(files(tmp_path)) - set(files(photos)) == {out}
+    assert set(files(tmp_path)) - set(files(photos)) == {out, tmp_path / "cameras.json"}
     assert "gsedit preview" in result.stderr
 
 
