@@ -85,6 +85,7 @@ def render(
 
     gsedit render scene.ply --data photos/ --views 0,8,16 --depth -o frames
     """
+    check_views(views, scene, cameras)
     indices = None if views is None else parse_indices(views, "--views")
     check_axis(cameras.up)
     check_folder(out, force)
@@ -109,15 +110,25 @@ def render(
     print_message(f"{len(placed)} views are in {out}")
 
 
+def check_views(views: str | None, scene: Path, options: ViewOptions) -> None:
+    """Raise UsageError for numbers of views where there is no capture."""
+    from gsedit.errors import UsageError
+    from gsedit.files.cameras import cameras_file
+
+    recorded = options.data or (options.up is None and cameras_file(scene))
+    if views is not None and not recorded:
+        raise UsageError(
+            "--views names views of a capture: add --data DATASET, or put its cameras.json beside "
+            "the scene, or use --count"
+        )
+
+
 def place_cameras(
     path: Path, scene: Gaussians, options: ViewOptions, indices: list[int] | None, count: int
 ) -> dict[str, Camera]:
     """The cameras to render from, by the name of their picture: of the photos, or recorded beside
     the scene file, at `indices`, or `count` of them; else `count` on a circle around the scene.
-
-    Raises UsageError for indices without cameras to count.
     """
-    from gsedit.errors import UsageError
     from gsedit.views.dataset import evenly_spaced
     from gsedit.views.orbit import orbit, orbit_names
 
@@ -128,11 +139,6 @@ def place_cameras(
     if views:
         chosen = evenly_spaced(len(views), count) if indices is None else indices
         return dict(named_camera(views, index) for index in chosen)
-    if indices is not None:
-        raise UsageError(
-            "--views names views of a capture: add --data DATASET, or a cameras.json beside "
-            f"{path}, or use --count"
-        )
     around = orbit(scene, count, options.size, up=up_vector(options.up))
     return dict(zip(orbit_names(count), around))
 
