@@ -20,7 +20,7 @@ setup: $(STAMP)
 $(STAMP): pyproject.toml constraints.txt
 	@$(system_packages)
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear .venv
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev,diffusers]'
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev,diffusers,perceptual]'
 	@touch $@
 
 demo: setup

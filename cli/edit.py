@@ -37,15 +37,14 @@ Preset = Annotated[
         "average x_(t-1) and start from independent noise, with 50 steps.",
     ),
 ]
-Vgg = Annotated[
-    Path | None,
+Features = Annotated[
+    str,
     typer.Option(
-        "--vgg",
-        metavar="FILE",
-        show_default="features of a filter bank",
+        "--features",
+        metavar="filters|vgg|FILE",
         rich_help_panel=UPDATE,
-        help="Weights of VGG16 as torchvision has them, .pth or .safetensors: the Gram loss then "
-        "compares its features.",
+        help="What the Gram loss compares: a filter bank; the VGG16 of the package stlpips_pytorch "
+        "(gsedit[perceptual]); or a VGG16 of torchvision, .pth or .safetensors.",
     ),
 ]
 
@@ -61,7 +60,7 @@ def edit(
     editor: EditorOptions,
     preset: Preset = "default",
     values: Annotated[Values, SettingsGroup(lambda: edit_settings(own_flags(edit)))],
-    vgg: Vgg = None,
+    features: Features = "filters",
     common: Seeded,
 ) -> None:
     """Edit a scene from a sentence. Without --data, views are renders: from the cameras.json beside
@@ -80,7 +79,7 @@ def edit(
 
     settings, strategy = resolve(preset, values, own_flags(edit))
     editor_2d = editor.make(out, instruction)
-    features = load_features(vgg)
+    extractor = load_features(features)
     gaussians = load_scene(scene, drop_invalid=drop_invalid)
     dataset = load_views(scene, gaussians, views)
     steps = edit_steps(
@@ -90,12 +89,12 @@ def edit(
         editor=editor_2d,
         settings=settings,
         strategy=strategy,
-        features=features,
+        features=extractor,
         generator=common.generator(),
     )
     request = {
         "scene": scene, "drop_invalid": drop_invalid, **asdict(views), "editor": editor,
-        "preset": preset, "vgg": vgg, "seed": common.seed,
+        "preset": preset, "features": features, "seed": common.seed,
     }  # fmt: skip
     result = run_and_write(steps, out, instruction, request, as_json=common.json)
     write_cameras(dataset.views, out / "cameras.json", overwrite=True)
@@ -117,13 +116,20 @@ def check_request(instruction: str, up: str | None, out: Path, force: bool) -> N
     check_folder(out, force)
 
 
-def load_features(vgg: Path | None) -> FeatureExtractor | None:
-    """The features under the Gram loss; None for the library's default."""
-    if vgg is None:
-        return None
-    from gsedit.measures.features import Vgg16
+def load_features(name: str) -> FeatureExtractor:
+    """The features under the Gram loss. Raises UsageError, InputError."""
+    if name == "filters":
+        from gsedit.measures.features import FilterBank
 
-    return Vgg16(vgg)
+        return FilterBank()
+    if name == "vgg":
+        from gsedit.measures.perceptual import vgg_features
+
+        return vgg_features()
+    from gsedit.measures.features import with_equal_energy
+    from gsedit.measures.networks import Vgg16
+
+    return with_equal_energy(Vgg16(name))
 
 
 def run_and_write(

@@ -33,7 +33,7 @@ def run(path: str, data: str, prompt: str, seeds: int = 3) -> None:
             quality = result.quality
             sys.stdout.write(
                 f"seed {seed} {name:11s} {quality.psnr_to_ground_truth:.2f} dB to the truth, "
-                f"{quality.psnr_to_targets:.2f} dB to the targets, "
+                f"{quality.residual_to_targets_db:.2f} dB to the targets, "
                 f"strength {quality.strength:.3f}, {result.timings['total']:.0f} s, "
                 f"{len(result.targets)} views, covering {quality.coverage:.0%}, "
                 f"{quality.matched:.0%} matched\n"

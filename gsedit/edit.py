@@ -18,7 +18,7 @@ from gsedit.fitting.update import rates
 from gsedit.measures.features import FeatureExtractor, FilterBank
 from gsedit.reports.events import Checkpoint, Event
 from gsedit.reports.stopwatch import Stopwatch
-from gsedit.session.quality import assess, measure
+from gsedit.session.evidence import gather_evidence
 from gsedit.session.result import EditResult
 from gsedit.session.session import EditedViews, Request, Session, survey_views
 from gsedit.session.settings import EditSettings
@@ -136,35 +136,26 @@ def _begin(request: Request) -> Generator[Event, None, Session]:
     surveyed = yield from survey_views(request, stopwatch)
     moving = rates(request.settings.geometry, bounds(request.scene).radius)
     optimiser = SceneOptimiser(request.scene, moving)
-    renderings = dict(surveyed.planned)
+    renderings = dict(surveyed.renderings)
     return Session(request, surveyed, renderings, EditedViews(), optimiser, stopwatch, noise_seed)
 
 
 def _finish(session: Session, strategy: Strategy) -> Iterator[Event | EditResult]:
     """Measure the edited scene and hand everything over."""
-    scene, request = session.scene.map(torch.clone), session.request
-    targets = tuple(session.edited.targets.values())
-    indices = tuple(session.edited.targets or session.surveyed.plan.views)
-    views = [request.views[i] for i in indices]
     with session.stopwatch.stage("measure"):
-        cameras, names = [v.camera for v in views], [v.name for v in views]
-        finals = capture(scene, cameras, names, session.settings.execution)
-        final = measure(session, len(request.held_out))
-    originals = tuple(
-        replace(view, image=session.unedited_rendering(i).color.clamp(0, 1))
-        for i, view in zip(indices, views)
-    )
-    yield final.event("measure", session.stopwatch.seconds)
+        evidence = yield from gather_evidence(session)
+    yield evidence.final.event("measure", session.stopwatch.seconds)
     yield EditResult(
-        prompt=request.prompt,
-        scene=scene,
-        originals=originals,
-        targets=targets,
-        finals=finals,
+        prompt=session.request.prompt,
+        scene=session.scene.map(torch.clone),
+        originals=evidence.originals,
+        targets=tuple(session.edited.targets.values()),
+        finals=evidence.finals,
         settings=session.settings,
         strategy=strategy,
         strategy_name=name_of(strategy),
         plan=session.surveyed.plan,
-        quality=assess(session, originals, finals, final),
+        quality=evidence.quality,
         timings=session.stopwatch.stages | {"total": session.stopwatch.seconds},
+        held_out=evidence.held_out,
     )

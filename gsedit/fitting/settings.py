@@ -21,6 +21,9 @@ class UpdateSettings:
     """Side of a crop, pixels."""
     gram_weight: float = 0.1
     """Weight of the Gram loss beside the MSE (lambda of eq. (loss) of Efficient-NeRF2NeRF)."""
+    loss_switch: float = 0.0
+    """Probability that a step fits the Gram matrices alone, and otherwise the MSE alone: the random
+    switch in the paper's introduction. 0: their sum in every step."""
 
     def __post_init__(self) -> None:
         if self.patches < 1 or self.patch < SMALLEST_PATCH:
@@ -30,6 +33,11 @@ class UpdateSettings:
             )
         if not self.gram_weight >= 0:
             raise UsageError(f"gram weight {self.gram_weight} is not 0 or more")
+        if not 0 <= self.loss_switch < 1 or (self.loss_switch and not self.gram_weight):
+            raise UsageError(
+                f"loss switch {self.loss_switch} is not a probability below 1, or the Gram weight "
+                "that it switches to is 0"
+            )
 
 
 @dataclass(frozen=True)

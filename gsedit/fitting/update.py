@@ -59,10 +59,18 @@ def update_steps(
             [render(scene, v.camera, crop=box, execution=execution).color for v, box in patches]
         )
         expected = torch.stack([_cut(v.image, box) for v, box in patches])
-        loss = edit_loss(rendered, expected, features, settings.gram_weight)
+        terms = _terms(settings.loss_switch, generator)
+        loss = edit_loss(rendered, expected, features, settings.gram_weight, terms)
         loss.backward()
         optimiser.step(1 - (1 - FINAL_RATE) * step / max(1, steps - 1), only=seen)
         yield loss.item()
+
+
+def _terms(switch: float, generator: torch.Generator) -> Literal["both", "mse", "gram"]:
+    """What a step fits: both, or by chance one of the two."""
+    if not switch:
+        return "both"
+    return "gram" if float(torch.rand((), generator=generator)) < switch else "mse"
 
 
 def _patch(targets: Sequence[View], side: int, generator: torch.Generator) -> tuple[View, Box]:

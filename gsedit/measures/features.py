@@ -1,12 +1,11 @@
-"""The features of the Gram loss: a fixed filter bank, or VGG16 from torchvision's weights file.
+"""The features of the Gram loss: the protocol, and a fixed filter bank.
 
 `n` pictures of `h w` pixels, `c` channels of `y x` positions, kernels of `k k` pixels."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from math import sqrt
-from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 import torch
@@ -14,7 +13,7 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.errors import InputError, UsageError
+from gsedit.errors import UsageError
 
 
 @runtime_checkable
@@ -24,6 +23,45 @@ class FeatureExtractor(Protocol):
     def __call__(self, images: Float[Tensor, "n 3 h w"]) -> list[Float[Tensor, "n c y x"]]:
         """The layers of `images`, which are in [0, 1]."""
         ...
+
+
+@dataclass(frozen=True, eq=False)
+class ScaledFeatures:
+    """The layers of another extractor, each times a factor of its own."""
+
+    features: FeatureExtractor
+    factors: tuple[float, ...]
+
+    def __call__(self, images: Float[Tensor, "n 3 h w"]) -> list[Float[Tensor, "n c y x"]]:
+        """The scaled layers of `images`, which are in [0, 1]."""
+        layers = self.features(images)
+        return [factor * layer for factor, layer in zip(self.factors, layers, strict=True)]
+
+
+@torch.no_grad()
+def with_equal_energy(features: FeatureExtractor) -> ScaledFeatures:
+    """The extractor with layers whose channels have the energy of a colour on average, on noise of
+    the 1/f^2 power spectrum of natural pictures: what FilterBank's have by construction.
+
+    Without this the layers of a network, whose units are arbitrary, weigh in the Gram loss by the
+    fourth power of those units.
+    """
+    picture = _natural_noise()
+    energy = (picture - 0.5).square().mean()
+    layers = features(picture)
+    factors = [float((energy / layer.square().mean()).sqrt()) for layer in layers]
+    return ScaledFeatures(features, tuple(factors))
+
+
+def _natural_noise() -> Float[Tensor, "n 3 h w"]:
+    """Four pictures of grey-centred 1/f^2 noise in [0, 1], the same at every call."""
+    side = SPECTRUM_SIZE
+    white = torch.randn(4, 3, side, side, generator=torch.Generator().manual_seed(0))
+    f = torch.fft.fftfreq(side)
+    radius = (f[:, None].square() + f.square()).sqrt()
+    amplitude = torch.where(radius > 0, 1 / radius.clamp_min(1 / side), 0.0)
+    noise = torch.fft.ifft2(torch.fft.fft2(white) * amplitude).real
+    return (0.5 + NOISE_CONTRAST * noise / noise.std()).clamp(0, 1)
 
 
 # ---- a filter bank -------------------------------------------------------------------------------
@@ -39,6 +77,10 @@ BINOMIAL = (1 / 16, 4 / 16, 6 / 16, 4 / 16, 1 / 16)
 RADIUS = 3  # pixels; a Gaussian of sigma 1 has 0.3 % of its mass beyond
 MIN_SIDE = 8  # pixels; an octave of fewer cannot hold a 7-pixel kernel away from its border
 SPECTRUM_SIZE = 64  # pixels; the patch on which energies are made equal: the size that is trained
+
+
+NOISE_CONTRAST = 0.2
+"""Standard deviation of a colour in a natural picture, about: of the photos of the bear, 0.2."""
 
 
 class FilterBank:
@@ -100,97 +142,3 @@ def _equal_energy(kernel: Float[Tensor, "k k"]) -> Float[Tensor, "k k"]:
     power = torch.where(squared > 0, 1 / squared, 0.0)
     gain = torch.fft.fft2(kernel, s=(SPECTRUM_SIZE, SPECTRUM_SIZE)).abs().square()
     return kernel * (power.sum() / (gain * power).sum()).sqrt()
-
-
-# ---- VGG16 ---------------------------------------------------------------------------------------
-
-VGG16 = {
-    "relu1_1": (0, 3, 64),
-    "relu1_2": (2, 64, 64),
-    "relu2_1": (5, 64, 128),
-    "relu2_2": (7, 128, 128),
-    "relu3_1": (10, 128, 256),
-    "relu3_2": (12, 256, 256),
-    "relu3_3": (14, 256, 256),
-    "relu4_1": (17, 256, 512),
-    "relu4_2": (19, 512, 512),
-    "relu4_3": (21, 512, 512),
-    "relu5_1": (24, 512, 512),
-    "relu5_2": (26, 512, 512),
-    "relu5_3": (28, 512, 512),
-}
-"""The 13 convolutions (3x3, padding 1): number in torchvision's `features`, channels in and out.
-Configuration D of Simonyan and Zisserman 2015; a 2x2 maximum pool before each `reluN_1`, N > 1."""
-STYLE_LAYERS = ("relu1_2", "relu2_2", "relu3_3", "relu4_3")
-"""The style layers of Johnson et al. 2016, whom the paper cites for its Gram matrix."""
-IMAGENET_MEAN = (0.485, 0.456, 0.406)
-IMAGENET_STD = (0.229, 0.224, 0.225)
-"""What torchvision's weights were trained on; RGB in [0, 1]."""
-
-
-class Vgg16:
-    """Feature maps of a local VGG16: torchvision's state dict, as .pth or .safetensors."""
-
-    def __init__(self, path: str | Path, layers: Sequence[str] = STYLE_LAYERS) -> None:
-        """Reads the convolutions up to the deepest of `layers`. Raises InputError, UsageError."""
-        unknown = [name for name in layers if name not in VGG16]
-        if unknown or not layers:
-            raise UsageError(
-                f"VGG16 has no layer {', '.join(unknown) or '(none given)'}; choose from: "
-                f"{', '.join(VGG16)}."
-            )
-        self.layers = tuple(name for name in VGG16 if name in layers)
-        depth = list(VGG16).index(self.layers[-1]) + 1
-        state = _read_state(Path(path))
-        self.convolutions = {
-            name: (
-                _tensor(state, Path(path), f"features.{number}.weight", (outputs, inputs, 3, 3)),
-                _tensor(state, Path(path), f"features.{number}.bias", (outputs,)),
-            )
-            for name, (number, inputs, outputs) in list(VGG16.items())[:depth]
-        }
-
-    def __call__(self, images: Float[Tensor, "n 3 h w"]) -> list[Float[Tensor, "n c y x"]]:
-        """The chosen layers, shallow first. Each pooling halves the sides: relu4 needs 8 pixels."""
-        mean, std = (images.new_tensor(s)[:, None, None] for s in (IMAGENET_MEAN, IMAGENET_STD))
-        x, layers = (images - mean) / std, []
-        for name, (weight, bias) in self.convolutions.items():
-            if name.endswith("_1") and name != "relu1_1":
-                x = F.max_pool2d(x, 2)
-            x = F.conv2d(x, weight.to(x), bias.to(x), padding=1).relu()
-            if name in self.layers:
-                layers.append(x)
-        return layers
-
-
-def _read_state(path: Path) -> Mapping[str, object]:
-    hint = "give torchvision's vgg16-397923af.pth or a .safetensors of the same tensors"
-    if not path.is_file():
-        raise InputError(f"{path}: no such file; {hint}.")
-    try:
-        if path.suffix == ".safetensors":
-            from safetensors.torch import load_file
-
-            return load_file(path)
-        state = torch.load(path, map_location="cpu", weights_only=True)
-    except Exception as error:  # a broken or hostile file can fail anywhere in the unpickler
-        reason = str(error).partition("\n")[0][:120]
-        raise InputError(f"{path}: not a readable weights file ({reason}); {hint}.") from error
-    if not isinstance(state, dict):
-        raise InputError(f"{path}: holds a {type(state).__name__}, not a state dict; {hint}.")
-    return state
-
-
-def _tensor(
-    state: Mapping[str, object], path: Path, key: str, shape: tuple[int, ...]
-) -> Float[Tensor, "..."]:
-    tensor = state.get(key)
-    if not isinstance(tensor, Tensor):
-        raise InputError(
-            f"{path}: has no tensor {key}; are these torchvision's VGG16 weights, with their names?"
-        )
-    if tuple(tensor.shape) != shape:
-        raise InputError(
-            f"{path}: {key} is {tuple(tensor.shape)}, VGG16 needs {shape}; is it another VGG?"
-        )
-    return tensor.float()

@@ -4,6 +4,8 @@ Pictures are `h w 3` in [0, 1]; `*n` any leading axes; features `c` channels."""
 
 from __future__ import annotations
 
+from typing import Literal
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -63,13 +65,18 @@ def edit_loss(
     target: Float[Tensor, "*n h w 3"],
     features: FeatureExtractor,
     gram_weight: float = 0.1,
+    terms: Literal["both", "mse", "gram"] = "both",
 ) -> Float[Tensor, ""]:
-    """MSE + gram_weight * Gram MSE: eq. (loss) of Efficient-NeRF2NeRF, each term mean-reduced."""
-    loss = mse(image, target)
-    if not gram_weight:
-        return loss
+    """MSE + gram_weight * Gram MSE: eq. (loss) of Efficient-NeRF2NeRF, each term mean-reduced.
+
+    `terms` chooses one of the two for a random switch between them; the paper's introduction has
+    it, its equation the sum.
+    """
+    colour = mse(image, target) if terms != "gram" else image.new_zeros(())
+    if terms == "mse" or not gram_weight:
+        return colour
     layers, targets = (
         features(pictures.reshape(-1, *pictures.shape[-3:]).movedim(-1, 1))
         for pictures in (image, target)
     )
-    return loss + gram_weight * gram_loss(layers, targets)
+    return colour + gram_weight * gram_loss(layers, targets)

@@ -18,6 +18,7 @@ from gsedit.consistency.warp import warp
 from gsedit.errors import UsageError
 from gsedit.measures import losses
 from gsedit.measures.decibels import psnr_from_rmse
+from gsedit.measures.perceptual import SMALLEST, perceptual_distance
 from rasterizer.camera import Camera
 
 
@@ -48,6 +49,19 @@ def psnr(
 def ssim(image: Float[Tensor, "*n h w 3"], target: Float[Tensor, "*n h w 3"]) -> float:
     """Structural similarity, in [-1, 1], 1 when equal."""
     return losses.ssim(image, target).item()
+
+
+@torch.no_grad()
+def perceptual(image: Float[Tensor, "*n h w 3"], target: Float[Tensor, "*n h w 3"]) -> float | None:
+    """Learned perceptual distance: 0 for equal pictures, about 1 for unrelated ones.
+
+    None without the package of its weights (`gsedit[perceptual]`), and for pictures of fewer than
+    32 pixels a side.
+    """
+    distance = perceptual_distance()
+    if distance is None or min(image.shape[-3:-1]) < SMALLEST:
+        return None
+    return distance(image, target).item()
 
 
 def edit_strength(

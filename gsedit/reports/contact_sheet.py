@@ -15,33 +15,56 @@ CELL = (
     320,
 )  # pixels: smaller pictures are enlarged to the first, larger reduced to the second
 MARGIN = 4  # pixels between cells
+GAP = 16  # pixels before the columns that stand apart
 LABEL = 22  # pixels above a row
 
 
 def contact_sheet(
-    rows: Sequence[tuple[str, Sequence[View]]], *, columns: int = COLUMNS
+    rows: Sequence[tuple[str, Sequence[View | None]]],
+    *,
+    columns: int = COLUMNS,
+    apart: int = 0,
+    caption: str = "",
 ) -> Image.Image:
     """Rows of labelled pictures, one column a camera: original, edited target, final render.
 
-    Every row holds the same cameras in the same order; beyond `columns` of them, evenly spaced ones
-    are shown. Raises ValueError where the rows are empty or differ in length.
+    Every row holds the same cameras in the same order, None where there is no picture. The last
+    `apart` columns stand apart under the `caption`, and are all shown; of the others, evenly spaced
+    ones where there are more than `columns` in all. Raises ValueError where the rows are empty or
+    differ in length.
     """
     counts = {len(views) for _, views in rows}
     if len(counts) != 1 or 0 in counts:
         raise ValueError(f"a sheet needs rows of equal, non-zero length; got {sorted(counts)}")
-    shown = evenly_spaced(counts.pop(), columns)
-    cell_w, cell_h = _cell_size([views[i] for _, views in rows for i in shown])
+    count = counts.pop()
+    shown = [
+        *evenly_spaced(count - apart, columns - apart),
+        *range(count - apart, count),
+    ]
+    pictures = [view for _, views in rows for i in shown if (view := views[i])]
+    cell_w, cell_h = _cell_size(pictures)
     row_h = LABEL + cell_h + MARGIN
     sheet = Image.new(
-        "RGB", (MARGIN + len(shown) * (cell_w + MARGIN), MARGIN + len(rows) * row_h), "white"
+        "RGB",
+        (
+            MARGIN + len(shown) * (cell_w + MARGIN) + (GAP if apart else 0),
+            MARGIN + len(rows) * row_h,
+        ),
+        "white",
     )
     draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(14)
     for row, (label, views) in enumerate(rows):
         top = MARGIN + row * row_h
         draw.text((MARGIN, top + 2), label, fill="black", font=font)
         for column, index in enumerate(shown):
-            picture = _fitted(as_picture(views[index].image), cell_w, cell_h)
-            left = MARGIN + column * (cell_w + MARGIN) + (cell_w - picture.width) // 2
+            beside = GAP if index >= count - apart else 0
+            left = MARGIN + column * (cell_w + MARGIN) + beside
+            if row == 0 and index == count - apart:
+                draw.text((left, top + 2), caption, fill="black", font=font)
+            if (view := views[index]) is None:
+                continue
+            picture = _fitted(as_picture(view.image), cell_w, cell_h)
+            left += (cell_w - picture.width) // 2
             sheet.paste(picture, (left, top + LABEL + (cell_h - picture.height) // 2))
     return sheet
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import torch
@@ -45,22 +45,40 @@ def edit_views(
     tied = _anchors(session.surveyed.weights, batch, edited.targets)[:anchors]
     members = (*batch, *tied)
     with stopwatch.stage("correspond"):
-        matches = _correspondences(session, members)
-    edited.pairs += _named_pairs(matches, [session.request.views[i].name for i in members])
+        matches = match_views(session, members)
+    edited.pairs += _named_pairs(matches, [session.views[i].name for i in members])
     yield Event("correspond", stopwatch.seconds, step, steps, note=_describe(matches))
-    images = None
     with stopwatch.stage("sample"):
-        request = _request(session, members, tied, matches if sampler.consensus else None)
-        editor, generator = session.request.editor, session.request.generator
-        for progress in editor.edit(request, sampler, generator):
-            yield Event("sample", stopwatch.seconds, progress.step, progress.steps)
-            images = progress.images
-    if images is None:
-        raise RuntimeError(f"editor {session.request.editor.name} ended without images")
+        images = yield from sample_views(session, members, tied, matches, sampler)
     for i, image in zip(batch, images):  # the anchors follow, as they were
-        image = image.to(session.request.scene.means)
-        edited.targets[i] = replace(session.request.views[i], image=image)
+        edited.targets[i] = replace(session.views[i], image=image)
     _find_ground_truth(session)
+
+
+def sample_views(
+    session: Session,
+    members: Sequence[int],
+    anchors: Sequence[int],
+    matches: Correspondences,
+    sampler: SamplerSettings,
+    start: Mapping[int, Float[Tensor, "h w 3"]] | None = None,
+    stage: str = "sample",
+) -> Generator[Event, None, list[Float[Tensor, "h w 3"]]]:
+    """The 2D editor's pictures of `members`, of which `anchors` stay as they were edited.
+
+    Sampling of the others begins at `start`, or where the scene is now. Everything that a target
+    goes through belongs here: held-out views are asked for in the same way. Yields events of the
+    `stage`.
+    """
+    used = matches if sampler.consensus else None
+    request = _request(session, members, anchors, used, start)
+    editor, images = session.request.editor, None
+    for progress in editor.edit(request, sampler, session.request.generator):
+        yield Event(stage, session.stopwatch.seconds, progress.step, progress.steps)
+        images = progress.images
+    if images is None:
+        raise RuntimeError(f"editor {editor.name} ended without images")
+    return list(images.to(session.request.scene.means))
 
 
 def _find_ground_truth(session: Session) -> None:
@@ -71,14 +89,15 @@ def _find_ground_truth(session: Session) -> None:
         edited.ground_truth = find(session.request.prompt, images, originals)
 
 
-def _correspondences(session: Session, members: Sequence[int]) -> Correspondences:
+def match_views(session: Session, members: Sequence[int]) -> Correspondences:
+    """Latent cells of these views that show the same place, by the unedited scene's depth."""
     cell = session.request.editor.cell
     renderings = [session.unedited_rendering(i) for i in members]
     depths = [r.median_depth for r in renderings if r.median_depth is not None]
     alphas = [r.alpha for r in renderings]
     # up to whole cells nothing is seen: alpha 0
     return correspond(
-        [pad_camera(session.request.views[i].camera, cell) for i in members],
+        [pad_camera(session.views[i].camera, cell) for i in members],
         pad_to_multiple(torch.stack(depths), cell, "constant"),
         pad_to_multiple(torch.stack(alphas), cell, "constant"),
         cell=cell,
@@ -90,13 +109,13 @@ def _request(
     members: Sequence[int],
     anchors: Sequence[int],
     matches: Correspondences | None,
+    start: Mapping[int, Float[Tensor, "h w 3"]] | None,
 ) -> EditBatch:
-    """Current renders of the new views, and the anchors as they were edited."""
+    """The new views at `start` (None: current renders), and the anchors as they were edited."""
     targets = session.edited.targets
-    images = [
-        targets[i].image if i in anchors else session.render(session.request.views[i].camera)
-        for i in members
-    ]
+    new = [i for i in members if i not in anchors]
+    start = start or dict(zip(new, session.render(session.views[i].camera for i in new)))
+    images = [targets[i].image if i in anchors else start[i] for i in members]
     return EditBatch(
         images=torch.stack(images),
         originals=torch.stack([session.unedited_image(i) for i in members]),

@@ -12,6 +12,7 @@ from gsedit.files.atomic import check_writable
 from gsedit.reports.environment import environment
 from gsedit.reports.journal import as_record
 from gsedit.reports.json_lines import plain, write_line
+from gsedit.session.held_out import SHOWN
 from gsedit.session.result import EditResult
 
 FILES = ("scene.ply", "metrics.jsonl", "before_after.png", "error_vs_time.png", "edit.json")
@@ -62,16 +63,23 @@ def edit_record(result: EditResult) -> dict[str, Any]:
 
 
 def _write_pictures(folder: Path, result: EditResult, *, overwrite: bool) -> None:
-    """The same views before the edit, edited in 2D, and after it; error and loss against time."""
+    """The same views before the edit, edited in 2D, and after it, with held-out ones beside them;
+    error and loss against time."""
     from gsedit.files.pictures import save_picture
     from gsedit.reports.contact_sheet import contact_sheet
     from gsedit.reports.figures import error_vs_time
 
+    held_out = result.held_out
+    blank = len(held_out.originals) - len(held_out.edited)
     rows = [
-        ("original", result.originals),
-        (f"2D targets: {result.prompt}", result.targets),
-        ("edited scene", result.finals),
+        ("original", result.originals, held_out.originals),
+        (f"2D targets: {result.prompt}", result.targets, (*held_out.edited, *(None,) * blank)),
+        ("edited scene", result.finals, held_out.finals),
     ]
-    rows = [(label, views) for label, views in rows if views]
-    save_picture(contact_sheet(rows), folder / "before_after.png", overwrite=overwrite)
+    sheet = contact_sheet(
+        [(label, (*views, *more[:SHOWN])) for label, views, more in rows if views],
+        apart=min(SHOWN, len(held_out.originals)),
+        caption="held out",
+    )
+    save_picture(sheet, folder / "before_after.png", overwrite=overwrite)
     error_vs_time(result.events, folder / "error_vs_time.png", overwrite=overwrite)

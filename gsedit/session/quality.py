@@ -2,22 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from jaxtyping import Float
+from torch import Tensor
+
 from gsedit.measures.decibels import rmse_from_psnr
-from gsedit.measures.metrics import edit_strength, psnr
+from gsedit.measures.metrics import edit_strength, perceptual, psnr
 from gsedit.reports.events import Event
+from gsedit.session.agreement import WarpComparison
 from gsedit.session.session import Session
-from gsedit.views.dataset import View
+from gsedit.views.dataset import evenly_spaced
 
 PROGRESS_VIEWS = 3
-"""Held-out views that are measured while the work goes on; all of them are at its end."""
+"""Views that are measured while the work goes on, and by the perceptual distance; all are at the
+end."""
+
+Pictures = Mapping[int, Float[Tensor, "h w 3"]]
+"""By the index of the view."""
 
 
 @dataclass(frozen=True)
 class EditQuality:
-    """What edit.json has under "measured": a new metric is a field here and a line in `assess`."""
+    """What edit.json has under "measured": a new metric is a field here and a line in `assess`.
+
+    The perceptual distances (`metrics.perceptual`) are means over up to three views, None without
+    the extra `perceptual`.
+    """
 
     matched: float | None
     """Mean fraction of latent cells matched between two views of a batch; None without any two."""
@@ -27,11 +39,22 @@ class EditQuality:
     """Share of what all views see that the planned views show well, in [0, 1]."""
     strength: float
     """RMSE between renders of the unedited and of the edited scene: 0 is no edit at all."""
-    psnr_to_targets: float | None
-    """Mean PSNR of the final renders against the edited 2D pictures, dB: how well the scene follows
-    them, not how good they are. None where a strategy edits no 2D picture."""
+    residual_to_targets_db: float | None
+    """Mean PSNR of the final renders against the edited 2D pictures that the scene was fitted to,
+    dB: how far the scene follows them, not how good they are. None where a strategy edits none."""
     psnr_to_ground_truth: float | None
     """Mean PSNR to the true edit at the held-out cameras, dB; None where it is unknown."""
+    warp: tuple[WarpComparison, ...] = ()
+    """How far the targets and the final renders agree between views, beside the unedited scene."""
+    psnr_to_held_out_edits: float | None = None
+    """Mean PSNR of the final renders against what the 2D editor makes of held-out views, dB: the
+    scene was not fitted to them. None where the editor was not asked."""
+    perceptual_strength: float | None = None
+    """Perceptual distance between renders of the unedited and of the edited scene."""
+    perceptual_to_ground_truth: float | None = None
+    """Perceptual distance to the true edit at held-out cameras."""
+    perceptual_to_held_out_edits: float | None = None
+    """Perceptual distance to what the 2D editor makes of held-out views."""
 
 
 @dataclass(frozen=True)
@@ -52,47 +75,90 @@ class Measurement:
         return Event(stage, seconds, step, steps, loss, rmse_from_psnr(self.decibels), note)
 
 
-def measure(session: Session, views: int = PROGRESS_VIEWS) -> Measurement:
-    """The scene as it is now.
+def measure(
+    session: Session, views: int | None = PROGRESS_VIEWS, finals: Pictures | None = None
+) -> Measurement:
+    """The scene as it is now, at `views` evenly spaced views (None: all).
 
-    Against the ground truth at the first `views` held-out cameras where it is known, otherwise
-    against the edited pictures: how well the scene follows them, not how good they are.
+    Against the ground truth at held-out cameras where it is known, otherwise against the targets:
+    how far the scene follows them, not how good they are. `finals` are renders that exist already.
     """
-    ground_truth, held_out = session.edited.ground_truth, session.request.held_out
-    if ground_truth is not None and held_out:
-        cameras = [view.camera for view in held_out[:views]]
-        expected = [ground_truth(image[None])[0] for image in session.surveyed.held_out[:views]]
-        against = f"ground truth at {len(cameras)} held-out cameras"
-    else:
-        targets = session.edited.targets.values()
-        cameras, expected = [v.camera for v in targets], [v.image for v in targets]
-        against = "edited pictures"
-    if not cameras:
+    finals = finals or {}
+    expected = _ground_truth(session, views)
+    against = f"ground truth at {len(expected)} held-out cameras"
+    if not expected:
+        targets = session.edited.targets
+        expected = {i: targets[i].image for i in _evenly(tuple(targets), views)}
+        against = "targets it is fitted to (residual)"
+    if not expected:
         return Measurement(None, "nothing")
-    decibels = mean(psnr(session.render(c), image) for c, image in zip(cameras, expected))
-    return Measurement(decibels, against)
+    missing = [i for i in expected if i not in finals]
+    drawn = dict(zip(missing, session.render(session.views[i].camera for i in missing)))
+    return Measurement(_mean_psnr({**finals, **drawn}, expected), against)
+
+
+def has_ground_truth(session: Session) -> bool:
+    """Whether the true edit of held-out views is known."""
+    return session.edited.ground_truth is not None and bool(session.held_out)
 
 
 def assess(
-    session: Session, originals: Sequence[View], finals: Sequence[View], final: Measurement
+    session: Session,
+    finals: Pictures,
+    held_out_edits: Pictures,
+    warp: tuple[WarpComparison, ...],
 ) -> EditQuality:
-    """Of the result: the same views `originals` before and `finals` after the edit.
+    """Of the result.
 
-    `final` was measured on all held-out views.
+    `finals` are renders of the edited scene at the edited views, at the views of `held_out_edits`
+    (what the 2D editor makes of them), and at all held-out views if there is a ground truth.
     """
     edited = session.edited
-    targets = edited.targets.values()
-    is_true = edited.ground_truth is not None and session.request.held_out
+    targets = {i: view.image for i, view in edited.targets.items()}
+    shown = tuple(targets or session.surveyed.plan.views)
+    originals = {i: session.unedited_rendering(i).color.clamp(0, 1) for i in shown}
+    truth = _ground_truth(session, None)
     return EditQuality(
         matched=mean(share for *_, share in edited.pairs) if edited.pairs else None,
         pairs=tuple(edited.pairs),
         coverage=session.surveyed.plan.coverage[-1],
-        strength=mean(edit_strength(a.image, b.image) for a, b in zip(originals, finals)),
-        psnr_to_targets=(
-            mean(psnr(a.image, b.image) for a, b in zip(finals, targets)) if targets else None
-        ),
-        psnr_to_ground_truth=final.decibels if is_true else None,
+        strength=mean(edit_strength(originals[i], finals[i]) for i in shown),
+        residual_to_targets_db=_mean_psnr(finals, targets),
+        psnr_to_ground_truth=_mean_psnr(finals, truth),
+        warp=warp,
+        psnr_to_held_out_edits=_mean_psnr(finals, held_out_edits),
+        perceptual_strength=_mean_perceptual(finals, originals),
+        perceptual_to_ground_truth=_mean_perceptual(finals, truth),
+        perceptual_to_held_out_edits=_mean_perceptual(finals, held_out_edits),
     )
+
+
+def _ground_truth(session: Session, views: int | None) -> dict[int, Float[Tensor, "h w 3"]]:
+    """The true edit at that many held-out views (None: all); nothing where it is unknown."""
+    truth = session.edited.ground_truth
+    if truth is None:
+        return {}
+    chosen = _evenly(session.held_out, views)
+    return {i: truth(session.unedited_rendering(i).color.clamp(0, 1)[None])[0] for i in chosen}
+
+
+def _evenly(indices: tuple[int, ...], number: int | None) -> list[int]:
+    if number is None or not indices:
+        return list(indices)
+    return [indices[i] for i in evenly_spaced(len(indices), number)]
+
+
+def _mean_psnr(finals: Pictures, expected: Pictures) -> float | None:
+    """None where nothing is expected."""
+    return mean(psnr(finals[i], image) for i, image in expected.items()) if expected else None
+
+
+def _mean_perceptual(finals: Pictures, expected: Pictures) -> float | None:
+    """Over PROGRESS_VIEWS of the expected pictures; None where there are none, or no weights."""
+    chosen = _evenly(tuple(expected), PROGRESS_VIEWS)
+    distances = [perceptual(finals[i], expected[i]) for i in chosen]
+    known = [distance for distance in distances if distance is not None]
+    return mean(known) if known else None
 
 
 def mean(values: Iterable[float]) -> float:

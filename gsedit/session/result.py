@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from gsedit.reports.events import Event
+from gsedit.session.held_out import HeldOutViews
 from gsedit.session.quality import EditQuality
 from gsedit.session.settings import EditSettings
 from gsedit.views.dataset import View
@@ -37,5 +38,7 @@ class EditResult:
     """What was measured."""
     timings: dict[str, float]
     """Seconds per stage, and in total."""
+    held_out: HeldOutViews = field(default_factory=HeldOutViews)
+    """Some cameras of which no edited picture was used."""
     events: tuple[Event, ...] = ()
     """What happened, in order."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -52,10 +52,8 @@ class SurveyedViews:
     plan: ViewPlan
     weights: Float[Tensor, "v n"]
     """How much each view sees of each Gaussian, in pixels of a small picture."""
-    planned: Mapping[int, Rendering]
-    """Renderings of the planned views, with median depth."""
-    held_out: tuple[Float[Tensor, "h w 3"], ...]
-    """Pictures at the held-out cameras."""
+    renderings: Mapping[int, Rendering]
+    """Of the planned and the held-out views, by index (`Session.views`), with median depth."""
 
 
 @dataclass(eq=False)
@@ -77,7 +75,7 @@ class Session:
     request: Request
     surveyed: SurveyedViews
     renderings: dict[int, Rendering]
-    """Of the unedited scene, by view: the planned ones, and others once they were needed."""
+    """Of the unedited scene, by index: planned and held-out views, others once they are needed."""
     edited: EditedViews
     optimiser: SceneOptimiser
     stopwatch: Stopwatch
@@ -88,6 +86,16 @@ class Session:
     def settings(self) -> EditSettings:
         """The request's."""
         return self.request.settings
+
+    @property
+    def views(self) -> tuple[View, ...]:
+        """What indices are into: the views that may be edited, then those that are held out."""
+        return (*self.request.views, *self.request.held_out)
+
+    @property
+    def held_out(self) -> tuple[int, ...]:
+        """Indices of the held-out views."""
+        return tuple(range(len(self.request.views), len(self.views)))
 
     @property
     def scene(self) -> Gaussians:
@@ -103,14 +111,15 @@ class Session:
         views = list(self.edited.targets or self.surveyed.plan.views)
         return self.surveyed.weights[views].sum(0) > UNSEEN
 
-    def render(self, camera: Camera) -> Float[Tensor, "h w 3"]:
-        """A picture of the scene as it is now, in [0, 1]."""
-        return rendering_of(self.scene, camera, self.settings.execution).color.clamp(0, 1)
+    def render(self, cameras: Iterable[Camera]) -> list[Float[Tensor, "h w 3"]]:
+        """Pictures of the scene as it is now, in [0, 1]."""
+        draw = partial(rendering_of, self.scene, execution=self.settings.execution)
+        return [draw(camera).color.clamp(0, 1) for camera in cameras]
 
     def unedited_rendering(self, i: int) -> Rendering:
         """Of the scene before the edit, at view i."""
         if i not in self.renderings:
-            camera = self.request.views[i].camera
+            camera = self.views[i].camera
             rendering = rendering_of(self.request.scene, camera, self.settings.execution)
             self.renderings[i] = rendering
         return self.renderings[i]
@@ -119,7 +128,7 @@ class Session:
         """What the editor is shown as the unedited picture of view i, in [0, 1]."""
         rendered = self.unedited_rendering(i).color
         is_photo = self.settings.condition == "photo"
-        picture = self.request.views[i].image if is_photo else rendered
+        picture = self.views[i].image if is_photo else rendered
         return picture.clamp(0, 1).to(rendered)
 
 
@@ -139,11 +148,11 @@ def survey_views(request: Request, stopwatch: Stopwatch) -> Generator[Event, Non
             )
         plan = plan_views(weights, settings.views_per_round, settings.rounds, settings.coverage)
         draw = partial(rendering_of, request.scene, execution=settings.execution)
-        planned = {i: draw(views[i].camera) for i in plan.views}
-        held_out = tuple(draw(v.camera).color.clamp(0, 1) for v in request.held_out)
+        needed = {i: views[i] for i in plan.views} | dict(enumerate(request.held_out, len(views)))
+        renderings = {i: draw(view.camera) for i, view in needed.items()}
     note = f"{len(plan.views)} cover {plan.coverage[-1]:.0%} of what all views see"
     yield Event("survey", stopwatch.seconds, len(views), len(views), note=note)
-    return SurveyedViews(plan, weights, planned, held_out)
+    return SurveyedViews(plan, weights, renderings)
 
 
 @torch.no_grad()

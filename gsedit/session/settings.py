@@ -30,11 +30,16 @@ class EditSettings:
     """What of the scene moves: colours and opacities only, or positions and shapes too."""
     condition: Literal["render", "photo"] = "render"
     """What the editor is shown as the unedited picture: a render of the scene, or the photo."""
+    held_out_edits: int = 2
+    """Held-out views that the 2D editor is asked for at the end, to compare the scene with: each
+    costs as much as a view that is edited. 0 for none."""
     execution: Execution = AUTO
     """How pictures are rendered; it changes the run time, not the pictures."""
 
     def __post_init__(self) -> None:
         if self.views_per_round < 1 or self.rounds < 1:
             raise UsageError("views and rounds must be 1 or more")
+        if self.held_out_edits < 0:
+            raise UsageError(f"held-out edits must be 0 or more, not {self.held_out_edits}")
         if not 0 < self.coverage <= 1:
             raise UsageError(f"coverage {self.coverage} is not in (0, 1]")

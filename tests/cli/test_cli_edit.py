@@ -61,7 +61,7 @@ def test_edit_leaves_the_scene_and_its_evidence(monkeypatch, scene, photos, tmp_
     assert record["instruction"] == given["prompt"] == "make it snow"
     assert record["settings"]["rounds"] == 1
     assert record["settings"]["sampler"]["steps"] == SamplerSettings().steps
-    assert record["measured"]["psnr_to_targets"] is None  # JSON has no infinity
+    assert record["measured"]["residual_to_targets_db"] is None  # JSON has no infinity
     assert set(record) >= {"seed", "versions", "threads", "timings", "platform", "python"}
     assert gsedit("edit", scene, "make it snow", "-o", out).exit_code == 2
 

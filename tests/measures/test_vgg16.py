@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from gsedit.errors import InputError, UsageError
-from gsedit.measures.features import VGG16, Vgg16
+from gsedit.measures.networks import VGG16, Vgg16
 
 EPS32 = torch.finfo(torch.float32).eps
 

@@ -108,7 +108,7 @@ def test_a_strategy_may_edit_no_picture(scene, data, tmp_path):
     )
     assert result.targets == ()
     assert len(result.originals) == len(result.finals) == 2
-    assert result.quality.psnr_to_targets is None
+    assert result.quality.residual_to_targets_db is None
     assert result.quality.strength == 0
     assert result.events == tuple(e for e in events if isinstance(e, Event))
     gsedit.write_edit(tmp_path / "out", result)
@@ -116,7 +116,7 @@ def test_a_strategy_may_edit_no_picture(scene, data, tmp_path):
 
 
 def test_a_strategy_is_a_record_of_its_settings(scene, data):
-    with pytest.raises(UsageError, match="no strategy: it must be a dataclass"):
+    with pytest.raises(UsageError, match="no strategy: give an instance of a dataclass"):
         next(
             edit_steps(
                 scene,

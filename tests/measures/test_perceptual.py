@@ -1,0 +1,229 @@
+"""The shift-tolerant networks against a naive evaluation, and the laws of the perceptual distance.
+
+The laws hold for tiny random networks; the installed weights, where they are, are held to what was
+published of them and to numbers that were measured once.
+"""
+
+from __future__ import annotations
+
+import kornia
+import pytest
+import torch
+
+from gsedit.errors import InputError, UsageError
+from gsedit.measures import metrics, perceptual
+from gsedit.measures.features import FilterBank, with_equal_energy
+from gsedit.measures.networks import (
+    ALEXNET,
+    VGG16,
+    ShiftTolerantAlexNet,
+    Vgg16,
+    blur_pool,
+    standardised,
+)
+from gsedit.measures.perceptual import PerceptualDistance, perceptual_distance, vgg_features
+from gsedit.synthetic import demo_scene, ring_cameras
+
+EPS32 = torch.finfo(torch.float32).eps
+needs_weights = pytest.mark.skipif(
+    not perceptual.is_installed(), reason="the extra `perceptual` (stlpips_pytorch) is absent"
+)
+
+
+def picture(*shape, seed=0):
+    return torch.rand(*shape, generator=torch.Generator().manual_seed(seed))
+
+
+@pytest.fixture(scope="module")
+def photo():
+    """A photo of the synthetic scene, with edges, texture and flat parts."""
+    return demo_scene().trace(ring_cameras(demo_scene(), 4, 96)[0]).image.float()
+
+
+def random_tensors(shapes, seed=0):
+    generator = torch.Generator().manual_seed(seed)
+    state = {}
+    for name, shape in shapes.items():
+        scale = (2 / (shape[1] * shape[2] * shape[3])) ** 0.5
+        state[f"{name}.weight"] = torch.randn(*shape, generator=generator) * scale
+        state[f"{name}.bias"] = 0.1 * torch.randn(shape[0], generator=generator)
+    return state
+
+
+# ---- the networks --------------------------------------------------------------------------------
+
+
+def naive_blur(x):
+    """Every second pixel of the blurred picture, one at a time."""
+    padded = torch.nn.functional.pad(x, (2, 2, 2, 2), mode="reflect")
+    kernel = torch.tensor([[1.0, 2, 1], [2, 4, 2], [1, 2, 1]]) / 16
+    rows, columns = ((side + 1) // 2 + 1 for side in x.shape[-2:])
+    out = x.new_zeros(*x.shape[:2], rows, columns)
+    for i in range(rows):
+        for j in range(columns):
+            patch = padded[..., 2 * i : 2 * i + 3, 2 * j : 2 * j + 3]
+            out[..., i, j] = (patch * kernel).sum((-2, -1))
+    return out
+
+
+def test_blur_pooling_is_a_blur_and_every_second_pixel():
+    x = picture(2, 3, 9, 12)
+    torch.testing.assert_close(blur_pool(x), naive_blur(x))
+    flat = torch.full((1, 2, 8, 8), 0.3)
+    torch.testing.assert_close(blur_pool(flat), torch.full((1, 2, 5, 5), 0.3))
+
+
+def test_a_shift_tolerant_vgg_is_told_by_its_names(tmp_path):
+    """Two blocks, by modules: convolution, ReLU, maximum of 2x2 at every pixel, blur."""
+    places = {"relu1_1": "1.0", "relu1_2": "1.2", "relu2_1": "2.6"}
+    shapes = {f"net.slice{p}": (VGG16[n][2], VGG16[n][1], 3, 3) for n, p in places.items()}
+    state = random_tensors(shapes)
+    torch.save(state, tmp_path / "vgg.pth")
+    images = picture(1, 3, 16, 20)
+    first, second = Vgg16(tmp_path / "vgg.pth", ("relu1_2", "relu2_1"))(images)
+
+    def layer(x, name):
+        return torch.nn.functional.conv2d(
+            x, state[f"{name}.weight"], state[f"{name}.bias"], padding=1
+        ).clamp_min(0)
+
+    expected = layer(layer(standardised(images), "net.slice1.0"), "net.slice1.2")
+    close = 2 * 576**0.5 * EPS32  # two convolutions of 576 float32 products each, values near 1
+    torch.testing.assert_close(first, expected, atol=close, rtol=0)
+    highest = expected.unfold(2, 2, 1).unfold(3, 2, 1).amax((4, 5))
+    expected = layer(naive_blur(highest), "net.slice2.6")
+    torch.testing.assert_close(second, expected, atol=3 * close, rtol=0)
+
+
+@pytest.fixture(scope="module")
+def alex(tmp_path_factory):
+    """(path, state) of AlexNet with random weights and heads."""
+    state = random_tensors({name: shape for name, shape, _ in ALEXNET.values()})
+    for i, size in enumerate(perceptual.SIZES):
+        state[f"lin{i}.model.1.weight"] = picture(1, size, 1, 1, seed=i) / size
+    path = tmp_path_factory.mktemp("alex") / "alex.pth"
+    torch.save(state, path)
+    return path, state
+
+
+def test_alexnet_has_the_published_strides(alex):
+    path, state = alex
+    images = picture(2, 3, 64, 48)
+    layers = ShiftTolerantAlexNet(path)(images)
+    # the first convolution takes 6 pixels off, the blur halves and adds 1; each pool takes 2 off
+    assert [tuple(x.shape[1:]) for x in layers] == [
+        (64, 30, 22), (192, 15, 11), (384, 8, 6), (256, 8, 6), (256, 8, 6)
+    ]  # fmt: skip
+    conv = torch.nn.functional.conv2d
+    first = conv(
+        standardised(images), state["net.slice1.0.weight"], state["net.slice1.0.bias"], padding=2
+    )
+    torch.testing.assert_close(layers[0], naive_blur(first).relu(), atol=1e-5, rtol=1e-5)
+    pooled = naive_blur(layers[0].unfold(2, 3, 1).unfold(3, 3, 1).amax((4, 5)))
+    second = conv(pooled, state["net.slice2.5.weight"], state["net.slice2.5.bias"], padding=2)
+    torch.testing.assert_close(layers[1], second.relu(), atol=1e-4, rtol=1e-4)
+
+
+def test_weights_of_another_network_are_refused(alex, tmp_path):
+    path, state = alex
+    torch.save({k: v for k, v in state.items() if "slice3" not in k}, tmp_path / "some.pth")
+    with pytest.raises(InputError, match=r"some\.pth: has no tensor net\.slice3\.9\.weight"):
+        ShiftTolerantAlexNet(tmp_path / "some.pth")
+    with pytest.raises(InputError, match=r"lin0\.model\.1\.weight is \(1, 64, 1, 1\)"):
+        perceptual.read_heads(path, (32,))
+
+
+# ---- the distance --------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def tiny(alex):
+    return PerceptualDistance(ShiftTolerantAlexNet(alex[0]), perceptual.read_heads(alex[0]))
+
+
+def test_a_distance_is_zero_at_equal_pictures_symmetric_and_a_mean(tiny):
+    a, b = picture(2, 40, 48, 3), picture(2, 40, 48, 3, seed=1)
+    assert tiny(a, a) == 0
+    assert tiny(a, b) > 0
+    torch.testing.assert_close(tiny(a, b), tiny(b, a))
+    torch.testing.assert_close(tiny(a, b), (tiny(a[0], b[0]) + tiny(a[1], b[1])) / 2)
+    image = a[0].clone().requires_grad_()
+    tiny(image, b[0]).backward()
+    assert image.grad is not None
+    assert image.grad.abs().sum() > 0
+
+
+def test_black_pictures_have_a_distance_too(tiny):
+    assert tiny(torch.zeros(32, 32, 3), torch.ones(32, 32, 3)).isfinite()
+
+
+def test_without_the_package_there_is_no_distance(monkeypatch):
+    monkeypatch.setattr(perceptual, "PACKAGE", "no_such_package")
+    perceptual_distance.cache_clear()
+    try:
+        assert metrics.perceptual(picture(32, 32, 3), picture(32, 32, 3)) is None
+        with pytest.raises(UsageError, match=r"gsedit\[perceptual\]"):
+            perceptual.weights_path(perceptual.VGG)
+    finally:
+        perceptual_distance.cache_clear()
+
+
+def test_a_file_with_other_bytes_is_refused(monkeypatch, tmp_path):
+    folder = tmp_path / "fake_weights" / "weights" / "vST0.0"
+    folder.mkdir(parents=True)
+    (tmp_path / "fake_weights" / "__init__.py").write_text("raise ImportError('never imported')")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(perceptual, "PACKAGE", "fake_weights")
+    with pytest.raises(InputError, match=r"alex_shift_tolerant\.pth: no such file"):
+        perceptual.weights_path(perceptual.ALEX)
+    (folder / perceptual.ALEX).write_bytes(b"something else")
+    with pytest.raises(InputError, match="not the weights of"):
+        perceptual.weights_path(perceptual.ALEX)
+
+
+@needs_weights
+def test_the_installed_distance_grows_with_blur_noise_and_shift(photo):
+    distance = perceptual_distance()
+    noise = picture(*photo.shape) - 0.5
+    blurred = [
+        kornia.filters.gaussian_blur2d(photo.movedim(-1, 0)[None], (21, 21), (s, s))[0]
+        for s in (0.5, 1.0, 2.0, 4.0)
+    ]
+    series = {
+        "blur": [image.movedim(0, -1) for image in blurred],
+        "noise": [(photo + a * noise).clamp(0, 1) for a in (0.03, 0.1, 0.3)],
+        "shift": [photo.roll(k, 1) for k in (1, 2, 4, 8)],
+    }
+    for name, pictures in series.items():
+        values = [float(distance(photo, other)) for other in pictures]
+        assert values == sorted(values), name
+        assert values[0] > 0
+    assert metrics.perceptual(photo, photo) == 0
+
+
+@needs_weights
+def test_the_installed_distance_forgives_one_pixel(photo):
+    """What it was published for: a shift that nobody sees, though a third of the pixels change."""
+    distance = perceptual_distance()
+    shifted = photo.roll(1, 1)
+    faint = photo + metrics.rmse(photo, shifted) * torch.randn(
+        photo.shape, generator=torch.Generator().manual_seed(0)
+    )
+    assert distance(photo, shifted) < distance(photo, faint) / 10
+    assert distance(photo, shifted) < 0.05
+
+
+@needs_weights
+def test_the_installed_vgg_has_layers_of_equal_energy(photo):
+    image = photo.movedim(-1, 0)[None]
+    layers = vgg_features()(image)
+    assert [layer.shape[1] for layer in layers] == [64, 128, 256, 512]
+    energies = [float(layer.square().mean()) for layer in layers]
+    # made equal on noise; a picture with flat parts has less detail, which VGG's middle layers see
+    assert max(energies) < 30 * min(energies), energies
+
+
+def test_equal_energy_hardly_changes_the_filter_bank():
+    """Its channels have it by construction, in the mean over the channels of a layer."""
+    factors = with_equal_energy(FilterBank()).factors
+    assert all(0.5 < factor < 2 for factor in factors), factors
