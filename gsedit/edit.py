@@ -56,8 +56,12 @@ def edit_steps(
         raise UsageError("the scene is empty: there is nothing to edit")
     settings = settings or EditSettings()
     # the result records the values in force
-    sampler = settings.sampler.with_defaults(editor.capabilities.defaults)
-    settings = replace(settings, sampler=sampler)
+    declared = editor.capabilities
+    settings = replace(
+        settings,
+        sampler=settings.sampler.with_defaults(declared.defaults),
+        edit_size=settings.edit_size or declared.best_size,
+    )
     strategy = strategy or find_strategy(DEFAULT)()
     if isinstance(strategy, type) or not is_dataclass(strategy):
         raise UsageError(

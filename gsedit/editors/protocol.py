@@ -67,6 +67,9 @@ class Capabilities:
     but for rounding. None where no network is run: then memory is not measured."""
     advice: Callable[[str], str] = no_advice
     """A remark about an instruction that `check` accepts; empty if there is none."""
+    best_size: int | None = None
+    """Longer side, pixels, of the pictures that it edits best: larger views are edited at this size
+    and the change is carried up. None: any size."""
     find_ground_truth: (
         Callable[
             [str, Float[Tensor, "v h w 3"], Float[Tensor, "v h w 3"]],

@@ -17,7 +17,10 @@ from gsedit.reports.events import Event
 from gsedit.session.quality import mean
 from gsedit.session.session import Session
 from gsedit.views.dataset import View
+from gsedit.views.guided import carry_change
+from gsedit.views.image_ops import downscale
 from gsedit.views.padding import pad_camera, pad_to_multiple
+from rasterizer.camera import Camera
 
 WEAK_MATCH = 0.05
 """Below this fraction of matched cells a pair of views has little to agree on: worth a warning."""
@@ -67,7 +70,8 @@ def sample_views(
     """The 2D editor's pictures of `members`, of which `anchors` stay as they were edited.
 
     Sampling of the others begins at `start`, or where the scene is now. Everything that a target
-    goes through belongs here: held-out views are asked for in the same way. Yields events of the
+    goes through belongs here: held-out views are asked for in the same way. Pictures larger than
+    the editor's size are edited small, and their change is carried up. Yields events of the
     `stage`.
     """
     used = matches if sampler.consensus else None
@@ -78,7 +82,18 @@ def sample_views(
         images = progress.images
     if images is None:
         raise RuntimeError(f"editor {editor.name} ended without images")
-    return list(images.to(session.request.scene.means))
+    return list(_at_full_size(session, members, images, request.originals))
+
+
+def _at_full_size(
+    session: Session,
+    members: Sequence[int],
+    edited: Float[Tensor, "v y x 3"],
+    originals: Float[Tensor, "v y x 3"],
+) -> Float[Tensor, "v h w 3"]:
+    """The pictures as they were edited, or, where they were edited small, carried to full size."""
+    full = torch.stack([session.unedited_image(i) for i in members])
+    return carry_change(edited.to(full), originals.to(full), full)
 
 
 def _find_ground_truth(session: Session) -> None:
@@ -92,12 +107,12 @@ def _find_ground_truth(session: Session) -> None:
 def match_views(session: Session, members: Sequence[int]) -> Correspondences:
     """Latent cells of these views that show the same place, by the unedited scene's depth."""
     cell = session.request.editor.cell
-    renderings = [session.unedited_rendering(i) for i in members]
+    renderings = [session.edit_rendering(i) for i in members]
     depths = [r.median_depth for r in renderings if r.median_depth is not None]
     alphas = [r.alpha for r in renderings]
     # up to whole cells nothing is seen: alpha 0
     return correspond(
-        [pad_camera(session.views[i].camera, cell) for i in members],
+        [pad_camera(session.edit_camera(i), cell) for i in members],
         pad_to_multiple(torch.stack(depths), cell, "constant"),
         pad_to_multiple(torch.stack(alphas), cell, "constant"),
         cell=cell,
@@ -111,19 +126,27 @@ def _request(
     matches: Correspondences | None,
     start: Mapping[int, Float[Tensor, "h w 3"]] | None,
 ) -> EditBatch:
-    """The new views at `start` (None: current renders), and the anchors as they were edited."""
+    """The new views at `start` (None: current renders), and the anchors as they were edited; all at
+    the size at which they are edited."""
     targets = session.edited.targets
+    cameras = {i: session.edit_camera(i) for i in members}
     new = [i for i in members if i not in anchors]
-    start = start or dict(zip(new, session.render(session.views[i].camera for i in new)))
-    images = [targets[i].image if i in anchors else start[i] for i in members]
+    start = start or dict(zip(new, session.render(cameras[i] for i in new)))
+    images = [_fitted(targets[i].image if i in anchors else start[i], cameras[i]) for i in members]
+    originals = [_fitted(session.unedited_image(i), cameras[i]) for i in members]
     return EditBatch(
         images=torch.stack(images),
-        originals=torch.stack([session.unedited_image(i) for i in members]),
+        originals=torch.stack(originals),
         prompt=session.request.prompt,
         correspondences=matches,
         anchored=torch.tensor([i in anchors for i in members]),
         seed=session.noise_seed,
     )
+
+
+def _fitted(image: Float[Tensor, "h w 3"], camera: Camera) -> Float[Tensor, "y x 3"]:
+    """The picture, as small as the camera's; weights may leave [0, 1] by rounding."""
+    return downscale(image, camera.width, camera.height).clamp(0, 1)
 
 
 def _anchors(

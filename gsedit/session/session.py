@@ -12,6 +12,7 @@ from torch import Tensor
 
 from gsedit.editors.protocol import Editor, GroundTruth
 from gsedit.errors import UsageError
+from gsedit.files.pictures import fitted_size
 from gsedit.fitting.optimiser import SceneOptimiser
 from gsedit.measures.features import FeatureExtractor
 from gsedit.reports.events import Event
@@ -124,6 +125,17 @@ class Session:
             self.renderings[i] = rendering
         return self.renderings[i]
 
+    def edit_camera(self, i: int) -> Camera:
+        """View i's camera at the size at which it is edited, see `EditSettings.edit_size`."""
+        return edit_camera(self.views[i].camera, self.settings)
+
+    def edit_rendering(self, i: int) -> Rendering:
+        """Of the scene before the edit, at the size at which view i is edited."""
+        camera = self.edit_camera(i)
+        if camera is self.views[i].camera:
+            return self.unedited_rendering(i)
+        return rendering_of(self.request.scene, camera, self.settings.execution)
+
     def unedited_image(self, i: int) -> Float[Tensor, "h w 3"]:
         """What the editor is shown as the unedited picture of view i, in [0, 1]."""
         rendered = self.unedited_rendering(i).color
@@ -151,8 +163,28 @@ def survey_views(request: Request, stopwatch: Stopwatch) -> Generator[Event, Non
         needed = {i: views[i] for i in plan.views} | dict(enumerate(request.held_out, len(views)))
         renderings = {i: draw(view.camera) for i, view in needed.items()}
     note = f"{len(plan.views)} cover {plan.coverage[-1]:.0%} of what all views see"
+    note += _carrying(views[0].camera, settings)
     yield Event("survey", stopwatch.seconds, len(views), len(views), note=note)
     return SurveyedViews(plan, weights, renderings)
+
+
+def edit_camera(camera: Camera, settings: EditSettings) -> Camera:
+    """The camera at the size at which its view is edited; itself where that is its own."""
+    width, height = fitted_size(camera.width, camera.height, settings.edit_size)
+    if (width, height) == (camera.width, camera.height):
+        return camera
+    return camera.resized(width, height)
+
+
+def _carrying(camera: Camera, settings: EditSettings) -> str:
+    """At which size views are edited, for a person; nothing where it is their own."""
+    small = edit_camera(camera, settings)
+    if small is camera:
+        return ""
+    return (
+        f"; edited at {small.width}x{small.height} pixels, the change carried to "
+        f"{camera.width}x{camera.height}"
+    )
 
 
 @torch.no_grad()

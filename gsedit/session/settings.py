@@ -10,6 +10,9 @@ from gsedit.errors import UsageError
 from gsedit.fitting.settings import UpdateSettings
 from rasterizer.numerics import AUTO, Execution
 
+SMALLEST_EDIT = 16
+"""Pixels, as the smallest view: no editor sees anything in less."""
+
 
 @dataclass(frozen=True)
 class EditSettings:
@@ -33,6 +36,9 @@ class EditSettings:
     held_out_edits: int = 2
     """Held-out views that the 2D editor is asked for at the end, to compare the scene with: each
     costs as much as a view that is edited. 0 for none."""
+    edit_size: int | None = None
+    """Longer side, pixels, of the pictures that the editor is given: of larger views it edits small
+    ones, and the change is carried to full size. None: what the editor was made for."""
     execution: Execution = AUTO
     """How pictures are rendered; it changes the run time, not the pictures."""
 
@@ -43,3 +49,8 @@ class EditSettings:
             raise UsageError(f"held-out edits must be 0 or more, not {self.held_out_edits}")
         if not 0 < self.coverage <= 1:
             raise UsageError(f"coverage {self.coverage} is not in (0, 1]")
+        if self.edit_size is not None and self.edit_size < SMALLEST_EDIT:
+            raise UsageError(
+                f"the edit size is {self.edit_size} pixels: give {SMALLEST_EDIT} or more, or leave "
+                "it out for the size that suits the editor"
+            )
