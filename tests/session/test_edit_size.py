@@ -73,8 +73,7 @@ def test_the_editor_is_given_small_pictures_and_the_targets_are_large(scene, dat
         (2, 24, 36, 3),
         (4, 24, 36, 3),
     ]
-    assert editor.batches[0].correspondences.labels.shape == (2, 6, 9)
-    assert editor.batches[1].correspondences.covered.sum() > 0
+    assert editor.batches[1].correspondences.labels.shape == (4, 6, 9)
     assert editor.batches[1].anchored.tolist() == [False, False, True, True]
     for original, target in zip(result.originals, result.targets):
         assert target.image.shape == (48, 72, 3)
