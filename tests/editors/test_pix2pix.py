@@ -172,6 +172,7 @@ def test_anchored_view_costs_no_pass_and_stays(model):
 def test_the_whole_editor(folder):
     editor = make_editor("pix2pix", model=folder)
     assert editor.cell == 2  # two blocks, one halving
+    assert editor.capabilities.best_size == 64  # 32 cells, as the weights' configuration says
     labels = torch.full((2, 17, 16), -1)
     labels[:, 3:9, 3:9] = torch.arange(36).reshape(6, 6)
     views = torch.rand(2, 33, 32, 3, generator=torch.Generator().manual_seed(1))

@@ -2,6 +2,7 @@
 
 import json
 import re
+from itertools import chain
 
 import pytest
 import torch
@@ -57,6 +58,10 @@ def test_the_card_states_how_they_were_made(small):
             assert f"{phase.steps:,} steps of {phase.batch} at {phase.size}" in CARD
     listed = re.sub(r"\W+", " ", CARD.split("## Looks")[1].split("##")[0])
     assert all(name.replace("-", " ") in listed for name in TARGET_EDITS)
+
+
+def test_their_size_is_the_largest_of_the_training(small):
+    assert small.capabilities.best_size == max(each.size for each in chain.from_iterable(ROUNDS))
 
 
 def test_an_instruction_without_a_look_gets_a_warning():

@@ -82,8 +82,12 @@ class Pix2Pix:
 
     @property
     def capabilities(self) -> Capabilities:
-        """It runs a network, of which a pass may hold several views."""
-        return Capabilities(with_micro_batch=lambda views: replace(self, micro_batch=views))
+        """It runs a network, of which a pass may hold several views, at the size of its training."""
+        side = self.unet.config.sample_size  # in latent cells; older files have none
+        return Capabilities(
+            with_micro_batch=lambda views: replace(self, micro_batch=views),
+            best_size=side * self.cell if isinstance(side, int) else None,
+        )
 
     @property
     def cell(self) -> int:

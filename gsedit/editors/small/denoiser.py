@@ -42,6 +42,8 @@ MID_SIGMA = 4.0  # in the middle of the schedule
 STEPS = 1000
 DEFAULTS = SamplerDefaults(guidance_text=1.4, guidance_image=1.0, temperature=0.2)
 """Each of its instructions has one correct result, so little of the starting noise is used."""
+BEST_SIZE = 192
+"""Pixels, the largest of its training. Of larger ones it leaves parts unedited (docs/resolution.md)."""
 
 
 def schedule() -> Schedule:
@@ -100,11 +102,13 @@ class Small:
 
     @property
     def capabilities(self) -> Capabilities:
-        """Its own defaults, and a remark on instructions without a word it was trained on."""
+        """Its own defaults and size, and a remark on instructions without a word it was trained
+        on."""
         return Capabilities(
             defaults=DEFAULTS,
             with_micro_batch=lambda views: replace(self, micro_batch=views),
             advice=self.advice,
+            best_size=BEST_SIZE,
         )
 
     def check(self, prompt: str) -> None:
