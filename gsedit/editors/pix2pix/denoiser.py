@@ -82,7 +82,7 @@ class Pix2Pix:
 
     @property
     def capabilities(self) -> Capabilities:
-        """It runs a network, of which a pass may hold several views, at the size of its training."""
+        """It runs a network, of which a pass may hold several views, trained at one size."""
         side = self.unet.config.sample_size  # in latent cells; older files have none
         return Capabilities(
             with_micro_batch=lambda views: replace(self, micro_batch=views),

@@ -43,7 +43,8 @@ STEPS = 1000
 DEFAULTS = SamplerDefaults(guidance_text=1.4, guidance_image=1.0, temperature=0.2)
 """Each of its instructions has one correct result, so little of the starting noise is used."""
 BEST_SIZE = 192
-"""Pixels, the largest of its training. Of larger ones it leaves parts unedited (docs/resolution.md)."""
+"""Pixels, the largest of its training. Of larger pictures it leaves parts unedited, and it stains
+others (docs/resolution.md)."""
 
 
 def schedule() -> Schedule:
