@@ -53,7 +53,7 @@ def edit_views(
     yield Event("correspond", stopwatch.seconds, step, steps, note=_describe(matches))
     with stopwatch.stage("sample"):
         images = yield from sample_views(session, members, tied, matches, sampler)
-    for i, image in zip(batch, images):  # the anchors follow, as they were
+    for i, image in zip(batch, images):
         edited.targets[i] = replace(session.views[i], image=image)
     _find_ground_truth(session)
 
@@ -67,12 +67,11 @@ def sample_views(
     start: Mapping[int, Float[Tensor, "h w 3"]] | None = None,
     stage: str = "sample",
 ) -> Generator[Event, None, list[Float[Tensor, "h w 3"]]]:
-    """The 2D editor's pictures of `members`, of which `anchors` stay as they were edited.
+    """The 2D editor's pictures of `members` but `anchors`, which stay as they were edited.
 
-    Sampling of the others begins at `start`, or where the scene is now. Everything that a target
-    goes through belongs here: held-out views are asked for in the same way. Pictures larger than
-    the editor's size are edited small, and their change is carried up. Yields events of the
-    `stage`.
+    Sampling begins at `start`, or where the scene is now. Everything that a target goes through
+    belongs here: held-out views are asked for in the same way. Views larger than the editor's size
+    are edited small, and their change is carried up. Yields events of the `stage`.
     """
     used = matches if sampler.consensus else None
     request = _request(session, members, anchors, used, start)
@@ -82,18 +81,16 @@ def sample_views(
         images = progress.images
     if images is None:
         raise RuntimeError(f"editor {editor.name} ended without images")
-    return list(_at_full_size(session, members, images, request.originals))
+    small = dict(zip(members, zip(images, request.originals)))
+    return [_at_full_size(session, i, *small[i]) for i in members if i not in anchors]
 
 
 def _at_full_size(
-    session: Session,
-    members: Sequence[int],
-    edited: Float[Tensor, "v y x 3"],
-    originals: Float[Tensor, "v y x 3"],
-) -> Float[Tensor, "v h w 3"]:
-    """The pictures as they were edited, or, where they were edited small, carried to full size."""
-    full = torch.stack([session.unedited_image(i) for i in members])
-    return carry_change(edited.to(full), originals.to(full), full)
+    session: Session, i: int, edited: Float[Tensor, "y x 3"], original: Float[Tensor, "y x 3"]
+) -> Float[Tensor, "h w 3"]:
+    """View i as it was edited, or, where it was edited small, with its change at full size."""
+    full = session.unedited_image(i)
+    return carry_change(edited[None].to(full), original[None].to(full), full[None])[0]
 
 
 def _find_ground_truth(session: Session) -> None:
