@@ -58,7 +58,18 @@ def load_photos(data: Path, size: int, scene: Path) -> Dataset:
     from gsedit.files import load_dataset
     from gsedit.files.export_frame import in_export_frame
 
-    return in_export_frame(load_dataset(data, size=size), data, scene)
+    photos = load_dataset(data, size=size)
+    say_if_smaller(photos, size)
+    return in_export_frame(photos, data, scene)
+
+
+def say_if_smaller(photos: Dataset, size: int) -> None:
+    """A line where all photos have fewer pixels than were asked for: they are not made larger."""
+    width, height = max((view.image.shape[1::-1] for view in photos.views), key=max)
+    if max(width, height) < size:
+        print_message(
+            f"the photos have {width}x{height} pixels: views are not made larger (--size {size})"
+        )
 
 
 def recorded_viewpoints(path: Path, scene: Gaussians, size: int) -> tuple[Viewpoint, ...]:

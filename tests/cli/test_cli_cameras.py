@@ -47,3 +47,9 @@ def test_cameras_that_see_nothing_are_left_aside(scene, tmp_path, photos):
     result = gsedit("render", scene, "--size", 16, "--count", 1, "-o", tmp_path / "out")
     assert result.exit_code == 0, result.stderr
     assert "none of these cameras sees the scene" in result.stderr
+
+
+def test_photos_are_never_made_larger_and_that_is_said(scene, photos, tmp_path):
+    out = tmp_path / "out"
+    result = gsedit("render", scene, "--data", photos, "--views", "0", "--size", 64, "-o", out)
+    assert "the photos have 8x6 pixels: views are not made larger (--size 64)" in result.stderr
