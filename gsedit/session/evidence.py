@@ -16,6 +16,10 @@ from gsedit.session.session import Session
 from gsedit.views.dataset import View
 
 
+COMPARED_VIEWS = 4
+"""Held-out views whose renders are compared with those of nearby cameras."""
+
+
 @dataclass(frozen=True, eq=False)
 class Evidence:
     """What an edit came to."""
@@ -39,7 +43,8 @@ def gather_evidence(session: Session) -> Generator[Event, None, Evidence]:
     needed = tuple(dict.fromkeys((*edited, *shown, *measured)))
     finals = dict(zip(needed, session.render(session.views[i].camera for i in needed)))
     answers = yield from edit_held_out(session, shown[:asked])
-    warp = (*compare_targets(session), *compare_renders(session, finals, shown))
+    compared = shown_views(session, COMPARED_VIEWS)
+    warp = (*compare_targets(session), *compare_renders(session, finals, compared))
     originals = {i: session.unedited_rendering(i).color.clamp(0, 1) for i in (*edited, *shown)}
     return Evidence(
         originals=_named(session, originals, edited),
