@@ -15,7 +15,6 @@ from gsedit.session.quality import EditQuality, Measurement, assess, has_ground_
 from gsedit.session.session import Session
 from gsedit.views.dataset import View
 
-
 COMPARED_VIEWS = 4
 """Held-out views whose renders are compared with those of nearby cameras."""
 

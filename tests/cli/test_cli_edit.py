@@ -74,3 +74,17 @@ def test_an_interrupted_edit_keeps_its_metrics_and_checkpoint(monkeypatch, scene
     assert f"{out / 'checkpoint.ply'} (step 1)" in result.stderr
     assert {path.name for path in files(out)} == {"checkpoint.ply", "metrics.jsonl"}
     assert len(read_events(out / "metrics.jsonl")) == 1
+
+
+def test_the_features_of_the_gram_loss_are_named(monkeypatch, scene, tmp_path):
+    given = stub_edit(monkeypatch)
+    out = tmp_path / "out"
+    result = gsedit("edit", scene, "x", "-o", out, "--size", 16, "--features", "gone.pth")
+    assert result.exit_code == 3
+    assert "gone.pth: no such file" in result.stderr
+    monkeypatch.setattr("gsedit.measures.perceptual.PACKAGE", "no_such_package")
+    import_module("gsedit.measures.perceptual").vgg_features.cache_clear()
+    result = gsedit("edit", scene, "x", "-o", out, "--size", 16, "--features", "vgg")
+    assert result.exit_code == 2
+    assert "gsedit[perceptual]" in result.stderr
+    assert not given

@@ -170,3 +170,14 @@ def test_a_patch_too_small_and_a_bank_too_short_are_refused():
         FilterBank()(picture(1, 3, 7, 64))
     with pytest.raises(UsageError, match="1 or more"):
         FilterBank(0)
+
+
+def test_a_switch_fits_one_of_two_terms_that_add_up():
+    image, target = picture(2, 32, 32, 3), picture(2, 32, 32, 3, seed=1)
+    bank = FilterBank()
+    both, colour, style = (
+        edit_loss(image, target, bank, 3.0, terms) for terms in ("both", "mse", "gram")
+    )
+    assert colour == mse(image, target)
+    torch.testing.assert_close(colour + style, both)
+    assert style > 0
