@@ -163,6 +163,7 @@ def run_and_write(
             result = run_to_result(steps, write_and_show, checkpoints)
         write_edit(out, result, request=request, overwrite=True)
     print_message(table(journal.records))
+    print_message(result.quality.describe())
     print_message(
         f"results are in {out}; look at {out / 'before_after.png'}, then: "
         f"gsedit preview {out / 'scene.ply'}"

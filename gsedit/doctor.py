@@ -58,6 +58,9 @@ def check_packages() -> Iterator[Check]:
         installed = installed_version(name)
         advice = "" if installed else "the pix2pix editor needs it: pip install 'gsedit[diffusers]'"
         yield Check(name, installed or "not installed", advice)
+    weights = installed_version("stlpips_pytorch")
+    advice = "perceptual distances need its weights: pip install 'gsedit[perceptual]'"
+    yield Check("stlpips_pytorch", weights or "not installed", "" if weights else advice)
     _, missing = BUILT_IN[DEFAULT]
     yield Check("default editor", DEFAULT, "; ".join(missing()))
 

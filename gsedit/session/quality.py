@@ -56,6 +56,19 @@ class EditQuality:
     perceptual_to_held_out_edits: float | None = None
     """Perceptual distance to what the 2D editor makes of held-out views."""
 
+    def describe(self) -> str:
+        """The numbers to read first, on one line."""
+        parts = [f"strength {self.strength:.3f} (0 is no edit)"]
+        parts += [
+            f"{row.pictures} differ between near views by {row.edited:.3f}, unedited renders by "
+            f"{row.unedited:.3f}"
+            for row in self.warp
+            if row.range == "short"
+        ]
+        if self.psnr_to_held_out_edits is not None:
+            parts.append(f"{self.psnr_to_held_out_edits:.1f} dB to edits of held-out views")
+        return "; ".join(parts)
+
 
 @dataclass(frozen=True)
 class Measurement:

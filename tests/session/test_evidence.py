@@ -114,6 +114,14 @@ def test_the_editor_is_asked_for_held_out_views_as_for_targets(result, data):
     assert quality.psnr_to_held_out_edits > sum(changed) / 2 + 2
 
 
+def test_the_numbers_to_read_first_are_one_line(result):
+    line = result.quality.describe()
+    assert line.startswith(f"strength {result.quality.strength:.3f}")
+    assert "targets differ between near views by 0." in line
+    assert line.endswith(" dB to edits of held-out views")
+    assert "\n" not in line
+
+
 def test_measuring_does_not_change_the_result(scene, data, result):
     without = run(scene, data, replace(SETTINGS, held_out_edits=0))
     assert torch.equal(without.scene.sh, result.scene.sh)
