@@ -43,7 +43,7 @@ class Fade:
                 pale = batch.originals[i].mean(-1, keepdim=True).sqrt()
                 edited[i] = torch.lerp(batch.originals[i], pale, amount)
             yield EditProgress(i + 1, len(amounts) + 1)
-        if batch.correspondences is not None:  # None: every view is wanted on its own
+        if batch.correspondences is not None and settings.consensus:
             edited = harmonise(edited, batch.correspondences, anchored=batch.anchored)
         yield EditProgress(len(amounts) + 1, len(amounts) + 1, edited)
 

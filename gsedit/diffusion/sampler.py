@@ -81,59 +81,90 @@ def sample(
 ) -> Iterator[SamplerStep]:
     """Denoise `x`, latents at the first of the levels, to the last; yields every step.
 
-    `consensus` acts on `settings.target` while t > t_end * t_max, at t_end 0 always; `share` acts
-    on fresh noise, which only eta > 0 and `ancestral` draw (from `generator`, then required).
-    `condition` is that of the views that are not anchored, in their order. `levels` overrule the
-    settings' steps.
+    `consensus` acts on `settings.target` while sigma is above t_end; with all of its strength, the
+    deviation of corresponding cells then never changes its sign and never grows, whatever the
+    solver. `share` acts on fresh noise, which only eta > 0 and `ancestral` draw (from `generator`,
+    then required). `condition` is that of the views that are not anchored, in their order. `levels`
+    overrule the settings' steps.
     The state keeps the dtype of `x`, float32 or float64, whatever the network computes in. Raises
     UsageError, also where a number stops being finite: it names the settings that did it.
     """
     _check_start(x, settings, generator)
     levels = levels_of(denoiser.schedule, settings) if levels is None else levels
-    t_stop = settings.t_end * denoiser.schedule.t_max(settings.strength)
-    everywhere = settings.t_end == 0  # also at t = 0, where some spacings have a step
+    settled = consensus if settings.consensus else None
     previous: solvers.PreviousStep | None = None
     steps = len(levels) - 1
 
     for step, (here, there) in enumerate(pairwise(levels), start=1):
-        acts = settings.consensus and (everywhere or here.t > t_stop)
-        agree = consensus if acts else None
-        predict = partial(_predict_agreed, denoiser, condition, settings, anchor, agree)
-        pair = predict(x, here)
+        agree = settled if here.sigma > settings.consensus_end else None
+        predict = partial(_predict, denoiser, condition, settings, anchor)
+        own = predict(x, here)
+        pair = _agreed(own, x, here, settings, agree)
         match settings.solver:
             case "heun":
-                x = solvers.heun(pair, here, there, predict)
+                corrector = partial(_predict_agreed, predict, settings, agree)
+                x = solvers.heun(pair, here, there, corrector)
             case "dpm++2m":
-                x = solvers.multistep(pair, here, there, previous)
+                step_before, previous = _settled(own, pair, here, previous, settled)
+                x = solvers.multistep(pair, here, there, step_before)
             case "euler" | "ddim" | "ancestral":
                 x = _one_step(pair, here, there, settings.fresh_noise, share, generator)
-        previous = solvers.PreviousStep(here, pair.x0)
         if agree and settings.target == "xt":
             x = agree(x)
-            if settings.solver == "dpm++2m":  # its next step is linear in x and in this x0
-                previous = solvers.PreviousStep(here, agree(pair.x0))
         _check_finite(x, f"the latents after step {step} of {steps}", here, settings)
         yield SamplerStep(step, steps, there.t, x, pair.x0)
 
 
+def _settled(
+    own: Pair,
+    pair: Pair,
+    here: NoiseLevel,
+    previous: solvers.PreviousStep | None,
+    agree: Hook | None,
+) -> tuple[solvers.PreviousStep | None, solvers.PreviousStep]:
+    """(the step before, as a multistep solver is to see it; this one, to be remembered).
+
+    The solver extrapolates the change of x0 from step to step. With consensus that is the change
+    of what views agree on; what they differ in takes Euler's step. Extrapolated, a difference that
+    has just been let free, and shrinks with the noise, would overshoot agreement.
+    """
+    if agree is None:
+        return previous, solvers.PreviousStep(here, own.x0)
+    agreed = solvers.PreviousStep(here, agree(own.x0))
+    if previous is None:
+        return None, agreed
+    before = pair.x0 - (agreed.x0 - previous.x0)
+    return solvers.PreviousStep(previous.level, before), agreed
+
+
+def _agreed(
+    own: Pair, x: Latents, level: NoiseLevel, settings: SamplerSettings, agree: Hook | None
+) -> Pair:
+    """The solver's input: the views' own predictions at x_t, after consensus if the settings'
+    target is one of them.
+
+    Of a pair, the other half is derived anew, so that both still belong to x_t: an eps that a view
+    kept would go on removing, step after step, what its x0 has already given up, and lead beyond
+    agreement. Where the map changes nothing, the pair stays as it is to the last bit.
+    """
+    if agree is None or settings.target == "xt":
+        return own
+    if settings.target == "x0":
+        x0 = agree(own.x0)
+        return Pair(x0, own.eps - level.a / level.b * (x0 - own.x0))
+    eps = agree(own.eps)
+    return Pair(clean_of(eps, x, level), eps)
+
+
 def _predict_agreed(
-    denoiser: Predictor,
-    condition: Any,
+    predict: solvers.Predict,
     settings: SamplerSettings,
-    anchor: Anchor | None,
     agree: Hook | None,
     x: Latents,
     level: NoiseLevel,
 ) -> Pair:
-    """The solver's input: the views' predictions, after consensus if the settings' target is one
-    of them."""
-    pair = _predict(denoiser, condition, x, level, settings, anchor)
-    if agree is None or settings.target == "xt":
-        return pair
-    if settings.target == "x0":
-        return Pair(agree(pair.x0), pair.eps)  # each view keeps its eps: SyncTweedies' best case
-    eps = agree(pair.eps)
-    return Pair(clean_of(eps, x, level), eps)
+    """The same at another x_t, as Heun's second prediction needs it."""
+    return _agreed(predict(x, level), x, level, settings, agree)
 
 
 def _one_step(
@@ -154,10 +185,10 @@ def _one_step(
 def _predict(
     denoiser: Predictor,
     condition: Any,
-    x: Latents,
-    level: NoiseLevel,
     settings: SamplerSettings,
     anchor: Anchor | None,
+    x: Latents,
+    level: NoiseLevel,
 ) -> Pair:
     """The guided pair; of an anchored view, its given x0 and the eps that leads there."""
     if anchor is None:

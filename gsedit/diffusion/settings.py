@@ -27,6 +27,8 @@ class SamplerDefaults(NamedTuple):
     guidance_text: float = 7.5
     guidance_image: float = 1.5
     temperature: float = 1.0
+    t_end: float = 4.7
+    """Sigma, where Stable Diffusion has done a fifth of its steps: the paper's 10 of 50."""
 
 
 @dataclass(frozen=True)
@@ -52,18 +54,22 @@ class SamplerSettings:
     eta: float = 0.0
     """Fresh noise of the solver ddim, from 0 (deterministic) to 1 (DDPM). The clusters of
     corresponding cells share it as they share the first noise; ancestral always has 1."""
-    t_end: float = 0.8
-    """Consensus acts while t > t_end * t_max, with t_end from 0 to 1. It is a noise level, so it
-    does not depend on the number of steps."""
+    t_end: float | None = None
+    """The noise level at which consensus ends: it acts while sigma, the noise's deviation in units
+    of a clean latent, is above t_end; 0 or more, at 0 to the end. None: the editor's own (4.7;
+    small 4)."""
     target: Target = "x0"
-    """What corresponding cells agree on: the predicted clean latent x0 (each view keeps its own
-    eps), the next latent x_{t-1} (xt), or the predicted noise eps."""
+    """What corresponding cells agree on: the predicted clean latent x0 (and eps follows from it),
+    the next latent x_{t-1} (xt), or the predicted noise eps."""
     noise: Noise = "shared"
     """Whether corresponding cells start from the same noise."""
     consensus: bool = True
     """Whether corresponding cells of the views are made to agree while they are sampled."""
     consensus_strength: float = 1.0
     """How far cells move to their cluster's mean: 0 changes nothing, 1 makes them equal."""
+    harmonise: bool = True
+    """Whether, with consensus, the finished views' coarse colours are brought to agreement where
+    the depth of the scene says that they show the same place."""
     memory: float | None = None
     """GB that the passes of the networks may use at once, above 0. None: half of the free
     memory."""
@@ -81,14 +87,14 @@ class SamplerSettings:
 
     def _check_ranges(self) -> None:
         _require(1 <= self.steps <= 1000, "steps", self.steps, "from 1 to 1000")
-        for name in ("guidance_text", "guidance_image"):
+        for name in ("guidance_text", "guidance_image", "t_end"):
             value = getattr(self, name)
             valid = value is None or (math.isfinite(value) and value >= 0)
             _require(valid, name, value, "finite and not negative")
         valid = self.temperature is None or 0 <= self.temperature <= 1
         _require(valid, "temperature", self.temperature, "from 0 to 1")
         _require(0 < self.strength <= 1, "strength", self.strength, "above 0 and at most 1")
-        for name in ("eta", "t_end", "consensus_strength"):
+        for name in ("eta", "consensus_strength"):
             value = getattr(self, name)
             _require(0 <= value <= 1, name, value, "from 0 to 1")
         if self.memory is not None:
@@ -145,6 +151,11 @@ class SamplerSettings:
         return SamplerDefaults().temperature if self.temperature is None else self.temperature
 
     @property
+    def consensus_end(self) -> float:
+        """Sigma of t_end, with InstructPix2Pix's where it is None."""
+        return SamplerDefaults().t_end if self.t_end is None else self.t_end
+
+    @property
     def fresh_noise(self) -> float:
         """The share of the noise that each step draws anew: eta, or 1 for the solver ancestral."""
         return 1.0 if self.solver == "ancestral" else self.eta
@@ -157,8 +168,9 @@ class SamplerSettings:
                 return cls()
             case "paper":
                 return cls(
-                    steps=50, strength=1.0, target="xt", noise="independent", temperature=1.0
-                )
+                    steps=50, strength=1.0, target="xt", noise="independent", temperature=1.0,
+                    t_end=SamplerDefaults().t_end, harmonise=False,
+                )  # fmt: skip
         raise UsageError(f"preset must be default or paper, not {name!r}")
 
 

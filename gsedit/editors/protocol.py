@@ -29,7 +29,8 @@ class EditBatch:
     """The condition: photos or renders of the unedited scene; never an edited picture."""
     prompt: str
     correspondences: Correspondences | None = None
-    """None: every view is edited on its own."""
+    """None: every view is edited on its own. What they are used for is the settings' `consensus`
+    and `noise`."""
     anchored: Bool[Tensor, " v"] | None = None
     """Views that are already edited: they stay as they are, and their clusters follow them."""
     seed: int = 0
@@ -65,6 +66,10 @@ class Capabilities:
     with_micro_batch: Callable[[int], Denoiser] | None = None
     """The same denoiser with that many views in one pass of its network; the predictions are equal
     but for rounding. None where no network is run: then memory is not measured."""
+    coarse: Callable[[Float[Tensor, "v c y x"]], Float[Tensor, "v c y x"]] | None = None
+    """Of a change of latents, the part that corresponding cells can agree on: matches are exact to
+    half a cell, and detail averaged at that precision is lost. Linear, view by view. None: all of
+    it, as for cells that are one vector each."""
     advice: Callable[[str], str] = no_advice
     """A remark about an instruction that `check` accepts; empty if there is none."""
     best_size: int | None = None

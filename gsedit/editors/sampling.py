@@ -73,7 +73,7 @@ class DiffusionEditor:
         whole = padded(batch, self.denoiser)
         free = slice(None) if batch.anchored is None else ~batch.anchored
         z0, anchor = _encoded(whole, self.denoiser)
-        agree, share = _hooks(whole, settings)
+        agree, share = _hooks(whole, settings, self.capabilities)
         noise = torch.randn(z0.shape, generator=generator, dtype=z0.dtype)
         condition = self.denoiser.condition(whole.originals[free], batch.prompt, generator)
         start = levels_of(self.denoiser.schedule, settings)[0]
@@ -185,7 +185,9 @@ def _encoded(
     return z0, Anchor(anchored, z0)
 
 
-def _hooks(batch: EditBatch, settings: SamplerSettings) -> tuple[Hook | None, Hook]:
+def _hooks(
+    batch: EditBatch, settings: SamplerSettings, capabilities: Capabilities
+) -> tuple[Hook | None, Hook]:
     """(consensus, noise sharing) of a padded batch."""
     if batch.correspondences is None:
         return None, lambda noise: noise
@@ -193,9 +195,18 @@ def _hooks(batch: EditBatch, settings: SamplerSettings) -> tuple[Hook | None, Ho
     agree = partial(
         consensus, labels=labels, anchored=batch.anchored, strength=settings.consensus_strength
     )
+    coarse = capabilities.coarse
+    if coarse is not None:
+        agree = partial(_agree_coarsely, agree, coarse)
     if settings.noise == "independent":
         return agree, lambda noise: noise
     return agree, _SharedNoise(labels, torch.Generator().manual_seed(batch.seed))
+
+
+def _agree_coarsely(
+    agree: Hook, coarse: Hook, x: Float[Tensor, "v c y x"]
+) -> Float[Tensor, "v c y x"]:
+    return x + coarse(agree(x) - x)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,10 +7,11 @@ from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.consistency.correspond import Correspondences, correspond
+from gsedit.consistency.harmonise_by_depth import Surface, harmonise_by_depth
 from gsedit.diffusion import SamplerSettings
 from gsedit.editors.protocol import EditBatch
 from gsedit.reports.events import Event
@@ -73,14 +74,15 @@ def sample_views(
     belongs here: held-out views are asked for in the same way. Views larger than the editor's size
     are edited small, and their change is carried up. Yields events of the `stage`.
     """
-    used = matches if sampler.consensus else None
-    request = _request(session, members, anchors, used, start)
+    request = _request(session, members, anchors, matches, start)
     editor, images = session.request.editor, None
     for progress in editor.edit(request, sampler, session.request.generator):
         yield Event(stage, session.stopwatch.seconds, progress.step, progress.steps)
         images = progress.images
     if images is None:
         raise RuntimeError(f"editor {editor.name} ended without images")
+    if sampler.consensus and sampler.harmonise:
+        images = _harmonised(session, members, images, request.anchored, sampler)
     small = dict(zip(members, zip(images, request.originals)))
     return [_at_full_size(session, i, *small[i]) for i in members if i not in anchors]
 
@@ -116,11 +118,29 @@ def match_views(session: Session, members: Sequence[int]) -> Correspondences:
     )
 
 
+def _harmonised(
+    session: Session,
+    members: Sequence[int],
+    images: Float[Tensor, "v h w 3"],
+    anchored: Bool[Tensor, " v"] | None,
+    sampler: SamplerSettings,
+) -> Float[Tensor, "v h w 3"]:
+    """The editor's pictures of these views, their coarse colours brought to agreement."""
+    surfaces = []
+    for i in members:
+        rendering = session.edit_rendering(i)
+        assert rendering.median_depth is not None
+        camera = session.edit_camera(i)
+        surfaces.append(Surface(camera, rendering.median_depth, rendering.alpha))
+    strength = sampler.consensus_strength
+    return harmonise_by_depth(images, surfaces, anchored=anchored, strength=strength)
+
+
 def _request(
     session: Session,
     members: Sequence[int],
     anchors: Sequence[int],
-    matches: Correspondences | None,
+    matches: Correspondences,
     start: Mapping[int, Float[Tensor, "h w 3"]] | None,
 ) -> EditBatch:
     """The new views at `start` (None: current renders), and the anchors as they were edited; all at

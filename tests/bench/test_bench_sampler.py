@@ -66,8 +66,23 @@ def test_agreement_comes_with_contrast_and_strength(consensus_rows):
     # the mean of four independent draws has half their deviation; not all cells are in four views
     assert (paper.contrast or 0) < 0.75
     assert (ours.contrast or 0) > 0.9
-    assert (ours.disagreement or 9) < (paper.disagreement or 0) < (none.disagreement or 0)
+    assert (ours.disagreement or 9) < (none.disagreement or 0)
     assert none.contrast == pytest.approx(1)
+    whole = by_variant["x0, shared, to the end"]
+    assert whole.disagreement == pytest.approx(0, abs=1e-3)
+    assert (whole.contrast or 0) > 0.9
+
+
+def test_the_deviation_falls_steadily_and_keeps_its_sign(consensus_rows):
+    for variant in ("x0, shared (default)", "xt, shared"):
+        swept = [
+            row.deviation
+            for row in consensus_rows
+            if row.problem == "texture, T_end" and row.variant == variant
+        ]
+        assert swept[0] == pytest.approx(1)
+        assert swept == sorted(swept, reverse=True)
+        assert swept[-1] == pytest.approx(0, abs=1e-3)
 
 
 def test_the_sweep_ends_in_agreement(consensus_rows):
@@ -90,6 +105,8 @@ def test_disagreement_is_that_of_a_plain_loop():
             squares.append(((cells - cells.mean(0)) ** 2).flatten())
     expected = torch.cat(squares).mean().sqrt().item()
     assert views.disagreement(x) == pytest.approx(expected, rel=1e-5)
+    assert views.deviation(x, x) == pytest.approx(1)
+    assert views.deviation(-0.5 * x, x) == pytest.approx(-0.5, rel=1e-5)
 
 
 def test_overlapping_crops_correspond():

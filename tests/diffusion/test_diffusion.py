@@ -116,9 +116,8 @@ def test_presets():
     assert SamplerSettings.preset("default") == SamplerSettings()
     for settings, wanted in ((paper, 10), (SamplerSettings(), 4)):  # the paper's T_end of 50; ours
         schedule = Schedule.scaled_linear()
-        times = schedule.timesteps(settings.steps, settings.strength)
-        t_stop = settings.t_end * schedule.t_max(settings.strength)
-        assert sum(t > t_stop for t in times) == wanted
+        levels = levels_of(schedule, settings)[:-1]
+        assert sum(level.sigma > settings.consensus_end for level in levels) == wanted
     with pytest.raises(UsageError, match="default or paper"):
         SamplerSettings.preset("fast")
 
@@ -229,7 +228,7 @@ def test_consensus_acts_only_above_its_noise_level(target):
     model = Point(noise(3, 2, 1, 3))
     settings = SamplerSettings(target=target)
     last(sample(model, VIEWS, noise(3, 2, 1, 3, seed=1), settings, consensus=hook))
-    assert len(calls) == 4  # t = 932, 883, 834, 785 > 0.8 * 980
+    assert len(calls) == 4  # sigma = 9.9, 7.6, 6.0, 4.8 > 4.7
     last(sample(model, VIEWS, calls[0], replace(settings, consensus=False), consensus=hook))
     assert len(calls) == 4
 

@@ -1,6 +1,7 @@
 """Variants of consensus: how far views agree, and what contrast and edit strength remain.
 
-Agreement alone is no merit: identical grey views agree.
+Agreement alone is no merit: identical grey views agree. The deviation is signed: a consensus that
+drives views past each other has a disagreement that first falls and then rises again.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from itertools import product
 
 from gsedit.bench.sampler.measurements import SamplerMeasurement, rms
 from gsedit.bench.sampler.overlapping import OverlappingViews, picture_views, texture_views
-from gsedit.diffusion import SamplerSettings
+from gsedit.diffusion import SamplerSettings, levels_of
 from gsedit.reports.stopwatch import Stopwatch
 
 VARIANTS: dict[str, dict[str, object]] = {
@@ -21,6 +22,7 @@ VARIANTS: dict[str, dict[str, object]] = {
     "xt, shared": {"target": "xt"},
     "x0, independent": {"noise": "independent"},
     "x0, shared (default)": {},
+    "x0, shared, to the end": {"t_end": 0.0},
     "x0, shared, half strength": {"consensus_strength": 0.5},
     "eps, shared": {"target": "eps"},
     "x0, shared, heun": {"solver": "heun"},
@@ -44,10 +46,16 @@ def consensus_study(
         for variant, with_consensus in product(SWEPT, sweep):
             options = {
                 **VARIANTS[variant], "steps": SWEEP_STEPS, "strength": 1.0,
-                "consensus": with_consensus > 0, "t_end": 1 - with_consensus / SWEEP_STEPS,
+                "consensus": with_consensus > 0, "t_end": _end_after(with_consensus, views),
             }  # fmt: skip
             row = _measurement(views, options, seeds, alone, variant)
             yield replace(row, t_end=float(with_consensus), problem=f"{views.name}, T_end")
+
+
+def _end_after(steps: int, views: OverlappingViews) -> float:
+    """The t_end with which consensus acts in the first `steps` of the sweep's."""
+    levels = levels_of(views.schedule, SamplerSettings(steps=SWEEP_STEPS, strength=1.0))
+    return levels[steps].sigma if steps < SWEEP_STEPS else 0.0
 
 
 def _measurement(
@@ -62,6 +70,7 @@ def _measurement(
     stopwatch = Stopwatch()
     results = [views.edit(settings, seed) for seed in range(seeds)]
     seconds = stopwatch.seconds / seeds
+    free = [views.edit(replace(settings, consensus=False), seed) for seed in range(seeds)]
     contrast = sum(float(x.flatten(1).std(1).mean()) for x in results) / seeds
     return SamplerMeasurement(
         "consensus",
@@ -71,6 +80,7 @@ def _measurement(
         settings.steps * (2 if settings.solver == "heun" else 1),
         seconds,
         disagreement=sum(views.disagreement(x) for x in results) / seeds,
+        deviation=sum(map(views.deviation, results, free)) / seeds,
         contrast=contrast / alone.contrast if alone and alone.contrast else contrast,
         strength=sum(rms(x - views.originals) for x in results) / seeds,
     )

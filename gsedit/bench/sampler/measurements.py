@@ -33,6 +33,9 @@ class SamplerMeasurement:
     error: float | None = None
     disagreement: float | None = None
     """RMS difference of corresponding cells from their mean, in the units of the result."""
+    deviation: float | None = None
+    """The signed share of the disagreement without consensus that is left: 1 all, 0 none, negative
+    beyond agreement."""
     contrast: float | None = None
     """Standard deviation inside a view, over that of views sampled alone."""
     strength: float | None = None
@@ -49,7 +52,7 @@ class SamplerMeasurement:
 
 
 COLUMNS = {
-    "consensus": ("disagreement", "contrast", "strength", "seconds"),
+    "consensus": ("disagreement", "deviation", "contrast", "strength", "seconds"),
     "cost": ("seconds", "overhead", "error", "note"),
 }
 TITLES = {

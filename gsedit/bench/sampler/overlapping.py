@@ -14,6 +14,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from gsedit.bench.sampler.measurements import rms
 from gsedit.consistency.consensus import consensus, share_noise
 from gsedit.consistency.correspond import Correspondences
 from gsedit.diffusion import (
@@ -43,11 +44,27 @@ class OverlappingViews:
     """Labels of corresponding cells of the result; -1: in no other view."""
     cell: int
     """Pixels of the result per cell."""
+    schedule: Schedule
+    """Of the editor."""
     edit: Callable[[SamplerSettings, int], Float[Tensor, "v ..."]]
     """The edited views, [v h w c], for settings and a seed."""
 
     def disagreement(self, views: Float[Tensor, "v h w c"]) -> float:
         """RMS difference of corresponding pixels from their mean."""
+        return rms(self._differences(views))
+
+    def deviation(self, views: Float[Tensor, "v h w c"], alone: Float[Tensor, "v h w c"]) -> float:
+        """The signed share of the disagreement of views sampled `alone` that is left in `views`.
+
+        1 where nothing was won, 0 in agreement, negative beyond it: the differences from the mean,
+        projected on what they were.
+        """
+        before = self._differences(alone).double()
+        after = self._differences(views).double()
+        return float((after * before).sum() / before.square().sum())
+
+    def _differences(self, views: Float[Tensor, "v h w c"]) -> Float[Tensor, "m p"]:
+        """Corresponding cells less the mean of their cluster; `m` cells of `p` numbers."""
         side = self.cell
         cells = views.unfold(1, side, side).unfold(2, side, side).flatten(3)  # v y x (c s s)
         flat, labels = cells.flatten(0, 2), self.clusters.flatten()
@@ -57,7 +74,7 @@ class OverlappingViews:
         total = flat.new_zeros(count, flat.shape[1]).index_add(0, labels, flat)
         members = labels.bincount(minlength=count).clamp_min(1)
         mean = total / members[:, None]
-        return float((flat - mean[labels]).square().mean().sqrt())
+        return flat - mean[labels]
 
 
 def crops(views: int, side: int, shift: int) -> Int[Tensor, "v y x"]:
@@ -92,7 +109,9 @@ def texture_views(side: int = 24, shift: int = 2) -> OverlappingViews:
         )  # fmt: skip
         return state.x.movedim(1, -1)
 
-    return OverlappingViews("texture", torch.zeros(shape).movedim(1, -1), labels, 1, edit)
+    return OverlappingViews(
+        "texture", torch.zeros(shape).movedim(1, -1), labels, 1, model.schedule, edit
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,4 +153,4 @@ def picture_views(side: int = 12, shift: int = 1) -> OverlappingViews:
         assert progress.images is not None
         return progress.images
 
-    return OverlappingViews("closed form", views, labels, cell, edit)
+    return OverlappingViews("closed form", views, labels, cell, editor.denoiser.schedule, edit)

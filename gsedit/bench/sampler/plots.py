@@ -25,7 +25,7 @@ FLOOR, CEILING = 1e-10, 1e3
 """Errors beyond are drawn at the edge: a result that left the data is wrong at any distance."""
 PANEL = (3.1, 2.7)  # inches
 MEASURES = {
-    "disagreement": "disagreement of views (RMS)",
+    "deviation": "signed deviation of views",
     "contrast": "contrast kept",
     "strength": "edit strength (RMS)",
 }
@@ -101,7 +101,9 @@ def sweep_plot(rows: Iterable[SamplerMeasurement], path: Path, *, overwrite: boo
                     [row.t_end for row in points], [getattr(row, measure) for row in points],
                     color=color, marker=marker, markersize=5, label=variant,
                 )  # fmt: skip
-            axes.set_ylim(0, 1.1 * max(getattr(row, measure) for row in group) or 1)
+            values = [getattr(row, measure) for row in group]
+            axes.set_ylim(1.1 * min(0, *values), 1.1 * max(values) or 1)
+            axes.axhline(0, color="#888888", linewidth=0.8, zorder=1)
     for axes in panels[-1]:
         axes.set_xlabel("T_end: steps with consensus, of 50")
     title = "Steps with consensus: agreement of views, and what it costs in contrast and strength"

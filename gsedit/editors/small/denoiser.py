@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import torch
+import torch.nn.functional as F
 from jaxtyping import Float, Int
 from torch import Tensor
 
@@ -40,8 +41,10 @@ MODEL_HINT = (
 )
 MID_SIGMA = 4.0  # in the middle of the schedule
 STEPS = 1000
-DEFAULTS = SamplerDefaults(guidance_text=1.4, guidance_image=1.0, temperature=0.2)
-"""Each of its instructions has one correct result, so little of the starting noise is used."""
+DEFAULTS = SamplerDefaults(guidance_text=1.4, guidance_image=1.0, temperature=0.2, t_end=4.0)
+"""Each of its instructions has one correct result, so little of the starting noise is used.
+Consensus acts for half of the steps: later ones lose strength (docs/sampler.md), and the coarse
+colours that views still differ in are brought to agreement after sampling."""
 BEST_SIZE = 192
 """Pixels, the largest of its training. Of larger pictures it leaves parts unedited, and it stains
 others (docs/resolution.md)."""
@@ -108,6 +111,7 @@ class Small:
         return Capabilities(
             defaults=DEFAULTS,
             with_micro_batch=lambda views: replace(self, micro_batch=views),
+            coarse=cell_colours,
             advice=self.advice,
             best_size=BEST_SIZE,
         )
@@ -197,6 +201,14 @@ class Small:
 
     def _encode(self, latents: Float[Tensor, "n c y x"], mask: float) -> EncodedImage:
         return self.network.encode_image(latents, latents.new_full((len(latents),), mask))
+
+
+def cell_colours(change: Float[Tensor, "v c y x"]) -> Float[Tensor, "v c y x"]:
+    """The change of each cell's mean colour, interpolated from cell to cell: what is finer than a
+    cell stays each view's own, and no seam shows between a cell that changes and the next."""
+    means = change.unflatten(1, (3, CELL * CELL)).mean(2)
+    pixels = F.interpolate(means, scale_factor=float(CELL), mode="bilinear", align_corners=False)
+    return F.pixel_unshuffle(pixels, CELL)
 
 
 def _cat(parts: Sequence[EncodedImage]) -> EncodedImage:
