@@ -3,8 +3,10 @@
 `v` views of `h w` pixels, `k` pictures of one place. Consensus while sampling reaches the cells
 that match. More of two pictures shows the same surface than cells do (a match is mutual, and fills
 a cell), and the rendered depth of the unedited scene says where. So after sampling the low band of
-every picture is led to the robust mean of what the others show at the same places. What is finer
-stays each view's own: depth is not exact enough for it, and the scene's own detail is in it.
+every picture is led towards the robust mean of what the others show at the same places. Only what
+the edit added is corrected: captured surfaces look different from view to view, and a difference as
+large as that of the unedited pictures at the same place is left. What is finer than the low band
+stays each view's own: depth is not exact enough for it.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.consistency.harmonise import TOLERANCE
-from gsedit.consistency.warp import Warp, warp_of
+from gsedit.consistency.warp import warp_of
 from rasterizer.camera import Camera
 
 BAND = 1 / 128
@@ -27,8 +29,8 @@ cell of `small` at 256 pixels."""
 REACH = (2.0, 8.0)
 """The correction of what corresponds is carried to what does not, in full where half of the
 surroundings correspond, and less beyond; widths of these surroundings, in bands."""
-ROUNDS = 3
-"""A blurred correction brings the pictures to agreement only in part: it is repeated."""
+EMPTY = 1e-6
+"""A blurred mask below it has nothing known near."""
 REWEIGHTINGS = 4
 """Of the robust mean."""
 
@@ -40,6 +42,7 @@ class Surface(NamedTuple):
     depth: Float[Tensor, "h w"]
     """Median depth."""
     alpha: Float[Tensor, "h w"]
+    color: Float[Tensor, "h w 3"]
 
 
 @torch.no_grad()
@@ -61,72 +64,70 @@ def harmonise_by_depth(
     led = [False] * len(images) if anchored is None else anchored.tolist()
     free = [a for a, is_led in enumerate(led) if not is_led]
     others = {a: [b for b in range(len(images)) if b != a] for a in free}
-    warps = {a: [warp_of(*surfaces[a], *surfaces[b]) for b in others[a]] for a in free}
     agreed = images.clone()
-    for _ in range(ROUNDS):
-        low = low_band(agreed)
-        for a in free:
-            decides = [False, *(led[b] for b in others[a])]
-            correction = _correction(low, a, others[a], warps[a], decides)
-            agreed[a] = (agreed[a] + strength * correction).clamp(0, 1)
+    for a in free:
+        warps = [warp_of(*surfaces[a][:3], *surfaces[b][:3]) for b in others[a]]
+        decides = torch.tensor([led[b] for b in others[a]])
+        edited = torch.stack([warp(images[b]) - images[a] for b, warp in zip(others[a], warps)])
+        unedited = torch.stack(
+            [warp(surfaces[b].color) - surfaces[a].color for b, warp in zip(others[a], warps)]
+        )
+        valid = torch.stack([warp.valid for warp in warps])
+        correction = _correction(edited, unedited.to(edited), valid, decides)
+        agreed[a] = (images[a] + strength * correction).clamp(0, 1)
     return agreed
 
 
-def low_band(images: Float[Tensor, "v h w c"]) -> Float[Tensor, "v h w c"]:
-    """Blurred by BAND, from within the picture only."""
-    planes = images.movedim(-1, 1)
-    sigma = _band(planes)
-    return (_blur(planes, sigma) / _blur(torch.ones_like(planes[:1, :1]), sigma)).movedim(1, -1)
-
-
 def _correction(
-    low: Float[Tensor, "v h w 3"],
-    a: int,
-    others: Sequence[int],
-    warps: Sequence[Warp],
-    decides: Sequence[bool],
+    edited: Float[Tensor, "k h w 3"],
+    unedited: Float[Tensor, "k h w 3"],
+    valid: Bool[Tensor, "k h w"],
+    decides: Bool[Tensor, " k"],
 ) -> Float[Tensor, "h w 3"]:
-    """What leads view a's low band to the agreed one; smooth."""
-    pictures = torch.stack([low[a], *(warp(low[b]) for b, warp in zip(others, warps))])
-    shown = torch.stack([torch.ones_like(warps[0].valid), *(w.valid for w in warps)])
-    leads = shown & torch.tensor(decides)[:, None, None]
-    voters = torch.where(leads.any(0), leads, shown)
-    known = shown[1:].any(0)
-    difference = (_robust_mean(pictures, voters) - low[a]) * known[..., None]
-    return _carried(difference, known)
+    """What leads a picture's low band to the agreed one, given how the others differ from it.
+
+    Differences are blurred, not pictures, and each over the surface that it is known on: no colour
+    crosses a silhouette.
+    """
+    mask = valid[:, None].to(edited)
+    band = BAND * max(edited.shape[1:3])
+    weight = _blur(mask, band).clamp_min(EMPTY)
+    low, own = (_blur(d.movedim(-1, 1) * mask, band) / weight * mask for d in (edited, unedited))
+    excess = low - low.clamp(-own.abs(), own.abs())
+    leads = valid & decides[:, None, None]
+    is_led = leads.any(0)
+    voters = torch.cat((~is_led[None], torch.where(is_led, leads, valid)))[:, None]
+    voters[0] |= ~voters.any(0)
+    agreed = _robust_mean(torch.cat((torch.zeros_like(low[:1]), excess)), voters)
+    return _carried(agreed, mask.amax(0), band).movedim(0, -1)
 
 
 def _robust_mean(
-    pictures: Float[Tensor, "k h w 3"], voters: Bool[Tensor, "k h w"]
-) -> Float[Tensor, "h w 3"]:
+    values: Float[Tensor, "k c h w"], voters: Bool[Tensor, "k 1 h w"]
+) -> Float[Tensor, "c h w"]:
     """Of the voters at each pixel, as `harmonise.robust_mean`; there is one at least."""
-    given = voters[..., None].to(pictures)
-    weights = given
+    given = voters.to(values)
+    weights, centre = given, values[0]
     for _ in range(REWEIGHTINGS):
-        centre = (weights * pictures).sum(0) / weights.sum(0)
-        distance = (pictures - centre).square().sum(-1, keepdim=True)
+        centre = (weights * values).sum(0) / weights.sum(0)
+        distance = (values - centre).square().sum(1, keepdim=True)
         weights = given / (1 + distance / TOLERANCE**2).sqrt()
-    return (weights * pictures).sum(0) / weights.sum(0)
+    return centre
 
 
 def _carried(
-    difference: Float[Tensor, "h w 3"], known: Bool[Tensor, "h w"]
-) -> Float[Tensor, "h w 3"]:
-    """The difference where it is known, continued into its surroundings, wider ones last."""
-    planes, mask = difference.movedim(-1, 0)[None], known[None, None].to(difference)
-    band, filled, share = _band(planes), planes.clone(), mask.clone()
+    values: Float[Tensor, "c h w"], known: Float[Tensor, "1 h w"], band: float
+) -> Float[Tensor, "c h w"]:
+    """Values, 0 where not known, continued into their surroundings, the wider ones last."""
+    values, known = values[None], known[None]
+    filled, share = values, known
     for reach in REACH:
-        near = _blur(mask, reach * band)
-        mean = _blur(planes, reach * band) / near.clamp_min(1e-6)
-        full = (2 * near / _blur(torch.ones_like(mask), reach * band)).clamp(max=1)
+        near = _blur(known, reach * band)
+        mean = _blur(values, reach * band) / near.clamp_min(EMPTY)
+        full = (2 * near / _blur(torch.ones_like(known), reach * band)).clamp(max=1)
         new = (1 - share) * full
         filled, share = filled + new * mean, share + new
-    return _blur(filled, band / 2)[0].movedim(0, -1)
-
-
-def _band(planes: Float[Tensor, "v c h w"]) -> float:
-    """Pixels."""
-    return BAND * max(planes.shape[-2:])
+    return _blur(filled, band / 2)[0]
 
 
 def _blur(planes: Float[Tensor, "v c h w"], sigma: float) -> Float[Tensor, "v c h w"]:

@@ -130,8 +130,8 @@ def _harmonised(
     for i in members:
         rendering = session.edit_rendering(i)
         assert rendering.median_depth is not None
-        camera = session.edit_camera(i)
-        surfaces.append(Surface(camera, rendering.median_depth, rendering.alpha))
+        camera, color = session.edit_camera(i), rendering.color.clamp(0, 1)
+        surfaces.append(Surface(camera, rendering.median_depth, rendering.alpha, color))
     strength = sampler.consensus_strength
     return harmonise_by_depth(images, surfaces, anchored=anchored, strength=strength)
 

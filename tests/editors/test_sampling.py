@@ -96,6 +96,6 @@ def test_what_the_denoiser_declares_is_forwarded_with_the_denoiser():
     assert isinstance(denoiser, Denoiser)
     declared = DiffusionEditor(denoiser).capabilities
     assert declared.denoiser is denoiser
-    assert declared.defaults == (3.0, 1.0, 0.5)
+    assert declared.defaults == DECLARED.defaults
     assert declared.advice("anything") == ""
     assert declared.find_ground_truth is None
