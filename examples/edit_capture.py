@@ -1,4 +1,4 @@
-"""Edit a capture with and without consensus and print what each costs and how near it comes.
+"""Edit a capture with noise and consensus shared, and with neither, and print what each costs and how near it comes.
 
 python examples/edit_capture.py bear.ply photos/ "turn the bear into a bronze statue"
 """
@@ -19,7 +19,7 @@ def run(path: str, data: str, prompt: str, seeds: int = 3) -> None:
     """One line a run: seed, consensus, dB to the ground truth, seconds, matched cells."""
     scene, dataset = gsedit.load(path), gsedit.load_dataset(data, size=256)
     together = gsedit.EditSettings(coverage=1.0)  # all rounds, whatever is covered
-    apart = replace(together, sampler=SamplerSettings(consensus=False))
+    apart = replace(together, sampler=SamplerSettings(consensus=False, noise="independent"))
     for seed in range(seeds):
         for name, settings in (("consensus", together), ("independent", apart)):
             result = gsedit.edit(

@@ -180,8 +180,9 @@ def test_appearance_leaves_geometry_alone_and_full_does_not(scene, data):
         assert not torch.equal(getattr(moved, name), getattr(scene, name))
 
 
-def test_the_closed_form_edit_agrees_and_beats_the_same_without_consensus(scene, data):
-    alone = replace(SMALL, sampler=SamplerSettings(consensus=False))
+def test_the_closed_form_edit_agrees_and_beats_views_that_share_nothing(scene, data):
+    nothing = SamplerSettings(consensus=False, noise="independent")
+    alone = replace(SMALL, sampler=nothing)
     together, apart = (
         run(scene, data, make_editor("closed-form"), chosen, steps=40)[-1].quality
         for chosen in (SMALL, alone)
