@@ -1,4 +1,4 @@
-"""Edit a capture with noise and consensus shared, and with neither, and print what each costs and how near it comes.
+"""Edit a capture with and without shared noise and consensus; print what each costs and reaches.
 
 python examples/edit_capture.py bear.ply photos/ "turn the bear into a bronze statue"
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
+from itertools import product
 
 import torch
 
@@ -16,12 +17,13 @@ from gsedit.editors import make_editor
 
 
 def run(path: str, data: str, prompt: str, seeds: int = 3) -> None:
-    """One line a run: seed, consensus, dB to the ground truth, seconds, matched cells."""
+    """One line a run: seed, noise, consensus, dB to the ground truth, seconds, matched cells."""
     scene, dataset = gsedit.load(path), gsedit.load_dataset(data, size=256)
     together = gsedit.EditSettings(coverage=1.0)  # all rounds, whatever is covered
-    apart = replace(together, sampler=SamplerSettings(consensus=False, noise="independent"))
     for seed in range(seeds):
-        for name, settings in (("consensus", together), ("independent", apart)):
+        for noise, consensus in product(("independent", "shared"), (False, True)):
+            sampler = SamplerSettings(noise=noise, consensus=consensus)
+            settings = replace(together, sampler=sampler)
             result = gsedit.edit(
                 scene,
                 prompt,
@@ -32,7 +34,8 @@ def run(path: str, data: str, prompt: str, seeds: int = 3) -> None:
             )
             quality = result.quality
             sys.stdout.write(
-                f"seed {seed} {name:11s} {quality.psnr_to_ground_truth:.2f} dB to the truth, "
+                f"seed {seed} {noise:11s} noise, consensus {consensus!s:5s} "
+                f"{quality.psnr_to_ground_truth:.2f} dB to the truth, "
                 f"{quality.residual_to_targets_db:.2f} dB to the targets, "
                 f"strength {quality.strength:.3f}, {result.timings['total']:.0f} s, "
                 f"{len(result.targets)} views, covering {quality.coverage:.0%}, "
