@@ -33,12 +33,12 @@ from gsedit.views.dataset import Dataset, capture
 ARMS = {
     "MSE": (0.0, 0.0, "filters"),
     "0.1 Gram, filters": (0.1, 0.0, "filters"),
-    "100 Gram, filters": (100.0, 0.0, "filters"),
     "30 Gram, filters": (30.0, 0.0, "filters"),
+    "100 Gram, filters": (100.0, 0.0, "filters"),
     "300 Gram, filters": (300.0, 0.0, "filters"),
-    "switch, 100 Gram, filters": (100.0, 0.5, "filters"),
-    "100 Gram, VGG": (100.0, 0.0, "vgg"),
-    "switch, 100 Gram, VGG": (100.0, 0.5, "vgg"),
+    "switch, 30 Gram, filters": (30.0, 0.5, "filters"),
+    "30 Gram, VGG": (30.0, 0.0, "vgg"),
+    "switch, 30 Gram, VGG": (30.0, 0.5, "vgg"),
 }
 """(Gram weight, probability of the switch, features)."""
 

@@ -45,7 +45,7 @@ def dssim(image: Float[Tensor, "*n h w 3"], target: Float[Tensor, "*n h w 3"]) -
 def gram(features: Float[Tensor, "*n c h w"]) -> Float[Tensor, "*n c c"]:
     """Correlations of the channels, averaged over positions: divided by h w, and not by c.
 
-    Johnson et al. 2016 divide by c h w too; the paper's weight 0.1 would then vanish (by c^2).
+    Johnson et al. 2016 divide by c h w too; the weight would then be less by c^2.
     """
     rows = features.flatten(-2)
     return rows @ rows.mT / rows.shape[-1]
@@ -64,7 +64,7 @@ def edit_loss(
     image: Float[Tensor, "*n h w 3"],
     target: Float[Tensor, "*n h w 3"],
     features: FeatureExtractor,
-    gram_weight: float = 0.1,
+    gram_weight: float,
     terms: Literal["both", "mse", "gram"] = "both",
 ) -> Float[Tensor, ""]:
     """MSE + gram_weight * Gram MSE: eq. (loss) of Efficient-NeRF2NeRF, each term mean-reduced.

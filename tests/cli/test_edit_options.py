@@ -109,7 +109,7 @@ def test_the_defaults_in_the_help_are_the_librarys(monkeypatch):
         f"[default: {SinglePass().update_steps}]",
         f"[default: {update.patches}]",
         f"[default: {update.patch}]",
-        f"[default: {update.gram_weight}]",
+        f"[default: {update.gram_weight:g}]",
         f"[default: {edit.views_per_round}]",
         f"[default: {edit.rounds}]",
         f"[default: {edit.coverage}]",

@@ -88,9 +88,9 @@ def test_edit_loss_is_the_papers_sum():
     image, target, bank = picture(2, 32, 32, 3), picture(2, 32, 32, 3, seed=1), FilterBank(2)
     layers, targets = (bank(t.permute(0, 3, 1, 2)) for t in (image, target))
     expected = mse(image, target) + 0.1 * gram_loss(layers, targets)
-    torch.testing.assert_close(edit_loss(image, target, bank), expected)
+    torch.testing.assert_close(edit_loss(image, target, bank, 0.1), expected)
     assert edit_loss(image, target, bank, gram_weight=0.0) == mse(image, target)
-    assert edit_loss(image, image, bank) == 0
+    assert edit_loss(image, image, bank, 0.1) == 0
     torch.testing.assert_close(edit_loss(image[0], target[0], bank, 0.0), mse(image[0], target[0]))
 
 
@@ -108,7 +108,7 @@ def test_descending_the_edit_loss_reaches_the_target():
     start = mse(image.detach(), target)
     for _ in range(60):
         optimiser.zero_grad()
-        edit_loss(image, target, bank).backward()
+        edit_loss(image, target, bank, 30.0).backward()
         optimiser.step()
     assert mse(image.detach(), target) < 0.01 * start
 
