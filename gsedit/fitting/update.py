@@ -14,6 +14,7 @@ from gsedit.fitting.settings import UpdateSettings
 from gsedit.measures.features import FeatureExtractor
 from gsedit.measures.losses import edit_loss
 from gsedit.views.dataset import View
+from gsedit.views.image_ops import downscale
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.project import Box
 from rasterizer.render import render
@@ -26,6 +27,9 @@ MEANS_RATE = 1.6e-4
 """Times the scene's radius (Kerbl et al.)."""
 FINAL_RATE = 0.05
 """Rates fall linearly to this fraction in each round: its last steps average, not chase."""
+
+COARSEST = 192
+"""Longer side, pixels, that halved targets keep."""
 
 
 def rates(geometry: Literal["appearance", "full"], radius: float) -> dict[str, float]:
@@ -64,6 +68,21 @@ def update_steps(
         loss.backward()
         optimiser.step(1 - (1 - FINAL_RATE) * step / max(1, steps - 1), only=seen)
         yield loss.item()
+
+
+def pyramid(targets: Sequence[View]) -> tuple[View, ...]:
+    """The targets, and the same halved as long as they keep COARSEST pixels.
+
+    A crop of a large picture shows little of the scene. Crops of the smaller ones reach all of its
+    colours in a few hundred steps, those of the full size keep its details.
+    """
+    levels = list(targets)
+    for view in levels:  # those that are added as well
+        width, height = view.camera.width // 2, view.camera.height // 2
+        if max(width, height) >= COARSEST:
+            image = downscale(view.image, width, height).clamp(0, 1)
+            levels.append(View(view.name, view.camera.resized(width, height), image))
+    return tuple(levels)
 
 
 def _terms(switch: float, generator: torch.Generator) -> Literal["both", "mse", "gram"]:
