@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from .console import print_message
 from .setting_options import Layout, Setting, Values, settings_of, with_values
 
 if TYPE_CHECKING:
@@ -69,9 +70,18 @@ class EditorOptions:
         ),
     ] = None
 
+    guess: Annotated[
+        bool,
+        editor_option(
+            "--guess",
+            "small: follow an instruction that it does not understand with the nearest look that "
+            "it knows, instead of refusing it.",
+        ),
+    ] = False
+
     def make(self, out: Path, instruction: str) -> Editor:
-        """The editor, which may keep files below `out`. Raises UsageError for an option that it
-        does not have, or an instruction that it cannot follow.
+        """The editor, which may keep files below `out`; says what it understood. Raises UsageError
+        for an option that it does not have, or an instruction that it cannot follow.
         """
         from gsedit.editors import make_editor
 
@@ -82,8 +92,13 @@ class EditorOptions:
             run=self.run,
             timeout=self.timeout,
             folder=out / "command",
+            guess=self.guess or None,
         )
         editor.check(instruction)
+        if understand := editor.capabilities.understand:
+            understood = understand(instruction)
+            label = "understood as" if understood.known else "not understood, a guess"
+            print_message(f"{label}: {understood}")
         return editor
 
 

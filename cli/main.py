@@ -21,6 +21,7 @@ from .editors import editors
 from .exits import FAILED, OK, USAGE, Interrupted, explain, one_line
 from .fit import fit
 from .info import info
+from .looks import looks
 from .preview import preview
 from .render import render
 
@@ -30,7 +31,7 @@ class Verbs(TyperGroup):
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
-        for body in (fit, edit, render, preview, info, editors, doctor):
+        for body in (fit, edit, render, preview, info, editors, looks, doctor):
             self.add_command(lazy_verb(body))
         self.add_command(LazyCommand("bench", bench_summary.__doc__ or "", lambda: bench))
 

@@ -27,6 +27,7 @@ ORDER = {
         "consistency",
         "diffusion",
         "views",
+        "words",
         "errors",
     ),
     "rasterizer": (

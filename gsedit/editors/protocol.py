@@ -14,6 +14,7 @@ from gsedit.consistency.correspond import Correspondences
 from gsedit.diffusion.predictor import Predictor
 from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings
 from gsedit.views.padding import PadMode
+from gsedit.words.understanding import Understanding
 
 GroundTruth = Callable[[Float[Tensor, "n h w 3"]], Float[Tensor, "n h w 3"]]
 """A map from unedited to truly edited pictures, values in [0, 1]."""
@@ -75,6 +76,9 @@ class Capabilities:
     best_size: int | None = None
     """Longer side, pixels, of the pictures that it edits best: larger views are edited at this size
     and the change is carried up. None: any size."""
+    understand: Callable[[str], Understanding] | None = None
+    """The looks that an instruction was understood as, of the subject, the scene or both; None for
+    editors that take any sentence as it is."""
     find_ground_truth: (
         Callable[
             [str, Float[Tensor, "v h w 3"], Float[Tensor, "v h w 3"]],

@@ -55,12 +55,14 @@ class Listing:
 # ---- ours: each factory's docstring is its line in the list -------------------------------------
 
 
-def _small(model: str | Path | None = None) -> Editor:
+def _small(model: str | Path | None = None, guess: bool = False) -> Editor:
     """Learned, comes with gsedit: some fifty looks of subject and scene, in words of your own."""
-    from gsedit.editors.sampling import DiffusionEditor
-    from gsedit.editors.small import load_small
+    from dataclasses import replace
 
-    return DiffusionEditor(load_small(None if model is None else Path(model).expanduser()))
+    from gsedit.editors.small import SmallEditor, load_small
+
+    small = load_small(None if model is None else Path(model).expanduser())
+    return SmallEditor(replace(small, guess=guess))
 
 
 def _small_missing() -> Iterable[str]:
@@ -141,10 +143,10 @@ EDITORS = tuple(BUILT_IN)
 def make_editor(name: str = DEFAULT, **options: Any) -> Editor:
     """The editor of that name; `options` that are None are as if they were not given.
 
-    `model` is for small (a file, see load_small) and pix2pix, `weights_dir` for pix2pix (see
-    load_pix2pix), `run`, `timeout` (seconds) and `folder` for command (see Command). Raises
-    UsageError for a name or an option that there is not, GseditError where a third party's editor
-    cannot be made.
+    `model` is for small (a file, see load_small) and pix2pix, `guess` for small (see Small),
+    `weights_dir` for pix2pix (see load_pix2pix), `run`, `timeout` (seconds) and `folder` for
+    command (see Command). Raises UsageError for a name or an option that there is not, GseditError
+    where a third party's editor cannot be made.
     """
     factory, source = _factory(name)
     parameters = _parameters(factory)

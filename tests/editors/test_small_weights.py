@@ -64,10 +64,10 @@ def test_their_size_is_the_largest_of_the_training(small):
     assert small.capabilities.best_size == max(each.size for each in chain.from_iterable(ROUNDS))
 
 
-def test_an_instruction_without_a_look_gets_a_warning():
-    advice = make_editor("small").capabilities.advice
-    assert "so the result is a guess" in advice("give it a moustache")
-    assert not advice("as a bronze statue")
+def test_they_know_every_look_that_a_sentence_can_be_understood_as():
+    understand = make_editor("small").capabilities.understand
+    assert understand is not None
+    assert understand("cast it in bronze").names == ("bronze",)
 
 
 def test_held_out_prompts_are_followed_on_new_pictures():

@@ -12,9 +12,12 @@ from torch import Tensor
 from gsedit.editors.looks.colour_maps import Image
 from gsedit.editors.looks.table import LOOKS, VARIANTS
 from gsedit.errors import UsageError
+from gsedit.words.reader import understand
 
 NAMES = {word: name for name, look in LOOKS.items() for word in look.words}
 PATTERN = re.compile(rf"\b(?:{'|'.join(sorted(NAMES, key=len, reverse=True))})\b")
+SIMILAR = {"slate": "stone", "sandstone": "stone", "terracotta": "clay"}
+"""Looks of gsedit.words that have another name here."""
 STATUE = re.compile(r"\b(?:statue|sculpture|petrified)\b")  # stone, unless a look is named
 
 
@@ -36,9 +39,10 @@ class Recipe:
 
 
 def parse(prompt: str) -> Recipe:
-    """The looks that an instruction names, in the order of its words.
+    """The looks that an instruction names, in the order of its words; if none, those that it is
+    understood as (gsedit.words), the subject's first.
 
-    Raises UsageError for an instruction that is empty or names none.
+    Raises UsageError for an instruction that is empty or asks for none of them.
     """
     text = " ".join(re.findall(r"[a-z]+", prompt.lower()))
     if not text:
@@ -46,6 +50,7 @@ def parse(prompt: str) -> Recipe:
     names = [NAMES[match.group()] for match in PATTERN.finditer(text)]
     if not names and STATUE.search(text):
         names = ["stone"]
+    names = names or _understood(prompt)
     if not names:
         raise UsageError(
             f"the closed-form editor does not know {prompt.strip()!r}; it knows "
@@ -53,6 +58,13 @@ def parse(prompt: str) -> Recipe:
             "(InstructPix2Pix weights)"
         )
     return Recipe(tuple(dict.fromkeys(names)))
+
+
+def _understood(prompt: str) -> list[str]:
+    """The looks that a sentence asks for; none where one of them is not among those here."""
+    understood = understand(prompt)
+    names = [SIMILAR.get(name, name) for name in understood.names]
+    return names if understood.known and LOOKS.keys() >= set(names) else []
 
 
 def agreed_variant(

@@ -11,6 +11,7 @@ from rasterizer.lazy import make_lazy
 
 if TYPE_CHECKING:
     from gsedit.editors.small.denoiser import DEFAULTS, Small, load_small, save_small
+    from gsedit.editors.small.editor import SmallEditor
     from gsedit.editors.small.network import Architecture, SmallNetwork
     from gsedit.editors.small.shipped import REINSTALL, WEIGHTS
 
@@ -20,6 +21,7 @@ __all__ = [
     "WEIGHTS",
     "Architecture",
     "Small",
+    "SmallEditor",
     "SmallNetwork",
     "load_small",
     "save_small",
@@ -30,6 +32,7 @@ make_lazy(
     __name__,
     {
         "denoiser": ("DEFAULTS", "Small", "load_small", "save_small"),
+        "editor": ("SmallEditor",),
         "network": ("Architecture", "SmallNetwork"),
         "shipped": ("REINSTALL", "WEIGHTS"),
     },

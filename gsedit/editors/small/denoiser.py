@@ -34,6 +34,9 @@ from gsedit.editors.small.text import MAX_WORDS, tokenise, words_of
 from gsedit.errors import InputError, UsageError
 from gsedit.files.atomic import atomic_path
 from gsedit.views.padding import PadMode
+from gsedit.words.looks import LOOKS
+from gsedit.words.reader import understand
+from gsedit.words.understanding import not_understood
 
 MODEL_HINT = (
     "leave --model out for the weights that come with gsedit; "
@@ -93,6 +96,8 @@ class Small:
     """Names of the looks that it was trained on."""
     words: frozenset[str] = frozenset()
     """Words that name one of these looks."""
+    guess: bool = False
+    """Whether a sentence that asks for no known look is edited with the nearest one."""
     predicts: Prediction = "v"
     name: str = "small"
     cell: int = CELL
@@ -106,30 +111,45 @@ class Small:
 
     @property
     def capabilities(self) -> Capabilities:
-        """Its own defaults and size, and a remark on instructions without a word it was trained
-        on."""
+        """Its own defaults and size, a remark on instructions that it can only guess at, and what
+        it understands."""
         return Capabilities(
             defaults=DEFAULTS,
             with_micro_batch=lambda views: replace(self, micro_batch=views),
             coarse=cell_colours,
             advice=self.advice,
             best_size=BEST_SIZE,
+            understand=understand if self.knows_all_looks else None,
         )
 
+    @property
+    def knows_all_looks(self) -> bool:
+        """Whether it was trained on every look that gsedit.words knows. If not, the network reads
+        the instruction itself, as it is."""
+        return LOOKS.keys() <= set(self.looks)
+
     def check(self, prompt: str) -> None:
-        """Raise UsageError for an instruction without words, or with more than MAX_WORDS."""
+        """Raise UsageError for an instruction without words, and for one that asks for no look it
+        knows, unless it may guess. A network that reads the words itself reads MAX_WORDS."""
         count = len(words_of(prompt))
         if not count:
             raise UsageError('the instruction is empty: say what to change, e.g. "make it snow"')
-        if count > MAX_WORDS:
+        if self.knows_all_looks:
+            understood = understand(prompt)
+            if not (understood.known or self.guess):
+                raise UsageError(not_understood(self.name, prompt, understood))
+        elif count > MAX_WORDS:
             raise UsageError(
                 f"the instruction has {count} words and this editor reads {MAX_WORDS}: "
                 "say it in fewer words"
             )
 
     def advice(self, prompt: str) -> str:
-        """A warning that the result is a guess, for an instruction that names none of the looks
+        """A warning that the result is a guess, for an instruction that asks for none of the looks
         that it was trained on; else nothing."""
+        if self.knows_all_looks:
+            understood = understand(prompt)
+            return "" if understood.known else f"not understood: {understood} is a guess"
         if not self.words or self.words.intersection(words_of(prompt)):
             return ""
         return (
@@ -137,6 +157,11 @@ class Small:
             f"so the result is a guess; it was trained on {', '.join(self.looks)}. "
             "For any sentence: --editor pix2pix --model FOLDER (InstructPix2Pix weights)"
         )
+
+    def wordings(self, prompt: str) -> tuple[str, ...]:
+        """What the network is asked: for each look that the instruction means, the wording that it
+        knows best; the instruction itself where the network reads it."""
+        return understand(prompt).wordings if self.knows_all_looks else (prompt,)
 
     def encode(self, images: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v c y x"]:
         """Latents in [-1, 1] of images in [0, 1]: a cell's 4x4 pixels become channels."""
@@ -157,7 +182,8 @@ class Small:
         self, originals: Float[Tensor, "v h w 3"], prompt: str, generator: torch.Generator
     ) -> Condition:
         """Encode the unedited images and the instruction, once for all steps."""
-        text, null_text = self.network.text_encoder(tokenise([prompt, ""])).split(1)
+        asked = ", ".join(self.wordings(prompt))
+        text, null_text = self.network.text_encoder(tokenise([asked, ""])).split(1)
         latents = self.encode(originals)
         parts = [self._encode(part, 1.0) for part in latents.split(self.micro_batch)]
         null_encoded = self._encode(latents[:1], 0.0)

@@ -1,0 +1,1 @@
+"""How gsedit/words/words.safetensors was made; not part of the installed package."""

@@ -1,0 +1,92 @@
+"""What sentences are understood as. The strangers' sentences are used nowhere else."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from train_small.target_edits import TARGET_EDITS
+from train_words.sentences import FRAMES, JOINTS, colour_names, phrases
+
+from gsedit.errors import InputError
+from gsedit.words import LOOKS, Understanding, reader, understand
+
+NEAREST, BOTH, REFUSED, WRONGLY_REFUSED = 48, 11, 14, 9
+"""Of 65, 15, 20 and 65: two sentences below what was measured (see MODEL_CARD.md)."""
+STRANGERS = json.loads(Path(__file__).with_name("strangers.json").read_text())
+
+
+def test_the_looks_are_those_that_small_was_trained_on():
+    assert {name: look.scope for name, look in LOOKS.items()} == {
+        name: edit.scope for name, edit in TARGET_EDITS.items()
+    }
+
+
+def test_no_strangers_sentence_is_trained():
+    trained = {phrase.lower() for parts in phrases().values() for phrase in parts}
+    trained |= {name for name, _ in colour_names()} | {*FRAMES, *JOINTS}
+    decisive = [*STRANGERS["none"], *(each[0] for each in STRANGERS["one"] + STRANGERS["two"])]
+    assert len(decisive) == 100
+    assert not trained.intersection(sentence.lower() for sentence in decisive)
+
+
+def nearest(sentence: str) -> str:
+    """The likeliest look of all, whether the sentence is known or not."""
+    subject, scene = reader.load_reader()(sentence)
+    scores = [*zip(subject[:-1].tolist(), reader.SUBJECT_LOOKS)]
+    scores += zip(scene[:-1].tolist(), reader.SCENE_LOOKS)
+    return max(scores, key=lambda each: each[0])[1].name
+
+
+def test_a_strangers_look_is_the_nearest():
+    right = [nearest(sentence) == name for sentence, name in STRANGERS["one"]]
+    assert len(right) == 65
+    assert sum(right) >= NEAREST
+
+
+def test_both_looks_of_a_sentence_are_found():
+    right = [set(understand(sentence).names) == set(names) for sentence, names in STRANGERS["two"]]
+    assert len(right) == 15
+    assert sum(right) >= BOTH
+
+
+def test_what_no_look_fulfils_is_unknown():
+    unknown = [not understand(sentence).known for sentence in STRANGERS["none"]]
+    assert len(unknown) == 20
+    assert sum(unknown) >= REFUSED
+    refused = [sentence for sentence, _ in STRANGERS["one"] if not understand(sentence).known]
+    assert len(refused) <= WRONGLY_REFUSED
+
+
+@pytest.mark.parametrize("name", LOOKS)
+def test_a_look_is_understood_by_its_name_and_by_its_wording(name):
+    assert understand(LOOKS[name].wording) == Understanding.of(name)
+    by_name = understand(f"make it {name}")
+    assert (by_name.names, by_name.known) == ((name,), True)
+
+
+def test_the_scope_is_the_scenes_where_a_scenes_look_is_asked_for():
+    assert Understanding.of("gold").scope == "subject"
+    assert Understanding.of("snow").scope == "scene"
+    assert Understanding.of("gold", "snow").scope == "scene"
+    assert Understanding.of("gold", "snow").wordings == (
+        "turn it into a golden statue", "make it snow",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("sentence", ["", "?!", "日本語", "x" * 5000, "word " * 1000, "🎉"])
+def test_any_text_is_read(sentence):
+    understood = understand(sentence)
+    assert 1 <= len(understood.looks) <= 2
+    assert all(0 <= each.score <= 1 for each in understood.looks)
+
+
+def test_a_damaged_file_says_what_to_do(monkeypatch, tmp_path):
+    monkeypatch.setattr(reader, "HEAD", tmp_path / "head.safetensors")
+    reader.load_reader.cache_clear()
+    (tmp_path / "head.safetensors").write_bytes(b"nothing")
+    with pytest.raises(InputError, match=r"head.safetensors does not hold .* install it again"):
+        understand("make it snow please")
+    monkeypatch.undo()
+    reader.load_reader.cache_clear()
