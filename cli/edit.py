@@ -13,7 +13,14 @@ from .cameras import ViewOptions, check_axis, load_views
 from .checkpoints import Checkpoints, run_to_result
 from .command import own_flags
 from .console import print_message, print_result
-from .edit_options import SAMPLING, UPDATE, EditorOptions, edit_settings, resolve
+from .edit_options import (
+    SAMPLING,
+    UPDATE,
+    EditorOptions,
+    edit_settings,
+    resolve,
+    what_it_understood,
+)
 from .options import DropInvalid, Force, Scene, Seeded, check_folder, load_scene, output
 from .progress import progress
 from .setting_options import SettingsGroup, Values
@@ -96,6 +103,8 @@ def edit(
         "scene": scene, "drop_invalid": drop_invalid, **asdict(views), "editor": editor,
         "preset": preset, "features": features, "seed": common.seed,
     }  # fmt: skip
+    if understood := what_it_understood(editor_2d, instruction):
+        print_message(understood)
     result = run_and_write(steps, out, instruction, request, as_json=common.json)
     write_cameras(dataset.views, out / "cameras.json", overwrite=True)
     record = {

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .console import print_message
 from .setting_options import Layout, Setting, Values, settings_of, with_values
 
 if TYPE_CHECKING:
@@ -80,8 +79,8 @@ class EditorOptions:
     ] = False
 
     def make(self, out: Path, instruction: str) -> Editor:
-        """The editor, which may keep files below `out`; says what it understood. Raises UsageError
-        for an option that it does not have, or an instruction that it cannot follow.
+        """The editor, which may keep files below `out`. Raises UsageError for an option that it
+        does not have, or an instruction that it cannot follow.
         """
         from gsedit.editors import make_editor
 
@@ -95,11 +94,16 @@ class EditorOptions:
             guess=self.guess or None,
         )
         editor.check(instruction)
-        if understand := editor.capabilities.understand:
-            understood = understand(instruction)
-            label = "understood as" if understood.known else "not understood, a guess"
-            print_message(f"{label}: {understood}")
         return editor
+
+
+def what_it_understood(editor: Editor, instruction: str) -> str:
+    """For a person; empty for editors that take a sentence as it is."""
+    understand = editor.capabilities.understand
+    if understand is None:
+        return ""
+    understood = understand(instruction)
+    return f"{'understood as' if understood.known else 'not understood, a guess'}: {understood}"
 
 
 def edit_settings(own: Iterable[str] = ()) -> list[Setting]:

@@ -44,6 +44,8 @@ PAINTS = {
     **{name: name for name in ("red", "orange", "yellow", "green", "blue", "purple", "pink")},
     **{"white": "white", "black": "black", "violet": "purple"},
 }
+DECISIVE = ("bubblegum",)
+"""Names of colours that are a sentence of tests/words/."""
 HUES = ((12, "red"), (44, "orange"), (68, "yellow"), (168, "green"), (258, "blue"),
         (295, "purple"), (348, "pink"), (361, "red"))  # fmt: skip
 """Upper ends in degrees."""
@@ -107,6 +109,8 @@ def colour_names() -> Iterator[tuple[str, str]]:
 
     for key, value in XKCD_COLORS.items():
         name = key.removeprefix("xkcd:")
+        if name in DECISIVE:
+            continue
         last = name.split()[-1]
         if last in PAINTS:
             yield name, PAINTS[last]

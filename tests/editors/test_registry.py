@@ -93,7 +93,7 @@ def test_ours_are_listed_with_what_they_need():
     ours = {listing.name: listing for listing in list_editors() if listing.source == "gsedit"}
     assert tuple(ours) == registry.EDITORS
     assert ours["small"].ready
-    assert ours["small"].options == ("--model",)
+    assert ours["small"].options == ("--model", "--guess")
     assert ours["closed-form"].ready
     assert not ours["closed-form"].options
     assert ours["pix2pix"].options == ("--model", "--weights-dir")
