@@ -75,8 +75,9 @@ def edit(
 
     gsedit edit scene.ply "turn it into a bronze statue" --data photos/ -o out
 
-    The folder gets scene.ply, cameras.json (where its views were taken from), edit.json (settings,
-    versions, timings), metrics.jsonl (a line an event), before_after.png and error_vs_time.png.
+    The folder gets scene.ply, cameras.json (where its views were taken from), region.npy (where the
+    edit belongs), edit.json (settings, versions, timings), metrics.jsonl (a line an event),
+    before_after.png and error_vs_time.png.
     """
     check_request(instruction, views.up, out, force)
     common.apply()
@@ -111,6 +112,7 @@ def edit(
         "folder": out,
         "scene": out / "scene.ply",
         "ground_truth": result.quality.psnr_to_ground_truth,
+        "kept": result.quality.kept,
     }
     print_result(record, str(out / "scene.ply"), as_json=common.json)
 

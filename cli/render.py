@@ -12,6 +12,7 @@ from .cameras import (
     ViewOptions,
     check_axis,
     load_photos,
+    load_views,
     recorded_viewpoints,
     up_vector,
 )
@@ -30,9 +31,10 @@ from .progress import progress
 from .setting_options import Layout, Setting, SettingsGroup, Values, settings_of, with_values
 
 if TYPE_CHECKING:
-    from gsedit.views.dataset import View
+    from gsedit.views.dataset import Dataset, View
     from gsedit.views.viewpoints import Viewpoint
     from rasterizer.camera import Camera
+    from rasterizer.numerics import Execution
     from rasterizer.scene import Gaussians
 
 Views = Annotated[
@@ -59,6 +61,30 @@ Depth = Annotated[
 ]
 
 
+Region = Annotated[
+    str | None,
+    typer.Option(
+        "--region",
+        metavar="REGION",
+        show_default=False,
+        help="Tint what gsedit edit with this --region would change: auto (with --prompt), "
+        "box:x0,y0,z0,x1,y1,z1, sphere:x,y,z,r, a .npy file, or masks.",
+    ),
+]
+Prompt = Annotated[
+    str | None,
+    typer.Option(
+        "--prompt",
+        metavar="INSTRUCTION",
+        show_default=False,
+        help="The instruction that --region auto is for.",
+    ),
+]
+EditorName = Annotated[
+    str, typer.Option("--editor", metavar="NAME", help="The 2D editor that --region auto asks.")
+]
+
+
 def render_settings() -> list[Setting]:
     """The option --compile, a field of Execution."""
     from rasterizer.numerics import Execution
@@ -73,6 +99,9 @@ def render(
     views: Views = None,
     count: Count = 8,
     depth: Depth = False,
+    region: Region = None,
+    prompt: Prompt = None,
+    editor: EditorName = "small",
     drop_invalid: DropInvalid = False,
     force: Force = False,
     *,
@@ -86,6 +115,7 @@ def render(
     gsedit render scene.ply --data photos/ --views 0,8,16 --depth -o frames
     """
     check_views(views, scene, cameras)
+    check_region(region, prompt)
     indices = None if views is None else parse_indices(views, "--views")
     check_axis(cameras.up)
     check_folder(out, force)
@@ -99,6 +129,9 @@ def render(
     execution = with_values(Execution(), values)
     gaussians = load_scene(scene, drop_invalid=drop_invalid)
     placed = place_cameras(scene, gaussians, cameras, indices, count)
+    if region is not None:
+        dataset = load_views(scene, gaussians, cameras)
+        gaussians = tint(gaussians, region, dataset, editor, prompt or "", execution)
     watch = Stopwatch()
     with progress(as_json=common.json) as show:
         for step, (name, camera) in enumerate(placed.items(), 1):
@@ -121,6 +154,47 @@ def check_views(views: str | None, scene: Path, options: ViewOptions) -> None:
             "--views names views of a capture: add --data DATASET, or put its cameras.json beside "
             "the scene, or use --count"
         )
+
+
+def check_region(region: str | None, prompt: str | None) -> None:
+    """Raise UsageError for a region that is none, or that needs an instruction."""
+    from gsedit.errors import UsageError
+    from gsedit.regions.parse import parse_region
+
+    if region is None:
+        if prompt is not None:
+            raise UsageError("--prompt is for --region auto: add it, or leave the prompt out")
+        return
+    parse_region(region)
+    if region == "auto" and not (prompt or "").strip():
+        raise UsageError(
+            "--region auto depends on the instruction: add --prompt 'turn it into bronze'"
+        )
+
+
+def tint(
+    scene: Gaussians,
+    region: str,
+    dataset: Dataset,
+    editor: str,
+    prompt: str,
+    execution: Execution,
+) -> Gaussians:
+    """The scene with the region tinted; what the region holds is printed."""
+    from gsedit.edit import find_region
+    from gsedit.editors import make_editor
+    from gsedit.regions.region import tinted
+
+    found = find_region(
+        scene,
+        region,
+        dataset=dataset,
+        editor=make_editor(editor),
+        prompt=prompt,
+        execution=execution,
+    )
+    print_message(f"region: {found}")
+    return tinted(scene, found)
 
 
 def place_cameras(

@@ -16,8 +16,10 @@ from gsedit.errors import UsageError
 from gsedit.fitting.optimiser import SceneOptimiser
 from gsedit.fitting.update import rates
 from gsedit.measures.features import FeatureExtractor, FilterBank
+from gsedit.regions.region import Region
 from gsedit.reports.events import Checkpoint, Event
 from gsedit.reports.stopwatch import Stopwatch
+from gsedit.session import choose_region as regions
 from gsedit.session.evidence import gather_evidence
 from gsedit.session.result import EditResult
 from gsedit.session.session import EditedViews, Request, Session, survey_views
@@ -26,6 +28,7 @@ from gsedit.strategies import DEFAULT, Strategy, find_strategy, name_of
 from gsedit.views.dataset import Dataset, View, capture
 from gsedit.views.framing import bounds
 from gsedit.views.orbit import orbit, orbit_names
+from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
 ORBIT_VIEWS = 24
@@ -114,6 +117,33 @@ def around(
     return Dataset(capture(scene.detach(), cameras, orbit_names(ORBIT_VIEWS)))
 
 
+def find_region(
+    scene: Gaussians,
+    region: str,
+    *,
+    dataset: Dataset | None = None,
+    editor: Editor | None = None,
+    prompt: str = "",
+    execution: Execution = AUTO,
+) -> Region:
+    """Where an edit with that `--region` belongs, found as `edit` finds it, before any edit.
+
+    `auto` needs the instruction, and the editor (None: `small`). Raises UsageError where that
+    editor predicts no subject, where the region is empty, or for a text that names no region;
+    InputError for a file that does not fit.
+    """
+    views, held_out = (dataset or around(scene)).split()
+    editor = editor or make_editor()
+    both = (views, held_out) if views else (held_out, ())
+    found = regions.find_region(region, scene.detach(), *both, editor, prompt, execution)
+    if found is None:
+        raise UsageError(
+            f"the {editor.name} editor does not say where its subject is before it edits: "
+            "gsedit edit finds it from the edited views, and writes region.npy"
+        )
+    return found
+
+
 def _split(dataset: Dataset) -> tuple[tuple[View, ...], tuple[View, ...]]:
     """(views that may be edited, views that are only measured at)."""
     sizes = {(v.camera.width, v.camera.height) for v in dataset.views}
@@ -138,10 +168,11 @@ def _begin(request: Request) -> Generator[Event, None, Session]:
     stopwatch = Stopwatch()
     noise_seed = int(torch.randint(1 << 31, (), generator=request.generator))
     surveyed = yield from survey_views(request, stopwatch)
+    edited = EditedViews(region=(yield from regions.choose_region(request, stopwatch)))
     moving = rates(request.settings.geometry, bounds(request.scene).radius)
     optimiser = SceneOptimiser(request.scene, moving)
     renderings = dict(surveyed.renderings)
-    return Session(request, surveyed, renderings, EditedViews(), optimiser, stopwatch, noise_seed)
+    return Session(request, surveyed, renderings, edited, optimiser, stopwatch, noise_seed)
 
 
 def _finish(session: Session, strategy: Strategy) -> Iterator[Event | EditResult]:
@@ -159,6 +190,7 @@ def _finish(session: Session, strategy: Strategy) -> Iterator[Event | EditResult
         strategy=strategy,
         strategy_name=name_of(strategy),
         plan=session.surveyed.plan,
+        region=session.region,
         quality=evidence.quality,
         timings=session.stopwatch.stages | {"total": session.stopwatch.seconds},
         held_out=evidence.held_out,

@@ -74,14 +74,30 @@ def render(
     return Rendering(color, alpha, expected, median)
 
 
-def contributions(
-    scene: Gaussians, camera: Camera, *, numerics: Numerics = DEFAULT, execution: Execution = AUTO
-) -> Float[Tensor, " n"]:
-    """Sum over the picture of each Gaussian's blending weight, pixels: how much it contributes."""
-    # the picture is linear in colour, so this is the gradient of its sum
+def backproject(
+    scene: Gaussians,
+    camera: Camera,
+    maps: Float[Tensor, "h w 3"],
+    *,
+    numerics: Numerics = DEFAULT,
+    execution: Execution = AUTO,
+) -> Float[Tensor, "n 3"]:
+    """Sums over the picture of three maps' values, times each Gaussian's blending weight there.
+
+    The adjoint of rendering colours. `maps` have the camera's size.
+    """
+    # the picture is linear in colour, so this is the gradient of its product with the maps
     with torch.inference_mode(False), torch.enable_grad():
         flat = scene.map(lambda field: field.detach().clone())
         dc = torch.zeros(len(scene), 1, 3, dtype=flat.means.dtype, requires_grad=True)
         picture = render(replace(flat, sh=dc), camera, numerics=numerics, execution=execution).color
-        (gradient,) = torch.autograd.grad(picture[..., 0].sum(), dc)
-    return gradient[:, 0, 0] / SH_DC
+        (gradient,) = torch.autograd.grad(picture, dc, maps.detach().to(picture))
+    return gradient[:, 0] / SH_DC
+
+
+def contributions(
+    scene: Gaussians, camera: Camera, *, numerics: Numerics = DEFAULT, execution: Execution = AUTO
+) -> Float[Tensor, " n"]:
+    """Sum over the picture of each Gaussian's blending weight, pixels: how much it contributes."""
+    ones = torch.ones(camera.height, camera.width, 1).expand(-1, -1, 3)
+    return backproject(scene, camera, ones, numerics=numerics, execution=execution)[:, 0]

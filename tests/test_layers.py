@@ -23,6 +23,7 @@ ORDER = {
         "reports",
         "measures",
         "synthetic",
+        "regions",
         "files",
         "consistency",
         "diffusion",

@@ -88,6 +88,12 @@ class Capabilities:
     ) = None
     """(prompt, edited views, their originals) -> the true edit that these views agreed on, or None;
     with it the error of an edit can be measured. None for editors without one."""
+    predict_subject: (
+        Callable[[str, Float[Tensor, "v h w 3"]], Float[Tensor, "v h w"] | None] | None
+    ) = None
+    """(prompt, unedited pictures) -> the probability that a pixel shows what the instruction is
+    about, or None where that is the whole picture: where an edit belongs. None for editors that
+    cannot say: then their edits tell."""
 
 
 @runtime_checkable

@@ -15,6 +15,7 @@ from gsedit.consistency.harmonise_by_depth import Surface, harmonise_by_depth
 from gsedit.diffusion import SamplerSettings
 from gsedit.editors.protocol import EditBatch
 from gsedit.reports.events import Event
+from gsedit.session.choose_region import vote_region
 from gsedit.session.quality import mean
 from gsedit.session.session import Session
 from gsedit.views.dataset import View
@@ -54,8 +55,11 @@ def edit_views(
     yield Event("correspond", stopwatch.seconds, step, steps, note=_describe(matches))
     with stopwatch.stage("sample"):
         images = yield from sample_views(session, members, tied, matches, sampler)
-    for i, image in zip(batch, images):
-        edited.targets[i] = replace(session.views[i], image=image)
+    edited.answers |= dict(zip(batch, images))
+    with stopwatch.stage("region"):
+        yield from vote_region(session, step, steps)
+        for i, answer in edited.answers.items():
+            edited.targets[i] = replace(session.views[i], image=session.within_region(i, answer))
     _find_ground_truth(session)
 
 
@@ -98,8 +102,8 @@ def _at_full_size(
 def _find_ground_truth(session: Session) -> None:
     edited, find = session.edited, session.request.editor.capabilities.find_ground_truth
     if find is not None:
-        images = torch.stack([view.image for view in edited.targets.values()])
-        originals = torch.stack([session.unedited_image(i) for i in edited.targets])
+        images = torch.stack(list(edited.answers.values()))
+        originals = torch.stack([session.unedited_image(i) for i in edited.answers])
         edited.ground_truth = find(session.request.prompt, images, originals)
 
 
@@ -145,11 +149,11 @@ def _request(
 ) -> EditBatch:
     """The new views at `start` (None: current renders), and the anchors as they were edited; all at
     the size at which they are edited."""
-    targets = session.edited.targets
+    answers = session.edited.answers
     cameras = {i: session.edit_camera(i) for i in members}
     new = [i for i in members if i not in anchors]
     start = start or dict(zip(new, session.render(cameras[i] for i in new)))
-    images = [_fitted(targets[i].image if i in anchors else start[i], cameras[i]) for i in members]
+    images = [_fitted(answers[i] if i in anchors else start[i], cameras[i]) for i in members]
     originals = [_fitted(session.unedited_image(i), cameras[i]) for i in members]
     return EditBatch(
         images=torch.stack(images),

@@ -9,13 +9,16 @@ from typing import Any
 
 from gsedit.files import atomic_path, save
 from gsedit.files.atomic import check_writable
+from gsedit.regions.region import save_region
 from gsedit.reports.environment import environment
 from gsedit.reports.journal import as_record
 from gsedit.reports.json_lines import plain, write_line
 from gsedit.session.held_out import SHOWN
 from gsedit.session.result import EditResult
 
-FILES = ("scene.ply", "metrics.jsonl", "before_after.png", "error_vs_time.png", "edit.json")
+FILES = (
+    "scene.ply", "region.npy", "metrics.jsonl", "before_after.png", "error_vs_time.png", "edit.json"
+)  # fmt: skip
 
 
 def write_edit(
@@ -25,7 +28,7 @@ def write_edit(
     request: Mapping[str, Any] | None = None,
     overwrite: bool = False,
 ) -> None:
-    """Write scene.ply, metrics.jsonl, before_after.png, error_vs_time.png and edit.json.
+    """Write scene.ply, region.npy, metrics.jsonl, before_after.png, error_vs_time.png, edit.json.
 
     `request` is what else edit.json should say of how the result was made. Each file is whole or
     not there, and edit.json is last: with it the folder is complete. Raises UsageError where one of
@@ -37,6 +40,7 @@ def write_edit(
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "edit.json").unlink(missing_ok=True)  # an earlier run's, about other files
     save(result.scene, folder / "scene.ply", overwrite=overwrite)
+    save_region(result.region, folder / "region.npy", overwrite=overwrite)
     with (
         atomic_path(folder / "metrics.jsonl", overwrite=overwrite) as temporary,
         temporary.open("w", encoding="utf-8") as file,
@@ -56,6 +60,10 @@ def edit_record(result: EditResult) -> dict[str, Any]:
         "strategy": {"name": result.strategy_name, "settings": result.strategy},
         "timings": result.timings,
         "gaussians": len(result.scene),
+        "region": {
+            "found": result.region.note,
+            "gaussians": int(result.region.inside.sum()),
+        },
         "edited_views": [view.name for view in result.targets],
         "measured": result.quality,
         **environment(),

@@ -63,4 +63,4 @@ def edit_held_out(
         start={i: session.unedited_rendering(i).color.clamp(0, 1) for i in views},
         stage="measure",
     )
-    return dict(zip(views, images))
+    return {i: session.within_region(i, image) for i, image in zip(views, images)}

@@ -5,16 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.measures.decibels import rmse_from_psnr
+from gsedit.measures.decibels import psnr_from_rmse, rmse_from_psnr
 from gsedit.measures.metrics import edit_strength, perceptual, psnr
 from gsedit.reports.events import Event
 from gsedit.session.agreement import WarpComparison
 from gsedit.session.session import Session
 from gsedit.views.dataset import evenly_spaced
 
+SMALLEST = 1e-5
+"""RMSE that counts as none: 100 dB, since numbers in JSON are finite."""
 PROGRESS_VIEWS = 3
 """Views that are measured while the work goes on, and by the perceptual distance; all are at the
 end."""
@@ -44,6 +47,11 @@ class EditQuality:
     dB: how far the scene follows them, not how good they are. None where a strategy edits none."""
     psnr_to_ground_truth: float | None
     """Mean PSNR to the true edit at the held-out cameras, dB; None where it is unknown."""
+    leakage: float | None = None
+    """RMSE between renders of the unedited and of the edited scene outside the region (pixels of
+    which it is less than half), at the edited views; None where the region is everything."""
+    kept: float | None = None
+    """PSNR of the same pixels at the held-out cameras, dB; None too where no view is held out."""
     warp: tuple[WarpComparison, ...] = ()
     """How far the targets and the final renders agree between views, beside the unedited scene."""
     psnr_to_held_out_edits: float | None = None
@@ -124,13 +132,15 @@ def assess(
     """Of the result.
 
     `finals` are renders of the edited scene at the edited views, at the views of `held_out_edits`
-    (what the 2D editor makes of them), and at all held-out views if there is a ground truth.
+    (what the 2D editor makes of them), and at all held-out views if there is a ground truth, or the
+    region is not everything.
     """
     edited = session.edited
     targets = {i: view.image for i, view in edited.targets.items()}
     shown = tuple(targets or session.surveyed.plan.views)
     originals = {i: session.unedited_rendering(i).color.clamp(0, 1) for i in shown}
     truth = _ground_truth(session, None)
+    leakage, left = (_change_outside(session, finals, views) for views in (shown, session.held_out))
     return EditQuality(
         matched=mean(share for *_, share in edited.pairs) if edited.pairs else None,
         pairs=tuple(edited.pairs),
@@ -138,6 +148,8 @@ def assess(
         strength=mean(edit_strength(originals[i], finals[i]) for i in shown),
         residual_to_targets_db=_mean_psnr(finals, targets),
         psnr_to_ground_truth=_mean_psnr(finals, truth),
+        leakage=leakage,
+        kept=None if left is None else psnr_from_rmse(max(left, SMALLEST)),
         warp=warp,
         psnr_to_held_out_edits=_mean_psnr(finals, held_out_edits),
         perceptual_strength=_mean_perceptual(finals, originals),
@@ -152,7 +164,23 @@ def _ground_truth(session: Session, views: int | None) -> dict[int, Float[Tensor
     if truth is None:
         return {}
     chosen = _evenly(session.held_out, views)
-    return {i: truth(session.unedited_rendering(i).color.clamp(0, 1)[None])[0] for i in chosen}
+    unedited = {i: session.unedited_rendering(i).color.clamp(0, 1) for i in chosen}
+    return {i: session.within_region(i, truth(image[None])[0]) for i, image in unedited.items()}
+
+
+def _change_outside(session: Session, finals: Pictures, views: Iterable[int]) -> float | None:
+    """RMSE between unedited and final renders, over all pixels of which the region is less than
+    half; None where there are none."""
+    if session.region.is_all:
+        return None
+    squares = [
+        (session.unedited_rendering(i).color.clamp(0, 1) - finals[i]).square()[
+            session.coverage(i) < 0.5
+        ]
+        for i in views
+    ]
+    outside = torch.cat(squares) if squares else torch.zeros(0)
+    return float(outside.double().mean().sqrt()) if len(outside) else None
 
 
 def _evenly(indices: tuple[int, ...], number: int | None) -> list[int]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from gsedit.regions.region import Region
 from gsedit.reports.events import Event
 from gsedit.session.held_out import HeldOutViews
 from gsedit.session.quality import EditQuality
@@ -34,6 +35,8 @@ class EditResult:
     """As in `--strategy NAME`."""
     plan: ViewPlan
     """Which views were to be edited, and what they cover."""
+    region: Region
+    """Where the edit belonged."""
     quality: EditQuality
     """What was measured."""
     timings: dict[str, float]

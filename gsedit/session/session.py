@@ -15,6 +15,7 @@ from gsedit.errors import UsageError
 from gsedit.files.pictures import fitted_size
 from gsedit.fitting.optimiser import SceneOptimiser
 from gsedit.measures.features import FeatureExtractor
+from gsedit.regions.region import Region, composite, coverage, everything
 from gsedit.reports.events import Event
 from gsedit.reports.stopwatch import Stopwatch
 from gsedit.session.settings import EditSettings
@@ -65,6 +66,12 @@ class EditedViews:
     """By index, in the order in which they were edited."""
     pairs: list[tuple[str, str, float]] = field(default_factory=list)
     """(view, view, matched fraction) of every two views that were in a batch together."""
+    answers: dict[int, Float[Tensor, "h w 3"]] = field(default_factory=dict)
+    """What the editor made of these views, before the region limits it."""
+    region: Region | None = None
+    """Where the edit belongs; None until it is known (see gsedit.session.choose_region)."""
+    voted: bool = False
+    """Whether the region comes from the edited views, and changes with them."""
     ground_truth: GroundTruth | None = None
     """The map from unedited to truly edited pictures that the targets show, where it is known."""
 
@@ -105,12 +112,28 @@ class Session:
 
     @property
     def seen(self) -> Bool[Tensor, " n"]:
-        """The Gaussians that the edited views see, or the planned ones before any is edited.
-
-        No others move.
+        """The Gaussians of the region that the edited views see, or the planned ones before any is
+        edited. No others move.
         """
         views = list(self.edited.targets or self.surveyed.plan.views)
-        return self.surveyed.weights[views].sum(0) > UNSEEN
+        return (self.surveyed.weights[views].sum(0) > UNSEEN) & self.region.inside
+
+    @property
+    def region(self) -> Region:
+        """Where the edit belongs, as far as it is known: everywhere before it is."""
+        return self.edited.region or everything(self.request.scene)
+
+    def within_region(self, i: int, edited: Float[Tensor, "h w 3"]) -> Float[Tensor, "h w 3"]:
+        """The edited picture of view i where the region shows, the unedited render elsewhere."""
+        if self.region.is_all:
+            return edited
+        unedited = self.unedited_rendering(i).color.clamp(0, 1)
+        return composite(edited, unedited, self.coverage(i))
+
+    def coverage(self, i: int) -> Float[Tensor, "h w"]:
+        """The region's share of each pixel of the unedited scene at view i, in [0, 1]."""
+        scene, camera = self.request.scene, self.views[i].camera
+        return coverage(self.region, scene, camera, self.settings.execution)
 
     def render(self, cameras: Iterable[Camera]) -> list[Float[Tensor, "h w 3"]]:
         """Pictures of the scene as it is now, in [0, 1]."""

@@ -8,6 +8,7 @@ from typing import Literal
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.errors import UsageError
 from gsedit.fitting.settings import UpdateSettings
+from gsedit.regions.parse import parse_region
 from rasterizer.numerics import AUTO, Execution
 
 SMALLEST_EDIT = 16
@@ -39,10 +40,16 @@ class EditSettings:
     edit_size: int | None = None
     """Longer side, pixels, of the pictures that the editor is given: of larger views it edits small
     ones, and the change is carried to full size. None: what the editor was made for."""
+    region: str = "auto"
+    """Where the edit belongs. auto: the subject, if the instruction is about it, else everything;
+    all: everything; box:x0,y0,z0,x1,y1,z1 or sphere:x,y,z,r in the coordinates of the scene's file;
+    FILE.npy: one flag a Gaussian (an edit writes region.npy); PHOTO.png with the name of one of the
+    photos, white where the edit belongs, or a folder of such masks."""
     execution: Execution = AUTO
     """How pictures are rendered; it changes the run time, not the pictures."""
 
     def __post_init__(self) -> None:
+        parse_region(self.region)
         if self.views_per_round < 1 or self.rounds < 1:
             raise UsageError("views and rounds must be 1 or more")
         if self.held_out_edits < 0:

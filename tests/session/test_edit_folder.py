@@ -17,7 +17,10 @@ from gsedit.strategies.single_pass import SinglePass
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 from gsedit.views.dataset import Dataset, capture
 
-FILES = {"scene.ply", "edit.json", "metrics.jsonl", "before_after.png", "error_vs_time.png"}
+FILES = {
+    "scene.ply", "region.npy", "edit.json", "metrics.jsonl", "before_after.png",
+    "error_vs_time.png",
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")

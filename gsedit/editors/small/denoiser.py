@@ -30,6 +30,7 @@ from gsedit.editors.small.network import (
     to_cells,
 )
 from gsedit.editors.small.shipped import REINSTALL, WEIGHTS
+from gsedit.editors.small.subject import subject_probability
 from gsedit.editors.small.text import MAX_WORDS, tokenise, words_of
 from gsedit.errors import InputError, UsageError
 from gsedit.files.atomic import atomic_path
@@ -111,13 +112,14 @@ class Small:
 
     @property
     def capabilities(self) -> Capabilities:
-        """Its own defaults and size, a remark on instructions that it can only guess at, and what
-        it understands."""
+        """Its own defaults and size, a remark on instructions that it can only guess at, what it
+        understands, and where it sees the subject."""
         return Capabilities(
             defaults=DEFAULTS,
             with_micro_batch=lambda views: replace(self, micro_batch=views),
             coarse=cell_colours,
             advice=self.advice,
+            predict_subject=self.predict_subject,
             best_size=BEST_SIZE,
             understand=understand if self.knows_all_looks else None,
         )
@@ -162,6 +164,12 @@ class Small:
         """What the network is asked: for each look that the instruction means, the wording that it
         knows best; the instruction itself where the network reads it."""
         return understand(prompt).wordings if self.knows_all_looks else (prompt,)
+
+    def predict_subject(
+        self, prompt: str, originals: Float[Tensor, "v h w 3"]
+    ) -> Float[Tensor, "v h w"] | None:
+        """Where the subject is, as the network sees it; None for an instruction about the scene."""
+        return subject_probability(self.network, ", ".join(self.wordings(prompt)), originals)
 
     def encode(self, images: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v c y x"]:
         """Latents in [-1, 1] of images in [0, 1]: a cell's 4x4 pixels become channels."""

@@ -1,0 +1,1 @@
+"""Where an edit belongs: the Gaussians it may change, from predictions, masks, shapes, flags."""

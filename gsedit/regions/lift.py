@@ -1,0 +1,61 @@
+"""From values in pictures to values of Gaussians: the mean over all views, by blending weight.
+
+A picture is linear in the colours of the Gaussians, and the factor of a Gaussian's colour in a
+pixel is its blending weight. So the gradient of the sum of (picture x map) with respect to the
+colours is the sum of a map's values, weighted by what each Gaussian contributes to each pixel.
+
+`n` Gaussians; maps of `h w` pixels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from rasterizer.camera import Camera
+from rasterizer.numerics import AUTO, Execution
+from rasterizer.render import backproject
+from rasterizer.scene import Gaussians
+
+CENTRAL = 0.25
+"""Standard deviation of the window over the middle of a picture, of its shorter side."""
+
+
+@dataclass(frozen=True, eq=False)
+class Lifted:
+    """What pictures say of each Gaussian."""
+
+    mean: Float[Tensor, " n"]
+    """Of the maps' values, weighted by what the Gaussian contributes; 0 where it is in no view."""
+    weight: Float[Tensor, " n"]
+    """What the Gaussian contributes to all views, pixels."""
+    central: Float[Tensor, " n"]
+    """The same under a window over the middle of each view: what the cameras look at."""
+
+
+def lift(
+    scene: Gaussians,
+    cameras: Sequence[Camera],
+    maps: Sequence[Float[Tensor, "h w"]],
+    execution: Execution = AUTO,
+) -> Lifted:
+    """Means over all views of maps with one value a pixel; a map has its camera's size."""
+    sums = scene.means.new_zeros(len(scene), 3)
+    for camera, values in zip(cameras, maps, strict=True):
+        ones = torch.ones_like(values)
+        stacked = torch.stack((values, ones, _middle(camera).to(values)), -1)
+        sums += backproject(scene, camera, stacked.to(sums), execution=execution)
+    total, weight, central = sums.unbind(-1)
+    return Lifted(total / weight.clamp_min(1e-9), weight, central)
+
+
+def _middle(camera: Camera) -> Float[Tensor, "h w"]:
+    """A Gaussian window, 1 in the middle of the picture."""
+    middle = torch.tensor((camera.width, camera.height)) / 2
+    side = min(camera.width, camera.height)
+    square = ((camera.pixel_centres() - middle) / (CENTRAL * side)).square().sum(-1)
+    return torch.exp(-square / 2)

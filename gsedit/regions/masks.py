@@ -1,0 +1,74 @@
+"""Masks that a person drew on one photo or a few, as values of Gaussians."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from PIL import Image
+from torch import Tensor
+
+from gsedit.errors import InputError
+from gsedit.files.inputs import existing_file
+from gsedit.views.dataset import View
+from gsedit.views.image_ops import downscale
+
+
+def read_masks(path: Path, views: Sequence[View]) -> dict[int, Float[Tensor, "h w"]]:
+    """The masks in a PNG, or in all PNGs of a folder, by the index of the view that they belong to.
+
+    A mask has the name of its view's picture: `frame_00001.png` belongs to the view
+    `images/frame_00001.jpg`. White is inside, black and transparent outside. It may have another
+    size than the view, and is averaged over the view's pixels. Raises InputError where no file is
+    there, a name belongs to no view or to several, or a mask has another shape than its view.
+    """
+    files = sorted(path.glob("*.png")) if path.is_dir() else [existing_file(path)]
+    if not files:
+        raise InputError(f"{path} has no .png file: put masks there, named after their views")
+    names: dict[str, list[int]] = {}
+    for index, view in enumerate(views):
+        names.setdefault(Path(view.name).stem, []).append(index)
+    masks: dict[int, Tensor] = {}
+    for file in files:
+        index = _view_of(file, names)
+        camera = views[index].camera
+        masks[index] = _fitted(_read(file), camera.width, camera.height, file)
+    return masks
+
+
+def _view_of(file: Path, names: Mapping[str, Sequence[int]]) -> int:
+    found = names.get(file.stem, ())
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise InputError(f"{file}: {len(found)} views are named {file.stem}: rename the photos")
+    listed = ", ".join(list(names)[:4])
+    raise InputError(
+        f"{file} belongs to no view: name it after a view's picture ({listed}, ...) with .png"
+    )
+
+
+def _read(file: Path) -> Float[Tensor, "h w"]:
+    """Brightness times opacity, in [0, 1]."""
+    try:
+        with Image.open(file) as picture:
+            levels = np.array(picture.convert("LA"))
+    except Exception as error:  # Pillow's decoders raise a dozen kinds
+        reason = str(error).split("\n")[0]
+        raise InputError(f"{file} is no readable picture ({reason}): export it again") from None
+    brightness, opacity = torch.from_numpy(levels).float().div(255).unbind(-1)
+    return brightness * opacity
+
+
+def _fitted(
+    mask: Float[Tensor, "h w"], width: int, height: int, file: Path
+) -> Float[Tensor, "{height} {width}"]:
+    rows, columns = mask.shape
+    if abs(columns / rows - width / height) > 0.02 * width / height:
+        raise InputError(
+            f"{file} is {columns}x{rows} and its view {width}x{height}: draw it on the same picture"
+        )
+    return downscale(mask[..., None], width, height)[..., 0].clamp(0, 1)

@@ -1,0 +1,112 @@
+"""The Gaussians that an edit may change, as pictures and as a file.
+
+`n` Gaussians; pictures of `h w` pixels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from gsedit.errors import InputError
+from gsedit.files.atomic import atomic_path
+from gsedit.files.inputs import existing_file
+from rasterizer.camera import Camera
+from rasterizer.numerics import AUTO, SH_DC, Execution
+from rasterizer.render import render
+from rasterizer.scene import Gaussians
+
+TINT = (1.0, 0.1, 0.6)
+"""Of what is inside, in pictures for a person: a colour that few captures have."""
+TINT_STRENGTH = 0.55
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """Where an edit belongs."""
+
+    inside: Bool[Tensor, " n"]
+    """The Gaussians that may change."""
+    note: str = ""
+    """How it was found, for a person."""
+
+    def __str__(self) -> str:
+        return f"{self.note}; {int(self.inside.sum()):,} of {len(self.inside):,} Gaussians"
+
+    @property
+    def is_all(self) -> bool:
+        """Whether nothing is outside."""
+        return bool(self.inside.all())
+
+
+def everything(scene: Gaussians) -> Region:
+    """The region of all Gaussians."""
+    return Region(torch.ones(len(scene), dtype=torch.bool), "all")
+
+
+@torch.no_grad()
+def coverage(
+    region: Region, scene: Gaussians, camera: Camera, execution: Execution = AUTO
+) -> Float[Tensor, "h w"]:
+    """The share of each pixel that comes from the region's Gaussians: the sum of their blending
+    weights, in [0, 1]. What is left comes from the other Gaussians and the background.
+    """
+    if region.is_all:
+        return torch.ones(camera.height, camera.width, dtype=scene.means.dtype)
+    return render(in_one_colour(scene, region.inside), camera, execution=execution).color[..., 0]
+
+
+def in_one_colour(scene: Gaussians, values: Bool[Tensor, " n"] | Float[Tensor, " n"]) -> Gaussians:
+    """The scene in greys from every direction: `values` in [0, 1], one a Gaussian."""
+    grey = (values.to(scene.sh) - 0.5) / SH_DC
+    return replace(scene, sh=grey[:, None, None].expand(-1, 1, 3))
+
+
+def composite(
+    edited: Float[Tensor, "h w 3"],
+    unedited: Float[Tensor, "h w 3"],
+    covered: Float[Tensor, "h w"],
+) -> Float[Tensor, "h w 3"]:
+    """The edited picture inside the region, the unedited one outside, mixed by `covered`."""
+    return torch.lerp(unedited, edited, covered[..., None].to(edited))
+
+
+def tinted(scene: Gaussians, region: Region) -> Gaussians:
+    """The scene with the Gaussians inside the region tinted, for a person to look at."""
+    tint = (torch.tensor(TINT) - 0.5).to(scene.sh) / SH_DC
+    sh = scene.sh.clone()
+    sh[region.inside] *= 1 - TINT_STRENGTH
+    sh[region.inside, 0] += TINT_STRENGTH * tint
+    return replace(scene, sh=sh)
+
+
+def save_region(region: Region, path: Path | str, *, overwrite: bool = False) -> None:
+    """Write one flag a Gaussian, in the order of the scene's file: a .npy file of booleans."""
+    with atomic_path(path, overwrite=overwrite) as temporary:
+        np.save(temporary, region.inside.cpu().numpy())
+
+
+def read_flags(path: Path, count: int) -> Bool[Tensor, " n"]:
+    """The flags of a .npy file, booleans or numbers (0: outside) for `count` Gaussians.
+
+    Raises InputError for a file that is missing, damaged, or of another number of Gaussians.
+    """
+    try:
+        flags = np.load(existing_file(path), allow_pickle=False)
+    except (ValueError, EOFError, OSError) as error:
+        raise InputError(
+            f"{path} is no readable .npy file ({error}): save one flag a Gaussian with numpy.save"
+        ) from None
+    if not isinstance(flags, np.ndarray) or flags.dtype.kind not in "biuf":
+        raise InputError(f"{path} holds no flags: save one boolean a Gaussian with numpy.save")
+    if flags.shape != (count,):
+        raise InputError(
+            f"{path} has flags of shape {flags.shape} and the scene has {count} Gaussians: a "
+            "region belongs to the scene that it was made for"
+        )
+    return torch.from_numpy(flags != 0)

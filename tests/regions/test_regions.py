@@ -1,0 +1,265 @@
+"""Regions: how they are written, drawn, found from masks and predictions, and kept in files."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+from subjects import iou, statue
+
+from gsedit.errors import InputError, UsageError
+from gsedit.regions.connect import connected_part, neighbours, smooth
+from gsedit.regions.lift import lift
+from gsedit.regions.masks import read_masks
+from gsedit.regions.parse import All, Auto, Box, File, Sphere, parse_region
+from gsedit.regions.region import (
+    Region,
+    composite,
+    coverage,
+    everything,
+    in_one_colour,
+    read_flags,
+    save_region,
+    tinted,
+)
+from gsedit.regions.subject import find_changed, find_drawn, find_subject
+from gsedit.regions.threshold import otsu
+from gsedit.views.dataset import View
+from gsedit.views.orbit import circle
+from rasterizer.render import render
+
+SIZE = 48
+
+
+@pytest.fixture(scope="module")
+def labelled():
+    return statue(0, 1500)
+
+
+@pytest.fixture(scope="module")
+def cameras(labelled):
+    middle = torch.zeros(3, dtype=torch.float64)
+    return circle(middle, 0.7, labelled.scene.up, 6, SIZE, elevation=20.0, fov=45.0)
+
+
+@pytest.fixture(scope="module")
+def pictures(labelled, cameras):
+    """The exact probability that a pixel shows the subject."""
+    truth = in_one_colour(labelled.gaussians, labelled.subject)
+    with torch.no_grad():
+        return [render(truth, camera).color[..., 0] for camera in cameras]
+
+
+def weights(labelled, cameras):
+    return lift(labelled.gaussians, cameras, [torch.ones(SIZE, SIZE) for _ in cameras]).weight
+
+
+# ---- as text ------------------------------------------------------------------------------------
+
+
+def test_regions_as_text(tmp_path):
+    assert parse_region("all") == All()
+    assert parse_region("auto") == Auto()
+    assert parse_region("box:1,-2,3,0,2,-3") == Box((0.0, -2.0, -3.0), (1.0, 2.0, 3.0))
+    assert parse_region("sphere:1e-1,0,-2,.5") == Sphere((0.1, 0.0, -2.0), 0.5)
+    assert parse_region("flags.npy") == File(parse_region("flags.npy").path)
+    assert parse_region(str(tmp_path)) == File(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "bear", "box:", "box:1,2,3", "box:1,2,3,4,5,nan", "sphere:0,0,0,0", "sphere:0,0,0,a",
+     "scene.ply", "Auto"],
+)  # fmt: skip
+def test_other_texts_are_refused_with_the_forms(text):
+    with pytest.raises(UsageError, match=r"region .*(give|must)"):
+        parse_region(text)
+
+
+def test_boxes_and_spheres_contain_their_surface():
+    points = torch.tensor([[0.0, 0, 0], [1, 1, 1], [1.01, 0, 0]])
+    assert Box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)).contains(points).tolist() == [True, True, False]
+    assert Sphere((0.0, 0.0, 0.0), 1.0).contains(points).tolist() == [True, False, False]
+
+
+# ---- as pictures --------------------------------------------------------------------------------
+
+
+def test_coverage_and_what_is_left_make_the_picture(labelled, cameras):
+    """A pixel is a sum over the Gaussians: those inside, and those outside."""
+    scene, inside = labelled.gaussians, labelled.subject
+    a = coverage(Region(inside), scene, cameras[0])
+    b = coverage(Region(~inside), scene, cameras[0])
+    with torch.no_grad():
+        alpha = render(scene, cameras[0]).alpha
+    torch.testing.assert_close(a + b, alpha, atol=1e-5, rtol=0)
+    assert coverage(everything(scene), scene, cameras[0]).min() == 1
+
+
+def test_a_change_of_colour_inside_is_the_composite(labelled, cameras):
+    """Where all of a region turns one colour, the composite over the unedited picture is exact:
+    the Gaussians inside can show it, and those outside need not move."""
+    scene, inside = labelled.gaussians, labelled.subject
+    edited = replace(scene, sh=torch.where(inside[:, None, None], 0.0, scene.sh))  # 0 is grey
+    with torch.no_grad():
+        before, after = (render(each, cameras[1]).color for each in (scene, edited))
+    covered = coverage(Region(inside), scene, cameras[1])
+    outside_black = replace(scene, sh=torch.where(inside[:, None, None], scene.sh, -1.772454))
+    with torch.no_grad():
+        subject = render(outside_black, cameras[1]).color
+    torch.testing.assert_close(
+        after, before - subject + 0.5 * covered[..., None], atol=2e-3, rtol=0
+    )
+    whole, none = torch.ones_like(covered), torch.zeros_like(covered)
+    assert torch.equal(composite(after, before, whole), after)
+    assert torch.equal(composite(after, before, none), before)
+
+
+def test_only_the_inside_is_tinted(labelled, cameras):
+    scene, region = labelled.gaussians, Region(labelled.subject)
+    with torch.no_grad():
+        before, after = (render(s, cameras[0]).color for s in (scene, tinted(scene, region)))
+    changed = (before - after).abs().amax(-1)
+    covered = coverage(region, scene, cameras[0])
+    assert changed[covered > 0.9].min() > 0.1
+    assert changed[covered < 1e-6].max() < 1e-5
+
+
+# ---- as files -----------------------------------------------------------------------------------
+
+
+def test_a_region_comes_back_from_its_file(labelled, tmp_path):
+    path = tmp_path / "region.npy"
+    save_region(Region(labelled.subject), path)
+    assert torch.equal(read_flags(path, len(labelled.subject)), labelled.subject)
+    with pytest.raises(UsageError, match="exists"):
+        save_region(Region(labelled.subject), path)
+    with pytest.raises(InputError, match=r"region\.npy has flags of shape .* 7 Gaussians"):
+        read_flags(path, 7)
+
+
+def test_files_that_hold_no_flags_are_refused(tmp_path):
+    (tmp_path / "text.npy").write_text("no")
+    np.save(tmp_path / "words.npy", np.array(["a", "b"]))
+    for name in ("text.npy", "words.npy", "absent.npy"):
+        with pytest.raises(InputError, match=name):
+            read_flags(tmp_path / name, 2)
+    np.save(tmp_path / "numbers.npy", np.array([0, 2]))
+    assert read_flags(tmp_path / "numbers.npy", 2).tolist() == [False, True]
+
+
+def test_masks_belong_to_the_views_that_they_are_named_after(cameras, tmp_path):
+    views = [
+        View(f"photos/a_{i}.jpg", c, torch.zeros(SIZE, SIZE, 3)) for i, c in enumerate(cameras)
+    ]
+    mask = np.zeros((2 * SIZE, 2 * SIZE), np.uint8)
+    mask[:SIZE] = 255
+    Image.fromarray(mask).save(tmp_path / "a_3.png")
+    for path in (tmp_path, tmp_path / "a_3.png"):
+        masks = read_masks(path, views)
+        assert list(masks) == [3]
+        assert masks[3][: SIZE // 2].min() == 1
+        assert masks[3][SIZE // 2 :].max() == 0
+    transparent = np.full((SIZE, SIZE, 4), 255, np.uint8)
+    transparent[:, :9, 3] = 0
+    Image.fromarray(transparent).save(tmp_path / "a_4.png")
+    assert read_masks(tmp_path / "a_4.png", views)[4].sum(0).bool().sum() == SIZE - 9
+
+
+@pytest.mark.parametrize(
+    ("name", "rows", "message"),
+    [
+        ("b", SIZE, r"b\.png belongs to no view: name it after .*a_0"),
+        ("a_2", SIZE // 2, "draw it on the same picture"),
+        ("a_0", SIZE, "2 views are named a_0"),
+    ],
+)
+def test_masks_that_fit_no_view_are_refused(cameras, tmp_path, name, rows, message):
+    views = [View(f"a_{i}.jpg", c, torch.zeros(SIZE, SIZE, 3)) for i, c in enumerate(cameras)]
+    Image.fromarray(np.zeros((rows, SIZE), np.uint8)).save(tmp_path / f"{name}.png")
+    with pytest.raises(InputError, match=message):
+        read_masks(tmp_path, [*views, replace(views[0], name="other/a_0.jpg")])
+
+
+# ---- from pictures ------------------------------------------------------------------------------
+
+
+def test_a_constant_is_lifted_to_itself(labelled, cameras):
+    """The mean over blending weights of a constant is that constant; the weights are pixels."""
+    maps = [torch.full((SIZE, SIZE), 0.3) for _ in cameras]
+    lifted = lift(labelled.gaussians, cameras, maps)
+    seen = lifted.weight > 1e-3
+    torch.testing.assert_close(lifted.mean[seen], torch.full_like(lifted.mean[seen], 0.3))
+    with torch.no_grad():
+        pixels = sum(render(labelled.gaussians, camera).alpha.sum() for camera in cameras)
+    torch.testing.assert_close(lifted.weight.sum(), pixels, rtol=1e-4, atol=0)
+    assert (lifted.central <= lifted.weight + 1e-4).all()
+
+
+def test_the_threshold_separates_two_kinds_of_values():
+    values = torch.cat((0.2 + 0.02 * torch.arange(5), 0.8 + 0.02 * torch.arange(3)))
+    assert 0.3 < otsu(values, torch.ones(8)) < 0.8
+    rare = torch.tensor([0.1, 0.12, 0.9])
+    assert 0.12 < otsu(rare, torch.tensor([100.0, 100.0, 1.0])) < 0.9
+
+
+def test_smoothing_keeps_what_is_sure_and_fills_what_is_not(labelled):
+    graph = neighbours(labelled.gaussians)
+    values = labelled.subject.float()
+    constant = smooth(torch.full_like(values, 0.4), torch.ones_like(values), graph, 10.0)
+    torch.testing.assert_close(constant, torch.full_like(values, 0.4), atol=1e-3, rtol=0)
+    unknown = torch.rand(len(values), generator=torch.Generator().manual_seed(0)) < 0.3
+    filled = smooth(values * ~unknown, (~unknown).float(), graph, 0.1)
+    right = (filled > 0.5) == labelled.subject
+    assert right[unknown].float().mean() > 0.95
+
+
+def test_one_connected_part_is_taken_and_it_is_the_one_looked_at(labelled):
+    graph = neighbours(labelled.gaussians)
+    x = labelled.gaussians.means[:, 0]
+    selected = labelled.subject | (x > 0.85)  # the wall far behind
+    score = torch.where(labelled.subject, 1.0, 0.5)
+    part = connected_part(selected, score, graph)
+    assert iou(part, labelled.subject, torch.ones(len(x))) > 0.97
+    assert not connected_part(torch.zeros_like(selected), score, graph).any()
+
+
+def test_the_subject_is_found_in_exact_pictures(labelled, cameras, pictures):
+    found = find_subject(labelled.gaussians, lift(labelled.gaussians, cameras, pictures))
+    assert found is not None
+    assert iou(found, labelled.subject, weights(labelled, cameras)) > 0.93
+
+
+def test_there_may_be_no_subject(labelled, cameras):
+    maps = [torch.full((SIZE, SIZE), 0.2) for _ in cameras]
+    assert find_subject(labelled.gaussians, lift(labelled.gaussians, cameras, maps)) is None
+
+
+def test_masks_of_two_views_select_what_no_mask_sees_too(labelled, cameras, pictures):
+    lifted = lift(labelled.gaussians, cameras[:4:3], pictures[:4:3])
+    found = find_drawn(labelled.gaussians, lifted)
+    assert iou(found, labelled.subject, weights(labelled, cameras)) > 0.85
+
+
+def test_what_an_edit_changes_is_found_unless_it_is_everything(labelled, cameras, pictures):
+    changes = [0.02 + 0.2 * picture for picture in pictures]
+    found = find_changed(labelled.gaussians, lift(labelled.gaussians, cameras, changes))
+    assert found is not None
+    assert iou(found, labelled.subject, weights(labelled, cameras)) > 0.9
+    for background in (0.1, 0.2):
+        changes = [background + 0.1 * picture for picture in pictures]
+        lifted = lift(labelled.gaussians, cameras, changes)
+        assert find_changed(labelled.gaussians, lifted) is None
+    nothing = [torch.zeros(SIZE, SIZE) for _ in cameras]
+    assert find_changed(labelled.gaussians, lift(labelled.gaussians, cameras, nothing)) is None
+
+
+def test_neighbours_are_mutual_and_alone_is_allowed(labelled):
+    matrix = neighbours(labelled.gaussians).affinity
+    assert abs(matrix - matrix.T).max() < 1e-12
+    for count in (1, 2):
+        part = labelled.gaussians[:count]
+        assert neighbours(part).affinity.shape == (count, count)
