@@ -37,6 +37,9 @@ class EditBatch:
     seed: int = 0
     """The same for all batches of one edit: cells without a correspondence start with the same
     noise in all of them."""
+    subject: Float[Tensor, "v h w"] | None = None
+    """The probability that a pixel shows what is to be edited. None: the editor decides; so does
+    one that does not declare `with_subject`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +97,9 @@ class Capabilities:
     """(prompt, unedited pictures) -> the probability that a pixel shows what the instruction is
     about, or None where that is the whole picture: where an edit belongs. None for editors that
     cannot say: then their edits tell."""
+    with_subject: Callable[[Float[Tensor, "v h w"]], Denoiser] | None = None
+    """The same denoiser for pictures whose subject is where this probability says (as many views,
+    in the same order). None where a denoiser cannot be told."""
 
 
 @runtime_checkable

@@ -72,14 +72,15 @@ class DiffusionEditor:
             return
         whole = padded(batch, self.denoiser)
         free = slice(None) if batch.anchored is None else ~batch.anchored
+        denoiser = told(self.denoiser, None if whole.subject is None else whole.subject[free])
         z0, anchor = _encoded(whole, self.denoiser)
         agree, share = _hooks(whole, settings, self.capabilities)
         noise = torch.randn(z0.shape, generator=generator, dtype=z0.dtype)
-        condition = self.denoiser.condition(whole.originals[free], batch.prompt, generator)
+        condition = denoiser.condition(whole.originals[free], batch.prompt, generator)
         start = levels_of(self.denoiser.schedule, settings)[0]
         x = add_noise(z0, settings.noise_scale * share(noise), start)
         steps = sample(
-            prepared(self.denoiser, x[free], whole.originals[free], batch.prompt, settings),
+            prepared(denoiser, x[free], whole.originals[free], batch.prompt, settings),
             condition,
             x,
             settings,
@@ -102,6 +103,12 @@ class DiffusionEditor:
         images = self.denoiser.decode(x[free])[:, :height, :width]
         edited[free] = images.clamp(0, 1).to(edited.dtype)
         return edited
+
+
+def told(denoiser: Denoiser, subject: Float[Tensor, "v H W"] | None) -> Denoiser:
+    """The denoiser, told where the subject is in these views if it can be."""
+    with_subject = denoiser.capabilities.with_subject
+    return denoiser if subject is None or with_subject is None else with_subject(subject)
 
 
 def prepared(
@@ -138,11 +145,16 @@ def padded(batch: EditBatch, denoiser: Denoiser) -> EditBatch:
         pad_to_multiple(pictures, denoiser.multiple, denoiser.padding)
         for pictures in (batch.images, batch.originals)
     )
+    subject = batch.subject
+    if subject is not None:
+        subject = pad_to_multiple(subject, denoiser.multiple, denoiser.padding)
     matches = batch.correspondences
     if matches is not None:
         labels = _padded_labels(matches.labels, batch.images, images, denoiser.cell)
         matches = replace(matches, labels=labels)
-    return replace(batch, images=images, originals=originals, correspondences=matches)
+    return replace(
+        batch, images=images, originals=originals, subject=subject, correspondences=matches
+    )
 
 
 def _padded_labels(

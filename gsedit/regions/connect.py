@@ -47,7 +47,7 @@ def neighbours(scene: Gaussians) -> Neighbours:
     k = min(NEIGHBOURS, n - 1)
     if k < 1:
         return Neighbours(csr_matrix((n, n)))
-    distance, index = KDTree(points).query(points, k=k + 1)
+    distance, index = (np.asarray(each) for each in KDTree(points).query(points, k=k + 1))
     distance, index = distance[:, 1:], index[:, 1:]  # the first is the point itself
     typical = np.maximum(np.median(distance, axis=1), 1e-12)
     rows, columns = np.repeat(np.arange(n), k), index.reshape(-1)

@@ -14,6 +14,7 @@ from gsedit.consistency.correspond import Correspondences, correspond
 from gsedit.consistency.harmonise_by_depth import Surface, harmonise_by_depth
 from gsedit.diffusion import SamplerSettings
 from gsedit.editors.protocol import EditBatch
+from gsedit.regions.region import coverage
 from gsedit.reports.events import Event
 from gsedit.session.choose_region import vote_region
 from gsedit.session.quality import mean
@@ -161,8 +162,19 @@ def _request(
         prompt=session.request.prompt,
         correspondences=matches,
         anchored=torch.tensor([i in anchors for i in members]),
+        subject=_subject(session, [cameras[i] for i in members]),
         seed=session.noise_seed,
     )
+
+
+def _subject(session: Session, cameras: Sequence[Camera]) -> Float[Tensor, "v h w"] | None:
+    """The region in pictures of the unedited scene, for editors that can be told; None where the
+    editor decides: the region is everything, or comes from its edits.
+    """
+    if session.region.is_all or session.edited.voted:
+        return None
+    scene, execution = session.request.scene, session.settings.execution
+    return torch.stack([coverage(session.region, scene, c, execution) for c in cameras])
 
 
 def _fitted(image: Float[Tensor, "h w 3"], camera: Camera) -> Float[Tensor, "y x 3"]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 import torch
 from small_networks import random_network
@@ -140,3 +142,33 @@ def test_without_starting_noise_the_seed_changes_nothing(small, temperature, dif
     editor, images = DiffusionEditor(small), pictures(1, 16, 16)
     first, second = (edit(editor, images, seed=s, temperature=temperature) for s in (0, 1))
     assert torch.equal(first, second) is not differs
+
+
+def test_where_the_subject_is_can_be_told(small):
+    """Told nothing new, nothing changes; told otherwise, the edit is another one there."""
+    originals = pictures(2, 16, 32)
+    generator = torch.Generator().manual_seed(0)
+    own = small.condition(originals, "as gold", generator).encoded.geometry[:, 0]
+    with_subject = small.capabilities.with_subject
+    batch = EditBatch(originals, originals, "as gold")
+
+    def edited(subject):
+        *_, last = DiffusionEditor(small).edit(
+            replace(batch, subject=subject),
+            SamplerSettings(steps=2),
+            torch.Generator().manual_seed(0),
+        )
+        return last.images
+
+    told = with_subject(own.sigmoid()).condition(originals, "as gold", generator)
+    torch.testing.assert_close(told.encoded.geometry[:, 0], own, atol=1e-3, rtol=0)
+    torch.testing.assert_close(edited(own.sigmoid()), edited(None), atol=1e-3, rtol=0)
+    left = torch.zeros(2, 16, 32)
+    left[:, :, :16] = 1
+    assert (edited(left) - edited(1 - left)).abs().max() > 1e-3
+
+
+def test_the_subject_is_predicted_in_pictures_of_any_size(small):
+    for sides in ((16, 16), (18, 31)):
+        probability = small.capabilities.predict_subject("as gold", pictures(3, *sides))
+        assert probability is None or probability.shape == (3, *sides)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 from PIL import Image
-from subjects import iou, statue
+from regions_iou import iou
 
 from gsedit.errors import InputError, UsageError
 from gsedit.regions.connect import connected_part, neighbours, smooth
@@ -27,6 +27,7 @@ from gsedit.regions.region import (
 )
 from gsedit.regions.subject import find_changed, find_drawn, find_subject
 from gsedit.regions.threshold import otsu
+from gsedit.synthetic.labelled import statue
 from gsedit.views.dataset import View
 from gsedit.views.orbit import circle
 from rasterizer.render import render

@@ -9,7 +9,7 @@ from math import log10
 import numpy as np
 import pytest
 import torch
-from subjects import iou, statue
+from regions_iou import iou
 
 import gsedit
 from gsedit.diffusion import SamplerSettings
@@ -22,6 +22,7 @@ from gsedit.regions.lift import lift
 from gsedit.regions.region import Region, coverage, in_one_colour
 from gsedit.session.settings import EditSettings
 from gsedit.strategies.single_pass import SinglePass
+from gsedit.synthetic.labelled import statue
 from gsedit.views.dataset import Dataset, capture
 from gsedit.views.orbit import circle
 from rasterizer.render import render

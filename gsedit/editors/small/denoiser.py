@@ -30,7 +30,7 @@ from gsedit.editors.small.network import (
     to_cells,
 )
 from gsedit.editors.small.shipped import REINSTALL, WEIGHTS
-from gsedit.editors.small.subject import subject_probability
+from gsedit.editors.small.subject import subject_probability, with_subject
 from gsedit.editors.small.text import MAX_WORDS, tokenise, words_of
 from gsedit.errors import InputError, UsageError
 from gsedit.files.atomic import atomic_path
@@ -99,6 +99,8 @@ class Small:
     """Words that name one of these looks."""
     guess: bool = False
     """Whether a sentence that asks for no known look is edited with the nearest one."""
+    subject: Float[Tensor, "v h w"] | None = None
+    """The probability of the subject in the unedited images. None: as the network sees it."""
     predicts: Prediction = "v"
     name: str = "small"
     cell: int = CELL
@@ -120,6 +122,7 @@ class Small:
             coarse=cell_colours,
             advice=self.advice,
             predict_subject=self.predict_subject,
+            with_subject=lambda subject: replace(self, subject=subject),
             best_size=BEST_SIZE,
             understand=understand if self.knows_all_looks else None,
         )
@@ -195,7 +198,10 @@ class Small:
         latents = self.encode(originals)
         parts = [self._encode(part, 1.0) for part in latents.split(self.micro_batch)]
         null_encoded = self._encode(latents[:1], 0.0)
-        return Condition(latents, _cat(parts), null_encoded, text, null_text)
+        encoded = _cat(parts)
+        if self.subject is not None:
+            encoded = with_subject(encoded, self.subject[: len(latents)])
+        return Condition(latents, encoded, null_encoded, text, null_text)
 
     @torch.no_grad()
     def branches(

@@ -1,20 +1,24 @@
-"""Synthetic scenes with a subject that is known exactly: a figure on a stand, and distractors.
+"""Scenes with a subject that is known exactly: a figure on a stand, and distractors around it.
 
-They are no scenes of the training of `small`: other shapes, other surroundings.
+`n` Gaussians. The editor `small` was trained on none of these shapes and surroundings.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import cos, sin, tau
 
 import torch
+from jaxtyping import Bool
+from torch import Tensor
 
-from gsedit.synthetic import surface_gaussians
+from gsedit.synthetic.gallery import demo_parts, demo_scene
 from gsedit.synthetic.paint import lit, mix, parts, plain, waves
 from gsedit.synthetic.scene import SyntheticScene
 from gsedit.synthetic.shapes import (
     Sdf,
+    Triple,
     box,
     capsule,
     cylinder,
@@ -23,6 +27,7 @@ from gsedit.synthetic.shapes import (
     translate,
     union,
 )
+from gsedit.synthetic.splats import surface_gaussians
 from rasterizer.scene import Gaussians
 
 LIGHT = (-0.5, -0.7, 0.9)
@@ -30,10 +35,11 @@ LIGHT = (-0.5, -0.7, 0.9)
 
 @dataclass(frozen=True, eq=False)
 class Labelled:
+    """A scene and the Gaussians of its subject."""
+
     scene: SyntheticScene
     gaussians: Gaussians
-    subject: torch.Tensor
-    """One flag a Gaussian."""
+    subject: Bool[Tensor, " n"]
 
 
 def statue(seed: int, count: int = 6000) -> Labelled:
@@ -44,12 +50,12 @@ def statue(seed: int, count: int = 6000) -> Labelled:
     def number(low: float, high: float) -> float:
         return low + (high - low) * float(torch.rand((), generator=random))
 
-    def colour(low: float, high: float) -> tuple[float, float, float]:
+    def colour(low: float, high: float) -> Triple:
         return (number(low, high), number(low, high), number(low, high))
 
     figure = _figure(number)
     coat = colour(0.25, 0.75)
-    near = tuple(min(1.0, max(0.0, c + number(-0.08, 0.08))) for c in coat)
+    near = _varied(coat, number)
     block = translate(box((0.42, 0.25, 0.05), rounding=0.01), (0.0, 0.0, -0.35))
     floor = translate(cylinder(1.0, 0.03), (0.0, 0.0, -0.43))
     angle = number(0, tau)
@@ -62,7 +68,7 @@ def statue(seed: int, count: int = 6000) -> Labelled:
     )
     painted = (
         (figure, mix(plain(coat), plain(near), waves(0.3))),
-        (block, plain(tuple(0.5 * (c + number(0.4, 0.9)) for c in near))),
+        (block, plain(_greyed(near, number))),
         (floor, mix(plain(colour(0.2, 0.8)), plain(colour(0.2, 0.8)), waves(0.5))),
         (wall, plain(near)),
         (bushes, mix(plain((0.2, 0.4, 0.15)), plain((0.5, 0.6, 0.2)), waves(0.1))),
@@ -79,7 +85,19 @@ def statue(seed: int, count: int = 6000) -> Labelled:
     return labelled(scene, figure, union(block, floor, wall, bushes), count, random)
 
 
-def _figure(number) -> Sdf:
+def _varied(colour: Triple, number: Callable[[float, float], float]) -> Triple:
+    """A colour that differs little."""
+    r, g, b = (min(1.0, max(0.0, c + number(-0.08, 0.08))) for c in colour)
+    return r, g, b
+
+
+def _greyed(colour: Triple, number: Callable[[float, float], float]) -> Triple:
+    """A brighter colour of similar hue."""
+    r, g, b = (0.5 * (c + number(0.4, 0.9)) for c in colour)
+    return r, g, b
+
+
+def _figure(number: Callable[[float, float], float]) -> Sdf:
     """Body, head, four legs, and a tail that is as long as the body."""
     length, width = number(0.22, 0.3), number(0.09, 0.12)
     legs = [
@@ -96,6 +114,12 @@ def _figure(number) -> Sdf:
     )
 
 
+def demo_bear(count: int = 6000, seed: int = 0) -> Labelled:
+    """The demo scene: a bear with a scarf, on a plinth on a floor."""
+    random = torch.Generator().manual_seed(seed)
+    return labelled(demo_scene(), *demo_parts(), count, random)
+
+
 def labelled(
     scene: SyntheticScene, subject: Sdf, others: Sdf, count: int, random: torch.Generator
 ) -> Labelled:
@@ -103,8 +127,3 @@ def labelled(
     gaussians = surface_gaussians(scene, count, random)
     points = gaussians.means.double()
     return Labelled(scene, gaussians, subject(points) < others(points))
-
-
-def iou(a: torch.Tensor, b: torch.Tensor, weight: torch.Tensor) -> float:
-    """Intersection over union of two sets of Gaussians, each counted by its weight."""
-    return float(weight[a & b].sum() / weight[a | b].sum())
