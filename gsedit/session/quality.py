@@ -75,6 +75,11 @@ class EditQuality:
         ]
         if self.psnr_to_held_out_edits is not None:
             parts.append(f"{self.psnr_to_held_out_edits:.1f} dB to edits of held-out views")
+        if self.kept is not None and self.leakage is not None:
+            parts.append(
+                f"outside the region kept to {self.kept:.1f} dB at held-out views, "
+                f"leakage {self.leakage:.4f}"
+            )
         return "; ".join(parts)
 
 

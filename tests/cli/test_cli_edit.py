@@ -8,6 +8,7 @@ from importlib import import_module
 from command_line import files, gsedit
 
 from gsedit.diffusion import SamplerSettings
+from gsedit.regions.region import everything
 from gsedit.reports.events import Checkpoint, Event
 from gsedit.reports.journal import read_events
 
@@ -38,6 +39,7 @@ def stub_edit(monkeypatch, *, end: BaseException | None = None):
             strategy=strategy,
             strategy_name="single-pass",
             plan=ViewPlan(((0,),), (1.0,)),
+            region=everything(scene),
             quality=EditQuality(0.5, (("a", "b", 0.5),), 1.0, 0.1, float("inf"), None),
             timings={"total": 2.0},
             events=(update, measure),
@@ -54,7 +56,7 @@ def test_edit_leaves_the_scene_and_its_evidence(monkeypatch, scene, photos, tmp_
     assert result.exit_code == 0, result.stderr
     assert result.stdout.strip() == str(out / "scene.ply")
     names = {"scene.ply", "edit.json", "metrics.jsonl", "before_after.png", "error_vs_time.png"}
-    names |= {"cameras.json"}
+    names |= {"cameras.json", "region.npy"}
     assert {path.name for path in files(out)} == names
     assert [event.stage for event in read_events(out / "metrics.jsonl")] == ["update", "measure"]
     record = json.loads((out / "edit.json").read_text())
