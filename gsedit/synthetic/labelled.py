@@ -58,7 +58,7 @@ def statue(seed: int, count: int = 6000) -> Labelled:
     near = _varied(coat, number)
     block = translate(box((0.42, 0.25, 0.05), rounding=0.01), (0.0, 0.0, -0.35))
     floor = translate(cylinder(1.0, 0.03), (0.0, 0.0, -0.43))
-    angle = number(0, tau)
+    angle = number(0.0, tau)
     wall = translate(box((0.03, 0.35, 0.3)), (0.9, 0.0, -0.1))
     bushes = union(
         *(
