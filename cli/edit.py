@@ -86,6 +86,7 @@ def edit(
     from gsedit.files.cameras import write_cameras
 
     settings, strategy = resolve(preset, values, own_flags(edit))
+    check_condition(settings.condition, views.data)
     editor_2d = editor.make(out, instruction)
     extractor = load_features(features)
     gaussians = load_scene(scene, drop_invalid=drop_invalid)
@@ -125,6 +126,14 @@ def check_request(instruction: str, up: str | None, out: Path, force: bool) -> N
         raise UsageError("the instruction is empty: say what should change, as in 'make it snow'")
     check_axis(up)
     check_folder(out, force)
+
+
+def check_condition(condition: str, data: Path | None) -> None:
+    """Raise UsageError where the editor is to be shown photos and there are none."""
+    from gsedit.errors import UsageError
+
+    if condition == "photo" and data is None:
+        raise UsageError("--condition photo shows the editor the photos: name them with --data")
 
 
 def load_features(name: str) -> FeatureExtractor:

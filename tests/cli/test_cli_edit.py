@@ -90,3 +90,9 @@ def test_the_features_of_the_gram_loss_are_named(monkeypatch, scene, tmp_path):
     assert result.exit_code == 2
     assert "gsedit[perceptual]" in result.stderr
     assert not given
+
+
+def test_photos_as_the_condition_must_be_named(scene, tmp_path):
+    result = gsedit("edit", scene, "make it snow", "--condition", "photo", "-o", tmp_path / "out")
+    assert result.exit_code == 2
+    assert "name them with --data" in result.stderr
