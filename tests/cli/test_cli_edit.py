@@ -81,12 +81,12 @@ def test_an_interrupted_edit_keeps_its_metrics_and_checkpoint(monkeypatch, scene
 def test_the_features_of_the_gram_loss_are_named(monkeypatch, scene, tmp_path):
     given = stub_edit(monkeypatch)
     out = tmp_path / "out"
-    result = gsedit("edit", scene, "x", "-o", out, "--size", 16, "--features", "gone.pth")
+    result = gsedit("edit", scene, "as gold", "-o", out, "--size", 16, "--features", "gone.pth")
     assert result.exit_code == 3
     assert "gone.pth: no such file" in result.stderr
     monkeypatch.setattr("gsedit.measures.perceptual.PACKAGE", "no_such_package")
     import_module("gsedit.measures.perceptual").vgg_features.cache_clear()
-    result = gsedit("edit", scene, "x", "-o", out, "--size", 16, "--features", "vgg")
+    result = gsedit("edit", scene, "as gold", "-o", out, "--size", 16, "--features", "vgg")
     assert result.exit_code == 2
     assert "gsedit[perceptual]" in result.stderr
     assert not given
