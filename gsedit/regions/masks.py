@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -21,9 +22,10 @@ def read_masks(path: Path, views: Sequence[View]) -> dict[int, Float[Tensor, "h 
     """The masks in a PNG, or in all PNGs of a folder, by the index of the view that they belong to.
 
     A mask has the name of its view's picture: `frame_00001.png` belongs to the view
-    `images/frame_00001.jpg`. White is inside, black and transparent outside. It may have another
-    size than the view, and is averaged over the view's pixels. Raises InputError where no file is
-    there, a name belongs to no view or to several, or a mask has another shape than its view.
+    `images/frame_00001.jpg`, and so does `000_frame_00001.png`, as `gsedit render` names it. White
+    is inside, black and transparent outside. It may have another size than the view, and is
+    averaged over the view's pixels. Raises InputError where no file is there, a name belongs to no
+    view or to several, or a mask has another shape than its view.
     """
     files = sorted(path.glob("*.png")) if path.is_dir() else [existing_file(path)]
     if not files:
@@ -40,7 +42,7 @@ def read_masks(path: Path, views: Sequence[View]) -> dict[int, Float[Tensor, "h 
 
 
 def _view_of(file: Path, names: Mapping[str, Sequence[int]]) -> int:
-    found = names.get(file.stem, ())
+    found = names.get(file.stem) or names.get(re.sub(r"^\d+_", "", file.stem), ())
     if len(found) == 1:
         return found[0]
     if found:

@@ -159,7 +159,8 @@ def test_masks_belong_to_the_views_that_they_are_named_after(cameras, tmp_path):
     mask = np.zeros((2 * SIZE, 2 * SIZE), np.uint8)
     mask[:SIZE] = 255
     Image.fromarray(mask).save(tmp_path / "a_3.png")
-    for path in (tmp_path, tmp_path / "a_3.png"):
+    Image.fromarray(mask).save(tmp_path.with_name("003_a_3.png"))  # as gsedit render names it
+    for path in (tmp_path, tmp_path / "a_3.png", tmp_path.with_name("003_a_3.png")):
         masks = read_masks(path, views)
         assert list(masks) == [3]
         assert masks[3][: SIZE // 2].min() == 1
