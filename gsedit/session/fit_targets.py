@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import torch
 
-from gsedit.fitting.update import pyramid, update_steps
+from gsedit.fitting.update import update_steps
 from gsedit.reports.events import Checkpoint, Event
 from gsedit.session.quality import measure
 from gsedit.session.session import Session
@@ -21,7 +21,7 @@ def fit_targets(session: Session, steps: int, *, done: int = 0, total: int) -> I
     with stopwatch.stage("update"):
         losses = update_steps(
             session.optimiser,
-            pyramid(tuple(session.edited.targets.values())),
+            tuple(session.edited.targets.values()),
             session.seen,
             steps,
             session.settings.update,
