@@ -32,8 +32,8 @@ COARSE_SIZE = 192
 """Pixels. A crop of a large view shows little of the scene, so that most steps are fitted to views
 of this longer side up to twice as many pixels."""
 COARSE_SHARE = 0.75
-"""Of the steps: the first ones, before those at full size. On views of 1024 pixels, colours end 6 dB
-nearer to a known edit than at full size throughout (docs/resolution.md)."""
+"""Of the steps: the first ones, before those at full size. On views of 1024 pixels, colours end
+6 dB nearer to a known edit than at full size throughout (docs/resolution.md)."""
 
 
 def rates(geometry: Literal["appearance", "full"], radius: float) -> dict[str, float]:
