@@ -15,10 +15,6 @@ from rasterizer.scene import Gaussians
 
 SMOOTHING = 10.0
 """Weight of a neighbour's value against a Gaussian's own, where all views see it well."""
-INCLUSIVE = 0.9
-"""Times Otsu's threshold: a part of the subject that is left out is a worse fault than a little of
-its stand that is not. Of 1, 0.85, 0.7 and 0.55, IoU was best between the first two in synthetic
-scenes."""
 IN_SIGHT = 1e-3
 """Pixels, in all views together: what contributes less is not seen."""
 FAINT = 0.25
@@ -34,7 +30,7 @@ def find_subject(scene: Gaussians, lifted: Lifted) -> Bool[Tensor, " n"] | None:
     """
     graph = neighbours(scene)
     values = _smoothed(lifted, graph)
-    selected = values > INCLUSIVE * otsu(values, lifted.weight)
+    selected = values > otsu(values, lifted.weight)
     part = connected_part(selected, lifted.central * values, graph)
     weight = lifted.weight[part]
     if not part.any() or float((weight * values[part]).sum()) < 0.5 * float(weight.sum()):
