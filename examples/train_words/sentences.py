@@ -40,6 +40,20 @@ JOINTS = (
     *("{b} with {a} in the middle", "I want {a}, then {b}"),
     "make the bear {a} and the picture {b}",
 )
+NOUNS = (
+    *("statue", "dog", "vase", "man", "horse", "chair", "car", "house", "bird", "dragon"),
+    *("elephant", "monument", "animal", "lamp", "fountain", "duck", "thing", "face"),
+)
+PAINT_FRAMES = (
+    *("paint the {noun} {look}", "use {look} paint on the {noun}", "a {look} {noun}"),
+    *("make the {noun} {look}", "colour the {noun} {look}", "the {noun} in {look}"),
+)
+MATERIAL_FRAMES = (
+    *("a {look} {noun}", "the {noun} made of {look}", "make the {noun} out of {look}"),
+    *("use {look} for the {noun}", "turn the {noun} into {look}", "a {noun} in solid {look}"),
+)
+NOUN_FRAMES = 8
+"""For each of the subject's looks."""
 PAINTS = {
     **{name: name for name in ("red", "orange", "yellow", "green", "blue", "purple", "pink")},
     **{"white": "white", "black": "black", "violet": "purple"},
@@ -76,7 +90,7 @@ def phrases() -> dict[str, list[str]]:
 
 
 def examples(seed: int = 0) -> list[Example]:
-    """Every phrase, alone and in random frames; random pairs; names of colours."""
+    """Every phrase, alone and in random frames; looks of nouns; random pairs; names of colours."""
     generator = random.Random(seed)
     known = phrases()
     listed = list[Example]()
@@ -86,6 +100,11 @@ def examples(seed: int = 0) -> list[Example]:
             listed.append(Example(phrase, *answers(name), 1.0))
             for frame in generator.sample(frames, FRAMES_OF_A_PHRASE):
                 listed.append(Example(frame.format(phrase), *answers(name), 0.5))
+    for look in SUBJECT_LOOKS:
+        frames = PAINT_FRAMES if look.name in PAINTS else MATERIAL_FRAMES
+        for frame in (generator.choice(frames) for _ in range(NOUN_FRAMES)):
+            sentence = frame.format(look=look.name, noun=generator.choice(NOUNS))
+            listed.append(Example(sentence, *answers(look.name), 1.0))
     for _ in range(PAIRS):
         first, second = generator.choice(SUBJECT_LOOKS).name, generator.choice(SCENE_LOOKS).name
         a, b = generator.choice(known[first]), generator.choice(known[second])

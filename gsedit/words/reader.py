@@ -19,7 +19,7 @@ from gsedit.words.wordpiece import tokenise
 
 ENCODER = Path(__file__).with_name("encoder.safetensors")
 HEAD = Path(__file__).with_name("head.safetensors")
-SECOND = 0.75
+SECOND = 0.7
 """Least probability, against none, of the second of two looks: most sentences ask for one. Chosen
 on sentences of the development, as is the decay of the head's weights."""
 SUBJECT_LOOKS = tuple(look for look in LOOKS.values() if look.scope == "subject")
