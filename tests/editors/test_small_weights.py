@@ -49,7 +49,7 @@ def test_the_card_states_how_they_were_made(small):
     weights = sum(value.numel() for value in small.network.state_dict().values())
     assert f"{weights / 1e6:.1f} M weights" in CARD
     assert f"{WEIGHTS.stat().st_size / 1e6:.1f} MB" in CARD
-    s_T, s_I, temperature = DEFAULTS
+    s_T, s_I, temperature, *_ = DEFAULTS
     assert f"s_T {s_T:g}, s_I {s_I:g}, starting noise of {temperature:g}" in CARD
     assert f"{sum(chunk.count for chunk in CHUNKS):,} pictures" in CARD
     assert not re.search(r"@[A-Z]+@", CARD)
