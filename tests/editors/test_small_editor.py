@@ -56,6 +56,12 @@ def test_two_looks_are_two_passes_the_subjects_first(small):
     torch.testing.assert_close(steps[-1].images, last.images)
 
 
+def test_an_instruction_about_the_scene_has_no_subject(small):
+    images = batch("").images
+    assert small.predict_subject("it snows", images) is None
+    assert small.predict_subject(TWO, images) is None
+
+
 def test_anchored_views_stay_as_they_are_in_both_passes(small):
     asked = batch(TWO, views=3)
     finished = torch.rand(16, 16, 3, generator=torch.Generator().manual_seed(5))

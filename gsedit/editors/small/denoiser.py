@@ -172,6 +172,8 @@ class Small:
         self, prompt: str, originals: Float[Tensor, "v h w 3"]
     ) -> Float[Tensor, "v h w"] | None:
         """Where the subject is, as the network sees it; None for an instruction about the scene."""
+        if self.knows_all_looks and understand(prompt).scope == "scene":
+            return None
         return subject_probability(self.network, ", ".join(self.wordings(prompt)), originals)
 
     def encode(self, images: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v c y x"]:
