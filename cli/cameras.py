@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from gsedit.views.dataset import Dataset
+    from gsedit.views.search import Wish
     from gsedit.views.viewpoints import Viewpoint
+    from rasterizer.numerics import Execution
     from rasterizer.scene import Gaussians
 
 Up = Annotated[
@@ -23,9 +25,28 @@ Up = Annotated[
     typer.Option(
         "--up",
         metavar="AXIS",
-        show_default="normal of the ground if one is found, else -y",
+        show_default="from the ground that views see, else -y",
         help="World axis that points up: x, -x, y, -y, z or -z. Cameras beside the scene are then "
         "left aside.",
+    ),
+]
+LookAt = Annotated[
+    str | None,
+    typer.Option(
+        "--look-at",
+        metavar="X,Y,Z",
+        show_default="found",
+        help="Point that the views look at. Cameras beside the scene are then left aside.",
+    ),
+]
+From = Annotated[
+    str | None,
+    typer.Option(
+        "--from",
+        metavar="X,Y,Z",
+        show_default="found",
+        help="Point that the views are taken from, or from beside it. Cameras beside the scene are "
+        "then left aside.",
     ),
 ]
 
@@ -37,6 +58,48 @@ class ViewOptions:
     data: Data = None
     size: Size = 256
     up: Up = None
+    look_at: LookAt = None
+    eye: From = None
+
+    @property
+    def placed(self) -> bool:
+        """Whether the views are to be found, even where a capture's cameras are known."""
+        return not (self.up is None and self.look_at is None and self.eye is None)
+
+    def check(self) -> None:
+        """Raise UsageError for a name that is no axis, a text that is no point, or points beside
+        photos: before a large file is read.
+        """
+        from gsedit.errors import UsageError
+
+        wish_of(self)
+        if self.data is not None and (self.look_at or self.eye):
+            raise UsageError("--look-at and --from place cameras: leave out --data")
+
+
+def wish_of(options: ViewOptions) -> Wish:
+    """What the options say of the views to find. Raises UsageError."""
+    from gsedit.views.search import Wish
+
+    eye, target = point(options.eye, "--from"), point(options.look_at, "--look-at")
+    return Wish(up_vector(options.up), target, eye)
+
+
+def point(text: str | None, option: str) -> Tensor | None:
+    """Three finite numbers separated by commas, float64. Raises UsageError."""
+    if text is None:
+        return None
+    import torch
+
+    from gsedit.errors import UsageError
+
+    try:
+        numbers = torch.tensor([float(part) for part in text.split(",")], dtype=torch.float64)
+    except ValueError:
+        numbers = torch.zeros(0)
+    if numbers.shape != (3,) or not numbers.isfinite().all():
+        raise UsageError(f"{option} {text}: give three numbers separated by commas, as in 0,1.5,-2")
+    return numbers
 
 
 def check_axis(up: str | None) -> None:
@@ -88,19 +151,21 @@ def recorded_viewpoints(path: Path, scene: Gaussians, size: int) -> tuple[Viewpo
     return viewpoints
 
 
-def load_views(path: Path, scene: Gaussians, options: ViewOptions) -> Dataset:
+def load_views(path: Path, scene: Gaussians, options: ViewOptions, execution: Execution) -> Dataset:
     """The views of an edit: photos of --data, or renders from recorded or found cameras."""
     if options.data is not None:
         return load_photos(options.data, options.size, path)
     from gsedit.edit import around
     from gsedit.views.viewpoints import rendered, that_see, thinned
 
-    if options.up is None:
-        recorded = recorded_viewpoints(path, scene, options.size)
-        if recorded:
-            some = thinned(recorded)
-            seeing = that_see(some, scene)
-            if len(seeing) < len(some):
-                print_message(f"{len(some) - len(seeing)} cameras see nothing: they are left out")
-            return rendered(scene, seeing)
-    return around(scene, options.size, up_vector(options.up))
+    if not options.placed and (recorded := recorded_viewpoints(path, scene, options.size)):
+        some = thinned(recorded)
+        seeing = that_see(some, scene, execution)
+        if len(seeing) < len(some):
+            print_message(f"{len(some) - len(seeing)} cameras see nothing: they are left out")
+        return rendered(scene, seeing, execution)
+    print_message("views are searched for in the scene; a cameras.json beside it saves this")
+    wish = wish_of(options)
+    return around(
+        scene, options.size, wish.up, look_at=wish.look_at, eye=wish.eye, execution=execution
+    )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .cameras import ViewOptions, check_axis, load_views
+from .cameras import ViewOptions, load_views
 from .checkpoints import Checkpoints, run_to_result
 from .command import own_flags
 from .console import print_message, print_result
@@ -79,7 +79,7 @@ def edit(
     edit belongs), edit.json (settings, versions, timings), metrics.jsonl (a line an event),
     before_after.png and error_vs_time.png.
     """
-    check_request(instruction, views.up, out, force)
+    check_request(instruction, views, out, force)
     common.apply()
 
     from gsedit.edit import edit_steps
@@ -90,7 +90,7 @@ def edit(
     editor_2d = editor.make(out, instruction)
     extractor = load_features(features)
     gaussians = load_scene(scene, drop_invalid=drop_invalid)
-    dataset = load_views(scene, gaussians, views)
+    dataset = load_views(scene, gaussians, views, settings.execution)
     steps = edit_steps(
         gaussians,
         instruction,
@@ -118,13 +118,13 @@ def edit(
     print_result(record, str(out / "scene.ply"), as_json=common.json)
 
 
-def check_request(instruction: str, up: str | None, out: Path, force: bool) -> None:
+def check_request(instruction: str, views: ViewOptions, out: Path, force: bool) -> None:
     """Raise UsageError for what needs no file to be found wrong."""
     from gsedit.errors import UsageError
 
     if not instruction.strip():
         raise UsageError("the instruction is empty: say what should change, as in 'make it snow'")
-    check_axis(up)
+    views.check()
     check_folder(out, force)
 
 

@@ -1,4 +1,4 @@
-"""`gsedit render`: pictures and depth of a scene from its capture's cameras, or from around it."""
+"""`gsedit render`: pictures and depth of a scene from its capture's cameras, or from found ones."""
 
 from __future__ import annotations
 
@@ -10,11 +10,10 @@ import typer
 
 from .cameras import (
     ViewOptions,
-    check_axis,
     load_photos,
     load_views,
     recorded_viewpoints,
-    up_vector,
+    wish_of,
 )
 from .console import print_message, print_result
 from .options import (
@@ -110,14 +109,14 @@ def render(
     common: Common,
 ) -> None:
     """Render a scene to one PNG per view: from the cameras of --data, or those of the cameras.json
-    beside the scene, or else from around it.
+    beside the scene, or else from where it looks as if it was captured.
 
     gsedit render scene.ply --data photos/ --views 0,8,16 --depth -o frames
     """
     check_views(views, scene, cameras)
     check_region(region, prompt)
     indices = None if views is None else parse_indices(views, "--views")
-    check_axis(cameras.up)
+    cameras.check()
     check_folder(out, force)
     common.apply()
 
@@ -128,9 +127,9 @@ def render(
 
     execution = with_values(Execution(), values)
     gaussians = load_scene(scene, drop_invalid=drop_invalid)
-    placed = place_cameras(scene, gaussians, cameras, indices, count)
+    placed = place_cameras(scene, gaussians, cameras, indices, count, execution)
     if region is not None:
-        dataset = load_views(scene, gaussians, cameras)
+        dataset = load_views(scene, gaussians, cameras, execution)
         gaussians = tint(gaussians, region, dataset, editor, prompt or "", execution)
     watch = Stopwatch()
     with progress(as_json=common.json) as show:
@@ -148,7 +147,7 @@ def check_views(views: str | None, scene: Path, options: ViewOptions) -> None:
     from gsedit.errors import UsageError
     from gsedit.files.cameras import cameras_file
 
-    recorded = options.data or (options.up is None and cameras_file(scene))
+    recorded = options.data or (not options.placed and cameras_file(scene))
     if views is not None and not recorded:
         raise UsageError(
             "--views names views of a capture: add --data DATASET, or put its cameras.json beside "
@@ -198,23 +197,29 @@ def tint(
 
 
 def place_cameras(
-    path: Path, scene: Gaussians, options: ViewOptions, indices: list[int] | None, count: int
+    path: Path,
+    scene: Gaussians,
+    options: ViewOptions,
+    indices: list[int] | None,
+    count: int,
+    execution: Execution,
 ) -> dict[str, Camera]:
     """The cameras to render from, by the name of their picture: of the photos, or recorded beside
-    the scene file, at `indices`, or `count` of them; else `count` on a circle around the scene.
+    the scene file, at `indices`, or `count` of them; else `count` found ones.
     """
+    from gsedit.views.choose import find_views, view_names
     from gsedit.views.dataset import evenly_spaced
-    from gsedit.views.orbit import orbit, orbit_names
 
     if options.data is not None:
         views = load_photos(options.data, options.size, path).views
     else:
-        views = () if options.up else recorded_viewpoints(path, scene, options.size)
+        views = () if options.placed else recorded_viewpoints(path, scene, options.size)
     if views:
         chosen = evenly_spaced(len(views), count) if indices is None else indices
         return dict(named_camera(views, index) for index in chosen)
-    around = orbit(scene, count, options.size, up=up_vector(options.up))
-    return dict(zip(orbit_names(count), around))
+    print_message("views are searched for in the scene; a cameras.json beside it saves this")
+    found = find_views(scene, count, options.size, wish=wish_of(options), execution=execution)
+    return dict(zip(view_names(len(found)), found))
 
 
 def named_camera(views: Sequence[View | Viewpoint], index: int) -> tuple[str, Camera]:

@@ -25,15 +25,16 @@ from gsedit.session.result import EditResult
 from gsedit.session.session import EditedViews, Request, Session, survey_views
 from gsedit.session.settings import EditSettings
 from gsedit.strategies import DEFAULT, Strategy, find_strategy, name_of
+from gsedit.views.choose import find_views, view_names
 from gsedit.views.dataset import Dataset, View, capture
 from gsedit.views.framing import bounds
-from gsedit.views.orbit import orbit, orbit_names
+from gsedit.views.search import Wish
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
-ORBIT_VIEWS = 24
-"""Cameras placed around a scene that has none: 15 degrees apart, so that neighbours overlap."""
-ORBIT_SIZE = 256
+FOUND_VIEWS = 24
+"""Views of a scene that came without cameras."""
+FOUND_SIZE = 256
 
 
 def edit_steps(
@@ -49,7 +50,7 @@ def edit_steps(
 ) -> Iterator[Event | Checkpoint | EditResult]:
     """Edit a scene; yields what happens, a complete scene now and then, and last the result.
 
-    Without a dataset, cameras are placed around the scene. Every 8th view is never edited: there
+    Without a dataset, views are found (`around`). Every 8th view is never edited: there
     the result is measured. `strategy` defaults to the single pass, `features` (of the Gram loss) to
     a bank of oriented filters. Raises UsageError for an instruction the editor cannot follow, an
     empty scene, views of different sizes, or a strategy that is no dataclass.
@@ -70,7 +71,7 @@ def edit_steps(
         raise UsageError(
             f"{strategy!r} is no strategy: give an instance of a dataclass, as in SinglePass()"
         )
-    views, held_out = _split(dataset or around(scene))
+    views, held_out = _split(dataset or around(scene, execution=settings.execution))
     features = features or FilterBank()
     request = Request(
         scene.detach(), prompt, views, held_out, editor, settings, features, generator
@@ -110,11 +111,28 @@ def edit(
 
 
 def around(
-    scene: Gaussians, size: int = ORBIT_SIZE, up: Float[Tensor, "3"] | None = None
+    scene: Gaussians,
+    size: int = FOUND_SIZE,
+    up: Float[Tensor, "3"] | None = None,
+    *,
+    look_at: Float[Tensor, "3"] | None = None,
+    eye: Float[Tensor, "3"] | None = None,
+    execution: Execution = AUTO,
 ) -> Dataset:
-    """Renders of a scene that came without photos, `size` pixels square, from all around it."""
-    cameras = orbit(scene, ORBIT_VIEWS, size, up=up)
-    return Dataset(capture(scene.detach(), cameras, orbit_names(ORBIT_VIEWS)))
+    """Renders of a scene that came without photos, `size` pixels square, from where it looks as if
+    it was captured (docs/viewpoints.md).
+
+    `up` (any length), the point `look_at` that views look at and the point `eye` that they are
+    taken from are found where they are None. World axes. Raises UsageError for an `up` of no
+    direction, or an empty scene.
+    """
+    if not len(scene):
+        raise UsageError("the scene is empty: there is nothing to see")
+    if up is not None and not (up.isfinite().all() and up.any()):
+        raise UsageError(f"up {up.tolist()} is no direction: three finite numbers, not all 0")
+    wish = Wish(up, look_at, eye)
+    cameras = find_views(scene, FOUND_VIEWS, size, wish=wish, execution=execution)
+    return Dataset(capture(scene.detach(), cameras, view_names(len(cameras)), execution))
 
 
 def find_region(

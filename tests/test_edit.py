@@ -20,6 +20,7 @@ from gsedit.session.result import EditResult
 from gsedit.session.settings import EditSettings
 from gsedit.strategies.single_pass import SinglePass
 from gsedit.synthetic import demo_scene, ring_cameras, scenes, surface_gaussians
+from gsedit.views import choose, search
 from gsedit.views.dataset import Dataset, capture
 from rasterizer.scene import concatenate
 
@@ -200,10 +201,13 @@ def test_photos_can_be_the_condition(scene, data):
     assert (editor.batch.originals != 0.5).any()
 
 
-def test_an_edit_without_cameras_places_them(scene):
+def test_an_edit_without_cameras_places_them(scene, monkeypatch):
+    monkeypatch.setattr(search, "PLACES", 12)
+    monkeypatch.setattr(choose, "RENDERED", 8)
+    monkeypatch.setattr(choose, "VARIED", 4)
     quick = replace(SMALL, rounds=1)
     result = run(scene, None, Swapped(), quick, steps=1)[-1]
-    assert all(v.name.startswith("orbit") for v in result.targets)
+    assert all(v.name.startswith("view") for v in result.targets)
     assert result.quality.matched > 0
 
 

@@ -30,7 +30,7 @@ def test_render_uses_them_unless_it_is_told_where_to_look_from(scene, photos, tm
     ]
     assert str(tmp_path / "cameras.json") in recorded.stderr
     assert gsedit(*words, "--views", "3").exit_code == 2
-    assert "orbit_000" in gsedit(*words, "--up", "z", "--count", 1).stdout
+    assert "view_000" in gsedit(*words, "--up", "z", "--count", 1).stdout
     (tmp_path / "cameras.json").unlink()
     missing = gsedit(*words, "--views", "0")
     assert missing.exit_code == 2
@@ -53,3 +53,13 @@ def test_photos_are_never_made_larger_and_that_is_said(scene, photos, tmp_path):
     out = tmp_path / "out"
     result = gsedit("render", scene, "--data", photos, "--views", "0", "--size", 64, "-o", out)
     assert "the photos have 8x6 pixels: views are not made larger (--size 64)" in result.stderr
+
+
+def test_places_are_three_numbers_and_need_no_photos(scene, photos, tmp_path):
+    words = ["render", scene, "--size", 16, "--count", 1, "-o", tmp_path / "out"]
+    for wrong in (["--from", "1,2"], ["--look-at", "a,b,c"], ["--from", "0,0,nan"],
+                  ["--from", "0,0,1", "--data", photos]):  # fmt: skip
+        assert gsedit(*words, *wrong).exit_code == 2
+    placed = gsedit(*words, "--from", "-5,0,0", "--look-at", "0,0,0", "--up", "z")
+    assert placed.exit_code == 0, placed.stderr
+    assert placed.stdout.split() == [str(tmp_path / "out" / "view_000.png")]

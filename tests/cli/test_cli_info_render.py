@@ -59,7 +59,7 @@ def test_render_writes_what_it_lists(scene, photos, tmp_path):
 def test_render_places_cameras_where_there_are_none(scene, tmp_path):
     result = gsedit("render", scene, "--count", 2, "--size", 16, "-o", tmp_path / "out")
     assert result.exit_code == 0, result.stderr
-    pictures = [tmp_path / "out" / f"orbit_{i:03d}.png" for i in range(2)]
+    pictures = [tmp_path / "out" / f"view_{i:03d}.png" for i in range(2)]
     assert result.stdout.split() == [str(path) for path in pictures]
     assert set(files(tmp_path / "out")) == set(pictures)
 
@@ -70,7 +70,7 @@ def test_compile_draws_the_same_pictures(scene, tmp_path):
         out = tmp_path / f"out{len(words)}"
         result = gsedit("render", scene, "--count", 1, "--size", 32, "-o", out, *words)
         assert result.exit_code == 0, result.stderr
-    a, b = (decode(tmp_path / f"out{i}" / "orbit_000.png") for i in (0, 1))
+    a, b = (decode(tmp_path / f"out{i}" / "view_000.png") for i in (0, 1))
     assert (a - b).abs().max() <= 1  # rounding may fall to either side
 
 
@@ -91,4 +91,4 @@ def test_core_commands_do_without_the_viewers(scene, tmp_path):
     words = [sys.executable, "-c", code, str(scene), str(tmp_path / "out")]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert (tmp_path / "out" / "orbit_000.png").exists()
+    assert (tmp_path / "out" / "view_000.png").exists()

@@ -1,0 +1,152 @@
+"""Views of a scene without cameras: found where it looks as if it was captured."""
+
+from __future__ import annotations
+
+from math import pi
+
+import pytest
+import torch
+
+from gsedit.views import choose, panorama, search
+from gsedit.views.choose import find_views, upright
+from gsedit.views.search import Wish
+from gsedit.views.upward import find_up, normals_from_depth
+from rasterizer.camera import look_at
+from rasterizer.render import render
+from rasterizer.scene import Gaussians, concatenate
+
+HALF = torch.tensor([2.5, 2.0, 1.25])  # of the room; z is up
+
+
+def splats(means: torch.Tensor, scales: torch.Tensor) -> Gaussians:
+    n = len(means)
+    quats = torch.tensor([1.0, 0, 0, 0]).repeat(n, 1)
+    color = torch.rand(n, 1, 3, generator=torch.Generator().manual_seed(1)) - 0.5
+    return Gaussians(means, quats, scales.log(), torch.full((n,), 4.0), color)
+
+
+def room(spacing: float = 0.16) -> Gaussians:
+    """Six sides of small discs, a cupboard, and outside it large splats, which hide it."""
+    sides = []
+    for axis in range(3):
+        for sign in (-1, 1):
+            counts = [max(2, int(2 * float(h) / spacing)) for h in HALF]
+            counts[axis] = 1
+            lines = [torch.linspace(-1, 1, n) if n > 1 else torch.tensor([sign]) for n in counts]
+            points = torch.cartesian_prod(*(line.float() for line in lines)) * HALF
+            scales = torch.full_like(points, 0.7 * spacing)
+            scales[:, axis] *= 0.1
+            sides.append(splats(points, scales))
+    g = torch.Generator().manual_seed(2)
+    cupboard = torch.rand(400, 3, generator=g) * torch.tensor([0.6, 1.0, 1.2])
+    sides.append(splats(cupboard - HALF, torch.full((400, 3), 0.06)))
+    outside = torch.nn.functional.normalize(torch.randn(150, 3, generator=g), dim=-1)
+    outside = outside * (HALF.norm() + 0.8 + torch.rand(150, 1, generator=g))
+    return concatenate(*sides, splats(outside, torch.full((150, 3), 0.7)))
+
+
+@pytest.fixture(scope="module")
+def few():
+    """Fewer places and renders: the room is easy."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(search, "PLACES", 60)
+        patch.setattr(search, "KEPT", 8)
+        patch.setattr(choose, "RENDERED", 20)
+        patch.setattr(choose, "VARIED", 6)
+        patch.setattr(choose, "DIRECTIONS", 60)
+        patch.setattr(choose, "ROUNDS", (1, 2))
+        yield
+
+
+def test_a_room_is_seen_from_inside_and_upright(few):
+    cameras = find_views(room(), 8, 64)
+    assert len(cameras) == 8
+    for camera in cameras:
+        assert (camera.centre.float().abs() < HALF).all()
+        assert (camera.width, camera.height) == (64, 64)
+    tops = torch.stack([-camera.rotation[1] for camera in cameras])
+    across = torch.tensor([camera.forward[2].abs() < 0.99 for camera in cameras])
+    assert (tops[across, 2] > 0).all()
+    assert float(tops[across].mean(0)[2]) > 0.7
+    forwards = torch.stack([camera.forward for camera in cameras])
+    assert float((forwards @ forwards.T).min()) < 0.5  # not all the same
+
+
+def test_wishes_are_kept(few):
+    eye, target = torch.tensor([1.0, 0.5, 0.0]), torch.tensor([-2.0, -1.5, -0.8])
+    up = torch.tensor([0.0, 0.0, 2.0])
+    first, *others = find_views(room(), 4, 32, wish=Wish(up, target, eye))
+    assert torch.allclose(first.centre.float(), eye, atol=1e-6)
+    for camera in (first, *others):
+        aim, depth = camera.project(target.double())
+        assert float(depth) > 0
+        assert torch.allclose(aim, torch.tensor([16.0, 16.0]).double(), atol=1e-4)
+        assert float(-camera.rotation[1, 2]) > 0
+        assert float((camera.centre.float() - eye).norm()) < 2
+
+
+def test_the_same_scene_gives_the_same_views(few):
+    scene, wish = room(0.3), Wish(eye=torch.zeros(3))
+    a, b = (find_views(scene, 3, 32, wish=wish) for _ in range(2))
+    assert all(torch.equal(x.world_to_camera, y.world_to_camera) for x, y in zip(a, b, strict=True))
+
+
+def test_bins_tile_the_sphere_and_directions_fall_into_their_own():
+    directions, solid = panorama.bin_directions()
+    assert float(solid.sum()) == pytest.approx(4 * pi, rel=3e-3)  # midpoint rule
+    assert torch.equal(panorama._bins(directions), torch.arange(len(solid)))
+
+
+def test_a_panorama_shows_the_nearest_surface_only():
+    scene = concatenate(
+        splats(torch.tensor([[2.0, 0, 0]]), torch.full((1, 3), 0.5)),
+        splats(torch.tensor([[9.0, 0, 0], [0, -4.0, 0]]), torch.full((2, 3), 0.5)),
+    )
+    sample = panorama.draw_sample(scene, torch.Generator().manual_seed(0))
+    seen = panorama.panorama(sample, torch.zeros(3))
+    directions, solid = panorama.bin_directions()
+    assert (seen.weight <= solid * (1 + 1e-5)).all()
+    ahead = int((directions @ torch.tensor([1.0, 0.02, 0.02])).argmax())
+    assert float(seen.log_distance[ahead] / seen.weight[ahead]) == pytest.approx(
+        torch.tensor(2.0).log().item(), abs=0.05
+    )
+    behind = (directions @ torch.tensor([-1.0, 0, 0])) > 0.9
+    assert float(seen.weight[behind].sum()) == 0
+
+
+def test_normals_face_the_camera():
+    camera = look_at(torch.tensor([0.5, 0.2, 0.3]), torch.tensor([0.3, 0.1, -1.2]),
+                     torch.tensor([0.0, 1, 0]), 60.0, 32, 32)  # fmt: skip
+    depth = render(room(0.05), camera, median_depth=True).median_depth
+    assert depth is not None
+    normals = normals_from_depth(camera, depth)
+    floor = normals[:, 2]
+    assert len(normals) > 500
+    assert float((floor > 0.95).float().mean()) > 0.5
+    assert float((floor < -0.5).float().mean()) < 0.01
+
+
+def test_up_is_the_normal_of_the_ground_not_of_a_wall_that_is_faced():
+    g = torch.Generator().manual_seed(0)
+    up = torch.nn.functional.normalize(torch.tensor([0.2, -1.0, 0.3]).double(), dim=0)
+    forward = torch.linalg.cross(up, torch.tensor([1.0, 0, 0]).double())
+    forward /= forward.norm()
+    ground, wall = up.expand(100, 3), -forward.expand(300, 3)
+    noise = 0.05 * torch.randn(400, 3, generator=g, dtype=torch.float64)
+    normals = torch.nn.functional.normalize(torch.cat((ground, wall)) + noise, dim=-1)
+    found = find_up(search.sphere(1000).double(), normals, forward[None])
+    assert found is not None
+    assert float(found @ up) > 0.995
+    assert find_up(search.sphere(1000).double(), wall, forward[None]) is None
+
+
+def test_upright_turns_about_the_view_only():
+    camera = look_at(torch.tensor([1.0, 2, 3]), torch.zeros(3), torch.tensor([1.0, 0, 0]),
+                     choose.FOV, 40, 40)  # fmt: skip
+    turned = upright(camera, torch.tensor([0.0, 0, 5]))
+    assert torch.allclose(turned.forward, camera.forward)
+    assert torch.allclose(turned.centre, camera.centre)
+    assert float(turned.rotation[0, 2]) == pytest.approx(0, abs=1e-9)  # the horizon is level
+    assert float(-turned.rotation[1, 2]) > 0
+    down = upright(camera, camera.forward)
+    assert down is camera
