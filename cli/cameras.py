@@ -102,11 +102,6 @@ def point(text: str | None, option: str) -> Tensor | None:
     return numbers
 
 
-def check_axis(up: str | None) -> None:
-    """Raise UsageError for a name that is no axis: before a large file is read."""
-    up_vector(up)
-
-
 def up_vector(up: str | None) -> Tensor | None:
     """The unit vector of an axis name; None where the library is to find it from the scene."""
     if up is None:

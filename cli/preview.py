@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from .cameras import Up, check_axis, recorded_viewpoints, up_vector
+from .cameras import From, LookAt, Up, point, recorded_viewpoints, up_vector
 from .console import print_message, print_result
 from .options import Common, DropInvalid, Force, Scene, check_file, load_scene, output
 
@@ -20,6 +20,8 @@ def preview(
     scene: Scene,
     out: Annotated[Path | None, output("PNG to write; without it a window opens.")] = None,
     up: Up = None,
+    look_at: LookAt = None,
+    eye: From = None,
     width: Annotated[int, pixels("--width", "Width of the picture.")] = 960,
     height: Annotated[int, pixels("--height", "Height of the picture.")] = 720,
     min_opacity: Annotated[
@@ -39,7 +41,7 @@ def preview(
     """
     from gsedit.errors import UsageError
 
-    check_axis(up)
+    axis, target, stand = up_vector(up), point(look_at, "--look-at"), point(eye, "--from")
     if out is not None:
         if out.suffix.lower() != ".png":
             raise UsageError(f"-o {out}: name a .png file")
@@ -47,13 +49,15 @@ def preview(
     common.apply()
 
     from gsedit.viewer.preview import preview as show
+    from gsedit.views.framing import framing_camera
     from gsedit.views.viewpoints import framed
 
     gaussians = load_scene(scene, drop_invalid=drop_invalid)
-    camera = None
-    if up is None and (recorded := recorded_viewpoints(scene, gaussians, max(width, height))):
+    size, camera = (width, height), None
+    if target is not None or stand is not None:
+        camera = framing_camera(gaussians, up=axis, eye=stand, target=target, size=size)
+    elif axis is None and (recorded := recorded_viewpoints(scene, gaussians, max(size))):
         camera = framed(recorded[0].camera, width, height)
-    axis, size = up_vector(up), (width, height)
     show(
         gaussians, out, camera=camera, up=axis, size=size, min_opacity=min_opacity, overwrite=force
     )

@@ -12,6 +12,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from gsedit.errors import UsageError
 from gsedit.views.framing import guess_up
 from gsedit.views.orbit import perpendicular
 from gsedit.views.panorama import BLURRED, draw_sample
@@ -76,9 +77,11 @@ def find_views(
     """At most `count` views of `size`^2 pixels from where a scene looks as if it was captured.
 
     They differ, are level, and show well what good views show, once or more. The same scene gives
-    the same views.
+    the same views. Raises UsageError for an eye that is the point to look at.
     """
     generator, wish = torch.Generator().manual_seed(0), wish or Wish()
+    if wish.eye is not None and wish.look_at is not None and not (wish.eye - wish.look_at).any():
+        raise UsageError(f"views cannot stand at {wish.eye.tolist()} and look at it: move one")
     scene = scene.detach()
     places = find_places(draw_sample(scene, generator), wish, generator)
     judged = _judged(scene, places, count, wish, generator, execution)

@@ -102,12 +102,18 @@ def up_vector(axis: str) -> Float[Tensor, "3"]:
 
 
 def framing_camera(
-    scene: Gaussians, *, up: Float[Tensor, "3"] | None = None, size: tuple[int, int] = (960, 720)
+    scene: Gaussians,
+    *,
+    up: Float[Tensor, "3"] | None = None,
+    eye: Float[Tensor, "3"] | None = None,
+    target: Float[Tensor, "3"] | None = None,
+    size: tuple[int, int] = (960, 720),
 ) -> Camera:
     """A camera that shows the bulk of a scene from a little above; `size` is (width, height).
 
-    The ball of `bounds` fills the picture; `up` is a unit vector, guessed if None. Raises
-    UsageError for an empty scene.
+    The ball of `bounds` fills the picture; `up` is a unit vector, guessed if None. `target` stands
+    for the middle of the ball, and `eye` is where the camera stands. Raises UsageError for an empty
+    scene, or an eye that is the target.
     """
     width, height = size
     bulk = bounds(scene)
@@ -119,6 +125,8 @@ def framing_camera(
     fov_y = 50.0
     narrower = radians(fov_y) / 2 * min(1.0, width / height)
     distance = bulk.radius / sin(narrower)
-    centre = torch.tensor(bulk.centre, dtype=torch.float64)
-    eye = centre + distance * direction / direction.norm()
+    centre = torch.tensor(bulk.centre, dtype=torch.float64) if target is None else target
+    eye = centre + distance * direction / direction.norm() if eye is None else eye
+    if torch.equal(eye, centre):
+        raise UsageError(f"the camera stands where it looks, at {eye.tolist()}: move one of them")
     return look_at(eye, centre, up, fov_y, width, height)

@@ -67,3 +67,14 @@ def test_a_wrong_axis_is_refused(axis):
 def test_an_empty_scene_has_no_frame():
     with pytest.raises(UsageError, match="no Gaussians"):
         framing.framing_camera(ball()[:0])
+
+
+def test_the_framing_camera_stands_and_looks_where_it_is_told():
+    eye, target = torch.tensor([3.0, 1, 1]).double(), torch.tensor([0.0, 0.2, 0]).double()
+    up = framing.up_vector("z")
+    camera = framing.framing_camera(ball(), up=up, eye=eye, target=target, size=(64, 48))
+    assert torch.allclose(camera.centre, eye)
+    aim, _ = camera.project(target)
+    assert torch.allclose(aim, torch.tensor([32.0, 24.0]).double())
+    with pytest.raises(UsageError, match="stands where it looks"):
+        framing.framing_camera(ball(), up=up, eye=eye, target=eye)
