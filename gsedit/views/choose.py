@@ -14,7 +14,7 @@ from torch import Tensor
 
 from gsedit.errors import UsageError
 from gsedit.views.framing import guess_up
-from gsedit.views.orbit import perpendicular
+from gsedit.views.orbit import orbit, perpendicular
 from gsedit.views.panorama import BLURRED, draw_sample
 from gsedit.views.plan import SEEN
 from gsedit.views.search import BLUR, FOV, OPAQUE, Places, Wish, cones, find_places, look, sphere
@@ -34,6 +34,9 @@ DIRECTIONS = 120
 """Evenly spread ones in which the panoramas are searched: 20 degrees apart."""
 SPREAD = 4.0
 """Weight of the spread of depths in the score of a render (OPAQUE, BLUR: gsedit.views.search)."""
+SURROUNDED = 0.5
+"""Least share of all directions that are opaque from the places of a capture with surroundings: an
+object alone hides at most half of them from a place outside it."""
 ADMITTED = 1.0
 """A view is admitted whose score is at most this far below the best one's."""
 
@@ -76,14 +79,17 @@ def find_views(
 ) -> tuple[Camera, ...]:
     """At most `count` views of `size`^2 pixels from where a scene looks as if it was captured.
 
-    They differ, are level, and show well what good views show, once or more. The same scene gives
-    the same views. Raises UsageError for an eye that is the point to look at.
+    They differ, are level, and show well what good views show, once or more; around an object
+    without surroundings they are an `orbit`. The same scene gives the same views. Raises UsageError
+    for an eye that is the point to look at.
     """
     generator, wish = torch.Generator().manual_seed(0), wish or Wish()
     if wish.eye is not None and wish.look_at is not None and not (wish.eye - wish.look_at).any():
         raise UsageError(f"views cannot stand at {wish.eye.tolist()} and look at it: move one")
     scene = scene.detach()
     places = find_places(draw_sample(scene, generator), wish, generator)
+    if wish.eye is None and wish.look_at is None and places.enclosed < SURROUNDED:
+        return orbit(scene, count, size, up=wish.up)
     judged = _judged(scene, places, count, wish, generator, execution)
     up = _up(scene, judged) if wish.up is None else wish.up
     chosen = [upright(judged[i].camera, up) for i in cover(judged, count)]

@@ -47,6 +47,11 @@ class Places:
     points: Float[Tensor, "p 3"]
     views: list[Panorama]
 
+    @property
+    def enclosed(self) -> float:
+        """The share of all directions that is opaque, the median over the places."""
+        return float(torch.stack([view.weight.sum() for view in self.views]).median()) / (4 * pi)
+
 
 def propose(sample: Sample, count: int, generator: torch.Generator) -> Float[Tensor, "p 3"]:
     """Places where a camera may have stood: a third each around the scene, between two of its

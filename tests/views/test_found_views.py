@@ -85,6 +85,15 @@ def test_wishes_are_kept(few):
         assert float((camera.centre.float() - eye).norm()) < 2
 
 
+def test_an_object_alone_is_seen_from_around_it(few):
+    g = torch.Generator().manual_seed(3)
+    ball = torch.nn.functional.normalize(torch.randn(900, 3, generator=g), dim=-1)
+    ball = ball * torch.rand(900, 1, generator=g) ** (1 / 3)  # hollow, it would be a room
+    cameras = find_views(splats(ball, torch.full_like(ball, 0.08)), 4, 32)
+    assert all(camera.centre.norm() > 1.5 for camera in cameras)
+    assert float(torch.stack([c.centre for c in cameras]).mean(0).norm()) < 1.5
+
+
 def test_the_same_scene_gives_the_same_views(few):
     scene, wish = room(0.3), Wish(eye=torch.zeros(3))
     a, b = (find_views(scene, 3, 32, wish=wish) for _ in range(2))
