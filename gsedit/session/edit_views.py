@@ -23,12 +23,16 @@ from gsedit.views.dataset import View
 from gsedit.views.guided import carry_change
 from gsedit.views.image_ops import downscale
 from gsedit.views.padding import pad_camera, pad_to_multiple
+from gsedit.views.plan import view_overlap
 from rasterizer.camera import Camera
 
 WEAK_MATCH = 0.05
 """Below this fraction of matched cells a pair of views has little to agree on: worth a warning."""
 ANCHORS = 4
 """Most finished views that the next batch is tied to. They cost comparisons, no network call."""
+ANCHOR_OVERLAP = 0.3
+"""Least overlap of a further anchor with the new views: below it few cells match (0.12 of them on
+the bear), and a view's cells are compared for nothing."""
 
 
 def edit_views(
@@ -185,11 +189,16 @@ def _fitted(image: Float[Tensor, "h w 3"], camera: Camera) -> Float[Tensor, "y x
 def _anchors(
     weights: Float[Tensor, "v n"], batch: Sequence[int], targets: Mapping[int, View]
 ) -> tuple[int, ...]:
-    """The finished views that see most of what the new ones see: they tie the rounds together."""
-    shared = weights[list(batch)].sum(0)
+    """The finished views that the new ones overlap with, the most first: they tie the rounds.
+
+    Always the best-tied one; others where their overlap is at least `ANCHOR_OVERLAP` on average.
+    """
     finished = [i for i in targets if i not in batch]
-    common = {i: float(torch.minimum(weights[i], shared).sum()) for i in finished}
-    return tuple(sorted(common, key=lambda i: -common[i]))
+    if not finished:
+        return ()
+    common = view_overlap(weights[finished], weights[list(batch)]).mean(1)
+    order = common.argsort(descending=True, stable=True).tolist()
+    return tuple(finished[i] for i in order if i == order[0] or common[i] >= ANCHOR_OVERLAP)
 
 
 def _named_pairs(matches: Correspondences, names: Sequence[str]) -> list[tuple[str, str, float]]:

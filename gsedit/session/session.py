@@ -21,6 +21,7 @@ from gsedit.reports.stopwatch import Stopwatch
 from gsedit.session.settings import EditSettings
 from gsedit.views.dataset import View
 from gsedit.views.plan import ViewPlan, plan_views, survey
+from gsedit.views.subject import wholeness
 from rasterizer.camera import Camera
 from rasterizer.numerics import Execution
 from rasterizer.render import Rendering, render
@@ -175,13 +176,21 @@ def survey_views(request: Request, stopwatch: Stopwatch) -> Generator[Event, Non
     settings, views = request.settings, request.views
     yield Event("survey", stopwatch.seconds, note=f"{len(views)} views")
     with stopwatch.stage("survey"):
-        weights = survey(request.scene, [v.camera for v in views], settings.execution)
+        cameras = [view.camera for view in views]
+        weights = survey(request.scene, cameras, settings.execution)
         if not weights.any():
             raise UsageError(
                 "no camera sees any of the scene: are both in the same frame? "
                 "Leave out --data to have cameras placed around the scene"
             )
-        plan = plan_views(weights, settings.views_per_round, settings.rounds, settings.coverage)
+        plan = plan_views(
+            weights,
+            settings.views_per_round,
+            settings.rounds,
+            settings.coverage,
+            overlap=settings.overlap,
+            whole=wholeness(request.scene.means, cameras, weights),
+        )
         draw = partial(rendering_of, request.scene, execution=settings.execution)
         needed = {i: views[i] for i in plan.views} | dict(enumerate(request.held_out, len(views)))
         renderings = {i: draw(view.camera) for i, view in needed.items()}

@@ -24,12 +24,16 @@ class EditSettings:
     """How the 2D editor samples."""
     update: UpdateSettings = field(default_factory=UpdateSettings)
     """How the scene is fitted to the edited views."""
-    views_per_round: int = field(default=4, metadata={"flag": "--views"})
+    views_per_round: int = field(default=3, metadata={"flag": "--views"})
     """Views that are edited together in a round."""
-    rounds: int = 2
+    rounds: int = 4
     """Rounds at most."""
     coverage: float = 0.95
     """Stop after the round that covers this share of what the camera set sees, in (0, 1]."""
+    overlap: float = 0.5
+    """How much of what a view shows the other views of its round should show as well, on average,
+    in [0, 1]: with more of it the views agree better, and more rounds are needed to cover as
+    much."""
     geometry: Literal["appearance", "full"] = "appearance"
     """What of the scene moves: colours and opacities only, or positions and shapes too."""
     condition: Literal["render", "photo"] = "render"
@@ -61,3 +65,5 @@ class EditSettings:
                 f"the edit size is {self.edit_size} pixels: give {SMALLEST_EDIT} or more, or leave "
                 "it out for the size that suits the editor"
             )
+        if not 0 <= self.overlap <= 1:
+            raise UsageError(f"overlap {self.overlap} is not in [0, 1]")

@@ -19,8 +19,8 @@ class SinglePass:
     Raises UsageError for fewer than one step.
     """
 
-    update_steps: int = 200
-    """Fitting steps after each batch (N_SU of the paper)."""
+    update_steps: int = 100
+    """Fitting steps after each batch (N_SU of the paper, which has 200)."""
 
     def __post_init__(self) -> None:
         if self.update_steps < 1:

@@ -19,8 +19,8 @@ from gsedit.strategies.single_pass import SinglePass
 
 FLAGS = (
     "--steps --guidance --image-guidance --temperature --consensus --solver --memory --precision "
-    "--update-steps --patches --patch --gram-weight --views --rounds --coverage --geometry "
-    "--condition --compile"
+    "--update-steps --patches --patch --gram-weight --views --rounds --coverage --overlap "
+    "--geometry --condition --compile"
 )
 
 
@@ -124,7 +124,7 @@ def test_a_strategy_in_a_new_file_is_a_choice_with_its_options(monkeypatch, anot
     assert "--strategy <single-pass|throw-away>" in text
     assert "throw-away: Edit nothing, slowly." in text
     assert "--pace <float> throw-away: Seconds of waiting. [default: 2]" in text
-    shared = "[default: 200] throw-away: Steps after it. [default: 3]"
+    shared = f"[default: {SinglePass().update_steps}] throw-away: Steps after it. [default: 3]"
     assert shared in text
     _, strategy = resolve("default", {("strategy",): "throw-away", ("strategy", "pace"): 0.5})
     assert strategy == another_strategy(pace=0.5)
