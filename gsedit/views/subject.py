@@ -12,6 +12,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from gsedit.views.plan import SAMPLE
 from rasterizer.camera import Camera
 
 FOCUS = 4
@@ -38,6 +39,8 @@ def wholeness(
     no common point of the optical axes: where all cameras see the same (a forward-facing capture)
     every view has about 1; where they look apart (a room: `COMMON`) the widest have most.
     """
+    step = 1 + len(means) // SAMPLE
+    means, weights = means[::step], weights[:, ::step]
     framed = torch.stack([_framed(means, camera) for camera in cameras]).to(weights)
     share = framed.mean(0)
     most = float(share.max())
