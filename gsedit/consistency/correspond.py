@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import sqrt
+from math import cos, radians
 from typing import NamedTuple
 
 import torch
@@ -21,8 +21,8 @@ from gsedit.consistency.depth_maps import (
     DEFAULT_RULES,
     Visibility,
     clip_to_picture,
+    fit_planes,
     has_depth,
-    roughness,
     surface_at,
 )
 from gsedit.errors import UsageError
@@ -59,7 +59,7 @@ class Pairs(NamedTuple):
     b: Int[Tensor, " m"]
     """Row-major cell index in view b; each occurs once."""
     error: Float[Tensor, " m"]
-    """Round trip in cells: the larger of the two directions' displacements along either axis."""
+    """Cells, along either axis: how far the centre of either cell lands from the other's."""
 
 
 @torch.no_grad()  # which cells belong together is an integer question
@@ -73,7 +73,7 @@ def correspond(
 ) -> Correspondences:
     """Clusters of corresponding cells of all views.
 
-    The mutual pairs of all v (v - 1) / 2 pairs of views are merged by union-find, best round trip
+    The mutual pairs of all v (v - 1) / 2 pairs of views are merged by union-find, smallest error
     first; a merge that would put two cells of one view into a cluster is refused. Raises UsageError
     when the pictures do not divide into cells or are not their cameras'.
     """
@@ -125,6 +125,8 @@ class _CellSurfaces(NamedTuple):
     """Cell centres, pixels."""
     z: Float[Tensor, " n"]
     """Depth at the cell centres; 1 where not solid."""
+    slope: Float[Tensor, "n 2"]
+    """Of 1 / depth along x and y, a pixel: the tilt of the surface."""
     solid: Bool[Tensor, " n"]
     """One opaque surface fills the cell."""
 
@@ -146,11 +148,13 @@ def _cell_surfaces(
     depth = depth.double()
     opaque = (alpha > rules.min_alpha) & has_depth(depth)
     solid = opaque.reshape(rows, cell, columns, cell).all(3).all(1)
-    solid &= roughness(torch.where(opaque, 1 / depth, 0.0), cell) <= rules.silhouette
+    slope, spread = fit_planes(torch.where(opaque, 1 / depth, 0.0), cell)
+    solid &= spread <= rules.silhouette
     grid = replace(camera, width=columns, height=rows)
     xy = grid.pixel_centres().reshape(-1, 2) * cell
     z, smooth = surface_at(depth, alpha, xy, rules)
-    return _CellSurfaces(camera, depth, alpha, cell, xy, z, solid.reshape(-1) & smooth)
+    solid = solid.reshape(-1) & smooth
+    return _CellSurfaces(camera, depth, alpha, cell, xy, z, slope.reshape(-1, 2), solid)
 
 
 def _mutual(a: _CellSurfaces, b: _CellSurfaces, rules: Visibility) -> Pairs:
@@ -159,7 +163,7 @@ def _mutual(a: _CellSurfaces, b: _CellSurfaces, rules: Visibility) -> Pairs:
     back, error_back, good_back = _carry(b, a, rules)
     own = torch.arange(len(there))
     error = torch.maximum(error_there, error_back[there])
-    mutual = (back[there] == own) & good_there & good_back[there] & (error <= rules.round_trip)
+    mutual = (back[there] == own) & good_there & good_back[there]
     return Pairs(own[mutual], there[mutual], error[mutual])
 
 
@@ -167,22 +171,41 @@ def _carry(
     a: _CellSurfaces, b: _CellSurfaces, rules: Visibility
 ) -> tuple[Int[Tensor, " n"], Float[Tensor, " n"], Bool[Tensor, " n"]]:
     """For each cell of a: nearest cell of b, displacement from its centre in cells, acceptable."""
-    xy, z = b.camera.project(a.camera.unproject(a.xy, a.z))
+    points = a.camera.unproject(a.xy, a.z)
+    xy, z = b.camera.project(points)
     xy, inside = clip_to_picture(xy, z, b.camera)
     column, row = (xy / b.cell).long().unbind(-1)
     index = row * (b.camera.width // b.cell) + column
     depth, smooth = surface_at(b.depth, b.alpha, xy, rules)
     agrees = (z - depth).abs() <= rules.depth_agreement * depth
-    scale = (z / _focal(b.camera)) / (a.z / _focal(a.camera))
-    alike = (scale <= rules.footprint) & (scale >= 1 / rules.footprint)
+    returned, _ = a.camera.project(b.camera.unproject(xy, depth))
+    agrees &= (returned - a.xy).norm(dim=-1) <= rules.round_trip * a.cell
+    rays = [points - camera.centre.to(points) for camera in (a.camera, b.camera)]
+    agrees &= torch.cosine_similarity(*rays, dim=-1) >= cos(radians(rules.angle))
+    small, large = _stretch(a, b)
+    alike = (large <= rules.footprint) & (small >= 1 / rules.footprint)
     displacement = (xy - b.xy[index]).abs().amax(-1) / b.cell
     good = a.solid & inside & b.solid[index] & smooth & agrees & alike
     return index, displacement, good
 
 
-def _focal(camera: Camera) -> float:
-    """Pixels; a cell's side in the world is proportional to z / focal."""
-    return sqrt(camera.fx * camera.fy)
+def _stretch(a: _CellSurfaces, b: _CellSurfaces) -> tuple[Float[Tensor, " n"], Float[Tensor, " n"]]:
+    """(smallest, largest) length in b, in cells, of a line across a cell of a, on its plane.
+
+    The singular values of the map between the pictures; the smallest is negative where b would see
+    the surface from behind.
+    """
+    ends = []
+    for step in a.xy.new_tensor(((0.5, 0.0), (0.0, 0.5))) * a.cell:
+        there = [
+            b.camera.project(a.camera.unproject(a.xy + side, 1 / (1 / a.z + a.slope @ side)))[0]
+            for side in (step, -step)
+        ]
+        ends.append((there[0] - there[1]) / b.cell)
+    (xx, xy), (yx, yy) = (end.unbind(-1) for end in ends)
+    square, area = xx**2 + xy**2 + yx**2 + yy**2, xx * yy - xy * yx
+    total, rest = ((square + side * 2 * area).clamp_min(0).sqrt() for side in (1, -1))
+    return (total - rest) / 2, (total + rest) / 2
 
 
 def _grid(depths: Float[Tensor, "v h w"], cell: int) -> tuple[int, int]:

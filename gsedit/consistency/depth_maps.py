@@ -24,14 +24,19 @@ class Visibility:
     depth_agreement: float = 0.01
     """Largest |z - depth_b| / depth_b: beyond it something else stands in front (occlusion)."""
     round_trip: float = 0.5
-    """Largest displacement there and back, in cells along either axis: the point stays in its
-    cell. Nearest-cell rounding alone reaches 0.5, so less would leave periodic holes."""
+    """Largest distance, in cells, from a cell's centre to where it returns: carried to the other
+    view by its own depth, and back by the other's. The same error of depth matters more the
+    farther apart the cameras are, and this is what it amounts to in the picture."""
     silhouette: float = 0.05
     """Largest relative spread of 1 / depth in a cell about its best plane (a step keeps its whole
     height, a slope has none), and of depth between neighbours: beyond it there are two surfaces."""
     footprint: float = 2.0
-    """Largest ratio, either way, of the sizes in the world of the two cells: beyond it one cell
-    holds several of the other, and one value cannot stand for all."""
+    """Largest stretch of a cell, either way and along any direction, from the one picture to the
+    other, by distance and by the surface's slant: beyond it one cell holds several of the other,
+    and one value cannot stand for all."""
+    angle: float = 60.0
+    """Degrees, the largest angle between the two lines of sight at the surface: beyond it captured
+    surfaces look different (shine, relief that hides parts of itself), and depth is less exact."""
 
 
 DEFAULT_RULES = Visibility()
@@ -66,8 +71,11 @@ def surface_at(
     return 1 / inverse, smooth
 
 
-def roughness(inverse: Float[Tensor, "h w"], cell: int) -> Float[Tensor, "y x"]:
-    """Spread of 1 / depth in each cell about its least-squares plane, over its mean."""
+def fit_planes(
+    inverse: Float[Tensor, "h w"], cell: int
+) -> tuple[Float[Tensor, "y x 2"], Float[Tensor, "y x"]]:
+    """The least-squares plane of 1 / depth in each cell: (its slope along x and y, a pixel; the
+    spread of 1 / depth about it, over the mean)."""
     height, width = inverse.shape
     blocks = inverse.reshape(height // cell, cell, width // cell, cell).movedim(1, 2)
     x = torch.arange(cell, dtype=inverse.dtype) - (cell - 1) / 2  # orthogonal to 1, and to y
@@ -77,7 +85,8 @@ def roughness(inverse: Float[Tensor, "h w"], cell: int) -> Float[Tensor, "y x"]:
         for basis, size in ((torch.ones(()), cell**2), (x, norm), (y, norm))
     )
     rest = blocks - along_x * x - along_y * y
-    return (rest.amax((2, 3)) - rest.amin((2, 3))) / mean[..., 0, 0]
+    slope = torch.cat((along_x, along_y), 2)[..., 0]
+    return slope, (rest.amax((2, 3)) - rest.amin((2, 3))) / mean[..., 0, 0]
 
 
 def clip_to_picture(

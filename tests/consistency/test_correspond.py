@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from itertools import combinations
 
@@ -145,9 +146,46 @@ def test_each_rule_refuses_what_it_is_for():
     far, near = (seen(c, plane_depth(c, FRONTAL)) for c in (camera(0.0), closer))
     assert len(match(*far, *near, cell=CELL).a) == 0
     assert len(match(*far, *near, cell=CELL, rules=Visibility(footprint=3.0)).a) > 20
-    strict = match(*seen(a), *seen(b), cell=CELL, rules=Visibility(round_trip=0.2))
-    assert 0 < len(strict.a) < plain
-    assert strict.error.max() <= 0.2
+
+
+def test_the_round_trip_is_the_error_of_depth_as_it_shows_in_the_picture():
+    """Depth that is wrong by 0.8 % passes for agreement; 44 degrees apart it is a pixel."""
+    a, b = camera(-1.6), camera(1.6)
+    wrong = (b, 1.008 * plane_depth(b, FRONTAL), torch.ones(128, 128))
+    right = seen(a, plane_depth(a, FRONTAL))
+    assert len(match(*right, *wrong, cell=CELL).a) > 100  # an eighth of a cell
+    assert len(match(*right, *wrong, cell=1).a) == 0  # a whole one
+    loose = match(*right, *wrong, cell=1, rules=Visibility(round_trip=2.0))
+    assert len(loose.a) > 100  # few are mutual
+
+
+def round_the_wall(degrees):
+    """A camera at distance 4 from the middle of the frontal wall, `degrees` from its normal."""
+    angle = math.radians(degrees)
+    origin = torch.tensor([4 * math.sin(angle), 0.0, 4 - 4 * math.cos(angle)])
+    view = look_at(origin, torch.tensor([0.0, 0.0, 4.0]), UP, 20.0, 128, 128)
+    return seen(view, plane_depth(view, FRONTAL))
+
+
+def test_a_slanted_cell_holds_several_frontal_ones():
+    frontal, slanted = round_the_wall(0), round_the_wall(75)  # cos 75 = 0.26
+    wide = Visibility(angle=90.0)
+    assert len(match(*frontal, *slanted, cell=CELL, rules=wide).a) == 0
+    assert len(match(*slanted, *frontal, cell=CELL, rules=wide).a) == 0
+    assert len(match(*frontal, *slanted, cell=CELL, rules=replace(wide, footprint=6.0)).a) > 20
+    assert len(match(*frontal, *round_the_wall(50), cell=CELL).a) > 100  # cos 50 = 0.64
+
+
+def test_views_from_far_apart_do_not_match_though_no_cell_is_stretched():
+    left, right = round_the_wall(-35), round_the_wall(35)
+    assert len(match(*left, *right, cell=CELL).a) == 0
+    assert len(match(*left, *right, cell=CELL, rules=Visibility(angle=80.0)).a) > 50
+    assert len(match(*round_the_wall(-25), *round_the_wall(25), cell=CELL).a) > 100
+
+
+def test_a_wall_seen_from_behind_does_not_match():
+    front, back = round_the_wall(50), round_the_wall(130)
+    assert len(match(*front, *back, cell=CELL, rules=Visibility(angle=180.0)).a) == 0
 
 
 def test_a_silhouette_cell_is_never_matched():
