@@ -69,12 +69,11 @@ def run(scene, data, editor, **settings):
 def test_the_editor_is_given_small_pictures_and_the_targets_are_large(scene, data):
     editor = Swapped(best_size=36)
     *items, result = run(scene, data, editor)
-    assert [tuple(batch.images.shape) for batch in editor.batches] == [
-        (2, 24, 36, 3),
-        (4, 24, 36, 3),
-    ]
-    assert editor.batches[1].correspondences.labels.shape == (4, 6, 9)
-    assert editor.batches[1].anchored.tolist() == [False, False, True, True]
+    assert len(editor.batches) > 1
+    for batch in editor.batches:
+        assert batch.images.shape[1:] == batch.originals.shape[1:] == (24, 36, 3)
+        assert batch.correspondences.labels.shape == (len(batch.images), 6, 9)
+    assert editor.batches[1].anchored.any()
     for original, target in zip(result.originals, result.targets):
         assert target.image.shape == (48, 72, 3)
         assert psnr(target.image, original.image.flip(-1)) > 30
