@@ -63,7 +63,12 @@ def test_bad_input_is_one_line_3_and_nothing_written(bad: BadFile, tmp_path):
 
 @pytest.mark.parametrize(
     ("instruction", "editor"),
-    [("", "small"), ("  ", "small"), ("snow " * 25, "small"), ("blorp the zizzle", "closed-form")],
+    [
+        ("", "small"),
+        ("  ", "small"),
+        ("give it a hat", "small"),
+        ("blorp the zizzle", "closed-form"),
+    ],
 )
 def test_an_instruction_nobody_can_follow_is_2(scene, tmp_path, instruction, editor):
     result = gsedit("edit", scene, instruction, "-o", tmp_path / "out", "--editor", editor)

