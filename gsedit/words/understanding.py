@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from difflib import get_close_matches
 
 from gsedit.words.looks import LOOKS, Look, Scope
 
@@ -55,10 +56,21 @@ class Understanding:
 def not_understood(editor: str, prompt: str, nearest: Understanding) -> str:
     """Why an editor that knows only these looks refuses an instruction, and what to do instead."""
     guess = f"{nearest} ({nearest.looks[0].score:.2f})"
+    spelling = _spelling(prompt)
+    did_you_mean = f"Did you mean {spelling!r}? " if spelling else ""
     return (
-        f"{prompt.strip()!r} asks for no look that {editor} knows; the nearest is {guess}. It "
-        "changes material, colour, weather, season, light and style (see gsedit looks); it cannot "
-        "add, remove, move or reshape anything. Say it in other words, add --guess for the nearest "
-        "look, or use an editor that follows any sentence: --editor pix2pix --model FOLDER, or "
-        "--editor command --run PROGRAM"
+        f"{prompt.strip()!r} asks for no look that {editor} knows; the nearest is {guess}. "
+        f"{did_you_mean}{editor} changes material, colour, weather, season, light and style (see "
+        "gsedit looks); it cannot add, remove, move or reshape anything. Say it in other words, "
+        "add --guess for the nearest look, or use an editor that follows any sentence: "
+        "--editor pix2pix --model FOLDER, or --editor command --run PROGRAM"
     )
+
+
+def _spelling(prompt: str) -> str | None:
+    """The look whose name a word of the prompt nearly is; None if there is none."""
+    for word in prompt.lower().split():
+        # 0.8: one letter wrong or missing in a name of five
+        for name in get_close_matches(word, LOOKS, n=1, cutoff=0.8):
+            return name
+    return None
