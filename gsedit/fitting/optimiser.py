@@ -8,11 +8,15 @@ import torch
 from jaxtyping import Bool, Int
 from torch import Tensor
 
+from rasterizer.numerics import SH_DC
 from rasterizer.scene import Gaussians
 
 SH_REST = 1 / 20
 """View-dependent colour learns this much slower than base colour (Kerbl et al. 2023): it is where
 contradictions between views would hide. A rate of its own: Adam does not feel a scaled gradient."""
+
+LOWEST_COLOUR = 1 / 255
+"""Of a Gaussian that is to be fitted: one step of an 8-bit picture, above the clamp at 0."""
 
 
 class SceneOptimiser:
@@ -65,6 +69,19 @@ class SceneOptimiser:
                 leaf.grad[~only] = 0
         self._adam.step()
         self._adam.zero_grad(set_to_none=True)
+
+    @torch.no_grad()
+    def raise_negative_colours(self, only: Bool[Tensor, " n"]) -> None:
+        """Raise base colours that are below 1/255 to it, in the rows `only`.
+
+        A renderer clamps negative colours to 0, where they have no gradient: a leaf whose blue is
+        negative would stay yellow whatever the pictures show. Captured scenes have many (10 % of
+        the bear's Gaussians in blue). Does nothing where colours do not move.
+        """
+        base = self._leaves.get("sh")
+        if base is not None:
+            lowest = (LOWEST_COLOUR - 0.5) / SH_DC
+            base.copy_(torch.where(only[:, None, None], base.clamp_min(lowest), base))
 
     def replace(
         self, scene: Gaussians, origin: Int[Tensor, " n"], fresh: Bool[Tensor, " n"]

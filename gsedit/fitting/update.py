@@ -15,6 +15,7 @@ from gsedit.measures.features import FeatureExtractor
 from gsedit.measures.losses import edit_loss
 from gsedit.views.dataset import View
 from gsedit.views.image_ops import downscale
+from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.project import Box
 from rasterizer.render import render
@@ -58,9 +59,11 @@ def update_steps(
 ) -> Iterator[float]:
     """Fit the scene to random patches of the edited views; yields the loss of every step.
 
-    Only the Gaussians that are `seen` move. The learning rates fall linearly over the `steps`. Of
-    large targets, the first steps use smaller copies.
+    Only the Gaussians that are `seen` move; their negative base colours are raised first. The
+    learning rates fall linearly over the `steps`. Of large targets, the first steps use smaller
+    copies.
     """
+    optimiser.raise_negative_colours(seen)
     small = [coarse(view) for view in targets]
     for step in range(steps):
         scene = optimiser.scene
@@ -101,10 +104,25 @@ def _patch(targets: Sequence[View], side: int, generator: torch.Generator) -> tu
     """A random crop of a random view; the whole side where the picture is smaller."""
     view = targets[int(torch.randint(len(targets), (), generator=generator))]
     smallest = min(min(v.camera.width, v.camera.height) for v in targets)
-    side = min(side, smallest)
-    left = int(torch.randint(view.camera.width - side + 1, (), generator=generator))
-    top = int(torch.randint(view.camera.height - side + 1, (), generator=generator))
-    return view, (left, top, side, side)
+    return view, random_crop(view.camera, min(side, smallest), generator)
+
+
+def random_crop(camera: Camera, side: int, generator: torch.Generator) -> Box:
+    """A square of `side` pixels inside the picture: (left, top, width, height).
+
+    Corners are drawn up to half a crop outside and moved in, so that a pixel at a border is in half
+    as many crops as one in the middle. Drawn inside only, a picture's outermost row would be in one
+    crop where others are in `side`, and the borders of the edited views would keep their colours.
+    """
+    left = _corner(camera.width - side, side, generator)
+    top = _corner(camera.height - side, side, generator)
+    return left, top, side, side
+
+
+def _corner(last: int, side: int, generator: torch.Generator) -> int:
+    """Where a crop begins along one axis, from 0 to `last`."""
+    drawn = int(torch.randint(-(side // 2), last + side // 2 + 1, (), generator=generator))
+    return min(max(drawn, 0), last)
 
 
 def _cut(image: Float[Tensor, "h w 3"], box: Box) -> Float[Tensor, "y x 3"]:

@@ -1,0 +1,31 @@
+"""Crops of the edited views reach their borders."""
+
+from __future__ import annotations
+
+import torch
+
+from gsedit.fitting.update import random_crop
+from gsedit.synthetic import demo_scene, ring_cameras
+
+
+def camera(width, height):
+    return ring_cameras(demo_scene(), 1, 64)[0].resized(width, height)
+
+
+def test_the_borders_of_a_picture_are_in_a_third_as_many_crops_as_its_middle_or_more():
+    generator, wide = torch.Generator().manual_seed(0), camera(256, 128)
+    counts = torch.zeros(128, 256)
+    for _ in range(4000):
+        left, top, width, height = random_crop(wide, 64, generator)
+        assert width == height == 64
+        assert 0 <= left <= 256 - 64
+        assert 0 <= top <= 128 - 64
+        counts[top : top + 64, left : left + 64] += 1
+    columns, rows = counts.mean(0), counts.mean(1)
+    assert min(columns[0], columns[-1]) >= columns[128] / 3
+    assert min(rows[0], rows[-1]) >= rows[64] / 3
+
+
+def test_a_crop_as_large_as_the_picture_is_the_picture():
+    generator = torch.Generator().manual_seed(0)
+    assert all(random_crop(camera(64, 64), 64, generator) == (0, 0, 64, 64) for _ in range(20))
