@@ -150,10 +150,9 @@ def find_region(
     editor predicts no subject, where the region is empty, or for a text that names no region;
     InputError for a file that does not fit.
     """
-    views, held_out = (dataset or around(scene)).split()
+    views, held_out = _parts(dataset or around(scene, execution=execution))
     editor = editor or make_editor()
-    both = (views, held_out) if views else (held_out, ())
-    found = regions.find_region(region, scene.detach(), *both, editor, prompt, execution)
+    found = regions.find_region(region, scene.detach(), views, held_out, editor, prompt, execution)
     if found is None:
         raise UsageError(
             f"the {editor.name} editor does not say where its subject is before it edits: "
@@ -163,11 +162,16 @@ def find_region(
 
 
 def _split(dataset: Dataset) -> tuple[tuple[View, ...], tuple[View, ...]]:
-    """(views that may be edited, views that are only measured at)."""
+    """(views that may be edited, views that are only measured at). Raises UsageError."""
     sizes = {(v.camera.width, v.camera.height) for v in dataset.views}
     if len(sizes) != 1:
         listed = ", ".join(f"{w}x{h}" for w, h in sorted(sizes)) or "none"
         raise UsageError(f"views must have one size to be edited together, these have {listed}")
+    return _parts(dataset)
+
+
+def _parts(dataset: Dataset) -> tuple[tuple[View, ...], tuple[View, ...]]:
+    """The dataset's split; of a single view, which would be held out, that one to be edited."""
     views, held_out = dataset.split()
     return (views, held_out) if views else (held_out, ())
 

@@ -63,8 +63,9 @@ def edit_views(
     edited.answers |= dict(zip(batch, images))
     with stopwatch.stage("region"):
         yield from vote_region(session, step, steps)
-        for i, answer in edited.answers.items():
-            edited.targets[i] = replace(session.views[i], image=session.within_region(i, answer))
+        for i in edited.answers if edited.voted else batch:  # a vote changes the earlier ones too
+            image = session.within_region(i, edited.answers[i])
+            edited.targets[i] = replace(session.views[i], image=image)
     _find_ground_truth(session)
 
 

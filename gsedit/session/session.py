@@ -90,6 +90,8 @@ class Session:
     stopwatch: Stopwatch
     noise_seed: int
     """Of the noise that all batches share."""
+    small_renderings: dict[int, Rendering] = field(default_factory=dict)
+    """Of the unedited scene at the size at which views are edited, where it is not their own."""
 
     @property
     def settings(self) -> EditSettings:
@@ -158,7 +160,10 @@ class Session:
         camera = self.edit_camera(i)
         if camera is self.views[i].camera:
             return self.unedited_rendering(i)
-        return rendering_of(self.request.scene, camera, self.settings.execution)
+        if i not in self.small_renderings:
+            rendering = rendering_of(self.request.scene, camera, self.settings.execution)
+            self.small_renderings[i] = rendering
+        return self.small_renderings[i]
 
     def unedited_image(self, i: int) -> Float[Tensor, "h w 3"]:
         """What the editor is shown as the unedited picture of view i, in [0, 1]."""

@@ -140,7 +140,7 @@ def pick(views: Candidates, count: int) -> list[int]:
 @torch.no_grad()
 def judge(scene: Gaussians, camera: Camera, execution: Execution = AUTO) -> Judged:
     """The score of a view from a small render: as in `look`, less the spread of depths in rays."""
-    radius = scene.log_scales.sort(-1).values[:, 1:].mean(-1).exp()
+    radius = ((scene.log_scales.sum(-1) - scene.log_scales.amin(-1)) / 2).exp()
     distance = (scene.means - camera.centre.to(scene.means)).norm(dim=-1)
     with torch.enable_grad():
         dc = torch.zeros(len(scene), 1, 3, dtype=scene.means.dtype, requires_grad=True)

@@ -9,11 +9,13 @@ was captured from a place behind its walls, of which hundreds are compared.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from rasterizer.project import rotation_matrices
 from rasterizer.scene import Gaussians
 
 SIDE = 10
@@ -58,17 +60,6 @@ class Panorama:
         return (self.log_distance.sum() / self.weight.sum().clamp_min(1e-9)).exp()
 
 
-def rotations(quats: Float[Tensor, "n 4"]) -> Float[Tensor, "n 3 3"]:
-    """Rotation matrices of quaternions (wxyz, any norm); columns are the rotated axes."""
-    w, x, y, z = torch.nn.functional.normalize(quats, dim=-1).unbind(-1)
-    rows = (
-        1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
-        2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
-        2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y),
-    )  # fmt: skip
-    return torch.stack(rows, -1).unflatten(-1, (3, 3))
-
-
 def draw_sample(scene: Gaussians, generator: torch.Generator, count: int = SAMPLE) -> Sample:
     """`count` Gaussians of a scene, or all if there are fewer."""
     rows = torch.randperm(len(scene), generator=generator)[:count]
@@ -76,7 +67,7 @@ def draw_sample(scene: Gaussians, generator: torch.Generator, count: int = SAMPL
     scales = some.scales
     across = torch.stack([scales[:, 1] * scales[:, 2], scales[:, 0] * scales[:, 2],
                           scales[:, 0] * scales[:, 1]], -1)  # fmt: skip
-    turned = rotations(some.quats)
+    turned = rotation_matrices(some.quats)
     axes = turned * (2 * torch.pi * across)[:, None]
     thin = scales.argmin(-1)[:, None, None].expand(-1, 3, 1)
     larger = scales.sort(-1).values[:, 1:]
@@ -85,6 +76,7 @@ def draw_sample(scene: Gaussians, generator: torch.Generator, count: int = SAMPL
                   turned.gather(2, thin)[..., 0])  # fmt: skip
 
 
+@lru_cache(maxsize=1)  # hundreds of places are compared
 def bin_directions() -> tuple[Float[Tensor, "b 3"], Float[Tensor, " b"]]:
     """The unit direction of each bin's centre, and its solid angle."""
     grid = (torch.arange(SIDE) + 0.5) * 2 / SIDE - 1
