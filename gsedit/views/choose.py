@@ -16,7 +16,6 @@ from gsedit.errors import UsageError
 from gsedit.views.framing import guess_up
 from gsedit.views.orbit import orbit, perpendicular
 from gsedit.views.panorama import BLURRED, draw_sample
-from gsedit.views.plan import SEEN
 from gsedit.views.search import BLUR, FOV, OPAQUE, Places, Wish, cones, find_places, look, sphere
 from gsedit.views.upward import find_up, normals_from_depth
 from rasterizer.camera import Camera, look_at
@@ -37,6 +36,8 @@ SPREAD = 4.0
 SURROUNDED = 0.5
 """Least share of all directions that are opaque from the places of a capture with surroundings: an
 object alone hides at most half of them from a place outside it."""
+WELL = 0.2
+"""A view shows a Gaussian well at this share of the weight of the view that shows it best."""
 ADMITTED = 1.0
 """A view is admitted whose score is at most this far below the best one's."""
 
@@ -166,7 +167,7 @@ def cover(found: Sequence[Judged], count: int) -> list[int]:
     whose well-shown Gaussians were shown least often.
     """
     weights = torch.stack([view.weights for view in found])
-    well = (weights >= SEEN * weights.amax(0).clamp_min(1e-9)).to(weights)
+    well = (weights >= WELL * weights.amax(0).clamp_min(1e-9)).to(weights)
     worth = weights.sum(0)
     times, chosen = torch.zeros_like(worth), []
     for _ in range(min(count, len(found))):
