@@ -22,6 +22,7 @@ from gsedit.reports.stopwatch import Stopwatch
 from gsedit.session import choose_region as regions
 from gsedit.session.evidence import gather_evidence
 from gsedit.session.result import EditResult
+from gsedit.session.run import run_schedule
 from gsedit.session.session import EditedViews, Request, Session, survey_views
 from gsedit.session.settings import EditSettings
 from gsedit.strategies import DEFAULT, Strategy, find_strategy, name_of
@@ -181,7 +182,7 @@ def _run(request: Request, strategy: Strategy) -> Iterator[Event | Checkpoint | 
     if advice := request.editor.capabilities.advice(request.prompt):
         yield Event("advice", 0.0, note=advice)
     session = yield from _begin(request)
-    yield from strategy(session)
+    yield from run_schedule(session, strategy.schedule(session))
     yield from _finish(session, strategy)
 
 
@@ -214,6 +215,7 @@ def _finish(session: Session, strategy: Strategy) -> Iterator[Event | EditResult
         plan=session.surveyed.plan,
         region=session.region,
         quality=evidence.quality,
+        work=session.work,
         timings=session.stopwatch.stages | {"total": session.stopwatch.seconds},
         held_out=evidence.held_out,
     )

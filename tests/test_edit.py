@@ -253,6 +253,7 @@ def test_an_update_lowers_the_loss(scene, data, switch):
             optimiser,
             targets,
             torch.ones(len(scene), dtype=torch.bool),
+            range(40),
             40,
             settings,
             FilterBank(),

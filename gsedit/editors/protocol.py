@@ -50,6 +50,9 @@ class EditProgress:
     steps: int
     images: Float[Tensor, "v h w 3"] | None = None
     """Edited views, in [0, 1], same size and order as the batch."""
+    evaluations: int = 0
+    """Of the network, for this batch so far: a view at one noise level under one condition is one.
+    0 for editors that run none."""
 
 
 def no_advice(prompt: str) -> str:

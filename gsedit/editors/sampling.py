@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -24,8 +25,11 @@ from gsedit.diffusion import (
     predict_guided,
     sample,
 )
+from gsedit.diffusion.guidance import Branches, Need
 from gsedit.diffusion.memory import peak_bytes, views_at_once
 from gsedit.diffusion.precision import InBfloat16, with_precision
+from gsedit.diffusion.predictions import Prediction
+from gsedit.diffusion.schedules import Schedule
 from gsedit.editors.protocol import Capabilities, Denoiser, EditBatch, EditProgress
 from gsedit.errors import UsageError
 from gsedit.views.padding import pad_to, pad_to_multiple, round_up
@@ -79,8 +83,11 @@ class DiffusionEditor:
         condition = denoiser.condition(whole.originals[free], batch.prompt, generator)
         start = levels_of(self.denoiser.schedule, settings)[0]
         x = add_noise(z0, settings.noise_scale * share(noise), start)
+        counted = Counted(
+            prepared(denoiser, x[free], whole.originals[free], batch.prompt, settings)
+        )
         steps = sample(
-            prepared(denoiser, x[free], whole.originals[free], batch.prompt, settings),
+            counted,
             condition,
             x,
             settings,
@@ -92,8 +99,9 @@ class DiffusionEditor:
         for step in steps:
             x = step.x
             if step.step < step.steps:
-                yield EditProgress(step.step, step.steps)
-        yield EditProgress(settings.steps, settings.steps, self._decoded(x, batch))
+                yield EditProgress(step.step, step.steps, evaluations=counted.evaluations)
+        images = self._decoded(x, batch)
+        yield EditProgress(settings.steps, settings.steps, images, counted.evaluations)
 
     def _decoded(self, x: Float[Tensor, "v c y x"], batch: EditBatch) -> Float[Tensor, "v h w 3"]:
         """The edited pictures in [0, 1]; anchored ones as they are."""
@@ -103,6 +111,34 @@ class DiffusionEditor:
         images = self.denoiser.decode(x[free])[:, :height, :width]
         edited[free] = images.clamp(0, 1).to(edited.dtype)
         return edited
+
+
+class Counted:
+    """A predictor that counts the evaluations of its network."""
+
+    def __init__(self, predictor: Predictor) -> None:
+        self._predictor = predictor
+        self.evaluations = 0
+        """Views times conditions, summed over the calls."""
+
+    @property
+    def name(self) -> str:
+        return self._predictor.name
+
+    @property
+    def schedule(self) -> Schedule:
+        return self._predictor.schedule
+
+    @property
+    def predicts(self) -> Prediction:
+        return self._predictor.predicts
+
+    def branches(
+        self, x: Float[Tensor, "v c y x"], t: float, condition: Any, need: Need
+    ) -> Branches:
+        """The predictor's."""
+        self.evaluations += len(x) * sum(need)
+        return self._predictor.branches(x, t, condition, need)
 
 
 def told(denoiser: Denoiser, subject: Float[Tensor, "v H W"] | None) -> Denoiser:

@@ -51,6 +51,7 @@ def update_steps(
     optimiser: SceneOptimiser,
     targets: Sequence[View],
     seen: Bool[Tensor, " n"],
+    span: range,
     steps: int,
     settings: UpdateSettings,
     features: FeatureExtractor,
@@ -59,13 +60,14 @@ def update_steps(
 ) -> Iterator[float]:
     """Fit the scene to random patches of the edited views; yields the loss of every step.
 
-    Only the Gaussians that are `seen` move; their negative base colours are raised first. The
-    learning rates fall linearly over the `steps`. Of large targets, the first steps use smaller
-    copies.
+    These are the steps `span` of a round of `steps`. Only the Gaussians that are `seen` move; their
+    negative base colours are raised before the round's first step. The learning rates fall linearly
+    over the round. Of large targets, the first steps use smaller copies.
     """
-    optimiser.raise_negative_colours(seen)
+    if span.start == 0:
+        optimiser.raise_negative_colours(seen)
     small = [coarse(view) for view in targets]
-    for step in range(steps):
+    for step in span:
         scene = optimiser.scene
         views = small if step < COARSE_SHARE * steps else targets
         patches = [_patch(views, settings.patch, generator) for _ in range(settings.patches)]

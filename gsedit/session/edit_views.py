@@ -28,6 +28,8 @@ from rasterizer.camera import Camera
 
 WEAK_MATCH = 0.05
 """Below this fraction of matched cells a pair of views has little to agree on: worth a warning."""
+MEASURE = "measure"
+"""The stage in which the editor is asked for views to compare the result with."""
 ANCHORS = 4
 """Most finished views that the next batch is tied to. They cost comparisons, no network call."""
 ANCHOR_OVERLAP = 0.3
@@ -86,9 +88,13 @@ def sample_views(
     """
     request = _request(session, members, anchors, matches, start)
     editor, images = session.request.editor, None
+    evaluations = 0
     for progress in editor.edit(request, sampler, session.request.generator):
         yield Event(stage, session.stopwatch.seconds, progress.step, progress.steps)
-        images = progress.images
+        images, evaluations = progress.images, progress.evaluations
+    if stage != MEASURE:  # what the result is compared with is no cost of the edit
+        session.work.calls += len(members) - len(anchors)
+        session.work.evaluations += evaluations
     if images is None:
         raise RuntimeError(f"editor {editor.name} ended without images")
     if sampler.consensus and sampler.harmonise:

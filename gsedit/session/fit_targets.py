@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import torch
-
 from gsedit.fitting.update import update_steps
-from gsedit.reports.events import Checkpoint, Event
+from gsedit.reports.events import Event
 from gsedit.session.quality import measure
 from gsedit.session.session import Session
 
@@ -15,27 +13,29 @@ MEASURE_EVERY = 50
 REPORT_EVERY = 10
 
 
-def fit_targets(session: Session, steps: int, *, done: int = 0, total: int) -> Iterator[Event]:
-    """`steps` of fitting; `done` of `total` steps of the whole edit came before them."""
+def fit_targets(
+    session: Session, span: range, round_steps: int, *, done: int = 0, total: int
+) -> Iterator[Event]:
+    """The steps `span` of a round of `round_steps` of fitting.
+
+    `done` of `total` steps of the whole edit came before the round.
+    """
     stopwatch = session.stopwatch
     with stopwatch.stage("update"):
         losses = update_steps(
             session.optimiser,
             tuple(session.edited.targets.values()),
             session.seen,
-            steps,
+            span,
+            round_steps,
             session.settings.update,
             session.request.features,
             session.request.generator,
             session.settings.execution,
         )
-        for step, loss in enumerate(losses, start=done + 1):
+        for step, loss in enumerate(losses, start=done + span.start + 1):
+            session.work.steps += 1
             if step % MEASURE_EVERY == 0:
                 yield measure(session).event("update", stopwatch.seconds, step, total, loss)
             elif step % REPORT_EVERY == 0:
                 yield Event("update", stopwatch.seconds, step, total, loss)
-
-
-def checkpoint(session: Session, step: int) -> Checkpoint:
-    """A copy of the scene as it is now."""
-    return Checkpoint(session.scene.map(torch.clone), step, session.stopwatch.seconds)

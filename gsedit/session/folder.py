@@ -58,6 +58,11 @@ def edit_record(result: EditResult) -> dict[str, Any]:
     return {
         "settings": result.settings,
         "strategy": {"name": result.strategy_name, "settings": result.strategy},
+        "work": {
+            "update_steps": result.work.steps,
+            "editor_calls": result.work.calls,
+            "network_evaluations": result.work.evaluations,
+        },
         "timings": result.timings,
         "gaussians": len(result.scene),
         "region": {

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from gsedit.reports.events import Event
 from gsedit.session.agreement import nearest
-from gsedit.session.edit_views import ANCHORS, match_views, sample_views
+from gsedit.session.edit_views import ANCHORS, MEASURE, match_views, sample_views
 from gsedit.session.session import Session
 from gsedit.views.dataset import View
 
@@ -61,6 +61,6 @@ def edit_held_out(
         match_views(session, members),
         session.settings.sampler,
         start={i: session.unedited_rendering(i).color.clamp(0, 1) for i in views},
-        stage="measure",
+        stage=MEASURE,
     )
     return {i: session.within_region(i, image) for i, image in zip(views, images)}

@@ -9,6 +9,7 @@ from gsedit.regions.region import Region
 from gsedit.reports.events import Event
 from gsedit.session.held_out import HeldOutViews
 from gsedit.session.quality import EditQuality
+from gsedit.session.session import Work
 from gsedit.session.settings import EditSettings
 from gsedit.views.dataset import View
 from gsedit.views.plan import ViewPlan
@@ -39,6 +40,8 @@ class EditResult:
     """Where the edit belonged."""
     quality: EditQuality
     """What was measured."""
+    work: Work
+    """Optimiser steps, views asked of the editor, network evaluations."""
     timings: dict[str, float]
     """Seconds per stage, and in total."""
     held_out: HeldOutViews = field(default_factory=HeldOutViews)

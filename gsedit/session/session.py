@@ -77,6 +77,20 @@ class EditedViews:
     """The map from unedited to truly edited pictures that the targets show, where it is known."""
 
 
+@dataclass(eq=False)
+class Work:
+    """How much of an edit is done."""
+
+    actions: int = 0
+    """Of the strategy's schedule."""
+    steps: int = 0
+    """Of the optimiser."""
+    calls: int = 0
+    """Views that the 2D editor was asked for; a view that it was asked for twice counts twice."""
+    evaluations: int = 0
+    """Of the editor's network: a view at one noise level under one condition is one."""
+
+
 @dataclass(frozen=True, eq=False)
 class Session:
     """An edit in progress. The optimiser holds the scene; the other records say what it follows."""
@@ -90,6 +104,7 @@ class Session:
     stopwatch: Stopwatch
     noise_seed: int
     """Of the noise that all batches share."""
+    work: Work = field(default_factory=Work)
     small_renderings: dict[int, Rendering] = field(default_factory=dict)
     """Of the unedited scene at the size at which views are edited, where it is not their own."""
 

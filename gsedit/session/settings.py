@@ -49,6 +49,8 @@ class EditSettings:
     all: everything; box:x0,y0,z0,x1,y1,z1 or sphere:x,y,z,r in the coordinates of the scene's file;
     FILE.npy: one flag a Gaussian (an edit writes region.npy); PHOTO.png with the name of one of the
     photos, white where the edit belongs, or a folder of such masks."""
+    checkpoint_seconds: float = 30.0
+    """Seconds between checkpoints, at least; the views of a round are edited without one."""
     execution: Execution = AUTO
     """How pictures are rendered; it changes the run time, not the pictures."""
 
@@ -58,6 +60,8 @@ class EditSettings:
             raise UsageError("views and rounds must be 1 or more")
         if self.held_out_edits < 0:
             raise UsageError(f"held-out edits must be 0 or more, not {self.held_out_edits}")
+        if not self.checkpoint_seconds >= 0:
+            raise UsageError(f"checkpoint_seconds is {self.checkpoint_seconds}: give 0 or more")
         if not 0 < self.coverage <= 1:
             raise UsageError(f"coverage {self.coverage} is not in (0, 1]")
         if self.edit_size is not None and self.edit_size < SMALLEST_EDIT:

@@ -1,8 +1,8 @@
 """When views are edited and when the scene is fitted: one strategy a file, found by its name.
 
 A strategy is a frozen dataclass: its fields are its settings (and options of `gsedit edit`), and
-calling it with a Session runs it. The file `single_pass.py` holds `SinglePass`, whose name on the
-command line is `single-pass`. Files whose name begins with an underscore are no strategies.
+its `schedule` says what is done, in order. The file `single_pass.py` holds `SinglePass`, whose name
+on the command line is `single-pass`. Files whose name begins with an underscore are no strategies.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Protocol, cast, runtime_checkable
 from gsedit.errors import GseditError, UsageError
 
 if TYPE_CHECKING:
-    from gsedit.reports.events import Checkpoint, Event
+    from gsedit.session.actions import Action
     from gsedit.session.session import Session
 
 DEFAULT = "single-pass"
@@ -24,10 +24,15 @@ DEFAULT = "single-pass"
 
 @runtime_checkable
 class Strategy(Protocol):
-    """Edits and fits until it is done."""
+    """What is edited and fitted, in order."""
 
-    def __call__(self, session: Session) -> Iterator[Event | Checkpoint]:
-        """Yields what happens, and the scene whenever it is worth keeping."""
+    def schedule(self, session: Session) -> Iterator[Action]:
+        """The actions of an edit, see gsedit.session.actions.
+
+        They depend on the settings and on the plan of views, never on chance or on what an action
+        found: an edit that is resumed skips those that are done. Chance belongs into the actions,
+        from the generator of the request.
+        """
         ...
 
 

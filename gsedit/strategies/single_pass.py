@@ -6,9 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from gsedit.errors import UsageError
-from gsedit.reports.events import Checkpoint, Event
-from gsedit.session.edit_views import edit_views
-from gsedit.session.fit_targets import checkpoint, fit_targets
+from gsedit.session.actions import Action, EditViews, update_round
 from gsedit.session.session import Session
 
 
@@ -26,12 +24,10 @@ class SinglePass:
         if self.update_steps < 1:
             raise UsageError(f"update steps must be 1 or more, not {self.update_steps}")
 
-    def __call__(self, session: Session) -> Iterator[Event | Checkpoint]:
-        """Yields events, and a checkpoint after every batch."""
+    def schedule(self, session: Session) -> Iterator[Action]:
+        """Batch by batch of the plan."""
         batches = session.surveyed.plan.rounds
         total = len(batches) * self.update_steps
         for number, batch in enumerate(batches):
-            done = number * self.update_steps
-            yield from edit_views(session, batch, step=number + 1, steps=len(batches))
-            yield from fit_targets(session, self.update_steps, done=done, total=total)
-            yield checkpoint(session, done + self.update_steps)
+            yield EditViews(batch, number + 1, len(batches))
+            yield from update_round(self.update_steps, done=number * self.update_steps, total=total)

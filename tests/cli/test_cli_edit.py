@@ -16,6 +16,7 @@ from gsedit.reports.journal import read_events
 def stub_edit(monkeypatch, *, end: BaseException | None = None):
     from gsedit.session.quality import EditQuality
     from gsedit.session.result import EditResult
+    from gsedit.session.session import Work
     from gsedit.views.plan import ViewPlan
 
     given = {}
@@ -41,6 +42,7 @@ def stub_edit(monkeypatch, *, end: BaseException | None = None):
             plan=ViewPlan(((0,),), (1.0,)),
             region=everything(scene),
             quality=EditQuality(0.5, (("a", "b", 0.5),), 1.0, 0.1, float("inf"), None),
+            work=Work(),
             timings={"total": 2.0},
             events=(update, measure),
         )

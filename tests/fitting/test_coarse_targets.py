@@ -50,6 +50,7 @@ def test_the_first_steps_are_small_and_the_last_at_full_size(monkeypatch):
         SceneOptimiser(scene, rates("appearance", 1.0)),
         (view(400, 300),),
         torch.ones(len(scene), dtype=torch.bool),
+        range(4),
         4,
         UpdateSettings(patches=1, patch=16),
         FilterBank(),

@@ -37,7 +37,7 @@ def test_a_scene_whose_blue_is_negative_becomes_blue():
     seen[::2] = True
     settings = UpdateSettings(patches=1, patch=48)
     generator = torch.Generator().manual_seed(0)
-    list(update_steps(optimiser, [view], seen, 20, settings, FilterBank(), generator))
+    list(update_steps(optimiser, [view], seen, range(20), 20, settings, FilterBank(), generator))
     after = blue(optimiser.scene.detach())
     assert after[seen].max() > 0.05  # 20 steps of Adam move a colour by 0.08; it was -0.2
     torch.testing.assert_close(after[~seen], blue(yellow)[~seen])  # the others do not move

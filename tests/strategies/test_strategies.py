@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import pytest
 import torch
@@ -16,8 +16,8 @@ from gsedit.editors import make_editor
 from gsedit.errors import GseditError, UsageError
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.reports.events import Checkpoint, Event
+from gsedit.session.actions import Action, update_round
 from gsedit.session.edit_views import edit_views
-from gsedit.session.fit_targets import checkpoint, fit_targets
 from gsedit.session.session import Session
 from gsedit.session.settings import EditSettings
 from gsedit.strategies.single_pass import SinglePass
@@ -32,19 +32,26 @@ class DatasetUpdate:
     edits: int = 5
     steps_between: int = 3
 
-    def __call__(self, session: Session) -> Iterator[Event | Checkpoint]:
-        sampler = session.settings.sampler
+    def schedule(self, session: Session) -> Iterator[Action]:
         planned = session.surveyed.plan.views
         total = self.edits * self.steps_between
         for number in range(self.edits):
-            low, high = 0.3, 0.98
-            draw = float(torch.rand((), generator=session.request.generator))
-            noised = replace(sampler, strength=low + (high - low) * draw, consensus=False)
-            view = planned[number % len(planned)]
-            yield from edit_views(session, [view], sampler=noised, anchors=0)
-            done = number * self.steps_between
-            yield from fit_targets(session, self.steps_between, done=done, total=total)
-        yield checkpoint(session, total)
+            yield EditAtChance(planned[number % len(planned)])
+            yield from update_round(
+                self.steps_between, done=number * self.steps_between, total=total
+            )
+
+
+@dataclass(frozen=True)
+class EditAtChance:
+    """Edit a view from a noise level drawn anew."""
+
+    view: int
+
+    def __call__(self, session: Session) -> Iterator[Event]:
+        draw = float(torch.rand((), generator=session.request.generator))
+        noised = replace(session.settings.sampler, strength=0.3 + 0.68 * draw, consensus=False)
+        yield from edit_views(session, [self.view], sampler=noised, anchors=0)
 
 
 @pytest.fixture(scope="module")
@@ -64,6 +71,7 @@ def test_another_strategy_needs_nothing_but_itself(scene, data):
         update=UpdateSettings(patches=2, patch=16),
         views_per_round=3,
         rounds=1,
+        checkpoint_seconds=0.0,
     )
     strategy = DatasetUpdate()
     items = list(
@@ -82,7 +90,9 @@ def test_another_strategy_needs_nothing_but_itself(scene, data):
     assert len(result.targets) == 3  # the first two were edited twice
     samples = [i for i in items if isinstance(i, Event) and i.stage == "sample"]
     assert len([e for e in samples if e.step == e.steps]) == 5
-    assert [c.step for c in items if isinstance(c, Checkpoint)] == [15]
+    assert [c.step for c in items if isinstance(c, Checkpoint)] == [3, 6, 9, 12, 15]
+    done = {"actions": 10, "steps": 15, "calls": 5, "evaluations": 5 * 4 * 3}
+    assert asdict(result.work) == done
     assert not torch.equal(result.scene.sh, scene.sh)
 
 
@@ -90,10 +100,10 @@ def test_another_strategy_needs_nothing_but_itself(scene, data):
 class WithoutTargets:
     """Edits no 2D picture, as score distillation does."""
 
-    def __call__(self, session: Session) -> Iterator[Event | Checkpoint]:
+    def schedule(self, session: Session) -> Iterator[Action]:
         assert session.seen.any()
         assert session.request.editor.capabilities.denoiser is not None
-        yield checkpoint(session, 0)
+        return iter(())
 
 
 def test_a_strategy_may_edit_no_picture(scene, data, tmp_path):
@@ -115,6 +125,13 @@ def test_a_strategy_may_edit_no_picture(scene, data, tmp_path):
     assert (tmp_path / "out" / "edit.json").exists()
 
 
+class NoRecord:
+    """A strategy without fields that could be written down."""
+
+    def schedule(self, session: Session) -> Iterator[Action]:
+        return iter(())
+
+
 def test_a_strategy_is_a_record_of_its_settings(scene, data):
     with pytest.raises(UsageError, match="no strategy: give an instance of a dataclass"):
         next(
@@ -124,7 +141,7 @@ def test_a_strategy_is_a_record_of_its_settings(scene, data):
                 editor=make_editor("closed-form"),
                 generator=torch.Generator(),
                 dataset=data,
-                strategy=lambda session: iter(()),
+                strategy=NoRecord(),
             )
         )
 
@@ -144,7 +161,7 @@ def test_a_new_file_is_a_new_strategy(monkeypatch, tmp_path):
         "@dataclass(frozen=True)\n"
         "class TrialRun:\n"
         "    pace: float = 2.0\n"
-        "    def __call__(self, session): yield from ()\n"
+        "    def schedule(self, session): return iter(())\n"
     )
     (tmp_path / "ip2p_update.py").write_text("")
     (tmp_path / "_shared.py").write_text("")

@@ -47,7 +47,7 @@ class SmallEditor:
         self.check(batch.prompt)
         *earlier, last = self.small.wordings(batch.prompt)
         passes = len(earlier) + 1
-        originals, images = batch.originals, batch.images
+        originals, images, spent = batch.originals, batch.images, 0
         for k, wording in enumerate(earlier):
             unedited = replace(batch, images=originals, originals=originals, anchored=None)
             one_look = replace(unedited, prompt=wording)
@@ -55,7 +55,9 @@ class SmallEditor:
                 if progress.images is not None:
                     originals = progress.images
                 step, steps = progress.step + k * progress.steps, passes * progress.steps
-                yield EditProgress(min(step, steps - 1), steps)
+                evaluations = spent + progress.evaluations
+                yield EditProgress(min(step, steps - 1), steps, evaluations=evaluations)
+            spent = evaluations
         if earlier:
             images = originals.clone()
             if batch.anchored is not None:
@@ -63,7 +65,8 @@ class SmallEditor:
         final = replace(batch, prompt=last, images=images, originals=originals)
         for progress in self._sampler.edit(final, settings, generator):
             step = progress.step + len(earlier) * progress.steps
-            yield EditProgress(step, passes * progress.steps, progress.images)
+            evaluations = spent + progress.evaluations
+            yield EditProgress(step, passes * progress.steps, progress.images, evaluations)
 
     @property
     def _sampler(self) -> DiffusionEditor:
