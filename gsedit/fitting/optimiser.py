@@ -1,13 +1,18 @@
-"""Adam over a scene's fields, a learning rate each, that survives adding and removing Gaussians."""
+"""Adam over a scene's fields, a learning rate each, of which a step may touch few rows.
+
+`n` Gaussians, of which a step draws `m`.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields
 
 import torch
 from jaxtyping import Bool, Int
 from torch import Tensor
 
+from gsedit.fitting.row_adam import RowAdam
 from rasterizer.numerics import SH_DC
 from rasterizer.scene import Gaussians
 
@@ -25,6 +30,8 @@ class SceneOptimiser:
     `rates` names the fields that move; "sh" moves its first coefficient at that rate, and the
     others `SH_REST` times slower. Rows that never get a gradient never move: their moments stay
     exactly zero.
+
+    A step is computed from `scene`, or from a few rows of it (`draw`); both move the scene alike.
     """
 
     def __init__(self, scene: Gaussians, rates: Mapping[str, float]) -> None:
@@ -33,22 +40,29 @@ class SceneOptimiser:
             self._rates |= {"sh": rates["sh"], "sh_rest": rates["sh"] * SH_REST}
         values = _parts(scene)
         self._constant = {k: v.detach() for k, v in values.items() if k not in self._rates}
-        self._leaves: dict[str, Tensor] = {}
-        self._start(values)
-
-    def _start(self, values: Mapping[str, Tensor]) -> None:
         self._leaves = {k: values[k].detach().clone().requires_grad_() for k in self._rates}
-        groups = [{"params": [v], "lr": self._rates[k]} for k, v in self._leaves.items()]
-        # eps as 3D Gaussian splatting has it: gradients of single splats are tiny
-        self._adam = torch.optim.Adam(groups, eps=1e-15, fused=True)
+        self._adam = RowAdam(len(scene))
+        self._drawn: tuple[Int[Tensor, " m"], dict[str, Tensor]] | None = None
 
     @property
     def scene(self) -> Gaussians:
         """The scene as leaves: gradients of anything computed from it reach the optimiser."""
-        parts = {**self._constant, **self._leaves}
-        rest = parts.pop("sh_rest")
-        sh = torch.cat((parts.pop("sh"), rest), 1) if rest.shape[1] else parts.pop("sh")
-        return Gaussians(**parts, sh=sh)
+        self._adam.settle(self._leaves)
+        return _joined({**self._constant, **self._leaves})
+
+    def __len__(self) -> int:
+        return next(iter({**self._constant, **self._leaves}.values())).shape[0]
+
+    def draw(self, rows: Int[Tensor, " m"]) -> Gaussians:
+        """These rows of the scene as leaves: the next `step` is computed from their gradients, in
+        time and memory that do not depend on `n`. Rows ascend; none is there twice.
+        """
+        self._adam.settle(self._leaves, rows)
+        few = {k: v.detach().index_select(0, rows) for k, v in self._leaves.items()}
+        leaves = {k: v.requires_grad_() for k, v in few.items()}
+        self._drawn = rows, leaves
+        constant = {k: v.index_select(0, rows) for k, v in self._constant.items()}
+        return _joined({**constant, **leaves})
 
     def gradient(self, name: str) -> Tensor:
         """Gradient of one field after a backward pass; zeros if there is none."""
@@ -62,13 +76,23 @@ class SceneOptimiser:
 
         Rows outside `only` are taken to have no gradient.
         """
-        for group, (name, leaf) in zip(self._adam.param_groups, self._leaves.items()):
-            factor = scale if isinstance(scale, (int, float)) else scale.get(_field(name), 1.0)
-            group["lr"] = self._rates[name] * factor
-            if only is not None and leaf.grad is not None:
-                leaf.grad[~only] = 0
-        self._adam.step()
-        self._adam.zero_grad(set_to_none=True)
+        rates = {
+            name: rate
+            * (scale if isinstance(scale, (int, float)) else scale.get(_field(name), 1.0))
+            for name, rate in self._rates.items()
+        }
+        rows, leaves = self._drawn or (None, self._leaves)
+        self._drawn = None
+        gradients = {k: v.grad for k, v in leaves.items() if v.grad is not None}
+        if only is not None:
+            outside = ~(only if rows is None else only.index_select(0, rows))
+            for gradient in gradients.values():
+                gradient[outside] = 0
+        if rows is None:
+            self._adam.settle(self._leaves)
+        self._adam.step(self._leaves, gradients, rates, rows)
+        for leaf in self._leaves.values():
+            leaf.grad = None
 
     @torch.no_grad()
     def raise_negative_colours(self, only: Bool[Tensor, " n"]) -> None:
@@ -80,6 +104,7 @@ class SceneOptimiser:
         """
         base = self._leaves.get("sh")
         if base is not None:
+            self._adam.settle(self._leaves)
             lowest = (LOWEST_COLOUR - 0.5) / SH_DC
             base.copy_(torch.where(only[:, None, None], base.clamp_min(lowest), base))
 
@@ -87,30 +112,44 @@ class SceneOptimiser:
         self, scene: Gaussians, origin: Int[Tensor, " n"], fresh: Bool[Tensor, " n"]
     ) -> None:
         """Continue with another scene: row i keeps row origin[i]'s moments unless it is fresh."""
-        moments = {k: self._adam.state.get(v, {}) for k, v in self._leaves.items()}
+        self._adam.settle(self._leaves)
         values = _parts(scene)
         self._constant = {name: values[name].detach() for name in self._constant}
-        self._start(values)
+        self._leaves = {k: values[k].detach().clone().requires_grad_() for k in self._rates}
+        self._adam = self._adam.selected(origin, fresh)
+
+    def state(self) -> dict[str, Tensor]:
+        """Everything that changes here, by name: what moves, its moments, the number of steps."""
+        self._adam.settle(self._leaves)
+        leaves = {f"value.{name}": leaf.detach() for name, leaf in self._leaves.items()}
+        return leaves | self._adam.state()
+
+    @torch.no_grad()
+    def load_state(self, state: Mapping[str, Tensor]) -> None:
+        """Continue from a `state` of an optimiser of the same scene and rates.
+
+        Raises ValueError where the names or shapes are others.
+        """
         for name, leaf in self._leaves.items():
-            if not moments[name]:
-                continue
-            old = moments[name]
-            kept = {k: old[k][origin].clone() for k in ("exp_avg", "exp_avg_sq")}
-            for value in kept.values():
-                value[fresh] = 0
-            self._adam.state[leaf] = {"step": old["step"], **kept}
+            value = state.get(f"value.{name}")
+            if value is None or value.shape != leaf.shape:
+                raise ValueError(f"the state has no {name} of shape {tuple(leaf.shape)}")
+            leaf.copy_(value)
+        self._adam.load_state(state)
 
 
 def _parts(scene: Gaussians) -> dict[str, Tensor]:
     """The scene's fields, with the view-dependent coefficients apart."""
-    return {
-        "means": scene.means,
-        "quats": scene.quats,
-        "log_scales": scene.log_scales,
-        "logit_opacities": scene.logit_opacities,
-        "sh": scene.sh[:, :1],
-        "sh_rest": scene.sh[:, 1:],
-    }
+    parts = {field.name: getattr(scene, field.name) for field in fields(scene)}
+    return {**parts, "sh": scene.sh[:, :1], "sh_rest": scene.sh[:, 1:]}
+
+
+def _joined(parts: Mapping[str, Tensor]) -> Gaussians:
+    """The scene of these parts."""
+    both = dict(parts)
+    rest = both.pop("sh_rest")
+    sh = torch.cat((both.pop("sh"), rest), 1) if rest.shape[1] else both.pop("sh")
+    return Gaussians(**both, sh=sh)
 
 
 def _field(part: str) -> str:

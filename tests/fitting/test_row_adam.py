@@ -1,0 +1,97 @@
+"""A step over some rows is the step over all of them; an optimiser goes on from its state."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+from rasterizer.scene import Gaussians
+
+from gsedit.fitting.optimiser import SceneOptimiser
+
+RATES = {"sh": 2.5e-2, "logit_opacities": 5e-3}
+
+
+def cloud(count=12, bands=4):
+    random = torch.Generator().manual_seed(0)
+    draw = lambda *shape: torch.randn(*shape, generator=random)  # noqa: E731
+    return Gaussians(
+        draw(count, 3), draw(count, 4), draw(count, 3), draw(count), draw(count, bands, 3)
+    )
+
+
+def pull(scene, weight):
+    """A loss with a gradient in every coefficient and opacity."""
+    return (weight[:, None, None] * (scene.sh - 1).square()).sum() + (
+        weight * scene.logit_opacities.square()
+    ).sum()
+
+
+def schedule(steps, count):
+    """The rows of each step; the last row is in none, the first in few."""
+    random = torch.Generator().manual_seed(1)
+    for step in range(steps):
+        rows = torch.randperm(count - 1, generator=random)[:5].sort().values
+        yield step, rows if step % 9 == 0 else rows[rows > 0]
+
+
+def run(optimiser, steps, *, few, only=None):
+    weight = torch.linspace(0.1, 2, len(optimiser))
+    for step, rows in steps:
+        if few:
+            loss = pull(optimiser.draw(rows), weight[rows])
+        else:
+            drawn = torch.zeros_like(weight)
+            drawn[rows] = weight[rows]
+            loss = pull(optimiser.scene, drawn)
+        loss.backward()
+        optimiser.step(1 - 0.9 * step / 60, only=only)
+
+
+@pytest.mark.parametrize("limited", [False, True])
+def test_steps_of_some_rows_equal_steps_of_all(limited):
+    scene = cloud()
+    only = torch.arange(len(scene)) % 4 > 0 if limited else None
+    all_rows, some_rows = (SceneOptimiser(scene, RATES) for _ in range(2))
+    run(all_rows, schedule(60, len(scene)), few=False, only=only)
+    run(some_rows, schedule(60, len(scene)), few=True, only=only)
+    one, other = all_rows.scene.detach(), some_rows.scene.detach()
+    torch.testing.assert_close(one.sh, other.sh, rtol=2e-4, atol=2e-5)
+    torch.testing.assert_close(one.logit_opacities, other.logit_opacities, rtol=2e-4, atol=2e-5)
+    assert (one.sh - scene.sh).abs().amax() > 0.1
+    assert torch.equal(other.sh[-1], scene.sh[-1])
+
+
+def test_both_kinds_of_steps_may_alternate():
+    scene = cloud()
+    one, other = (SceneOptimiser(scene, RATES) for _ in range(2))
+    for part in range(6):
+        steps = list(schedule(60, len(scene)))[10 * part : 10 * part + 10]
+        run(one, steps, few=False)
+        run(other, steps, few=part % 2 == 0)
+    torch.testing.assert_close(one.scene.sh, other.scene.sh, rtol=2e-4, atol=2e-5)
+
+
+def test_a_step_is_that_of_torch():
+    scene = cloud()
+    optimiser = SceneOptimiser(scene, {"means": 0.1})
+    leaf = scene.means.clone().requires_grad_()
+    adam = torch.optim.Adam([leaf], lr=0.1, eps=1e-15)
+    for power in (2, 3, 2, 4):
+        for values in (optimiser.scene.means, leaf):
+            values.pow(power).sum().backward()
+        optimiser.step()
+        adam.step()
+        adam.zero_grad()
+    torch.testing.assert_close(optimiser.scene.means, leaf)
+
+
+def test_an_optimiser_goes_on_from_its_state():
+    scene, steps = cloud(), list(schedule(30, 12))
+    whole, first, second = (SceneOptimiser(scene, RATES) for _ in range(3))
+    run(whole, steps, few=True)
+    run(first, steps[:17], few=True)
+    second.load_state({name: value.clone() for name, value in first.state().items()})
+    run(second, steps[17:], few=True)
+    torch.testing.assert_close(whole.scene.sh, second.scene.sh, rtol=2e-4, atol=2e-5)
+    with pytest.raises(ValueError, match="sh of shape"):
+        SceneOptimiser(cloud(7), RATES).load_state(first.state())
