@@ -66,13 +66,13 @@ class RowAdam:
                 zeros = torch.zeros_like(values[name])
                 self._moments[name] = zeros, torch.zeros_like(zeros)
             value, first, second = (values[name].detach(), *self._moments[name])
-            chosen = [value, first, second]
-            if rows is not None:
-                chosen = [each.index_select(0, rows) for each in chosen]
-            _move(*chosen, gradient, rate / bias_1, bias_2)
-            if rows is not None:
-                for each, moved in zip((value, first, second), chosen):
-                    each.index_copy_(0, rows, moved)
+            if rows is None:
+                _move(value, first, second, gradient, rate / bias_1, bias_2)
+                continue
+            a, b, c = (each.index_select(0, rows) for each in (value, first, second))
+            _move(a, b, c, gradient, rate / bias_1, bias_2)
+            for each, moved in zip((value, first, second), (a, b, c)):
+                each.index_copy_(0, rows, moved)
         if rows is None:
             self._settle_all()
         else:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 import torch
-from rasterizer.scene import Gaussians
 
 from gsedit.fitting.optimiser import SceneOptimiser
+from rasterizer.scene import Gaussians
 
 RATES = {"sh": 2.5e-2, "logit_opacities": 5e-3}
 
