@@ -12,8 +12,8 @@ class Event:
     """Something that happened in a long piece of work: one line of metrics.jsonl."""
 
     stage: str
-    """What was being done: advice, survey, correspond, sample, update and measure in an edit; fit;
-    render; a benchmark has names of its own."""
+    """What was being done: advice, survey, region, dataset, correspond, sample, update and measure
+    in an edit; fit; render; a benchmark has names of its own."""
     seconds: float
     """Wall clock since the work began."""
     step: int = 0

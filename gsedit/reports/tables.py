@@ -38,10 +38,32 @@ def spans(events: Iterable[Event]) -> Iterator[Span]:
         )
 
 
+MOST_ROWS = 60
+"""Stretches; of more than these, the table has a row a stage."""
+
+
+def by_stage(stretches: Iterable[Span]) -> Iterator[Span]:
+    """The stretches of each stage as one, in the order in which the stages began."""
+    stages: dict[str, list[Span]] = {}
+    for span in stretches:
+        stages.setdefault(span.stage, []).append(span)
+    for stage, parts in stages.items():
+        yield Span(
+            stage,
+            sum(part.seconds for part in parts),
+            parts[-1].step,
+            next((part.loss for part in reversed(parts) if part.loss is not None), None),
+            next((part.error for part in reversed(parts) if part.error is not None), None),
+        )
+
+
 def table(events: Iterable[Event]) -> str:
-    """Where the time went and what it bought: a plain text table, one row a stretch of work."""
+    """Where the time went and what it bought: a plain text table, one row a stretch of work, or
+    one a stage where there are many stretches."""
     head = ("stage", "seconds", "steps", "loss", "error", "dB")
-    rows = [head, *(_cells(span) for span in spans(events))]
+    stretches = list(spans(events))
+    stretches = list(by_stage(stretches)) if len(stretches) > MOST_ROWS else stretches
+    rows = [head, *(_cells(span) for span in stretches)]
     widths = [max(len(row[i]) for row in rows) for i in range(len(head))]
     return "\n".join(
         f"{row[0]:<{widths[0]}}  "

@@ -64,7 +64,13 @@ class Update:
         yield from fit_targets(session, span, self.round_steps, done=self.done, total=self.total)
 
 
-def update_round(steps: int, *, done: int, total: int) -> Iterator[Update]:
-    """A round of `steps`, a few at a time; `done` of `total` steps of the edit came before."""
-    for first in range(0, steps, STEPS_AT_ONCE):
-        yield Update(first, min(first + STEPS_AT_ONCE, steps), steps, done, total)
+def update_round(
+    steps: int, *, done: int, total: int, span: range | None = None
+) -> Iterator[Update]:
+    """A round of `steps`, or the part `span` of it, a few at a time.
+
+    `done` of `total` steps of the edit came before the round.
+    """
+    span = span or range(steps)
+    for first in range(span.start, span.stop, STEPS_AT_ONCE):
+        yield Update(first, min(first + STEPS_AT_ONCE, span.stop), steps, done, total)

@@ -62,10 +62,31 @@ def edit_views(
     yield Event("correspond", stopwatch.seconds, step, steps, note=_describe(matches))
     with stopwatch.stage("sample"):
         images = yield from sample_views(session, members, tied, matches, sampler)
-    edited.answers |= dict(zip(batch, images))
-    with stopwatch.stage("region"):
+    yield from _accept(session, dict(zip(batch, images)), step, steps)
+
+
+def edit_alone(
+    session: Session, view: int, sampler: SamplerSettings, *, step: int = 0, steps: int = 0
+) -> Iterator[Event]:
+    """Edit the view with this index on its own: with noise of its own, tied to no other view.
+
+    This is edit `step` of `steps`. The targets and the ground truth of `session.edited` are brought
+    up to date.
+    """
+    with session.stopwatch.stage("sample"):
+        images = yield from sample_views(session, (view,), (), None, sampler)
+    yield from _accept(session, {view: images[0]}, step, steps)
+
+
+def _accept(
+    session: Session, answers: Mapping[int, Float[Tensor, "h w 3"]], step: int, steps: int
+) -> Iterator[Event]:
+    """Make what the editor answered the targets of these views, within the region."""
+    edited = session.edited
+    edited.answers |= answers
+    with session.stopwatch.stage("region"):
         yield from vote_region(session, step, steps)
-        for i in edited.answers if edited.voted else batch:  # a vote changes the earlier ones too
+        for i in edited.answers if edited.voted else answers:  # a vote changes the earlier ones too
             image = session.within_region(i, edited.answers[i])
             edited.targets[i] = replace(session.views[i], image=image)
     _find_ground_truth(session)
@@ -75,13 +96,14 @@ def sample_views(
     session: Session,
     members: Sequence[int],
     anchors: Sequence[int],
-    matches: Correspondences,
+    matches: Correspondences | None,
     sampler: SamplerSettings,
     start: Mapping[int, Float[Tensor, "h w 3"]] | None = None,
     stage: str = "sample",
 ) -> Generator[Event, None, list[Float[Tensor, "h w 3"]]]:
     """The 2D editor's pictures of `members` but `anchors`, which stay as they were edited.
 
+    Without `matches` every view is edited on its own.
     Sampling begins at `start`, or where the scene is now. Everything that a target goes through
     belongs here: held-out views are asked for in the same way. Views larger than the editor's size
     are edited small, and their change is carried up. Yields events of the `stage`.
@@ -97,7 +119,7 @@ def sample_views(
         session.work.evaluations += evaluations
     if images is None:
         raise RuntimeError(f"editor {editor.name} ended without images")
-    if sampler.consensus and sampler.harmonise:
+    if matches and sampler.consensus and sampler.harmonise:
         images = _harmonised(session, members, images, request.anchored, sampler)
     small = dict(zip(members, zip(images, request.originals)))
     return [_at_full_size(session, i, *small[i]) for i in members if i not in anchors]
@@ -156,7 +178,7 @@ def _request(
     session: Session,
     members: Sequence[int],
     anchors: Sequence[int],
-    matches: Correspondences,
+    matches: Correspondences | None,
     start: Mapping[int, Float[Tensor, "h w 3"]] | None,
 ) -> EditBatch:
     """The new views at `start` (None: current renders), and the anchors as they were edited; all at

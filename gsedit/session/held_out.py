@@ -45,13 +45,13 @@ def edit_held_out(
     anchors and the noise that all batches share.
 
     Nothing where that has no meaning: the editor is no diffusion model, so it has no noise to
-    share, or there are no targets. Sampling starts from the unedited scene: what the editor makes
+    share, or no view was edited. Sampling starts from the unedited scene: what the editor makes
     of them must not depend on what is measured.
     """
-    targets, editor = session.edited.targets, session.request.editor
-    if not views or not targets or editor.capabilities.denoiser is None:
+    answers, editor = session.edited.answers, session.request.editor
+    if not views or not answers or editor.capabilities.denoiser is None:
         return {}
-    near = zip(*(nearest(session, view, targets) for view in views))  # in turn, a view at a time
+    near = zip(*(nearest(session, view, answers) for view in views))  # in turn, a view at a time
     anchors = tuple(dict.fromkeys(chain.from_iterable(near)))[:ANCHORS]
     members = (*views, *anchors)
     images = yield from sample_views(

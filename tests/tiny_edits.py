@@ -1,0 +1,91 @@
+"""Edits of a tiny painted scene with the closed-form editor, for the laws of strategies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import torch
+
+import gsedit
+from gsedit.diffusion import SamplerSettings
+from gsedit.edit import edit_steps
+from gsedit.editors import make_editor
+from gsedit.editors.protocol import Capabilities, EditBatch, EditProgress
+from gsedit.fitting.settings import UpdateSettings
+from gsedit.reports.events import Event
+from gsedit.session.result import EditResult
+from gsedit.strategies import Strategy
+from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
+from gsedit.views.dataset import Dataset, capture
+from rasterizer.scene import Gaussians
+
+SETTINGS = gsedit.EditSettings(
+    sampler=SamplerSettings(steps=4),
+    update=UpdateSettings(patches=2, patch=32, gram_weight=0.0),
+    views_per_round=2,
+    rounds=2,
+    held_out_edits=0,
+)
+PROMPT = "as bronze"
+
+
+@lru_cache
+def scene() -> Gaussians:
+    return surface_gaussians(demo_scene(), 1000, torch.Generator().manual_seed(0))
+
+
+@lru_cache
+def data() -> Dataset:
+    """Nine views: the last is held out, eight may be edited."""
+    cameras = ring_cameras(demo_scene(), 9, 48)
+    return Dataset(capture(scene(), cameras, [str(i) for i in range(9)]))
+
+
+@dataclass(eq=False)
+class Watched:
+    """The closed-form editor, which notes what it is asked."""
+
+    inner: gsedit.editors.protocol.Editor = field(
+        default_factory=lambda: make_editor("closed-form")
+    )
+    asked: list[tuple[EditBatch, SamplerSettings]] = field(default_factory=list)
+
+    @property
+    def name(self) -> str:
+        return self.inner.name
+
+    @property
+    def cell(self) -> int:
+        return self.inner.cell
+
+    @property
+    def capabilities(self) -> Capabilities:
+        return self.inner.capabilities
+
+    def check(self, prompt: str) -> None:
+        self.inner.check(prompt)
+
+    def edit(
+        self, batch: EditBatch, settings: SamplerSettings, generator: torch.Generator
+    ) -> Iterator[EditProgress]:
+        self.asked.append((batch, settings))
+        return self.inner.edit(batch, settings, generator)
+
+
+def run(
+    strategy: Strategy, settings: gsedit.EditSettings = SETTINGS, editor: Watched | None = None
+) -> tuple[EditResult, list[Event]]:
+    """The result and the events of an edit."""
+    *items, result = edit_steps(
+        scene(),
+        PROMPT,
+        editor=editor or Watched(),
+        generator=torch.Generator().manual_seed(0),
+        dataset=data(),
+        settings=settings,
+        strategy=strategy,
+    )
+    assert isinstance(result, EditResult)
+    return result, [item for item in items if isinstance(item, Event)]
