@@ -45,7 +45,7 @@ def add_strategy(monkeypatch, tmp_path):
             f"class {name.title().replace('-', '')}:\n"
             f'    """{summary}"""\n'
             + "".join(f"    {field}\n" for field in fields)
-            + "    def __call__(self, session): yield from ()\n"
+            + "    def schedule(self, session): return iter(())\n"
         )
         return strategies.find_strategy(name)
 
@@ -121,10 +121,11 @@ def test_the_defaults_in_the_help_are_the_librarys(monkeypatch):
 
 def test_a_strategy_in_a_new_file_is_a_choice_with_its_options(monkeypatch, another_strategy):
     text = help_of_edit(monkeypatch)
-    assert "--strategy <single-pass|throw-away>" in text
+    assert "|single-pass|throw-away>" in text
     assert "throw-away: Edit nothing, slowly." in text
     assert "--pace <float> throw-away: Seconds of waiting. [default: 2]" in text
-    shared = f"[default: {SinglePass().update_steps}] throw-away: Steps after it. [default: 3]"
+    default = f"[default: {SinglePass().update_steps}]"
+    shared = f"{default} throw-away: Steps after it. [default: 3]"
     assert shared in text
     _, strategy = resolve("default", {("strategy",): "throw-away", ("strategy", "pace"): 0.5})
     assert strategy == another_strategy(pace=0.5)
