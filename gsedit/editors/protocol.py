@@ -160,7 +160,8 @@ class Autoencoder(Protocol):
         ...
 
     def encode(self, images: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v c y x"]:
-        """Latents, scaled as the sampler wants them, of images in [0, 1]."""
+        """Latents, scaled as the sampler wants them, of images in [0, 1]. Differentiable in the
+        images, which may leave [0, 1] a little: score distillation descends through it."""
         ...
 
     def encode_edited(

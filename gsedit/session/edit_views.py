@@ -89,7 +89,7 @@ def _accept(
         for i in edited.answers if edited.voted else answers:  # a vote changes the earlier ones too
             image = session.within_region(i, edited.answers[i])
             edited.targets[i] = replace(session.views[i], image=image)
-    _find_ground_truth(session)
+    find_ground_truth(session, edited.answers)
 
 
 def sample_views(
@@ -108,7 +108,7 @@ def sample_views(
     belongs here: held-out views are asked for in the same way. Views larger than the editor's size
     are edited small, and their change is carried up. Yields events of the `stage`.
     """
-    request = _request(session, members, anchors, matches, start)
+    request = request_of(session, members, anchors, matches, start)
     editor, images = session.request.editor, None
     evaluations = 0
     for progress in editor.edit(request, sampler, session.request.generator):
@@ -133,12 +133,13 @@ def _at_full_size(
     return carry_change(edited[None].to(full), original[None].to(full), full[None])[0]
 
 
-def _find_ground_truth(session: Session) -> None:
-    edited, find = session.edited, session.request.editor.capabilities.find_ground_truth
+def find_ground_truth(session: Session, edited: Mapping[int, Float[Tensor, "h w 3"]]) -> None:
+    """Find the true edit that these pictures of views show, where the editor has one."""
+    find = session.request.editor.capabilities.find_ground_truth
     if find is not None:
-        images = torch.stack(list(edited.answers.values()))
-        originals = torch.stack([session.unedited_image(i) for i in edited.answers])
-        edited.ground_truth = find(session.request.prompt, images, originals)
+        images = torch.stack(list(edited.values()))
+        originals = torch.stack([session.unedited_image(i) for i in edited])
+        session.edited.ground_truth = find(session.request.prompt, images, originals)
 
 
 def match_views(session: Session, members: Sequence[int]) -> Correspondences:
@@ -174,12 +175,12 @@ def _harmonised(
     return harmonise_by_depth(images, surfaces, anchored=anchored, strength=strength)
 
 
-def _request(
+def request_of(
     session: Session,
     members: Sequence[int],
-    anchors: Sequence[int],
-    matches: Correspondences | None,
-    start: Mapping[int, Float[Tensor, "h w 3"]] | None,
+    anchors: Sequence[int] = (),
+    matches: Correspondences | None = None,
+    start: Mapping[int, Float[Tensor, "h w 3"]] | None = None,
 ) -> EditBatch:
     """The new views at `start` (None: current renders), and the anchors as they were edited; all at
     the size at which they are edited."""

@@ -133,8 +133,11 @@ class Session:
         """The Gaussians of the region that the edited views see, or the planned ones before any is
         edited. No others move.
         """
-        views = list(self.edited.targets or self.surveyed.plan.views)
-        return (self.surveyed.weights[views].sum(0) > UNSEEN) & self.region.inside
+        return self.seen_from(self.edited.targets or self.surveyed.plan.views)
+
+    def seen_from(self, views: Iterable[int]) -> Bool[Tensor, " n"]:
+        """The Gaussians of the region that these of the views that may be edited see."""
+        return (self.surveyed.weights[list(views)].sum(0) > UNSEEN) & self.region.inside
 
     @property
     def region(self) -> Region:

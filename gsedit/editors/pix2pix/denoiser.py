@@ -118,9 +118,8 @@ class Pix2Pix:
                 "and its end would be ignored: say it in fewer words"
             )
 
-    @torch.no_grad()
     def encode(self, images: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v c y x"]:
-        """The posterior's mode times the VAE's scaling factor, float32."""
+        """The posterior's mode times the VAE's scaling factor, float32; differentiable."""
         return self._mode(images) * self.vae.config.scaling_factor
 
     def encode_edited(
@@ -193,7 +192,6 @@ class Pix2Pix:
         text = torch.cat(pooled).to(self.unet.dtype)
         return {"text_embeds": text, "time_ids": ids.expand(len(text), -1)}
 
-    @torch.no_grad()
     def _mode(self, images: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v c y x"]:
         """The mode of the VAE's posterior, not scaled, float32."""
         pixels = (2 * images - 1).movedim(-1, 1).to(self.vae.dtype)

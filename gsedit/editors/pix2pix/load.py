@@ -90,7 +90,8 @@ class _Parts:
 
     def _weighted(self, part: str, kind: Any, **options: Any) -> Any:
         variant = self.weights.variant(part)
-        return self._load(part, kind, use_safetensors=True, variant=variant, **options).eval()
+        network = self._load(part, kind, use_safetensors=True, variant=variant, **options)
+        return network.eval().requires_grad_(False)  # score distillation needs no other gradients
 
     def _load(self, part: str, kind: Any, **options: Any) -> Any:
         path = self.folder / part

@@ -1,0 +1,63 @@
+"""Score distillation (Poole et al. 2023), with the regulariser of Vox-E (Sella et al. 2023)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from gsedit.errors import UsageError
+from gsedit.session.actions import STEPS_AT_ONCE, Action
+from gsedit.session.session import Session
+from gsedit.strategies._dataset import (
+    LEAST_NOISE,
+    MOST_NOISE,
+    DatasetViews,
+    check_noise,
+    check_positive,
+    dataset_views,
+)
+from gsedit.strategies._distil import Distil, denoiser_of
+
+VOX_E_WEIGHT = 200 / (4 * 64 * 64)
+"""Vox-E has 200, beside a sum over the latents of Stable Diffusion at 512x512."""
+
+
+@dataclass(frozen=True)
+class Sds:
+    """Descend the denoiser's score on random views: no picture is edited.
+
+    Raises UsageError for a value out of range, and where the editor is no diffusion model.
+    """
+
+    total_steps: int = 1000
+    """Steps, a view each, with as many evaluations as a denoising step of one view."""
+    structure_weight: float = VOX_E_WEIGHT
+    """Weight that keeps opacities and base colours correlated with the unedited scene's; 0 for
+    none. Beside a mean over latent values the default is Vox-E's."""
+    least_noise: float = LEAST_NOISE
+    """Lowest noise level of a step."""
+    most_noise: float = MOST_NOISE
+    """Highest noise level of a step."""
+    dataset_views: DatasetViews = "all"
+    """Which views are rendered."""
+
+    def __post_init__(self) -> None:
+        check_positive(total_steps=self.total_steps)
+        check_noise(self.least_noise, self.most_noise)
+        if not self.structure_weight >= 0:
+            raise UsageError(f"structure weight {self.structure_weight} is not 0 or more")
+
+    def schedule(self, session: Session) -> Iterator[Action]:
+        """A few steps at a time."""
+        denoiser_of(session)  # refuse what cannot be done before the first step
+        views = dataset_views(session, self.dataset_views)
+        for first in range(0, self.total_steps, STEPS_AT_ONCE):
+            yield Distil(
+                views,
+                first,
+                min(first + STEPS_AT_ONCE, self.total_steps),
+                self.total_steps,
+                self.least_noise,
+                self.most_noise,
+                self.structure_weight,
+            )
