@@ -30,7 +30,7 @@ _ORTHONORMAL = 1e-4  # of R^T R: rounding to six decimals stays below 1e-5, a sc
 def read_nerfstudio(path: Path) -> tuple[tuple[PosedPhoto, ...], SparsePoints | None]:
     """All photos of a transforms.json, sorted by name, and its sparse points. Raises InputError."""
     path = existing_file(path)
-    record = _parse(path)
+    record = parse_object(path)
     frames = record.get("frames")
     if not isinstance(frames, list):
         raise InputError(f"{path} has no list of frames: is it a transforms.json? Check the path")
@@ -38,7 +38,8 @@ def read_nerfstudio(path: Path) -> tuple[tuple[PosedPhoto, ...], SparsePoints | 
     return tuple(sorted(photos, key=lambda photo: photo.name)), _points(path, record)
 
 
-def _parse(path: Path) -> dict[str, Any]:
+def parse_object(path: Path) -> dict[str, Any]:
+    """The object that a transforms.json holds. Raises InputError, with the place."""
     try:
         record = json.loads(path.read_bytes())
     except json.JSONDecodeError as error:
@@ -60,7 +61,7 @@ def _photo(path: Path, record: dict[str, Any], index: int, frame: Any) -> PosedP
     file = _find(path.parent, file_path, where)
     values = {**record, **frame}
     name = Path(os.path.relpath(file, path.parent)).as_posix()
-    pose = _world_to_camera(values.get("transform_matrix"), where)
+    pose = world_to_camera(values.get("transform_matrix"), where)
     return PosedPhoto(name, file, pose, _lens(values, file, where))
 
 
@@ -72,7 +73,7 @@ def _find(folder: Path, file_path: str, where: str) -> Path:
     raise missing_photo(folder / file_path, where)
 
 
-def _world_to_camera(matrix: Any, where: str) -> Float[Tensor, "4 4"]:
+def world_to_camera(matrix: Any, where: str) -> Float[Tensor, "4 4"]:
     """Flip the y and z axes of the camera, then invert the rigid motion by transposing."""
     try:
         pose = torch.tensor(matrix, dtype=torch.float64)

@@ -6,9 +6,10 @@ colours, mean over pixels *and* channels."""
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import nan, sqrt
+from typing import NamedTuple
 
 import torch
 from jaxtyping import Bool, Float
@@ -21,6 +22,40 @@ from gsedit.measures.decibels import psnr_from_rmse
 from gsedit.measures.perceptual import SMALLEST, perceptual_distance
 from rasterizer.camera import Camera
 
+NEAREST = 100.0
+"""dB that equal pictures get, an RMSE of 1e-5, since numbers in JSON are finite."""
+
+
+INSIDE = 0.5
+"""Least share of a pixel that comes from the region's Gaussians: the others are outside it, where
+leakage is measured."""
+
+
+class SquaredError(NamedTuple):
+    """Of colours: to be pooled over pictures of any sizes."""
+
+    total: float
+    values: int
+    """Numbers that were compared: pixels times channels."""
+
+
+def squared_error(
+    image: Float[Tensor, "*n h w 3"],
+    target: Float[Tensor, "*n h w 3"],
+    mask: Bool[Tensor, "*n h w"] | None = None,
+) -> SquaredError:
+    """The sum of squared differences inside the mask, and how many there are."""
+    difference = (image - target).double()
+    if mask is not None:
+        difference = difference[mask]
+    return SquaredError(difference.square().sum().item(), difference.numel())
+
+
+def pooled_rmse(errors: Iterable[SquaredError]) -> float | None:
+    """Root mean squared error over all compared values; None where there are none."""
+    total, values = (sum(each) for each in zip((0.0, 0), *errors))
+    return sqrt(total / values) if values else None
+
 
 def rmse(
     image: Float[Tensor, "*n h w 3"],
@@ -28,12 +63,10 @@ def rmse(
     mask: Bool[Tensor, "*n h w"] | None = None,
 ) -> float:
     """Root mean squared error inside the mask; UsageError if it is empty."""
-    difference = (image - target).double()
-    if mask is not None:
-        difference = difference[mask]
-    if not difference.numel():
+    error = pooled_rmse([squared_error(image, target, mask)])
+    if error is None:
         raise UsageError("The mask selects no pixel, so there is nothing to measure; enlarge it.")
-    return sqrt(difference.square().mean().item())
+    return error
 
 
 def psnr(
@@ -83,6 +116,24 @@ def leakage(
 ) -> float:
     """RMSE between the edited and the original pictures, outside the mask: 0 is best."""
     return rmse(edited, original, ~mask)
+
+
+@dataclass(frozen=True)
+class Fidelity:
+    """How near pictures are to those that were expected: means over the pictures."""
+
+    psnr: float
+    """dB, higher is nearer; NEAREST for equal pictures."""
+    ssim: float
+    perceptual: float | None
+    """None without its weights."""
+
+
+def fidelity(image: Float[Tensor, "h w 3"], expected: Float[Tensor, "h w 3"]) -> Fidelity:
+    """Of one picture of 6 pixels or more a side."""
+    return Fidelity(
+        min(psnr(image, expected), NEAREST), ssim(image, expected), perceptual(image, expected)
+    )
 
 
 @dataclass(frozen=True, eq=False)

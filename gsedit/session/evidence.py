@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable, Mapping
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from jaxtyping import Float
 from torch import Tensor
 
+from gsedit.measures.agreement import COMPARED_VIEWS, Pictures, compare_renders, compare_targets
 from gsedit.reports.events import Event
-from gsedit.session.agreement import compare_renders, compare_targets
-from gsedit.session.held_out import SHOWN, HeldOutViews, edit_held_out, shown_views
+from gsedit.session.held_out import (
+    SHOWN,
+    HeldOutViews,
+    edit_held_out,
+    shown_views,
+    unedited_views,
+)
 from gsedit.session.quality import EditQuality, Measurement, assess, has_ground_truth, measure
 from gsedit.session.session import Session
 from gsedit.views.dataset import View
-
-COMPARED_VIEWS = 4
-"""Held-out views whose renders are compared with those of nearby cameras."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +47,18 @@ def gather_evidence(session: Session) -> Generator[Event, None, Evidence]:
     finals = dict(zip(needed, session.render(session.views[i].camera for i in needed)))
     answers = yield from edit_held_out(session, shown[:asked])
     compared = shown_views(session, COMPARED_VIEWS)
-    warp = (*compare_targets(session), *compare_renders(session, finals, compared))
+    targets = {i: view.image for i, view in session.edited.targets.items()}
+    unedited = unedited_views(session)
+
+    def rendered(views: Sequence[int]) -> Pictures:
+        missing = [i for i in views if i not in finals]
+        drawn = session.render(session.views[i].camera for i in missing)
+        return {**finals, **dict(zip(missing, drawn))}
+
+    warp = (
+        *compare_targets(unedited, targets),
+        *compare_renders(unedited, compared, session.held_out, rendered),
+    )
     originals = {i: session.unedited_rendering(i).color.clamp(0, 1) for i in (*edited, *shown)}
     return Evidence(
         originals=_named(session, originals, edited),

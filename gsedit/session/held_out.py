@@ -9,8 +9,8 @@ from itertools import chain
 from jaxtyping import Float
 from torch import Tensor
 
+from gsedit.measures.agreement import UneditedViews, spread
 from gsedit.reports.events import Event
-from gsedit.session.agreement import nearest
 from gsedit.session.edit_views import ANCHORS, MEASURE, match_views, sample_views
 from gsedit.session.session import Session
 from gsedit.views.dataset import View
@@ -33,9 +33,12 @@ class HeldOutViews:
 
 def shown_views(session: Session, number: int) -> tuple[int, ...]:
     """`number` evenly spaced held-out views, those in the middle of equal parts."""
-    held_out = session.held_out
-    number = min(number, len(held_out))
-    return tuple(held_out[(2 * i + 1) * len(held_out) // (2 * number)] for i in range(number))
+    return spread(session.held_out, number)
+
+
+def unedited_views(session: Session) -> UneditedViews:
+    """The scene before the edit at all views, to compare views with each other."""
+    return UneditedViews([view.camera for view in session.views], session.unedited_rendering)
 
 
 def edit_held_out(
@@ -51,7 +54,8 @@ def edit_held_out(
     answers, editor = session.edited.answers, session.request.editor
     if not views or not answers or editor.capabilities.denoiser is None:
         return {}
-    near = zip(*(nearest(session, view, answers) for view in views))  # in turn, a view at a time
+    unedited = unedited_views(session)
+    near = zip(*(unedited.nearest(view, answers) for view in views))  # in turn, a view at a time
     anchors = tuple(dict.fromkeys(chain.from_iterable(near)))[:ANCHORS]
     members = (*views, *anchors)
     images = yield from sample_views(

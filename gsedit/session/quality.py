@@ -2,28 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 
-import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from gsedit.measures.agreement import Pictures, WarpComparison
 from gsedit.measures.decibels import psnr_from_rmse, rmse_from_psnr
-from gsedit.measures.metrics import edit_strength, perceptual, psnr
+from gsedit.measures.metrics import (
+    INSIDE,
+    NEAREST,
+    edit_strength,
+    perceptual,
+    pooled_rmse,
+    psnr,
+    squared_error,
+    ssim,
+)
 from gsedit.reports.events import Event
-from gsedit.session.agreement import WarpComparison
 from gsedit.session.session import Session
 from gsedit.views.dataset import evenly_spaced
 
-SMALLEST = 1e-5
-"""RMSE that counts as none: 100 dB, since numbers in JSON are finite."""
 PROGRESS_VIEWS = 3
 """Views that are measured while the work goes on, and by the perceptual distance; all are at the
 end."""
-
-Pictures = Mapping[int, Float[Tensor, "h w 3"]]
-"""By the index of the view."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +66,12 @@ class EditQuality:
     """Perceptual distance to the true edit at held-out cameras."""
     perceptual_to_held_out_edits: float | None = None
     """Perceptual distance to what the 2D editor makes of held-out views."""
+    perceptual_to_targets: float | None = None
+    """Perceptual distance to the edited 2D pictures that the scene was fitted to."""
+    ssim_to_targets: float | None = None
+    """Mean SSIM of the final renders and the edited 2D pictures that the scene was fitted to."""
+    ssim_to_held_out_edits: float | None = None
+    """Mean SSIM of the final renders and what the 2D editor makes of held-out views."""
 
     def describe(self) -> str:
         """The numbers to read first, on one line."""
@@ -154,12 +163,15 @@ def assess(
         residual_to_targets_db=_mean_psnr(finals, targets),
         psnr_to_ground_truth=_mean_psnr(finals, truth),
         leakage=leakage,
-        kept=None if left is None else psnr_from_rmse(max(left, SMALLEST)),
+        kept=None if left is None else min(psnr_from_rmse(left), NEAREST),
         warp=warp,
         psnr_to_held_out_edits=_mean_psnr(finals, held_out_edits),
         perceptual_strength=_mean_perceptual(finals, originals),
         perceptual_to_ground_truth=_mean_perceptual(finals, truth),
         perceptual_to_held_out_edits=_mean_perceptual(finals, held_out_edits),
+        perceptual_to_targets=_mean_perceptual(finals, targets),
+        ssim_to_targets=_mean_ssim(finals, targets),
+        ssim_to_held_out_edits=_mean_ssim(finals, held_out_edits),
     )
 
 
@@ -178,14 +190,14 @@ def _change_outside(session: Session, finals: Pictures, views: Iterable[int]) ->
     half; None where there are none."""
     if session.region.is_all:
         return None
-    squares = [
-        (session.unedited_rendering(i).color.clamp(0, 1) - finals[i]).square()[
-            session.coverage(i) < 0.5
-        ]
+    return pooled_rmse(
+        squared_error(
+            session.unedited_rendering(i).color.clamp(0, 1),
+            finals[i],
+            session.coverage(i) < INSIDE,
+        )
         for i in views
-    ]
-    outside = torch.cat(squares) if squares else torch.zeros(0)
-    return float(outside.double().mean().sqrt()) if len(outside) else None
+    )
 
 
 def _evenly(indices: tuple[int, ...], number: int | None) -> list[int]:
@@ -197,6 +209,11 @@ def _evenly(indices: tuple[int, ...], number: int | None) -> list[int]:
 def _mean_psnr(finals: Pictures, expected: Pictures) -> float | None:
     """None where nothing is expected."""
     return mean(psnr(finals[i], image) for i, image in expected.items()) if expected else None
+
+
+def _mean_ssim(finals: Pictures, expected: Pictures) -> float | None:
+    """None where nothing is expected."""
+    return mean(ssim(finals[i], image) for i, image in expected.items()) if expected else None
 
 
 def _mean_perceptual(finals: Pictures, expected: Pictures) -> float | None:

@@ -1,9 +1,12 @@
-"""How far pictures of different views agree on colour, beside the unedited scene's own renders."""
+"""How far pictures of different views agree on colour, beside the unedited scene's own renders.
+
+Pictures are in [0, 1] and belong to views by their index.
+"""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import copysign, sqrt
 from typing import Literal
@@ -13,18 +16,21 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.consistency.warp import warp
-from gsedit.session.session import Session
 from gsedit.views.dataset import evenly_spaced
 from rasterizer.camera import Camera
 from rasterizer.render import Rendering
 
 PAIRS = 8
 """Most pairs of views that a row measures: a warp costs as much as a render."""
+COMPARED_VIEWS = 4
+"""Held-out views whose renders are compared with those of nearby cameras."""
 COMPARED = 0.01
 """Least share of a picture's pixels that a pair must both see: an error over fewer means little."""
 
 Range = Literal["short", "long"]
 Pairs = Sequence[tuple[int, int]]
+Pictures = Mapping[int, Float[Tensor, "h w 3"]]
+"""By the index of the view."""
 
 
 @dataclass(frozen=True)
@@ -53,54 +59,84 @@ class WarpComparison:
         return copysign(sqrt(abs(square)), square)
 
 
-def compare_targets(session: Session) -> tuple[WarpComparison, ...]:
+@dataclass(frozen=True, eq=False)
+class UneditedViews:
+    """The unedited scene, as its views show it."""
+
+    cameras: Sequence[Camera]
+    rendering: Callable[[int], Rendering]
+    """Of the unedited scene at the view of that index, with median depth."""
+
+    def nearest(self, i: int, others: Iterable[int]) -> list[int]:
+        """The views `others`, the one whose camera is nearest to view i's first."""
+        depth, alpha = _surface(self.rendering(i))
+        seen = depth[alpha > 0.5]
+        reach = float(seen.median()) if len(seen) else 1.0
+        camera = self.cameras[i]
+        return sorted(others, key=lambda j: _displacement(camera, self.cameras[j], reach))
+
+    def with_nearest(self, i: int, others: Iterable[int]) -> Pairs:
+        """(i, the view among `others` whose camera is nearest to it), if there is another."""
+        ordered = self.nearest(i, (j for j in others if j != i))
+        return [(i, j) for j in ordered[:1]]
+
+
+def spread(indices: Sequence[int], number: int) -> tuple[int, ...]:
+    """At most `number` of them, those in the middle of equal parts."""
+    number = min(number, len(indices))
+    return tuple(indices[(2 * k + 1) * len(indices) // (2 * number)] for k in range(number))
+
+
+def compare_targets(views: UneditedViews, targets: Pictures) -> tuple[WarpComparison, ...]:
     """The edited 2D pictures, in pairs of short and of long range; no row where none share 1 %."""
-    images = {i: view.image for i, view in session.edited.targets.items()}
-    short = sorted({pair for i in images for pair in _with_nearest(session, i, images)})
-    every = itertools.combinations(sorted(images), 2)
+    short = sorted({pair for i in targets for pair in views.with_nearest(i, targets)})
+    every = itertools.combinations(sorted(targets), 2)
     long = [pair for pair in every if pair not in short]
     rows = (
-        _compare(session, images, "targets", "short", _evenly(short)),
-        _compare(session, images, "targets", "long", _evenly(long)),
+        compare_pairs(views, targets, "targets", "short", _evenly(short)),
+        compare_pairs(views, targets, "targets", "long", _evenly(long)),
     )
     return tuple(row for row in rows if row)
 
 
 def compare_renders(
-    session: Session, finals: Mapping[int, Float[Tensor, "h w 3"]], views: Iterable[int]
+    views: UneditedViews,
+    compared: Iterable[int],
+    held_out: Sequence[int],
+    finals: Callable[[Sequence[int]], Pictures],
 ) -> tuple[WarpComparison, ...]:
-    """The edited scene at the held-out `views`, each with the nearest camera and the nearest
-    held-out camera; no row where none share 1 %. `finals` are renders that exist already."""
-    views = tuple(views)
-    short = [pair for i in views for pair in _with_nearest(session, i, range(len(session.views)))]
-    long = [pair for i in views for pair in _with_nearest(session, i, session.held_out)]
-    missing = sorted({i for pair in (*short, *long) for i in pair} - set(finals))
-    cameras = [session.views[i].camera for i in missing]
-    images = {**finals, **dict(zip(missing, session.render(cameras)))}
+    """The edited scene at the held-out views `compared`, each with the nearest camera and the
+    nearest held-out camera; no row where none share 1 %. `finals` renders the edited scene."""
+    compared = tuple(compared)
+    every = range(len(views.cameras))
+    short = [pair for i in compared for pair in views.with_nearest(i, every)]
+    long = [pair for i in compared for pair in views.with_nearest(i, held_out)]
+    images = finals(sorted({i for pair in (*short, *long) for i in pair}))
     rows = (
-        _compare(session, images, "renders", "short", short),
-        _compare(session, images, "renders", "long", long),
+        compare_pairs(views, images, "renders", "short", short),
+        compare_pairs(views, images, "renders", "long", long),
     )
     return tuple(row for row in rows if row)
 
 
 @torch.no_grad()
-def _compare(
-    session: Session,
-    images: Mapping[int, Float[Tensor, "h w 3"]],
+def compare_pairs(
+    views: UneditedViews,
+    images: Pictures,
     pictures: Literal["targets", "renders"],
     range_: Range,
     pairs: Pairs,
 ) -> WarpComparison | None:
-    """Both errors over the same pixels, from one warp of both pictures a pair."""
+    """Both errors over the same pixels, from one warp of both pictures a pair; None where no pair
+    shares 1 % of its pixels."""
     shares, squares = [], []
     for a, b in pairs:
-        here, there = (session.unedited_rendering(i) for i in (a, b))
+        here, there = (views.rendering(i) for i in (a, b))
         both_a, both_b = (
             torch.cat((rendering.color.clamp(0, 1), images[i]), -1)
             for i, rendering in ((a, here), (b, there))
         )
-        cameras = (session.views[a].camera, session.views[b].camera)
+        cameras = (views.cameras[a], views.cameras[b])
         warped, valid = warp(both_b, cameras[0], *_surface(here), cameras[1], *_surface(there))
         share = valid.double().mean().item()
         if share >= COMPARED:
@@ -123,21 +159,6 @@ def _surface(rendering: Rendering) -> tuple[Float[Tensor, "h w"], Float[Tensor, 
 
 def _evenly(pairs: Pairs) -> Pairs:
     return [pairs[i] for i in evenly_spaced(len(pairs), PAIRS)] if pairs else []
-
-
-def _with_nearest(session: Session, i: int, others: Iterable[int]) -> Pairs:
-    """(i, the view among `others` whose camera is nearest to it), if there is another."""
-    ordered = nearest(session, i, (j for j in others if j != i))
-    return [(i, j) for j in ordered[:1]]
-
-
-def nearest(session: Session, i: int, others: Iterable[int]) -> list[int]:
-    """The views `others`, the one whose camera is nearest to view i's first."""
-    depth, alpha = _surface(session.unedited_rendering(i))
-    seen = depth[alpha > 0.5]
-    reach = float(seen.median()) if len(seen) else 1.0
-    camera = session.views[i].camera
-    return sorted(others, key=lambda j: _displacement(camera, session.views[j].camera, reach))
 
 
 def _displacement(a: Camera, b: Camera, depth: float) -> float:

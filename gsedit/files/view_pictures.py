@@ -1,0 +1,89 @@
+"""Pictures of views in a folder, each under the name of its view: images/a.jpg as images/a.png."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from jaxtyping import Float
+from torch import Tensor
+
+from gsedit.errors import InputError
+from gsedit.files.pictures import as_picture, read_picture, save_picture
+from gsedit.views.dataset import View
+from gsedit.views.image_ops import downscale
+from gsedit.views.viewpoints import Viewpoint
+
+SUFFIXES = (".png", ".jpg", ".jpeg")
+PROPORTIONS = 0.02
+"""Most relative difference of the proportions of a picture and of its view."""
+
+
+def write_view_pictures(folder: Path, views: Iterable[View], *, overwrite: bool = False) -> None:
+    """Write PNGs of 8 bits a channel. With `overwrite` all other PNGs of the folder are removed,
+    which an earlier run wrote. Raises UsageError as `atomic_path` does."""
+    files = {folder / Path(view.name).with_suffix(".png"): view for view in views}
+    if overwrite:
+        for file in set(folder.rglob("*.png")) - set(files):
+            file.unlink()
+    for file, view in files.items():
+        save_picture(as_picture(view.image), file, overwrite=overwrite)
+
+
+def read_view_pictures(
+    folder: Path, viewpoints: Sequence[Viewpoint]
+) -> dict[int, Float[Tensor, "h w 3"]]:
+    """The pictures of a folder in [0, 1], by the index of their view, at the size of its camera.
+
+    The file images/a.png belongs to the view images/a.jpg; where the folders differ, the name of
+    the file alone decides, and `000_a.png` is a too, as `gsedit render` names it. Views without a
+    picture are left out. Raises InputError where no file is there, a file belongs to no view or to
+    several, two belong to one, or a picture is smaller than its view or of another shape.
+    """
+    files = sorted(file for file in folder.rglob("*") if file.suffix.lower() in SUFFIXES)
+    if not files:
+        raise InputError(f"{folder} has no pictures: put them there, named after their views")
+    found: dict[int, Path] = {}
+    for file in files:
+        index = _view_of(file, folder, viewpoints)
+        if index in found:
+            raise InputError(f"{found[index]} and {file} are pictures of one view: remove one")
+        found[index] = file
+    return {index: _fitted(found[index], viewpoints[index]) for index in sorted(found)}
+
+
+def _view_of(file: Path, folder: Path, viewpoints: Sequence[Viewpoint]) -> int:
+    path = file.relative_to(folder).with_suffix("")
+    names = [Path(viewpoint.name).with_suffix("") for viewpoint in viewpoints]
+    stem = re.sub(r"^\d+_", "", path.name)
+    matches = (
+        [i for i, name in enumerate(names) if name == path],
+        [i for i, name in enumerate(names) if name.name == path.name],
+        [i for i, name in enumerate(names) if name.name == stem],
+    )
+    views = next((each for each in matches if each), [])
+    if len(views) == 1:
+        return views[0]
+    if views:
+        raise InputError(f"{file}: {len(views)} views are named {path.name}: keep their folders")
+    listed = ", ".join(f"{name}.png" for name in names[:2])
+    raise InputError(f"{file} belongs to no view: name it after its view ({listed}, ...)")
+
+
+def _fitted(file: Path, viewpoint: Viewpoint) -> Float[Tensor, "h w 3"]:
+    """Averaged over the pixels of the view."""
+    picture, camera = read_picture(file), viewpoint.camera
+    rows, columns, _ = picture.shape
+    shape = camera.width / camera.height
+    if abs(columns / rows - shape) > PROPORTIONS * shape:
+        raise InputError(
+            f"{file} is {columns}x{rows} and its view {camera.width}x{camera.height}: their "
+            "proportions differ; give pictures of these views"
+        )
+    if columns < camera.width or rows < camera.height:
+        raise InputError(
+            f"{file} is {columns}x{rows}, smaller than its view, {camera.width}x{camera.height}: "
+            f"measure at --size {max(columns, rows)}"
+        )
+    return downscale(picture, camera.width, camera.height).clamp(0, 1)
