@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from gsedit.measures.features import FeatureExtractor
     from gsedit.reports.events import Event
     from gsedit.session.result import EditResult
+    from gsedit.views.dataset import Dataset
 
 Instruction = Annotated[
     str,
@@ -75,8 +76,9 @@ def edit(
 
     gsedit edit scene.ply "turn it into a bronze statue" --data photos/ -o out
 
-    The folder gets scene.ply, cameras.json (where its views were taken from), region.npy (where the
-    edit belongs), edit.json (settings, versions, timings), metrics.jsonl (a line an event),
+    The folder gets scene.ply, cameras.json (where its views were taken from), views.json (the same
+    and which were edited), region.npy (where the edit belongs), targets/ and held_out/ (edited
+    views), edit.json (settings, versions, timings), metrics.jsonl (a line an event),
     before_after.png and error_vs_time.png.
     """
     check_request(instruction, views, out, force)
@@ -109,6 +111,7 @@ def edit(
         print_message(understood)
     result = run_and_write(steps, out, instruction, request, as_json=common.json)
     write_cameras(dataset.views, out / "cameras.json", overwrite=True)
+    write_views(dataset, result, out / "views.json")
     record = {
         "folder": out,
         "scene": out / "scene.ply",
@@ -116,6 +119,17 @@ def edit(
         "kept": result.quality.kept,
     }
     print_result(record, str(out / "scene.ply"), as_json=common.json)
+
+
+def write_views(dataset: Dataset, result: EditResult, path: Path) -> None:
+    """The list of the edit's views, which gsedit metrics measures at."""
+    from gsedit.files.view_lists import write_view_list
+    from gsedit.views.view_list import by_edit
+    from gsedit.views.viewpoints import Viewpoint
+
+    edited = {view.name for view in result.originals}
+    viewpoints = [Viewpoint(view.name, view.camera) for view in dataset.views]
+    write_view_list(by_edit(viewpoints, edited), path, overwrite=True)
 
 
 def check_request(instruction: str, views: ViewOptions, out: Path, force: bool) -> None:

@@ -22,6 +22,7 @@ from .exits import FAILED, OK, USAGE, Interrupted, explain, one_line
 from .fit import fit
 from .info import info
 from .looks import looks
+from .metrics import metrics
 from .preview import preview
 from .render import render
 
@@ -31,7 +32,7 @@ class Verbs(TyperGroup):
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
-        for body in (fit, edit, render, preview, info, editors, looks, doctor):
+        for body in (fit, edit, metrics, render, preview, info, editors, looks, doctor):
             self.add_command(lazy_verb(body))
         self.add_command(LazyCommand("bench", bench_summary.__doc__ or "", lambda: bench))
 

@@ -84,9 +84,10 @@ def load_clip(folder: str | Path) -> Clip:
     level = transformers.logging.get_verbosity()
     transformers.logging.set_verbosity_error()  # it lists what it loads
     try:
-        model, info = transformers.CLIPModel.from_pretrained(
+        loaded: Any = transformers.CLIPModel.from_pretrained(
             folder, local_files_only=True, use_safetensors=True, output_loading_info=True
         )
+        model, info = loaded
         tokenizer = transformers.CLIPTokenizer.from_pretrained(folder, local_files_only=True)
     except Exception as error:  # transformers, safetensors and json raise without a common base
         reason = next(iter(str(error).strip().splitlines()), type(error).__name__)[:160]

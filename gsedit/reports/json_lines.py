@@ -1,4 +1,4 @@
-"""JSON lines: one record a line, each on disk before the next one is made. Needs no torch."""
+"""JSON files of one record, or of one a line, each on disk before the next. Needs no torch."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import IO, Any, TypeVar
 
 from gsedit.errors import InputError
+from gsedit.files.atomic import atomic_path
 
 Record = TypeVar("Record")
 
@@ -27,6 +28,12 @@ def plain(value: Any) -> Any:
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return value if isinstance(value, str | int | None) else str(value)
+
+
+def write_record(record: Any, path: Path | str, *, overwrite: bool = False) -> None:
+    """Write one record as an indented JSON file. Raises UsageError as `atomic_path` does."""
+    with atomic_path(path, overwrite=overwrite) as temporary:
+        temporary.write_text(json.dumps(plain(record), indent=2, allow_nan=False) + "\n")
 
 
 def write_line(file: IO[str], record: Any) -> None:

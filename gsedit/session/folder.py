@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from gsedit.files import atomic_path, save
 from gsedit.files.atomic import check_writable
+from gsedit.files.view_pictures import write_view_pictures
+from gsedit.measures.against import HELD_OUT, TARGETS
 from gsedit.regions.region import save_region
 from gsedit.reports.environment import environment
 from gsedit.reports.journal import as_record
-from gsedit.reports.json_lines import plain, write_line
+from gsedit.reports.json_lines import write_line, write_record
 from gsedit.session.held_out import SHOWN
 from gsedit.session.result import EditResult
 
@@ -28,7 +29,8 @@ def write_edit(
     request: Mapping[str, Any] | None = None,
     overwrite: bool = False,
 ) -> None:
-    """Write scene.ply, region.npy, metrics.jsonl, before_after.png, error_vs_time.png, edit.json.
+    """Write scene.ply, region.npy, metrics.jsonl, before_after.png, error_vs_time.png, edit.json,
+    and the 2D edits: targets/ (what the scene was fitted to), held_out/ (of held-out views).
 
     `request` is what else edit.json should say of how the result was made. Each file is whole or
     not there, and edit.json is last: with it the folder is complete. Raises UsageError where one of
@@ -48,9 +50,10 @@ def write_edit(
         for event in result.events:
             write_line(file, as_record(event))
     _write_pictures(folder, result, overwrite=overwrite)
-    record = plain({"instruction": result.prompt, **(request or {}), **edit_record(result)})
-    with atomic_path(folder / "edit.json", overwrite=overwrite) as temporary:
-        temporary.write_text(json.dumps(record, indent=2, allow_nan=False) + "\n")
+    write_view_pictures(folder / TARGETS, result.targets, overwrite=overwrite)
+    write_view_pictures(folder / HELD_OUT, result.held_out.edited, overwrite=overwrite)
+    record = {"instruction": result.prompt, **(request or {}), **edit_record(result)}
+    write_record(record, folder / "edit.json", overwrite=overwrite)
 
 
 def edit_record(result: EditResult) -> dict[str, Any]:

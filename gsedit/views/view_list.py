@@ -6,6 +6,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+from gsedit.errors import UsageError
 from gsedit.views.viewpoints import Viewpoint
 
 Role = Literal["edited", "held_out", "other"]
@@ -47,3 +48,18 @@ def by_edit(viewpoints: Sequence[Viewpoint], edited: Collection[str]) -> ViewLis
         own: Role = "held_out" if role == "held_out" else "other"
         roles.append("edited" if viewpoint.name in edited else own)
     return ViewList(tuple(viewpoints), tuple(roles))
+
+
+def with_roles_of(given: ViewList, views: ViewList) -> ViewList:
+    """`views` with the roles that `given` gives to those names; "other" where it names none.
+
+    Raises UsageError where it names none of them.
+    """
+    named: dict[str, Role] = {each.name: role for each, role in zip(given.viewpoints, given.roles)}
+    roles: list[Role] = [named.get(viewpoint.name, "other") for viewpoint in views.viewpoints]
+    if not any(viewpoint.name in named for viewpoint in views.viewpoints):
+        raise UsageError(
+            f"none of the listed views ({given.viewpoints[0].name}, ...) is one of these photos "
+            f"({views.viewpoints[0].name}, ...): give the list that was made with them"
+        )
+    return ViewList(views.viewpoints, tuple(roles))

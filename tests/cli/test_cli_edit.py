@@ -58,8 +58,9 @@ def test_edit_leaves_the_scene_and_its_evidence(monkeypatch, scene, photos, tmp_
     assert result.exit_code == 0, result.stderr
     assert result.stdout.strip() == str(out / "scene.ply")
     names = {"scene.ply", "edit.json", "metrics.jsonl", "before_after.png", "error_vs_time.png"}
-    names |= {"cameras.json", "region.npy"}
-    assert {path.name for path in files(out)} == names
+    names |= {"cameras.json", "views.json", "region.npy"}
+    names |= {"targets/images/0.png", "targets/images/1.png", "targets/images/2.png"}
+    assert {path.relative_to(out).as_posix() for path in files(out)} == names
     assert [event.stage for event in read_events(out / "metrics.jsonl")] == ["update", "measure"]
     record = json.loads((out / "edit.json").read_text())
     assert record["instruction"] == given["prompt"] == "make it snow"

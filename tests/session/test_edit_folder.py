@@ -19,7 +19,7 @@ from gsedit.views.dataset import Dataset, capture
 
 FILES = {
     "scene.ply", "region.npy", "edit.json", "metrics.jsonl", "before_after.png",
-    "error_vs_time.png",
+    "error_vs_time.png", "targets", "held_out",
 }  # fmt: skip
 
 

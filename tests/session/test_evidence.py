@@ -15,8 +15,8 @@ from gsedit.editors import make_editor
 from gsedit.editors.protocol import Capabilities, EditProgress
 from gsedit.errors import UsageError
 from gsedit.fitting.settings import UpdateSettings
-from gsedit.measures.metrics import psnr
 from gsedit.measures.agreement import WarpComparison
+from gsedit.measures.metrics import psnr
 from gsedit.strategies.single_pass import SinglePass
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 from gsedit.views.dataset import Dataset, capture

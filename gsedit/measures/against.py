@@ -1,0 +1,181 @@
+"""What `--against` names: the unedited scene, the folder of an edit, photos, or pictures."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from gsedit.errors import InputError
+from gsedit.files import cameras as recorded
+from gsedit.files import view_lists
+from gsedit.files.colmap import model_folder
+from gsedit.files.inputs import existing_file
+from gsedit.files.pictures import fitted_size
+from gsedit.files.view_pictures import SUFFIXES, read_view_pictures
+from gsedit.measures.agreement import Pictures
+from gsedit.measures.subject import NO_TARGETS
+from gsedit.views.view_list import ViewList, by_edit
+
+Kind = Literal["scene", "edit", "photos", "pictures"]
+TARGETS, HELD_OUT = "targets", "held_out"
+"""Folders of pictures in the folder of an edit: what the scene was fitted to, and what the 2D
+editor makes of held-out views."""
+
+
+@dataclass(frozen=True)
+class Against:
+    """What a scene is compared with."""
+
+    kind: Kind
+    path: Path
+    unedited: Path | None = None
+    """The file of the unedited scene."""
+    drop_invalid: bool = False
+    """Whether rows of that file with NaN or infinity are left out, as the edit left them out."""
+    region: Path | None = None
+    pictures: tuple[Path, ...] = ()
+    """Folders of pictures that the scene should show."""
+    views: ViewList | None = None
+    """The views of an edit."""
+    instruction: str | None = None
+    cost: Mapping[str, float] = field(default_factory=dict)
+    """What the edit took, by the names of gsedit.measures.names.COST."""
+
+    @property
+    def why_no_pictures(self) -> str:
+        """Why a scene has no pictures to be compared with here, and what to do."""
+        if self.kind == "edit":
+            return f"{self.path} has none: an earlier version made it, or it edits no views"
+        return NO_TARGETS
+
+    @property
+    def why_no_cost(self) -> str:
+        """Why it does not say what an edit took, and what to do."""
+        if self.kind == "edit":
+            return f"{self.path / 'edit.json'} does not say it: run the edit again"
+        return "only the folder of an edit says it: add --against with that folder"
+
+    @property
+    def targets(self) -> str:
+        """What its pictures are, for a person."""
+        return {"edit": "edited views", "photos": "photos"}.get(self.kind, "pictures")
+
+
+def find_against(path: str | Path) -> Against:
+    """What is at that path, as far as it is told without reading scenes and pictures.
+
+    Raises InputError where nothing is there that a scene can be compared with.
+    """
+    path = Path(path)
+    if path.is_dir() and (path / "edit.json").is_file():
+        return _edit(path)
+    if (path / "transforms.json").is_file() or (path.is_dir() and model_folder(path)):
+        return Against("photos", path)
+    if path.is_dir():
+        if (path / "metrics.jsonl").is_file():
+            raise InputError(
+                f"{path} is the folder of an edit that did not finish (no edit.json in it): finish "
+                "it with gsedit edit first"
+            )
+        if any(file.suffix.lower() in SUFFIXES for file in path.rglob("*")):
+            return Against("pictures", path, pictures=(path,))
+        raise InputError(
+            f"{path} is no folder of an edit (edit.json), of photos (transforms.json, COLMAP) or "
+            "of pictures: check the path"
+        )
+    if path.suffix.lower() == ".json":
+        return Against("photos", existing_file(path))
+    return Against("scene", existing_file(path), unedited=path)
+
+
+def find_pictures(against: Against, views: ViewList) -> Pictures:
+    """Its pictures, by the index of the view. Raises InputError as `read_view_pictures` does."""
+    found: dict[int, Any] = {}
+    for folder in against.pictures:
+        found |= read_view_pictures(folder, views.viewpoints)
+    return found
+
+
+def resized(views: ViewList, size: int | None) -> ViewList:
+    """The same views, the longer side of their pictures at most `size` pixels (None: theirs)."""
+    viewpoints = []
+    for viewpoint in views.viewpoints:
+        camera = viewpoint.camera
+        width, height = fitted_size(camera.width, camera.height, size)
+        viewpoints.append(replace(viewpoint, camera=camera.resized(width, height)))
+    return replace(views, viewpoints=tuple(viewpoints))
+
+
+def _edit(folder: Path) -> Against:
+    """The folder that `gsedit edit` wrote. Raises InputError, with the file and the next move."""
+    file = folder / "edit.json"
+    record = _record(file)
+    region = folder / "region.npy"
+    folders = (folder / TARGETS, folder / HELD_OUT)
+    instruction = record.get("instruction")
+    return Against(
+        "edit",
+        folder,
+        unedited=_unedited(record.get("scene"), folder),
+        drop_invalid=bool(record.get("drop_invalid")),
+        region=region if region.is_file() else None,
+        pictures=tuple(each for each in folders if each.is_dir() and any(each.rglob("*.png"))),
+        views=_views(record, folder),
+        instruction=instruction if isinstance(instruction, str) else None,
+        cost=_cost(record),
+    )
+
+
+def _record(file: Path) -> dict[str, Any]:
+    try:
+        record = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        reason = type(error).__name__
+        raise InputError(f"{file} is no readable JSON ({reason}): run the edit again") from None
+    if not isinstance(record, dict):
+        raise InputError(f"{file} is no record of an edit: run the edit again")
+    return record
+
+
+def _unedited(named: Any, folder: Path) -> Path:
+    """The file that edit.json names: from here, or from a folder above the edit's."""
+    if not isinstance(named, str):
+        raise InputError(
+            f"{folder / 'edit.json'} does not name the unedited scene: compare with that scene "
+            f"itself: --against SCENE --region {folder / 'region.npy'}"
+        )
+    places = [Path(named), *(above / named for above in folder.absolute().parents)]
+    found = next((place for place in places if place.is_file()), None)
+    if found is None:
+        raise InputError(
+            f"{folder / 'edit.json'} names the unedited scene {named}, which is not there: run "
+            "this where the edit was run, or compare with the scene itself: --against SCENE "
+            f"--views {folder / view_lists.NAME} --region {folder / 'region.npy'}"
+        )
+    return found
+
+
+def _views(record: Mapping[str, Any], folder: Path) -> ViewList | None:
+    """Its views.json; of an edit that has none, cameras.json at the size of the edit."""
+    if (folder / view_lists.NAME).is_file():
+        return view_lists.read_view_list(folder / view_lists.NAME)
+    file = folder / recorded.NAME
+    names = record.get("edited_views")
+    if not file.is_file() or not isinstance(names, Sequence):
+        return None
+    return by_edit(recorded.read_cameras(file), {str(name) for name in names})
+
+
+def _cost(record: Mapping[str, Any]) -> dict[str, float]:
+    """Wall clock and network evaluations, those of them that edit.json says."""
+    places = {"seconds": ("timings", "total"), "evaluations": ("work", "network_evaluations")}
+    cost = {}
+    for name, (group, key) in places.items():
+        inner = record.get(group)
+        value = inner.get(key) if isinstance(inner, Mapping) else None
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            cost[name] = value
+    return cost

@@ -1,0 +1,110 @@
+"""Why a metric could not be measured, and what to do: nothing is missing without a word."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gsedit.measures import efficientnet, perceptual
+from gsedit.measures.agreement import WarpComparison
+from gsedit.measures.names import METRICS, WARP
+from gsedit.measures.subject import Means, Subject
+from gsedit.views.view_list import Role
+
+MEASURED_ROLES: tuple[Role, ...] = ("edited", "held_out")
+NO_UNEDITED = "the unedited scene is not known: add --against SCENE, or the folder of an edit"
+NO_TEXT = "no text was given: add --target-caption, or --instruction"
+NO_CLIP = "CLIP's weights are not given: add --clip DIR, a CLIPModel folder of transformers"
+NO_CAPTIONS = "both captions are needed: add --source-caption and --target-caption"
+
+
+def find_missing(
+    subject: Subject, measured: Means, warp: Sequence[WarpComparison]
+) -> dict[str, str]:
+    """By the name of the metric, or of the metric and the role of views that have no value."""
+    found: dict[str, str] = {}
+    for name in METRICS:
+        by_role = measured.get(name, {})
+        if not by_role:
+            found[name] = _reason(name, subject)
+            continue
+        for role in MEASURED_ROLES:
+            if role not in by_role:
+                found[f"{name} at {role} views"] = _reason_of_role(name, role, subject)
+    rows = {WARP[row.pictures, row.range] for row in warp}
+    return found | {name: _warp_reason(name, subject) for name in WARP.values() if name not in rows}
+
+
+def _reason(name: str, subject: Subject) -> str:
+    """Why no view has a value."""
+    kind, _, to = name.partition("_to_")
+    if not any(role in MEASURED_ROLES for role in subject.views.roles):
+        return "no view of the list is edited or held out: give some of them such a role"
+    if to == "targets" and not subject.targets:
+        return subject.no_targets
+    if (to == "unedited" or name in ("strength", "leakage", "kept")) and subject.unedited is None:
+        return NO_UNEDITED
+    if kind == "perceptual":
+        return _no_perceptual()
+    if name in ("leakage", "kept"):
+        return _no_region(subject)
+    if name.startswith("clip"):
+        return _no_clip(name, subject)
+    if name.startswith("conse"):
+        return _no_conse(subject)
+    return "the edited and held-out views have no picture to compare with: name the views that have"
+
+
+def _no_perceptual() -> str:
+    if not perceptual.is_installed():
+        return f"its weights are not installed: {perceptual.INSTALL}"
+    return f"views have fewer than {perceptual.SMALLEST} pixels a side: measure at a larger --size"
+
+
+def _no_region(subject: Subject) -> str:
+    if subject.region is None:
+        return "no region is known: add --region, such as the region.npy of the edit"
+    if subject.region.is_all:
+        return "the region is everything, so nothing is outside: name a smaller --region if it is"
+    return "no pixel of these views is outside the region: add views that show more"
+
+
+def _no_clip(name: str, subject: Subject) -> str:
+    if subject.clip is None:
+        return NO_CLIP
+    if name == "clip_similarity":
+        return NO_TEXT
+    if subject.unedited is None:
+        return NO_UNEDITED
+    if name == "clip_direction":
+        return NO_CAPTIONS
+    return "two views of one role are needed: add views to the list"
+
+
+def _no_conse(subject: Subject) -> str:
+    if not efficientnet.is_installed():
+        return f"its weights are not installed: {efficientnet.INSTALL}"
+    return NO_UNEDITED if subject.texts.wanted else NO_TEXT
+
+
+def _reason_of_role(name: str, role: Role, subject: Subject) -> str:
+    """Why the views of that role have no value, where those of another have one."""
+    if not subject.views.having(role):
+        return f"no view of the list is {role.replace('_', ' ')}: give some that role"
+    if name == "clip_consistency":
+        return "two views are needed: add some to the list"
+    return "none of them has a picture to compare with: add pictures named after them"
+
+
+def _warp_reason(name: str, subject: Subject) -> str:
+    if subject.unedited is None:
+        return NO_UNEDITED
+    targets = sum(i in subject.targets for i in subject.views.having("edited"))
+    if name.startswith("warp_targets") and not subject.targets:
+        return subject.no_targets
+    if name.startswith("warp_targets") and targets < 2:
+        return "two edited views with a picture are needed: add pictures of edited views"
+    if name == "warp_renders_long" and len(subject.views.having("held_out")) < 2:
+        return "two held-out views are needed: add some to the list"
+    if name == "warp_renders_short" and not subject.views.having("held_out"):
+        return "a held-out view is needed: add one to the list"
+    return "no two views share 1 % of their pixels: add views that see each other"
