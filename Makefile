@@ -2,6 +2,8 @@
 # make test   run the tests
 # Both start from a fresh clone: they make .venv and install everything first (make setup).
 # make check (lint, format, types) and make bench (targets) are for those who change the code.
+# make paper repeats the paper's experiments in full (hours) and writes out/paper/report.html; with
+# SCENE=bear.ply DATA=photos/ on that capture too. An interrupted one goes on.
 
 PYTHON ?= python3
 BIN := .venv/bin
@@ -13,7 +15,7 @@ LIBRARIES := libusb-1.0-0 libegl1 libgl1 libgl1-mesa-dri libx11-6 libudev1 libid
 # The benchmark scene's points (gsplat's garden.npz); without them make bench leaves its targets out.
 GARDEN ?= $(or $(GSEDIT_GARDEN),../shared/data/garden_points.npz)
 
-.PHONY: setup demo test check bench
+.PHONY: setup demo test check bench paper
 
 setup: $(STAMP)
 
@@ -37,6 +39,9 @@ check: setup
 
 bench: setup
 	$(BIN)/gsedit bench targets $(if $(wildcard $(GARDEN)),--points $(GARDEN)) $(SCENES)
+
+paper: setup
+	$(BIN)/gsedit bench paper $(SCENE) $(if $(DATA),--data $(DATA)) -o out/paper
 
 # Debian and its children: install what is missing if we may, else say how. Never a reason to stop:
 # without the libraries only the viewers are missing, and without venv the next line says so itself.

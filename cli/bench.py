@@ -1,7 +1,8 @@
-"""`gsedit bench`: error against run time of renderer and sampler, edge cases, targets."""
+"""`gsedit bench`: renderer and sampler, edge cases, targets, the experiments of the paper."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
@@ -11,7 +12,7 @@ import typer
 from .command import as_command
 from .console import print_json, print_message, print_result
 from .exits import Interrupted
-from .options import Common, Force, check_folder, output
+from .options import Common, Data, Force, check_folder, output
 from .progress import progress
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ Row = TypeVar("Row")
 
 @bench.callback()
 def describe() -> None:
-    """Measure the renderer and the sampler on this machine."""
+    """Measure the renderer, the sampler and the strategies on this machine."""
 
 
 def rasterizer(
@@ -192,7 +193,86 @@ def sampler(
     print_result(record, table(rows), as_json=common.json)
 
 
-for verb in (rasterizer, stability, targets, sampler):
+def paper(
+    scene: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="SCENE", show_default=False, help="A fitted capture (.ply) to edit as well."
+        ),
+    ] = None,
+    data: Data = None,
+    out: Folder = Path("out/paper"),
+    jobs: Annotated[
+        int | None,
+        typer.Option(
+            "--jobs", min=1, show_default="one a core", help="Runs at once, of one thread each."
+        ),
+    ] = None,
+    docs: Annotated[
+        Path | None,
+        typer.Option(
+            "--write-docs",
+            metavar="PAGE.md",
+            show_default=False,
+            help="Replace the tables of this page, between its markers.",
+        ),
+    ] = None,
+    quick: Quick = False,
+    *,
+    common: Common,
+) -> None:
+    """Repeat the experiments of Efficient-NeRF2NeRF: strategies, consensus, losses, by error to an
+    exact edit.
+
+    Writes report.html, summary.json, tables.md, plots, and the runs. A run whose file is there is
+    not repeated: an interrupted bench goes on.
+
+    gsedit bench paper bear.ply --data photos/ -o out/paper
+    """
+    common.apply()
+
+    from gsedit.bench.paper import folder
+    from gsedit.bench.paper.studies import FULL, QUICK, capture_case, missing_strategies, studies
+
+    if docs is not None:
+        check_page(docs)
+    size = QUICK if quick else FULL
+    found = scene is not None and scene.exists()
+    skipped = [] if found else [f"The capture is left out: {no_capture(scene)}."]
+    if missing := missing_strategies():
+        skipped.append(f"Strategies that are not there: {', '.join(missing)}.")
+    for sentence in skipped:
+        print_message(sentence)
+    capture = capture_case(str(scene), str(data or ""), size) if found else None
+    chosen = studies(size, capture)
+    items = folder.paper_to_folder(
+        out, size, chosen, jobs=jobs or os.cpu_count() or 1, skipped=" ".join(skipped)
+    )
+    collect(items, common, out / folder.RUNS)
+    if docs is not None:
+        folder.write_docs(docs, out)
+    report = out / folder.REPORT
+    print_message(f"look at {report}")
+    print_result({"folder": out, "report": report, "skipped": skipped}, str(report),
+                 as_json=common.json)  # fmt: skip
+
+
+def no_capture(scene: Path | None) -> str:
+    """Why there is none."""
+    if scene is None:
+        return "name a fitted scene, as in gsedit bench paper bear.ply --data photos/"
+    return f"{scene} is not there"
+
+
+def check_page(page: Path) -> None:
+    """Raise UsageError unless the page is there."""
+    from gsedit.errors import UsageError
+
+    if not page.is_file():
+        raise UsageError(f"--write-docs {page} is not there: name the page whose tables to replace")
+
+
+for verb in (rasterizer, stability, targets, sampler, paper):
     bench.command()(as_command(verb))
 
 

@@ -7,6 +7,7 @@ pixel at (0, 0). Depth is along the view, 0 where nothing was rendered.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 
 import torch
 from jaxtyping import Bool, Float
@@ -40,6 +41,8 @@ class Visibility:
 
 
 DEFAULT_RULES = Visibility()
+NO_RULES = Visibility(0.9, inf, inf, inf, inf, 180.0)
+"""Nothing but something opaque to correspond with: what the rules are compared with."""
 ROUNDING = 1e-6
 """Pixels: a position on the border of a picture is inside it, whatever float64 makes of it."""
 

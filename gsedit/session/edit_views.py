@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.consistency.correspond import Correspondences, correspond
+from gsedit.consistency.depth_maps import DEFAULT_RULES, NO_RULES
 from gsedit.consistency.harmonise_by_depth import Surface, harmonise_by_depth
 from gsedit.diffusion import SamplerSettings
 from gsedit.editors.protocol import EditBatch
@@ -154,6 +155,7 @@ def match_views(session: Session, members: Sequence[int]) -> Correspondences:
         pad_to_multiple(torch.stack(depths), cell, "constant"),
         pad_to_multiple(torch.stack(alphas), cell, "constant"),
         cell=cell,
+        rules=DEFAULT_RULES if session.settings.visibility else NO_RULES,
     )
 
 

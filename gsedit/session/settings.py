@@ -34,6 +34,9 @@ class EditSettings:
     """How much of what a view shows the other views of its round should show as well, on average,
     in [0, 1]: with more of it the views agree better, and more rounds are needed to cover as
     much."""
+    visibility: bool = True
+    """Whether cells of two views must pass every rule to correspond (depths agree, no silhouette,
+    similar angle, ...); without, it is enough that each is the other's nearest."""
     geometry: Literal["appearance", "full"] = "appearance"
     """What of the scene moves: colours and opacities only, or positions and shapes too."""
     condition: Literal["render", "photo"] = "render"

@@ -27,7 +27,7 @@ from walls import (
 )
 
 from gsedit.consistency.correspond import correspond, match
-from gsedit.consistency.depth_maps import Visibility
+from gsedit.consistency.depth_maps import DEFAULT_RULES, NO_RULES, Visibility
 from gsedit.errors import UsageError
 from rasterizer.camera import look_at
 
@@ -146,6 +146,13 @@ def test_each_rule_refuses_what_it_is_for():
     far, near = (seen(c, plane_depth(c, FRONTAL)) for c in (camera(0.0), closer))
     assert len(match(*far, *near, cell=CELL).a) == 0
     assert len(match(*far, *near, cell=CELL, rules=Visibility(footprint=3.0)).a) > 20
+
+
+def test_without_rules_what_is_hidden_matches_too():
+    a, b = (seen(c, occluded_depth(c)) for c in FOUR[:2])
+    ruled, free = (match(*a, *b, cell=CELL, rules=rules) for rules in (DEFAULT_RULES, NO_RULES))
+    pairs, more = ({*zip(p.a.tolist(), p.b.tolist())} for p in (ruled, free))
+    assert pairs < more
 
 
 def test_the_round_trip_is_the_error_of_depth_as_it_shows_in_the_picture():

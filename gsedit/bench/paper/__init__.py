@@ -1,0 +1,1 @@
+"""The experiments of Efficient-NeRF2NeRF, repeated here: `gsedit bench paper`."""
