@@ -32,7 +32,8 @@ ORDER = {
         "errors",
     ),
     "rasterizer": (
-        "reference", "rasterization", "gsplat_inputs", "render", "splat", "preprocess", "checks",
+        "reference", "rasterization", "gsplat_inputs", "pixel_lists", "render", "splat",
+        "preprocess", "checks",
         "blending", "tiles", "project", "harmonics", "camera", "scene", "numerics", "lazy",
     ),
 }  # fmt: skip

@@ -6,6 +6,7 @@ one operation on a [k, b, q] block in cache; see `composite.py` for the equation
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import torch
@@ -47,17 +48,21 @@ class _TiledPicture(NamedTuple):
     above_half: Float[Tensor, "t q"] | None
     """How many Gaussians leave a transmittance above one half; None: not wanted."""
 
+    @classmethod
+    def empty(cls, grid: TileGrid, width: int, height: int, *, median: bool) -> _TiledPicture:
+        """Nothing blended yet; no transmittance beyond the picture: there all tiles may stop."""
+        like, bins = grid.monomials, grid.bins
+        tiles = bins.rows * bins.columns
+        transmittance = _to_tiles(like.new_ones(height, width, 1), bins).view(tiles, grid.pixels)
+        features = like.new_zeros(tiles, grid.features.shape[1], grid.pixels)
+        return cls(features, transmittance, torch.zeros_like(transmittance) if median else None)
+
 
 def forward(inputs: BlendInputs, median: bool, differentiate: bool) -> ForwardPass:
     """`Backend.forward`."""
     table, bins, width, height = inputs.table, inputs.bins, inputs.width, inputs.height
     grid = TileGrid(inputs)
-    tiles = bins.rows * bins.columns
-    # 0 beyond the picture: there all tiles may stop
-    transmittance = _to_tiles(table.new_ones(height, width, 1), bins).view(tiles, grid.pixels)
-    features = table.new_zeros(tiles, table.shape[1] - GEOMETRY, grid.pixels)
-    above_half = torch.zeros_like(transmittance) if median else None
-    out = _TiledPicture(features, transmittance, above_half)
+    out = _TiledPicture.empty(grid, width, height, median=median)
     saved = _Saved(grid, [], [])
     for group in grid.groups():
         if differentiate and len(bins.members) <= SAVED_PAIRS:
@@ -68,9 +73,44 @@ def forward(inputs: BlendInputs, median: bool, differentiate: bool) -> ForwardPa
     index = None
     if median:
         index = _to_picture(_median_index(grid, out)[:, None], bins, width, height)[..., 0]
-    picture = _to_picture(features, bins, width, height).contiguous()
-    passed = _to_picture(transmittance[:, None], bins, width, height)[..., 0].contiguous()
+    picture = _to_picture(out.features, bins, width, height).contiguous()
+    passed = _to_picture(out.transmittance[:, None], bins, width, height)[..., 0].contiguous()
     return ForwardPass(Blended(picture, passed, index), saved)
+
+
+class Entries(NamedTuple):
+    """Pixels and Gaussians that show in them; those of one pixel from front to back."""
+
+    pixel: Int[Tensor, " e"]
+    """Row by row of the picture. int32, as `member`."""
+    member: Int[Tensor, " e"]
+    """Row of the table."""
+    alpha: Float[Tensor, " e"]
+
+
+def pixel_entries(inputs: BlendInputs, least: float) -> Entries:
+    """What each pixel shows with a weight above `least`. Without gradients."""
+    grid, bins, width = TileGrid(inputs), inputs.bins, inputs.width
+    found: list[Entries] = []
+
+    def watch(group: TileGroup, batch: Batch, alpha: Tensor, weight: Tensor) -> None:
+        shown = (weight.flatten() > least).nonzero().squeeze(-1)
+        slot, q = shown // grid.pixels, shown % grid.pixels
+        place = slot % batch.count
+        member = batch.select(group.members, 1).flatten().index_select(0, slot)
+        tile = batch.select_tiles(group.tiles).index_select(0, place)
+        x = tile % bins.columns * bins.size + q % bins.size
+        y = tile // bins.columns * bins.size + q // bins.size
+        taken = alpha.flatten().index_select(0, shown)
+        found.append(Entries((y * width + x).int(), member.int(), taken))
+
+    out = _TiledPicture.empty(grid, width, inputs.height, median=False)
+    for group in grid.groups():
+        _blend(group, out, None, watch)
+    if not found:
+        none = torch.zeros(0, dtype=torch.int32)
+        return Entries(none, none, inputs.table.new_zeros(0))
+    return Entries(*(torch.cat(parts) for parts in zip(*found)))
 
 
 def backward(
@@ -133,7 +173,16 @@ class _OpenTiles:
         return remaining
 
 
-def _blend(group: TileGroup, out: _TiledPicture, saved: list[_SavedBatch] | None) -> None:
+Watch = Callable[[TileGroup, Batch, Tensor, Tensor], None]
+"""Is shown each batch that was blended: its alphas and its weights, [k b q] each."""
+
+
+def _blend(
+    group: TileGroup,
+    out: _TiledPicture,
+    saved: list[_SavedBatch] | None,
+    watch: Watch | None = None,
+) -> None:
     """Blend a group's tiles to the end of their lists, or until they are opaque."""
     tiles = _OpenTiles(group, out)
     stop = group.grid.numerics.transmittance_min
@@ -152,6 +201,7 @@ def _blend(group: TileGroup, out: _TiledPicture, saved: list[_SavedBatch] | None
         if saved is not None:
             saved.append(_SavedBatch(batch, transmittance.clone()))
         alpha = group.alpha(batch)
+        unweighted = None if watch is None else alpha.clone()
         for weight in alpha.unbind(0):
             weight.mul_(transmittance)
             transmittance.sub_(weight)
@@ -159,6 +209,8 @@ def _blend(group: TileGroup, out: _TiledPicture, saved: list[_SavedBatch] | None
                 tiles.above_half[:count].add_(transmittance > 0.5)
         colors = batch.select(group.features, 1).permute(1, 2, 0)
         features.baddbmm_(colors, alpha.transpose(0, 1))
+        if watch is not None and unweighted is not None:
+            watch(group, batch, unweighted, alpha)
     tiles.store()
 
 
