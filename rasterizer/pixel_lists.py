@@ -21,7 +21,7 @@ from torch.nn.functional import embedding_bag
 from rasterizer.blending.backend import BlendInputs
 from rasterizer.blending.torch_backend import BACKEND, pixel_entries
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, DEFAULT, Execution, Numerics
+from rasterizer.numerics import AUTO, DEFAULT, Numerics
 from rasterizer.preprocess import preprocess, stored_scene
 from rasterizer.project import Box
 from rasterizer.scene import Gaussians

@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from gsedit.fitting.crops import ExactCrops
 from gsedit.fitting.optimiser import SceneOptimiser
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.measures.features import FeatureExtractor
@@ -16,9 +17,7 @@ from gsedit.measures.losses import edit_loss
 from gsedit.views.dataset import View
 from gsedit.views.image_ops import downscale
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution
 from rasterizer.project import Box
-from rasterizer.render import render
 
 APPEARANCE_RATES = {"sh": 2.5e-2, "logit_opacities": 5e-3}
 """Colours learn ten times faster than in 3D Gaussian splatting (2.5e-3, Kerbl et al. 2023): an edit
@@ -56,24 +55,23 @@ def update_steps(
     settings: UpdateSettings,
     features: FeatureExtractor,
     generator: torch.Generator,
-    execution: Execution = AUTO,
+    crops: ExactCrops | None = None,
 ) -> Iterator[float]:
     """Fit the scene to random patches of the edited views; yields the loss of every step.
 
     These are the steps `span` of a round of `steps`. Only the Gaussians that are `seen` move; their
     negative base colours are raised before the round's first step. The learning rates fall linearly
-    over the round. Of large targets, the first steps use smaller copies.
+    over the round. Of large targets, the first steps use smaller copies. `crops` draws the scene
+    (None: renders it).
     """
+    crops = crops or ExactCrops()
     if span.start == 0:
         optimiser.raise_negative_colours(seen)
     small = [coarse(view) for view in targets]
     for step in span:
-        scene = optimiser.scene
         views = small if step < COARSE_SHARE * steps else targets
         patches = [_patch(views, settings.patch, generator) for _ in range(settings.patches)]
-        rendered = torch.stack(
-            [render(scene, v.camera, crop=box, execution=execution).color for v, box in patches]
-        )
+        rendered = crops.draw(optimiser, patches)
         expected = torch.stack([_cut(v.image, box) for v, box in patches])
         terms = _terms(settings.loss_switch, generator)
         loss = edit_loss(rendered, expected, features, settings.gram_weight, terms)

@@ -31,7 +31,7 @@ def fit_targets(
             session.settings.update,
             session.request.features,
             session.request.generator,
-            session.settings.execution,
+            session.crops,
         )
         for step, loss in enumerate(losses, start=done + span.start + 1):
             session.work.steps += 1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 
 import torch
 from jaxtyping import Bool, Float
@@ -13,6 +13,7 @@ from torch import Tensor
 from gsedit.editors.protocol import Editor, GroundTruth
 from gsedit.errors import UsageError
 from gsedit.files.pictures import fitted_size
+from gsedit.fitting.crops import ExactCrops, ListedCrops
 from gsedit.fitting.optimiser import SceneOptimiser
 from gsedit.measures.features import FeatureExtractor
 from gsedit.regions.region import Region, composite, coverage, everything
@@ -127,6 +128,21 @@ class Session:
     def scene(self) -> Gaussians:
         """The scene as it is now, without gradients."""
         return self.optimiser.scene.detach()
+
+    @cached_property
+    def crops(self) -> ExactCrops:
+        """Draws crops of the scene as it is now, for fitting."""
+        execution = self.settings.execution
+        if self.settings.geometry == "full":
+            return ExactCrops(execution)
+        return ListedCrops(self.request.scene, self._unedited_picture, execution)
+
+    def _unedited_picture(self, camera: Camera) -> Float[Tensor, "h w 3"]:
+        """Of the scene before the edit; rendered only where it is not known."""
+        for i, view in enumerate(self.views):
+            if view.camera is camera:
+                return self.unedited_rendering(i).color
+        return rendering_of(self.request.scene, camera, self.settings.execution).color
 
     @property
     def seen(self) -> Bool[Tensor, " n"]:

@@ -12,7 +12,7 @@ from math import prod
 from typing import NamedTuple
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, Shaped
 from torch import Tensor
 
 from rasterizer.blending.backend import GEOMETRY, BlendInputs
@@ -84,7 +84,7 @@ class Batch(NamedTuple):
     open_tiles: Int[Tensor, " b"] | None = None
     """Ascending positions among the group's tiles; None: 0 .. count - 1."""
 
-    def select(self, values: Float[Tensor, "..."], axis: int) -> Float[Tensor, "..."]:
+    def select(self, values: Shaped[Tensor, "..."], axis: int) -> Shaped[Tensor, "..."]:
         """Its part of an array of all blocks, which are counted along `axis`."""
         if self.open_tiles is None:
             return values.narrow(axis, self.start, self.count)
@@ -93,7 +93,7 @@ class Batch(NamedTuple):
             return values.gather(axis, chosen.expand(*values.shape[:-1], -1))
         return values.index_select(axis, chosen)
 
-    def select_tiles(self, values: Float[Tensor, "t ..."]) -> Float[Tensor, "b ..."]:
+    def select_tiles(self, values: Shaped[Tensor, "t ..."]) -> Shaped[Tensor, "b ..."]:
         """Its part (a view, if it is the first tiles) of an array of all the group's tiles."""
         if self.open_tiles is None:
             return values[: self.count]

@@ -60,7 +60,7 @@ class _TiledPicture(NamedTuple):
 
 def forward(inputs: BlendInputs, median: bool, differentiate: bool) -> ForwardPass:
     """`Backend.forward`."""
-    table, bins, width, height = inputs.table, inputs.bins, inputs.width, inputs.height
+    bins, width, height = inputs.bins, inputs.width, inputs.height
     grid = TileGrid(inputs)
     out = _TiledPicture.empty(grid, width, height, median=median)
     saved = _Saved(grid, [], [])
