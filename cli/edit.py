@@ -86,10 +86,13 @@ def edit(
 
     from gsedit.edit import edit_steps
     from gsedit.files.cameras import write_cameras
+    from gsedit.strategies import asks_editor, check_strategy
 
     settings, strategy = resolve(preset, values, own_flags(edit))
+    check_strategy(strategy)
     check_condition(settings.condition, views.data)
-    editor_2d = editor.make(out, instruction)
+    followed = instruction if asks_editor(strategy) else None
+    editor_2d = editor.make(out, followed)
     extractor = load_features(features)
     gaussians = load_scene(scene, drop_invalid=drop_invalid)
     dataset = load_views(scene, gaussians, views, settings.execution)
@@ -107,7 +110,7 @@ def edit(
         "scene": scene, "drop_invalid": drop_invalid, **asdict(views), "editor": editor,
         "preset": preset, "features": features, "seed": common.seed,
     }  # fmt: skip
-    if understood := what_it_understood(editor_2d, instruction):
+    if followed and (understood := what_it_understood(editor_2d, followed)):
         print_message(understood)
     result = run_and_write(steps, out, instruction, request, as_json=common.json)
     write_cameras(dataset.views, out / "cameras.json", overwrite=True)

@@ -78,9 +78,9 @@ class EditorOptions:
         ),
     ] = False
 
-    def make(self, out: Path, instruction: str) -> Editor:
+    def make(self, out: Path, instruction: str | None) -> Editor:
         """The editor, which may keep files below `out`. Raises UsageError for an option that it
-        does not have, or an instruction that it cannot follow.
+        does not have, or an instruction that it cannot follow (None: it need not follow any).
         """
         from gsedit.editors import make_editor
 
@@ -93,7 +93,8 @@ class EditorOptions:
             folder=out / "command",
             guess=self.guess or None,
         )
-        editor.check(instruction)
+        if instruction is not None:
+            editor.check(instruction)
         return editor
 
 

@@ -26,7 +26,7 @@ from .setting_options import SettingsGroup, Values, with_values
 if TYPE_CHECKING:
     from gsedit.measures.against import Against
     from gsedit.measures.agreement import Pictures
-    from gsedit.measures.subject import Evaluation, Subject
+    from gsedit.measures.subject import Subject
     from gsedit.views.view_list import ViewList
     from rasterizer.numerics import Execution
     from rasterizer.scene import Gaussians
@@ -70,6 +70,23 @@ def view_option(name: str, help: str, **more: Any) -> Any:
 
 def word_option(name: str, help: str, **more: Any) -> Any:
     return typer.Option(name, help=help, rich_help_panel=WORDS, show_default=False, **more)
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """The files of a measurement besides what is printed."""
+
+    out: Annotated[Path | None, output("JSON file to write the record to.")] = None
+    picture: Annotated[
+        Path | None,
+        typer.Option(
+            "--picture",
+            metavar="FILE.png",
+            show_default=False,
+            help="Also draw the views side by side, with their differences.",
+        ),
+    ] = None
+    force: Force = False
 
 
 @dataclass(frozen=True)
@@ -129,19 +146,9 @@ def metrics(
     scene: Scene,
     against: AgainstPath = None,
     region: Region = None,
-    out: Annotated[Path | None, output("JSON file to write the record to.")] = None,
-    picture: Annotated[
-        Path | None,
-        typer.Option(
-            "--picture",
-            metavar="FILE.png",
-            show_default=False,
-            help="Also draw the views side by side, with their differences.",
-        ),
-    ] = None,
     drop_invalid: DropInvalid = False,
-    force: Force = False,
     *,
+    outputs: Outputs,
     listed: ListedViews,
     words: WordOptions,
     values: Annotated[Values, SettingsGroup(render_settings)],
@@ -157,15 +164,14 @@ def metrics(
     gsedit metrics bear.ply --against photos/ --save-views views.json
     """
     scene, reference = what_to_measure(scene, against)
-    check_files((out, ".json"), (listed.save_views, ".json"), (picture, ".png"), force=force)
+    check_files(
+        (outputs.out, ".json"), (listed.save_views, ".json"), (outputs.picture, ".png"),
+        force=outputs.force,
+    )  # fmt: skip
     common.apply()
 
     from gsedit.files.view_lists import write_view_list
     from gsedit.measures.against import find_against
-    from gsedit.measures.evaluation import evaluate
-    from gsedit.reports.evaluation_table import evaluation_record, evaluation_table
-    from gsedit.reports.events import Event
-    from gsedit.reports.stopwatch import Stopwatch
     from rasterizer.numerics import Execution
 
     found = find_against(reference)
@@ -173,24 +179,43 @@ def metrics(
     execution = with_values(Execution(), values)
     subject = gather(scene, found, region, listed, words, drop_invalid, execution)
     if listed.save_views is not None:
-        write_view_list(subject.views, listed.save_views, overwrite=force)
+        write_view_list(subject.views, listed.save_views, overwrite=outputs.force)
         print_message(f"the list of views is {listed.save_views}")
-    watch = Stopwatch()
-    with progress(as_json=common.json) as show:
-        evaluation = evaluate(
-            subject, lambda done, total: show(Event("measure", watch.seconds, done, total))
-        )
     request = {
         "scene": scene, "against": found.path, "against_is": found.kind, "region": region,
         "listed_views": listed.views, "size": listed.size, "texts": subject.texts,
         "clip": words.clip,
     }  # fmt: skip
-    record = evaluation_record(evaluation, request, found)
-    write_outputs(record, subject, evaluation, out, picture, found.targets, force=force)
-    if common.json:
+    measure_and_show(subject, found, request, outputs, as_json=common.json)
+
+
+def measure_and_show(
+    subject: Subject, against: Against, request: dict[str, Any], outputs: Outputs, *, as_json: bool
+) -> None:
+    """Measure, write the files, and print the table or the record."""
+    from gsedit.measures.evaluation import evaluate
+    from gsedit.reports.difference_sheet import difference_sheet
+    from gsedit.reports.evaluation_table import evaluation_record, evaluation_table
+    from gsedit.reports.events import Event
+    from gsedit.reports.json_lines import write_record
+    from gsedit.reports.stopwatch import Stopwatch
+
+    watch = Stopwatch()
+    with progress(as_json=as_json) as show:
+        evaluation = evaluate(
+            subject, lambda done, total: show(Event("measure", watch.seconds, done, total))
+        )
+    record = evaluation_record(evaluation, request, against)
+    if outputs.out is not None:
+        write_record(record, outputs.out, overwrite=outputs.force)
+        print_message(f"the record is {outputs.out}")
+    if outputs.picture is not None:
+        difference_sheet(subject, outputs.picture, against.targets, overwrite=outputs.force)
+        print_message(f"the pictures are {outputs.picture}")
+    if as_json:
         print_json("metrics", record)
     else:
-        typer.echo(evaluation_table(evaluation, found))
+        typer.echo(evaluation_table(evaluation, against))
 
 
 def what_to_measure(scene: Path, against: Path | None) -> tuple[Path, Path]:
@@ -305,25 +330,3 @@ def place_views(
         return views, find_pictures(against, views)
     photos = {i: view.image for i, view in enumerate(dataset.views)}
     return (views if given is None else with_roles_of(given, views)), photos
-
-
-def write_outputs(
-    record: dict[str, Any],
-    subject: Subject,
-    evaluation: Evaluation,
-    out: Path | None,
-    picture: Path | None,
-    targets: str,
-    *,
-    force: bool,
-) -> None:
-    """The files of -o and --picture."""
-    from gsedit.reports.difference_sheet import difference_sheet
-    from gsedit.reports.json_lines import write_record
-
-    if out is not None:
-        write_record(record, out, overwrite=force)
-        print_message(f"the record is {out}")
-    if picture is not None:
-        difference_sheet(subject, picture, targets, overwrite=force)
-        print_message(f"the pictures are {picture}")

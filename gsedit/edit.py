@@ -25,7 +25,14 @@ from gsedit.session.result import EditResult
 from gsedit.session.run import run_schedule
 from gsedit.session.session import EditedViews, Request, Session, survey_views
 from gsedit.session.settings import EditSettings
-from gsedit.strategies import DEFAULT, Strategy, find_strategy, name_of
+from gsedit.strategies import (
+    DEFAULT,
+    Strategy,
+    asks_editor,
+    check_strategy,
+    find_strategy,
+    name_of,
+)
 from gsedit.views.choose import find_views, view_names
 from gsedit.views.dataset import Dataset, View, capture
 from gsedit.views.framing import bounds
@@ -56,10 +63,18 @@ def edit_steps(
     a bank of oriented filters. Raises UsageError for an instruction the editor cannot follow, an
     empty scene, views of different sizes, or a strategy that is no dataclass.
     """
-    editor.check(prompt)
+    settings, strategy = settings or EditSettings(), strategy or find_strategy(DEFAULT)()
+    if isinstance(strategy, type) or not is_dataclass(strategy):
+        raise UsageError(
+            f"{strategy!r} is no strategy: give an instance of a dataclass, as in SinglePass()"
+        )
+    check_strategy(strategy)
+    if asks_editor(strategy):
+        editor.check(prompt)
+    elif settings.region == "auto" and not _follows(editor, prompt):
+        settings = replace(settings, region="all")  # nobody can say where it belongs
     if not len(scene):
         raise UsageError("the scene is empty: there is nothing to edit")
-    settings = settings or EditSettings()
     # the result records the values in force
     declared = editor.capabilities
     settings = replace(
@@ -67,11 +82,6 @@ def edit_steps(
         sampler=settings.sampler.with_defaults(declared.defaults),
         edit_size=settings.edit_size or declared.best_size,
     )
-    strategy = strategy or find_strategy(DEFAULT)()
-    if isinstance(strategy, type) or not is_dataclass(strategy):
-        raise UsageError(
-            f"{strategy!r} is no strategy: give an instance of a dataclass, as in SinglePass()"
-        )
     views, held_out = _split(dataset or around(scene, execution=settings.execution))
     features = features or FilterBank()
     request = Request(
@@ -162,6 +172,15 @@ def find_region(
     return found
 
 
+def _follows(editor: Editor, prompt: str) -> bool:
+    """Whether the editor could follow the instruction."""
+    try:
+        editor.check(prompt)
+    except UsageError:
+        return False
+    return True
+
+
 def _split(dataset: Dataset) -> tuple[tuple[View, ...], tuple[View, ...]]:
     """(views that may be edited, views that are only measured at). Raises UsageError."""
     sizes = {(v.camera.width, v.camera.height) for v in dataset.views}
@@ -179,7 +198,8 @@ def _parts(dataset: Dataset) -> tuple[tuple[View, ...], tuple[View, ...]]:
 
 def _run(request: Request, strategy: Strategy) -> Iterator[Event | Checkpoint | EditResult]:
     """The edit, after everything that can be refused was checked."""
-    if advice := request.editor.capabilities.advice(request.prompt):
+    advice = request.editor.capabilities.advice(request.prompt) if asks_editor(strategy) else ""
+    if advice:
         yield Event("advice", 0.0, note=advice)
     session = yield from _begin(request)
     yield from run_schedule(session, strategy.schedule(session))

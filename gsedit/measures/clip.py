@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -62,6 +63,7 @@ class Clip:
         return F.normalize(self.model.text_projection(pooled), dim=-1)
 
 
+@lru_cache(maxsize=1)
 def load_clip(folder: str | Path) -> Clip:
     """The CLIPModel and its tokenizer in a folder of transformers (config.json, model.safetensors,
     tokenizer files). Nothing is downloaded, and no pickle is read.

@@ -24,7 +24,11 @@ DEFAULT = "single-pass"
 
 @runtime_checkable
 class Strategy(Protocol):
-    """What is edited and fitted, in order."""
+    """What is edited and fitted, in order.
+
+    It may have `check`, which raises UsageError or InputError before any work for what it lacks,
+    and a class attribute `asks_editor`, False where it needs no 2D editor.
+    """
 
     def schedule(self, session: Session) -> Iterator[Action]:
         """The actions of an edit, see gsedit.session.actions.
@@ -58,6 +62,18 @@ def find_strategy(name: str) -> type[Strategy]:
     if not is_dataclass(found):
         raise GseditError(f"{module.__file__} holds no dataclass {class_name}: name it so")
     return cast("type[Strategy]", found)
+
+
+def check_strategy(strategy: Strategy) -> None:
+    """Raise UsageError or InputError where the strategy lacks something, such as weights."""
+    check = getattr(strategy, "check", None)
+    if check is not None:
+        check()
+
+
+def asks_editor(strategy: Strategy) -> bool:
+    """Whether a 2D editor must be able to follow the instruction."""
+    return getattr(strategy, "asks_editor", True)
 
 
 def name_of(strategy: Strategy) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import sys
 
 import pytest
 import torch
@@ -136,6 +137,7 @@ def test_missing_tensors_are_named(folder, tmp_path):
 def test_no_folder_and_no_transformers(folder, tmp_path, monkeypatch):
     with pytest.raises(InputError, match="is no folder"):
         load_clip(tmp_path / "gone")
-    monkeypatch.setitem(__import__("sys").modules, "transformers", None)
+    load_clip.cache_clear()
+    monkeypatch.setitem(sys.modules, "transformers", None)
     with pytest.raises(UsageError, match=r"gsedit\[diffusers\]"):
         load_clip(folder)

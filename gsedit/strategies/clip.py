@@ -1,0 +1,157 @@
+"""NeRF-Art (Wang et al. 2023): the scene is pulled towards a text through CLIP."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import ClassVar
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from gsedit.errors import UsageError
+from gsedit.files.pictures import fitted_size
+from gsedit.fitting.correlation import correlation_loss
+from gsedit.fitting.update import FINAL_RATE
+from gsedit.measures.clip import load_clip
+from gsedit.reports.events import Event
+from gsedit.session.actions import STEPS_AT_ONCE, Action
+from gsedit.session.fit_targets import REPORT_EVERY
+from gsedit.session.session import Session
+from gsedit.strategies._clip_losses import ClipLosses, clip_losses
+from gsedit.strategies._dataset import DatasetViews, check_positive, dataset_views
+from gsedit.strategies.sds import VOX_E_WEIGHT
+from rasterizer.camera import Camera
+from rasterizer.render import render
+
+NO_WEIGHTS = (
+    "the strategy clip needs the weights of CLIP: add --clip DIR, a CLIPModel folder of "
+    "transformers such as a copy of openai/clip-vit-base-patch32, or choose another --strategy"
+)
+
+
+@dataclass(frozen=True)
+class Clip:
+    """Descend NeRF-Art's CLIP losses on random views: no 2D editor is asked.
+
+    Raises UsageError for a value out of range; where no weights are given, as the edit begins.
+    """
+
+    asks_editor: ClassVar[bool] = False
+    """Any instruction will do: the editor need not follow it."""
+
+    clip: Path | None = None
+    """Folder of a CLIPModel of transformers (config.json, model.safetensors, tokenizer)."""
+    source_caption: str = "a photo"
+    """What the unedited scene shows."""
+    target_caption: str | None = None
+    """What the edited scene should show. None: the instruction."""
+    unlike: str = ""
+    """Further texts that pictures should not look like, separated by semicolons."""
+    total_steps: int = 400
+    """Steps, a view each."""
+    global_weight: float = 0.2
+    """Weight of the contrastive loss of whole pictures, beside 1 of the directional loss."""
+    local_weight: float = 0.1
+    """Weight of the contrastive loss of patches."""
+    local_patches: int = 4
+    """Patches of a picture for that loss, half as wide as the picture."""
+    structure_weight: float = VOX_E_WEIGHT
+    """Weight that keeps opacities and base colours correlated with the unedited scene's; 0 for
+    none."""
+    dataset_views: DatasetViews = "all"
+    """Which views are rendered."""
+
+    def __post_init__(self) -> None:
+        check_positive(total_steps=self.total_steps, local_patches=self.local_patches)
+        for name in ("global_weight", "local_weight", "structure_weight"):
+            if not getattr(self, name) >= 0:
+                raise UsageError(f"{name.replace('_', ' ')} {getattr(self, name)} is not 0 or more")
+
+    def check(self) -> None:
+        """Raise UsageError where no weights are given, InputError where they cannot be read."""
+        if self.clip is None:
+            raise UsageError(NO_WEIGHTS)
+        load_clip(self.clip)
+
+    def schedule(self, session: Session) -> Iterator[Action]:
+        """A few steps at a time."""
+        if self.clip is None:
+            raise UsageError(NO_WEIGHTS)
+        losses = clip_losses(
+            load_clip(self.clip),
+            self.target_caption or session.request.prompt,
+            self.source_caption,
+            [text.strip() for text in self.unlike.split(";") if text.strip()],
+            global_weight=self.global_weight,
+            local_weight=self.local_weight,
+            patches=self.local_patches,
+        )
+        views, unedited = dataset_views(session, self.dataset_views), UneditedVectors(losses)
+        for first in range(0, self.total_steps, STEPS_AT_ONCE):
+            last = min(first + STEPS_AT_ONCE, self.total_steps)
+            yield Descend(unedited, views, first, last, self.total_steps, self.structure_weight)
+
+
+@dataclass(frozen=True, eq=False)
+class UneditedVectors:
+    """The losses, and CLIP's vectors of the unedited scene by view, made when they are needed."""
+
+    losses: ClipLosses
+    vectors: dict[int, Float[Tensor, " d"]] = field(default_factory=dict)
+
+    def camera(self, session: Session, view: int) -> Camera:
+        """The view's at up to twice CLIP's size: patches are half as wide as a picture."""
+        camera = session.views[view].camera
+        return camera.resized(*fitted_size(camera.width, camera.height, 2 * self.losses.clip.size))
+
+    @torch.no_grad()
+    def of(self, session: Session, view: int) -> Float[Tensor, " d"]:
+        """Of the unedited scene at that view."""
+        if view not in self.vectors:
+            picture = render(
+                session.request.scene,
+                self.camera(session, view),
+                execution=session.settings.execution,
+            ).color
+            self.vectors[view] = self.losses.clip.images(picture.clamp(0, 1)[None])[0]
+        return self.vectors[view]
+
+
+@dataclass(frozen=True, eq=False)
+class Descend:
+    """Steps `first` to `last` (not included) of `total`, each on a random one of the views."""
+
+    unedited: UneditedVectors
+    views: tuple[int, ...]
+    first: int
+    last: int
+    total: int
+    structure_weight: float
+
+    def __call__(self, session: Session) -> Iterator[Event]:
+        optimiser, stopwatch = session.optimiser, session.stopwatch
+        generator = session.request.generator
+        seen = session.seen_from(self.views)
+        if self.first == 0:
+            optimiser.raise_negative_colours(seen)
+        for step in range(self.first, self.last):
+            with stopwatch.stage("update"):
+                view = self.views[int(torch.randint(len(self.views), (), generator=generator))]
+                scene = optimiser.scene
+                camera = self.unedited.camera(session, view)
+                image = render(scene, camera, execution=session.settings.execution).color
+                before = self.unedited.of(session, view)
+                loss = self.unedited.losses(image.clamp(0, 1), before, generator)
+                value = float(loss.detach())
+                if self.structure_weight:
+                    held = correlation_loss(scene, session.request.scene, seen)
+                    loss = loss + self.structure_weight * held
+                loss.backward()
+                fall = (1 - FINAL_RATE) * step / max(1, self.total - 1)
+                optimiser.step(1 - fall, only=seen)
+            session.work.steps += 1
+            if (step + 1) % REPORT_EVERY == 0 or step + 1 == self.total:
+                yield Event("update", stopwatch.seconds, step + 1, self.total, value)
