@@ -76,7 +76,7 @@ def test_the_median_scene_counts_what_is_not_reached_as_no_speed_up():
     iterative = record([0.5, 0.4, 0.2], 10)
     good, bad = race(record([0.5, 0.1], 10), iterative), race(record([0.5], 10), iterative)
     assert median_scene({"a": [good, good, bad], "b": [bad], "c": [good]}, COSTLY) == 2
-    assert median_scene({"a": [bad, bad, good]}, COSTLY) == 0
+    assert median_scene({"a": [bad, good]}, COSTLY) == 0  # not half of a speed-up
 
 
 @pytest.mark.parametrize("size", [QUICK, FULL])

@@ -9,7 +9,7 @@ from pathlib import Path
 from PIL import Image, ImageDraw, ImageFont
 
 from gsedit.bench.paper.runs import Run
-from gsedit.bench.paper.studies import SINGLE_PASS, Study
+from gsedit.bench.paper.studies import CLOSED_FORM, SINGLE_PASS, Study
 from gsedit.files.pictures import save_picture
 
 STRIP = ("input a", "input b", "edited a", "edited b", "input held out", "scene", "right")
@@ -111,10 +111,15 @@ def strategy_rows(study: Study) -> list[tuple[str, list[Cell]]]:
             rows.setdefault(name, []).append(Cell(run, "scene", run.arm.label))
     return [
         (name, [Cell(cells[0].run, "input held out", "input"), *cells,
-                Cell(cells[0].run, "right", "what is right")])
+                Cell(cells[0].run, "right", _right(cells[0].run))])
         for name, cells in rows.items()
         if cells[0].run.arm.strategy == SINGLE_PASS
     ]  # fmt: skip
+
+
+def _right(run: Run) -> str:
+    """What errors of the run are to."""
+    return "the exact edit" if run.editor == CLOSED_FORM else "what the editor makes of it"
 
 
 def loss_rows(study: Study) -> list[tuple[str, list[Cell]]]:
@@ -123,7 +128,7 @@ def loss_rows(study: Study) -> list[tuple[str, list[Cell]]]:
     for run in study.runs:
         if run.seed == study.runs[0].seed:
             rows.setdefault(run.case.name, []).append(Cell(run, "scene", run.arm.label))
-    return [(name, [*c, Cell(c[0].run, "right", "what is right")]) for name, c in rows.items()]
+    return [(name, [*c, Cell(c[0].run, "right", "the exact edit")]) for name, c in rows.items()]
 
 
 def _first_runs(study: Study) -> dict[str, Run]:

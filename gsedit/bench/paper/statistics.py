@@ -107,6 +107,7 @@ def race(record: Record, iterative: Record) -> Race:
 
 
 def median_scene(races: Mapping[str, Sequence[Race]], costs: Costs) -> float | None:
-    """The speed-up on the median scene, of each scene the median over its seeds."""
-    scenes = [statistics.median(r.speed_up(costs) for r in group) for group in races.values()]
-    return statistics.median(scenes) if scenes else None
+    """The speed-up on the median scene, of each scene the median over its seeds; of an even number
+    the lower of the two in the middle, since one of them may not be reached."""
+    scenes = [statistics.median_low(r.speed_up(costs) for r in group) for group in races.values()]
+    return statistics.median_low(scenes) if scenes else None

@@ -161,6 +161,7 @@ def _speed_up(by_scene: Mapping[str, Sequence[Race]], costs: Costs) -> dict[str,
         "scenes": {
             scene: {
                 **asdict(spread(r.speed_up(costs) for r in races)),
+                "median": median_scene({scene: races}, costs),
                 "reached": sum(r.own is not None for r in races),
                 "seconds": asdict(spread(r.own and costs.seconds(r.own) for r in races)),
                 "iterative_seconds": asdict(spread(costs.seconds(r.iterative) for r in races)),
