@@ -13,6 +13,7 @@ from torch import Tensor
 from gsedit.editors import make_editor
 from gsedit.editors.protocol import Editor
 from gsedit.errors import UsageError
+from gsedit.fitting.edit_loss import check_installed
 from gsedit.fitting.optimiser import SceneOptimiser
 from gsedit.fitting.update import rates
 from gsedit.measures.features import FeatureExtractor, FilterBank
@@ -82,6 +83,7 @@ def edit_steps(
         sampler=settings.sampler.with_defaults(declared.defaults),
         edit_size=settings.edit_size or declared.best_size,
     )
+    check_installed(settings.update)
     views, held_out = _split(dataset or around(scene, execution=settings.execution))
     features = features or FilterBank()
     request = Request(
@@ -213,7 +215,7 @@ def _begin(request: Request) -> Generator[Event, None, Session]:
     surveyed = yield from survey_views(request, stopwatch)
     edited = EditedViews(region=(yield from regions.choose_region(request, stopwatch)))
     moving = rates(request.settings.geometry, bounds(request.scene).radius)
-    optimiser = SceneOptimiser(request.scene, moving)
+    optimiser = SceneOptimiser(request.scene, moving, request.settings.update.anchor_weight)
     renderings = dict(surveyed.renderings)
     return Session(request, surveyed, renderings, edited, optimiser, stopwatch, noise_seed)
 

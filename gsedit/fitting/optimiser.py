@@ -12,6 +12,7 @@ import torch
 from jaxtyping import Bool, Int
 from torch import Tensor
 
+from gsedit.fitting.anchors import Anchors
 from gsedit.fitting.row_adam import RowAdam
 from rasterizer.numerics import SH_DC
 from rasterizer.scene import Gaussians
@@ -34,7 +35,10 @@ class SceneOptimiser:
     A step is computed from `scene`, or from a few rows of it (`draw`); both move the scene alike.
     """
 
-    def __init__(self, scene: Gaussians, rates: Mapping[str, float]) -> None:
+    def __init__(
+        self, scene: Gaussians, rates: Mapping[str, float], anchor_weight: float = 0.0
+    ) -> None:
+        """`anchor_weight`: how strongly every step draws back to `scene`, see fitting.anchors."""
         self._rates = dict(rates)
         if "sh" in rates:
             self._rates |= {"sh": rates["sh"], "sh_rest": rates["sh"] * SH_REST}
@@ -42,6 +46,11 @@ class SceneOptimiser:
         self._constant = {k: v.detach() for k, v in values.items() if k not in self._rates}
         self._leaves = {k: values[k].detach().clone().requires_grad_() for k in self._rates}
         self._adam = RowAdam(len(scene))
+        self._anchors = (
+            Anchors(anchor_weight, {k: values[k].detach() for k in self._rates})
+            if anchor_weight
+            else None
+        )
         self._drawn: tuple[Int[Tensor, " m"], dict[str, Tensor]] | None = None
 
     @property
@@ -90,6 +99,9 @@ class SceneOptimiser:
                 gradient[outside] = 0
         if rows is None:
             self._adam.settle(self._leaves)
+        if self._anchors:
+            moving = len(self) if only is None else int(only.sum())
+            self._anchors.add_gradient(gradients, leaves, rows, moving, self._adam.steps)
         self._adam.step(self._leaves, gradients, rates, rows)
         for leaf in self._leaves.values():
             leaf.grad = None
@@ -117,6 +129,7 @@ class SceneOptimiser:
         self._constant = {name: values[name].detach() for name in self._constant}
         self._leaves = {k: values[k].detach().clone().requires_grad_() for k in self._rates}
         self._adam = self._adam.selected(origin, fresh)
+        self._anchors = self._anchors and self._anchors.selected(origin)
 
     def state(self) -> dict[str, Tensor]:
         """Everything that changes here, by name: what moves, its moments, the number of steps."""

@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from gsedit.errors import UsageError
+from gsedit.fitting.loss_terms import LossTerm, parse_loss
 from rasterizer.numerics import AUTO, Execution
 
 SMALLEST_PATCH = 16
 """Pixels a side: the coarsest filters under the Gram matrix reach this far."""
+SMALLEST_PERCEPTUAL = 32
+"""Pixels a side that the perceptual distance needs (gsedit.measures.perceptual.SMALLEST)."""
 
 
 @dataclass(frozen=True)
@@ -22,9 +25,15 @@ class UpdateSettings:
     gram_weight: float = 30.0
     """Weight of the Gram loss beside the MSE (lambda of eq. (loss) of Efficient-NeRF2NeRF). The
     paper's 0.1 changes nothing on features of the pictures' own energy."""
+    loss: str = "mse+gram"
+    """The terms of the loss, joined by +: mse, l1, dssim, gram, perceptual. A number before a term
+    is its weight, as in 0.8*l1+0.2*dssim; gram has --gram-weight besides."""
     loss_switch: float = 0.0
-    """Probability that a step fits the Gram matrices alone, and otherwise the MSE alone: the random
-    switch in the paper's introduction. 0: their sum in every step."""
+    """Probability that a step fits the Gram matrices alone, and otherwise the other terms alone:
+    the random switch in the paper's introduction. 0: their sum in every step."""
+    anchor_weight: float = 0.0
+    """How strongly colours, opacities and what else moves are drawn back to the unedited scene, in
+    units of GaussianEditor's anchors; 0: not at all."""
 
     def __post_init__(self) -> None:
         if self.patches < 1 or self.patch < SMALLEST_PATCH:
@@ -34,11 +43,34 @@ class UpdateSettings:
             )
         if not self.gram_weight >= 0:
             raise UsageError(f"gram weight {self.gram_weight} is not 0 or more")
-        if not 0 <= self.loss_switch < 1 or (self.loss_switch and not self.gram_weight):
+        if not self.anchor_weight >= 0:
+            raise UsageError(f"anchor weight {self.anchor_weight} is not 0 or more")
+        names = [term.name for term in self.terms]
+        if "perceptual" in names and self.patch < SMALLEST_PERCEPTUAL:
             raise UsageError(
-                f"loss switch {self.loss_switch} is not a probability below 1, or the Gram weight "
-                "that it switches to is 0"
+                f"the loss perceptual needs patches of {SMALLEST_PERCEPTUAL} pixels or more, not "
+                f"{self.patch}"
             )
+        if not 0 <= self.loss_switch < 1:
+            raise UsageError(f"loss switch {self.loss_switch} is not a probability below 1")
+        if self.loss_switch and ("gram" not in names or len(names) < 2):
+            raise UsageError(
+                f"loss switch {self.loss_switch} needs gram, with a Gram weight above 0, and "
+                f"another term to switch between, not the loss {self.loss!r}"
+            )
+
+    @property
+    def terms(self) -> tuple[LossTerm, ...]:
+        """Of the loss, in its order, with the Gram weight; without those of weight 0. Raises
+        UsageError for a loss that cannot be read."""
+        terms = [
+            term._replace(weight=term.weight * self.gram_weight) if term.name == "gram" else term
+            for term in parse_loss(self.loss)
+        ]
+        left = tuple(term for term in terms if term.weight)
+        if not left:
+            raise UsageError(f"the loss {self.loss!r} has no term of a weight above 0")
+        return left
 
 
 @dataclass(frozen=True)

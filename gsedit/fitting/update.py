@@ -1,4 +1,4 @@
-"""Fit a scene to edited views: MSE + Gram loss on random patches (Efficient-NeRF2NeRF)."""
+"""Fit a scene to edited views, on random patches (Efficient-NeRF2NeRF)."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.fitting.crops import ExactCrops
+from gsedit.fitting.edit_loss import chosen_terms, edit_loss
 from gsedit.fitting.optimiser import SceneOptimiser
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.measures.features import FeatureExtractor
-from gsedit.measures.losses import edit_loss
 from gsedit.views.dataset import View
 from gsedit.views.image_ops import downscale
 from rasterizer.camera import Camera
@@ -73,8 +73,8 @@ def update_steps(
         patches = [_patch(views, settings.patch, generator) for _ in range(settings.patches)]
         rendered = crops.draw(optimiser, patches)
         expected = torch.stack([_cut(v.image, box) for v, box in patches])
-        terms = _terms(settings.loss_switch, generator)
-        loss = edit_loss(rendered, expected, features, settings.gram_weight, terms)
+        terms = chosen_terms(settings, generator)
+        loss = edit_loss(rendered, expected, terms, features)
         loss.backward()
         optimiser.step(1 - (1 - FINAL_RATE) * step / max(1, steps - 1), only=seen)
         yield loss.item()
@@ -91,13 +91,6 @@ def coarse(view: View) -> View:
     width, height = (max(1, side // factor) for side in (view.camera.width, view.camera.height))
     image = downscale(view.image, width, height).clamp(0, 1)
     return View(view.name, view.camera.resized(width, height), image)
-
-
-def _terms(switch: float, generator: torch.Generator) -> Literal["both", "mse", "gram"]:
-    """What a step fits: both, or by chance one of the two."""
-    if not switch:
-        return "both"
-    return "gram" if float(torch.rand((), generator=generator)) < switch else "mse"
 
 
 def _patch(targets: Sequence[View], side: int, generator: torch.Generator) -> tuple[View, Box]:

@@ -4,13 +4,9 @@ Pictures are `h w 3` in [0, 1]; `*n` any leading axes; features `c` channels."""
 
 from __future__ import annotations
 
-from typing import Literal
-
 import torch
 from jaxtyping import Float
 from torch import Tensor
-
-from gsedit.measures.features import FeatureExtractor
 
 SSIM_WINDOW = 11
 """Pixels, Gaussian of sigma 1.5: the window of Wang et al. 2004."""
@@ -58,25 +54,3 @@ def gram_loss(
     return torch.stack(
         [mse(gram(f), gram(t)) for f, t in zip(features, targets, strict=True)]
     ).sum()
-
-
-def edit_loss(
-    image: Float[Tensor, "*n h w 3"],
-    target: Float[Tensor, "*n h w 3"],
-    features: FeatureExtractor,
-    gram_weight: float,
-    terms: Literal["both", "mse", "gram"] = "both",
-) -> Float[Tensor, ""]:
-    """MSE + gram_weight * Gram MSE: eq. (loss) of Efficient-NeRF2NeRF, each term mean-reduced.
-
-    `terms` chooses one of the two for a random switch between them; the paper's introduction has
-    it, its equation the sum.
-    """
-    colour = mse(image, target) if terms != "gram" else image.new_zeros(())
-    if terms == "mse" or not gram_weight:
-        return colour
-    layers, targets = (
-        features(pictures.reshape(-1, *pictures.shape[-3:]).movedim(-1, 1))
-        for pictures in (image, target)
-    )
-    return colour + gram_weight * gram_loss(layers, targets)

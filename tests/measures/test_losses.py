@@ -5,7 +5,7 @@ import torch
 
 from gsedit.errors import UsageError
 from gsedit.measures.features import BINOMIAL, OPPONENT, FilterBank
-from gsedit.measures.losses import dssim, edit_loss, gram, gram_loss, l1, mse, ssim
+from gsedit.measures.losses import dssim, gram, gram_loss, l1, mse, ssim
 
 EPS32 = torch.finfo(torch.float32).eps
 
@@ -84,33 +84,10 @@ def test_gram_loss_is_the_sum_over_layers():
     assert gram_loss(one, one) == 0
 
 
-def test_edit_loss_is_the_papers_sum():
-    image, target, bank = picture(2, 32, 32, 3), picture(2, 32, 32, 3, seed=1), FilterBank(2)
-    layers, targets = (bank(t.permute(0, 3, 1, 2)) for t in (image, target))
-    expected = mse(image, target) + 0.1 * gram_loss(layers, targets)
-    torch.testing.assert_close(edit_loss(image, target, bank, 0.1), expected)
-    assert edit_loss(image, target, bank, gram_weight=0.0) == mse(image, target)
-    assert edit_loss(image, image, bank, 0.1) == 0
-    torch.testing.assert_close(edit_loss(image[0], target[0], bank, 0.0), mse(image[0], target[0]))
-
-
 def test_every_loss_has_its_gradient():
     image, target = picture(8, 8, 3).requires_grad_(), picture(8, 8, 3, seed=1)
-    bank = FilterBank(1)
-    for loss in (mse, l1, dssim, lambda a, b: edit_loss(a, b, bank, 1.0)):
+    for loss in (mse, l1, dssim):
         assert torch.autograd.gradcheck(lambda t, loss=loss: loss(t, target), image, fast_mode=True)
-
-
-def test_descending_the_edit_loss_reaches_the_target():
-    target, bank = smooth(32, seed=1).permute(1, 2, 0), FilterBank(3)
-    image = smooth(32).permute(1, 2, 0).clone().requires_grad_()
-    optimiser = torch.optim.Adam([image], lr=0.02)
-    start = mse(image.detach(), target)
-    for _ in range(60):
-        optimiser.zero_grad()
-        edit_loss(image, target, bank, 30.0).backward()
-        optimiser.step()
-    assert mse(image.detach(), target) < 0.01 * start
 
 
 # ---- the filter bank -----------------------------------------------------------------------------
@@ -170,14 +147,3 @@ def test_a_patch_too_small_and_a_bank_too_short_are_refused():
         FilterBank()(picture(1, 3, 7, 64))
     with pytest.raises(UsageError, match="1 or more"):
         FilterBank(0)
-
-
-def test_a_switch_fits_one_of_two_terms_that_add_up():
-    image, target = picture(2, 32, 32, 3), picture(2, 32, 32, 3, seed=1)
-    bank = FilterBank()
-    both, colour, style = (
-        edit_loss(image, target, bank, 3.0, terms) for terms in ("both", "mse", "gram")
-    )
-    assert colour == mse(image, target)
-    torch.testing.assert_close(colour + style, both)
-    assert style > 0

@@ -1,0 +1,137 @@
+"""The loss of the update: its terms, their weights, the switch between them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from gsedit.errors import UsageError
+from gsedit.fitting import edit_loss as module
+from gsedit.fitting.edit_loss import check_installed, chosen_terms, edit_loss
+from gsedit.fitting.loss_terms import LossTerm, parse_loss
+from gsedit.fitting.settings import UpdateSettings
+from gsedit.measures.features import FilterBank
+from gsedit.measures.losses import dssim, gram_loss, l1, mse
+from gsedit.measures.perceptual import is_installed, perceptual_distance
+
+BANK = FilterBank(2)
+
+
+def pictures(seed: int, side: int = 32) -> torch.Tensor:
+    return torch.rand(2, side, side, 3, generator=torch.Generator().manual_seed(seed))
+
+
+def loss_of(settings: UpdateSettings, image=None, target=None) -> torch.Tensor:
+    image = pictures(0) if image is None else image
+    target = pictures(1) if target is None else target
+    return edit_loss(image, target, settings.terms, BANK)
+
+
+def test_the_default_is_the_papers_sum_to_the_last_bit():
+    image, target = pictures(0), pictures(1)
+    layers, targets = (BANK(t.permute(0, 3, 1, 2)) for t in (image, target))
+    expected = mse(image, target) + 30.0 * gram_loss(layers, targets)
+    assert loss_of(UpdateSettings()) == expected
+    assert loss_of(UpdateSettings(gram_weight=0.0)) == mse(image, target)
+    assert loss_of(UpdateSettings(), image, image) == 0
+    single = edit_loss(image[0], target[0], UpdateSettings().terms, BANK)
+    torch.testing.assert_close(
+        single, edit_loss(image[:1], target[:1], UpdateSettings().terms, BANK)
+    )
+
+
+def test_terms_are_weighed_and_added():
+    image, target = torch.full((1, 16, 16, 3), 0.5), torch.full((1, 16, 16, 3), 0.25)
+    for text, expected in (
+        ("mse", 0.0625),
+        ("l1", 0.25),
+        ("2*mse+l1", 0.375),
+        ("0.8 * l1 + 0 * dssim", 0.2),
+        # flat pictures: SSIM is (2 a b + C1) / (a^2 + b^2 + C1), C1 = 1e-4
+        ("dssim", 1 - (2 * 0.5 * 0.25 + 1e-4) / (0.3125 + 1e-4)),
+    ):
+        found = float(loss_of(UpdateSettings(loss=text), image, target))
+        assert found == pytest.approx(expected, abs=1e-5), text
+    splatting = loss_of(UpdateSettings(loss="0.8*l1+0.2*dssim"))
+    one, other = pictures(0), pictures(1)
+    torch.testing.assert_close(splatting, 0.8 * l1(one, other) + 0.2 * dssim(one, other))
+    style = UpdateSettings(loss="2*gram", gram_weight=3.0)
+    assert style.terms == (LossTerm("gram", 6.0),)
+
+
+@pytest.mark.skipif(not is_installed(), reason="needs stlpips_pytorch")
+def test_perceptual_is_the_learned_distance_and_has_a_gradient():
+    distance = perceptual_distance()
+    image, target = pictures(0, 48).requires_grad_(), pictures(1, 48)
+    loss = loss_of(UpdateSettings(loss="l1+perceptual"), image, target)
+    torch.testing.assert_close(loss, l1(image, target) + distance(image, target))
+    loss.backward()
+    assert image.grad.abs().max() > 0
+    check_installed(UpdateSettings(loss="l1+perceptual"))
+
+
+def test_perceptual_without_its_weights_is_refused_with_the_next_move(monkeypatch):
+    monkeypatch.setattr(module, "is_installed", lambda: False)
+    monkeypatch.setattr(module, "perceptual_distance", lambda: None)
+    settings = UpdateSettings(loss="l1+perceptual")
+    with pytest.raises(UsageError, match=r"gsedit\[perceptual\]"):
+        check_installed(settings)
+    with pytest.raises(UsageError, match=r"gsedit\[perceptual\]"):
+        loss_of(settings)
+    check_installed(UpdateSettings())
+
+
+def test_the_switch_fits_gram_or_all_the_others():
+    settings = UpdateSettings(loss="mse+l1+gram", loss_switch=0.3)
+    generator = torch.Generator().manual_seed(0)
+    drawn = [tuple(t.name for t in chosen_terms(settings, generator)) for _ in range(300)]
+    assert set(drawn) == {("gram",), ("mse", "l1")}
+    assert 0.2 < drawn.count(("gram",)) / 300 < 0.4
+    state = generator.get_state()
+    assert chosen_terms(replace(settings, loss_switch=0.0), generator) == settings.terms
+    assert torch.equal(generator.get_state(), state)  # nothing is drawn without a switch
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"loss": "mse+lpips"}, "'lpips'.*mse, l1, dssim, gram, perceptual"),
+        ({"loss": ""}, "joined by"),
+        ({"loss": "mse+mse"}, "twice"),
+        ({"loss": "x*mse"}, "'x' is no number"),
+        ({"loss": "-1*mse"}, "'-1' is no number"),
+        ({"loss": "0*mse"}, "no term of a weight above 0"),
+        ({"loss": "perceptual", "patch": 16}, "32 pixels or more"),
+        ({"loss": "mse", "loss_switch": 0.5}, "needs gram"),
+        ({"loss": "gram", "loss_switch": 0.5}, "needs gram"),
+        ({"gram_weight": 0.0, "loss_switch": 0.5}, "needs gram"),
+        ({"anchor_weight": -1.0}, "anchor weight"),
+    ],
+)
+def test_a_loss_that_cannot_be_fitted_is_refused(wrong, message):
+    with pytest.raises(UsageError, match=message):
+        UpdateSettings(**wrong)
+
+
+def test_a_loss_is_read_in_its_order():
+    assert parse_loss(" 0.5*gram + l1") == (LossTerm("gram", 0.5), LossTerm("l1"))
+
+
+@pytest.mark.parametrize("text", ["mse+gram", "l1", "dssim", "gram"])
+def test_descending_a_loss_comes_nearer_to_the_target(text):
+    terms = UpdateSettings(loss=text).terms
+    generator = torch.Generator().manual_seed(0)
+    target = torch.rand(1, 4, 4, 3, generator=generator).repeat_interleave(8, 1)
+    target = target.repeat_interleave(8, 2)
+    image = torch.full_like(target, 0.5).add_(0.05 * pictures(3)[:1]).requires_grad_()
+    optimiser = torch.optim.Adam([image], lr=0.02)
+    losses = []
+    for _ in range(40):
+        optimiser.zero_grad()
+        loss = edit_loss(image, target, terms, BANK)
+        loss.backward()
+        optimiser.step()
+        losses.append(loss.item())
+    assert losses[-1] < 0.25 * losses[0]
