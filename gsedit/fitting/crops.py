@@ -27,6 +27,10 @@ LISTED_PIXELS = 400 * 400
 """Of a view, at most: lists take about 350 bytes a pixel, and are made for views that are cropped
 often enough to be worth it."""
 
+MOST_LISTED_PIXELS = 6_000_000
+"""Of all views together: lists of 2 GB. A strategy may fit hundreds of views; steps that crop more
+of them than that render."""
+
 Picture = Callable[[Camera], Float[Tensor, "h w 3"]]
 
 
@@ -80,8 +84,7 @@ class ListedCrops(ExactCrops):
         self, optimiser: SceneOptimiser, patches: Sequence[tuple[View, Box]]
     ) -> Float[Tensor, "b y x 3"]:
         """The patches of the optimiser's scene; their gradients reach its next step."""
-        largest = max(view.camera.width * view.camera.height for view, _ in patches)
-        if largest > LISTED_PIXELS:
+        if not self._fit([view for view, _ in patches]):
             return super().draw(optimiser, patches)
         kept = [self._keep(view) for view, _ in patches]
         crops = [each.lists.crop(box) for each, (_, box) in zip(kept, patches)]
@@ -100,10 +103,17 @@ class ListedCrops(ExactCrops):
             pictures.append(picture + missing)
         return torch.stack(pictures)
 
+    def _fit(self, views: Sequence[View]) -> bool:
+        """Whether the lists of these views may be kept beside those that are."""
+        sizes = {_key(view): view.camera.width * view.camera.height for view in views}
+        more = sum(size for key, size in sizes.items() if key not in self._kept)
+        kept = sum(width * height for _, width, height in self._kept)
+        return max(sizes.values()) <= LISTED_PIXELS and kept + more <= MOST_LISTED_PIXELS
+
     @torch.no_grad()
     def _keep(self, view: View) -> _KeptView:
         camera = view.camera
-        key = view.name, camera.width, camera.height
+        key = _key(view)
         if key not in self._kept:
             lists = pixel_lists(self.start, camera)
             shown = shown_rows([lists], len(self.start))
@@ -112,3 +122,7 @@ class ListedCrops(ExactCrops):
             picture = blend(lists, self._places, colors, torch.ones(len(shown)))
             self._kept[key] = _KeptView(lists, self._unedited(camera) - picture)
         return self._kept[key]
+
+
+def _key(view: View) -> tuple[str, int, int]:
+    return view.name, view.camera.width, view.camera.height

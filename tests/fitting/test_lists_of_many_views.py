@@ -1,0 +1,25 @@
+"""Of many views no more lists are kept than fit in memory; the steps stay the same."""
+
+from __future__ import annotations
+
+import torch
+from tiny_edits import data, scene
+
+from gsedit.fitting import crops as module
+from gsedit.fitting.crops import ExactCrops, ListedCrops
+from gsedit.fitting.optimiser import SceneOptimiser
+from gsedit.fitting.update import APPEARANCE_RATES
+
+
+def test_views_beyond_the_limit_are_rendered(monkeypatch):
+    monkeypatch.setattr(module, "MOST_LISTED_PIXELS", 3 * 48 * 48)
+    patches = [(view, (8, 8, 32, 32)) for view in data().views]
+    exact, listed = ExactCrops(), ListedCrops(scene())
+    for first in range(0, 8, 2):
+        few = patches[first : first + 2]
+        pictures = [
+            crops.draw(SceneOptimiser(scene(), APPEARANCE_RATES), few).detach()
+            for crops in (exact, listed)
+        ]
+        torch.testing.assert_close(*pictures, rtol=0, atol=2e-3)
+    assert len(listed._kept) == 2  # one more view would fit, two do not
