@@ -63,6 +63,28 @@ Quick = Annotated[bool, typer.Option("--quick", help="A short run: fewer and sma
 Runs = Annotated[int, typer.Option("--runs", min=1, help="Number of runs; times are medians.")]
 Folder = Annotated[Path, output("Folder for the results.")]
 
+Capture = Annotated[
+    Path | None,
+    typer.Argument(
+        metavar="SCENE", show_default=False, help="A fitted capture (.ply) to edit as well."
+    ),
+]
+Jobs = Annotated[
+    int | None,
+    typer.Option(
+        "--jobs", min=1, show_default="one a core", help="Runs at once, of one thread each."
+    ),
+]
+Page = Annotated[
+    Path | None,
+    typer.Option(
+        "--write-docs",
+        metavar="PAGE.md",
+        show_default=False,
+        help="Replace the tables of this page, between its markers.",
+    ),
+]
+
 Row = TypeVar("Row")
 
 
@@ -194,29 +216,11 @@ def sampler(
 
 
 def paper(
-    scene: Annotated[
-        Path | None,
-        typer.Argument(
-            metavar="SCENE", show_default=False, help="A fitted capture (.ply) to edit as well."
-        ),
-    ] = None,
+    scene: Capture = None,
     data: Data = None,
     out: Folder = Path("out/paper"),
-    jobs: Annotated[
-        int | None,
-        typer.Option(
-            "--jobs", min=1, show_default="one a core", help="Runs at once, of one thread each."
-        ),
-    ] = None,
-    docs: Annotated[
-        Path | None,
-        typer.Option(
-            "--write-docs",
-            metavar="PAGE.md",
-            show_default=False,
-            help="Replace the tables of this page, between its markers.",
-        ),
-    ] = None,
+    jobs: Jobs = None,
+    docs: Page = None,
     quick: Quick = False,
     *,
     common: Common,
@@ -229,32 +233,27 @@ def paper(
 
     gsedit bench paper bear.ply --data photos/ -o out/paper
     """
+    if docs is not None:
+        check_page(docs)
     common.apply()
 
     from gsedit.bench.paper import folder
     from gsedit.bench.paper.studies import FULL, QUICK, capture_case, missing_strategies, studies
 
-    if docs is not None:
-        check_page(docs)
     size = QUICK if quick else FULL
-    found = scene is not None and scene.exists()
-    skipped = [] if found else [f"The capture is left out: {no_capture(scene)}."]
+    skipped = [] if scene and scene.exists() else [f"The capture is left out: {no_capture(scene)}."]
+    capture = None if skipped else capture_case(str(scene), str(data or ""), size)
     if missing := missing_strategies():
         skipped.append(f"Strategies that are not there: {', '.join(missing)}.")
     for sentence in skipped:
         print_message(sentence)
-    capture = capture_case(str(scene), str(data or ""), size) if found else None
-    chosen = studies(size, capture)
-    items = folder.paper_to_folder(
-        out, size, chosen, jobs=jobs or os.cpu_count() or 1, skipped=" ".join(skipped)
-    )
+    parts, at_once, said = studies(size, capture), jobs or os.cpu_count() or 1, " ".join(skipped)
+    items = folder.paper_to_folder(out, size, parts, jobs=at_once, skipped=said)
     collect(items, common, out / folder.RUNS)
     if docs is not None:
         folder.write_docs(docs, out)
-    report = out / folder.REPORT
-    print_message(f"look at {report}")
-    print_result({"folder": out, "report": report, "skipped": skipped}, str(report),
-                 as_json=common.json)  # fmt: skip
+    record = {"folder": out, "report": out / folder.REPORT, "skipped": skipped}
+    print_result(record, str(out / folder.REPORT), as_json=common.json)
 
 
 def no_capture(scene: Path | None) -> str:

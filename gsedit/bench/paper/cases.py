@@ -18,10 +18,10 @@ PROMPTS = {
     "columns": "make it autumn",
     "links": "as a jade statue",
     "globe": "make it night",
-    "cage": "as a marble statue",
+    "cage": "make it sunset",
 }
 """Of the synthetic scenes that are measured, the first ones first."""
-TUNING = ("pond", "as a wooden statue")
+TUNING = ("pond", "as a golden statue")
 """The scene, and its instruction, on which strategies are tuned; it is measured nowhere else."""
 CAPTURE_PROMPT = "turn the bear into a bronze statue"
 

@@ -132,11 +132,15 @@ class _Observer:
         self.views = shown_views(session, MEASURED_VIEWS)
         if not self.views:
             raise UsageError("no view is held out: there is nothing to measure at")
-        unedited = [session.unedited_rendering(i).color.clamp(0, 1) for i in self.views]
+        renderings = [session.unedited_rendering(i) for i in self.views]
+        unedited = torch.stack([r.color.clamp(0, 1) for r in renderings])
         if session.request.editor.capabilities.find_ground_truth is not None:
-            self.truths = parse(session.request.prompt).variants(torch.stack(unedited))
+            right = parse(session.request.prompt).variants(unedited)
         else:
-            self.kind, self.truths = OWN, _asked(session, self.views)[None]
+            self.kind, right = OWN, _asked(session, self.views)[None]
+        # where nothing is shown no Gaussian can follow an edit of the background
+        shown = torch.stack([r.alpha for r in renderings])[..., None]
+        self.truths = torch.lerp(unedited.expand_as(right), right, shown.expand_as(right))
         self._clock = Stopwatch()
         self.look(session, due=True)
 
