@@ -8,6 +8,7 @@ from typing import Any
 
 from gsedit.bench.paper.cases import CAPTURE_PROMPT, PROMPTS, TUNING
 from gsedit.bench.paper.runs import Arm, Case, Run
+from gsedit.measures.perceptual import is_installed
 from gsedit.strategies import strategy_names
 
 SINGLE_PASS, ITERATIVE, COMBINED, BULK, SDS = STRATEGIES = (
@@ -16,6 +17,8 @@ SINGLE_PASS, ITERATIVE, COMBINED, BULK, SDS = STRATEGIES = (
 FEWER = 5
 SHORTER = f"{ITERATIVE}, a fifth of the steps"
 """The baseline with less work: a speed-up over the paper's number of steps alone would flatter."""
+LPIPS = "L1 + perceptual (Instruct-NeRF2NeRF)"
+"""A distance of the kind of LPIPS, which needs the extra `perceptual`."""
 BULK_ROUNDS = 3
 """Of Instruct-GS2GS."""
 CLOSED_FORM, SMALL = EDITORS = ("closed-form", "small")
@@ -163,7 +166,8 @@ def consensus_arms(steps: int) -> list[Arm]:
 
 
 def loss_arms(steps: int) -> list[Arm]:
-    """MSE alone, Gram weights, the random switch; on pictures that contradict each other."""
+    """MSE alone, Gram weights, the random switch, Instruct-NeRF2NeRF's loss where its distance is
+    installed; on pictures that contradict each other."""
     contradicting = {"sampler.consensus": False}  # noise shared, colours and places of each view
     arms = []
     for label, settings in {
@@ -172,7 +176,10 @@ def loss_arms(steps: int) -> list[Arm]:
         "MSE + 30 Gram (default)": {},
         "MSE + 300 Gram": {"update.gram_weight": 300.0},
         "switch, 30 Gram": {"update.loss_switch": 0.5},
+        LPIPS: {"update.loss": "l1+perceptual"},
     }.items():
+        if label == LPIPS and not is_installed():
+            continue
         arms.append(_rounds(label, steps, {**contradicting, **settings}))
     return arms
 
