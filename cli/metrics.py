@@ -223,6 +223,8 @@ def what_to_measure(scene: Path, against: Path | None) -> tuple[Path, Path]:
     from gsedit.errors import UsageError
 
     if scene.is_dir():
+        if not (scene / "edit.json").is_file() and not (scene / "metrics.jsonl").is_file():
+            raise UsageError(f"{scene} is no folder of an edit (no edit.json): name a scene file")
         return scene / "scene.ply", scene if against is None else against
     if against is None:
         raise UsageError(

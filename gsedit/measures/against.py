@@ -59,6 +59,11 @@ class Against:
         return "only the folder of an edit says it: add --against with that folder"
 
     @property
+    def fitted(self) -> str:
+        """What the scene's views are that are not held out, for a person."""
+        return "fitted" if self.kind == "photos" else "edited"
+
+    @property
     def targets(self) -> str:
         """What its pictures are, for a person."""
         return {"edit": "edited views", "photos": "photos"}.get(self.kind, "pictures")
@@ -87,7 +92,9 @@ def find_against(path: str | Path) -> Against:
             "of pictures: check the path"
         )
     if path.suffix.lower() == ".json":
-        return Against("photos", existing_file(path))
+        if _record(existing_file(path)).get("format") == view_lists.FORMAT:
+            raise InputError(f"{path} is a list of views: give it with --views")
+        return Against("photos", path)
     return Against("scene", existing_file(path), unedited=path)
 
 
@@ -134,9 +141,9 @@ def _record(file: Path) -> dict[str, Any]:
         record = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         reason = type(error).__name__
-        raise InputError(f"{file} is no readable JSON ({reason}): run the edit again") from None
+        raise InputError(f"{file} is no readable JSON ({reason}): write it again") from None
     if not isinstance(record, dict):
-        raise InputError(f"{file} is no record of an edit: run the edit again")
+        raise InputError(f"{file} holds no JSON object: write it again")
     return record
 
 

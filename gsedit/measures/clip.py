@@ -83,8 +83,10 @@ def load_clip(folder: str | Path) -> Clip:
             f"--clip needs transformers ({error.name} is missing): pip install 'gsedit[diffusers]'"
         ) from error
     check_files(folder)
-    level = transformers.logging.get_verbosity()
-    transformers.logging.set_verbosity_error()  # it lists what it loads
+    logging = transformers.logging
+    level, bars = logging.get_verbosity(), logging.is_progress_bar_enabled()
+    logging.set_verbosity_error()  # it lists what it loads
+    logging.disable_progress_bar()
     try:
         loaded: Any = transformers.CLIPModel.from_pretrained(
             folder, local_files_only=True, use_safetensors=True, output_loading_info=True
@@ -97,7 +99,9 @@ def load_clip(folder: str | Path) -> Clip:
             f"{folder} holds no readable CLIPModel ({reason}): copy it again"
         ) from error
     finally:
-        transformers.logging.set_verbosity(level)
+        logging.set_verbosity(level)
+        if bars:
+            logging.enable_progress_bar()
     if info["missing_keys"]:
         raise InputError(
             f"{folder}: {len(info['missing_keys'])} tensors of the CLIPModel are missing, among "

@@ -57,7 +57,8 @@ def missing_cost(against: Against) -> dict[str, str]:
 def evaluation_table(evaluation: Evaluation, against: Against) -> str:
     """For a person: values, warp errors, cost, and what is not measured."""
     cost, targets = against.cost, against.targets
-    heads = [f"{role.replace('_', ' ')} ({evaluation.number(role)})" for role in MEASURED_ROLES]
+    kinds = {"edited": against.fitted, "held_out": "held out"}
+    heads = [f"{kinds[role]} ({evaluation.number(role)})" for role in MEASURED_ROLES]
     lines = [_line("metric", *heads, "better")]
     for name, metric in METRICS.items():
         if by_role := evaluation.measured.get(name):

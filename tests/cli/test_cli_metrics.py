@@ -118,6 +118,7 @@ def test_the_table_fits_80_columns_and_the_files_are_written(folder, tmp_path):
         (("--against", "{pictures}"), 2, "nothing says from where the pictures in"),
         (("--against", "{edit}", "--data", "x"), 2, "already says which views: leave out --data"),
         (("--against", "{demo}", "-o", "x.txt"), 2, "x.txt: name a .json file"),
+        (("--against", "{edit}/views.json"), 3, "is a list of views: give it with --views"),
         (("--against", "{edit}", "--clip", "gone"), 3, "--clip gone is no folder"),
         (("--against", "{edit}", "--region", "auto"), 2, "must be known: give the region.npy"),
     ],
@@ -131,6 +132,12 @@ def test_what_cannot_be_compared_is_said_in_a_line(folder, tmp_path, words, code
     assert done.exit_code == code
     assert message in done.stderr
     assert one_line(done.stderr)
+
+
+def test_a_folder_that_is_no_edit_is_no_scene(tmp_path):
+    done = gsedit("metrics", tmp_path)
+    assert done.exit_code == 2
+    assert "is no folder of an edit (no edit.json): name a scene file" in done.stderr
 
 
 def test_an_edit_whose_unedited_scene_is_gone(folder, tmp_path):
