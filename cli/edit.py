@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .cameras import ViewOptions, load_views
-from .checkpoints import Checkpoints, run_to_result
+from .checkpoints import NAME, Checkpoints, Resume, going_on, run_to_result
 from .command import own_flags
 from .console import print_message, print_result
 from .edit_options import (
@@ -30,6 +30,9 @@ if TYPE_CHECKING:
     from gsedit.reports.events import Event
     from gsedit.session.result import EditResult
     from gsedit.views.dataset import Dataset
+
+LEFTOVERS = ("metrics.jsonl", "command")
+"""Of an edit that ended before its first checkpoint: alone they are nothing to keep."""
 
 Instruction = Annotated[
     str,
@@ -63,6 +66,7 @@ def edit(
     out: Annotated[Path, output("Folder for the results.")],
     drop_invalid: DropInvalid = False,
     force: Force = False,
+    resume: Resume = False,
     *,
     views: ViewOptions,
     editor: EditorOptions,
@@ -81,7 +85,10 @@ def edit(
     views), edit.json (settings, versions, timings), metrics.jsonl (a line an event),
     before_after.png and error_vs_time.png.
     """
-    check_request(instruction, views, out, force)
+    check_request(instruction, views)
+    asked = {"editor": editor, "features": features}
+    state = going_on(out / NAME, asked, "edit", resume=resume, force=force)
+    check_folder(out, force or state is not None, leftovers=LEFTOVERS)
     common.apply()
 
     from gsedit.edit import edit_steps
@@ -105,6 +112,7 @@ def edit(
         strategy=strategy,
         features=extractor,
         generator=common.generator(),
+        resume=state,
     )
     request = {
         "scene": scene, "drop_invalid": drop_invalid, **asdict(views), "editor": editor,
@@ -112,7 +120,8 @@ def edit(
     }  # fmt: skip
     if followed and (understood := what_it_understood(editor_2d, followed)):
         print_message(understood)
-    result = run_and_write(steps, out, instruction, request, as_json=common.json)
+    earlier = [] if state is None else state.record["events"]
+    result = run_and_write(steps, out, instruction, request, asked, earlier, as_json=common.json)
     write_cameras(dataset.views, out / "cameras.json", overwrite=True)
     write_views(dataset, result, out / "views.json")
     record = {
@@ -135,14 +144,13 @@ def write_views(dataset: Dataset, result: EditResult, path: Path) -> None:
     write_view_list(by_edit(viewpoints, edited), path, overwrite=True)
 
 
-def check_request(instruction: str, views: ViewOptions, out: Path, force: bool) -> None:
+def check_request(instruction: str, views: ViewOptions) -> None:
     """Raise UsageError for what needs no file to be found wrong."""
     from gsedit.errors import UsageError
 
     if not instruction.strip():
         raise UsageError("the instruction is empty: say what should change, as in 'make it snow'")
     views.check()
-    check_folder(out, force)
 
 
 def check_condition(condition: str, data: Path | None) -> None:
@@ -173,23 +181,25 @@ def run_and_write(
     steps: Iterable[Any],
     out: Path,
     instruction: str,
-    request: dict[str, Any],
+    request: Mapping[str, Any],
+    asked: Mapping[str, Any],
+    earlier: Iterable[Mapping[str, Any]],
     *,
     as_json: bool,
 ) -> EditResult:
     """Run an edit, showing its events; its result, written to the folder `out`.
 
-    Until then the folder keeps the events so far and the last complete scene.
+    Until then the folder keeps the events so far, from the `earlier` ones of the edit that goes on,
+    and the last checkpoint.
     """
+    from gsedit.reports.events import Event
     from gsedit.reports.journal import event_journal
     from gsedit.reports.tables import table
     from gsedit.session.folder import write_edit
 
-    journal = event_journal(out / "metrics.jsonl")
-    checkpoints = Checkpoints(
-        out / "checkpoint.ply",
-        "it is a whole scene, edited so far; add -f to run the edit again from the start",
-    )
+    journal = event_journal(out / "metrics.jsonl", [Event(**event) for event in earlier])
+    source = {"scene": request["scene"].absolute(), "drop_invalid": request["drop_invalid"]}
+    checkpoints = Checkpoints(out / NAME, asked, source)
     with checkpoints:
         with progress(as_json=as_json) as show:
 

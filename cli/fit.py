@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .checkpoints import Checkpoints, run_to_result
+from .checkpoints import Checkpoints, Resume, going_on, run_to_result
 from .console import print_message, print_result
 from .options import DropInvalid, Force, Seeded, Size, check_scene_file, load_scene, output
 from .progress import progress
@@ -29,7 +29,7 @@ Dataset = Annotated[
 ]
 Start = Annotated[
     Path | None,
-    typer.Option("--from", metavar="SCENE", show_default=False, help="Continue from this scene."),
+    typer.Option("--from", metavar="SCENE", show_default=False, help="Start from this scene."),
 ]
 Minutes = Annotated[
     float | None,
@@ -58,6 +58,7 @@ def fit(
     start: Start = None,
     drop_invalid: DropInvalid = False,
     force: Force = False,
+    resume: Resume = False,
     *,
     minutes: Minutes = None,
     values: Annotated[Values, SettingsGroup(fit_settings)],
@@ -70,11 +71,8 @@ def fit(
     gsedit fit photos/ -o scene.ply --size 256 --minutes 10
     """
     check_scene_file(out, force)
-    checkpoints = Checkpoints(
-        out.with_suffix(".checkpoint.ply"),
-        f"continue with gsedit fit {dataset} -o {out} --from {out.with_suffix('.checkpoint.ply')}",
-    )
-    check_left_checkpoint(checkpoints.path, force=force or start is not None)
+    checkpoints = Checkpoints(out.with_suffix(".checkpoint.safetensors"))
+    state = going_on(checkpoints.path, {}, "fit", resume=resume, force=force)
     common.apply()
 
     from gsedit.files import load_dataset, save
@@ -86,7 +84,8 @@ def fit(
     photos = load_dataset(dataset, size=size)
     with checkpoints:
         with progress(as_json=common.json) as show:
-            steps = fit_steps(photos, settings, generator=common.generator(), start=first)
+            generator = common.generator()
+            steps = fit_steps(photos, settings, generator=generator, start=first, resume=state)
             result = run_to_result(steps, show, checkpoints)
         save(result.scene, out, overwrite=force)
         cameras = write_beside(out, photos.views)
@@ -119,14 +118,3 @@ def print_fit(result: FitResult, out: Path, *, as_json: bool) -> None:
         "curve": result.curve,
     }
     print_result(record, str(out), as_json=as_json)
-
-
-def check_left_checkpoint(checkpoint: Path, *, force: bool) -> None:
-    """Raise UsageError rather than write over what an interrupted fit left behind."""
-    from gsedit.errors import UsageError
-
-    if checkpoint.exists() and not force:
-        raise UsageError(
-            f"{checkpoint} is left from an interrupted fit: continue it with --from {checkpoint}, "
-            "or add -f to start again"
-        )

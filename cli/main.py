@@ -24,6 +24,7 @@ from .info import info
 from .looks import looks
 from .metrics import metrics
 from .preview import preview
+from .recover import recover
 from .render import render
 
 
@@ -32,7 +33,7 @@ class Verbs(TyperGroup):
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
-        for body in (fit, edit, metrics, render, preview, info, editors, looks, doctor):
+        for body in (fit, edit, recover, metrics, render, preview, info, editors, looks, doctor):
             self.add_command(lazy_verb(body))
         self.add_command(LazyCommand("bench", bench_summary.__doc__ or "", lambda: bench))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -110,14 +111,19 @@ def check_scene_file(path: Path, force: bool) -> None:
     check_file(path, force)
 
 
-def check_folder(path: Path, force: bool) -> None:
-    """Raise UsageError unless `path` can be a folder of results: new or empty, or -f was given."""
+def check_folder(path: Path, force: bool, *, leftovers: Collection[str] = ()) -> None:
+    """Raise UsageError unless `path` can be a folder of results: new or empty, or -f was given.
+
+    Files of the names `leftovers` are nothing to keep, nor are those whose writing was interrupted.
+    """
     from gsedit.errors import UsageError
+    from gsedit.files.atomic import is_temporary
 
     if path.exists() and not path.is_dir():
         raise UsageError(f"-o {path} is a file: name a folder")
     _check_permission(path)
-    if path.is_dir() and any(path.iterdir()) and not force:
+    names = {each.name for each in path.iterdir()} if path.is_dir() else set()
+    if not force and any(name not in leftovers and not is_temporary(name) for name in names):
         raise UsageError(
             f"-o {path} has files in it already: add -f to replace them, or choose another folder"
         )

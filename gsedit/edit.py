@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import is_dataclass, replace
+from functools import partial
+from typing import Any, TypeVar
 
 import torch
 from jaxtyping import Float
@@ -13,19 +15,23 @@ from torch import Tensor
 from gsedit.editors import make_editor
 from gsedit.editors.protocol import Editor
 from gsedit.errors import UsageError
+from gsedit.files.state import State, check_same
 from gsedit.fitting.edit_loss import check_installed
 from gsedit.fitting.optimiser import SceneOptimiser
 from gsedit.fitting.update import rates
 from gsedit.measures.features import FeatureExtractor, FilterBank
 from gsedit.regions.region import Region
 from gsedit.reports.events import Checkpoint, Event
+from gsedit.reports.journal import as_record
+from gsedit.reports.json_lines import plain
 from gsedit.reports.stopwatch import Stopwatch
 from gsedit.session import choose_region as regions
 from gsedit.session.evidence import gather_evidence
 from gsedit.session.result import EditResult
 from gsedit.session.run import run_schedule
-from gsedit.session.session import EditedViews, Request, Session, survey_views
+from gsedit.session.session import EditedViews, Request, Session, SurveyedViews, survey_views
 from gsedit.session.settings import EditSettings
+from gsedit.session.state import planned, requested, restore, stopwatch_of
 from gsedit.strategies import (
     DEFAULT,
     Strategy,
@@ -40,6 +46,8 @@ from gsedit.views.framing import bounds
 from gsedit.views.search import Wish
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
+
+Returned = TypeVar("Returned")
 
 FOUND_VIEWS = 24
 """Views of a scene that came without cameras."""
@@ -56,13 +64,16 @@ def edit_steps(
     settings: EditSettings | None = None,
     strategy: Strategy | None = None,
     features: FeatureExtractor | None = None,
+    resume: State | None = None,
 ) -> Iterator[Event | Checkpoint | EditResult]:
-    """Edit a scene; yields what happens, a complete scene now and then, and last the result.
+    """Edit a scene; yields what happens, a checkpoint now and then, and last the result.
 
     Without a dataset, views are found (`around`). Every 8th view is never edited: there
     the result is measured. `strategy` defaults to the single pass, `features` (of the Gram loss) to
-    a bank of oriented filters. Raises UsageError for an instruction the editor cannot follow, an
-    empty scene, views of different sizes, or a strategy that is no dataclass.
+    a bank of oriented filters. With the state of a checkpoint, the same edit goes on from there:
+    only what happens after it is yielded, the result has all. Raises UsageError for an instruction
+    the editor cannot follow, an empty scene, views of different sizes, a strategy that is no
+    dataclass, or the state of another edit.
     """
     settings, strategy = settings or EditSettings(), strategy or find_strategy(DEFAULT)()
     if isinstance(strategy, type) or not is_dataclass(strategy):
@@ -89,11 +100,8 @@ def edit_steps(
     request = Request(
         scene.detach(), prompt, views, held_out, editor, settings, features, generator
     )
-    events: list[Event] = []
-    for item in _run(request, strategy):
-        if isinstance(item, Event):
-            events.append(item)
-        yield replace(item, events=tuple(events)) if isinstance(item, EditResult) else item
+    asked = partial(requested, request, strategy, name_of(strategy))
+    yield from _recorded(_run(request, strategy, resume), asked, resume)
 
 
 def edit(
@@ -198,12 +206,47 @@ def _parts(dataset: Dataset) -> tuple[tuple[View, ...], tuple[View, ...]]:
     return (views, held_out) if views else (held_out, ())
 
 
-def _run(request: Request, strategy: Strategy) -> Iterator[Event | Checkpoint | EditResult]:
+def _recorded(
+    items: Iterator[Event | Checkpoint | EditResult],
+    asked: Callable[[], dict[str, Any]],
+    resume: State | None,
+) -> Iterator[Event | Checkpoint | EditResult]:
+    """The items of an edit, and in checkpoints and the result all events so far.
+
+    Raises UsageError where the edit to resume was `asked` for otherwise.
+    """
+    events: list[Event] = []
+    request = None
+    if resume is not None:
+        request = plain(asked())
+        check_same(request, resume.record["request"], "edit")
+        events += [Event(**record) for record in resume.record["events"]]
+    for item in items:
+        match item:
+            case Event():
+                events.append(item)
+            case Checkpoint(state):
+                request = request or plain(asked())
+                done = events[: len(events) - state.record["undone"]]
+                recorded = plain([as_record(event) for event in done])
+                item = replace(item, state=state.along_with(request=request, events=recorded))
+            case EditResult():
+                item = replace(item, events=tuple(events))
+        yield item
+
+
+def _run(
+    request: Request, strategy: Strategy, resume: State | None
+) -> Iterator[Event | Checkpoint | EditResult]:
     """The edit, after everything that can be refused was checked."""
-    advice = request.editor.capabilities.advice(request.prompt) if asks_editor(strategy) else ""
-    if advice:
-        yield Event("advice", 0.0, note=advice)
-    session = yield from _begin(request)
+    if resume is None:
+        advice = request.editor.capabilities.advice
+        note = advice(request.prompt) if asks_editor(strategy) else ""
+        if note:
+            yield Event("advice", 0.0, note=note)
+        session = yield from _begin(request)
+    else:
+        session = _resumed(request, resume)
     yield from run_schedule(session, strategy.schedule(session))
     yield from _finish(session, strategy)
 
@@ -214,6 +257,35 @@ def _begin(request: Request) -> Generator[Event, None, Session]:
     noise_seed = int(torch.randint(1 << 31, (), generator=request.generator))
     surveyed = yield from survey_views(request, stopwatch)
     edited = EditedViews(region=(yield from regions.choose_region(request, stopwatch)))
+    return _session(request, surveyed, edited, stopwatch, noise_seed)
+
+
+def _resumed(request: Request, state: State) -> Session:
+    """The session of an interrupted edit: what it sees of the unedited scene is found again."""
+    stopwatch, noise_seed = stopwatch_of(state), state.record["noise_seed"]
+    surveyed = _ended(survey_views(request, stopwatch, planned(state)))
+    session = _session(request, surveyed, EditedViews(), stopwatch, noise_seed)
+    restore(session, state)
+    return session
+
+
+def _ended(steps: Generator[Any, None, Returned]) -> Returned:
+    """What a generator returns; its items are left aside."""
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            return end.value
+
+
+def _session(
+    request: Request,
+    surveyed: SurveyedViews,
+    edited: EditedViews,
+    stopwatch: Stopwatch,
+    noise_seed: int,
+) -> Session:
+    """Its optimiser is at the unedited scene."""
     moving = rates(request.settings.geometry, bounds(request.scene).radius)
     optimiser = SceneOptimiser(request.scene, moving, request.settings.update.anchor_weight)
     renderings = dict(surveyed.renderings)

@@ -9,7 +9,9 @@ import torch
 from gsedit_cli import main as cli
 from typer.testing import CliRunner
 
-from gsedit.fitting.fit import FitResult
+from gsedit.files.state import State
+from gsedit.fitting.fit import RATES, FitResult
+from gsedit.fitting.optimiser import SceneOptimiser
 from gsedit.reports.events import Checkpoint, Event
 from rasterizer.scene import Gaussians
 
@@ -30,12 +32,12 @@ def stub_fit(monkeypatch, *, end: BaseException | None = None, checkpoints: int 
     """Replace the fit by one that yields an event, checkpoints, and then a result or an error."""
     given = {}
 
-    def fit_steps(dataset, settings, *, generator, start=None):
-        given.update(settings=settings, start=start, seed=generator.initial_seed())
+    def fit_steps(dataset, settings, *, generator, start=None, resume=None):
+        given.update(settings=settings, start=start, seed=generator.initial_seed(), resume=resume)
         result = stub_scene()
         yield Event("fit", 1.0, 1, 2, 0.5, 0.1)
         for step in range(1, checkpoints + 1):
-            yield Checkpoint(result, 10 * step, 1.5)
+            yield stub_checkpoint(10 * step)
         if end is not None:
             raise end
         yield FitResult(result, 20.0, 2, 2.0, ((2.0, 20.0),))
@@ -43,6 +45,13 @@ def stub_fit(monkeypatch, *, end: BaseException | None = None, checkpoints: int 
     # not by dotted name: gsedit.fit is also the function of that name
     monkeypatch.setattr(import_module("gsedit.fitting.fit"), "fit_steps", fit_steps)
     return given
+
+
+def stub_checkpoint(step: int) -> Checkpoint:
+    """Of a fit: all of `stub_scene` moves."""
+    state = SceneOptimiser(stub_scene(), RATES).state()
+    tensors = {f"optimiser.{name}": each for name, each in state.items()}
+    return Checkpoint(State({"events": []}, tensors), step, 1.5, stub_scene)
 
 
 def stub_scene():

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
 import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from gsedit.errors import UsageError
+
+_TEMPORARY = re.compile(r"\.[0-9a-f]{8}\..")
+"""Names that `atomic_path` makes."""
 
 
 @contextmanager
@@ -44,6 +48,18 @@ def check_writable(path: str | Path, *, overwrite: bool = False) -> None:
         raise UsageError(f"{path} is a folder: name the file to write inside it")
     if path.exists() and not overwrite:
         raise UsageError(f"{path} already exists: add -f to replace it, or choose another name")
+
+
+def is_temporary(name: str) -> bool:
+    """Whether it is the name of a file whose writing `atomic_path` began."""
+    return _TEMPORARY.match(name) is not None
+
+
+def remove_temporaries(path: Path) -> None:
+    """Remove what processes that were killed had begun to write of this file."""
+    for each in path.parent.glob(f".*.{path.name}"):
+        if is_temporary(each.name):
+            _remove(each)
 
 
 def _remove(temporary: Path) -> None:

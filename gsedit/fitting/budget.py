@@ -6,16 +6,21 @@ from gsedit.reports.stopwatch import Stopwatch
 
 
 class Budget:
-    """Counts `step` and runs from its construction; None: no limit of that kind."""
+    """Counts `step` and runs from its construction; None: no limit of that kind.
 
-    def __init__(self, steps: int | None, seconds: float | None) -> None:
+    `step` and `spent` seconds were done before.
+    """
+
+    def __init__(
+        self, steps: int | None, seconds: float | None, *, step: int = 0, spent: float = 0.0
+    ) -> None:
         self._steps, self._seconds = steps, seconds
-        self._stopwatch = Stopwatch()
-        self.step = 0
+        self._stopwatch = Stopwatch(spent)
+        self.step = step
 
     @property
     def seconds(self) -> float:
-        """Since the construction."""
+        """Since the construction, with those spent before."""
         return self._stopwatch.seconds
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -35,6 +36,14 @@ class ScreenGradients:
 
     def __init__(self, count: int) -> None:
         self._total, self._pictures = torch.zeros(count), torch.zeros(count)
+
+    def state(self) -> dict[str, Tensor]:
+        """What was counted; not a copy."""
+        return {"total": self._total, "pictures": self._pictures}
+
+    def load_state(self, state: Mapping[str, Tensor]) -> None:
+        """Go on counting where another was."""
+        self._total, self._pictures = state["total"].clone(), state["pictures"].clone()
 
     @torch.no_grad()
     def add(self, gradient: Float[Tensor, "n 3"], scene: Gaussians, camera: Camera) -> None:

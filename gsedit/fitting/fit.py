@@ -9,19 +9,22 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import torch
 
 from gsedit.errors import UsageError
+from gsedit.files.state import State, check_same, digest
 from gsedit.fitting.budget import Budget
 from gsedit.fitting.densify import ScreenGradients, densify, reset_opacities
 from gsedit.fitting.initial import initial_scene
-from gsedit.fitting.optimiser import SceneOptimiser
+from gsedit.fitting.optimiser import SceneOptimiser, optimised_scene
 from gsedit.fitting.settings import FitSettings
 from gsedit.measures import losses
 from gsedit.measures.decibels import rmse_from_psnr
 from gsedit.measures.metrics import psnr
 from gsedit.reports.events import Checkpoint, Event
+from gsedit.reports.json_lines import plain
 from gsedit.views.dataset import Dataset, View
 from gsedit.views.image_ops import downscale
 from rasterizer.numerics import AUTO, Execution
@@ -39,6 +42,10 @@ RATES = {
 scales move faster than in 3D Gaussian splatting: a fit here has 3,000 steps and not 30,000."""
 FINAL_RATE = {"means": 0.02, "sh": 0.2, "log_scales": 0.3, "logit_opacities": 0.3, "quats": 0.3}
 """Each rate decays exponentially to this fraction at the end of the budget."""
+FREE = ("checkpoint_seconds", "execution", "report_every")
+"""Settings that may change when a fit goes on: they do not change the scene."""
+PLAIN = ("order", "curve", "loss", "next_evaluation", "last_checkpoint", "opacities_reset")
+"""What changes of a fit and is no tensor."""
 LOSS_DECAY = 0.95
 """Of the running mean of the loss that events report, per step."""
 
@@ -62,10 +69,13 @@ def fit_steps(
     *,
     generator: torch.Generator,
     start: Gaussians | None = None,
+    resume: State | None = None,
 ) -> Iterator[Event | Checkpoint | FitResult]:
-    """Fit a scene; yields progress, complete scenes now and then, and last the result.
+    """Fit a scene; yields progress, checkpoints now and then, and last the result.
 
-    Every 8th view is never trained on. Raises UsageError if there is nothing to train on.
+    Every 8th view is never trained on. With the state of a checkpoint, the same fit goes on from
+    there, with what is left of its budget. Raises UsageError if there is nothing to train on, or
+    for the state of another fit.
     """
     settings = settings or FitSettings()
     train, held_out = dataset.split()
@@ -73,12 +83,17 @@ def fit_steps(
         raise UsageError(
             f"{len(dataset)} view(s) are too few to fit: every 8th is held out; add photos"
         )
-    budget = Budget(settings.steps, settings.seconds)
+    asked = requested(dataset, settings, generator, start)
+    if resume is not None:
+        check_same(asked, resume.record["request"], "fit")
+        start = optimised_scene(resume.within("optimiser"))
     if start is None:
         start = initial_scene(dataset, settings.sh_degree, generator)
     extent = _camera_extent(dataset.views)
-    work = _Fit(start, train, held_out, extent, settings, generator, budget)
+    work = _Fit(start, train, held_out, extent, settings, generator, asked)
     del start  # the optimiser has copies
+    if resume is not None:
+        work.load_state(resume)
     while not work.budget.finished:
         work.step()
         work.densify_if_due()
@@ -114,9 +129,10 @@ class _Fit:
 
     def __init__(
         self, scene: Gaussians, train: tuple[View, ...], held_out: tuple[View, ...],
-        extent: float, settings: FitSettings, generator: torch.Generator, budget: Budget,
+        extent: float, settings: FitSettings, generator: torch.Generator, asked: dict[str, Any],
     ) -> None:  # fmt: skip
-        self.budget = budget
+        self.asked = asked
+        self.budget = Budget(settings.steps, settings.seconds)
         self.settings, self.generator, self.held_out = settings, generator, held_out
         self.optimiser = SceneOptimiser(scene, {**RATES, "means": RATES["means"] * extent})
         factors = (1, *(factor for _, factor in settings.coarse))
@@ -127,6 +143,31 @@ class _Fit:
         self.loss: float | None = None
         self.next_evaluation, self.last_checkpoint = 0.0, 0.0
         self.opacities_reset = settings.opacity_reset is None
+
+    def state(self) -> State:
+        """All that changes during a fit; the tensors are the fit's own."""
+        tensors = {f"optimiser.{name}": each for name, each in self.optimiser.state().items()}
+        tensors |= {f"gradients.{name}": each for name, each in self.gradients.state().items()}
+        tensors["generator"] = self.generator.get_state()
+        record = {
+            "request": self.asked,
+            "step": self.budget.step,
+            "seconds": self.budget.seconds,
+            **{name: getattr(self, name) for name in PLAIN},
+        }
+        return State(record, tensors)
+
+    def load_state(self, state: State) -> None:
+        """Go on where the fit was that was interrupted."""
+        settings, record = self.settings, state.record
+        self.optimiser.load_state(state.within("optimiser"))
+        self.gradients.load_state(state.within("gradients"))
+        self.generator.set_state(state.tensors["generator"])
+        step, spent = record["step"], record["seconds"]
+        self.budget = Budget(settings.steps, settings.seconds, step=step, spent=spent)
+        for name in PLAIN:
+            setattr(self, name, record[name])
+        self.curve = [(seconds, decibels) for seconds, decibels in record["curve"]]
 
     def step(self) -> None:
         """One optimiser step on one photo."""
@@ -189,12 +230,14 @@ class _Fit:
         seconds = self.budget.seconds
         if seconds - self.last_checkpoint > self.settings.checkpoint_seconds:
             self.last_checkpoint = seconds
-            scene = self.optimiser.scene.detach().map(torch.clone)
-            yield Checkpoint(scene, self.budget.step, seconds)
+            yield Checkpoint(self.state(), self.budget.step, seconds, self._copy_scene)
+
+    def _copy_scene(self) -> Gaussians:
+        return self.optimiser.scene.detach().map(torch.clone)
 
     def finish(self) -> Iterator[Event | FitResult]:
         """The last measurement, and the result."""
-        scene = self.optimiser.scene.detach().map(torch.clone)
+        scene = self._copy_scene()
         yield self._measure(scene)
         steps, seconds = self.budget.step, self.budget.seconds
         yield FitResult(scene, self.curve[-1][1], steps, seconds, tuple(self.curve))
@@ -217,6 +260,25 @@ def _shrunk(view: View, factor: int) -> View:
     camera = view.camera
     small = camera.resized(max(16, camera.width // factor), max(16, camera.height // factor))
     return replace(view, camera=small, image=downscale(view.image, small.width, small.height))
+
+
+def requested(
+    dataset: Dataset,
+    settings: FitSettings,
+    generator: torch.Generator,
+    start: Gaussians | None,
+) -> dict[str, Any]:
+    """What was asked for, as JSON has it: a fit goes on where this is the same."""
+    cameras = [view.camera.world_to_camera for view in dataset.views]
+    camera = dataset.views[0].camera
+    fields = () if start is None else vars(start).values()
+    return {
+        "photos": f"{len(dataset)}, the first of {camera.width}x{camera.height}, "
+        + digest(torch.stack(cameras), *((255 * v.image).round().byte() for v in dataset.views)),
+        "settings": {name: v for name, v in plain(settings).items() if name not in FREE},
+        "from": None if start is None else f"{len(start)} Gaussians, {digest(*fields)}",
+        "seed": generator.initial_seed(),
+    }
 
 
 def _camera_extent(views: tuple[View, ...]) -> float:

@@ -165,5 +165,15 @@ def _joined(parts: Mapping[str, Tensor]) -> Gaussians:
     return Gaussians(**both, sh=sh)
 
 
+def optimised_scene(state: Mapping[str, Tensor], start: Gaussians | None = None) -> Gaussians:
+    """The scene of an optimiser's `state`: the one that it started from, with what moved.
+
+    None for `start` where everything moves.
+    """
+    parts = {} if start is None else _parts(start)
+    moved = {k.removeprefix("value."): v for k, v in state.items() if k.startswith("value.")}
+    return _joined({**parts, **moved})
+
+
 def _field(part: str) -> str:
     return "sh" if part == "sh_rest" else part

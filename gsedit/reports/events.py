@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
+from gsedit.files.state import State
 from rasterizer.scene import Gaussians
 
 
@@ -28,8 +30,16 @@ class Event:
 
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
-    """A complete scene in the middle of the work: worth keeping if the work is interrupted."""
+    """Work that could go on from here. It shows the work as it is: write it, or read its scene,
+    before the next item is asked for.
+    """
 
-    scene: Gaussians
+    state: State
     step: int
     seconds: float
+    copy_scene: Callable[[], Gaussians]
+
+    @property
+    def scene(self) -> Gaussians:
+        """A copy of the complete scene, made when it is asked for."""
+        return self.copy_scene()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -48,6 +48,12 @@ class Journal(Generic[Record]):
         self.records.append(record)
 
 
-def event_journal(path: Path | str) -> Journal[Event]:
-    """The journal of an edit or a fit, as `read_events` reads it."""
-    return Journal(Path(path), as_record)
+def event_journal(path: Path | str, earlier: Iterable[Event] = ()) -> Journal[Event]:
+    """The journal of an edit or a fit, as `read_events` reads it.
+
+    With `earlier` events, those of the work before it was interrupted, the file begins anew.
+    """
+    journal = Journal(Path(path), as_record)
+    for event in earlier:
+        journal.write(event)
+    return journal

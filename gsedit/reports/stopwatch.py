@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 
 class Stopwatch:
-    """Runs from its construction."""
+    """Runs from its construction, on from what was spent before."""
 
-    def __init__(self) -> None:
-        self._began = time.monotonic()
-        self.stages: dict[str, float] = {}
+    def __init__(self, spent: float = 0.0, stages: Mapping[str, float] | None = None) -> None:
+        self._began = time.monotonic() - spent
+        self.stages: dict[str, float] = dict(stages or {})
         """Seconds spent in each stage so far, summed over its visits."""
 
     @property
     def seconds(self) -> float:
-        """Since the construction."""
+        """Since the construction, with what was spent before."""
         return time.monotonic() - self._began
 
     @contextmanager

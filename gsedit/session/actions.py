@@ -24,8 +24,13 @@ class Action(Protocol):
         ...
 
 
+class LeavesScene:
+    """Base of actions that do not touch the optimiser: if one fails, the session is as before it,
+    and a checkpoint is made of that."""
+
+
 @dataclass(frozen=True)
-class EditViews:
+class EditViews(LeavesScene):
     """Edit the views with these indices together: batch `step` of `steps`, see `edit_views`."""
 
     batch: tuple[int, ...]

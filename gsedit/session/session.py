@@ -207,8 +207,11 @@ class Session:
         return picture.clamp(0, 1).to(rendered)
 
 
-def survey_views(request: Request, stopwatch: Stopwatch) -> Generator[Event, None, SurveyedViews]:
-    """Plan which views to edit, and render them and the held-out ones, before the edit.
+def survey_views(
+    request: Request, stopwatch: Stopwatch, planned: ViewPlan | None = None
+) -> Generator[Event, None, SurveyedViews]:
+    """Plan which views to edit (unless that is `planned`), and render them and the held-out ones,
+    before the edit.
 
     Raises UsageError where no view sees the scene.
     """
@@ -222,7 +225,7 @@ def survey_views(request: Request, stopwatch: Stopwatch) -> Generator[Event, Non
                 "no camera sees any of the scene: are both in the same frame? "
                 "Leave out --data to have cameras placed around the scene"
             )
-        plan = plan_views(
+        plan = planned or plan_views(
             weights,
             settings.views_per_round,
             settings.rounds,

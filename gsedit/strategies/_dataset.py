@@ -15,7 +15,7 @@ import torch
 from gsedit.diffusion import SamplerSettings
 from gsedit.errors import UsageError
 from gsedit.reports.events import Event
-from gsedit.session.actions import Action, update_round
+from gsedit.session.actions import Action, LeavesScene, update_round
 from gsedit.session.edit_views import edit_alone
 from gsedit.session.session import Session
 
@@ -38,7 +38,7 @@ def dataset_views(session: Session, which: DatasetViews) -> tuple[int, ...]:
 
 
 @dataclass(frozen=True)
-class ShowUnedited:
+class ShowUnedited(LeavesScene):
     """Put the unedited pictures of these views into the dataset, where there is no edited one."""
 
     views: tuple[int, ...]
@@ -54,7 +54,7 @@ class ShowUnedited:
 
 
 @dataclass(frozen=True)
-class EditAlone:
+class EditAlone(LeavesScene):
     """Edit one view from a noise level that is drawn anew: edit `step` of `steps`."""
 
     view: int

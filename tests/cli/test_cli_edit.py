@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+import sys
 from importlib import import_module
 
-from command_line import files, gsedit
+import pytest
+from command_line import files, gsedit, stub_checkpoint
 
 from gsedit.diffusion import SamplerSettings
 from gsedit.regions.region import everything
-from gsedit.reports.events import Checkpoint, Event
+from gsedit.reports.events import Event
 from gsedit.reports.journal import read_events
 
 
@@ -21,11 +23,13 @@ def stub_edit(monkeypatch, *, end: BaseException | None = None):
 
     given = {}
 
-    def edit_steps(scene, prompt, *, dataset, editor, settings, strategy, features, generator):
-        given.update(prompt=prompt, settings=settings, dataset=dataset)
+    def edit_steps(
+        scene, prompt, *, dataset, editor, settings, strategy, features, generator, resume
+    ):
+        given.update(prompt=prompt, settings=settings, dataset=dataset, resume=resume)
         update = Event("update", 1.0, 1, 2, 0.5, 0.1)
         yield update
-        yield Checkpoint(scene, 1, 1.0)
+        yield stub_checkpoint(1)
         if end is not None:
             raise end
         measure = Event("measure", 2.0, error=0.05, note="well done")
@@ -76,9 +80,47 @@ def test_an_interrupted_edit_keeps_its_metrics_and_checkpoint(monkeypatch, scene
     out = tmp_path / "out"
     result = gsedit("edit", scene, "make it snow", "-o", out, "--size", 16)
     assert result.exit_code == 130
-    assert f"{out / 'checkpoint.ply'} (step 1)" in result.stderr
-    assert {path.name for path in files(out)} == {"checkpoint.ply", "metrics.jsonl"}
+    assert f"{out / 'checkpoint.safetensors'} (step 1)" in result.stderr
+    assert "--resume" in result.stderr
+    assert {path.name for path in files(out)} == {"checkpoint.safetensors", "metrics.jsonl"}
     assert len(read_events(out / "metrics.jsonl")) == 1
+
+    again = ("edit", scene, "make it snow", "-o", out, "--size", 16)
+    asked = gsedit(*again)
+    assert asked.exit_code == 2
+    assert "add --resume to go on from it, or -f to start again" in asked.stderr
+    given = stub_edit(monkeypatch)
+    other = gsedit(*again, "--resume", "--editor", "closed-form")
+    assert other.exit_code == 2
+    assert "editor.editor is closed-form, was small" in other.stderr
+    assert gsedit(*again, "--resume").exit_code == 0
+    assert given["resume"].record["source"]["scene"] == str(scene)
+    assert not (out / "checkpoint.safetensors").exists()
+    finished = gsedit(*again, "--resume")
+    assert finished.exit_code == 2
+    assert "leave --resume out" in finished.stderr
+
+
+@pytest.mark.parametrize("left", [(), ("metrics.jsonl",), ("metrics.jsonl", ".0123abcd.scene.ply")])
+def test_a_run_that_kept_nothing_is_repeated_without_force(monkeypatch, scene, tmp_path, left):
+    out = tmp_path / "out"
+    out.mkdir()
+    for name in left:
+        (out / name).write_text("")
+    stub_edit(monkeypatch)
+    assert gsedit("edit", scene, "make it snow", "-o", out, "--size", 16).exit_code == 0
+    assert {path.name for path in files(out)} >= {"scene.ply", "edit.json"}
+
+
+def test_a_program_that_failed_does_not_stop_the_next_edit(scene, tmp_path):
+    out = tmp_path / "out"
+    run = f"{sys.executable} -c 'raise SystemExit(3)' {{input}} {{output}}"
+    again = ("edit", scene, "as gold", "-o", out, "--size", 16, "--editor", "command", "--run", run)
+    for _ in range(2):
+        failed = gsedit(*again)
+        assert failed.exit_code == 1
+        assert "it said nothing" in failed.stderr
+    assert {path.name for path in out.iterdir()} == {"command", "metrics.jsonl"}
 
 
 def test_the_features_of_the_gram_loss_are_named(monkeypatch, scene, tmp_path):

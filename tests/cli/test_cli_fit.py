@@ -13,6 +13,7 @@ import pytest
 from command_line import files, gsedit, stub_fit
 
 from gsedit.files import load
+from gsedit.files.state import load_state
 
 
 def test_fit_writes_the_scene_and_removes_its_checkpoint(monkeypatch, photos, tmp_path):
@@ -38,21 +39,23 @@ def test_fit_writes_the_scene_and_removes_its_checkpoint(monkeypatch, photos, tm
 @pytest.mark.parametrize("end", [KeyboardInterrupt(), RuntimeError("bug"), MemoryError()])
 def test_an_ended_fit_leaves_its_last_checkpoint_and_says_where(monkeypatch, photos, tmp_path, end):
     stub_fit(monkeypatch, end=end, checkpoints=2)
-    out, checkpoint = tmp_path / "scene.ply", tmp_path / "scene.checkpoint.ply"
+    out, checkpoint = tmp_path / "scene.ply", tmp_path / "scene.checkpoint.safetensors"
     result = gsedit("fit", photos, "-o", out)
     assert result.exit_code == (130 if isinstance(end, KeyboardInterrupt) else 1)
     assert f"last complete checkpoint is {checkpoint} (step 20)" in result.stderr
-    assert f"--from {checkpoint}" in result.stderr
-    assert len(load(checkpoint)) == 3
+    assert "--resume" in result.stderr
+    seen = tmp_path / "seen.ply"
+    assert gsedit("recover", checkpoint, "-o", seen).exit_code == 0
+    assert len(load(seen)) == 3
     assert not out.exists()
 
     stub_fit(monkeypatch)  # a second run does not write over it unasked
     forgotten = gsedit("fit", photos, "-o", out)
     assert forgotten.exit_code == 2
-    assert "--from" in forgotten.stderr
+    assert "--resume" in forgotten.stderr
     given = stub_fit(monkeypatch)
-    assert gsedit("fit", photos, "-o", out, "--from", checkpoint).exit_code == 0
-    assert len(given["start"]) == 3
+    assert gsedit("fit", photos, "-o", out, "--resume").exit_code == 0
+    assert set(given["resume"].within("optimiser")) >= {"value.means", "value.sh", "value.sh_rest"}
     assert not checkpoint.exists()
 
 
@@ -71,9 +74,9 @@ def test_a_signal_ends_a_real_process_as_ctrl_c_does(photos, tmp_path, stop):
         "import sys, time\n"
         "from importlib import import_module\n"
         f"sys.path[:0] = {[str(folder) for folder in Path(__file__).parents[:2]]}\n"
-        "from command_line import stub_scene, Checkpoint, Event\n"
+        "from command_line import stub_checkpoint, Event\n"
         "def fit_steps(*_, **__):\n"
-        "    yield Checkpoint(stub_scene(), 5, 0.1)\n"
+        "    yield stub_checkpoint(5)\n"
         "    yield Event('fit', 0.2, 5, 10)\n"
         "    time.sleep(60)\n"
         "import_module('gsedit.fitting.fit').fit_steps = fit_steps\n"
@@ -88,7 +91,7 @@ def test_a_signal_ends_a_real_process_as_ctrl_c_does(photos, tmp_path, stop):
     messages = process.communicate(timeout=30)[1]
     assert process.returncode == 130
     assert "(step 5)" in messages
-    assert len(load(tmp_path / "s.checkpoint.ply")) == 3
+    assert load_state(tmp_path / "s.checkpoint.safetensors").within("optimiser")
 
 
 def test_a_fit_can_be_compiled(monkeypatch, photos, tmp_path):

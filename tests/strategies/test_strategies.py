@@ -90,7 +90,8 @@ def test_another_strategy_needs_nothing_but_itself(scene, data):
     assert len(result.targets) == 3  # the first two were edited twice
     samples = [i for i in items if isinstance(i, Event) and i.stage == "sample"]
     assert len([e for e in samples if e.step == e.steps]) == 5
-    assert [c.step for c in items if isinstance(c, Checkpoint)] == [3, 6, 9, 12, 15]
+    steps = [c.step for c in items if isinstance(c, Checkpoint)]
+    assert steps == [0, 3, 3, 6, 6, 9, 9, 12, 12, 15]
     done = {"actions": 10, "steps": 15, "calls": 5, "evaluations": 5 * 4 * 3}
     assert asdict(result.work) == done
     assert not torch.equal(result.scene.sh, scene.sh)

@@ -1,0 +1,173 @@
+"""An edit that goes on from a checkpoint ends where the uninterrupted one ends."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import asdict, replace
+
+import pytest
+import torch
+
+from gsedit.diffusion import SamplerSettings
+from gsedit.edit import edit_steps
+from gsedit.editors import make_editor
+from gsedit.editors.protocol import Capabilities, EditProgress
+from gsedit.errors import UsageError
+from gsedit.files.state import load_state, save_state
+from gsedit.fitting.settings import UpdateSettings
+from gsedit.reports.events import Checkpoint, Event
+from gsedit.session.result import EditResult
+from gsedit.session.settings import EditSettings
+from gsedit.strategies import find_strategy, strategy_names
+from gsedit.strategies.single_pass import SinglePass
+from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
+from gsedit.views.dataset import Dataset, capture
+
+SETTINGS = EditSettings(
+    sampler=SamplerSettings(steps=4),
+    update=UpdateSettings(patches=2, patch=16),
+    views_per_round=2,
+    rounds=2,
+    coverage=1.0,
+    held_out_edits=0,
+    checkpoint_seconds=0.0,  # after every action
+)
+SHORT = {
+    "single-pass": {"update_steps": 12},
+    "iterative": {"total_steps": 6, "steps_between": 2},
+    "combined": {"update_steps": 4, "further_steps": 4, "steps_between": 2},
+    "bulk": {"edit_rounds": 2, "steps_between": 4, "dataset_views": "planned"},
+}
+"""Settings by strategy with which an edit takes a second."""
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return surface_gaussians(demo_scene(), 400, torch.Generator().manual_seed(0))
+
+
+@pytest.fixture(scope="module")
+def data(scene):
+    cameras = ring_cameras(demo_scene(), 6, 32)
+    return Dataset(capture(scene, cameras, [str(i) for i in range(6)]))
+
+
+class Request:
+    """The same edit, as often as it is asked for: a fresh generator and editor each time."""
+
+    def __init__(self, scene, data):
+        self.scene, self.data = scene, data
+
+    def steps(self, resume=None, **changes):
+        given = {
+            "prompt": "as bronze",
+            "editor": make_editor("closed-form"),
+            "generator": torch.Generator().manual_seed(3),
+            "dataset": self.data,
+            "settings": SETTINGS,
+            "strategy": SinglePass(12),
+        }
+        return edit_steps(self.scene, **{**given, **changes}, resume=resume)
+
+
+@pytest.fixture(scope="module")
+def request_(scene, data):
+    return Request(scene, data)
+
+
+def write(items, folder):
+    """The checkpoints of an edit as files; its result."""
+    number, item = 0, None
+    for item in items:
+        if isinstance(item, Checkpoint):
+            save_state(item.state, folder / f"{number:03d}.safetensors")
+            number += 1
+    return item
+
+
+def described(events):
+    """Events without the time that they took."""
+    return [replace(each, seconds=0.0, loss=None, error=None, note="") for each in events]
+
+
+def assert_same_result(resumed: EditResult, whole: EditResult):
+    for name in ("means", "quats", "log_scales", "logit_opacities", "sh"):
+        ours, theirs = getattr(resumed.scene, name), getattr(whole.scene, name)
+        torch.testing.assert_close(ours, theirs, rtol=1e-5, atol=1e-6)
+    assert [v.name for v in resumed.targets] == [v.name for v in whole.targets]
+    assert resumed.plan == whole.plan
+    assert asdict(resumed.work) == asdict(whole.work)
+    assert resumed.quality.pairs == whole.quality.pairs
+    assert described(resumed.events) == described(whole.events)
+
+
+@pytest.mark.parametrize("name", strategy_names())
+def test_an_edit_stopped_at_any_checkpoint_ends_as_the_whole_one(request_, tmp_path, name):
+    strategy = find_strategy(name)(**SHORT.get(name, {}))
+    whole = write(request_.steps(strategy=strategy), tmp_path)
+    states = sorted(tmp_path.iterdir())
+    assert not torch.equal(whole.scene.sh, request_.scene.sh)
+    for path in dict.fromkeys((states[0], states[len(states) // 2], states[-2])):
+        items = list(request_.steps(load_state(path), strategy=strategy))
+        assert_same_result(items[-1], whole)
+        after = [item for item in items if isinstance(item, Event)]
+        assert after == list(items[-1].events[-len(after) :])
+        assert not {"survey", "advice"} & {event.stage for event in after}
+
+
+class Failing:
+    """A 2D editor that fails when it is asked a second time, after drawing at chance."""
+
+    name, cell, capabilities = "failing", 8, Capabilities()
+
+    def __init__(self, fails: bool = True) -> None:
+        self.fails, self.asked = fails, 0
+
+    def check(self, prompt):
+        pass
+
+    def edit(self, batch, settings, generator):
+        self.asked += 1
+        level = torch.rand((), generator=generator)
+        yield EditProgress(1, 2)
+        if self.fails and self.asked == 2:
+            raise RuntimeError("the network is gone")
+        yield EditProgress(2, 2, level * batch.originals.flip(-1))
+
+
+def test_an_editor_that_fails_loses_nothing_that_was_done(request_, tmp_path):
+    """No checkpoint was due: the last one is from before the editor was asked."""
+    settings = replace(SETTINGS, checkpoint_seconds=1000.0)
+    with pytest.raises(RuntimeError, match="the network is gone"):
+        write(request_.steps(editor=Failing(), settings=settings), tmp_path)
+    (kept,) = tmp_path.iterdir()
+    assert load_state(kept).record["work"]["steps"] == 12
+    resumed = deque(
+        request_.steps(load_state(kept), editor=Failing(False), settings=settings), 1
+    ).pop()
+    whole = deque(request_.steps(editor=Failing(False), settings=settings), 1).pop()
+    assert_same_result(resumed, whole)
+
+
+def test_another_edit_does_not_go_on(request_, tmp_path):
+    state = next(i for i in request_.steps() if isinstance(i, Checkpoint)).state
+    save_state(state, tmp_path / "state")
+    state = load_state(tmp_path / "state")
+    others = {
+        "instruction is as gold, was as bronze": {"prompt": "as gold"},
+        "settings.update.patches is 3, was 2": {
+            "settings": replace(SETTINGS, update=UpdateSettings(patches=3, patch=16))
+        },
+        "strategy.update_steps is 30, was 12": {"strategy": SinglePass(30)},
+        "editor is failing, was closed-form": {"editor": Failing()},
+        "seed is 4, was 3": {"generator": torch.Generator().manual_seed(4)},
+        "views is 5 of 32x32": {"dataset": Dataset(request_.data.views[:5])},
+    }
+    for difference, change in others.items():
+        with pytest.raises(UsageError, match=f"not the edit that was interrupted: {difference}"):
+            next(request_.steps(state, **change))
+    moved = Request(replace(request_.scene, means=request_.scene.means + 1e-6), request_.data)
+    with pytest.raises(UsageError, match=r"scene is 400 Gaussians, .*, was 400 Gaussians"):
+        next(moved.steps(state))
+    free = replace(SETTINGS, checkpoint_seconds=9.0, held_out_edits=1)
+    assert next(request_.steps(state, settings=free))
