@@ -28,6 +28,9 @@ class LeavesScene:
     """Base of actions that do not touch the optimiser: if one fails, the session is as before it,
     and a checkpoint is made of that."""
 
+    def __call__(self, session: Session) -> Iterator[Event]:
+        raise NotImplementedError
+
 
 @dataclass(frozen=True)
 class EditViews(LeavesScene):

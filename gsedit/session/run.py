@@ -33,7 +33,7 @@ def run_schedule(session: Session, schedule: Iterator[Action]) -> Iterator[Event
         yield checkpoint(session)
 
 
-def _whole(action: Action, session: Session) -> Iterator[Event | Checkpoint]:
+def _whole(action: LeavesScene, session: Session) -> Iterator[Event | Checkpoint]:
     """The action, done or not begun: if it fails, a checkpoint of the session before it is last."""
     before, events = Before(session), 0
     try:
