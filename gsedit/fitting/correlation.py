@@ -23,7 +23,9 @@ def correlation(a: Float[Tensor, "n c"], b: Float[Tensor, "n c"]) -> Float[Tenso
     """Pearson's, channel by channel, in [-1, 1]; 1 where b is constant."""
     a, b = a - a.mean(0), b - b.mean(0)
     variance = b.square().mean(0)
-    found = (a * b).mean(0) / ((a.square().mean(0) * variance).sqrt() + EPSILON)
+    # the root has no gradient at 0: where one of them is constant, it would be NaN
+    product = (a.square().mean(0) * variance).clamp_min(EPSILON**2)
+    found = (a * b).mean(0) / (product.sqrt() + EPSILON)
     return torch.where(variance > CONSTANT, found, 1.0)
 
 

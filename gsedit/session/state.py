@@ -95,8 +95,16 @@ def restore(session: Session, state: State) -> None:
     for name, value in state.record["work"].items():
         setattr(session.work, name, value)
     _restore_views(session, state.record, state.tensors)
-    if session.edited.answers:
-        find_ground_truth(session, session.edited.answers)
+    if pictures := session.edited.answers or _drawn(session):
+        find_ground_truth(session, pictures)
+
+
+def _drawn(session: Session) -> dict[int, Tensor]:
+    """Of a strategy that edits no picture: the planned views as the scene is now."""
+    if not session.work.steps:
+        return {}
+    views = session.surveyed.plan.views
+    return dict(zip(views, session.render(session.views[i].camera for i in views)))
 
 
 def _restore_views(

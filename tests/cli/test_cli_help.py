@@ -15,7 +15,18 @@ from gsedit_cli.setting_options import field_docs, help_text
 
 from rasterizer.numerics import Execution
 
-VERBS = ("fit", "edit", "recover", "metrics", "render", "preview", "info", "editors", "looks", "doctor")
+VERBS = (
+    "fit",
+    "edit",
+    "recover",
+    "metrics",
+    "render",
+    "preview",
+    "info",
+    "editors",
+    "looks",
+    "doctor",
+)
 BENCHMARKS = ("rasterizer", "stability", "targets", "sampler")
 
 
