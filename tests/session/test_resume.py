@@ -103,7 +103,8 @@ def assert_same_result(resumed: EditResult, whole: EditResult):
     assert described(resumed.events) == described(whole.events)
 
 
-@pytest.mark.parametrize("name", strategy_names())
+# clip needs weights: its actions change the session as those of sds do
+@pytest.mark.parametrize("name", [name for name in strategy_names() if name != "clip"])
 def test_an_edit_stopped_at_any_checkpoint_ends_as_the_whole_one(request_, tmp_path, name):
     strategy = short(name)
     whole = write(request_.steps(strategy=strategy), tmp_path)
