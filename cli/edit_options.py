@@ -121,7 +121,7 @@ def edit_settings(own: Iterable[str] = ()) -> list[Setting]:
         path=("strategy",),
         flag="--strategy",
         type=Enum("strategy", {name: name for name in strategies}, type=str),
-        help=f"When views are edited and the scene is fitted. {summaries} [default: {DEFAULT}]",
+        help=f"When views are edited and the scene is fitted. {summaries}. [default: {DEFAULT}]",
         panel=STRATEGY,
     )
     own = {*own, "--strategy"}
@@ -132,7 +132,7 @@ def edit_settings(own: Iterable[str] = ()) -> list[Setting]:
 
 def summary(strategy: type) -> str:
     """The first line of a strategy's docstring."""
-    return (strategy.__doc__ or "").strip().split("\n")[0]
+    return (strategy.__doc__ or "").strip().split("\n")[0].rstrip(".")
 
 
 def strategy_options(strategies: dict[str, type[Strategy]], taken: Iterable[str]) -> list[Setting]:

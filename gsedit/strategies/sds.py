@@ -30,10 +30,10 @@ class Sds:
     """
 
     total_steps: int = 1000
-    """Steps, a view each, with as many evaluations as a denoising step of one view."""
+    """Steps of one view each."""
     structure_weight: float = VOX_E_WEIGHT
-    """Weight that keeps opacities and base colours correlated with the unedited scene's; 0 for
-    none. Beside a mean over latent values the default is Vox-E's."""
+    """Weight of the penalty that keeps opacities and base colours correlated with the unedited
+    scene's (the default is Vox-E's); 0: none."""
     least_noise: float = LEAST_NOISE
     """Lowest noise level of a step."""
     most_noise: float = MOST_NOISE
