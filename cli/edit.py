@@ -28,6 +28,7 @@ from .setting_options import SettingsGroup, Values
 if TYPE_CHECKING:
     from gsedit.measures.features import FeatureExtractor
     from gsedit.reports.events import Event
+    from gsedit.savings.decision import Decision
     from gsedit.session.result import EditResult
     from gsedit.views.dataset import Dataset
 
@@ -48,6 +49,14 @@ Preset = Annotated[
         "average x_(t-1) and start from independent noise, with 50 steps.",
     ),
 ]
+Explain = Annotated[
+    bool,
+    typer.Option(
+        "--explain",
+        help="Print what the edit would leave out of the work, why, what that saves and what error "
+        "it can cause at most; edit nothing. -o is not needed.",
+    ),
+]
 Features = Annotated[
     str,
     typer.Option(
@@ -63,7 +72,8 @@ Features = Annotated[
 def edit(
     scene: Scene,
     instruction: Instruction,
-    out: Annotated[Path, output("Folder for the results.")],
+    out: Annotated[Path | None, output("Folder for the results.")] = None,
+    explain: Explain = False,
     drop_invalid: DropInvalid = False,
     force: Force = False,
     resume: Resume = False,
@@ -85,13 +95,16 @@ def edit(
     views), edit.json (settings, versions, timings), metrics.jsonl (a line an event),
     before_after.png and error_vs_time.png.
     """
-    check_request(instruction, views)
-    asked = {"editor": editor, "features": features}
-    state = going_on(out / NAME, asked, "edit", resume=resume, force=force)
-    check_folder(out, force or state is not None, leftovers=LEFTOVERS)
+    folder = check_request(instruction, views, out, explain)
+    kept = {"editor": editor, "features": features}
+    state = None
+    if not explain:
+        state = going_on(folder / NAME, kept, "edit", resume=resume, force=force)
+        check_folder(folder, force or state is not None, leftovers=LEFTOVERS)
     common.apply()
 
     from gsedit.edit import edit_steps
+    from gsedit.edit import explain as plan_of
     from gsedit.files.cameras import write_cameras
     from gsedit.strategies import asks_editor, check_strategy
 
@@ -99,21 +112,17 @@ def edit(
     check_strategy(strategy)
     check_condition(settings.condition, views.data)
     followed = instruction if asks_editor(strategy) else None
-    editor_2d = editor.make(out, followed)
+    editor_2d = editor.make(folder, followed)
     extractor = load_features(features)
     gaussians = load_scene(scene, drop_invalid=drop_invalid)
     dataset = load_views(scene, gaussians, views, settings.execution)
-    steps = edit_steps(
-        gaussians,
-        instruction,
-        dataset=dataset,
-        editor=editor_2d,
-        settings=settings,
-        strategy=strategy,
-        features=extractor,
-        generator=common.generator(),
-        resume=state,
-    )
+    asked = {
+        "dataset": dataset, "editor": editor_2d, "settings": settings, "strategy": strategy,
+        "features": extractor, "generator": common.generator(),
+    }  # fmt: skip
+    if explain:
+        return print_plan(plan_of(gaussians, instruction, **asked), as_json=common.json)
+    steps = edit_steps(gaussians, instruction, **asked, resume=state)
     request = {
         "scene": scene, "drop_invalid": drop_invalid, **asdict(views), "editor": editor,
         "preset": preset, "features": features, "seed": common.seed,
@@ -121,16 +130,16 @@ def edit(
     if followed and (understood := what_it_understood(editor_2d, followed)):
         print_message(understood)
     earlier = [] if state is None else state.record["events"]
-    result = run_and_write(steps, out, instruction, request, asked, earlier, as_json=common.json)
-    write_cameras(dataset.views, out / "cameras.json", overwrite=True)
-    write_views(dataset, result, out / "views.json")
+    result = run_and_write(steps, folder, instruction, request, kept, earlier, as_json=common.json)
+    write_cameras(dataset.views, folder / "cameras.json", overwrite=True)
+    write_views(dataset, result, folder / "views.json")
     record = {
-        "folder": out,
-        "scene": out / "scene.ply",
+        "folder": folder,
+        "scene": folder / "scene.ply",
         "ground_truth": result.quality.psnr_to_ground_truth,
         "kept": result.quality.kept,
     }
-    print_result(record, str(out / "scene.ply"), as_json=common.json)
+    print_result(record, str(folder / "scene.ply"), as_json=common.json)
 
 
 def write_views(dataset: Dataset, result: EditResult, path: Path) -> None:
@@ -144,13 +153,27 @@ def write_views(dataset: Dataset, result: EditResult, path: Path) -> None:
     write_view_list(by_edit(viewpoints, edited), path, overwrite=True)
 
 
-def check_request(instruction: str, views: ViewOptions) -> None:
-    """Raise UsageError for what needs no file to be found wrong."""
+def print_plan(decisions: tuple[Decision, ...], *, as_json: bool) -> None:
+    """Print what an edit would leave out."""
+    from gsedit.savings.decision import screen
+
+    record = {"decisions": decisions}
+    text = screen(decisions) or "nothing is decided: --no-plan does everything"
+    print_result(record, text, as_json=as_json)
+
+
+def check_request(instruction: str, views: ViewOptions, out: Path | None, explain: bool) -> Path:
+    """The folder for the results. Raises UsageError for what needs no file to be found wrong."""
     from gsedit.errors import UsageError
 
     if not instruction.strip():
         raise UsageError("the instruction is empty: say what should change, as in 'make it snow'")
     views.check()
+    if explain:
+        return out or Path()
+    if out is None:
+        raise UsageError("-o is missing: name a folder for the results, or add --explain")
+    return out
 
 
 def check_condition(condition: str, data: Path | None) -> None:

@@ -25,7 +25,9 @@ from gsedit.reports.events import Checkpoint, Event
 from gsedit.reports.journal import as_record
 from gsedit.reports.json_lines import plain
 from gsedit.reports.stopwatch import Stopwatch
+from gsedit.savings.decision import Decision, one_line
 from gsedit.session import choose_region as regions
+from gsedit.session.decisions import decide
 from gsedit.session.evidence import gather_evidence
 from gsedit.session.result import EditResult
 from gsedit.session.run import run_schedule
@@ -75,33 +77,31 @@ def edit_steps(
     the editor cannot follow, an empty scene, views of different sizes, a strategy that is no
     dataclass, or the state of another edit.
     """
-    settings, strategy = settings or EditSettings(), strategy or find_strategy(DEFAULT)()
-    if isinstance(strategy, type) or not is_dataclass(strategy):
-        raise UsageError(
-            f"{strategy!r} is no strategy: give an instance of a dataclass, as in SinglePass()"
-        )
-    check_strategy(strategy)
-    if asks_editor(strategy):
-        editor.check(prompt)
-    elif settings.region == "auto" and not _follows(editor, prompt):
-        settings = replace(settings, region="all")  # nobody can say where it belongs
-    if not len(scene):
-        raise UsageError("the scene is empty: there is nothing to edit")
-    # the result records the values in force
-    declared = editor.capabilities
-    settings = replace(
-        settings,
-        sampler=settings.sampler.with_defaults(declared.defaults),
-        edit_size=settings.edit_size or declared.best_size,
-    )
-    check_installed(settings.update)
-    views, held_out = _split(dataset or around(scene, execution=settings.execution))
-    features = features or FilterBank()
-    request = Request(
-        scene.detach(), prompt, views, held_out, editor, settings, features, generator
+    request, strategy = _asked(
+        scene, prompt, editor, generator, dataset, settings, strategy, features
     )
     asked = partial(requested, request, strategy, name_of(strategy))
     yield from _recorded(_run(request, strategy, resume), asked, resume)
+
+
+def explain(
+    scene: Gaussians,
+    prompt: str,
+    *,
+    editor: Editor | None = None,
+    dataset: Dataset | None = None,
+    settings: EditSettings | None = None,
+    strategy: Strategy | None = None,
+    features: FeatureExtractor | None = None,
+    generator: torch.Generator | None = None,
+) -> tuple[Decision, ...]:
+    """What `edit` would leave out, and why. Nothing is edited. Raises what `edit_steps` raises."""
+    editor, generator = editor or make_editor(), generator or torch.Generator().manual_seed(0)
+    request, strategy = _asked(
+        scene, prompt, editor, generator, dataset, settings, strategy, features
+    )
+    session = _ended(_begin(request))
+    return decide(session, strategy.schedule(session))
 
 
 def edit(
@@ -191,6 +191,45 @@ def _follows(editor: Editor, prompt: str) -> bool:
     return True
 
 
+def _asked(
+    scene: Gaussians,
+    prompt: str,
+    editor: Editor,
+    generator: torch.Generator,
+    dataset: Dataset | None,
+    settings: EditSettings | None,
+    strategy: Strategy | None,
+    features: FeatureExtractor | None,
+) -> tuple[Request, Strategy]:
+    """What is to be done, with every default filled in. Raises what `edit_steps` raises."""
+    settings, strategy = settings or EditSettings(), strategy or find_strategy(DEFAULT)()
+    if isinstance(strategy, type) or not is_dataclass(strategy):
+        raise UsageError(
+            f"{strategy!r} is no strategy: give an instance of a dataclass, as in SinglePass()"
+        )
+    check_strategy(strategy)
+    if asks_editor(strategy):
+        editor.check(prompt)
+    elif settings.region == "auto" and not _follows(editor, prompt):
+        settings = replace(settings, region="all")  # nobody can say where it belongs
+    if not len(scene):
+        raise UsageError("the scene is empty: there is nothing to edit")
+    # the result records the values in force
+    declared = editor.capabilities
+    settings = replace(
+        settings,
+        sampler=settings.sampler.with_defaults(declared.defaults),
+        edit_size=settings.edit_size or declared.best_size,
+    )
+    check_installed(settings.update)
+    views, held_out = _split(dataset or around(scene, execution=settings.execution))
+    features = features or FilterBank()
+    request = Request(
+        scene.detach(), prompt, views, held_out, editor, settings, features, generator
+    )
+    return request, strategy
+
+
 def _split(dataset: Dataset) -> tuple[tuple[View, ...], tuple[View, ...]]:
     """(views that may be edited, views that are only measured at). Raises UsageError."""
     sizes = {(v.camera.width, v.camera.height) for v in dataset.views}
@@ -247,15 +286,18 @@ def _run(
         session = yield from _begin(request)
     else:
         session = _resumed(request, resume)
+    decisions = decide(session, strategy.schedule(session))
+    if decisions and resume is None:
+        yield Event("plan", session.stopwatch.seconds, note=one_line(decisions))
     yield from run_schedule(session, strategy.schedule(session))
-    yield from _finish(session, strategy)
+    yield from _finish(session, strategy, decisions)
 
 
 def _begin(request: Request) -> Generator[Event, None, Session]:
     """Survey the views; the optimiser starts from the unedited scene."""
     stopwatch = Stopwatch()
     noise_seed = int(torch.randint(1 << 31, (), generator=request.generator))
-    surveyed = yield from survey_views(request, stopwatch)
+    request, surveyed = yield from survey_views(request, stopwatch)
     edited = EditedViews(region=(yield from regions.choose_region(request, stopwatch)))
     return _session(request, surveyed, edited, stopwatch, noise_seed)
 
@@ -263,7 +305,7 @@ def _begin(request: Request) -> Generator[Event, None, Session]:
 def _resumed(request: Request, state: State) -> Session:
     """The session of an interrupted edit: what it sees of the unedited scene is found again."""
     stopwatch, noise_seed = stopwatch_of(state), state.record["noise_seed"]
-    surveyed = _ended(survey_views(request, stopwatch, planned(state)))
+    request, surveyed = _ended(survey_views(request, stopwatch, planned(state)))
     session = _session(request, surveyed, EditedViews(), stopwatch, noise_seed)
     restore(session, state)
     return session
@@ -286,20 +328,23 @@ def _session(
     noise_seed: int,
 ) -> Session:
     """Its optimiser is at the unedited scene."""
-    moving = rates(request.settings.geometry, bounds(request.scene).radius)
-    optimiser = SceneOptimiser(request.scene, moving, request.settings.update.anchor_weight)
+    settings, radius = request.settings, bounds(request.scene).radius
+    moving = rates(settings.geometry, radius, hold_all=not settings.leaves_out("geometry"))
+    optimiser = SceneOptimiser(request.scene, moving, settings.update.anchor_weight)
     renderings = dict(surveyed.renderings)
     return Session(request, surveyed, renderings, edited, optimiser, stopwatch, noise_seed)
 
 
-def _finish(session: Session, strategy: Strategy) -> Iterator[Event | EditResult]:
+def _finish(
+    session: Session, strategy: Strategy, decisions: tuple[Decision, ...]
+) -> Iterator[Event | EditResult]:
     """Measure the edited scene and hand everything over."""
     with session.stopwatch.stage("measure"):
         evidence = yield from gather_evidence(session)
     yield evidence.final.event("measure", session.stopwatch.seconds)
     yield EditResult(
         prompt=session.request.prompt,
-        scene=session.scene.map(torch.clone),
+        scene=session.whole_scene,
         originals=evidence.originals,
         targets=tuple(session.edited.targets.values()),
         finals=evidence.finals,
@@ -310,6 +355,7 @@ def _finish(session: Session, strategy: Strategy) -> Iterator[Event | EditResult
         region=session.region,
         quality=evidence.quality,
         work=session.work,
+        decisions=decisions,
         timings=session.stopwatch.stages | {"total": session.stopwatch.seconds},
         held_out=evidence.held_out,
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from rasterizer import checks
@@ -30,6 +30,8 @@ class Rendering:
     median_depth: Float[Tensor, "h w"] | None = None
     """Depth of the centre at which the transmittance falls to one half; 0 where it does not. No
     gradient."""
+    marked: Float[Tensor, "h w"] | None = None
+    """Sum of the blending weights of the Gaussians that were marked."""
 
 
 @torch.autocast("cpu", enabled=False)  # the eight bits of bfloat16 are too few
@@ -41,13 +43,15 @@ def render(
     crop: Box | None = None,
     depth: bool = False,
     median_depth: bool = False,
+    marked: Bool[Tensor, " n"] | None = None,
     numerics: Numerics = DEFAULT,
     execution: Execution = AUTO,
 ) -> Rendering:
     """Render Gaussians; differentiable in the scene, the background and the camera's pose.
 
     `crop` (left, top, width, height) renders that part of the same picture at about the cost of its
-    area. `background` is black if None. float32 or float64, as the scene is.
+    area. `background` is black if None. `marked` Gaussians are shown by themselves too. float32 or
+    float64, as the scene is.
 
     Raises ValueError for an empty crop, or one that leaves the picture; and for NaN or infinity in
     an input, with its name and the first row. Allowed are log-scales of -inf (a point) and logit
@@ -59,6 +63,8 @@ def render(
     source = stored_scene(scene)
     splats = preprocess(source, camera, box, numerics)
     features = features_of(source, splats, camera, depth=depth)
+    if marked is not None:
+        features = torch.cat((features, marked[splats.rows].to(features)[:, None]), -1)
     blended = splat(splats, features, box, numerics, execution=execution, median=median_depth)
     alpha = 1 - blended.transmittance
     color = blended.features[..., :3]
@@ -71,7 +77,8 @@ def render(
         centres = splats.projected.depth.detach()
         centres = torch.cat((centres, centres.new_zeros(1)))
         median = centres[blended.median_index]  # -1, no Gaussian, reads the zero at the end
-    return Rendering(color, alpha, expected, median)
+    shown = None if marked is None else blended.features[..., -1]
+    return Rendering(color, alpha, expected, median, shown)
 
 
 def backproject(

@@ -18,6 +18,7 @@ ORDER = {
         "viewer",
         "strategies",
         "session",
+        "savings",
         "editors",
         "fitting",
         "reports",

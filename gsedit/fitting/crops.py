@@ -44,18 +44,20 @@ class _KeptView:
 class ExactCrops:
     """Crops that are rendered each time, whatever moves."""
 
-    def __init__(self, execution: Execution = AUTO) -> None:
+    def __init__(self, execution: Execution = AUTO, *, depth: bool = False) -> None:
+        """`depth` is drawn where it is asked for, and not used."""
         self.execution = execution
+        self.depth = depth
 
     def draw(
         self, optimiser: SceneOptimiser, patches: Sequence[tuple[View, Box]]
     ) -> Float[Tensor, "b y x 3"]:
         """The patches of the optimiser's scene; their gradients reach its next step."""
-        scene = optimiser.scene
+        scene, execution = optimiser.scene, self.execution
         return torch.stack(
             [
-                render(scene, view.camera, crop=box, execution=self.execution).color
-                for view, box in patches
+                render(scene, v.camera, crop=box, depth=self.depth, execution=execution).color
+                for v, box in patches
             ]
         )
 

@@ -6,18 +6,17 @@ from collections.abc import Iterator, Sequence
 from typing import Literal
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 from torch import Tensor
 
 from gsedit.fitting.crops import ExactCrops
 from gsedit.fitting.edit_loss import chosen_terms, edit_loss
 from gsedit.fitting.optimiser import SceneOptimiser
+from gsedit.fitting.random_crops import cut, random_patch, shown_at
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.measures.features import FeatureExtractor
 from gsedit.views.dataset import View
 from gsedit.views.image_ops import downscale
-from rasterizer.camera import Camera
-from rasterizer.project import Box
 
 APPEARANCE_RATES = {"sh": 2.5e-2, "logit_opacities": 5e-3}
 """Colours learn ten times faster than in 3D Gaussian splatting (2.5e-3, Kerbl et al. 2023): an edit
@@ -36,13 +35,17 @@ COARSE_SHARE = 0.75
 6 dB nearer to a known edit than at full size throughout (docs/resolution.md)."""
 
 
-def rates(geometry: Literal["appearance", "full"], radius: float) -> dict[str, float]:
+def rates(
+    geometry: Literal["appearance", "full"], radius: float, *, hold_all: bool = False
+) -> dict[str, float]:
     """Learning rates by field: of colours and opacities (`appearance`), or of everything (`full`).
 
-    `radius` of the scene, world units: positions move in proportion to it.
+    `radius` of the scene, world units: positions move in proportion to it. `hold_all`: the fields
+    that do not move are there too, at a rate of 0.
     """
     if geometry == "appearance":
-        return dict(APPEARANCE_RATES)
+        still = dict.fromkeys((*GEOMETRY_RATES, "means"), 0.0) if hold_all else {}
+        return {**APPEARANCE_RATES, **still}
     return {**APPEARANCE_RATES, **GEOMETRY_RATES, "means": MEANS_RATE * radius}
 
 
@@ -56,28 +59,40 @@ def update_steps(
     features: FeatureExtractor,
     generator: torch.Generator,
     crops: ExactCrops | None = None,
+    shown: Sequence[Bool[Tensor, "h w"]] | None = None,
 ) -> Iterator[float]:
     """Fit the scene to random patches of the edited views; yields the loss of every step.
 
     These are the steps `span` of a round of `steps`. Only the Gaussians that are `seen` move; their
     negative base colours are raised before the round's first step. The learning rates fall linearly
     over the round. Of large targets, the first steps use smaller copies. `crops` draws the scene
-    (None: renders it).
+    (None: renders it). Where it is given what is `shown` of a region in each target, the patches
+    are those in which it shows.
     """
     crops = crops or ExactCrops()
     if span.start == 0:
         optimiser.raise_negative_colours(seen)
     small = [coarse(view) for view in targets]
+    masks = shown and [
+        shown_at(mask, view.camera.width, view.camera.height) for mask, view in zip(shown, small)
+    ]
     for step in span:
-        views = small if step < COARSE_SHARE * steps else targets
-        patches = [_patch(views, settings.patch, generator) for _ in range(settings.patches)]
+        views, show = (small, masks) if step < COARSE_SHARE * steps else (targets, shown)
+        patches = [
+            random_patch(views, show, settings.patch, generator) for _ in range(settings.patches)
+        ]
         rendered = crops.draw(optimiser, patches)
-        expected = torch.stack([_cut(v.image, box) for v, box in patches])
+        expected = torch.stack([cut(v.image, box) for v, box in patches])
         terms = chosen_terms(settings, generator)
         loss = edit_loss(rendered, expected, terms, features)
         loss.backward()
-        optimiser.step(1 - (1 - FINAL_RATE) * step / max(1, steps - 1), only=seen)
+        optimiser.step(rate_scale(step, steps), only=seen)
         yield loss.item()
+
+
+def rate_scale(step: int, steps: int) -> float:
+    """What learning rates are multiplied with at this step of a round: from 1 to FINAL_RATE."""
+    return 1 - (1 - FINAL_RATE) * step / max(1, steps - 1)
 
 
 def coarse(view: View) -> View:
@@ -91,33 +106,3 @@ def coarse(view: View) -> View:
     width, height = (max(1, side // factor) for side in (view.camera.width, view.camera.height))
     image = downscale(view.image, width, height).clamp(0, 1)
     return View(view.name, view.camera.resized(width, height), image)
-
-
-def _patch(targets: Sequence[View], side: int, generator: torch.Generator) -> tuple[View, Box]:
-    """A random crop of a random view; the whole side where the picture is smaller."""
-    view = targets[int(torch.randint(len(targets), (), generator=generator))]
-    smallest = min(min(v.camera.width, v.camera.height) for v in targets)
-    return view, random_crop(view.camera, min(side, smallest), generator)
-
-
-def random_crop(camera: Camera, side: int, generator: torch.Generator) -> Box:
-    """A square of `side` pixels inside the picture: (left, top, width, height).
-
-    Corners are drawn up to half a crop outside and moved in, so that a pixel at a border is in half
-    as many crops as one in the middle. Drawn inside only, a picture's outermost row would be in one
-    crop where others are in `side`, and the borders of the edited views would keep their colours.
-    """
-    left = _corner(camera.width - side, side, generator)
-    top = _corner(camera.height - side, side, generator)
-    return left, top, side, side
-
-
-def _corner(last: int, side: int, generator: torch.Generator) -> int:
-    """Where a crop begins along one axis, from 0 to `last`."""
-    drawn = int(torch.randint(-(side // 2), last + side // 2 + 1, (), generator=generator))
-    return min(max(drawn, 0), last)
-
-
-def _cut(image: Float[Tensor, "h w 3"], box: Box) -> Float[Tensor, "y x 3"]:
-    left, top, width, height = box
-    return image[top : top + height, left : left + width]

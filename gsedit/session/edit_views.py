@@ -17,6 +17,7 @@ from gsedit.diffusion import SamplerSettings
 from gsedit.editors.protocol import EditBatch
 from gsedit.regions.region import coverage
 from gsedit.reports.events import Event
+from gsedit.savings.pictures import APART
 from gsedit.session.choose_region import vote_region
 from gsedit.session.quality import mean
 from gsedit.session.session import Session
@@ -156,7 +157,22 @@ def match_views(session: Session, members: Sequence[int]) -> Correspondences:
         pad_to_multiple(torch.stack(alphas), cell, "constant"),
         cell=cell,
         rules=DEFAULT_RULES if session.settings.visibility else NO_RULES,
+        apart=_apart(session, members),
     )
+
+
+def _apart(session: Session, members: Sequence[int]) -> set[tuple[int, int]]:
+    """Pairs of positions in `members` whose views were surveyed to share next to nothing."""
+    surveyed = session.surveyed.weights
+    known = [k for k, i in enumerate(members) if i < len(surveyed)]
+    settings = session.settings
+    is_decided = settings.leaves_out("correspondences") and settings.visibility
+    if not is_decided or len(known) < 2:
+        return set()
+    rows = surveyed[[members[k] for k in known]]
+    shared = view_overlap(rows, rows)
+    pairs = itertools.combinations(range(len(known)), 2)
+    return {(known[a], known[b]) for a, b in pairs if shared[a, b] < APART}
 
 
 def _harmonised(

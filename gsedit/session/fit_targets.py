@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
+from gsedit.fitting.random_crops import crops_needed, share_of_crops
 from gsedit.fitting.update import update_steps
 from gsedit.reports.events import Event
 from gsedit.session.quality import measure
@@ -20,7 +22,12 @@ def fit_targets(
 
     `done` of `total` steps of the whole edit came before the round.
     """
-    stopwatch = session.stopwatch
+    stopwatch, settings = session.stopwatch, session.settings
+    shown = session.shown(session.edited.targets)
+    update = settings.update
+    if shown is not None:
+        share = share_of_crops(shown, update.patch)
+        update = replace(update, patches=crops_needed(update.patches, share))
     with stopwatch.stage("update"):
         losses = update_steps(
             session.optimiser,
@@ -28,10 +35,11 @@ def fit_targets(
             session.seen,
             span,
             round_steps,
-            session.settings.update,
+            update,
             session.request.features,
             session.request.generator,
             session.crops,
+            shown,
         )
         for step, loss in enumerate(losses, start=done + span.start + 1):
             session.work.steps += 1

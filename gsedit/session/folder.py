@@ -66,6 +66,7 @@ def edit_record(result: EditResult) -> dict[str, Any]:
             "editor_calls": result.work.calls,
             "network_evaluations": result.work.evaluations,
         },
+        "plan": result.decisions,
         "timings": result.timings,
         "gaussians": len(result.scene),
         "region": {

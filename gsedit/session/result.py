@@ -7,6 +7,7 @@ from typing import Any
 
 from gsedit.regions.region import Region
 from gsedit.reports.events import Event
+from gsedit.savings.decision import Decision
 from gsedit.session.held_out import HeldOutViews
 from gsedit.session.quality import EditQuality
 from gsedit.session.session import Work
@@ -46,5 +47,7 @@ class EditResult:
     """Seconds per stage, and in total."""
     held_out: HeldOutViews = field(default_factory=HeldOutViews)
     """Some cameras of which no edited picture was used."""
+    decisions: tuple[Decision, ...] = ()
+    """What was left out, and what was needed; none without a plan."""
     events: tuple[Event, ...] = ()
     """What happened, in order."""

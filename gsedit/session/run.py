@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
 from itertools import islice
-
-import torch
 
 from gsedit.reports.events import Checkpoint, Event
 from gsedit.session.actions import Action, LeavesScene
 from gsedit.session.session import Session
 from gsedit.session.state import Before, session_state
-from rasterizer.scene import Gaussians
 
 
 def run_schedule(session: Session, schedule: Iterator[Action]) -> Iterator[Event | Checkpoint]:
@@ -55,9 +51,5 @@ def checkpoint(session: Session, undone: int = 0) -> Checkpoint:
         session_state(session).along_with(undone=undone),
         session.work.steps,
         session.stopwatch.seconds,
-        partial(_copy, session),
+        lambda: session.whole_scene,
     )
-
-
-def _copy(session: Session) -> Gaussians:
-    return session.scene.map(torch.clone)

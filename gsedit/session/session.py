@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.editors.protocol import Editor, GroundTruth
+from gsedit.editors.protocol import GroundTruth
 from gsedit.errors import UsageError
 from gsedit.files.pictures import fitted_size
 from gsedit.fitting.crops import ExactCrops, ListedCrops
 from gsedit.fitting.optimiser import SceneOptimiser
-from gsedit.measures.features import FeatureExtractor
+from gsedit.fitting.random_crops import SHOWN
 from gsedit.regions.region import Region, composite, coverage, everything
 from gsedit.reports.events import Event
 from gsedit.reports.stopwatch import Stopwatch
+from gsedit.session.reduce import Reduction, marked_rendering, reduce
+from gsedit.session.request import Request
 from gsedit.session.settings import EditSettings
 from gsedit.views.dataset import View
 from gsedit.views.plan import ViewPlan, plan_views, survey
@@ -33,23 +35,6 @@ UNSEEN = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Request:
-    """What an edit is given."""
-
-    scene: Gaussians
-    prompt: str
-    views: tuple[View, ...]
-    """Those that may be edited; indices elsewhere are into these."""
-    held_out: tuple[View, ...]
-    """Those that are only measured at."""
-    editor: Editor
-    settings: EditSettings
-    features: FeatureExtractor
-    """Under the Gram loss."""
-    generator: torch.Generator
-
-
-@dataclass(frozen=True, eq=False)
 class SurveyedViews:
     """The scene before the edit, as the views see it. `n` Gaussians, `v` views."""
 
@@ -58,6 +43,8 @@ class SurveyedViews:
     """How much each view sees of each Gaussian, in pixels of a small picture."""
     renderings: Mapping[int, Rendering]
     """Of the planned and the held-out views, by index (`Session.views`), with median depth."""
+    reduction: Reduction
+    """What is left out of the edit."""
 
 
 @dataclass(eq=False)
@@ -108,6 +95,8 @@ class Session:
     work: Work = field(default_factory=Work)
     small_renderings: dict[int, Rendering] = field(default_factory=dict)
     """Of the unedited scene at the size at which views are edited, where it is not their own."""
+    coverages: dict[int, tuple[Region, Float[Tensor, "h w"]]] = field(default_factory=dict)
+    """What `coverage` returned, by index, and of which region."""
 
     @property
     def settings(self) -> EditSettings:
@@ -132,10 +121,12 @@ class Session:
     @cached_property
     def crops(self) -> ExactCrops:
         """Draws crops of the scene as it is now, for fitting."""
-        execution = self.settings.execution
-        if self.settings.geometry == "full":
-            return ExactCrops(execution)
-        return ListedCrops(self.request.scene, self._unedited_picture, execution)
+        settings, scene = self.settings, self.request.scene
+        if settings.geometry == "full" or not settings.leaves_out("geometry"):
+            return ExactCrops(settings.execution, depth=not settings.leaves_out("depth"))
+        transparent = scene.logit_opacities.masked_fill(self.surveyed.reduction.left, -torch.inf)
+        drawn = replace(scene, logit_opacities=transparent)
+        return ListedCrops(drawn, self._unedited_picture, settings.execution)
 
     def _unedited_picture(self, camera: Camera) -> Float[Tensor, "h w 3"]:
         """Of the scene before the edit; rendered only where it is not known."""
@@ -145,15 +136,23 @@ class Session:
         return rendering_of(self.request.scene, camera, self.settings.execution).color
 
     @property
+    def whole_scene(self) -> Gaussians:
+        """A copy of the scene as it is now, with everything that is left out of the edit."""
+        return self.surveyed.reduction.restored(self.scene).map(torch.clone)
+
+    @property
     def seen(self) -> Bool[Tensor, " n"]:
         """The Gaussians of the region that the edited views see, or the planned ones before any is
-        edited. No others move.
+        edited. No others move; without a plan, all of the region may.
         """
         return self.seen_from(self.edited.targets or self.surveyed.plan.views)
 
     def seen_from(self, views: Iterable[int]) -> Bool[Tensor, " n"]:
         """The Gaussians of the region that these of the views that may be edited see."""
-        return (self.surveyed.weights[list(views)].sum(0) > UNSEEN) & self.region.inside
+        if not self.settings.leaves_out("gaussians"):
+            return self.region.inside
+        seen = self.surveyed.weights[list(views)].sum(0) > UNSEEN
+        return seen & self.region.inside & ~self.surveyed.reduction.left
 
     @property
     def region(self) -> Region:
@@ -169,12 +168,28 @@ class Session:
 
     def coverage(self, i: int) -> Float[Tensor, "h w"]:
         """The region's share of each pixel of the unedited scene at view i, in [0, 1]."""
-        scene, camera = self.request.scene, self.views[i].camera
-        return coverage(self.region, scene, camera, self.settings.execution)
+        region = self.region
+        known = self.coverages.get(i)
+        if known is None or known[0] is not region:
+            scene, camera = self.request.scene, self.views[i].camera
+            known = region, coverage(region, scene, camera, self.settings.execution)
+            self.coverages[i] = known
+        return known[1]
 
+    def shown(self, views: Iterable[int]) -> list[Bool[Tensor, "h w"]] | None:
+        """Where the region shows in these views. None where it is everything, or shows nowhere, or
+        nothing is to be left out: crops are then drawn from everywhere.
+        """
+        if self.region.is_all or not self.settings.leaves_out("crops"):
+            return None
+        shown = [self.coverage(i) > SHOWN for i in views]
+        return shown if any(mask.any() for mask in shown) else None
+
+    @torch.no_grad()
     def render(self, cameras: Iterable[Camera]) -> list[Float[Tensor, "h w 3"]]:
         """Pictures of the scene as it is now, in [0, 1]."""
-        draw = partial(rendering_of, self.scene, execution=self.settings.execution)
+        execution, unread = self.settings.execution, not self.settings.leaves_out("depth")
+        draw = partial(render, self.scene, depth=unread, median_depth=unread, execution=execution)
         return [draw(camera).color.clamp(0, 1) for camera in cameras]
 
     def unedited_rendering(self, i: int) -> Rendering:
@@ -209,9 +224,9 @@ class Session:
 
 def survey_views(
     request: Request, stopwatch: Stopwatch, planned: ViewPlan | None = None
-) -> Generator[Event, None, SurveyedViews]:
-    """Plan which views to edit (unless that is `planned`), and render them and the held-out ones,
-    before the edit.
+) -> Generator[Event, None, tuple[Request, SurveyedViews]]:
+    """Plan which views to edit (unless that is `planned`), leave out what that does not need, and
+    render these views and the held-out ones, before the edit. The request is what is left of it.
 
     Raises UsageError where no view sees the scene.
     """
@@ -229,17 +244,21 @@ def survey_views(
             weights,
             settings.views_per_round,
             settings.rounds,
-            settings.coverage,
+            settings.coverage if settings.leaves_out("views") else 1.0,
             overlap=settings.overlap,
             whole=wholeness(request.scene.means, cameras, weights),
         )
-        draw = partial(rendering_of, request.scene, execution=settings.execution)
-        needed = {i: views[i] for i in plan.views} | dict(enumerate(request.held_out, len(views)))
-        renderings = {i: draw(view.camera) for i, view in needed.items()}
+        request, reduction = reduce(request, weights, plan)
+        every = (*request.views, *request.held_out)
+        draw = partial(marked_rendering, request.scene, left=reduction.left)
+        renderings = {
+            i: draw(every[i].camera, execution=settings.execution)
+            for i in (*plan.views, *range(len(views), len(every)))
+        }
     note = f"{len(plan.views)} cover {plan.coverage[-1]:.0%} of what all views see"
-    note += _carrying(views[0].camera, settings)
+    note += _carrying(request.views[0].camera, settings)
     yield Event("survey", stopwatch.seconds, len(views), len(views), note=note)
-    return SurveyedViews(plan, weights, renderings)
+    return request, SurveyedViews(plan, weights, renderings, reduction)
 
 
 def edit_camera(camera: Camera, settings: EditSettings) -> Camera:

@@ -9,6 +9,7 @@ from gsedit.diffusion.settings import SamplerSettings
 from gsedit.errors import UsageError
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.regions.parse import parse_region
+from gsedit.savings.decision import DECISIONS, DecisionName
 from rasterizer.numerics import AUTO, Execution
 
 SMALLEST_EDIT = 16
@@ -52,6 +53,12 @@ class EditSettings:
     all: everything; box:x0,y0,z0,x1,y1,z1 or sphere:x,y,z,r in the coordinates of the scene's file;
     FILE.npy: one flag a Gaussian (an edit writes region.npy); PHOTO.png with the name of one of the
     photos, white where the edit belongs, or a folder of such masks."""
+    plan: bool = True
+    """Leave out the work that the scene does not need; --explain says which, why, and what it can
+    cost. --no-plan does everything."""
+    do_anyway: str = ""
+    """Decisions of the plan that are not taken, by name and separated by commas, as in
+    crops,resolution: their work is done."""
     checkpoint_seconds: float = 30.0
     """Seconds between checkpoints, at least; the views of a round are edited without one."""
     execution: Execution = AUTO
@@ -59,6 +66,11 @@ class EditSettings:
 
     def __post_init__(self) -> None:
         parse_region(self.region)
+        if unknown := self._done_anyway - set(DECISIONS):
+            raise UsageError(
+                f"{', '.join(sorted(unknown))}: no decision of the plan, which has "
+                f"{', '.join(DECISIONS)}"
+            )
         if self.views_per_round < 1 or self.rounds < 1:
             raise UsageError("views and rounds must be 1 or more")
         if self.held_out_edits < 0:
@@ -74,3 +86,11 @@ class EditSettings:
             )
         if not 0 <= self.overlap <= 1:
             raise UsageError(f"overlap {self.overlap} is not in [0, 1]")
+
+    @property
+    def _done_anyway(self) -> set[str]:
+        return {name.strip() for name in self.do_anyway.split(",") if name.strip()}
+
+    def leaves_out(self, name: DecisionName) -> bool:
+        """Whether the work that this decision is about is left out where it is not needed."""
+        return self.plan and name not in self._done_anyway

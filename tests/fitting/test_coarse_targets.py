@@ -39,12 +39,12 @@ def test_a_large_target_is_halved_to_the_coarse_size():
 def test_the_first_steps_are_small_and_the_last_at_full_size(monkeypatch):
     drawn = []
 
-    def record(targets, side, generator):
+    def record(targets, shown, side, generator):
         drawn.append(targets[0].camera.width)
-        return patch(targets, side, generator)
+        return patch(targets, shown, side, generator)
 
-    patch = update._patch
-    monkeypatch.setattr(update, "_patch", record)
+    patch = update.random_patch
+    monkeypatch.setattr(update, "random_patch", record)
     scene = surface_gaussians(demo_scene(), 200, torch.Generator().manual_seed(0))
     losses = update_steps(
         SceneOptimiser(scene, rates("appearance", 1.0)),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from gsedit.fitting.update import random_crop
+from gsedit.fitting.random_crops import random_crop
 from gsedit.synthetic import demo_scene, ring_cameras
 
 

@@ -1,0 +1,30 @@
+"""What an edit is given."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+
+from gsedit.editors.protocol import Editor
+from gsedit.measures.features import FeatureExtractor
+from gsedit.session.settings import EditSettings
+from gsedit.views.dataset import View
+from rasterizer.scene import Gaussians
+
+
+@dataclass(frozen=True, eq=False)
+class Request:
+    """What an edit is given."""
+
+    scene: Gaussians
+    prompt: str
+    views: tuple[View, ...]
+    """Those that may be edited; indices elsewhere are into these."""
+    held_out: tuple[View, ...]
+    """Those that are only measured at."""
+    editor: Editor
+    settings: EditSettings
+    features: FeatureExtractor
+    """Under the Gram loss."""
+    generator: torch.Generator
