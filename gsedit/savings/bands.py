@@ -34,7 +34,7 @@ def band_colours(sh: Float[Tensor, "n k 3"]) -> Float[Tensor, "n d"]:
 def tail_colours(sh: Float[Tensor, "n k 3"], seen: Bool[Tensor, " n"]) -> list[float]:
     """By degree, from 1 on: the most that it and all higher ones together add to the colour of any
     Gaussian that is `seen`."""
-    tails = band_colours(sh[seen]).flip(-1).cumsum(-1).flip(-1)
+    tails = band_colours(sh)[seen].flip(-1).cumsum(-1).flip(-1)
     return tails.amax(0).tolist() if len(tails) else [0.0] * tails.shape[1]
 
 

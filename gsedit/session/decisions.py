@@ -86,9 +86,8 @@ def _gaussians(session: Session) -> Decision:
     reduction, renderings = session.surveyed.reduction, session.surveyed.renderings
     shown = session.surveyed.weights[list(session.surveyed.plan.views)]
     marked = [renderings[i].marked for i in session.surveyed.plan.views]
-    covered = torch.stack(
-        [mark.flatten() for mark in marked if mark is not None] or [torch.zeros(1)]
-    )
+    maps = [mark.flatten() for mark in marked if mark is not None]
+    covered = torch.stack(maps) if maps else torch.zeros(len(shown), 1)
     sh = reduction.scene.sh
     highest = 0.5 + SH_DC * sh[:, 0].amax(-1) + band_colours(sh).sum(-1)
     return decide_gaussians(reduction.left, shown, covered, max(1.0, float(highest.max())))
