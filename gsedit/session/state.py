@@ -100,8 +100,9 @@ def restore(session: Session, state: State) -> None:
 
 
 def _drawn(session: Session) -> dict[int, Tensor]:
-    """Of a strategy that edits no picture: the planned views as the scene is now."""
-    if not session.work.steps:
+    """Of a strategy that asks the editor's network and edits no picture: the planned views as the
+    scene is now."""
+    if not session.work.evaluations:
         return {}
     views = session.surveyed.plan.views
     return dict(zip(views, session.render(session.views[i].camera for i in views)))

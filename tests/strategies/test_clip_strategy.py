@@ -7,10 +7,13 @@ from dataclasses import replace
 import pytest
 import torch
 from command_line import gsedit, one_line
-from tiny_edits import SETTINGS, data, run, scene
+from tiny_edits import SETTINGS, Watched, data, run, scene
 
+from gsedit.edit import edit_steps
 from gsedit.errors import InputError, UsageError
+from gsedit.files.state import load_state, save_state
 from gsedit.measures.clip import load_clip
+from gsedit.reports.events import Checkpoint
 from gsedit.session.session import UNSEEN
 from gsedit.strategies._clip_losses import clip_losses
 from gsedit.strategies.clip import Clip
@@ -111,13 +114,27 @@ def test_weights_that_are_not_there_are_asked_for_before_any_work(tmp_path):
 
 def test_any_instruction_will_do(folder):
     """`closed-form` knows no hats; nobody can say where one belongs, so the region is all."""
-    from tiny_edits import Watched
-
-    from gsedit.edit import edit_steps
-
     *_, result = edit_steps(
         scene(), "give it a hat", editor=Watched(), generator=torch.Generator().manual_seed(0),
         dataset=data(), settings=SETTINGS, strategy=Clip(folder, total_steps=1),
     )  # fmt: skip
     assert result.region.is_all
     assert result.quality.strength > 0
+
+
+def test_a_descent_that_was_interrupted_ends_as_the_whole_one(folder, tmp_path):
+    def steps(resume=None):
+        return edit_steps(
+            scene(), "a hat", editor=Watched(), generator=torch.Generator().manual_seed(3),
+            dataset=data(), settings=replace(SETTINGS, checkpoint_seconds=0.0),
+            strategy=Clip(folder, SOURCE, total_steps=12, local_patches=1), resume=resume,
+        )  # fmt: skip
+
+    whole, states = None, []
+    for whole in steps():
+        if isinstance(whole, Checkpoint):
+            states.append(tmp_path / f"{len(states)}.state")
+            save_state(whole.state, states[-1])
+    *_, resumed = steps(load_state(states[0]))
+    assert resumed.work.steps == whole.work.steps == 12
+    torch.testing.assert_close(resumed.scene.sh, whole.scene.sh, rtol=1e-5, atol=1e-6)
