@@ -43,6 +43,7 @@ from gsedit.strategies import (
     name_of,
 )
 from gsedit.views.choose import find_views, view_names
+from gsedit.views.coarse import Coarse, coarsen
 from gsedit.views.dataset import Dataset, View, capture
 from gsedit.views.framing import bounds
 from gsedit.views.search import Wish
@@ -152,7 +153,9 @@ def around(
     if up is not None and not (up.isfinite().all() and up.any()):
         raise UsageError(f"up {up.tolist()} is no direction: three finite numbers, not all 0")
     wish = Wish(up, look_at, eye)
-    cameras = find_views(scene, FOUND_VIEWS, size, wish=wish, execution=execution)
+    coarse = coarsen(scene)
+    looked_at = scene if coarse is None else coarse.scene
+    cameras = find_views(looked_at, FOUND_VIEWS, size, wish=wish, execution=execution)
     return Dataset(capture(scene.detach(), cameras, view_names(len(cameras)), execution))
 
 
@@ -224,9 +227,11 @@ def _asked(
     check_installed(settings.update)
     views, held_out = _split(dataset or around(scene, execution=settings.execution))
     features = features or FilterBank()
-    request = Request(
-        scene.detach(), prompt, views, held_out, editor, settings, features, generator
-    )
+    scene = scene.detach()
+    by_cells = settings.geometry == "appearance" and settings.leaves_out("cells")
+    coarse = coarsen(scene) if by_cells else None
+    scene = scene if coarse is None else coarse.scene
+    request = Request(scene, prompt, views, held_out, editor, settings, features, generator, coarse)
     return request, strategy
 
 
@@ -335,6 +340,13 @@ def _session(
     return Session(request, surveyed, renderings, edited, optimiser, stopwatch, noise_seed)
 
 
+def _of_all(region: Region, coarse: Coarse | None) -> Region:
+    """The region of cells as that of all Gaussians."""
+    if coarse is None:
+        return region
+    return replace(region, inside=coarse.expand(region.inside))
+
+
 def _finish(
     session: Session, strategy: Strategy, decisions: tuple[Decision, ...]
 ) -> Iterator[Event | EditResult]:
@@ -352,7 +364,7 @@ def _finish(
         strategy=strategy,
         strategy_name=name_of(strategy),
         plan=session.surveyed.plan,
-        region=session.region,
+        region=_of_all(session.region, session.request.coarse),
         quality=evidence.quality,
         work=session.work,
         decisions=decisions,

@@ -20,6 +20,8 @@ from gsedit.files.ply import PlyHeader, read_ply
 from rasterizer.scene import Gaussians
 
 MAX_DEGREE = 3  # INRIA's layout ends at 45 f_rest columns; no reader expects more
+AT_ONCE = 1 << 18
+"""Rows that are read or written at a time: 65 MB."""
 _REST_COUNTS = (0, 9, 24, 45)  # 3 ((degree + 1)^2 - 1)
 _MEANS = ("x", "y", "z")
 _NORMALS = ("nx", "ny", "nz")
@@ -54,9 +56,9 @@ def field_columns(k: int) -> dict[str, np.ndarray]:
 def read_inria(path: Path, header: PlyHeader) -> tuple[Gaussians, tuple[str, ...]]:
     """The scene, float32, and notes on what the file holds beyond it.
 
-    Read by gsply where the file is exactly what gsply expects, and by our own reader otherwise:
-    any column order and type, ASCII, big-endian, more elements. Raises InputError where columns of
-    a splat are missing.
+    Read in pieces where the file is binary and plain, so that memory holds the scene and little
+    else; otherwise as a whole: any column order and type, ASCII, big-endian, more elements. Raises
+    InputError where columns of a splat are missing.
     """
     vertex = header.element("vertex")
     k = _coefficients(path, vertex.names if vertex else ())
@@ -65,8 +67,8 @@ def read_inria(path: Path, header: PlyHeader) -> tuple[Gaussians, tuple[str, ...
     others = [e.name for e in header.elements if e.name != "vertex"]
     notes = [f"columns left out: {', '.join(extra)}"] if extra else []
     notes += [f"elements left out: {', '.join(others)}"] if others else []
-    scene = _through_gsply(path) if _is_plain(header) else None
-    return _tolerant(path, k) if scene is None else scene, tuple(notes)
+    scene = _in_pieces(path, header, k) if _is_plain(header) else _tolerant(path, k)
+    return scene, tuple(notes)
 
 
 def write_inria(scene: Gaussians, path: Path) -> None:
@@ -81,15 +83,21 @@ def write_inria(scene: Gaussians, path: Path) -> None:
             "reduce its SH degree first"
         )
     n, k = scene.sh.shape[:2]
-    rest = scene.sh[:, 1:].transpose(1, 2).reshape(n, 3 * (k - 1))  # to channel-major
-    normals = torch.zeros_like(scene.means)
-    opacity = scene.logit_opacities[:, None]
-    fields = (scene.means, normals, scene.sh[:, 0], rest, opacity, scene.log_scales, scene.quats)
     lines = [f"property float {name}" for name in columns(k)]
     start = ["ply", "format binary_little_endian 1.0", f"element vertex {n}"]
     with path.open("wb") as handle:
         handle.write("\n".join([*start, *lines, "end_header\n"]).encode("ascii"))
-        torch.cat(fields, dim=1).numpy().astype("<f4").tofile(handle)
+        for start in range(0, n, AT_ONCE):
+            _rows(scene[start : start + AT_ONCE]).numpy().astype("<f4", copy=False).tofile(handle)
+
+
+def _rows(scene: Gaussians) -> Float[Tensor, "n columns"]:
+    """What the file holds of each Gaussian, in the order of `columns`."""
+    rest = scene.sh[:, 1:].transpose(1, 2).flatten(1)  # to channel-major
+    normals = torch.zeros_like(scene.means)
+    opacity = scene.logit_opacities[:, None]
+    fields = (scene.means, normals, scene.sh[:, 0], rest, opacity, scene.log_scales, scene.quats)
+    return torch.cat(fields, dim=1)
 
 
 def from_gsply(data: Any) -> Gaussians:
@@ -126,7 +134,7 @@ def _coefficients(path: Path, names: tuple[str, ...]) -> int:
 
 
 def _is_plain(header: PlyHeader) -> bool:
-    """Whether gsply reads it right: it skips other types and elements, at the wrong offset."""
+    """Whether it holds floats in rows and nothing else."""
     return (
         header.format == "binary_little_endian"
         and len(header.elements) == 1
@@ -134,14 +142,24 @@ def _is_plain(header: PlyHeader) -> bool:
     )
 
 
-def _through_gsply(path: Path) -> Gaussians | None:
-    """The scene; None where gsply fails, as numba in it does without a folder for its cache."""
-    try:
-        import gsply
-
-        return from_gsply(gsply.plyread(path))
-    except (ValueError, ImportError, RuntimeError):
-        return None
+def _in_pieces(path: Path, header: PlyHeader, k: int) -> Gaussians:
+    """The scene of a plain file, a part of its rows at a time."""
+    vertex = header.elements[0]
+    at = {name: index for index, name in enumerate(vertex.names)}
+    places = {
+        field: np.vectorize(at.__getitem__)(names) for field, names in field_columns(k).items()
+    }
+    fields = {
+        field: np.empty((vertex.count, *place.shape), np.float32) for field, place in places.items()
+    }
+    with path.open("rb") as handle:
+        handle.seek(header.data_offset)
+        for start in range(0, vertex.count, AT_ONCE):
+            count = min(AT_ONCE, vertex.count - start)
+            rows = np.fromfile(handle, "<f4", count * len(at)).reshape(count, len(at))
+            for field, place in places.items():
+                np.take(rows, place, axis=1, out=fields[field][start : start + count])
+    return Gaussians(**{field: torch.from_numpy(values) for field, values in fields.items()})
 
 
 def _tolerant(path: Path, k: int) -> Gaussians:

@@ -14,7 +14,7 @@ from gsedit.errors import InputError, UsageError
 from gsedit.files.atomic import atomic_path
 from gsedit.files.compressed_ply import is_compressed, read_compressed, write_compressed
 from gsedit.files.inputs import existing_file
-from gsedit.files.inria import field_columns, read_inria, write_inria
+from gsedit.files.inria import AT_ONCE, field_columns, read_inria, write_inria
 from gsedit.files.ply import read_ply_header
 from gsedit.files.splat import read_splat
 from gsedit.files.spz import read_spz, write_spz
@@ -105,11 +105,15 @@ def _read(path: Path) -> tuple[Gaussians, tuple[str, ...]]:
 
 
 def _invalid_rows(scene: Gaussians) -> Bool[Tensor, " n"]:
-    bad = scene.quats.norm(dim=1) < _MIN_NORM
-    bad |= (scene.log_scales > _MAX_LOG_SCALE).any(1)
-    for field in fields(scene):
-        bad |= ~getattr(scene, field.name).isfinite().reshape(len(scene), -1).all(1)
-    return bad
+    parts = [torch.zeros(0, dtype=torch.bool)]
+    for start in range(0, len(scene), AT_ONCE):  # a test of all rows at once would be a copy
+        part = scene[start : start + AT_ONCE]
+        bad = part.quats.norm(dim=1) < _MIN_NORM
+        bad |= (part.log_scales > _MAX_LOG_SCALE).any(1)
+        for field in fields(part):
+            bad |= ~getattr(part, field.name).isfinite().reshape(len(part), -1).all(1)
+        parts.append(bad)
+    return torch.cat(parts)
 
 
 def _describe(scene: Gaussians, bad: Bool[Tensor, " n"]) -> str:

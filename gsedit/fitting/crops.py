@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 from torch.nn.functional import logsigmoid
 
@@ -36,13 +36,17 @@ Picture = Callable[[Camera], Float[Tensor, "h w 3"]]
 
 @dataclass(frozen=True, eq=False)
 class _KeptView:
-    lists: PixelLists
-    missing: Float[Tensor, "h w 3"]
-    """What the true picture before the edit has beyond that of the lists."""
+    lists: PixelLists | None
+    """None: it is large, and its crops are rendered."""
+    missing: Float[Tensor, "h w 3"] | None
+    """What the true picture has beyond that of the lists, or of the cells; None: nothing."""
 
 
 class ExactCrops:
     """Crops that are rendered each time, whatever moves."""
+
+    is_coarse = False
+    """Whether they are of cells that stand for a larger scene."""
 
     def __init__(self, execution: Execution = AUTO, *, depth: bool = False) -> None:
         """`depth` is drawn where it is asked for, and not used."""
@@ -66,13 +70,19 @@ class ListedCrops(ExactCrops):
     """Crops of a scene of which only colours and opacities move."""
 
     def __init__(
-        self, start: Gaussians, unedited: Picture | None = None, execution: Execution = AUTO
+        self,
+        start: Gaussians,
+        unedited: Picture | None = None,
+        execution: Execution = AUTO,
+        *,
+        is_coarse: bool = False,
     ) -> None:
         """`start` has the optimiser's rows, before any moved. `unedited` draws the picture of a
-        camera that is to be met there; None: what `start` looks like.
+        camera before the edit (None: `start` is rendered); `is_coarse`: it shows a larger scene,
+        for which `start` stands.
         """
         super().__init__(execution)
-        self.start = start
+        self.start, self.is_coarse = start, is_coarse
         self._unedited = unedited or self._render
         self._kept: dict[tuple[str, int, int], _KeptView] = {}
         self._log_opacities = logsigmoid(start.logit_opacities)
@@ -86,44 +96,70 @@ class ListedCrops(ExactCrops):
         self, optimiser: SceneOptimiser, patches: Sequence[tuple[View, Box]]
     ) -> Float[Tensor, "b y x 3"]:
         """The patches of the optimiser's scene; their gradients reach its next step."""
-        if not self._fit([view for view, _ in patches]):
-            return super().draw(optimiser, patches)
         kept = [self._keep(view) for view, _ in patches]
-        crops = [each.lists.crop(box) for each, (_, box) in zip(kept, patches)]
-        drawn = shown_rows(crops, len(self.start))
-        scene = optimiser.draw(drawn)
+        crops = [each.lists.crop(box) for each, (_, box) in zip(kept, patches) if each.lists]
+        if len(crops) < len(patches):
+            pictures = list(super().draw(optimiser, patches))
+        else:
+            cameras = [view.camera for view, _ in patches]
+            drawn = shown_rows(crops, len(self.start))
+            pictures = self._blend(optimiser.draw(drawn), drawn, crops, cameras)
+        for i, (each, (_, (left, top, width, height))) in enumerate(zip(kept, patches)):
+            if each.missing is not None:
+                missing = each.missing[top : top + height, left : left + width]
+                pictures[i] = pictures[i] + missing
+        return torch.stack(pictures)
+
+    def _blend(
+        self,
+        scene: Gaussians,
+        drawn: Int[Tensor, " m"],
+        crops: Sequence[PixelLists],
+        cameras: Sequence[Camera],
+    ) -> list[Float[Tensor, "y x 3"]]:
+        """Pictures of the lists; `scene` has the rows `drawn` of the optimiser's."""
         gains = (logsigmoid(scene.logit_opacities) - self._log_opacities[drawn]).exp()
         pictures = []
-        for each, crop, (view, (left, top, width, height)) in zip(kept, crops, patches):
+        for crop, camera in zip(crops, cameras):
             self._places[drawn] = torch.arange(len(drawn), dtype=torch.int32)
             rows = shown_rows([crop], len(self.start))
             local = self._places[rows].long()
-            colors = view_dependent_colors(scene.sh[local], scene.means[local], view.camera)
+            sh, means = (t.index_select(0, local) for t in (scene.sh, scene.means))
+            colors = view_dependent_colors(sh, means, camera)
             self._places[rows] = torch.arange(len(rows), dtype=torch.int32)
-            picture = blend(crop, self._places, colors, gains[local])
-            missing = each.missing[top : top + height, left : left + width]
-            pictures.append(picture + missing)
-        return torch.stack(pictures)
+            pictures.append(blend(crop, self._places, colors, gains.index_select(0, local)))
+        return pictures
 
-    def _fit(self, views: Sequence[View]) -> bool:
-        """Whether the lists of these views may be kept beside those that are."""
-        sizes = {_key(view): view.camera.width * view.camera.height for view in views}
-        more = sum(size for key, size in sizes.items() if key not in self._kept)
-        kept = sum(width * height for _, width, height in self._kept)
-        return max(sizes.values()) <= LISTED_PIXELS and kept + more <= MOST_LISTED_PIXELS
+    def _fits(self, pixels: int) -> bool:
+        """Whether the lists of a view of so many pixels may be kept beside those that are."""
+        kept = sum(w * h for (_, w, h), each in self._kept.items() if each.lists)
+        return pixels <= LISTED_PIXELS and kept + pixels <= MOST_LISTED_PIXELS
+
+    def _keep(self, view: View) -> _KeptView:
+        camera, key = view.camera, _key(view)
+        if key not in self._kept:
+            is_listed = self._fits(camera.width * camera.height)
+            lists = pixel_lists(self.start, camera) if is_listed else None
+            self._kept[key] = _KeptView(lists, None)
+            if is_listed or self.is_coarse:
+                self._meet(view, self._unedited(camera), self.start)
+        return self._kept[key]
+
+    def meet(self, view: View, picture: Float[Tensor, "h w 3"], optimiser: SceneOptimiser) -> None:
+        """From now on, the optimiser's scene as it is looks like this picture at that view."""
+        self._keep(view)
+        self._meet(view, picture, optimiser.scene.detach())
 
     @torch.no_grad()
-    def _keep(self, view: View) -> _KeptView:
-        camera = view.camera
-        key = _key(view)
-        if key not in self._kept:
-            lists = pixel_lists(self.start, camera)
-            shown = shown_rows([lists], len(self.start))
-            self._places[shown] = torch.arange(len(shown), dtype=torch.int32)
-            colors = view_dependent_colors(self.start.sh[shown], self.start.means[shown], camera)
-            picture = blend(lists, self._places, colors, torch.ones(len(shown)))
-            self._kept[key] = _KeptView(lists, self._unedited(camera) - picture)
-        return self._kept[key]
+    def _meet(self, view: View, picture: Float[Tensor, "h w 3"], scene: Gaussians) -> None:
+        camera, key = view.camera, _key(view)
+        lists = self._kept[key].lists
+        if lists is None:
+            drawn = render(scene, camera, execution=self.execution).color
+        else:
+            rows = shown_rows([lists], len(scene))
+            (drawn,) = self._blend(scene[rows], rows, [lists], [camera])
+        self._kept[key] = _KeptView(lists, picture - drawn)
 
 
 def _key(view: View) -> tuple[str, int, int]:

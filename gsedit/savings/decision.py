@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 DecisionName = Literal[
-    "gaussians", "still-rows", "sh-bands", "geometry", "views", "resolution", "depth",
+    "cells", "gaussians", "still-rows", "sh-bands", "geometry", "views", "resolution", "depth",
     "correspondences", "crops", "densification",
 ]  # fmt: skip
 DECISIONS: tuple[str, ...] = get_args(DecisionName)

@@ -28,6 +28,22 @@ def faint_gaussians(shares: Float[Tensor, "v n"]) -> Bool[Tensor, " n"]:
     return left
 
 
+def decide_cells(gaussians: int, cells: int) -> Decision:
+    """Of the Gaussians of a large scene, which is edited as so many `cells`."""
+    if cells == gaussians:
+        return Decision("cells", False, "Needed: a scene of so few Gaussians is edited as it is")
+    return Decision(
+        "cells",
+        True,
+        "Most are smaller than the pixels of the edit: neighbours are surveyed and fitted together "
+        "as one, and each takes its share of the change. The error was measured (docs/scale.md), "
+        "it has no proven bound",
+        (LeftOut(gaussians - cells, gaussians, "Gaussians"),),
+        1 - cells / gaussians,
+        "the Gaussians of the survey and the update",
+    )
+
+
 def decide_gaussians(
     left: Bool[Tensor, " n"],
     shares: Float[Tensor, "v n"],

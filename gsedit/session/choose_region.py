@@ -21,6 +21,7 @@ from gsedit.regions.subject import find_changed, find_drawn, find_subject
 from gsedit.reports.events import Event
 from gsedit.reports.stopwatch import Stopwatch
 from gsedit.session.session import Request, Session, rendering_of
+from gsedit.views.coarse import Coarse
 from gsedit.views.dataset import View, evenly_spaced
 from rasterizer.camera import Camera
 from rasterizer.numerics import Execution
@@ -47,6 +48,7 @@ def choose_region(request: Request, stopwatch: Stopwatch) -> Generator[Event, No
             request.editor,
             request.prompt,
             request.settings.execution,
+            request.coarse,
         )
     if region is not None and region.note != "all":
         yield Event("region", stopwatch.seconds, 1, 1, note=str(region))
@@ -61,8 +63,10 @@ def find_region(
     editor: Editor,
     prompt: str,
     execution: Execution,
+    coarse: Coarse | None = None,
 ) -> Region | None:
-    """The region that `text` (see gsedit.regions.parse) names.
+    """The region that `text` (see gsedit.regions.parse) names; of the cells of a large scene where
+    `scene` is what they are.
 
     None for `auto` where the editor predicts no subject: see `vote_region`. Raises UsageError and
     InputError as `choose_region` does.
@@ -75,7 +79,9 @@ def find_region(
         case Box() | Sphere():
             inside = spec.contains(scene.means)
         case File(path) if path.suffix.lower() == ".npy":
-            inside = read_flags(path, len(scene))
+            whole = scene if coarse is None else coarse.fine
+            inside = read_flags(path, len(whole))
+            inside = inside if coarse is None else coarse.majority(inside)
         case File(path):
             every = (*views, *held_out)
             masks = read_masks(path, every)

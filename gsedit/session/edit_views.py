@@ -205,7 +205,7 @@ def request_of(
     answers = session.edited.answers
     cameras = {i: session.edit_camera(i) for i in members}
     new = [i for i in members if i not in anchors]
-    start = start or dict(zip(new, session.render(cameras[i] for i in new)))
+    start = start or {i: session.preview(i, cameras[i]) for i in new}
     images = [_fitted(answers[i] if i in anchors else start[i], cameras[i]) for i in members]
     originals = [_fitted(session.unedited_image(i), cameras[i]) for i in members]
     return EditBatch(

@@ -42,7 +42,7 @@ def gather_evidence(session: Session) -> Generator[Event, None, Evidence]:
     asked = session.settings.held_out_edits
     shown = shown_views(session, max(SHOWN, asked))
     is_measured = has_ground_truth(session) or not session.region.is_all
-    measured = session.held_out if is_measured else ()
+    measured = session.measured if is_measured else ()
     needed = tuple(dict.fromkeys((*edited, *shown, *measured)))
     finals = dict(zip(needed, session.render(session.views[i].camera for i in needed)))
     answers = yield from edit_held_out(session, shown[:asked])

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
+from gsedit.fitting.crops import ListedCrops
 from gsedit.fitting.random_crops import crops_needed, share_of_crops
-from gsedit.fitting.update import update_steps
+from gsedit.fitting.update import coarse, update_steps
 from gsedit.reports.events import Event
 from gsedit.session.quality import measure
-from gsedit.session.session import Session
+from gsedit.session.session import Session, rendering_of
 
 MEASURE_EVERY = 50
 REPORT_EVERY = 10
@@ -29,6 +30,8 @@ def fit_targets(
         share = share_of_crops(shown, update.patch)
         update = replace(update, patches=crops_needed(update.patches, share))
     with stopwatch.stage("update"):
+        if session.crops.is_coarse and total - done - round_steps // 2 in span:
+            _meet_targets(session)
         losses = update_steps(
             session.optimiser,
             tuple(session.edited.targets.values()),
@@ -47,3 +50,15 @@ def fit_targets(
                 yield measure(session).event("update", stopwatch.seconds, step, total, loss)
             elif step % REPORT_EVERY == 0:
                 yield Event("update", stopwatch.seconds, step, total, loss)
+
+
+def _meet_targets(session: Session) -> None:
+    """Draw the targets' views of a large scene anew: what its cells look like is near that, and
+    nearer the less remains to be done, here half of the last round.
+    """
+    crops, scene = session.crops, session.whole_scene
+    if isinstance(crops, ListedCrops):
+        for view in session.edited.targets.values():
+            for each in dict.fromkeys((coarse(view), view)):
+                picture = rendering_of(scene, each.camera, session.settings.execution).color
+                crops.meet(each, picture, session.optimiser)

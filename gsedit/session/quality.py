@@ -128,7 +128,7 @@ def measure(
     if not expected:
         return Measurement(None, "nothing")
     missing = [i for i in expected if i not in finals]
-    drawn = dict(zip(missing, session.render(session.views[i].camera for i in missing)))
+    drawn = {i: session.preview(i) for i in missing}
     return Measurement(_mean_psnr({**finals, **drawn}, expected), against)
 
 
@@ -154,7 +154,7 @@ def assess(
     shown = tuple(targets or session.surveyed.plan.views)
     originals = {i: session.unedited_rendering(i).color.clamp(0, 1) for i in shown}
     truth = _ground_truth(session, None)
-    leakage, left = (_change_outside(session, finals, views) for views in (shown, session.held_out))
+    leakage, left = (_change_outside(session, finals, views) for views in (shown, session.measured))
     return EditQuality(
         matched=mean(share for *_, share in edited.pairs) if edited.pairs else None,
         pairs=tuple(edited.pairs),
@@ -180,7 +180,7 @@ def _ground_truth(session: Session, views: int | None) -> dict[int, Float[Tensor
     truth = session.edited.ground_truth
     if truth is None:
         return {}
-    chosen = _evenly(session.held_out, views)
+    chosen = _evenly(session.measured, views)
     unedited = {i: session.unedited_rendering(i).color.clamp(0, 1) for i in chosen}
     return {i: session.within_region(i, truth(image[None])[0]) for i, image in unedited.items()}
 

@@ -9,6 +9,7 @@ import torch
 from gsedit.editors.protocol import Editor
 from gsedit.measures.features import FeatureExtractor
 from gsedit.session.settings import EditSettings
+from gsedit.views.coarse import Coarse
 from gsedit.views.dataset import View
 from rasterizer.scene import Gaussians
 
@@ -28,3 +29,10 @@ class Request:
     features: FeatureExtractor
     """Under the Gram loss."""
     generator: torch.Generator
+    coarse: Coarse | None = None
+    """Of a large scene: its cells, which are the `scene` here, and the scene itself."""
+
+    @property
+    def whole(self) -> Gaussians:
+        """The scene that pictures show."""
+        return self.scene if self.coarse is None else self.coarse.fine

@@ -22,7 +22,7 @@ from gsedit.reports.stopwatch import Stopwatch
 from gsedit.session.reduce import Reduction, marked_rendering, reduce
 from gsedit.session.request import Request
 from gsedit.session.settings import EditSettings
-from gsedit.views.dataset import View
+from gsedit.views.dataset import View, evenly_spaced
 from gsedit.views.plan import ViewPlan, plan_views, survey
 from gsedit.views.subject import wholeness
 from rasterizer.camera import Camera
@@ -30,6 +30,8 @@ from rasterizer.numerics import Execution
 from rasterizer.render import Rendering, render
 from rasterizer.scene import Gaussians
 
+LARGE_HELD_OUT = 4
+"""Held-out views at which the edit of a large scene (see gsedit.views.coarse) is measured."""
 UNSEEN = 1e-3
 """A Gaussian that shows in less than this many (survey) pixels of all edited views is not seen."""
 
@@ -42,7 +44,8 @@ class SurveyedViews:
     weights: Float[Tensor, "v n"]
     """How much each view sees of each Gaussian, in pixels of a small picture."""
     renderings: Mapping[int, Rendering]
-    """Of the planned and the held-out views, by index (`Session.views`), with median depth."""
+    """Of the planned views, and of the held-out ones unless the scene is large, by index
+    (`Session.views`), with median depth."""
     reduction: Reduction
     """What is left out of the edit."""
 
@@ -115,7 +118,7 @@ class Session:
 
     @property
     def scene(self) -> Gaussians:
-        """The scene as it is now, without gradients."""
+        """The request's scene as it is now, without gradients: of a large one, its cells."""
         return self.optimiser.scene.detach()
 
     @cached_property
@@ -126,18 +129,22 @@ class Session:
             return ExactCrops(settings.execution, depth=not settings.leaves_out("depth"))
         transparent = scene.logit_opacities.masked_fill(self.surveyed.reduction.left, -torch.inf)
         drawn = replace(scene, logit_opacities=transparent)
-        return ListedCrops(drawn, self._unedited_picture, settings.execution)
+        is_coarse = self.request.coarse is not None
+        return ListedCrops(drawn, self._unedited_picture, settings.execution, is_coarse=is_coarse)
 
     def _unedited_picture(self, camera: Camera) -> Float[Tensor, "h w 3"]:
         """Of the scene before the edit; rendered only where it is not known."""
         for i, view in enumerate(self.views):
             if view.camera is camera:
                 return self.unedited_rendering(i).color
-        return rendering_of(self.request.scene, camera, self.settings.execution).color
+        return rendering_of(self.request.whole, camera, self.settings.execution).color
 
     @property
     def whole_scene(self) -> Gaussians:
-        """A copy of the scene as it is now, with everything that is left out of the edit."""
+        """A copy of the scene as it is now, with everything that is left out of the edit, and all
+        Gaussians of a large one."""
+        if (coarse := self.request.coarse) is not None:
+            return coarse.transfer(self.scene)
         return self.surveyed.reduction.restored(self.scene).map(torch.clone)
 
     @property
@@ -189,14 +196,40 @@ class Session:
     def render(self, cameras: Iterable[Camera]) -> list[Float[Tensor, "h w 3"]]:
         """Pictures of the scene as it is now, in [0, 1]."""
         execution, unread = self.settings.execution, not self.settings.leaves_out("depth")
-        draw = partial(render, self.scene, depth=unread, median_depth=unread, execution=execution)
+        scene = self.scene if self.request.coarse is None else self.whole_scene
+        draw = partial(render, scene, depth=unread, median_depth=unread, execution=execution)
         return [draw(camera).color.clamp(0, 1) for camera in cameras]
+
+    def preview(self, i: int, camera: Camera | None = None) -> Float[Tensor, "h w 3"]:
+        """The scene as it is now at view i, in [0, 1], or at the `camera` at which it is edited.
+
+        Of a large scene: the unedited picture, and what became of its cells.
+        """
+        camera = camera or self.views[i].camera
+        if self.request.coarse is None:
+            return self.render([camera])[0]
+        is_own = camera is self.views[i].camera
+        unedited = self.unedited_rendering(i) if is_own else self.edit_rendering(i)
+        execution = self.settings.execution
+        now, before = (
+            rendering_of(scene, camera, execution).color
+            for scene in (self.scene, self.request.scene)
+        )
+        return (unedited.color + now - before).clamp(0, 1)
+
+    @property
+    def measured(self) -> tuple[int, ...]:
+        """The held-out views that are measured at: of a large scene a few, for a picture of all of
+        its Gaussians takes seconds.
+        """
+        few = len(self.held_out) if self.request.coarse is None else LARGE_HELD_OUT
+        return tuple(self.held_out[i] for i in evenly_spaced(len(self.held_out), few))
 
     def unedited_rendering(self, i: int) -> Rendering:
         """Of the scene before the edit, at view i."""
         if i not in self.renderings:
             camera = self.views[i].camera
-            rendering = rendering_of(self.request.scene, camera, self.settings.execution)
+            rendering = rendering_of(self.request.whole, camera, self.settings.execution)
             self.renderings[i] = rendering
         return self.renderings[i]
 
@@ -210,7 +243,7 @@ class Session:
         if camera is self.views[i].camera:
             return self.unedited_rendering(i)
         if i not in self.small_renderings:
-            rendering = rendering_of(self.request.scene, camera, self.settings.execution)
+            rendering = rendering_of(self.request.whole, camera, self.settings.execution)
             self.small_renderings[i] = rendering
         return self.small_renderings[i]
 
@@ -250,13 +283,16 @@ def survey_views(
         )
         request, reduction = reduce(request, weights, plan)
         every = (*request.views, *request.held_out)
-        draw = partial(marked_rendering, request.scene, left=reduction.left)
+        left = reduction.left if request.coarse is None else request.coarse.expand(reduction.left)
+        draw = partial(marked_rendering, request.whole, left=left)
+        held_out = range(len(views), len(every)) if request.coarse is None else ()
         renderings = {
-            i: draw(every[i].camera, execution=settings.execution)
-            for i in (*plan.views, *range(len(views), len(every)))
+            i: draw(every[i].camera, execution=settings.execution) for i in (*plan.views, *held_out)
         }
     note = f"{len(plan.views)} cover {plan.coverage[-1]:.0%} of what all views see"
     note += _carrying(request.views[0].camera, settings)
+    if request.coarse is not None:
+        note += f"; {len(request.whole):,} Gaussians edited as {len(request.scene):,} cells"
     yield Event("survey", stopwatch.seconds, len(views), len(views), note=note)
     return request, SurveyedViews(plan, weights, renderings, reduction)
 

@@ -1,0 +1,33 @@
+"""Scenes of many Gaussians for `gsedit bench scale`."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from gsedit.bench.scale.divide import divide
+from gsedit.synthetic import demo_scene, surface_gaussians
+from rasterizer.project import rotation_matrices
+
+
+def covariances(scene):
+    axes = rotation_matrices(scene.quats) * scene.scales[:, None, :]
+    return axes @ axes.mT
+
+
+def test_the_parts_of_a_gaussian_have_its_mean_and_covariance():
+    random = torch.Generator().manual_seed(0)
+    whole = surface_gaussians(demo_scene(), 20, random)
+    whole = whole.to(torch.float64)
+    fine = divide(whole, 9, 3, random)
+    assert fine.sh.shape == (len(whole) * 9, 16, 3)
+    assert fine.sh[:, 4:].abs().amax() < 0.05
+    assert fine.sh[:, 4:].abs().amin() > 0
+    means = fine.means.view(-1, 9, 3)
+    torch.testing.assert_close(means.mean(1), whole.means)
+    apart = means - means.mean(1, keepdim=True)
+    spread = (apart[..., None] * apart[:, :, None]).mean(1)
+    total = spread + covariances(fine).view(-1, 9, 3, 3).mean(1)
+    torch.testing.assert_close(total, covariances(whole))
+    with pytest.raises(ValueError, match="1 or more"):
+        divide(whole, 0, 1, random)
