@@ -97,38 +97,41 @@ class ListedCrops(ExactCrops):
     ) -> Float[Tensor, "b y x 3"]:
         """The patches of the optimiser's scene; their gradients reach its next step."""
         kept = [self._keep(view) for view, _ in patches]
-        crops = [each.lists.crop(box) for each, (_, box) in zip(kept, patches) if each.lists]
-        if len(crops) < len(patches):
-            pictures = list(super().draw(optimiser, patches))
+        crops = [each.lists and each.lists.crop(box) for each, (_, box) in zip(kept, patches)]
+        listed = [crop for crop in crops if crop is not None]
+        if len(listed) == len(crops):
+            drawn = shown_rows(listed, len(self.start))
+            scene = optimiser.draw(drawn)
         else:
-            cameras = [view.camera for view, _ in patches]
-            drawn = shown_rows(crops, len(self.start))
-            pictures = self._blend(optimiser.draw(drawn), drawn, crops, cameras)
-        for i, (each, (_, (left, top, width, height))) in enumerate(zip(kept, patches)):
+            drawn, scene = torch.arange(len(self.start)), optimiser.scene
+        pictures = []
+        for each, crop, (view, box) in zip(kept, crops, patches):
+            if crop is None:
+                drawing = render(scene, view.camera, crop=box, execution=self.execution).color
+            else:
+                drawing = self._blend(scene, drawn, crop, view.camera)
+            left, top, width, height = box
             if each.missing is not None:
-                missing = each.missing[top : top + height, left : left + width]
-                pictures[i] = pictures[i] + missing
+                drawing = drawing + each.missing[top : top + height, left : left + width]
+            pictures.append(drawing)
         return torch.stack(pictures)
 
     def _blend(
         self,
         scene: Gaussians,
         drawn: Int[Tensor, " m"],
-        crops: Sequence[PixelLists],
-        cameras: Sequence[Camera],
-    ) -> list[Float[Tensor, "y x 3"]]:
-        """Pictures of the lists; `scene` has the rows `drawn` of the optimiser's."""
-        gains = (logsigmoid(scene.logit_opacities) - self._log_opacities[drawn]).exp()
-        pictures = []
-        for crop, camera in zip(crops, cameras):
-            self._places[drawn] = torch.arange(len(drawn), dtype=torch.int32)
-            rows = shown_rows([crop], len(self.start))
-            local = self._places[rows].long()
-            sh, means = (t.index_select(0, local) for t in (scene.sh, scene.means))
-            colors = view_dependent_colors(sh, means, camera)
-            self._places[rows] = torch.arange(len(rows), dtype=torch.int32)
-            pictures.append(blend(crop, self._places, colors, gains.index_select(0, local)))
-        return pictures
+        crop: PixelLists,
+        camera: Camera,
+    ) -> Float[Tensor, "y x 3"]:
+        """The picture of the lists; `scene` has the rows `drawn` of the optimiser's."""
+        self._places[drawn] = torch.arange(len(drawn), dtype=torch.int32)
+        rows = shown_rows([crop], len(self.start))
+        local = self._places[rows].long()
+        shown = (scene.sh, scene.means, scene.logit_opacities)
+        sh, means, logits = (field.index_select(0, local) for field in shown)
+        gains = (logsigmoid(logits) - self._log_opacities[rows]).exp()
+        self._places[rows] = torch.arange(len(rows), dtype=torch.int32)
+        return blend(crop, self._places, view_dependent_colors(sh, means, camera), gains)
 
     def _fits(self, pixels: int) -> bool:
         """Whether the lists of a view of so many pixels may be kept beside those that are."""
@@ -158,7 +161,7 @@ class ListedCrops(ExactCrops):
             drawn = render(scene, camera, execution=self.execution).color
         else:
             rows = shown_rows([lists], len(scene))
-            (drawn,) = self._blend(scene[rows], rows, [lists], [camera])
+            drawn = self._blend(scene[rows], rows, lists, camera)
         self._kept[key] = _KeptView(lists, picture - drawn)
 
 

@@ -84,8 +84,9 @@ class Coarse:
 
 
 @torch.no_grad()
-def coarsen(scene: Gaussians, most: int = MOST) -> Coarse | None:
-    """Cells of the scene, `most` at most; None where it has no more Gaussians than that."""
+def coarsen(scene: Gaussians, most: int | None = None) -> Coarse | None:
+    """Cells of the scene, `most` (MOST) at most; None where it has no more Gaussians than that."""
+    most = most or MOST
     if len(scene) <= most:
         return None
     codes = _codes(scene)

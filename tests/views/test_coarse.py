@@ -30,8 +30,9 @@ def base(scene):
     return 0.5 + SH_DC * scene.sh[:, 0]
 
 
-def darkened(coarse, rows=...):
+def darkened(coarse, rows=None):
     sh = coarse.scene.sh.clone()
+    rows = torch.ones(len(sh), dtype=torch.bool) if rows is None else rows
     sh[rows, 0] = (0.3 * base(coarse.scene)[rows] - 0.5) / SH_DC
     return replace(coarse.scene, sh=sh)
 
