@@ -271,7 +271,63 @@ def check_page(page: Path) -> None:
         raise UsageError(f"--write-docs {page} is not there: name the page whose tables to replace")
 
 
-for verb in (rasterizer, stability, targets, sampler, paper):
+def scale(
+    scene: Annotated[
+        Path, typer.Argument(metavar="SCENE", show_default=False, help="A fitted scene (.ply).")
+    ],
+    data: Data = None,
+    out: Folder = Path("out/scale"),
+    gaussians: Annotated[
+        str,
+        typer.Option(
+            "--gaussians",
+            metavar="N,N,...",
+            help="Sizes of the scenes, about: each Gaussian is divided.",
+        ),
+    ] = "130000,1920000",
+    degree: Annotated[
+        int, typer.Option("--sh-degree", min=0, max=3, help="Of the scenes that are made.")
+    ] = 3,
+    instruction: Annotated[
+        str, typer.Option("--instruction", help="What is edited.")
+    ] = "turn it into a bronze statue",
+    options: Annotated[
+        str, typer.Option("--options", help="Further options of gsedit edit, in quotes.")
+    ] = "--compile",
+    force: Force = False,
+    *,
+    common: Common,
+) -> None:
+    """Measure the edit of a scene with more and more Gaussians: seconds, memory, error.
+
+    Writes scale.jsonl, scale.md and the edits. The edits run one after the other, each in a process
+    of its own; the scenes are removed.
+
+    gsedit bench scale bear.ply --data photos/ -o out/scale
+    """
+    import shlex
+
+    from gsedit.errors import UsageError
+
+    check_folder(out, force)
+    common.apply()
+    if data is None:
+        raise UsageError("bench scale edits captured views: name their folder with --data")
+    if not all(number.strip().isdigit() for number in gaussians.split(",")):
+        raise UsageError(f"--gaussians {gaussians} is no list of numbers, as in 130000,1920000")
+
+    from gsedit.bench.scale import measure
+
+    sizes = tuple(int(number) for number in gaussians.split(","))
+    settings = measure.ScaleSettings(
+        scene, data, instruction, sizes, degree, options=tuple(shlex.split(options))
+    )
+    rows = collect(measure.scale_to_folder(out, settings), common, out / measure.ROWS)
+    record = {"folder": out, "rows": rows}
+    print_result(record, measure.table(rows), as_json=common.json)
+
+
+for verb in (rasterizer, stability, targets, sampler, paper, scale):
     bench.command()(as_command(verb))
 
 

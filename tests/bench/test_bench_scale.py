@@ -6,6 +6,7 @@ import pytest
 import torch
 
 from gsedit.bench.scale.divide import divide
+from gsedit.bench.scale.measure import ScaleMeasurement, table
 from gsedit.synthetic import demo_scene, surface_gaussians
 from rasterizer.project import rotation_matrices
 
@@ -31,3 +32,12 @@ def test_the_parts_of_a_gaussian_have_its_mean_and_covariance():
     torch.testing.assert_close(total, covariances(whole))
     with pytest.raises(ValueError, match="1 or more"):
         divide(whole, 0, 1, random)
+
+
+def test_the_table_has_a_column_a_stage():
+    row = ScaleMeasurement(1_900_000, 3, 91.4, {"survey": 20.4, "total": 90.0}, 2.5, None, 41.0,
+                           100.0, 30.25)  # fmt: skip
+    head, _, line = table([row]).splitlines()
+    assert "survey" in head
+    assert "total" not in head
+    assert line == "| 1,900,000 | 3 | 91 | 20 | 2.50 | - | 41.00 | - | 30.25 |"

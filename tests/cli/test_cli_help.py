@@ -27,7 +27,7 @@ VERBS = (
     "looks",
     "doctor",
 )
-BENCHMARKS = ("rasterizer", "stability", "targets", "sampler")
+BENCHMARKS = ("rasterizer", "stability", "targets", "sampler", "paper", "scale")
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,1 @@
+"""Seconds, memory and error of an edit against the number of Gaussians."""
