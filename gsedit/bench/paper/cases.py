@@ -14,10 +14,10 @@ from gsedit.views.dataset import Dataset, capture
 from rasterizer.scene import Gaussians
 
 PROMPTS = {
+    "globe": "make it night",
     "teddy": "as a bronze statue",
     "columns": "make it autumn",
     "links": "as a jade statue",
-    "globe": "make it night",
     "cage": "make it sunset",
 }
 """Of the synthetic scenes that are measured, the first ones first."""

@@ -18,6 +18,8 @@ UPDATE, BETWEEN = 50, 20
 """What the study "tuning" chose: fitting steps after a batch of the single pass (of 50, 100, 200),
 and after a view of iterative (of 5, 10, 20). The smallest final error wins, and of errors within
 5 % the one with the fewest editor calls."""
+PATCH = 64
+"""Pixels a side of the one crop that a fitting step renders of a synthetic scene."""
 FEWER = 5
 SHORTER = f"{ITERATIVE}, a fifth of the steps"
 """The baseline with less work: a speed-up over the paper's number of steps alone would flatter."""
@@ -64,7 +66,7 @@ class Size:
 
 QUICK = Size(
     "quick", scenes=3, sweep_scenes=2, small_scenes=1, seeds=2, small_seeds=2, tuning_seeds=1,
-    capture_seeds=1, pixels=64, gaussians=1500, views=24, iterative_steps=3000, further_steps=800,
+    capture_seeds=1, pixels=96, gaussians=2000, views=24, iterative_steps=3000, further_steps=800,
     sweep_steps=50, capture_pixels=96, capture_iterative_steps=600,
 )  # fmt: skip
 FULL = Size(
@@ -129,7 +131,7 @@ def capture_case(scene: str, data: str, size: Size) -> Case:
 
 
 def _synthetic(name: str, prompt: str, size: Size) -> Case:
-    return Case(name, prompt, size.pixels, 1, size.pixels, size.gaussians, size.views)
+    return Case(name, prompt, size.pixels, 1, PATCH, size.gaussians, size.views)
 
 
 def strategy_arms(steps: int, further: int) -> list[Arm]:

@@ -112,11 +112,13 @@ COLUMNS: dict[str, tuple[str, int]] = {
     "steps": ("fitting steps", 0),
 }
 """Title and digits of the columns of sweeps."""
-_PICTURES = ("final_db", "target_db", "disagreement", "target_sharpness", "sharpness")
+_PICTURES = (
+    "final_db", "target_db", "disagreement", "target_sharpness", "sharpness", "matched",
+)  # fmt: skip
 SWEEPS = {
     "t-end": _PICTURES,
     "consensus": _PICTURES,
-    "visibility": (*_PICTURES, "matched"),
+    "visibility": _PICTURES,
     "views": ("final_db", "target_db", "disagreement", "calls", "steps"),
     "loss": ("final_db", "sharpness", "disagreement"),
     "tuning": ("final_db", "calls", "steps"),
