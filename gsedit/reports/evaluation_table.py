@@ -98,7 +98,7 @@ def _notes(evaluation: Evaluation, targets: str) -> list[str]:
     for name, by_role in evaluation.measured.items():
         for role, mean in by_role.items():
             if mean.views < (of := evaluation.number(role)):
-                note = f"over {mean.views} of {of} {role.replace('_', ' ')} views"
+                note = f"over {mean.views} of {of} {role.replace('_', '-')} views"
                 fewer.setdefault(note, []).append(METRICS[name].label.format(targets=targets))
     return _folded({f"{note}:": "; ".join(labels) for note, labels in fewer.items()})
 
@@ -119,7 +119,7 @@ def _label(name: str, targets: str) -> str:
     label = (
         METRICS[key].label.format(targets=targets) if key in METRICS else _other_label(key, targets)
     )
-    return f"{label} at {role.replace('_', ' ')}" if role else label
+    return f"{label} at {role.replace('_', '-')}" if role else label
 
 
 def _other_label(name: str, targets: str) -> str:
