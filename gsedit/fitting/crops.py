@@ -6,7 +6,7 @@ While only colours and opacities move, what each pixel of a view shows is listed
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import torch
@@ -85,6 +85,7 @@ class ListedCrops(ExactCrops):
         self.start, self.is_coarse = start, is_coarse
         self._unedited = unedited or self._render
         self._kept: dict[tuple[str, int, int], _KeptView] = {}
+        self._met: dict[str, Tensor] = {}
         self._log_opacities = logsigmoid(start.logit_opacities)
         self._places = torch.zeros(len(start), dtype=torch.int32)
 
@@ -144,7 +145,9 @@ class ListedCrops(ExactCrops):
             is_listed = self._fits(camera.width * camera.height)
             lists = pixel_lists(self.start, camera) if is_listed else None
             self._kept[key] = _KeptView(lists, None)
-            if is_listed or self.is_coarse:
+            if (met := self._met.get("|".join(map(str, key)))) is not None:
+                self._kept[key] = _KeptView(lists, met)
+            elif is_listed or self.is_coarse:
                 self._meet(view, self._unedited(camera), self.start)
         return self._kept[key]
 
@@ -152,6 +155,16 @@ class ListedCrops(ExactCrops):
         """From now on, the optimiser's scene as it is looks like this picture at that view."""
         self._keep(view)
         self._meet(view, picture, optimiser.scene.detach())
+        if (missing := self._kept[_key(view)].missing) is not None:
+            self._met["|".join(map(str, _key(view)))] = missing
+
+    def state(self) -> dict[str, Tensor]:
+        """What pictures were met (see `meet`), by view; nothing else here is not made again."""
+        return dict(self._met)
+
+    def load_state(self, state: Mapping[str, Tensor]) -> None:
+        """Continue from a `state`, before anything was drawn."""
+        self._met = dict(state)
 
     @torch.no_grad()
     def _meet(self, view: View, picture: Float[Tensor, "h w 3"], scene: Gaussians) -> None:

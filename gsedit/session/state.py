@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from gsedit.files.state import State, digest
+from gsedit.fitting.crops import ListedCrops
 from gsedit.regions.region import Region, everything
 from gsedit.reports.json_lines import plain
 from gsedit.reports.stopwatch import Stopwatch
@@ -53,6 +54,8 @@ def session_state(session: Session) -> State:
     """All that changes during an edit; the tensors are the session's own."""
     edited = session.edited
     tensors = {f"optimiser.{name}": each for name, each in session.optimiser.state().items()}
+    if isinstance(session.crops, ListedCrops):
+        tensors |= {f"met.{name}": each for name, each in session.crops.state().items()}
     tensors["generator"] = session.request.generator.get_state()
     tensors |= {f"answer.{i}": image for i, image in edited.answers.items()}
     for i, view in edited.targets.items():
@@ -91,6 +94,8 @@ def stopwatch_of(state: State) -> Stopwatch:
 def restore(session: Session, state: State) -> None:
     """Bring a session that has not begun to where the state is."""
     session.optimiser.load_state(state.within("optimiser"))
+    if isinstance(session.crops, ListedCrops):
+        session.crops.load_state(state.within("met"))
     session.request.generator.set_state(state.tensors["generator"])
     for name, value in state.record["work"].items():
         setattr(session.work, name, value)

@@ -90,7 +90,7 @@ def coarsen(scene: Gaussians, most: int | None = None) -> Coarse | None:
     if len(scene) <= most:
         return None
     codes = _codes(scene)
-    order = codes.argsort()
+    order = codes.argsort(stable=True)
     codes = codes.index_select(0, order)
     shared = _shared_levels(codes)
     together = max(2, len(scene) // most)

@@ -23,3 +23,14 @@ def test_views_beyond_the_limit_are_rendered(monkeypatch):
         ]
         torch.testing.assert_close(*pictures, rtol=0, atol=2e-3)
     assert sum(kept.lists is not None for kept in listed._kept.values()) == 3
+
+
+def test_pictures_that_were_met_are_met_again():
+    view, box = data().views[0], (8, 8, 32, 32)
+    optimiser = SceneOptimiser(scene(), APPEARANCE_RATES)
+    first, second = (ListedCrops(scene(), is_coarse=True) for _ in range(2))
+    first.meet(view, view.image + 0.1, optimiser)
+    second.load_state(first.state())
+    one, other = (crops.draw(optimiser, [(view, box)]).detach() for crops in (first, second))
+    torch.testing.assert_close(one, other)
+    torch.testing.assert_close(one[0], view.image[8:40, 8:40] + 0.1, rtol=0, atol=1e-4)
