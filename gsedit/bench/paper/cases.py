@@ -14,11 +14,11 @@ from gsedit.views.dataset import Dataset, capture
 from rasterizer.scene import Gaussians
 
 PROMPTS = {
-    "globe": "make it night",
+    "globe": "make it sunset",
     "teddy": "as a bronze statue",
     "columns": "make it autumn",
     "links": "as a jade statue",
-    "cage": "make it sunset",
+    "cage": "make it night",
 }
 """Of the synthetic scenes that are measured, the first ones first."""
 TUNING = ("pond", "as a golden statue")
