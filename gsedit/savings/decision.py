@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 DecisionName = Literal[
-    "cells", "gaussians", "still-rows", "sh-bands", "geometry", "views", "resolution", "depth",
+    "cells", "gaussians", "sh-bands", "geometry", "views", "resolution", "depth",
     "correspondences", "crops", "densification",
 ]  # fmt: skip
 DECISIONS: tuple[str, ...] = get_args(DecisionName)
@@ -58,15 +58,18 @@ class Decision:
     saves: str = ""
     """What the saving is a share of."""
     bound: Bound | None = None
-    """None where nothing is left out."""
+    """None where nothing is left out, or no bound is known (docs/plan.md has what was measured)."""
 
     def describe(self) -> str:
         """All of it, for a person."""
         if not self.applies:
             return f"{self.reason}."
         parts = [", ".join(map(str, self.left_out))] if self.left_out else []
-        parts += [self.reason, f"Saves {self.saving:.0%} of {self.saves}"]
-        return ". ".join([*parts, f"Error at most {self.bound}"]) + "."
+        error = f"Error at most {self.bound}" if self.bound else "Error measured, not bounded"
+        return (
+            ". ".join([*parts, self.reason, f"Saves {self.saving:.0%} of {self.saves}", error])
+            + "."
+        )
 
 
 def screen(decisions: Iterable[Decision]) -> str:

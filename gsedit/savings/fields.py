@@ -21,7 +21,6 @@ def decide_geometry(appearance: bool, coefficients: int) -> Decision:
         (LeftOut(GEOMETRY, held, "numbers a Gaussian"),),
         GEOMETRY / held,
         "what the optimiser holds",
-        Bound(0.0, ""),
     )
 
 

@@ -72,23 +72,3 @@ def decide_gaussians(
         "the Gaussians of the update",
         Bound(error, "RMSE of an edited view"),
     )
-
-
-def decide_still(known: bool, inside: Bool[Tensor, " n"], left: Bool[Tensor, " n"]) -> Decision:
-    """Of the Gaussians that are drawn and not `inside` the region: the optimiser does not hold
-    them, if it is `known`."""
-    still = int((~inside & ~left).sum())
-    if not known:
-        reason = "The region is known once views are edited: until then all may move"
-        return Decision("still-rows", False, reason)
-    if not still:
-        return Decision("still-rows", False, "Needed: all Gaussians that are drawn may move")
-    return Decision(
-        "still-rows",
-        True,
-        "They are outside the region and may not move: the optimiser does not hold them",
-        (LeftOut(still, len(left), "Gaussians"),),
-        still / len(left),
-        "the optimiser's rows",
-        Bound(0.0, ""),
-    )

@@ -15,7 +15,7 @@ from gsedit.fitting.update import APPEARANCE_RATES, rate_scale
 from gsedit.savings.bands import adam_travel, band_colours, decide_bands
 from gsedit.savings.decision import Decision
 from gsedit.savings.fields import decide_densification, decide_geometry
-from gsedit.savings.gaussians import decide_cells, decide_gaussians, decide_still
+from gsedit.savings.gaussians import decide_cells, decide_gaussians
 from gsedit.savings.pictures import (
     decide_crops,
     decide_depth,
@@ -50,8 +50,6 @@ def _of_the_scene(session: Session, schedule: Iterator[Action]) -> Iterator[Deci
     coefficients = session.request.scene.sh.shape[1]
     yield decide_cells(len(session.request.whole), len(session.request.scene))
     yield _gaussians(session)
-    known = session.edited.region is not None
-    yield decide_still(known, session.region.inside, reduction.left)
     travel = adam_travel(_band_rates(schedule))
     yield decide_bands(reduction.scene.sh, ~reduction.left, coefficients, travel)
     yield decide_geometry(settings.geometry == "appearance", coefficients)
