@@ -66,10 +66,8 @@ class Decision:
             return f"{self.reason}."
         parts = [", ".join(map(str, self.left_out))] if self.left_out else []
         error = f"Error at most {self.bound}" if self.bound else "Error measured, not bounded"
-        return (
-            ". ".join([*parts, self.reason, f"Saves {self.saving:.0%} of {self.saves}", error])
-            + "."
-        )
+        parts += [self.reason, f"Saves {self.saving:.0%} of {self.saves}", error]
+        return ". ".join(parts) + "."
 
 
 def screen(decisions: Iterable[Decision]) -> str:

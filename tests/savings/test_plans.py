@@ -129,5 +129,5 @@ def test_explain_edits_nothing_and_needs_no_folder(tmp_path):
 
 
 def test_a_decision_that_is_not_there_is_refused():
-    with pytest.raises(UsageError, match="shapes: no decision of the plan, which has gaussians"):
+    with pytest.raises(UsageError, match="shapes: no decision of the plan, which has cells, gauss"):
         EditSettings(do_anyway="crops, shapes")
