@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import torch
 from torch import Tensor
@@ -33,3 +35,19 @@ def weights_like(picture: Tensor, seed: int = 0) -> Tensor:
     """Fixed random weights: their dot product with a picture is a loss that hides no pixel."""
     generator = torch.Generator().manual_seed(seed)
     return torch.randn(picture.shape, generator=generator, dtype=torch.float64).to(picture)
+
+
+def slope_error(encode: Callable[[Tensor], Tensor], step: float) -> float:
+    """How far the gradient of a random combination of latents is from differences, relatively."""
+    generator = torch.Generator().manual_seed(0)
+    images = torch.rand(1, 32, 32, 3, generator=generator).requires_grad_()
+    direction = torch.randn(images.shape, generator=generator)
+    latents = encode(images)
+    weights = torch.randn(latents.shape, generator=generator)
+    (gradient,) = torch.autograd.grad((weights * latents).sum(), images)
+    slope = (gradient * direction).sum()
+    with torch.no_grad():
+        ahead, behind = (
+            (weights * encode(images + sign * step * direction)).sum() for sign in (1, -1)
+        )
+    return float(((ahead - behind) / (2 * step) - slope).abs() / slope.abs())

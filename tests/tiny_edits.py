@@ -23,7 +23,7 @@ from rasterizer.scene import Gaussians
 
 SETTINGS = gsedit.EditSettings(
     sampler=SamplerSettings(steps=4),
-    update=UpdateSettings(patches=2, patch=32, gram_weight=0.0),
+    update=UpdateSettings(patches=1, patch=32, gram_weight=0.0),
     views_per_round=2,
     rounds=2,
     held_out_edits=0,

@@ -9,6 +9,7 @@ from pathlib import Path
 import diffusers
 import pytest
 import torch
+from closeness import slope_error
 from tiny_pix2pix import PROMPT, SD
 
 from gsedit.consistency.correspond import Correspondences
@@ -156,6 +157,11 @@ def test_decode_undoes_the_scaling(pipeline, model):
     with torch.no_grad():
         expected = pipeline.vae.decode(z / 0.18215).sample.movedim(1, -1) / 2 + 0.5
         torch.testing.assert_close(model.decode(z), expected)
+
+
+def test_encode_is_differentiable_and_the_weights_take_no_gradient(model):
+    assert slope_error(model.encode, 1e-3) < 2e-2
+    assert not any(p.requires_grad for p in model.vae.parameters())
 
 
 def test_anchored_view_costs_no_pass_and_stays(model):

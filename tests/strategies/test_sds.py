@@ -21,9 +21,9 @@ ALL = torch.ones(len(scene()), dtype=torch.bool)
 
 @pytest.fixture(scope="module")
 def free():
-    """60 steps without the regulariser."""
+    """50 steps without the regulariser."""
     editor = Watched()
-    result, events = run(Sds(total_steps=60, structure_weight=0.0), editor=editor)
+    result, events = run(Sds(total_steps=50, structure_weight=0.0), editor=editor)
     return result, events, editor.asked
 
 
@@ -35,13 +35,13 @@ def test_sds_approaches_the_truth_without_any_edited_picture(free):
     assert asked == []
     assert result.targets == ()
     assert result.work.calls == 0
-    assert [e.step for e in events if e.stage == "update"] == [10, 20, 30, 40, 50, 60]
+    assert [e.step for e in events if e.stage == "update"] == [10, 20, 30, 40, 50]
 
 
 def test_sds_counts_what_its_denoiser_evaluates(free):
     result, _, _ = free
-    assert result.work.steps == 60
-    assert result.work.evaluations == 60 * 3  # text and image, image, neither
+    assert result.work.steps == 50
+    assert result.work.evaluations == 50 * 3  # text and image, image, neither
 
 
 def test_sds_moves_what_its_views_see_and_nothing_else():
@@ -58,7 +58,7 @@ def test_sds_moves_what_its_views_see_and_nothing_else():
 
 def test_the_regulariser_keeps_the_structure(free):
     result, _, _ = free
-    held, _ = run(Sds(total_steps=60, structure_weight=30.0))
+    held, _ = run(Sds(total_steps=20, structure_weight=30.0))
     loose, tight = (correlation_loss(r.scene, scene(), ALL) for r in (result, held))
     assert tight < 0.5 * loose
 
