@@ -40,7 +40,9 @@ from gsedit.strategies import (
     asks_editor,
     check_strategy,
     find_strategy,
+    fits_pictures,
     name_of,
+    uses_all_views,
 )
 from gsedit.views.choose import find_views, view_names
 from gsedit.views.coarse import Coarse, coarsen
@@ -229,9 +231,13 @@ def _asked(
     features = features or FilterBank()
     scene = scene.detach()
     by_cells = settings.geometry == "appearance" and settings.leaves_out("cells")
+    by_cells = by_cells and fits_pictures(strategy)
     coarse = coarsen(scene) if by_cells else None
     scene = scene if coarse is None else coarse.scene
-    request = Request(scene, prompt, views, held_out, editor, settings, features, generator, coarse)
+    request = Request(
+        scene, prompt, views, held_out, editor, settings, features, generator, coarse,
+        uses_all_views(strategy),
+    )  # fmt: skip
     return request, strategy
 
 

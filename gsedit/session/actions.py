@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from gsedit.diffusion import SamplerSettings
 from gsedit.reports.events import Event
@@ -30,6 +30,20 @@ class LeavesScene:
 
     def __call__(self, session: Session) -> Iterator[Event]:
         raise NotImplementedError
+
+
+@runtime_checkable
+class OptimiserSteps(Protocol):
+    """Steps `first` to `last` (not included) of a round, over which the learning rates fall."""
+
+    @property
+    def first(self) -> int: ...
+
+    @property
+    def last(self) -> int: ...
+
+    @property
+    def round_steps(self) -> int: ...
 
 
 @dataclass(frozen=True)

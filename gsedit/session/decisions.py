@@ -23,7 +23,7 @@ from gsedit.savings.pictures import (
     decide_resolution,
     decide_views,
 )
-from gsedit.session.actions import Action, Update
+from gsedit.session.actions import Action, OptimiserSteps
 from gsedit.session.session import Session
 from gsedit.session.settings import EditSettings
 from gsedit.views.plan import view_overlap
@@ -60,7 +60,10 @@ def _of_pictures(session: Session) -> Iterator[Decision]:
     settings, surveyed, views = session.settings, session.surveyed, session.request.views
     plan, reduction, camera = surveyed.plan, surveyed.reduction, views[0].camera
     budget = min(settings.rounds * settings.views_per_round, len(views))
-    yield decide_views(len(plan.views), budget, plan.coverage[-1], settings.coverage)
+    if session.request.all_views:
+        yield Decision("views", False, "Needed: the strategy edits or renders all of them")
+    else:
+        yield decide_views(len(plan.views), budget, plan.coverage[-1], settings.coverage)
     size = (camera.width, camera.height)
     yield decide_resolution(reduction.full, size, reduction.footprint, reduction.lost)
     yield decide_depth()
@@ -97,7 +100,7 @@ def _band_rates(schedule: Iterator[Action]) -> Float[Tensor, " t"]:
     scales = [
         rate_scale(step, action.round_steps)
         for action in schedule
-        if isinstance(action, Update)
+        if isinstance(action, OptimiserSteps)
         for step in range(action.first, action.last)
     ]
     return APPEARANCE_RATES["sh"] * SH_REST * torch.tensor(scales, dtype=torch.float64)

@@ -66,7 +66,8 @@ def reduce(
     scene, settings, reduction = request.scene, request.settings, nothing_left_out(request)
     shown = weights[list(plan.views)]
     if settings.leaves_out("gaussians"):
-        left = faint_gaussians(shown / shown.sum(1, keepdim=True).clamp_min(1e-9))
+        used = weights if request.all_views else shown
+        left = faint_gaussians(used / used.sum(1, keepdim=True).clamp_min(1e-9))
         reduction = replace(reduction, left=left)
     if settings.leaves_out("sh-bands"):
         kept = needed_coefficients(scene.sh, ~reduction.left)

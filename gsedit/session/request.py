@@ -31,6 +31,8 @@ class Request:
     generator: torch.Generator
     coarse: Coarse | None = None
     """Of a large scene: its cells, which are the `scene` here, and the scene itself."""
+    all_views: bool = False
+    """Whether the strategy edits or renders all of `views`, not only those of the plan."""
 
     @property
     def whole(self) -> Gaussians:

@@ -27,7 +27,8 @@ class Strategy(Protocol):
     """What is edited and fitted, in order.
 
     It may have `check`, which raises UsageError or InputError before any work for what it lacks,
-    and a class attribute `asks_editor`, False where it needs no 2D editor.
+    and class attributes: `asks_editor`, False where it needs no 2D editor, and `fits_pictures`,
+    False where it renders the optimiser's scene itself.
     """
 
     def schedule(self, session: Session) -> Iterator[Action]:
@@ -74,6 +75,16 @@ def check_strategy(strategy: Strategy) -> None:
 def asks_editor(strategy: Strategy) -> bool:
     """Whether a 2D editor must be able to follow the instruction."""
     return getattr(strategy, "asks_editor", True)
+
+
+def fits_pictures(strategy: Strategy) -> bool:
+    """Whether it fits the scene to edited pictures alone; others render the optimiser's scene."""
+    return getattr(strategy, "fits_pictures", True)
+
+
+def uses_all_views(strategy: Strategy) -> bool:
+    """Whether it edits or renders views that are not in the plan."""
+    return getattr(strategy, "dataset_views", "planned") == "all"
 
 
 def name_of(strategy: Strategy) -> str:

@@ -37,12 +37,12 @@ SMALLEST_VARIANCE = 1e-12
 
 @dataclass(frozen=True)
 class Distil:
-    """Steps `first` to `last` (not included) of `total`, each on a random one of the views."""
+    """Steps `first` to `last` (not included) of all, each on a random one of the views."""
 
     views: tuple[int, ...]
     first: int
     last: int
-    total: int
+    round_steps: int
     least_noise: float
     most_noise: float
     structure_weight: float
@@ -64,7 +64,7 @@ class Distil:
                     held = correlation_loss(scene, session.request.scene, seen)
                     loss = loss + self.structure_weight * held
                 loss.backward()
-                fall = (1 - FINAL_RATE) * step / max(1, self.total - 1)
+                fall = (1 - FINAL_RATE) * step / max(1, self.round_steps - 1)
                 optimiser.step(1 - fall, only=seen)
             session.work.steps += 1
             yield from self._report(session, step + 1, residual)
@@ -95,14 +95,14 @@ class Distil:
 
     def _report(self, session: Session, step: int, residual: float) -> Iterator[Event]:
         seconds = session.stopwatch.seconds
-        if step % MEASURE_EVERY == 0 or step == self.total:
+        if step % MEASURE_EVERY == 0 or step == self.round_steps:
             if session.request.editor.capabilities.find_ground_truth is not None:
                 views = session.surveyed.plan.views
                 renders = session.render(session.views[i].camera for i in views)
                 find_ground_truth(session, dict(zip(views, renders)))
-            yield measure(session).event("update", seconds, step, self.total, residual)
+            yield measure(session).event("update", seconds, step, self.round_steps, residual)
         elif step % REPORT_EVERY == 0:
-            yield Event("update", seconds, step, self.total, residual)
+            yield Event("update", seconds, step, self.round_steps, residual)
 
 
 def denoiser_of(session: Session) -> Denoiser:

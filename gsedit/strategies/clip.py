@@ -42,6 +42,9 @@ class Clip:
     asks_editor: ClassVar[bool] = False
     """Any instruction will do: the editor need not follow it."""
 
+    fits_pictures: ClassVar[bool] = False
+    """It renders the scene itself, with gradients."""
+
     clip: Path | None = None
     """Folder of a CLIPModel of transformers (config.json, model.safetensors, tokenizer)."""
     source_caption: str = "a photo"
@@ -122,13 +125,13 @@ class UneditedVectors:
 
 @dataclass(frozen=True, eq=False)
 class Descend:
-    """Steps `first` to `last` (not included) of `total`, each on a random one of the views."""
+    """Steps `first` to `last` (not included) of all, each on a random one of the views."""
 
     unedited: UneditedVectors
     views: tuple[int, ...]
     first: int
     last: int
-    total: int
+    round_steps: int
     structure_weight: float
 
     def __call__(self, session: Session) -> Iterator[Event]:
@@ -150,8 +153,8 @@ class Descend:
                     held = correlation_loss(scene, session.request.scene, seen)
                     loss = loss + self.structure_weight * held
                 loss.backward()
-                fall = (1 - FINAL_RATE) * step / max(1, self.total - 1)
+                fall = (1 - FINAL_RATE) * step / max(1, self.round_steps - 1)
                 optimiser.step(1 - fall, only=seen)
             session.work.steps += 1
-            if (step + 1) % REPORT_EVERY == 0 or step + 1 == self.total:
-                yield Event("update", stopwatch.seconds, step + 1, self.total, value)
+            if (step + 1) % REPORT_EVERY == 0 or step + 1 == self.round_steps:
+                yield Event("update", stopwatch.seconds, step + 1, self.round_steps, value)

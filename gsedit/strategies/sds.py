@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
 from gsedit.errors import UsageError
 from gsedit.session.actions import STEPS_AT_ONCE, Action
@@ -28,6 +29,9 @@ class Sds:
 
     Raises UsageError for a value out of range, and where the editor is no diffusion model.
     """
+
+    fits_pictures: ClassVar[bool] = False
+    """It renders the scene itself, with gradients."""
 
     total_steps: int = 1000
     """Steps of one view each."""

@@ -88,7 +88,8 @@ def test_the_dataset_of_iterative_holds_unedited_pictures_until_they_are_edited(
 
 def test_combined_is_the_single_pass_and_then_the_iterative_update():
     editor, alone = Watched(), Watched()
-    result, events = run(Combined(update_steps=10, further_steps=30), editor=editor)
+    strategy = Combined(update_steps=10, further_steps=30, dataset_views="planned")
+    result, events = run(strategy, editor=editor)
     single, _ = run(SinglePass(10), editor=alone)
     batches = len(single.plan.rounds)
     for (a, _), (b, _) in zip(editor.asked, alone.asked):
