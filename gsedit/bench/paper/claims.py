@@ -96,8 +96,9 @@ def _consistency(summary: Numbers) -> Iterator[Claim]:
             f"after 10 steps, {sharp[2]:.2f} after 50; edited pictures to the exact edit "
             f"{_mean(ten, 'target_db'):.1f} dB after 10, {_mean(whole, 'target_db'):.1f} dB "
             "after 50",
-            "reproduced" if sharp[2] < 0.9 * sharp[1] else "not reproduced",
-        )
+            "reproduced" if sharp[2] < 0.9 * sharp[1]
+            else "differently" if sharp[2] > 1.1 * sharp[1] else "not reproduced",
+        )  # fmt: skip
 
 
 def _style(summary: Numbers) -> Iterator[Claim]:

@@ -203,9 +203,9 @@ def _record(observer: _Observer, session: Session, result: EditResult) -> Record
     expected, target_error = originals, None
     if observer.kind == EXACT and targets:
         variants = parse(result.prompt).variants(torch.stack(originals))
-        expected = list(variants[last.index(min(last))])
-        squares = (torch.stack(targets) - torch.stack(expected)).double().square()
-        target_error = float(squares.mean().sqrt())
+        squares = (variants - torch.stack(targets)).double().square().mean((1, 2, 3, 4))
+        expected = list(variants[int(squares.argmin())])
+        target_error = float(squares.min().sqrt())
     return Record(
         curve=tuple(observer.points),
         truth=observer.kind,

@@ -97,7 +97,8 @@ class Record:
     matched: float | None
     """Mean share of latent cells matched between two views of a batch."""
     target_error: float | None
-    """RMSE of the edited pictures to the exact edit that they show; None where it is unknown."""
+    """RMSE of the edited pictures to the variant of the exact edit that they are nearest to; None
+    where it is unknown."""
     target_sharpness: float
     """Gradient energy of the edited pictures, over that of the exact edit (else the unedited)."""
     sharpness: float
