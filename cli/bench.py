@@ -12,7 +12,7 @@ import typer
 from .command import as_command
 from .console import print_json, print_message, print_result
 from .exits import Interrupted
-from .options import Common, Data, Force, check_folder, output
+from .options import Common, Data, Force, check_folder, output, parse_indices
 from .progress import progress
 
 if TYPE_CHECKING:
@@ -327,7 +327,37 @@ def scale(
     print_result(record, measure.table(rows), as_json=common.json)
 
 
-for verb in (rasterizer, stability, targets, sampler, paper, scale):
+def ranks(
+    out: Folder = Path("out/ranks"),
+    counts: Annotated[
+        str,
+        typer.Option("--ranks", metavar="N,N,...", help="Numbers of ranks, of one thread each."),
+    ] = "1,2",
+    runs: Runs = 3,
+    quick: Quick = False,
+    force: Force = False,
+    *,
+    common: Common,
+) -> None:
+    """Measure what several processes gain: 2D editor, update and fit, with torchrun.
+
+    Writes bench.jsonl and bench.md.
+
+    gsedit bench ranks -o out/ranks
+    """
+    check_folder(out, force)
+    common.apply()
+
+    from gsedit.bench import ranks
+
+    numbers = parse_indices(counts, "--ranks")
+    items = ranks.ranks_to_folder(out, ranks=numbers, runs=runs, quick=quick)
+    rows = collect(items, common, out / ranks.ROWS, print_rows=True)
+    record = {"folder": out, "rows": len(rows)}
+    print_result(record, ranks.table(rows), as_json=common.json)
+
+
+for verb in (rasterizer, stability, targets, sampler, paper, scale, ranks):
     bench.command()(as_command(verb))
 
 

@@ -23,6 +23,7 @@ from .edit_options import (
 )
 from .options import DropInvalid, Force, Scene, Seeded, check_folder, load_scene, output
 from .progress import progress
+from .ranks import follow, is_first, of_first, ranks
 from .setting_options import SettingsGroup, Values
 
 if TYPE_CHECKING:
@@ -99,7 +100,7 @@ def edit(
     kept = {"editor": editor, "features": features}
     state = None
     if not explain:
-        state = going_on(folder / NAME, kept, "edit", resume=resume, force=force)
+        state = of_first(lambda: going_on(folder / NAME, kept, "edit", resume=resume, force=force))
         check_folder(folder, force or state is not None, leftovers=LEFTOVERS)
     common.apply()
 
@@ -122,10 +123,12 @@ def edit(
     }  # fmt: skip
     if explain:
         return print_plan(plan_of(gaussians, instruction, **asked), as_json=common.json)
-    steps = edit_steps(gaussians, instruction, **asked, resume=state)
+    steps = edit_steps(gaussians, instruction, **asked, resume=state, ranks=ranks())
+    if not is_first():
+        return follow(steps)
     request = {
         "scene": scene, "drop_invalid": drop_invalid, **asdict(views), "editor": editor,
-        "preset": preset, "features": features, "seed": common.seed,
+        "preset": preset, "features": features, "seed": common.seed, "ranks": ranks().size,
     }  # fmt: skip
     if followed and (understood := what_it_understood(editor_2d, followed)):
         print_message(understood)

@@ -11,6 +11,7 @@ from .checkpoints import Checkpoints, Resume, going_on, run_to_result
 from .console import print_message, print_result
 from .options import DropInvalid, Force, Seeded, Size, check_scene_file, load_scene, output
 from .progress import progress
+from .ranks import follow, is_first, of_first, ranks
 from .setting_options import Layout, Setting, SettingsGroup, Values, settings_of, with_values
 
 if TYPE_CHECKING:
@@ -72,7 +73,7 @@ def fit(
     """
     check_scene_file(out, force)
     checkpoints = Checkpoints(out.with_suffix(".checkpoint.safetensors"))
-    state = going_on(checkpoints.path, {}, "fit", resume=resume, force=force)
+    state = of_first(lambda: going_on(checkpoints.path, {}, "fit", resume=resume, force=force))
     common.apply()
 
     from gsedit.files import load_dataset, save
@@ -82,10 +83,13 @@ def fit(
     settings = with_budget(values, minutes)
     first = None if start is None else load_scene(start, drop_invalid=drop_invalid)
     photos = load_dataset(dataset, size=size)
+    steps = fit_steps(
+        photos, settings, generator=common.generator(), start=first, resume=state, ranks=ranks()
+    )
+    if not is_first():
+        return follow(steps)
     with checkpoints:
         with progress(as_json=common.json) as show:
-            generator = common.generator()
-            steps = fit_steps(photos, settings, generator=generator, start=first, resume=state)
             result = run_to_result(steps, show, checkpoints)
         save(result.scene, out, overwrite=force)
         cameras = write_beside(out, photos.views)

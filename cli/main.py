@@ -24,6 +24,7 @@ from .info import info
 from .looks import looks
 from .metrics import metrics
 from .preview import preview
+from .ranks import cause, end, leave, meet
 from .recover import recover
 from .render import render
 
@@ -46,12 +47,19 @@ class Verbs(TyperGroup):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             code = FAILED
         except Exception as error:
-            code = self.end(error, debug="--debug" in arguments)
-        sys.exit(code or OK)
+            code = self.end(cause(error), debug="--debug" in arguments)
+        end(code or OK)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        name, command, rest = super().resolve_command(ctx, args)
+        meet(name)
+        return name, command, rest
 
     def invoke(self, ctx: Any) -> Any:
         try:
-            return super().invoke(ctx)
+            result = super().invoke(ctx)
+            leave()
+            return result
         except KeyboardInterrupt as interruption:  # before typer turns it into a bare exit code
             raise Interrupted(explain(interruption)[0]) from None
 

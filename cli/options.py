@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .console import print_message
+from .ranks import is_first
 
 if TYPE_CHECKING:
     import torch
@@ -94,7 +95,10 @@ class Seeded(Common):
 
 
 def check_file(path: Path, force: bool) -> None:
-    """Raise UsageError unless a file can be written at `path`: checked before the work."""
+    """Raise UsageError unless a file can be written at `path`: checked before the work, by the
+    rank that writes."""
+    if not is_first():
+        return
     from gsedit.files.atomic import check_writable
 
     check_writable(path, overwrite=force)
@@ -113,12 +117,15 @@ def check_scene_file(path: Path, force: bool) -> None:
 
 def check_folder(path: Path, force: bool, *, leftovers: Collection[str] = ()) -> None:
     """Raise UsageError unless `path` can be a folder of results: new or empty, or -f was given.
+    The rank that writes looks.
 
     Files of the names `leftovers` are nothing to keep, nor are those whose writing was interrupted.
     """
     from gsedit.errors import UsageError
     from gsedit.files.atomic import is_temporary
 
+    if not is_first():
+        return
     if path.exists() and not path.is_dir():
         raise UsageError(f"-o {path} is a file: name a folder")
     _check_permission(path)

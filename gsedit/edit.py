@@ -14,12 +14,14 @@ from torch import Tensor
 
 from gsedit.editors import make_editor
 from gsedit.editors.protocol import Editor
+from gsedit.editors.ranked import with_ranks
 from gsedit.errors import UsageError
 from gsedit.files.state import State, check_same
 from gsedit.fitting.edit_loss import check_installed
 from gsedit.fitting.optimiser import SceneOptimiser
 from gsedit.fitting.update import rates
 from gsedit.measures.features import FeatureExtractor, FilterBank
+from gsedit.ranks import ALONE, Ranks
 from gsedit.regions.region import Region
 from gsedit.reports.events import Checkpoint, Event
 from gsedit.reports.journal import as_record
@@ -70,20 +72,24 @@ def edit_steps(
     strategy: Strategy | None = None,
     features: FeatureExtractor | None = None,
     resume: State | None = None,
+    ranks: Ranks = ALONE,
 ) -> Iterator[Event | Checkpoint | EditResult]:
     """Edit a scene; yields what happens, a checkpoint now and then, and last the result.
 
     Without a dataset, views are found (`around`). Every 8th view is never edited: there
     the result is measured. `strategy` defaults to the single pass, `features` (of the Gram loss) to
     a bank of oriented filters. With the state of a checkpoint, the same edit goes on from there:
-    only what happens after it is yielded, the result has all. Raises UsageError for an instruction
-    the editor cannot follow, an empty scene, views of different sizes, a strategy that is no
-    dataclass, or the state of another edit.
+    only what happens after it is yielded, the result has all. Every one of several `ranks` is given
+    the same and yields the same. Raises UsageError for an instruction the editor cannot follow, an
+    empty scene, views of different sizes, a strategy that is no dataclass, or the state of another
+    edit.
     """
     request, strategy = _asked(
-        scene, prompt, editor, generator, dataset, settings, strategy, features
+        scene, prompt, editor, generator, dataset, settings, strategy, features, ranks
     )
     asked = partial(requested, request, strategy, name_of(strategy))
+    if ranks.size > 1:
+        ranks.check_same("the request", [asked()])
     yield from _recorded(_run(request, strategy, resume), asked, resume)
 
 
@@ -205,6 +211,7 @@ def _asked(
     settings: EditSettings | None,
     strategy: Strategy | None,
     features: FeatureExtractor | None,
+    ranks: Ranks = ALONE,
 ) -> tuple[Request, Strategy]:
     """What is to be done, with every default filled in. Raises what `edit_steps` raises."""
     settings, strategy = settings or EditSettings(), strategy or find_strategy(DEFAULT)()
@@ -213,6 +220,7 @@ def _asked(
             f"{strategy!r} is no strategy: give an instance of a dataclass, as in SinglePass()"
         )
     check_strategy(strategy)
+    editor = with_ranks(editor, ranks)
     if asks_editor(strategy):
         editor.check(prompt)
     elif settings.region == "auto" and not _follows(editor, prompt):
@@ -236,7 +244,7 @@ def _asked(
     scene = scene if coarse is None else coarse.scene
     request = Request(
         scene, prompt, views, held_out, editor, settings, features, generator, coarse,
-        uses_all_views(strategy),
+        uses_all_views(strategy), ranks,
     )  # fmt: skip
     return request, strategy
 

@@ -32,7 +32,7 @@ def stub_fit(monkeypatch, *, end: BaseException | None = None, checkpoints: int 
     """Replace the fit by one that yields an event, checkpoints, and then a result or an error."""
     given = {}
 
-    def fit_steps(dataset, settings, *, generator, start=None, resume=None):
+    def fit_steps(dataset, settings, *, generator, start=None, resume=None, ranks=None):
         given.update(settings=settings, start=start, seed=generator.initial_seed(), resume=resume)
         result = stub_scene()
         yield Event("fit", 1.0, 1, 2, 0.5, 0.1)

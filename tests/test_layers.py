@@ -30,6 +30,7 @@ ORDER = {
         "diffusion",
         "views",
         "words",
+        "ranks",
         "errors",
     ),
     "rasterizer": (

@@ -13,6 +13,7 @@ from torch import Tensor
 from gsedit.consistency.correspond import Correspondences
 from gsedit.diffusion.predictor import Predictor
 from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings
+from gsedit.ranks import Ranks
 from gsedit.views.padding import PadMode
 from gsedit.words.understanding import Understanding
 
@@ -72,7 +73,8 @@ class Capabilities:
     there is none. A denoiser's own record leaves it None: the editor around it fills it in."""
     with_micro_batch: Callable[[int], Denoiser] | None = None
     """The same denoiser with that many views in one pass of its network; the predictions are equal
-    but for rounding. None where no network is run: then memory is not measured."""
+    but for rounding. It draws nothing in `condition`: the views may be shared out over ranks. None
+    where no network is run: then memory is not measured, and views are not shared out."""
     coarse: Callable[[Float[Tensor, "v c y x"]], Float[Tensor, "v c y x"]] | None = None
     """Of a change of latents, the part that corresponding cells can agree on: matches are exact to
     half a cell, and detail averaged at that precision is lost. Linear, view by view. None: all of
@@ -103,6 +105,9 @@ class Capabilities:
     with_subject: Callable[[Float[Tensor, "v h w"]], Denoiser] | None = None
     """The same denoiser for pictures whose subject is where this probability says (as many views,
     in the same order). None where a denoiser cannot be told."""
+    with_ranks: Callable[[Ranks], Editor] | None = None
+    """The same editor with its views shared out over several processes. None where that is not
+    possible: then rank 0 edits, and the others receive the pictures."""
 
 
 @runtime_checkable

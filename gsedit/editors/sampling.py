@@ -32,6 +32,7 @@ from gsedit.diffusion.predictions import Prediction
 from gsedit.diffusion.schedules import Schedule
 from gsedit.editors.protocol import Capabilities, Denoiser, EditBatch, EditProgress
 from gsedit.errors import UsageError
+from gsedit.ranks import ALONE, Ranks
 from gsedit.views.padding import pad_to, pad_to_multiple, round_up
 
 
@@ -40,6 +41,8 @@ class DiffusionEditor:
     """An Editor: the regularised sampler over one denoiser."""
 
     denoiser: Denoiser
+    ranks: Ranks = ALONE
+    """Among which views are shared out, if the denoiser runs a network."""
 
     @property
     def name(self) -> str:
@@ -51,8 +54,12 @@ class DiffusionEditor:
 
     @property
     def capabilities(self) -> Capabilities:
-        """The denoiser's, and the denoiser itself."""
-        return replace(self.denoiser.capabilities, denoiser=self.denoiser)
+        """The denoiser's, the denoiser itself, and that views can be shared out."""
+        return replace(
+            self.denoiser.capabilities,
+            denoiser=self.denoiser,
+            with_ranks=lambda ranks: replace(self, ranks=ranks),
+        )
 
     def check(self, prompt: str) -> None:
         """Raise UsageError if the denoiser cannot follow the instruction."""
@@ -75,17 +82,20 @@ class DiffusionEditor:
             yield EditProgress(settings.steps, settings.steps, batch.images.clone())
             return
         whole = padded(batch, self.denoiser)
-        free = slice(None) if batch.anchored is None else ~batch.anchored
-        denoiser = told(self.denoiser, None if whole.subject is None else whole.subject[free])
-        z0, anchor = _encoded(whole, self.denoiser)
+        ranks = sharing(self.denoiser, self.ranks)
+        free = _free(batch)
+        mine = free[ranks.share(len(free))]
+        denoiser = told(self.denoiser, None if whole.subject is None else whole.subject[mine])
+        z0, anchor = _encoded(whole, self.denoiser, ranks)
         agree, share = _hooks(whole, settings, self.capabilities)
         noise = torch.randn(z0.shape, generator=generator, dtype=z0.dtype)
-        condition = denoiser.condition(whole.originals[free], batch.prompt, generator)
         start = levels_of(self.denoiser.schedule, settings)[0]
         x = add_noise(z0, settings.noise_scale * share(noise), start)
-        counted = Counted(
-            prepared(denoiser, x[free], whole.originals[free], batch.prompt, settings)
-        )
+        condition = None
+        if len(mine):
+            condition = denoiser.condition(whole.originals[mine], batch.prompt, generator)
+        sized = prepared(denoiser, x[mine], whole.originals[mine], batch.prompt, settings, ranks)
+        counted = Counted(sized if ranks.size == 1 else Shared(sized, ranks))
         steps = sample(
             counted,
             condition,
@@ -100,17 +110,8 @@ class DiffusionEditor:
             x = step.x
             if step.step < step.steps:
                 yield EditProgress(step.step, step.steps, evaluations=counted.evaluations)
-        images = self._decoded(x, batch)
+        images = _completed(batch, ranks.rows(self.denoiser.decode, x[free]))
         yield EditProgress(settings.steps, settings.steps, images, counted.evaluations)
-
-    def _decoded(self, x: Float[Tensor, "v c y x"], batch: EditBatch) -> Float[Tensor, "v h w 3"]:
-        """The edited pictures in [0, 1]; anchored ones as they are."""
-        height, width = batch.images.shape[1:3]
-        free = slice(None) if batch.anchored is None else ~batch.anchored
-        edited = batch.images.clone()
-        images = self.denoiser.decode(x[free])[:, :height, :width]
-        edited[free] = images.clamp(0, 1).to(edited.dtype)
-        return edited
 
 
 class Counted:
@@ -141,6 +142,44 @@ class Counted:
         return self._predictor.branches(x, t, condition, need)
 
 
+class Shared:
+    """A predictor whose views are shared out over ranks: each predicts its own from their
+    condition, and all get all predictions."""
+
+    def __init__(self, predictor: Predictor, ranks: Ranks) -> None:
+        self._predictor, self._ranks = predictor, ranks
+
+    @property
+    def name(self) -> str:
+        return self._predictor.name
+
+    @property
+    def schedule(self) -> Schedule:
+        return self._predictor.schedule
+
+    @property
+    def predicts(self) -> Prediction:
+        return self._predictor.predicts
+
+    def branches(
+        self, x: Float[Tensor, "v c y x"], t: float, condition: Any, need: Need
+    ) -> Branches:
+        """The predictor's, of the views of all ranks; `condition` is of this rank's views."""
+
+        def predict(mine: Float[Tensor, "n c y x"]) -> Float[Tensor, "n b c y x"]:
+            predicted = self._predictor.branches(mine, t, condition, need)
+            return torch.stack([branch for branch in predicted if branch is not None], 1)
+
+        predicted = iter(self._ranks.rows(predict, x).unbind(1))
+        return Branches(*(next(predicted) if needed else None for needed in need))
+
+
+def sharing(denoiser: Denoiser, ranks: Ranks) -> Ranks:
+    """The ranks among which views are shared out: `ALONE` unless the denoiser runs a network (it
+    declares with_micro_batch). All ranks then do the same, in less time than a message takes."""
+    return ranks if denoiser.capabilities.with_micro_batch else ALONE
+
+
 def told(denoiser: Denoiser, subject: Float[Tensor, "v H W"] | None) -> Denoiser:
     """The denoiser, told where the subject is in these views if it can be."""
     with_subject = denoiser.capabilities.with_subject
@@ -153,16 +192,21 @@ def prepared(
     originals: Float[Tensor, "v h w 3"],
     prompt: str,
     settings: SamplerSettings,
+    ranks: Ranks = ALONE,
 ) -> Predictor:
     """The denoiser with as many views in a pass as fit in memory, and in bfloat16 if that is exact
     enough (see gsedit.diffusion.precision).
 
     A denoiser that runs a network (with_micro_batch is declared) is measured on the first view:
-    the memory of a pass and of a decoding, and the error of bfloat16. Others are left alone.
+    the memory of a pass and of a decoding, and the error of bfloat16. Others are left alone. Ranks
+    of one machine share its memory, and all compute in the precision that rank 0 finds; a rank
+    may have no view.
     """
     with_micro_batch = denoiser.capabilities.with_micro_batch
     if with_micro_batch is None:
         return denoiser
+    if not len(x):
+        return InBfloat16(denoiser) if ranks.first(False) else denoiser
     first = levels_of(denoiser.schedule, settings)[0]
     condition = denoiser.condition(originals[:1], prompt, torch.Generator())
 
@@ -171,8 +215,8 @@ def prepared(
 
     held = max(peak_bytes(lambda: guided(denoiser)), peak_bytes(lambda: denoiser.decode(x[:1])))
     chosen = with_precision(denoiser, guided, settings.precision)
-    sized = with_micro_batch(views_at_once(len(x), held, settings.memory))
-    return sized if chosen is denoiser else InBfloat16(sized)
+    sized = with_micro_batch(views_at_once(len(x), held * ranks.local, settings.memory))
+    return InBfloat16(sized) if ranks.first(chosen is not denoiser) else sized
 
 
 def padded(batch: EditBatch, denoiser: Denoiser) -> EditBatch:
@@ -218,17 +262,33 @@ def _padded_labels(
     return pad_to(labels, rows, columns, "constant", value=-1)
 
 
+def _free(batch: EditBatch) -> Int[Tensor, " n"]:
+    """Indices of the views that are not anchored."""
+    every = torch.arange(len(batch.images))
+    return every if batch.anchored is None else every[~batch.anchored]
+
+
+def _completed(batch: EditBatch, decoded: Float[Tensor, "n H W 3"]) -> Float[Tensor, "v h w 3"]:
+    """The edited pictures in [0, 1], of the free views; anchored ones as they are."""
+    height, width = batch.images.shape[1:3]
+    images = batch.images.clone()
+    images[_free(batch)] = decoded[:, :height, :width].clamp(0, 1).to(images.dtype)
+    return images
+
+
 def _encoded(
-    batch: EditBatch, denoiser: Denoiser
+    batch: EditBatch, denoiser: Denoiser, ranks: Ranks
 ) -> tuple[Float[Tensor, "v c y x"], Anchor | None]:
     """(clean latents, those of the anchored views as finished edits)."""
-    z0 = denoiser.encode(batch.images)
+    z0 = ranks.rows(denoiser.encode, batch.images)
     anchored: Bool[Tensor, " v"] | None = batch.anchored
     if anchored is None or not anchored.any():
         return z0, None
     z0 = z0.clone()
-    z0[anchored] = denoiser.encode_edited(
-        batch.images[anchored], batch.originals[anchored], batch.prompt
+    z0[anchored] = ranks.rows(
+        lambda images, originals: denoiser.encode_edited(images, originals, batch.prompt),
+        batch.images[anchored],
+        batch.originals[anchored],
     )
     return z0, Anchor(anchored, z0)
 

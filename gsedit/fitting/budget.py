@@ -2,21 +2,36 @@
 
 from __future__ import annotations
 
+from gsedit.ranks import ALONE, Ranks
 from gsedit.reports.stopwatch import Stopwatch
 
 
 class Budget:
     """Counts `step` and runs from its construction; None: no limit of that kind.
 
-    `step` and `spent` seconds were done before.
+    `step` and `spent` seconds were done before. Of several ranks the clock of rank 0 decides, read
+    after each step.
     """
 
     def __init__(
-        self, steps: int | None, seconds: float | None, *, step: int = 0, spent: float = 0.0
+        self,
+        steps: int | None,
+        seconds: float | None,
+        *,
+        step: int = 0,
+        spent: float = 0.0,
+        ranks: Ranks = ALONE,
     ) -> None:
-        self._steps, self._seconds = steps, seconds
+        self._steps, self._seconds, self._ranks = steps, seconds, ranks
         self._stopwatch = Stopwatch(spent)
+        self._read = spent
         self.step = step
+
+    def count_step(self) -> None:
+        """A step is done. Raises LostRankError."""
+        self.step += 1
+        if self._seconds is not None and self._ranks.size > 1:
+            self._read = self._ranks.first(self.seconds)
 
     @property
     def seconds(self) -> float:
@@ -27,7 +42,8 @@ class Budget:
     def progress(self) -> float:
         """Fraction of the budget that is spent: of the steps or of the seconds, the larger."""
         by_step = 0.0 if self._steps is None else self.step / self._steps
-        by_time = 0.0 if self._seconds is None else self.seconds / self._seconds
+        seconds = self.seconds if self._ranks.size == 1 else self._read
+        by_time = 0.0 if self._seconds is None else seconds / self._seconds
         return max(by_step, by_time)
 
     @property

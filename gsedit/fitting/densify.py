@@ -35,15 +35,15 @@ class ScreenGradients:
     """Mean positional gradient of each Gaussian, as seen on screen. Grows with every picture."""
 
     def __init__(self, count: int) -> None:
-        self._total, self._pictures = torch.zeros(count), torch.zeros(count)
+        self.total, self.pictures = torch.zeros(count), torch.zeros(count)
 
     def state(self) -> dict[str, Tensor]:
         """What was counted; not a copy."""
-        return {"total": self._total, "pictures": self._pictures}
+        return {"total": self.total, "pictures": self.pictures}
 
     def load_state(self, state: Mapping[str, Tensor]) -> None:
         """Go on counting where another was."""
-        self._total, self._pictures = state["total"].clone(), state["pictures"].clone()
+        self.total, self.pictures = state["total"].clone(), state["pictures"].clone()
 
     @torch.no_grad()
     def add(self, gradient: Float[Tensor, "n 3"], scene: Gaussians, camera: Camera) -> None:
@@ -53,13 +53,18 @@ class ScreenGradients:
         pose = camera.world_to_camera.to(scene.means)
         depth = scene.means @ pose[2, :3] + pose[2, 3]
         size = gradient.norm(dim=-1) * depth.abs() / camera.fx * (camera.width / 2)
-        self._total += size
-        self._pictures += size > 0
+        self.total += size
+        self.pictures += size > 0
+
+    def include(self, other: ScreenGradients) -> None:
+        """Count the pictures of another, of the same Gaussians."""
+        self.total += other.total
+        self.pictures += other.pictures
 
     @property
     def mean(self) -> Float[Tensor, " n"]:
         """Over the pictures in which the Gaussian had a gradient; 0 if there were none."""
-        return self._total / self._pictures.clamp_min(1)
+        return self.total / self.pictures.clamp_min(1)
 
 
 @torch.no_grad()

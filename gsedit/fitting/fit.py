@@ -9,9 +9,12 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from math import sqrt
 from typing import Any
 
 import torch
+from jaxtyping import Float, Int
+from torch import Tensor
 
 from gsedit.errors import UsageError
 from gsedit.files.state import State, check_same, digest
@@ -23,6 +26,7 @@ from gsedit.fitting.settings import FitSettings
 from gsedit.measures import losses
 from gsedit.measures.decibels import rmse_from_psnr
 from gsedit.measures.metrics import psnr
+from gsedit.ranks import ALONE, Ranks
 from gsedit.reports.events import Checkpoint, Event
 from gsedit.reports.json_lines import plain
 from gsedit.views.dataset import Dataset, View
@@ -70,12 +74,14 @@ def fit_steps(
     generator: torch.Generator,
     start: Gaussians | None = None,
     resume: State | None = None,
+    ranks: Ranks = ALONE,
 ) -> Iterator[Event | Checkpoint | FitResult]:
     """Fit a scene; yields progress, checkpoints now and then, and last the result.
 
     Every 8th view is never trained on. With the state of a checkpoint, the same fit goes on from
-    there, with what is left of its budget. Raises UsageError if there is nothing to train on, or
-    for the state of another fit.
+    there, with what is left of its budget. Every one of several `ranks` is given the same and
+    yields the same. Raises UsageError if there is nothing to train on, or for the state of another
+    fit.
     """
     settings = settings or FitSettings()
     train, held_out = dataset.split()
@@ -83,14 +89,16 @@ def fit_steps(
         raise UsageError(
             f"{len(dataset)} view(s) are too few to fit: every 8th is held out; add photos"
         )
+    settings = replace(settings, batch=settings.batch or ranks.size)
     asked = requested(dataset, settings, generator, start)
+    ranks.check_same("what is fitted", [asked])
     if resume is not None:
         check_same(asked, resume.record["request"], "fit")
         start = optimised_scene(resume.within("optimiser"))
     if start is None:
         start = initial_scene(dataset, settings.sh_degree, generator)
     extent = _camera_extent(dataset.views)
-    work = _Fit(start, train, held_out, extent, settings, generator, asked)
+    work = _Fit(start, train, held_out, extent, settings, generator, asked, ranks)
     del start  # the optimiser has copies
     if resume is not None:
         work.load_state(resume)
@@ -118,10 +126,21 @@ def fit(
 
 
 @torch.no_grad()
-def evaluate(scene: Gaussians, views: tuple[View, ...], execution: Execution = AUTO) -> float:
+def evaluate(
+    scene: Gaussians,
+    views: tuple[View, ...],
+    execution: Execution = AUTO,
+    ranks: Ranks = ALONE,
+) -> float:
     """Mean PSNR over views, dB; infinite where all are equal."""
-    pictures = (render(scene, v.camera, execution=execution).color.clamp(0, 1) for v in views)
-    return sum(psnr(picture, v.image) for picture, v in zip(pictures, views)) / len(views)
+
+    def measured(rows: Int[Tensor, " v"]) -> Float[Tensor, " v"]:
+        chosen = [views[i] for i in rows.tolist()]
+        pictures = (render(scene, v.camera, execution=execution).color.clamp(0, 1) for v in chosen)
+        decibels = [psnr(picture, v.image) for picture, v in zip(pictures, chosen)]
+        return torch.tensor(decibels, dtype=torch.float64)
+
+    return sum(ranks.rows(measured, torch.arange(len(views))).tolist()) / len(views)
 
 
 class _Fit:
@@ -130,11 +149,14 @@ class _Fit:
     def __init__(
         self, scene: Gaussians, train: tuple[View, ...], held_out: tuple[View, ...],
         extent: float, settings: FitSettings, generator: torch.Generator, asked: dict[str, Any],
+        ranks: Ranks,
     ) -> None:  # fmt: skip
-        self.asked = asked
-        self.budget = Budget(settings.steps, settings.seconds)
+        self.asked, self.ranks = asked, ranks
+        self.budget = Budget(settings.steps, settings.seconds, ranks=ranks)
         self.settings, self.generator, self.held_out = settings, generator, held_out
-        self.optimiser = SceneOptimiser(scene, {**RATES, "means": RATES["means"] * extent})
+        self.batch = settings.batch or 1
+        rates = {**RATES, "means": RATES["means"] * extent}
+        self.optimiser = SceneOptimiser(scene, {k: v * sqrt(self.batch) for k, v in rates.items()})
         factors = (1, *(factor for _, factor in settings.coarse))
         self.pyramid = {f: tuple(_shrunk(view, f) for view in train) for f in factors}
         self.gradients = ScreenGradients(len(scene))
@@ -164,28 +186,46 @@ class _Fit:
         self.gradients.load_state(state.within("gradients"))
         self.generator.set_state(state.tensors["generator"])
         step, spent = record["step"], record["seconds"]
-        self.budget = Budget(settings.steps, settings.seconds, step=step, spent=spent)
+        self.budget = Budget(
+            settings.steps, settings.seconds, step=step, spent=spent, ranks=self.ranks
+        )
         for name in PLAIN:
             setattr(self, name, record[name])
         self.curve = [(seconds, decibels) for seconds, decibels in record["curve"]]
 
     def step(self) -> None:
-        """One optimiser step on one photo."""
-        settings, optimiser, view = self.settings, self.optimiser, self._next_view()
+        """One optimiser step on a batch of photos, of which every rank renders its share."""
+        optimiser, ranks = self.optimiser, self.ranks
         scene = optimiser.scene
         # photos are opaque: in front of a random colour, every hole in the scene costs
-        background = torch.rand(3, generator=self.generator)
+        photos = [
+            (self._next_view(), torch.rand(3, generator=self.generator)) for _ in range(self.batch)
+        ]
+        seen, loss = ScreenGradients(len(scene)), torch.zeros(())
+        before = torch.zeros_like(scene.means)
+        for view, background in photos[ranks.share(self.batch)]:
+            one = self._loss(scene, view, background)
+            one.backward()
+            loss += one.detach()
+            sum_so_far = optimiser.gradient("means")
+            seen.add(sum_so_far - before, scene, view.camera)
+            before = sum_so_far.clone()
+        optimiser.add_up(ranks, seen.total, seen.pictures, loss)
+        self.gradients.include(seen)
+        optimiser.step({k: v**self.budget.progress for k, v in FINAL_RATE.items()})
+        self.budget.count_step()
+        self._count_loss(loss.item() / self.batch)
+
+    def _loss(self, scene: Gaussians, view: View, background: Float[Tensor, "3"]) -> Tensor:
+        """Of one photo."""
+        settings = self.settings
         picture = render(
             scene, view.camera, background=background, execution=settings.execution
         ).color
         loss = (1 - settings.dssim_weight) * losses.l1(picture, view.image)
         if settings.dssim_weight:
             loss = loss + settings.dssim_weight * losses.dssim(picture, view.image)
-        loss.backward()
-        self.gradients.add(optimiser.gradient("means"), scene, view.camera)
-        optimiser.step({k: v**self.budget.progress for k, v in FINAL_RATE.items()})
-        self.budget.step += 1
-        self._count_loss(loss.item())
+        return loss
 
     def _count_loss(self, value: float) -> None:
         """The running mean starts at the first value."""
@@ -243,7 +283,7 @@ class _Fit:
         yield FitResult(scene, self.curve[-1][1], steps, seconds, tuple(self.curve))
 
     def _measure(self, scene: Gaussians) -> Event:
-        decibels = evaluate(scene, self.held_out, self.settings.execution)
+        decibels = evaluate(scene, self.held_out, self.settings.execution, self.ranks)
         self.curve.append((self.budget.seconds, decibels))
         note = f"{len(scene):,} Gaussians, {decibels:.2f} dB"
         return self._event("measure", note, rmse_from_psnr(decibels))

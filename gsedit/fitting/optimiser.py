@@ -14,6 +14,7 @@ from torch import Tensor
 
 from gsedit.fitting.anchors import Anchors
 from gsedit.fitting.row_adam import RowAdam
+from gsedit.ranks import Ranks
 from rasterizer.numerics import SH_DC
 from rasterizer.scene import Gaussians
 
@@ -77,6 +78,32 @@ class SceneOptimiser:
         """Gradient of one field after a backward pass; zeros if there is none."""
         leaf = self._leaves[name]
         return torch.zeros_like(leaf) if leaf.grad is None else leaf.grad
+
+    def add_up(self, ranks: Ranks, *more: Tensor) -> None:
+        """Sum the gradients of the next step over the ranks, and with them `more`, in place.
+
+        Ranks may have drawn other rows, or none. Raises LostRankError.
+        """
+        if ranks.size == 1:
+            return
+        rows, leaves = self._drawn or (None, self._leaves)
+        if rows is None:
+            idle = all(leaf.grad is None for leaf in leaves.values())
+            rows = torch.arange(0 if idle else len(self))
+        every = ranks.union(rows, len(self))
+        places = torch.searchsorted(every, rows)
+        summed = {}
+        for name, leaf in leaves.items():
+            summed[name] = leaf.new_zeros(len(every), *leaf.shape[1:])
+            if leaf.grad is not None:
+                summed[name][places] = leaf.grad
+        ranks.add_up([*summed.values(), *more])
+        if self._drawn or len(every) < len(self):
+            self._adam.settle(self._leaves, every)
+            leaves = {name: torch.zeros_like(gradient) for name, gradient in summed.items()}
+            self._drawn = every, leaves
+        for name, leaf in leaves.items():
+            leaf.grad = summed[name]
 
     def step(
         self, scale: Mapping[str, float] | float = 1.0, only: Bool[Tensor, " n"] | None = None

@@ -82,6 +82,9 @@ class FitSettings:
     """Optimiser steps; None: as many as the time allows."""
     seconds: float | None = 600.0
     """Wall-clock seconds; None: until the steps are done."""
+    batch: int | None = None
+    """Photos in a step; their gradients are summed, and the learning rates are multiplied by the
+    square root of their number. None: one a rank, which is 1 without torchrun."""
     sh_degree: int = 1
     """Degree of the spherical harmonics, 0 to 3; higher ones cost time and memorise exposure."""
     coarse: tuple[tuple[float, int], ...] = ((0.08, 4), (0.3, 2))
@@ -118,6 +121,8 @@ class FitSettings:
             value = getattr(self, name)
             if value is not None and not value > 0:
                 raise UsageError(f"the budget in {name} is {value}: give a number above 0")
+        if self.batch is not None and self.batch < 1:
+            raise UsageError(f"batch is {self.batch}: give 1 or more")
         if not 0 <= self.sh_degree <= 3:
             raise UsageError(f"SH degree {self.sh_degree} is not in 0 to 3, what .ply files hold")
         for name in ("max_gaussians", "densify_every", "report_every", "evaluations"):

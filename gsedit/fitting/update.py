@@ -15,6 +15,7 @@ from gsedit.fitting.optimiser import SceneOptimiser
 from gsedit.fitting.random_crops import cut, random_patch, shown_at
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.measures.features import FeatureExtractor
+from gsedit.ranks import ALONE, Ranks
 from gsedit.views.dataset import View
 from gsedit.views.image_ops import downscale
 
@@ -60,6 +61,7 @@ def update_steps(
     generator: torch.Generator,
     crops: ExactCrops | None = None,
     shown: Sequence[Bool[Tensor, "h w"]] | None = None,
+    ranks: Ranks = ALONE,
 ) -> Iterator[float]:
     """Fit the scene to random patches of the edited views; yields the loss of every step.
 
@@ -67,7 +69,8 @@ def update_steps(
     negative base colours are raised before the round's first step. The learning rates fall linearly
     over the round. Of large targets, the first steps use smaller copies. `crops` draws the scene
     (None: renders it). Where it is given what is `shown` of a region in each target, the patches
-    are those in which it shows.
+    are those in which it shows. All ranks choose the same patches, each draws its share of them,
+    and the gradients are summed.
     """
     crops = crops or ExactCrops()
     if span.start == 0:
@@ -81,13 +84,18 @@ def update_steps(
         patches = [
             random_patch(views, show, settings.patch, generator) for _ in range(settings.patches)
         ]
-        rendered = crops.draw(optimiser, patches)
-        expected = torch.stack([cut(v.image, box) for v, box in patches])
         terms = chosen_terms(settings, generator)
-        loss = edit_loss(rendered, expected, terms, features)
-        loss.backward()
+        whole_loss = torch.zeros(())
+        if mine := patches[ranks.share(len(patches))]:
+            rendered = crops.draw(optimiser, mine)
+            expected = torch.stack([cut(v.image, box) for v, box in mine])
+            loss = edit_loss(rendered, expected, terms, features)
+            loss = loss * (len(mine) / len(patches))  # a mean over patches: shares add up to it
+            loss.backward()
+            whole_loss += loss.detach()
+        optimiser.add_up(ranks, whole_loss)
         optimiser.step(rate_scale(step, steps), only=seen)
-        yield loss.item()
+        yield whole_loss.item()
 
 
 def rate_scale(step: int, steps: int) -> float:

@@ -43,6 +43,7 @@ def fit_targets(
             session.request.generator,
             session.crops,
             shown,
+            session.request.ranks,
         )
         for step, loss in enumerate(losses, start=done + span.start + 1):
             session.work.steps += 1

@@ -8,6 +8,7 @@ import torch
 
 from gsedit.editors.protocol import Editor
 from gsedit.measures.features import FeatureExtractor
+from gsedit.ranks import ALONE, Ranks
 from gsedit.session.settings import EditSettings
 from gsedit.views.coarse import Coarse
 from gsedit.views.dataset import View
@@ -33,6 +34,8 @@ class Request:
     """Of a large scene: its cells, which are the `scene` here, and the scene itself."""
     all_views: bool = False
     """Whether the strategy edits or renders all of `views`, not only those of the plan."""
+    ranks: Ranks = ALONE
+    """Among which the work is shared out; each has the whole session."""
 
     @property
     def whole(self) -> Gaussians:

@@ -15,8 +15,10 @@ def run_schedule(session: Session, schedule: Iterator[Action]) -> Iterator[Event
     """The actions of the schedule that are not done yet, in order.
 
     Yields a checkpoint between actions when the settings' `checkpoint_seconds` have passed since
-    the last one, when asking the 2D editor fails or is interrupted, and at the end.
+    the last one, when asking the 2D editor fails or is interrupted, and at the end. Raises
+    GseditError where ranks no longer take the same decisions.
     """
+    request = session.request
     kept, done = session.stopwatch.seconds, session.work.actions
     for action in islice(schedule, session.work.actions, None):
         due = session.stopwatch.seconds - kept >= session.settings.checkpoint_seconds
@@ -25,6 +27,7 @@ def run_schedule(session: Session, schedule: Iterator[Action]) -> Iterator[Event
             yield checkpoint(session)
         yield from _whole(action, session) if isinstance(action, LeavesScene) else action(session)
         session.work.actions += 1
+        request.ranks.check_same("the work", (session.work, request.generator.get_state()))
     if session.work.actions > done:
         yield checkpoint(session)
 

@@ -24,7 +24,7 @@ def stub_edit(monkeypatch, *, end: BaseException | None = None):
     given = {}
 
     def edit_steps(
-        scene, prompt, *, dataset, editor, settings, strategy, features, generator, resume
+        scene, prompt, *, dataset, editor, settings, strategy, features, generator, resume, ranks
     ):
         given.update(prompt=prompt, settings=settings, dataset=dataset, resume=resume)
         update = Event("update", 1.0, 1, 2, 0.5, 0.1)

@@ -27,7 +27,7 @@ VERBS = (
     "looks",
     "doctor",
 )
-BENCHMARKS = ("rasterizer", "stability", "targets", "sampler", "paper", "scale")
+BENCHMARKS = ("rasterizer", "stability", "targets", "sampler", "paper", "scale", "ranks")
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from gsedit.diffusion import SamplerSettings
 from gsedit.editors.protocol import Capabilities, EditBatch, EditProgress
 from gsedit.editors.sampling import DiffusionEditor
 from gsedit.editors.small.denoiser import Small
+from gsedit.ranks import ALONE, Ranks
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,6 +20,8 @@ class SmallEditor:
     scene's pass. The network was trained on both at once too, and mostly applies only one."""
 
     small: Small
+    ranks: Ranks = ALONE
+    """Among which views are shared out."""
 
     @property
     def name(self) -> str:
@@ -30,7 +33,9 @@ class SmallEditor:
 
     @property
     def capabilities(self) -> Capabilities:
-        return self._sampler.capabilities
+        return replace(
+            self._sampler.capabilities, with_ranks=lambda ranks: replace(self, ranks=ranks)
+        )
 
     def check(self, prompt: str) -> None:
         """Raise UsageError if it cannot follow the instruction."""
@@ -70,4 +75,4 @@ class SmallEditor:
 
     @property
     def _sampler(self) -> DiffusionEditor:
-        return DiffusionEditor(self.small)
+        return DiffusionEditor(self.small, self.ranks)
