@@ -12,8 +12,9 @@ import pytest
 import rank_worker
 import torch
 
-from gsedit.files import load, save
+from gsedit.files import save
 from gsedit.files.cameras import write_beside
+from gsedit.files.state import load_state
 from gsedit.ranks import ALONE, join
 
 TESTS = Path(__file__).parent
@@ -106,7 +107,9 @@ def test_a_rank_that_is_killed_ends_the_edit_with_its_name_and_the_checkpoint(tm
     save(scene, tmp_path / "scene.ply")
     write_beside(tmp_path / "scene.ply", data.views)
     out = tmp_path / "out"
-    (tmp_path / "sitecustomize.py").write_text(DIES.format(checkpoint=str(out / "checkpoint.ply")))
+    (tmp_path / "sitecustomize.py").write_text(
+        DIES.format(checkpoint=str(out / "checkpoint.safetensors"))
+    )
     torchrun = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"]
     edit = f"-m gsedit_cli edit {tmp_path / 'scene.ply'} gold --region all --size 32 -o {out}"
     options = "--views 1 --rounds 1 --update-steps 3000 --steps 2 --checkpoint-seconds 0"
@@ -119,6 +122,6 @@ def test_a_rank_that_is_killed_ends_the_edit_with_its_name_and_the_checkpoint(tm
     )
     assert ended.returncode
     said = [line for line in ended.stderr.splitlines() if line.startswith("gsedit: ")]
-    assert f"the last complete checkpoint is {out / 'checkpoint.ply'}" in " ".join(said)
+    assert f"the last complete checkpoint is {out / 'checkpoint.safetensors'}" in " ".join(said)
     assert "rank 1 of 2 ended without a word" in said[-1]
-    assert len(load(out / "checkpoint.ply")) == len(scene)
+    assert load_state(out / "checkpoint.safetensors").tensors
