@@ -107,9 +107,8 @@ def test_a_rank_that_is_killed_ends_the_edit_with_its_name_and_the_checkpoint(tm
     save(scene, tmp_path / "scene.ply")
     write_beside(tmp_path / "scene.ply", data.views)
     out = tmp_path / "out"
-    (tmp_path / "sitecustomize.py").write_text(
-        DIES.format(checkpoint=str(out / "checkpoint.safetensors"))
-    )
+    checkpoint = out / "checkpoint.safetensors"
+    (tmp_path / "sitecustomize.py").write_text(DIES.format(checkpoint=str(checkpoint)))
     torchrun = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"]
     edit = f"-m gsedit_cli edit {tmp_path / 'scene.ply'} gold --region all --size 32 -o {out}"
     options = "--views 1 --rounds 1 --update-steps 3000 --steps 2 --checkpoint-seconds 0"
@@ -122,6 +121,6 @@ def test_a_rank_that_is_killed_ends_the_edit_with_its_name_and_the_checkpoint(tm
     )
     assert ended.returncode
     said = [line for line in ended.stderr.splitlines() if line.startswith("gsedit: ")]
-    assert f"the last complete checkpoint is {out / 'checkpoint.safetensors'}" in " ".join(said)
+    assert f"the last complete checkpoint is {checkpoint}" in " ".join(said)
     assert "rank 1 of 2 ended without a word" in said[-1]
-    assert load_state(out / "checkpoint.safetensors").tensors
+    assert load_state(checkpoint).tensors
