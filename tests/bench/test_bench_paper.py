@@ -119,7 +119,7 @@ def test_a_run_records_its_curve_outside_its_clock(done):
     assert [(event.step, event.steps) for event in events] == [(k, 4) for k in (1, 2, 3, 4)]
     first = read_record(where / "runs" / f"{found[0].runs[0].key}.json")
     assert first.curve[0].seconds < 0.05  # the pictures that are right are made before
-    assert [point.steps for point in first.curve] == [0, 0, 10, 12]
+    assert [point.steps for point in first.curve] == [0, 10, 12]
     assert first.curve[-1].calls == 3
     assert first.curve[-1].evaluations == 3 * 3 * 20
     assert 0 < first.curve[-1].editing < first.curve[-1].seconds

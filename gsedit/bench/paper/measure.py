@@ -23,7 +23,7 @@ from gsedit.editors.looks.recipe import parse
 from gsedit.errors import UsageError
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.reports.stopwatch import Stopwatch
-from gsedit.session.actions import Action, EditViews
+from gsedit.session.actions import Action
 from gsedit.session.edit_views import MEASURE, match_views, sample_views
 from gsedit.session.held_out import shown_views
 from gsedit.session.result import EditResult
@@ -103,13 +103,12 @@ class _Observed:
 
     def schedule(self, session: Session) -> Iterator[Action]:
         self.observer.begin(session)
-        last = None
         for action in self.strategy.schedule(session):
-            if last is not None:
-                self.observer.look(session, due=isinstance(last, EditViews))
+            if session.work.actions:  # not where the schedule is only counted through
+                self.observer.look(session)
             yield action
-            last = action
-        self.observer.look(session, due=True)
+        if session.work.actions:
+            self.observer.look(session, due=True)
 
 
 @dataclass(eq=False)
@@ -141,10 +140,10 @@ class _Observer:
         # where nothing is shown no Gaussian can follow an edit of the background
         shown = torch.stack([r.alpha for r in renderings])[..., None]
         self.truths = torch.lerp(unedited.expand_as(right), right, shown.expand_as(right))
-        self._clock = Stopwatch()
+        self.points, self._spent, self._clock = [], 0.0, Stopwatch()
         self.look(session, due=True)
 
-    def look(self, session: Session, *, due: bool) -> None:
+    def look(self, session: Session, *, due: bool = False) -> None:
         """A point of the curve, if it is due."""
         if not due and session.work.steps < self._next:
             return
