@@ -91,6 +91,8 @@ def edit(
 
     gsedit edit scene.ply "turn it into a bronze statue" --data photos/ -o out
 
+    SCENE may be the folder of an edit, to edit its scene further; edit.json then tells the history.
+
     The folder gets scene.ply, cameras.json (where its views were taken from), views.json (the same
     and which were edited), region.npy (where the edit belongs), targets/ and held_out/ (edited
     views), edit.json (settings, versions, timings), metrics.jsonl (a line an event),
@@ -100,6 +102,7 @@ def edit(
     kept = {"editor": editor, "features": features}
     state = None
     if not explain:
+        check_apart(scene, folder)
         state = of_first(lambda: going_on(folder / NAME, kept, "edit", resume=resume, force=force))
         check_folder(folder, force or state is not None, leftovers=LEFTOVERS)
     common.apply()
@@ -107,6 +110,7 @@ def edit(
     from gsedit.edit import edit_steps
     from gsedit.edit import explain as plan_of
     from gsedit.files.cameras import write_cameras
+    from gsedit.session.history import history_of
     from gsedit.strategies import asks_editor, check_strategy
 
     settings, strategy = resolve(preset, values, own_flags(edit))
@@ -129,6 +133,7 @@ def edit(
     request = {
         "scene": scene, "drop_invalid": drop_invalid, **asdict(views), "editor": editor,
         "preset": preset, "features": features, "seed": common.seed, "ranks": ranks().size,
+        **history_of(scene),
     }  # fmt: skip
     if followed and (understood := what_it_understood(editor_2d, followed)):
         print_message(understood)
@@ -177,6 +182,14 @@ def check_request(instruction: str, views: ViewOptions, out: Path | None, explai
     if out is None:
         raise UsageError("-o is missing: name a folder for the results, or add --explain")
     return out
+
+
+def check_apart(scene: Path, out: Path) -> None:
+    """Raise UsageError where the results would be written over the edit that is edited."""
+    from gsedit.errors import UsageError
+
+    if scene.absolute() == (out / "scene.ply").absolute():
+        raise UsageError(f"-o {out} is the folder of the scene that is edited: name another")
 
 
 def check_condition(condition: str, data: Path | None) -> None:

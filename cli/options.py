@@ -18,8 +18,29 @@ if TYPE_CHECKING:
 
     from rasterizer.scene import Gaussians
 
+
+def scene_file(path: Path) -> Path:
+    """The scene of the folder of an edit; any other path as it is."""
+    from gsedit.errors import UsageError
+
+    if (path / "scene.ply").is_file():
+        return path / "scene.ply"
+    if (path / "checkpoint.safetensors").is_file():
+        raise UsageError(
+            f"{path} holds an edit that was interrupted: end it with --resume, or make a scene of "
+            f"its checkpoint with gsedit recover {path} -o SCENE.ply"
+        )
+    return path
+
+
 Scene = Annotated[
-    Path, typer.Argument(metavar="SCENE", help="A Gaussian splat scene (.ply).", show_default=False)
+    Path,
+    typer.Argument(
+        metavar="SCENE",
+        help="A Gaussian splat scene (.ply), or the folder of an edit.",
+        show_default=False,
+        callback=scene_file,
+    ),
 ]
 Data = Annotated[
     Path | None,

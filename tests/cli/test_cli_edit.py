@@ -141,3 +141,32 @@ def test_photos_as_the_condition_must_be_named(scene, tmp_path):
     result = gsedit("edit", scene, "make it snow", "--condition", "photo", "-o", tmp_path / "out")
     assert result.exit_code == 2
     assert "name them with --data" in result.stderr
+
+
+def test_the_folder_of_an_edit_is_edited_further(monkeypatch, scene, tmp_path):
+    given = stub_edit(monkeypatch)
+    folders = [tmp_path / name for name in ("first", "second", "third")]
+    words = ("make it snow", "as gold", "as bronze")
+    for source, out, instruction in zip((scene, *folders), folders, words):
+        result = gsedit("edit", source, instruction, "-o", out, "--size", 16, "--seed", 5)
+        assert result.exit_code == 0, result.stderr
+    cameras = json.loads((folders[0] / "cameras.json").read_text())
+    assert [view.name for view in given["dataset"].views] == [c["img_name"] for c in cameras]
+    records = [json.loads((folder / "edit.json").read_text()) for folder in folders]
+    assert [record["first_scene"] for record in records] == [str(scene)] * 3
+    assert records[0]["history"] == []
+    assert records[1]["history"] == records[2]["history"][:1]
+    first, second = records[2]["history"]
+    assert (first["instruction"], second["instruction"]) == words[:2]
+    assert (first["editor"], first["strategy"]) == ("small", "single-pass")
+    assert first["measured"]["strength"] == 0.1
+    assert first["settings_digest"] == second["settings_digest"]
+
+    itself = gsedit("edit", folders[0], "as gold", "-o", folders[0], "-f")
+    assert itself.exit_code == 2
+    assert "name another" in itself.stderr
+    (tmp_path / "ended").mkdir()
+    (tmp_path / "ended" / "checkpoint.safetensors").write_bytes(b"")
+    ended = gsedit("info", tmp_path / "ended")
+    assert ended.exit_code == 2
+    assert "gsedit recover" in ended.stderr

@@ -1,0 +1,63 @@
+"""Kill an edit (`kill -9`) at random moments, resume it, and compare it with the uninterrupted one.
+
+python examples/kill_and_resume.py out/kills 10
+"""
+
+from __future__ import annotations
+
+import random
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import torch
+
+import gsedit
+from gsedit.files.cameras import write_cameras
+from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
+from gsedit.views.dataset import capture
+
+OPTIONS = "--size 64 --rounds 3 --steps 6 --update-steps 60 --checkpoint-seconds 1 --threads 1"
+FIELDS = ("means", "quats", "log_scales", "logit_opacities", "sh")
+
+
+def start(folder: Path, source: Path, *more: str) -> subprocess.Popen[bytes]:
+    words = ["edit", str(source), "as gold", "-o", str(folder), *OPTIONS.split(), *more]
+    program = "from gsedit_cli.main import main; main()"
+    return subprocess.Popen([sys.executable, "-c", program, *words], stderr=subprocess.DEVNULL)
+
+
+def difference(ours: Path, theirs: Path) -> float:
+    """The largest of any number of the scenes."""
+    a, b = (gsedit.load(folder / "scene.ply") for folder in (ours, theirs))
+    return max(float((getattr(a, f) - getattr(b, f)).abs().max()) for f in FIELDS)
+
+
+def main(out: Path, kills: int) -> None:
+    """Print for each kill when it was, the step that was resumed from, and the difference."""
+    scene = surface_gaussians(demo_scene(), 2000, torch.Generator().manual_seed(0))
+    source, whole = out / "scene.ply", out / "whole"
+    gsedit.save(scene, source, overwrite=True)
+    names = [f"{i:02d}" for i in range(16)]
+    views = capture(scene, ring_cameras(demo_scene(), 16, 64), names)
+    write_cameras(views, out / "cameras.json", overwrite=True)
+    began = time.monotonic()
+    start(whole, source, "-f").wait()
+    seconds = time.monotonic() - began
+    moments = random.Random(0)
+    for number in range(kills):
+        folder, moment = out / f"killed_{number}", moments.uniform(0, seconds)
+        process = start(folder, source, "-f")
+        time.sleep(moment)
+        process.kill()
+        process.wait()
+        kept = (folder / "checkpoint.safetensors").exists()
+        code = start(folder, source, "--resume", "-f").wait()
+        found = difference(folder, whole)
+        print(f"killed after {moment:5.1f} of {seconds:.1f} s, checkpoint {kept!s:5}, ", end="")  # noqa: T201
+        print(f"exit code {code}, largest difference {found:.1e}", flush=True)  # noqa: T201
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), int(sys.argv[2]))
