@@ -15,17 +15,22 @@ import torch
 
 import gsedit
 from gsedit.files.cameras import write_cameras
+from gsedit.files.state import load_state
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 from gsedit.views.dataset import capture
 
-OPTIONS = "--size 64 --rounds 3 --steps 6 --update-steps 60 --checkpoint-seconds 1 --threads 1"
+OPTIONS = "--size 64 --rounds 3 --steps 6 --update-steps 60 --checkpoint-seconds 0.3 --threads 1"
+SPAN = 8.0
+"""Seconds after the first checkpoint in which a kill falls."""
 FIELDS = ("means", "quats", "log_scales", "logit_opacities", "sh")
 
 
 def start(folder: Path, source: Path, *more: str) -> subprocess.Popen[bytes]:
     words = ["edit", str(source), "as gold", "-o", str(folder), *OPTIONS.split(), *more]
     program = "from gsedit_cli.main import main; main()"
-    return subprocess.Popen([sys.executable, "-c", program, *words], stderr=subprocess.DEVNULL)
+    quiet = subprocess.DEVNULL
+    command = [sys.executable, "-c", program, *words]
+    return subprocess.Popen(command, stdout=quiet, stderr=quiet)
 
 
 def difference(ours: Path, theirs: Path) -> float:
@@ -42,21 +47,22 @@ def main(out: Path, kills: int) -> None:
     names = [f"{i:02d}" for i in range(16)]
     views = capture(scene, ring_cameras(demo_scene(), 16, 64), names)
     write_cameras(views, out / "cameras.json", overwrite=True)
-    began = time.monotonic()
     start(whole, source, "-f").wait()
-    seconds = time.monotonic() - began
     moments = random.Random(0)
     for number in range(kills):
-        folder, moment = out / f"killed_{number}", moments.uniform(0, seconds)
+        folder, moment = out / f"killed_{number}", moments.uniform(0, SPAN)
+        state = folder / "checkpoint.safetensors"
         process = start(folder, source, "-f")
+        while not state.exists() and process.poll() is None:
+            time.sleep(0.02)
         time.sleep(moment)
         process.kill()
-        process.wait()
-        kept = (folder / "checkpoint.safetensors").exists()
+        killed = process.wait() != 0
+        step = load_state(state).record["work"]["steps"] if state.exists() else None
         code = start(folder, source, "--resume", "-f").wait()
         found = difference(folder, whole)
-        print(f"killed after {moment:5.1f} of {seconds:.1f} s, checkpoint {kept!s:5}, ", end="")  # noqa: T201
-        print(f"exit code {code}, largest difference {found:.1e}", flush=True)  # noqa: T201
+        line = f"killed {killed} {moment:.1f} s after the first checkpoint, at step {step}; "
+        print(f"{line}exit code {code}, largest difference {found:.1e}", flush=True)  # noqa: T201
 
 
 if __name__ == "__main__":

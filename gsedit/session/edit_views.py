@@ -18,6 +18,7 @@ from gsedit.editors.protocol import EditBatch
 from gsedit.regions.region import coverage
 from gsedit.reports.events import Event
 from gsedit.savings.pictures import APART
+from gsedit.session.answers import checked
 from gsedit.session.choose_region import vote_region
 from gsedit.session.quality import mean
 from gsedit.session.session import Session
@@ -121,6 +122,7 @@ def sample_views(
         session.work.evaluations += evaluations
     if images is None:
         raise RuntimeError(f"editor {editor.name} ended without images")
+    images = checked(images, request.originals, [session.views[i].name for i in members])
     if matches and sampler.consensus and sampler.harmonise:
         images = _harmonised(session, members, images, request.anchored, sampler)
     small = dict(zip(members, zip(images, request.originals)))

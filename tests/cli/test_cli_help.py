@@ -27,7 +27,16 @@ VERBS = (
     "looks",
     "doctor",
 )
-BENCHMARKS = ("rasterizer", "stability", "targets", "sampler", "paper", "scale", "ranks")
+BENCHMARKS = (
+    "rasterizer",
+    "stability",
+    "targets",
+    "sampler",
+    "paper",
+    "scale",
+    "ranks",
+    "refinement",
+)
 
 
 @pytest.mark.parametrize(

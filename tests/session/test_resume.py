@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import subprocess
+import sys
 from collections import deque
 from dataclasses import asdict, fields, replace
+from pathlib import Path
 
 import pytest
 import torch
@@ -43,13 +48,11 @@ def short(name):
     return replace(strategy, **few, **views)
 
 
-@pytest.fixture(scope="module")
-def scene():
+def make_scene():
     return surface_gaussians(demo_scene(), 400, torch.Generator().manual_seed(0))
 
 
-@pytest.fixture(scope="module")
-def data(scene):
+def make_data(scene):
     cameras = ring_cameras(demo_scene(), 6, 32)
     return Dataset(capture(scene, cameras, [str(i) for i in range(6)]))
 
@@ -73,8 +76,9 @@ class Request:
 
 
 @pytest.fixture(scope="module")
-def request_(scene, data):
-    return Request(scene, data)
+def request_():
+    scene = make_scene()
+    return Request(scene, make_data(scene))
 
 
 def write(items, folder):
@@ -175,3 +179,33 @@ def test_another_edit_does_not_go_on(request_, tmp_path):
         next(moved.steps(state))
     free = replace(SETTINGS, checkpoint_seconds=9.0, held_out_edits=1)
     assert next(request_.steps(state, settings=free))
+
+
+CHILD = """
+import sys
+from pathlib import Path
+sys.path[:0] = [sys.argv[1], sys.argv[2]]
+import test_resume
+from gsedit.files.state import save_state
+scene = test_resume.make_scene()
+request = test_resume.Request(scene, test_resume.make_data(scene))
+for item in request.steps():
+    if isinstance(item, test_resume.Checkpoint):
+        save_state(item.state, Path(sys.argv[3]))
+        print(item.step, flush=True)
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGKILL")
+def test_an_edit_goes_on_after_kill_9(request_, tmp_path):
+    here = Path(__file__).parent
+    state = tmp_path / "state"
+    command = [sys.executable, "-c", CHILD, str(here), str(here.parent), str(state)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as child:
+        assert child.stdout is not None
+        while int(child.stdout.readline()) < 10:
+            pass
+        child.send_signal(signal.SIGKILL)  # while it computes or writes
+        assert child.wait() == -signal.SIGKILL
+    resumed = deque(request_.steps(load_state(state)), 1).pop()
+    assert_same_result(resumed, deque(request_.steps(), 1).pop())

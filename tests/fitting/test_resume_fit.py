@@ -1,0 +1,80 @@
+"""A fit that goes on from a checkpoint ends where the uninterrupted one ends."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from gsedit.errors import UsageError
+from gsedit.files.state import load_state, save_state
+from gsedit.fitting.fit import fit_steps
+from gsedit.fitting.settings import FitSettings
+from gsedit.reports.events import Checkpoint, Event
+from gsedit.synthetic import ring_cameras, scenes, traced_dataset
+
+SETTINGS = FitSettings(
+    steps=24, seconds=None, densify_every=5, report_every=1, checkpoint_seconds=0.0
+)
+
+
+@pytest.fixture(scope="module")
+def photos():
+    return traced_dataset(scenes()[0], ring_cameras(scenes()[0], 6, 32), points=200)
+
+
+def generator(seed: int = 3) -> torch.Generator:
+    return torch.Generator().manual_seed(seed)
+
+
+def write(items, folder):
+    """Checkpoints as files, by their step; the other items."""
+    others = []
+    for item in items:
+        if isinstance(item, Checkpoint):
+            save_state(item.state, folder / str(item.step))
+        else:
+            others.append(item)
+    return others
+
+
+def test_a_fit_stopped_at_any_checkpoint_ends_as_the_whole_one(photos, tmp_path):
+    *events, whole = write(fit_steps(photos, SETTINGS, generator=generator()), tmp_path)
+    for step in (3, 15, 23):  # before and after scenes grew and opacities fell
+        state = load_state(tmp_path / str(step))
+        items = fit_steps(photos, SETTINGS, generator=generator(), resume=state)
+        *after, resumed = [item for item in items if not isinstance(item, Checkpoint)]
+        for name, value in vars(whole.scene).items():
+            ours = getattr(resumed.scene, name)
+            torch.testing.assert_close(ours, value, rtol=1e-4, atol=1e-5)
+        assert resumed.steps == whole.steps
+        assert resumed.psnr == pytest.approx(whole.psnr, abs=1e-3)
+        assert len(resumed.curve) == len(whole.curve)
+        missed = [event for event in events if isinstance(event, Event) and event.step > step]
+        assert [(e.stage, e.step) for e in after] == [(e.stage, e.step) for e in missed]
+
+
+def test_a_fit_spends_what_is_left_of_its_time(photos, tmp_path):
+    timed = replace(SETTINGS, steps=None, seconds=1000.0)
+    state = next(
+        item
+        for item in fit_steps(photos, timed, generator=generator())
+        if isinstance(item, Checkpoint)
+    ).state.along_with(seconds=999.9)
+    save_state(state, tmp_path / "state")
+    items = fit_steps(photos, timed, generator=generator(), resume=load_state(tmp_path / "state"))
+    *_, result = items
+    assert 1000 <= result.seconds < 1030
+
+
+def test_another_fit_does_not_go_on(photos):
+    state = next(
+        item
+        for item in fit_steps(photos, SETTINGS, generator=generator())
+        if isinstance(item, Checkpoint)
+    ).state
+    with pytest.raises(UsageError, match=r"settings.steps is 25, was 24"):
+        next(fit_steps(photos, replace(SETTINGS, steps=25), generator=generator(), resume=state))
+    with pytest.raises(UsageError, match=r"not the fit that was interrupted: seed is 4, was 3"):
+        next(fit_steps(photos, SETTINGS, generator=generator(4), resume=state))
