@@ -147,7 +147,7 @@ CASES = (
     Case("rates x 10", "colours and opacities learn ten times as fast", rates=10.0),
     Case("rates x 1000", "and a thousand times as fast", rates=1000.0),
     Case("target of NaN", "one pixel of one answer of the editor", change=_not_a_number,
-         refused="not a finite number"),
+         refused="are not finite numbers"),
     Case("target of 1e30", "an editor without a last clamp: 1 is the brightest",
          change=lambda pictures, generator: 1e30 * pictures),
     Case("target of another size", "an editor that forgets the size", change=_small,
