@@ -357,30 +357,7 @@ def ranks(
     print_result(record, ranks.table(rows), as_json=common.json)
 
 
-def refinement(
-    out: Folder = Path("out/refinement"),
-    quick: Quick = False,
-    force: Force = False,
-    *,
-    common: Common,
-) -> None:
-    """Edit extreme scenes and targets, and print what they came to, or the message of a refusal.
-
-    Writes refinement.jsonl and refinement.md.
-
-    gsedit bench refinement -o out/refinement
-    """
-    check_folder(out, force)
-    common.apply()
-
-    from gsedit.bench.refinement.run import ROWS, table, to_folder
-
-    rows = collect(to_folder(out, quick=quick), common, out / ROWS)
-    print_message(f"{len(rows)} cases are in {out}")
-    print_result({"folder": out, "rows": rows}, table(rows), as_json=common.json)
-
-
-for verb in (rasterizer, stability, targets, sampler, paper, scale, ranks, refinement):
+for verb in (rasterizer, stability, targets, sampler, paper, scale, ranks):
     bench.command()(as_command(verb))
 
 

@@ -11,8 +11,8 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from .bench import bench
 from .bench import describe as bench_summary
+from .bench_refinement import bench
 from .command import LazyCommand, lazy_verb, paragraphs
 from .console import print_message
 from .doctor import doctor
