@@ -84,9 +84,11 @@ def edit_steps(
     empty scene, views of different sizes, a strategy that is no dataclass, or the state of another
     edit.
     """
+    editor = with_ranks(editor, ranks)
     request, strategy = _asked(
-        scene, prompt, editor, generator, dataset, settings, strategy, features, ranks
+        scene, prompt, editor, generator, dataset, settings, strategy, features
     )
+    request = replace(request, ranks=ranks)
     asked = partial(requested, request, strategy, name_of(strategy))
     if ranks.size > 1:
         ranks.check_same("the request", [asked()])
@@ -211,7 +213,6 @@ def _asked(
     settings: EditSettings | None,
     strategy: Strategy | None,
     features: FeatureExtractor | None,
-    ranks: Ranks = ALONE,
 ) -> tuple[Request, Strategy]:
     """What is to be done, with every default filled in. Raises what `edit_steps` raises."""
     settings, strategy = settings or EditSettings(), strategy or find_strategy(DEFAULT)()
@@ -220,7 +221,6 @@ def _asked(
             f"{strategy!r} is no strategy: give an instance of a dataclass, as in SinglePass()"
         )
     check_strategy(strategy)
-    editor = with_ranks(editor, ranks)
     if asks_editor(strategy):
         editor.check(prompt)
     elif settings.region == "auto" and not _follows(editor, prompt):
@@ -241,10 +241,10 @@ def _asked(
     by_cells = settings.geometry == "appearance" and settings.leaves_out("cells")
     by_cells = by_cells and fits_pictures(strategy)
     coarse = coarsen(scene) if by_cells else None
-    scene = scene if coarse is None else coarse.scene
+    scene = coarse.scene if coarse else scene
     request = Request(
         scene, prompt, views, held_out, editor, settings, features, generator, coarse,
-        uses_all_views(strategy), ranks,
+        uses_all_views(strategy),
     )  # fmt: skip
     return request, strategy
 
