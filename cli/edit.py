@@ -109,7 +109,6 @@ def edit(
 
     from gsedit.edit import edit_steps
     from gsedit.edit import explain as plan_of
-    from gsedit.files.cameras import write_cameras
     from gsedit.session.history import history_of
     from gsedit.strategies import asks_editor, check_strategy
 
@@ -130,35 +129,42 @@ def edit(
     steps = edit_steps(gaussians, instruction, **asked, resume=state, ranks=ranks())
     if not is_first():
         return follow(steps)
+    if followed and (understood := what_it_understood(editor_2d, followed)):
+        print_message(understood)
     request = {
         "scene": scene, "drop_invalid": drop_invalid, **asdict(views), "editor": editor,
         "preset": preset, "features": features, "seed": common.seed, "ranks": ranks().size,
         **history_of(scene),
     }  # fmt: skip
-    if followed and (understood := what_it_understood(editor_2d, followed)):
-        print_message(understood)
     earlier = [] if state is None else state.record["events"]
     result = run_and_write(steps, folder, instruction, request, kept, earlier, as_json=common.json)
-    write_cameras(dataset.views, folder / "cameras.json", overwrite=True)
-    write_views(dataset, result, folder / "views.json")
+    write_cameras_and_views(dataset, result, folder)
+    print_edit(result, folder, as_json=common.json)
+
+
+def print_edit(result: EditResult, folder: Path, *, as_json: bool) -> None:
+    """Print where the edited scene is."""
     record = {
         "folder": folder,
         "scene": folder / "scene.ply",
         "ground_truth": result.quality.psnr_to_ground_truth,
         "kept": result.quality.kept,
     }
-    print_result(record, str(folder / "scene.ply"), as_json=common.json)
+    print_result(record, str(folder / "scene.ply"), as_json=as_json)
 
 
-def write_views(dataset: Dataset, result: EditResult, path: Path) -> None:
-    """The list of the edit's views, which gsedit metrics measures at."""
+def write_cameras_and_views(dataset: Dataset, result: EditResult, folder: Path) -> None:
+    """The cameras that other commands read, and the list of views that gsedit metrics measures
+    at."""
+    from gsedit.files.cameras import write_cameras
     from gsedit.files.view_lists import write_view_list
     from gsedit.views.view_list import by_edit
     from gsedit.views.viewpoints import Viewpoint
 
     edited = {view.name for view in result.originals}
     viewpoints = [Viewpoint(view.name, view.camera) for view in dataset.views]
-    write_view_list(by_edit(viewpoints, edited), path, overwrite=True)
+    write_cameras(dataset.views, folder / "cameras.json", overwrite=True)
+    write_view_list(by_edit(viewpoints, edited), folder / "views.json", overwrite=True)
 
 
 def print_plan(decisions: tuple[Decision, ...], *, as_json: bool) -> None:

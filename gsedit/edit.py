@@ -236,17 +236,18 @@ def _asked(
     )
     check_installed(settings.update)
     views, held_out = _split(dataset or around(scene, execution=settings.execution))
-    features = features or FilterBank()
-    scene = scene.detach()
-    by_cells = settings.geometry == "appearance" and settings.leaves_out("cells")
-    by_cells = by_cells and fits_pictures(strategy)
-    coarse = coarsen(scene) if by_cells else None
-    scene = coarse.scene if coarse else scene
+    coarse = _cells(scene.detach(), settings, strategy)
     request = Request(
-        scene, prompt, views, held_out, editor, settings, features, generator, coarse,
-        uses_all_views(strategy),
+        coarse.scene if coarse else scene.detach(), prompt, views, held_out, editor, settings,
+        features or FilterBank(), generator, coarse, uses_all_views(strategy),
     )  # fmt: skip
     return request, strategy
+
+
+def _cells(scene: Gaussians, settings: EditSettings, strategy: Strategy) -> Coarse | None:
+    """The cells that a large scene is edited by; None where its Gaussians are."""
+    by_cells = settings.geometry == "appearance" and settings.leaves_out("cells")
+    return coarsen(scene) if by_cells and fits_pictures(strategy) else None
 
 
 def _split(dataset: Dataset) -> tuple[tuple[View, ...], tuple[View, ...]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from gsedit.errors import UsageError
 from gsedit.fitting.loss_terms import LossTerm, parse_loss
@@ -109,7 +109,7 @@ class FitSettings:
     """Steps between progress events."""
     evaluations: int = 10
     """How many times the held-out views are measured."""
-    checkpoint_seconds: float = 30.0
+    checkpoint_seconds: float = field(default=30.0, metadata={"flag": "--checkpoint-every"})
     """Seconds between checkpoints."""
     execution: Execution = AUTO
     """How pictures are rendered; it changes the run time, not the pictures."""

@@ -59,7 +59,7 @@ class EditSettings:
     do_anyway: str = ""
     """Decisions of the plan that are not taken, by name and separated by commas, as in
     crops,resolution: their work is done."""
-    checkpoint_seconds: float = 30.0
+    checkpoint_seconds: float = field(default=30.0, metadata={"flag": "--checkpoint-every"})
     """Seconds between checkpoints, at least; the views of a round are edited without one."""
     execution: Execution = AUTO
     """How pictures are rendered; it changes the run time, not the pictures."""
