@@ -137,8 +137,7 @@ def edit(
         **history_of(scene),
     }  # fmt: skip
     earlier = [] if state is None else state.record["events"]
-    result = run_and_write(steps, folder, instruction, request, kept, earlier, as_json=common.json)
-    write_cameras_and_views(dataset, result, folder)
+    result = run_and_write(steps, folder, dataset, request, kept, earlier, as_json=common.json)
     print_edit(result, folder, as_json=common.json)
 
 
@@ -225,7 +224,7 @@ def load_features(name: str) -> FeatureExtractor:
 def run_and_write(
     steps: Iterable[Any],
     out: Path,
-    instruction: str,
+    dataset: Dataset,
     request: Mapping[str, Any],
     asked: Mapping[str, Any],
     earlier: Iterable[Mapping[str, Any]],
@@ -253,6 +252,7 @@ def run_and_write(
                 show(event)
 
             result = run_to_result(steps, write_and_show, checkpoints)
+        write_cameras_and_views(dataset, result, out)
         write_edit(out, result, request=request, overwrite=True)
     print_message(table(journal.records))
     print_message(result.quality.describe())
