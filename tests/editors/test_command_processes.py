@@ -94,7 +94,7 @@ def test_an_edit_with_a_program_and_one_that_fails_in_the_second_round(program, 
     assert "ended with code 1; it said: no memory left." in bad.stderr
     assert "last complete checkpoint" in bad.stderr
     assert "Traceback" not in bad.stderr
-    assert (out / "checkpoint.ply").exists()  # the first round's
+    assert (out / "checkpoint.safetensors").exists()  # of the first round
     assert len(list((out / "command").rglob("input/*.png"))) == 2
 
 

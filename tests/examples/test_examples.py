@@ -25,7 +25,7 @@ def test_the_demo_leaves_its_folder(tmp_path):
         demo(folder, count=1500, size=64, steps=10)
     assert ended.value.code == 0
     names = {"scene.ply", "edit.json", "metrics.jsonl", "before_after.png", "error_vs_time.png"}
-    names |= {"cameras.json", "region.npy"}
+    names |= {"cameras.json", "views.json", "region.npy", "targets", "held_out"}
     assert names == {p.name for p in folder.iterdir()}
     record = json.loads((folder / "edit.json").read_text())
     assert record["instruction"] == "turn the bear into a jade statue"
