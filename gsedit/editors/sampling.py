@@ -114,13 +114,11 @@ class DiffusionEditor:
         yield EditProgress(settings.steps, settings.steps, images, counted.evaluations)
 
 
-class Counted:
-    """A predictor that counts the evaluations of its network."""
+class _Around:
+    """A predictor with the properties of another."""
 
     def __init__(self, predictor: Predictor) -> None:
         self._predictor = predictor
-        self.evaluations = 0
-        """Views times conditions, summed over the calls."""
 
     @property
     def name(self) -> str:
@@ -133,6 +131,13 @@ class Counted:
     @property
     def predicts(self) -> Prediction:
         return self._predictor.predicts
+
+
+class Counted(_Around):
+    """A predictor that counts the evaluations of its network."""
+
+    evaluations = 0
+    """Views times conditions, summed over the calls."""
 
     def branches(
         self, x: Float[Tensor, "v c y x"], t: float, condition: Any, need: Need
@@ -142,24 +147,13 @@ class Counted:
         return self._predictor.branches(x, t, condition, need)
 
 
-class Shared:
+class Shared(_Around):
     """A predictor whose views are shared out over ranks: each predicts its own from their
     condition, and all get all predictions."""
 
     def __init__(self, predictor: Predictor, ranks: Ranks) -> None:
-        self._predictor, self._ranks = predictor, ranks
-
-    @property
-    def name(self) -> str:
-        return self._predictor.name
-
-    @property
-    def schedule(self) -> Schedule:
-        return self._predictor.schedule
-
-    @property
-    def predicts(self) -> Prediction:
-        return self._predictor.predicts
+        super().__init__(predictor)
+        self._ranks = ranks
 
     def branches(
         self, x: Float[Tensor, "v c y x"], t: float, condition: Any, need: Need

@@ -13,7 +13,7 @@ from torch import Tensor
 from gsedit.editors.protocol import GroundTruth
 from gsedit.errors import UsageError
 from gsedit.files.pictures import fitted_size
-from gsedit.fitting.crops import ExactCrops, ListedCrops
+from gsedit.fitting.crops import FEW, ExactCrops, ListedCrops
 from gsedit.fitting.optimiser import SceneOptimiser
 from gsedit.fitting.random_crops import SHOWN
 from gsedit.regions.region import Region, composite, coverage, everything
@@ -125,11 +125,12 @@ class Session:
     def crops(self) -> ExactCrops:
         """Draws crops of the scene as it is now, for fitting."""
         settings, scene = self.settings, self.request.scene
-        if settings.geometry == "full" or not settings.leaves_out("geometry"):
+        is_coarse = self.request.coarse is not None
+        moves = settings.geometry == "full" or not settings.leaves_out("geometry")
+        if moves or (settings.execution.compile and len(scene) < FEW):
             return ExactCrops(settings.execution, depth=not settings.leaves_out("depth"))
         transparent = scene.logit_opacities.masked_fill(self.surveyed.reduction.left, -torch.inf)
         drawn = replace(scene, logit_opacities=transparent)
-        is_coarse = self.request.coarse is not None
         return ListedCrops(drawn, self._unedited_picture, settings.execution, is_coarse=is_coarse)
 
     def _unedited_picture(self, camera: Camera) -> Float[Tensor, "h w 3"]:

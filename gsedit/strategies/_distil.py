@@ -21,55 +21,31 @@ from gsedit.diffusion.predictions import as_pair
 from gsedit.editors.protocol import Denoiser
 from gsedit.editors.sampling import Counted, padded, told
 from gsedit.errors import UsageError
-from gsedit.fitting.correlation import correlation_loss
-from gsedit.fitting.update import FINAL_RATE
 from gsedit.reports.events import Event
 from gsedit.session.edit_views import find_ground_truth, request_of
-from gsedit.session.fit_targets import MEASURE_EVERY, REPORT_EVERY
+from gsedit.session.fit_targets import MEASURE_EVERY
 from gsedit.session.quality import measure
 from gsedit.session.session import Session
+from gsedit.strategies._random_views import RandomViews
 from gsedit.views.padding import pad_to_multiple
-from rasterizer.render import render
+from rasterizer.camera import Camera
 
 SMALLEST_VARIANCE = 1e-12
 """Of latents: those of a picture of one colour may be 0."""
 
 
 @dataclass(frozen=True)
-class Distil:
-    """Steps `first` to `last` (not included) of all, each on a random one of the views."""
+class Distil(RandomViews):
+    """Steps of score distillation, from noise levels drawn anew."""
 
-    views: tuple[int, ...]
-    first: int
-    last: int
-    round_steps: int
     least_noise: float
     most_noise: float
-    structure_weight: float
 
-    def __call__(self, session: Session) -> Iterator[Event]:
-        optimiser, stopwatch = session.optimiser, session.stopwatch
-        generator = session.request.generator
-        seen = session.seen_from(self.views)
-        if self.first == 0:
-            optimiser.raise_negative_colours(seen)
-        for step in range(self.first, self.last):
-            with stopwatch.stage("update"):
-                view = self.views[int(torch.randint(len(self.views), (), generator=generator))]
-                scene = optimiser.scene
-                camera = session.edit_camera(view)
-                image = render(scene, camera, execution=session.settings.execution).color
-                loss, residual = self._score(session, view, image)
-                if self.structure_weight:
-                    held = correlation_loss(scene, session.request.scene, seen)
-                    loss = loss + self.structure_weight * held
-                loss.backward()
-                fall = (1 - FINAL_RATE) * step / max(1, self.round_steps - 1)
-                optimiser.step(1 - fall, only=seen)
-            session.work.steps += 1
-            yield from self._report(session, step + 1, residual)
+    def camera(self, session: Session, view: int) -> Camera:
+        """At the size at which the view is edited."""
+        return session.edit_camera(view)
 
-    def _score(
+    def loss(
         self, session: Session, view: int, image: Float[Tensor, "h w 3"]
     ) -> tuple[Float[Tensor, ""], float]:
         """(what has the gradient of score distillation, mean of w(t) (eps_hat - eps)^2)."""
@@ -93,16 +69,17 @@ class Distil:
         variance = z.detach().var().clamp_min(SMALLEST_VARIANCE)
         return weight * (error * z).mean() / variance, weight * error.square().mean().item()
 
-    def _report(self, session: Session, step: int, residual: float) -> Iterator[Event]:
+    def report(self, session: Session, step: int, value: float) -> Iterator[Event]:
+        """The residual now and then, and how near the scene is to the true edit, if it is known."""
+        if step % MEASURE_EVERY and step != self.round_steps:
+            yield from super().report(session, step, value)
+            return
+        if session.request.editor.capabilities.find_ground_truth is not None:
+            views = session.surveyed.plan.views
+            renders = session.render(session.views[i].camera for i in views)
+            find_ground_truth(session, dict(zip(views, renders)))
         seconds = session.stopwatch.seconds
-        if step % MEASURE_EVERY == 0 or step == self.round_steps:
-            if session.request.editor.capabilities.find_ground_truth is not None:
-                views = session.surveyed.plan.views
-                renders = session.render(session.views[i].camera for i in views)
-                find_ground_truth(session, dict(zip(views, renders)))
-            yield measure(session).event("update", seconds, step, self.round_steps, residual)
-        elif step % REPORT_EVERY == 0:
-            yield Event("update", seconds, step, self.round_steps, residual)
+        yield measure(session).event("update", seconds, step, self.round_steps, value)
 
 
 def denoiser_of(session: Session) -> Denoiser:

@@ -13,15 +13,12 @@ from torch import Tensor
 
 from gsedit.errors import UsageError
 from gsedit.files.pictures import fitted_size
-from gsedit.fitting.correlation import correlation_loss
-from gsedit.fitting.update import FINAL_RATE
 from gsedit.measures.clip import load_clip
-from gsedit.reports.events import Event
 from gsedit.session.actions import STEPS_AT_ONCE, Action
-from gsedit.session.fit_targets import REPORT_EVERY
 from gsedit.session.session import Session
 from gsedit.strategies._clip_losses import ClipLosses, clip_losses
 from gsedit.strategies._dataset import DatasetViews, check_positive, dataset_views
+from gsedit.strategies._random_views import RandomViews
 from gsedit.strategies.sds import VOX_E_WEIGHT
 from rasterizer.camera import Camera
 from rasterizer.render import render
@@ -95,7 +92,7 @@ class Clip:
         views, unedited = dataset_views(session, self.dataset_views), UneditedVectors(losses)
         for first in range(0, self.total_steps, STEPS_AT_ONCE):
             last = min(first + STEPS_AT_ONCE, self.total_steps)
-            yield Descend(unedited, views, first, last, self.total_steps, self.structure_weight)
+            yield Descend(views, first, last, self.total_steps, self.structure_weight, unedited)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,37 +121,19 @@ class UneditedVectors:
 
 
 @dataclass(frozen=True, eq=False)
-class Descend:
-    """Steps `first` to `last` (not included) of all, each on a random one of the views."""
+class Descend(RandomViews):
+    """Steps down CLIP's losses."""
 
     unedited: UneditedVectors
-    views: tuple[int, ...]
-    first: int
-    last: int
-    round_steps: int
-    structure_weight: float
 
-    def __call__(self, session: Session) -> Iterator[Event]:
-        optimiser, stopwatch = session.optimiser, session.stopwatch
-        generator = session.request.generator
-        seen = session.seen_from(self.views)
-        if self.first == 0:
-            optimiser.raise_negative_colours(seen)
-        for step in range(self.first, self.last):
-            with stopwatch.stage("update"):
-                view = self.views[int(torch.randint(len(self.views), (), generator=generator))]
-                scene = optimiser.scene
-                camera = self.unedited.camera(session, view)
-                image = render(scene, camera, execution=session.settings.execution).color
-                before = self.unedited.of(session, view)
-                loss = self.unedited.losses(image.clamp(0, 1), before, generator)
-                value = float(loss.detach())
-                if self.structure_weight:
-                    held = correlation_loss(scene, session.request.scene, seen)
-                    loss = loss + self.structure_weight * held
-                loss.backward()
-                fall = (1 - FINAL_RATE) * step / max(1, self.round_steps - 1)
-                optimiser.step(1 - fall, only=seen)
-            session.work.steps += 1
-            if (step + 1) % REPORT_EVERY == 0 or step + 1 == self.round_steps:
-                yield Event("update", stopwatch.seconds, step + 1, self.round_steps, value)
+    def camera(self, session: Session, view: int) -> Camera:
+        """At up to twice CLIP's size."""
+        return self.unedited.camera(session, view)
+
+    def loss(
+        self, session: Session, view: int, image: Float[Tensor, "h w 3"]
+    ) -> tuple[Float[Tensor, ""], float]:
+        """The sum of the losses, beside the unedited scene at the same view."""
+        before = self.unedited.of(session, view)
+        loss = self.unedited.losses(image.clamp(0, 1), before, session.request.generator)
+        return loss, float(loss.detach())

@@ -61,7 +61,7 @@ class Sds:
                 first,
                 min(first + STEPS_AT_ONCE, self.total_steps),
                 self.total_steps,
+                self.structure_weight,
                 self.least_noise,
                 self.most_noise,
-                self.structure_weight,
             )

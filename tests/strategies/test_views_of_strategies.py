@@ -43,4 +43,4 @@ def test_the_plan_leaves_no_view_out_that_the_strategy_needs():
 
 
 def test_steps_of_score_distillation_are_steps_of_the_optimiser():
-    assert isinstance(Distil((0,), 0, 10, 30, 0.1, 0.9, 0.0), OptimiserSteps)
+    assert isinstance(Distil((0,), 0, 10, 30, 0.0, 0.1, 0.9), OptimiserSteps)
