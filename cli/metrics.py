@@ -219,9 +219,12 @@ def measure_and_show(
 
 
 def what_to_measure(scene: Path, against: Path | None) -> tuple[Path, Path]:
-    """(file of the scene, what it is compared with). Raises UsageError without the latter."""
-    from gsedit.errors import UsageError
+    """(file of the scene, what it is compared with). Raises UsageError without the latter, and
+    InputError for a scene that is not there."""
+    from gsedit.errors import InputError, UsageError
 
+    if not scene.exists():
+        raise InputError(f"{scene}: no such file or folder")
     if scene.is_dir():
         if not (scene / "edit.json").is_file() and not (scene / "metrics.jsonl").is_file():
             raise UsageError(f"{scene} is no folder of an edit (no edit.json): name a scene file")
