@@ -56,6 +56,11 @@ class Camera:
             height=height,
         )
 
+    def fitted(self, size: int) -> Camera:
+        """The same view with `size` pixels on its longer side; no larger than it is."""
+        scale = min(1.0, size / max(self.width, self.height))
+        return self.resized(*(max(1, round(side * scale)) for side in (self.width, self.height)))
+
     def project(
         self, points: Float[Tensor, "*b 3"]
     ) -> tuple[Float[Tensor, "*b 2"], Float[Tensor, "*b"]]:

@@ -14,7 +14,7 @@ from gsedit.editors import make_editor
 from gsedit.editors.protocol import Capabilities, EditBatch, EditProgress
 from gsedit.errors import UsageError
 from gsedit.fitting.settings import UpdateSettings
-from gsedit.fitting.update import rates, update_steps
+from gsedit.fitting.update import Target, rates, update_steps
 from gsedit.reports.events import Checkpoint, Event
 from gsedit.session.result import EditResult
 from gsedit.session.settings import EditSettings
@@ -251,7 +251,7 @@ def test_an_update_lowers_the_loss(scene, data, switch):
     losses = list(
         update_steps(
             optimiser,
-            targets,
+            [Target(view) for view in targets],
             torch.ones(len(scene), dtype=torch.bool),
             range(40),
             40,

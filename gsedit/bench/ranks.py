@@ -165,11 +165,11 @@ def _update(ranks: Ranks, scene, data, patches: int, steps: int) -> None:
 
     from gsedit.fitting.optimiser import SceneOptimiser
     from gsedit.fitting.settings import UpdateSettings
-    from gsedit.fitting.update import rates, update_steps
+    from gsedit.fitting.update import Target, rates, update_steps
     from gsedit.measures.features import FilterBank
 
     optimiser = SceneOptimiser(scene, rates("appearance", 1.0))
-    targets = [replace(view, image=1 - view.image) for view in data.views]
+    targets = [Target(replace(view, image=1 - view.image)) for view in data.views]
     seen = torch.ones(len(scene), dtype=torch.bool)
     settings = UpdateSettings(patches=patches)
     for _ in update_steps(

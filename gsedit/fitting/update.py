@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import torch
@@ -12,7 +14,7 @@ from torch import Tensor
 from gsedit.fitting.crops import ExactCrops
 from gsedit.fitting.edit_loss import chosen_terms, edit_loss
 from gsedit.fitting.optimiser import SceneOptimiser
-from gsedit.fitting.random_crops import cut, random_patch, shown_at
+from gsedit.fitting.random_crops import cut, random_patch, share_of_crops, shown_at
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.measures.features import FeatureExtractor
 from gsedit.ranks import ALONE, Ranks
@@ -50,9 +52,36 @@ def rates(
     return {**APPEARANCE_RATES, **GEOMETRY_RATES, "means": MEANS_RATE * radius}
 
 
+@dataclass(frozen=True, eq=False)
+class Target:
+    """An edited view, and what the update needs of it: made once while it stays as it is."""
+
+    view: View
+    shown: Bool[Tensor, "h w"] | None = None
+    """Where a region shows: patches are those that hold such a pixel. None: all, of every view."""
+    patch: int = UpdateSettings.patch
+    """Side of a patch, pixels."""
+
+    @cached_property
+    def share(self) -> float:
+        """The probability that a random patch holds a pixel that is shown."""
+        return 1.0 if self.shown is None else share_of_crops([self.shown], self.patch)
+
+    @cached_property
+    def small(self) -> View:
+        """The copy that the first steps of a round use."""
+        return coarse(self.view)
+
+    @cached_property
+    def small_shown(self) -> Bool[Tensor, "y x"] | None:
+        """`shown`, in the small copy."""
+        camera = self.small.camera
+        return None if self.shown is None else shown_at(self.shown, camera.width, camera.height)
+
+
 def update_steps(
     optimiser: SceneOptimiser,
-    targets: Sequence[View],
+    targets: Sequence[Target],
     seen: Bool[Tensor, " n"],
     span: range,
     steps: int,
@@ -60,7 +89,6 @@ def update_steps(
     features: FeatureExtractor,
     generator: torch.Generator,
     crops: ExactCrops | None = None,
-    shown: Sequence[Bool[Tensor, "h w"]] | None = None,
     ranks: Ranks = ALONE,
 ) -> Iterator[float]:
     """Fit the scene to random patches of the edited views; yields the loss of every step.
@@ -68,21 +96,21 @@ def update_steps(
     These are the steps `span` of a round of `steps`. Only the Gaussians that are `seen` move; their
     negative base colours are raised before the round's first step. The learning rates fall linearly
     over the round. Of large targets, the first steps use smaller copies. `crops` draws the scene
-    (None: renders it). Where it is given what is `shown` of a region in each target, the patches
-    are those in which it shows. All ranks choose the same patches, each draws its share of them,
-    and the gradients are summed.
+    (None: renders it). Where the targets say what is shown of a region, the patches are those in
+    which it shows. All ranks choose the same patches, each draws its share of them, and the
+    gradients are summed.
     """
     crops = crops or ExactCrops()
     if span.start == 0:
         optimiser.raise_negative_colours(seen)
-    small = [coarse(view) for view in targets]
-    masks = shown and [
-        shown_at(mask, view.camera.width, view.camera.height) for mask, view in zip(shown, small)
-    ]
     for step in span:
-        views, show = (small, masks) if step < COARSE_SHARE * steps else (targets, shown)
+        if step < COARSE_SHARE * steps:
+            views, shown = [t.small for t in targets], [t.small_shown for t in targets]
+        else:
+            views, shown = [t.view for t in targets], [t.shown for t in targets]
+        masks = [mask for mask in shown if mask is not None] or None
         patches = [
-            random_patch(views, show, settings.patch, generator) for _ in range(settings.patches)
+            random_patch(views, masks, settings.patch, generator) for _ in range(settings.patches)
         ]
         terms = chosen_terms(settings, generator)
         whole_loss = torch.zeros(())

@@ -59,7 +59,7 @@ def gather_evidence(session: Session) -> Generator[Event, None, Evidence]:
         *compare_targets(unedited, targets),
         *compare_renders(unedited, compared, session.held_out, rendered),
     )
-    originals = {i: session.unedited_rendering(i).color.clamp(0, 1) for i in (*edited, *shown)}
+    originals = {i: session.unedited_picture(i) for i in (*edited, *shown)}
     return Evidence(
         originals=_named(session, originals, edited),
         finals=_named(session, finals, edited),

@@ -64,7 +64,7 @@ def edit_held_out(
         anchors,
         match_views(session, members),
         session.settings.sampler,
-        start={i: session.unedited_rendering(i).color.clamp(0, 1) for i in views},
+        start={i: session.unedited_picture(i) for i in views},
         stage=MEASURE,
     )
     return {i: session.within_region(i, image) for i, image in zip(views, images)}

@@ -152,7 +152,7 @@ def assess(
     edited = session.edited
     targets = {i: view.image for i, view in edited.targets.items()}
     shown = tuple(targets or session.surveyed.plan.views)
-    originals = {i: session.unedited_rendering(i).color.clamp(0, 1) for i in shown}
+    originals = {i: session.unedited_picture(i) for i in shown}
     truth = _ground_truth(session, None)
     leakage, left = (_change_outside(session, finals, views) for views in (shown, session.measured))
     return EditQuality(
@@ -181,7 +181,7 @@ def _ground_truth(session: Session, views: int | None) -> dict[int, Float[Tensor
     if truth is None:
         return {}
     chosen = _evenly(session.measured, views)
-    unedited = {i: session.unedited_rendering(i).color.clamp(0, 1) for i in chosen}
+    unedited = {i: session.unedited_picture(i) for i in chosen}
     return {i: session.within_region(i, truth(image[None])[0]) for i, image in unedited.items()}
 
 
@@ -192,7 +192,7 @@ def _change_outside(session: Session, finals: Pictures, views: Iterable[int]) ->
         return None
     return pooled_rmse(
         squared_error(
-            session.unedited_rendering(i).color.clamp(0, 1),
+            session.unedited_picture(i),
             finals[i],
             session.coverage(i) < INSIDE,
         )

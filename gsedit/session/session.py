@@ -16,6 +16,7 @@ from gsedit.files.pictures import fitted_size
 from gsedit.fitting.crops import FEW, ExactCrops, ListedCrops
 from gsedit.fitting.optimiser import SceneOptimiser
 from gsedit.fitting.random_crops import SHOWN
+from gsedit.fitting.update import Target
 from gsedit.regions.region import Region, composite, coverage, everything
 from gsedit.reports.events import Event
 from gsedit.reports.stopwatch import Stopwatch
@@ -66,6 +67,8 @@ class EditedViews:
     """Whether the region comes from the edited views, and changes with them."""
     ground_truth: GroundTruth | None = None
     """The map from unedited to truly edited pictures that the targets show, where it is known."""
+    fitted: dict[int, tuple[Region | None, Target]] = field(default_factory=dict)
+    """The targets as they were fitted last, with the region that limits their patches, if any."""
 
 
 @dataclass(eq=False)
@@ -131,9 +134,9 @@ class Session:
             return ExactCrops(settings.execution, depth=not settings.leaves_out("depth"))
         transparent = scene.logit_opacities.masked_fill(self.surveyed.reduction.left, -torch.inf)
         drawn = replace(scene, logit_opacities=transparent)
-        return ListedCrops(drawn, self._unedited_picture, settings.execution, is_coarse=is_coarse)
+        return ListedCrops(drawn, self._color_before, settings.execution, is_coarse=is_coarse)
 
-    def _unedited_picture(self, camera: Camera) -> Float[Tensor, "h w 3"]:
+    def _color_before(self, camera: Camera) -> Float[Tensor, "h w 3"]:
         """Of the scene before the edit; rendered only where it is not known."""
         for i, view in enumerate(self.views):
             if view.camera is camera:
@@ -171,7 +174,7 @@ class Session:
         """The edited picture of view i where the region shows, the unedited render elsewhere."""
         if self.region.is_all:
             return edited
-        unedited = self.unedited_rendering(i).color.clamp(0, 1)
+        unedited = self.unedited_picture(i)
         return composite(edited, unedited, self.coverage(i))
 
     def coverage(self, i: int) -> Float[Tensor, "h w"]:
@@ -233,6 +236,10 @@ class Session:
             rendering = rendering_of(self.request.whole, camera, self.settings.execution)
             self.renderings[i] = rendering
         return self.renderings[i]
+
+    def unedited_picture(self, i: int) -> Float[Tensor, "h w 3"]:
+        """Of the scene before the edit, at view i, in [0, 1]."""
+        return self.unedited_rendering(i).color.clamp(0, 1)
 
     def edit_camera(self, i: int) -> Camera:
         """View i's camera at the size at which it is edited, see `EditSettings.edit_size`."""

@@ -53,14 +53,8 @@ def survey(
     scene: Gaussians, cameras: Sequence[Camera], execution: Execution = AUTO
 ) -> Float[Tensor, "v n"]:
     """How much each view sees of each Gaussian, in pixels of a small picture."""
-    rows = []
-    for camera in cameras:
-        scale = min(1.0, SURVEY_SIZE / max(camera.width, camera.height))
-        small = camera.resized(
-            max(1, round(camera.width * scale)), max(1, round(camera.height * scale))
-        )
-        rows.append(contributions(scene, small, execution=execution))
-    return torch.stack(rows)
+    small = [camera.fitted(SURVEY_SIZE) for camera in cameras]
+    return torch.stack([contributions(scene, camera, execution=execution) for camera in small])
 
 
 def view_overlap(a: Float[Tensor, "v n"], b: Float[Tensor, "u n"]) -> Float[Tensor, "v u"]:

@@ -69,11 +69,7 @@ def that_see(
     """Those whose picture shows something of the scene: cameras of another scene do not."""
     seeing = []
     for viewpoint in viewpoints:
-        camera = viewpoint.camera
-        scale = min(1.0, CHECK_SIZE / max(camera.width, camera.height))
-        small = camera.resized(
-            max(1, round(camera.width * scale)), max(1, round(camera.height * scale))
-        )
+        small = viewpoint.camera.fitted(CHECK_SIZE)
         if float(render(scene, small, execution=execution).alpha.mean()) >= SEES:
             seeing.append(viewpoint)
     return tuple(seeing)

@@ -8,7 +8,7 @@ import torch
 
 from gsedit.fitting.optimiser import LOWEST_COLOUR, SceneOptimiser
 from gsedit.fitting.settings import UpdateSettings
-from gsedit.fitting.update import rates, update_steps
+from gsedit.fitting.update import Target, rates, update_steps
 from gsedit.measures.features import FilterBank
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 from gsedit.views.dataset import View
@@ -37,7 +37,11 @@ def test_a_scene_whose_blue_is_negative_becomes_blue():
     seen[::2] = True
     settings = UpdateSettings(patches=1, patch=48)
     generator = torch.Generator().manual_seed(0)
-    list(update_steps(optimiser, [view], seen, range(20), 20, settings, FilterBank(), generator))
+    list(
+        update_steps(
+            optimiser, [Target(view)], seen, range(20), 20, settings, FilterBank(), generator
+        )
+    )
     after = blue(optimiser.scene.detach())
     assert after[seen].max() > 0.05  # 20 steps of Adam move a colour by 0.08; it was -0.2
     torch.testing.assert_close(after[~seen], blue(yellow)[~seen])  # the others do not move

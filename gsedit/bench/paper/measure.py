@@ -171,7 +171,7 @@ def _asked(session: Session, views: Sequence[int]) -> Float[Tensor, "v h w 3"]:
         stopwatch=Stopwatch(),
         work=Work(),
     )
-    start = {i: session.unedited_rendering(i).color.clamp(0, 1) for i in views}
+    start = {i: session.unedited_picture(i) for i in views}
     matches, sampler = match_views(session, views), SamplerSettings(precision="float32")
     steps = sample_views(aside, views, (), matches, sampler, start=start, stage=MEASURE)
     return torch.stack(_returned(steps))
@@ -231,13 +231,13 @@ def _pictures(observer: _Observer, session: Session) -> list[Float[Tensor, "h w 
     edited, and as it should be."""
     first = session.surveyed.plan.rounds[0][:2]
     shown = (first * 2)[:2]
-    unedited = {i: session.unedited_rendering(i).color.clamp(0, 1) for i in shown}
+    unedited = {i: session.unedited_picture(i) for i in shown}
     targets = {i: view.image for i, view in session.edited.targets.items()}
     last = observer.points[-1].errors
     return [
         *(unedited[i] for i in shown),
         *(targets.get(i, unedited[i]) for i in shown),
-        session.unedited_rendering(observer.views[0]).color.clamp(0, 1),
+        session.unedited_picture(observer.views[0]),
         session.render([session.views[observer.views[0]].camera])[0],
         observer.truths[last.index(min(last))][0],
     ]
