@@ -11,7 +11,7 @@ import typer
 from typer.core import TyperCommand
 from typer.models import OptionInfo
 
-Body = Callable[..., None]
+Body = Callable[..., Any]
 
 
 @runtime_checkable
@@ -65,12 +65,12 @@ def as_command(body: Body) -> Body:
         else:
             options.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
 
-    def command(**values: Any) -> None:
+    def command(**values: Any) -> Any:
         gathered = {
             name: group.gather({member: values.pop(member) for member in members})
             for name, (group, members) in groups.items()
         }
-        body(**values, **gathered)
+        return body(**values, **gathered)
 
     check_flags(options)
     command.__name__, command.__doc__ = body.__name__, paragraphs(body)

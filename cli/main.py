@@ -23,10 +23,23 @@ from .fit import fit
 from .info import info
 from .looks import looks
 from .metrics import metrics
+from .operations import THEN, operation_verb
 from .preview import preview
 from .ranks import cause, end, leave, meet
 from .recover import recover
+from .reduce_sh import reduce_sh
 from .render import render
+
+EDIT = (edit, fit, recover, metrics, editors, looks)
+OPERATIONS = (reduce_sh,)
+"""Verbs that change a scene, and can follow each other in one command."""
+LOOK = (info, render, preview)
+
+
+def in_panel(command: LazyCommand, panel: str) -> LazyCommand:
+    """The verb, listed under a heading of its own in `gsedit --help`."""
+    command.rich_help_panel = panel
+    return command
 
 
 class Verbs(TyperGroup):
@@ -34,9 +47,18 @@ class Verbs(TyperGroup):
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
-        for body in (fit, edit, recover, metrics, render, preview, info, editors, looks, doctor):
-            self.add_command(lazy_verb(body))
-        self.add_command(LazyCommand("bench", bench_summary.__doc__ or "", lambda: bench))
+        for panel, bodies in (("Edit from a sentence", EDIT), ("Look", LOOK)):
+            for body in bodies:
+                self.add_command(in_panel(lazy_verb(body), panel))
+        for body in OPERATIONS:
+            panel = f"Change a scene (one after another with the word {THEN})"
+            self.add_command(in_panel(operation_verb(body), panel))
+        machine = (
+            lazy_verb(doctor),
+            LazyCommand("bench", bench_summary.__doc__ or "", lambda: bench),
+        )
+        for command in machine:
+            self.add_command(in_panel(command, "This machine"))
 
     def main(self, args: Any = None, *rest: Any, **options: Any) -> Any:
         arguments = sys.argv[1:] if args is None else list(args)

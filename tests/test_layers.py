@@ -21,6 +21,7 @@ ORDER = {
         "savings",
         "editors",
         "fitting",
+        "points",
         "reports",
         "measures",
         "synthetic",

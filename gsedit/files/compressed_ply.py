@@ -6,7 +6,15 @@ from pathlib import Path
 
 from gsedit.files.ply import PlyHeader
 from gsedit.files.quantised import to_gsply, unpacked
-from rasterizer.scene import Gaussians
+from gsedit.files.streams import (
+    Blocks,
+    ReadOptions,
+    SceneHeader,
+    SceneSource,
+    WriteOptions,
+    gather,
+    in_blocks,
+)
 
 
 def is_compressed(header: PlyHeader) -> bool:
@@ -15,18 +23,19 @@ def is_compressed(header: PlyHeader) -> bool:
     return vertex is not None and "packed_position" in vertex.names
 
 
-def read_compressed(path: Path) -> Gaussians:
-    """Read a .compressed.ply through gsply, after its header and size were checked.
-
-    Raises InputError for a damaged file.
-    """
+def open_source(path: Path, options: ReadOptions) -> SceneSource:
+    """Read a .compressed.ply through gsply. Raises InputError for a damaged file."""
     import gsply
 
-    return unpacked(path, lambda: gsply.plyread(path))
+    table = unpacked(path, lambda: gsply.plyread(path))
+    header = SceneHeader(table.degree)
+    return SceneSource(path, ".compressed.ply", header, len(table), lambda: in_blocks(table))
 
 
-def write_compressed(scene: Gaussians, path: Path) -> None:
-    """Write through gsply. Raises UsageError above SH degree 3."""
+def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions) -> int:
+    """Write through gsply; the number of rows."""
     import gsply
 
-    gsply.plywrite(path, to_gsply(scene, path), compressed=True)
+    table = gather(blocks, header, 0)
+    gsply.plywrite(path, to_gsply(table), compressed=True)
+    return len(table)

@@ -6,22 +6,27 @@ wxyz; f_rest is channel-major in the file (all of red, all of green, ...), coeff
 
 from __future__ import annotations
 
+from functools import partial
 from math import isqrt
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import torch
-from jaxtyping import Float
-from torch import Tensor
+from jaxtyping import Float32
 
-from gsedit.errors import InputError, UsageError
-from gsedit.files.ply import PlyHeader, read_ply
-from rasterizer.scene import Gaussians
+from gsedit.errors import InputError
+from gsedit.files.ply import PlyHeader, read_ply, read_ply_header
+from gsedit.files.streams import (
+    AT_ONCE,
+    Blocks,
+    ReadOptions,
+    SceneHeader,
+    SceneSource,
+    WriteOptions,
+    in_blocks,
+)
+from gsedit.files.table import SplatTable
 
 MAX_DEGREE = 3  # INRIA's layout ends at 45 f_rest columns; no reader expects more
-AT_ONCE = 1 << 18
-"""Rows that are read or written at a time: 65 MB."""
 _REST_COUNTS = (0, 9, 24, 45)  # 3 ((degree + 1)^2 - 1)
 _MEANS = ("x", "y", "z")
 _NORMALS = ("nx", "ny", "nz")
@@ -43,7 +48,7 @@ def columns(k: int) -> tuple[str, ...]:
 
 
 def field_columns(k: int) -> dict[str, np.ndarray]:
-    """The column of every number of `Gaussians`, in the shape of one row of each field."""
+    """The column of every number of a `SplatTable`, in the shape of one row of each field."""
     return {
         "means": np.array(_MEANS),
         "quats": np.array(_QUATS),
@@ -53,12 +58,11 @@ def field_columns(k: int) -> dict[str, np.ndarray]:
     }
 
 
-def read_inria(path: Path, header: PlyHeader) -> tuple[Gaussians, tuple[str, ...]]:
-    """The scene, float32, and notes on what the file holds beyond it.
+def open_inria(path: Path, header: PlyHeader) -> SceneSource:
+    """The splats of a PLY with one column a number: any column order and type, ASCII, big-endian.
 
-    Read in pieces where the file is binary and plain, so that memory holds the scene and little
-    else; otherwise as a whole: any column order and type, ASCII, big-endian, more elements. Raises
-    InputError where columns of a splat are missing.
+    Read in pieces where the file is binary and plain; otherwise as a whole. Raises InputError where
+    columns of a splat are missing.
     """
     vertex = header.element("vertex")
     k = _coefficients(path, vertex.names if vertex else ())
@@ -67,48 +71,52 @@ def read_inria(path: Path, header: PlyHeader) -> tuple[Gaussians, tuple[str, ...
     others = [e.name for e in header.elements if e.name != "vertex"]
     notes = [f"columns left out: {', '.join(extra)}"] if extra else []
     notes += [f"elements left out: {', '.join(others)}"] if others else []
-    scene = _in_pieces(path, header, k) if _is_plain(header) else _tolerant(path, k)
-    return scene, tuple(notes)
+    read = _in_pieces if _is_plain(header) else _tolerant
+    return SceneSource(
+        path,
+        "INRIA .ply",
+        SceneHeader(isqrt(k) - 1, comments=header.comments),
+        vertex.count if vertex else 0,
+        partial(read, path, header, k),
+        tuple(notes),
+    )
 
 
-def write_inria(scene: Gaussians, path: Path) -> None:
-    """Write INRIA's layout, float32, little-endian, no comments (some viewers fail on them).
+def open_source(path: Path, options: ReadOptions) -> SceneSource:
+    """Open a .ply with one column a number."""
+    return open_inria(path, read_ply_header(path))
+
+
+def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions) -> int:
+    """Write INRIA's layout, float32, little-endian, no comments (some viewers fail on them); the
+    number of rows.
 
     Not through gsply, which leaves out the normals: INRIA's own viewer reads 62 columns unchecked.
-    Raises UsageError for a scene of a higher SH degree than 3.
+    The count is written last, over ten digits: leading zeros are part of a number to every reader.
     """
-    if scene.degree > MAX_DEGREE:
-        raise UsageError(
-            f"{path}: .ply holds SH up to degree {MAX_DEGREE}, the scene has {scene.degree}: "
-            "reduce its SH degree first"
-        )
-    n, k = scene.sh.shape[:2]
+    k = (header.degree + 1) ** 2
     lines = [f"property float {name}" for name in columns(k)]
-    start = ["ply", "format binary_little_endian 1.0", f"element vertex {n}"]
+    start = b"ply\nformat binary_little_endian 1.0\nelement vertex "
+    count = 0
     with path.open("wb") as handle:
-        handle.write("\n".join([*start, *lines, "end_header\n"]).encode("ascii"))
-        for start in range(0, n, AT_ONCE):
-            _rows(scene[start : start + AT_ONCE]).numpy().astype("<f4", copy=False).tofile(handle)
+        handle.write(start + b"%010d\n" % 0)
+        handle.write("\n".join([*lines, "end_header\n"]).encode("ascii"))
+        for block in blocks:
+            for part in in_blocks(block):
+                _rows(part).astype("<f4", copy=False).tofile(handle)
+                count += len(part)
+        handle.seek(len(start))
+        handle.write(b"%010d" % count)
+    return count
 
 
-def _rows(scene: Gaussians) -> Float[Tensor, "n columns"]:
+def _rows(table: SplatTable) -> Float32[np.ndarray, "n columns"]:
     """What the file holds of each Gaussian, in the order of `columns`."""
-    rest = scene.sh[:, 1:].transpose(1, 2).flatten(1)  # to channel-major
-    normals = torch.zeros_like(scene.means)
-    opacity = scene.logit_opacities[:, None]
-    fields = (scene.means, normals, scene.sh[:, 0], rest, opacity, scene.log_scales, scene.quats)
-    return torch.cat(fields, dim=1)
-
-
-def from_gsply(data: Any) -> Gaussians:
-    """The scene of gsply's GSData: log scales, logit opacities, SH in two parts."""
-    bands = [data.sh0[:, None]]
-    if data.shN is not None:  # None from .spz of degree 0, an empty array from .ply
-        bands.append(data.shN.reshape(len(data), data.shN.shape[1], 3))
-    sh = np.concatenate(bands, axis=1)
-    arrays = (data.means, data.quats, data.scales, data.opacities.reshape(-1), sh)
-    # copied: the arrays are views into one table, which would stay in memory
-    return Gaussians(*(torch.from_numpy(np.array(a, dtype=np.float32, order="C")) for a in arrays))
+    rest = table.sh[:, 1:].transpose(0, 2, 1).reshape(len(table), -1)  # to channel-major
+    normals = np.zeros_like(table.means)
+    opacity = table.logit_opacities[:, None]
+    fields = (table.means, normals, table.sh[:, 0], rest, opacity, table.log_scales, table.quats)
+    return np.concatenate(fields, axis=1)
 
 
 def _coefficients(path: Path, names: tuple[str, ...]) -> int:
@@ -142,35 +150,34 @@ def _is_plain(header: PlyHeader) -> bool:
     )
 
 
-def _in_pieces(path: Path, header: PlyHeader, k: int) -> Gaussians:
-    """The scene of a plain file, a part of its rows at a time."""
+def _in_pieces(path: Path, header: PlyHeader, k: int) -> Blocks:
+    """The rows of a plain file, some at a time."""
     vertex = header.elements[0]
     at = {name: index for index, name in enumerate(vertex.names)}
     places = {
         field: np.vectorize(at.__getitem__)(names) for field, names in field_columns(k).items()
     }
-    fields = {
-        field: np.empty((vertex.count, *place.shape), np.float32) for field, place in places.items()
-    }
     with path.open("rb") as handle:
         handle.seek(header.data_offset)
         for start in range(0, vertex.count, AT_ONCE):
             count = min(AT_ONCE, vertex.count - start)
-            rows = np.fromfile(handle, "<f4", count * len(at)).reshape(count, len(at))
-            for field, place in places.items():
-                np.take(rows, place, axis=1, out=fields[field][start : start + count])
-    return Gaussians(**{field: torch.from_numpy(values) for field, values in fields.items()})
+            rows = np.fromfile(handle, "<f4", count * len(at))
+            if rows.size < count * len(at):
+                raise InputError(f"{path} became shorter while it was read: copy it again")
+            rows = rows.reshape(count, len(at))
+            yield SplatTable(**{f: rows.take(place, axis=1) for f, place in places.items()})  # pyright: ignore[reportArgumentType]
 
 
-def _tolerant(path: Path, k: int) -> Gaussians:
-    """The scene by our own reader: columns by name, in any order and type."""
+def _tolerant(path: Path, header: PlyHeader, k: int) -> Blocks:
+    """The rows by our own reader: columns by name, in any order and type."""
     vertex = read_ply(path).elements.get("vertex")
     if vertex is None:
         raise InputError(f"{path}: a list element stands before vertex: export it without faces")
 
-    def gather(names: np.ndarray) -> Float[Tensor, "n ..."]:
-        with np.errstate(over="ignore"):  # a double beyond float32 becomes inf: `load` refuses it
+    def gather(names: np.ndarray) -> Float32[np.ndarray, "n ..."]:
+        with np.errstate(over="ignore"):  # a double beyond float32 becomes inf: found later
             parts = [vertex[name].astype(np.float32) for name in names.ravel().tolist()]
-        return torch.from_numpy(np.stack(parts, axis=-1).reshape(len(vertex), *names.shape))
+        return np.stack(parts, axis=-1).reshape(len(vertex), *names.shape)
 
-    return Gaussians(**{field: gather(names) for field, names in field_columns(k).items()})
+    fields = {f: gather(names) for f, names in field_columns(k).items()}
+    yield from in_blocks(SplatTable(**fields))  # pyright: ignore[reportArgumentType]

@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import torch
+import numpy as np
 
-from gsedit.errors import InputError, UsageError
-from gsedit.files.inria import from_gsply
-from rasterizer.scene import Gaussians
+from gsedit.errors import InputError
+from gsedit.files.table import SplatTable
 
 LOGIT_MAX = 15.0
 """These formats store opacity in 8 bits, and 255 means 1, whose logit is infinite. The sigmoid of
 15 is 1 - 3e-7: about the largest logit at which float32 still has a gradient."""
 
 
-def finite_logits(scene: Gaussians) -> Gaussians:
-    """The scene with the logits of its opacities between -LOGIT_MAX and LOGIT_MAX."""
-    return replace(scene, logit_opacities=scene.logit_opacities.clamp(-LOGIT_MAX, LOGIT_MAX))
+def finite_logits(table: SplatTable) -> SplatTable:
+    """The table with the logits of its opacities between -LOGIT_MAX and LOGIT_MAX."""
+    return table.replace(logit_opacities=table.logit_opacities.clip(-LOGIT_MAX, LOGIT_MAX))
 
 
-def unpacked(path: Path, read: Callable[[], Any]) -> Gaussians:
+def unpacked(path: Path, read: Callable[[], Any]) -> SplatTable:
     """The scene that gsply reads from a file. Raises InputError for a damaged one."""
     try:
         return finite_logits(from_gsply(read()))
@@ -35,13 +33,23 @@ def unpacked(path: Path, read: Callable[[], Any]) -> Gaussians:
         raise InputError(f"{path} cannot be unpacked ({reason}): export it again") from None
 
 
-def to_gsply(scene: Gaussians, path: Path) -> Any:
-    """The scene as gsply writes it. Raises UsageError above SH degree 3."""
+def from_gsply(data: Any) -> SplatTable:
+    """The table of gsply's GSData: log scales, logit opacities, SH in two parts."""
+    bands = [data.sh0[:, None]]
+    if data.shN is not None:  # None from .spz of degree 0, an empty array from .ply
+        bands.append(data.shN.reshape(len(data), data.shN.shape[1], 3))
+    sh = np.concatenate(bands, axis=1)
+    arrays = (data.means, data.quats, data.scales, data.opacities.reshape(-1), sh)
+    # copied: the arrays are views into one table, which would stay in memory
+    means, quats, scales, opacities, sh = (np.array(a, np.float32, order="C") for a in arrays)
+    return SplatTable(means, quats, scales, opacities, sh)
+
+
+def to_gsply(table: SplatTable) -> Any:
+    """The table as gsply writes it."""
     from gsply import GSData
 
-    if scene.degree > 3:
-        raise UsageError(f"{path}: SH degree {scene.degree} does not fit: reduce it to 3 first")
-    quats = torch.nn.functional.normalize(scene.quats, dim=1)  # smallest-three packing needs it
-    fields = (scene.means, scene.log_scales, quats, scene.logit_opacities)
-    dc, rest = scene.sh[:, 0].contiguous(), scene.sh[:, 1:].contiguous()
-    return GSData.from_arrays(*(f.numpy() for f in (*fields, dc, rest)), format="ply")
+    norms = np.linalg.norm(table.quats, axis=1, keepdims=True)  # smallest-three packing needs 1
+    fields = (table.means, table.log_scales, table.quats / norms, table.logit_opacities)
+    dc, rest = np.ascontiguousarray(table.sh[:, 0]), np.ascontiguousarray(table.sh[:, 1:])
+    return GSData.from_arrays(*fields, dc, rest, format="ply")

@@ -5,29 +5,41 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import torch
 
 from gsedit.errors import InputError
 from gsedit.files.quantised import finite_logits
-from rasterizer.numerics import SH_DC
-from rasterizer.scene import Gaussians
+from gsedit.files.streams import AT_ONCE, Blocks, ReadOptions, SceneHeader, SceneSource
+from gsedit.files.table import SH_DC, SplatTable
 
 ROW = np.dtype([("means", "<f4", 3), ("scales", "<f4", 3), ("rgba", "u1", 4), ("quats", "u1", 4)])
 
 
-def read_splat(path: Path) -> Gaussians:
-    """Read a .splat. Raises InputError for one that was cut off."""
-    if path.stat().st_size % ROW.itemsize:
+def open_source(path: Path, options: ReadOptions) -> SceneSource:
+    """Open a .splat. Raises InputError for one that was cut off."""
+    count, rest = divmod(path.stat().st_size, ROW.itemsize)
+    if rest:
         raise InputError(
             f"{path} is no whole number of {ROW.itemsize}-byte rows: "
             "it is cut off, copy or export it again"
         )
-    rows = np.fromfile(path, ROW)
-    scales = torch.from_numpy(rows["scales"].copy())
-    rgba = torch.from_numpy(rows["rgba"]).float() / 255
-    quats = (torch.from_numpy(rows["quats"]).float() - 128) / 128
+    return SceneSource(path, ".splat", SceneHeader(0), count, lambda: _read(path, count))
+
+
+def _read(path: Path, count: int) -> Blocks:
+    with path.open("rb") as handle:
+        for start in range(0, count, AT_ONCE):
+            rows = np.frombuffer(handle.read(AT_ONCE * ROW.itemsize), ROW)
+            if not len(rows):
+                raise InputError(f"{path} ends after row {start} of {count}: copy it again")
+            yield _unpack(rows)
+
+
+def _unpack(rows: np.ndarray) -> SplatTable:
+    rgba = rows["rgba"].astype(np.float32) / 255
+    quats = (rows["quats"].astype(np.float32) - 128) / 128
     # exporters round tiny scales to 0: the smallest normal float keeps the logarithm finite
-    log_scales = torch.where(scales == 0, torch.finfo().tiny, scales).log()
-    means = torch.from_numpy(rows["means"].copy())
-    sh = (rgba[:, None, :3] - 0.5) / SH_DC
-    return finite_logits(Gaussians(means, quats, log_scales, rgba[:, 3].logit(), sh))
+    scales = np.where(rows["scales"] == 0, np.finfo(np.float32).tiny, rows["scales"])
+    with np.errstate(divide="ignore", invalid="ignore"):  # damaged rows are found later
+        log_scales, logits = np.log(scales), np.log(rgba[:, 3] / (1 - rgba[:, 3]))
+    sh = (rgba[:, None, :3] - np.float32(0.5)) / np.float32(SH_DC)
+    return finite_logits(SplatTable(rows["means"].copy(), quats, log_scales, logits, sh))

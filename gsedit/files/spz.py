@@ -7,7 +7,15 @@ from pathlib import Path
 
 from gsedit.errors import UsageError
 from gsedit.files.quantised import to_gsply, unpacked
-from rasterizer.scene import Gaussians
+from gsedit.files.streams import (
+    Blocks,
+    ReadOptions,
+    SceneHeader,
+    SceneSource,
+    WriteOptions,
+    gather,
+    in_blocks,
+)
 
 LIMIT = (1 << 23) - 1
 """Positions are signed fixed-point numbers of 24 bits."""
@@ -15,26 +23,26 @@ FRACTIONAL_BITS = 12
 """Of a position at most: Niantic's default."""
 
 
-def read_spz(path: Path) -> Gaussians:
-    """Read an .spz through gsply: versions 1-3, and 4 where the package zstandard is installed.
+def open_source(path: Path, options: ReadOptions) -> SceneSource:
+    """Read an .spz through gsply. Raises InputError for a damaged file."""
+    import gsply
 
-    Coordinates are taken as stored: the specification has RUB axes, but not all writers do.
-    Raises InputError for a damaged file.
+    table = unpacked(path, lambda: gsply.read_spz(path))
+    header = SceneHeader(table.degree)
+    return SceneSource(path, ".spz", header, len(table), lambda: in_blocks(table))
+
+
+def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions) -> int:
+    """SPZ version 3 through gsply, positions as fine as the scene's extent allows; the number of
+    rows. Raises UsageError beyond 4e6 from the origin.
     """
     import gsply
 
-    return unpacked(path, lambda: gsply.read_spz(path))
-
-
-def write_spz(scene: Gaussians, path: Path) -> None:
-    """SPZ version 3 through gsply, positions as fine as the scene's extent allows.
-
-    Raises UsageError beyond 4e6 from the origin and above SH degree 3.
-    """
-    import gsply
-
-    extent = max(float(scene.means.abs().max()), 1e-6)
+    table = gather(blocks, header, 0)
+    extent = max(float(abs(table.means).max(initial=0)), 1e-6)
     bits = min(FRACTIONAL_BITS, floor(log2(LIMIT / extent)))
     if bits < 1:
         raise UsageError(f"{path}: .spz holds positions up to 4e6, not {extent:.3g}: save a .ply")
-    gsply.write_spz(path, to_gsply(scene, path), fractional_bits=bits)
+    if len(table):
+        gsply.write_spz(path, to_gsply(table), fractional_bits=bits)
+    return len(table)

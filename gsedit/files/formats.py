@@ -1,0 +1,108 @@
+"""The formats of scene files: which there are, which one a path means, and what each can hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+
+from gsedit.errors import UsageError
+from gsedit.files.atomic import atomic_path
+from gsedit.files.inputs import existing_file
+from gsedit.files.ply import read_ply_header
+from gsedit.files.streams import (
+    AS_SPECIFIED,
+    USUAL,
+    Blocks,
+    ReadOptions,
+    SceneHeader,
+    SceneSource,
+    WriteOptions,
+)
+
+
+@dataclass(frozen=True)
+class Format:
+    """One kind of scene file."""
+
+    suffix: str
+    """In lower case."""
+    module: str
+    """In gsedit.files; imported when it is used."""
+    writes: bool = True
+    max_degree: int = 3
+    """Of the SH that it can hold, where it is written."""
+
+
+FORMATS = (
+    Format(".ply", "inria"),
+    Format(".compressed.ply", "compressed_ply"),
+    Format(".spz", "spz"),
+    Format(".splat", "splat", writes=False),
+)
+READABLE = tuple(format.suffix for format in FORMATS)
+WRITABLE = tuple(format.suffix for format in FORMATS if format.writes)
+
+
+def open_scene(path: str | Path, options: ReadOptions = AS_SPECIFIED) -> SceneSource:
+    """Open a scene file by its suffix, a .ply by its content too: read and check its header.
+
+    Raises UsageError for another suffix, InputError for a file that is not what it should be.
+    """
+    path = Path(path)
+    existing_file(path)  # before the suffix: that the file is missing is the more useful message
+    format = _format(path)
+    if format is None:
+        raise UsageError(f"{path}: gsedit reads {', '.join(READABLE)}: name one of these")
+    name = _ply_kind(path) if format.suffix.endswith(".ply") else format.module
+    return import_module(f"gsedit.files.{name}").open_source(path, options)
+
+
+def writable_format(path: str | Path) -> Format:
+    """The format to write at a path. Raises UsageError where there is none."""
+    format = _format(Path(path))
+    if format is None or not format.writes:
+        raise UsageError(f"{path}: gsedit writes {', '.join(WRITABLE)}: choose one of these")
+    return format
+
+
+def write_scene(
+    path: str | Path,
+    header: SceneHeader,
+    blocks: Blocks,
+    *,
+    options: WriteOptions = USUAL,
+    overwrite: bool = False,
+) -> int:
+    """Write rows by the suffix of `path`: whole or not at all. Returns their number.
+
+    Creates parent folders. Raises UsageError if the file exists (and not `overwrite`), the suffix
+    is unknown, the SH degree does not fit, or there are no rows.
+    """
+    path, format = Path(path), writable_format(path)
+    if header.degree > format.max_degree:
+        raise UsageError(
+            f"{path}: {format.suffix} holds SH up to degree {format.max_degree}, the scene has "
+            f"{header.degree}: reduce its SH degree first"
+        )
+    with atomic_path(path, overwrite=overwrite) as temporary:
+        module = import_module(f"gsedit.files.{format.module}")
+        count = module.write(temporary, header, blocks, options)
+        if not count:
+            raise UsageError(
+                f"{path} would hold no Gaussians: nothing was written, keep at least one"
+            )
+    return count
+
+
+def _format(path: Path) -> Format | None:
+    """The one with the longest suffix that the name ends in."""
+    fitting = [format for format in FORMATS if path.name.lower().endswith(format.suffix)]
+    return max(fitting, key=lambda format: len(format.suffix), default=None)
+
+
+def _ply_kind(path: Path) -> str:
+    """The module that reads this .ply: exporters often leave ".compressed" out of the name."""
+    from gsedit.files.compressed_ply import is_compressed
+
+    return "compressed_ply" if is_compressed(read_ply_header(path)) else "inria"

@@ -1,0 +1,25 @@
+"""The point-cloud tools: select, clean, move, colour and compare splats. They need no torch.
+
+Every operation is a frozen dataclass and a function of the same meaning: the function takes a
+`SplatTable` or a `Gaussians` and returns the same kind.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rasterizer.lazy import make_lazy
+
+if TYPE_CHECKING:
+    from gsedit.points.operation import Operation, Rowwise, Whole, apply
+    from gsedit.points.reduce_sh import ReduceSH, reduce_sh
+
+__all__ = ["Operation", "ReduceSH", "Rowwise", "Whole", "apply", "reduce_sh"]
+
+make_lazy(
+    __name__,
+    {
+        "operation": ("Operation", "Rowwise", "Whole", "apply"),
+        "reduce_sh": ("ReduceSH", "reduce_sh"),
+    },
+)

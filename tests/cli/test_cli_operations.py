@@ -1,0 +1,88 @@
+"""Verbs that change a scene: counted, chained with `then`, and nothing written unasked."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+from command_line import gsedit, one_line
+
+from gsedit.files import load
+
+
+def test_a_chain_does_its_verbs_in_order_and_writes_once(scene, tmp_path):
+    out = tmp_path / "small.ply"
+    done = gsedit("reduce-sh", scene, "--degree", 1, "then", "reduce-sh", "-o", out)
+    assert done.exit_code == 0, done.stderr
+    assert done.stdout.strip() == str(out)
+    assert load(out).degree == 0
+    assert len(load(out)) == len(load(scene))
+
+
+def test_dry_run_writes_nothing_and_counts(scene, tmp_path):
+    before = sorted(tmp_path.rglob("*"))
+    done = gsedit("reduce-sh", scene, "--dry-run", "--json")
+    assert done.exit_code == 0, done.stderr
+    assert json.loads(done.stdout)["gaussians"] == len(load(scene))
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ((), "-o"),
+        (("then",), "nothing follows then: name one of"),
+        (("then", "reduce-hs"), "then reduce-hs: name one of"),
+        (("-o", "scene.obj"), "gsedit writes"),
+        (("then", "reduce-sh", "--degre", "1", "-o", "a.ply"), "--degre"),
+    ],
+)
+def test_a_wrong_chain_is_one_line_that_names_the_next_move(
+    scene, tmp_path, monkeypatch, words, message
+):
+    monkeypatch.chdir(tmp_path)
+    done = gsedit("reduce-sh", scene, *words)
+    assert done.exit_code == 2
+    assert one_line(done.stderr)
+    assert message in done.stderr
+
+
+def test_existing_files_are_kept_without_force(scene, tmp_path):
+    out = tmp_path / "small.ply"
+    out.write_text("mine")
+    done = gsedit("reduce-sh", scene, "-o", out)
+    assert done.exit_code == 2
+    assert "add -f" in done.stderr
+    assert out.read_text() == "mine"
+    assert gsedit("reduce-sh", scene, "-o", out, "-f").exit_code == 0
+    assert load(out).degree == 0
+
+
+def test_invalid_rows_are_refused_with_their_place(tmp_path):
+    from bad_files import PLY_COLUMNS, ply_bytes, scene_table
+
+    table = scene_table()
+    table[3, PLY_COLUMNS.index("y")] = float("nan")
+    path, out = tmp_path / "bad.ply", tmp_path / "out.ply"
+    path.write_bytes(ply_bytes(table))
+    done = gsedit("reduce-sh", path, "-o", out)
+    assert done.exit_code == 3
+    assert "row 3 (from 0): column y is nan" in done.stderr
+    assert not list(tmp_path.glob("*out.ply"))
+    done = gsedit("reduce-sh", path, "--drop-invalid", "-o", out)
+    assert done.exit_code == 0, done.stderr
+    assert "1" in done.stderr
+    assert len(load(out)) == 4
+
+
+def test_torch_is_not_loaded(scene, tmp_path):
+    code = (
+        "import sys; from gsedit_cli.main import app\n"
+        "try: app()\nexcept SystemExit as end: assert not end.code, end.code\n"
+        "assert not {'torch', 'scipy', 'numba'} & set(sys.modules)"
+    )
+    arguments = [sys.executable, "-c", code, "reduce-sh", str(scene), "-o", str(tmp_path / "o.ply")]
+    done = subprocess.run(arguments, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
