@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from gsedit.session.folder import write_edit
     from gsedit.session.result import EditResult
     from gsedit.session.settings import EditSettings
+    from gsedit.viewer.point_clouds import to_open3d, to_pyvista, to_trimesh
     from gsedit.views.dataset import Dataset, View
     from gsedit.views.orbit import orbit
 
@@ -42,6 +43,9 @@ __all__ = [
     "load_dataset",
     "orbit",
     "save",
+    "to_open3d",
+    "to_pyvista",
+    "to_trimesh",
     "write_edit",
 ]
 
@@ -57,6 +61,7 @@ make_lazy(
         "session.folder": ("write_edit",),
         "session.result": ("EditResult",),
         "session.settings": ("EditSettings",),
+        "viewer.point_clouds": ("to_open3d", "to_pyvista", "to_trimesh"),
         "views.dataset": ("Dataset", "View"),
         "views.orbit": ("orbit",),
     },

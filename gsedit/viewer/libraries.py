@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from functools import cache
 from typing import Any
 
 from gsedit.errors import GseditError
@@ -35,6 +36,17 @@ def import_pyvista() -> Any:
     return pyvista
 
 
+def import_trimesh() -> Any:
+    """The module trimesh. Raises GseditError where it cannot be loaded."""
+    try:
+        import trimesh
+    except (ImportError, OSError) as error:
+        raise GseditError(
+            f"trimesh cannot be loaded ({error}); try: pip install trimesh"
+        ) from error
+    return trimesh
+
+
 def has_screen() -> bool:
     """Whether a window can be opened."""
     return sys.platform != "linux" or bool(
@@ -56,9 +68,16 @@ def check_drawing() -> None:
     Raises GseditError where that fails.
     """
     import_pyvista()
-    probe = subprocess.run([sys.executable, "-c", _PROBE], capture_output=True, check=False)
-    if probe.returncode:
+    if not _runs(_PROBE):
         raise GseditError(
             "pyvista finds no OpenGL to draw with; on Debian: "
             "apt-get install -y libegl1 libgl1 libgl1-mesa-dri libx11-6"
         )
+
+
+@cache
+def _runs(code: str) -> bool:
+    """Whether a process of its own ends well; asked once, as it takes a second or two."""
+    return not subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, check=False
+    ).returncode

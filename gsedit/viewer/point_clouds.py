@@ -1,4 +1,4 @@
-"""Scenes as the point clouds of Open3D and pyvista. `n` Gaussians, `k` SH coefficients."""
+"""Scenes as the point clouds of Open3D, pyvista and trimesh. `n` Gaussians, `k` SH coefficients."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.viewer.libraries import import_open3d, import_pyvista
+from gsedit.viewer.libraries import import_open3d, import_pyvista, import_trimesh
 from rasterizer.numerics import SH_DC
 from rasterizer.scene import Gaussians
 
@@ -53,3 +53,17 @@ def to_pyvista(scene: Gaussians) -> Any:
     cloud["opacity"] = scene.opacities.detach().cpu().numpy()
     cloud["scales"] = scene.scales.detach().cpu().numpy()
     return cloud
+
+
+def to_trimesh(scene: Gaussians) -> Any:
+    """A `trimesh.PointCloud` of the centres, with colours and opacities as RGBA (uint8).
+
+    Its export() writes a bare point cloud (.ply, .glb, .xyz): without sizes and rotations.
+
+    Raises GseditError where trimesh cannot be loaded.
+    """
+    rgba = torch.cat((splat_colors(scene), scene.opacities.detach()[:, None]), dim=1)
+    return import_trimesh().PointCloud(
+        vertices=scene.means.detach().double().cpu().numpy(),
+        colors=(rgba * 255).round().to(torch.uint8).cpu().numpy(),
+    )

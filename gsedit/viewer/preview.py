@@ -2,30 +2,55 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from PIL import Image
 from torch import Tensor
 
 from gsedit.errors import UsageError
 from gsedit.files.pictures import save_picture
-from gsedit.viewer.libraries import check_drawing, has_screen, import_pyvista
-from gsedit.viewer.point_clouds import to_pyvista
+from gsedit.viewer.drawing import Look, Panel, Surroundings, make_plotter
+from gsedit.viewer.frustums import outside_camera
+from gsedit.viewer.libraries import check_drawing, has_screen
 from gsedit.views.framing import framing_camera, guess_up
 from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians
 
+NO_SURROUNDINGS = Surroundings()
+SIZE = (960, 720)
 
-def snapshot(scene: Gaussians, camera: Camera, *, point_size: float | None = None) -> Image.Image:
-    """The scene's centres as coloured points as `camera` sees them, drawn off screen.
 
-    Raises GseditError where pyvista or OpenGL is missing.
+def snapshot(
+    scene: Gaussians,
+    camera: Camera,
+    *,
+    after: Gaussians | None = None,
+    look: Look | None = None,
+    selection: Bool[Tensor, " n"] | None = None,
+    around: Surroundings = NO_SURROUNDINGS,
+    point_size: float | None = None,
+) -> Image.Image:
+    """The scene's centres as points as `camera` sees them, drawn off screen; with `after`, that
+    scene beside it.
+
+    Raises GseditError where pyvista or OpenGL is missing, UsageError as `preview` does.
     """
+    look = look or Look(point_size=point_size)
+    panels = [Panel(scene, selection=selection)]
+    if after is not None:
+        panels = [Panel(scene, "before", selection), Panel(after, "after")]
+    return draw(panels, camera, look, around)
+
+
+def draw(
+    panels: Sequence[Panel], camera: Camera, look: Look, around: Surroundings = NO_SURROUNDINGS
+) -> Image.Image:
+    """The panels side by side, drawn off screen. Raises as `snapshot`."""
     check_drawing()
-    plotter = _plotter(scene, camera, point_size, off_screen=True)
+    plotter = make_plotter(panels, camera, look, around, off_screen=True)
     try:
         return Image.fromarray(np.asarray(plotter.screenshot(return_img=True))[..., :3])
     finally:
@@ -36,52 +61,71 @@ def preview(
     scene: Gaussians,
     path: Path | str | None = None,
     *,
+    after: Gaussians | None = None,
+    look: Look | None = None,
+    selection: Bool[Tensor, " n"] | None = None,
+    around: Surroundings = NO_SURROUNDINGS,
     camera: Camera | None = None,
     up: Float[Tensor, "3"] | None = None,
-    size: tuple[int, int] = (960, 720),
+    size: tuple[int, int] = SIZE,
     min_opacity: float = 0.1,
     point_size: float | None = None,
+    titles: tuple[str, str] = ("before", "after"),
+    extra: Mapping[str, np.ndarray] | None = None,
     overwrite: bool = False,
 ) -> None:
     """Show the scene as a point cloud: into a PNG at `path`, or in a window without `path`.
 
-    Gaussians fainter than `min_opacity` are left out. Without a camera one is chosen by
-    `framing_camera(up=, size=)`; `size` is (width, height) and `point_size` is in pixels. Raises
-    UsageError where nothing is left, or there is no screen for a window; GseditError where pyvista
-    or OpenGL is missing.
+    With `after`, that scene beside it under the `titles`, from the same camera. Gaussians fainter
+    than `min_opacity` are left out. Without a camera one is chosen by `framing_camera(up=, size=)`,
+    or one that shows the cameras of `around` too; `size` is (width, height) of one scene's picture
+    and `point_size` is in pixels. `extra` holds further columns of the scene to colour by.
+
+    Raises UsageError where nothing is left, an attribute is unknown, the selection does not fit,
+    there are too many ellipsoids, or there is no screen for a window; GseditError where pyvista or
+    OpenGL is missing.
     """
-    up = guess_up(scene) if up is None else up
-    solid = scene[scene.opacities >= min_opacity]
-    if not len(solid):
-        raise UsageError(f"no Gaussian has an opacity of {min_opacity} or more: lower min_opacity")
-    camera = camera or framing_camera(solid, up=up, size=size)
+    look = look or Look(point_size=point_size)
+    panels = shown_panels(scene, after, look, selection, titles, extra, min_opacity)
+    solid = panels[0].scene
+    if camera is None and around.cameras:
+        camera = outside_camera(solid, around.cameras, size)
+    elif camera is None:
+        up = guess_up(scene) if up is None else up
+        camera = framing_camera(solid, up=up, size=size)
     if path is not None:
-        save_picture(snapshot(solid, camera, point_size=point_size), path, overwrite=overwrite)
+        save_picture(draw(panels, camera, look, around), path, overwrite=overwrite)
         return
     if not has_screen():
         raise UsageError("there is no screen to open a window on: give -o picture.png")
     check_drawing()
-    _plotter(solid, camera, point_size, off_screen=False).show()
+    make_plotter(panels, camera, look, around, off_screen=False).show()
 
 
-def _plotter(scene: Gaussians, camera: Camera, point_size: float | None, off_screen: bool) -> Any:
-    pyvista = import_pyvista()
-    width, height = camera.width, camera.height
-    # a surface of n points looks closed when each is about as large as its share of the picture
-    size = point_size or min(max((width * height / len(scene)) ** 0.5, 3.0), 12.0)
-    plotter = pyvista.Plotter(off_screen=off_screen, window_size=[width, height])
-    plotter.set_background("white")
-    plotter.add_points(
-        to_pyvista(scene), scalars="rgb", rgb=True, point_size=size, render_points_as_spheres=False
-    )
-    position = camera.centre.detach().double()
-    view = plotter.camera
-    view.position = position.tolist()
-    view.focal_point = (position + camera.forward.detach().double()).tolist()
-    view.up = (-camera.rotation[1].detach().double()).tolist()
-    view.view_angle = float(np.degrees(2 * np.arctan(height / 2 / camera.fy)))
-    view.SetWindowCenter(
-        -2 * (camera.cx - width / 2) / width, 2 * (camera.cy - height / 2) / height
-    )
-    plotter.reset_camera_clipping_range()
-    return plotter
+def shown_panels(
+    scene: Gaussians,
+    after: Gaussians | None,
+    look: Look,
+    selection: Bool[Tensor, " n"] | None,
+    titles: tuple[str, str],
+    extra: Mapping[str, np.ndarray] | None,
+    min_opacity: float,
+) -> list[Panel]:
+    """The one or two scenes without what is fainter than `min_opacity`. A selection holds for the
+    second scene too where that has as many Gaussians.
+    """
+    if selection is not None and len(selection) != len(scene):
+        raise UsageError(
+            f"the selection has {len(selection)} flags and the scene {len(scene)} Gaussians: it "
+            "belongs to another scene"
+        )
+    if look.color_by == "selection" and selection is None:
+        raise UsageError("there is no selection to colour by: give --selection FLAGS.npy")
+    panels = [Panel(scene, titles[0] if after is not None else "", selection, extra or {})]
+    if after is not None:
+        same = selection is not None and len(after) == len(scene)
+        panels.append(Panel(after, titles[1], selection if same else None))
+    solid = [panel[panel.scene.opacities >= min_opacity] for panel in panels]
+    if not all(len(panel.scene) for panel in solid):
+        raise UsageError(f"no Gaussian has an opacity of {min_opacity} or more: lower min_opacity")
+    return solid
