@@ -29,9 +29,10 @@ from .ranks import cause, end, leave, meet
 from .recover import recover
 from .reduce_sh import reduce_sh
 from .render import render
+from .transform import transform
 
 EDIT = (edit, fit, recover, metrics, editors, looks)
-OPERATIONS = (reduce_sh,)
+OPERATIONS = (transform, reduce_sh)
 """Verbs that change a scene, and can follow each other in one command."""
 LOOK = (info, render, preview)
 

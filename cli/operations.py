@@ -20,6 +20,7 @@ from .console import print_message, print_result
 from .options import Common, DropInvalid, Force, Scene, check_file, output
 
 if TYPE_CHECKING:
+    from gsedit.points.camera_moves import CameraMove
     from gsedit.points.operation import Kept, Operation
 
 THEN = "then"
@@ -177,6 +178,7 @@ def process(
         writable_format(output.out)
         check_file(output.out, output.force or output.dry_run)
     source = open_scene(path)
+    cameras = camera_move(path, output, [each for _, each in steps])
     for note in source.notes:
         print_message(f"{path}: {note}")
     guard, total = Guard(drop=output.drop_invalid), Kept(before=source.count)
@@ -191,12 +193,23 @@ def process(
             pass
     else:
         write_scene(output.out, header, blocks, overwrite=output.force)
+    if cameras and (file := cameras.write([each for _, each in steps])):
+        print_message(f"cameras moved along: {file}")
     if guard.invalid:
         print_message(f"{path}: rows left out by --drop-invalid: {guard.invalid:,}")
     named = [(verb, kept) for (verb, _), (_, kept) in zip(steps, counts)]
     for verb, kept in ((v, k) for (v, o), (_, k) in zip(steps, counts) if o.removes):
         print_message(f"{verb}: {kept}")
     return [*named, ("all", total)], None if output.dry_run else output.out
+
+
+def camera_move(path: Path, output: Output, operations: list[Operation]) -> CameraMove | None:
+    """Of the cameras beside the scene, where an operation moves them (--cameras)."""
+    if not any(getattr(each, "cameras", False) for each in operations):
+        return None
+    from gsedit.points.camera_moves import CameraMove
+
+    return CameraMove(path, None if output.dry_run else output.out, output.force)
 
 
 def _checked(blocks: Any, guard: Any, path: Path, total: Kept) -> Any:

@@ -13,13 +13,25 @@ from rasterizer.lazy import make_lazy
 if TYPE_CHECKING:
     from gsedit.points.operation import Operation, Rowwise, Whole, apply
     from gsedit.points.reduce_sh import ReduceSH, reduce_sh
+    from gsedit.points.transform import Transform, TransformAboutCentre, transform
 
-__all__ = ["Operation", "ReduceSH", "Rowwise", "Whole", "apply", "reduce_sh"]
+__all__ = [
+    "Operation",
+    "ReduceSH",
+    "Rowwise",
+    "Transform",
+    "TransformAboutCentre",
+    "Whole",
+    "apply",
+    "reduce_sh",
+    "transform",
+]
 
 make_lazy(
     __name__,
     {
         "operation": ("Operation", "Rowwise", "Whole", "apply"),
         "reduce_sh": ("ReduceSH", "reduce_sh"),
+        "transform": ("Transform", "TransformAboutCentre", "transform"),
     },
 )

@@ -1,0 +1,93 @@
+"""Verbs that move, align, join and thin out scenes."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from command_line import gsedit, one_line
+
+from gsedit.files import load
+from gsedit.files.cameras import own_file, read_cameras, write_cameras
+from gsedit.files.similarity import axis_rotation
+from gsedit.views.viewpoints import Viewpoint
+from rasterizer.camera import Camera
+
+
+def means(path) -> np.ndarray:
+    return load(path).means.numpy()
+
+
+def test_steps_stand_in_the_order_of_the_command_line(scene, tmp_path):
+    a, b = tmp_path / "a.ply", tmp_path / "b.ply"
+    move, scale = ("--translate", "-1,0,0"), ("--scale", "2")
+    assert gsedit("transform", scene, *move, *scale, "-o", a).exit_code == 0
+    assert gsedit("transform", scene, *scale, *move, "-o", b).exit_code == 0
+    np.testing.assert_allclose(means(a), 2 * (means(scene) - [1, 0, 0]), atol=1e-5)
+    np.testing.assert_allclose(means(b), 2 * means(scene) - [1, 0, 0], atol=1e-5)
+
+
+def test_a_matrix_and_its_inverse_cancel(scene, tmp_path):
+    matrix = np.eye(4)
+    matrix[:3, :3] = 2 * axis_rotation(np.array([1.0, 2.0, 3.0]), 40.0)
+    file, there, back = tmp_path / "m.txt", tmp_path / "a.ply", tmp_path / "b.ply"
+    np.savetxt(file, matrix)
+    assert gsedit("transform", scene, "--matrix", file, "-o", there).exit_code == 0
+    assert gsedit("transform", there, "--matrix", file, "--inverse", "-o", back).exit_code == 0
+    np.testing.assert_allclose(means(there), means(scene) @ matrix[:3, :3].T, atol=1e-5)
+    np.testing.assert_allclose(means(back), means(scene), atol=1e-5)
+
+
+def test_cameras_move_along(scene, tmp_path):
+    import torch
+
+    copy, out = tmp_path / "scene.ply", tmp_path / "moved.ply"
+    copy.write_bytes(scene.read_bytes())
+    pose = torch.eye(4, dtype=torch.float64)
+    pose[2, 3] = 4.0  # the camera stands at z = -4
+    camera = Camera(pose, 50.0, 50.0, 16.0, 16.0, 32, 32)
+    write_cameras([Viewpoint("a.png", camera)], own_file(copy))
+    arguments = ("--translate", "1,2,3", "--cameras", "-o", out)
+    assert gsedit("transform", copy, *arguments).exit_code == 0
+    done = gsedit("transform", copy, *arguments, "then", "transform", "--scale", "3")
+    assert done.exit_code == 2  # exists
+    done = gsedit(
+        "transform", copy, *arguments, "-f", "then", "transform", "--scale", "3", "--cameras"
+    )
+    assert done.exit_code == 0, done.stderr
+    assert f"cameras moved along: {own_file(out)}" in done.stderr
+    (moved,) = read_cameras(own_file(out))
+    np.testing.assert_allclose(moved.camera.centre, [3, 6, -3])
+    own_file(copy).unlink()
+    done = gsedit("transform", copy, "--scale", "2", "--cameras", "-o", tmp_path / "b.ply")
+    assert done.exit_code == 2
+    assert "no cameras.json beside it" in done.stderr
+    assert not (tmp_path / "b.ply").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ((), "name what to do"),
+        (("--translate", "1,2"), "--translate 1,2: give 3 numbers"),
+        (("--scale", "two"), "--scale two: give a number"),
+        (("--scale", "2", "--scale", "3"), "chain the second with then"),
+        (("--mirror", "w"), "x, y and z are possible"),
+        (("--up", "z"), "as in z,-y"),
+        (("--pivot", "middle", "--scale", "2"), "--pivot middle"),
+        (("--matrix", "none.txt"), "none.txt"),
+    ],
+)
+def test_wrong_transforms_are_one_line(scene, tmp_path, words, message):
+    done = gsedit("transform", scene, *words, "-o", tmp_path / "out.ply")
+    assert done.exit_code in (2, 3)
+    assert one_line(done.stderr)
+    assert message in done.stderr
+
+
+def test_center_says_where_the_centre_was(scene):
+    done = gsedit("transform", scene, "--center", "--dry-run", "--json")
+    assert done.exit_code == 0, done.stderr
+    assert "centre at" in done.stderr
+    assert json.loads(done.stdout)["output"] is None
