@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 from PIL import Image, ImageDraw, ImageFont
 from torch import Tensor
 
@@ -24,6 +24,19 @@ def depth_range(depth: Float[Tensor, "h w"], alpha: Float[Tensor, "h w"]) -> tup
     return near, max(far, near + 1e-6 * max(abs(near), 1.0))
 
 
+def depth_colors(
+    depth: Float[Tensor, "h w"], alpha: Float[Tensor, "h w"], near: float, far: float
+) -> UInt8[np.ndarray, "h w 3"]:
+    """Depth in colour: red at `near` or nearer, blue at `far` or farther, black where less than
+    half of a pixel is covered."""
+    from matplotlib import colormaps
+
+    nearness = ((far - depth.detach()) / (far - near)).clamp(0, 1).nan_to_num()
+    colors = colormaps["turbo"](nearness.cpu().numpy())[..., :3]
+    colors = colors * (alpha.detach() > SOLID).cpu().numpy()[..., None]
+    return (colors * 255).round().astype(np.uint8)
+
+
 def depth_picture(depth: Float[Tensor, "h w"], alpha: Float[Tensor, "h w"]) -> Image.Image:
     """Depth in colour, near is red and far is blue, with the range (scene units) written below.
 
@@ -33,10 +46,7 @@ def depth_picture(depth: Float[Tensor, "h w"], alpha: Float[Tensor, "h w"]) -> I
 
     turbo = colormaps["turbo"]
     near, far = depth_range(depth, alpha)
-    nearness = ((far - depth.detach()) / (far - near)).clamp(0, 1).nan_to_num()
-    colors = turbo(nearness.cpu().numpy())[..., :3]
-    colors = colors * (alpha.detach() > SOLID).cpu().numpy()[..., None]
-    picture = Image.fromarray((colors * 255).round().astype(np.uint8))
+    picture = Image.fromarray(depth_colors(depth, alpha, near, far))
 
     legend = Image.new("RGB", (picture.width, LEGEND), "white")
     ramp = (turbo(np.linspace(1, 0, picture.width))[:, :3] * 255).round().astype(np.uint8)

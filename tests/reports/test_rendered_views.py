@@ -31,7 +31,7 @@ def test_a_picture_is_the_render_in_eight_bits(scene, camera, tmp_path):
 
 
 def test_depth_is_numbers_and_a_picture(scene, camera, tmp_path):
-    paths = write_view(scene, camera, tmp_path / "b.0", depth=True)
+    paths = write_view(scene, camera, tmp_path / "b.0", show=("color", "depth"))
     assert [path.name for path in paths] == ["b.0.png", "b.0.depth.npy", "b.0.depth.png"]
     depth = np.load(paths[1])
     assert depth.dtype == np.float32

@@ -80,7 +80,9 @@ def test_a_spline_passes_through_its_cameras_and_is_smooth():
     eyes = torch.stack([camera.centre for camera in path])
     for camera in cameras:
         nearest = path[int((eyes - camera.centre).norm(dim=-1).argmin())]
-        torch.testing.assert_close(nearest.world_to_camera, camera.world_to_camera, atol=5e-3, rtol=0)
+        torch.testing.assert_close(
+            nearest.world_to_camera, camera.world_to_camera, atol=5e-3, rtol=0
+        )
         assert nearest.fx == pytest.approx(camera.fx, abs=5e-3)
     ends = torch.stack([path[0].world_to_camera, path[-1].world_to_camera])
     known = torch.stack([cameras[0].world_to_camera, cameras[-1].world_to_camera])
