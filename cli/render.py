@@ -281,11 +281,13 @@ def follow(
 
 
 def sized(camera: Camera, pictures: PictureOptions, out: Path) -> Camera:
-    """The camera at the size that was asked for; with even sides for an MP4."""
+    """The camera at the size and zoom that were asked for; with even sides for an MP4."""
     from gsedit.views.viewpoints import framed
 
     if pictures.size is not None:
         camera = framed(camera, *pictures.size)
+    if pictures.zoom != 1:
+        camera = replace(camera, fx=camera.fx * pictures.zoom, fy=camera.fy * pictures.zoom)
     if out.suffix.lower() == ".mp4":  # cut off by a pixel
         width, height = camera.width // 2 * 2, camera.height // 2 * 2
         camera = replace(camera, width=max(2, width), height=max(2, height))

@@ -125,6 +125,12 @@ class PictureOptions:
             show_default=False,
         ),
     ] = None
+    zoom: Annotated[
+        float,
+        picture_option(
+            "--zoom", "Times the focal length: below 1 shows more, above 1 less.", min=0.05, max=50
+        ),
+    ] = 1.0
     background: Annotated[
         str,
         picture_option(

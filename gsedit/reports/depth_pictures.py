@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from math import log
+
 import numpy as np
 from jaxtyping import Float, UInt8
 from PIL import Image, ImageDraw, ImageFont
 from torch import Tensor
 
 SOLID = 0.5  # of alpha: a pixel shows a surface where at least half of it is covered
+WIDE = 4.0  # times the near end: a scale that reaches farther is logarithmic
 LEGEND = 22  # pixels: the height of the strip below the picture
 
 
@@ -24,6 +27,12 @@ def depth_range(depth: Float[Tensor, "h w"], alpha: Float[Tensor, "h w"]) -> tup
     return near, max(far, near + 1e-6 * max(abs(near), 1.0))
 
 
+def is_logarithmic(near: float, far: float) -> bool:
+    """Whether equal ratios of depth, not equal differences, are equal steps of colour: outdoors,
+    where the subject would else be all red."""
+    return 0 < WIDE * near < far
+
+
 def depth_colors(
     depth: Float[Tensor, "h w"], alpha: Float[Tensor, "h w"], near: float, far: float
 ) -> UInt8[np.ndarray, "h w 3"]:
@@ -31,7 +40,12 @@ def depth_colors(
     half of a pixel is covered."""
     from matplotlib import colormaps
 
-    nearness = ((far - depth.detach()) / (far - near)).clamp(0, 1).nan_to_num()
+    z = depth.detach()
+    if is_logarithmic(near, far):
+        nearness = (far / z.clamp_min(near)).log() / log(far / near)
+    else:
+        nearness = (far - z) / (far - near)
+    nearness = nearness.clamp(0, 1).nan_to_num()
     colors = colormaps["turbo"](nearness.cpu().numpy())[..., :3]
     colors = colors * (alpha.detach() > SOLID).cpu().numpy()[..., None]
     return (colors * 255).round().astype(np.uint8)
@@ -53,6 +67,9 @@ def depth_picture(depth: Float[Tensor, "h w"], alpha: Float[Tensor, "h w"]) -> I
     legend.paste(Image.fromarray(np.tile(ramp, (LEGEND // 3, 1, 1))), (0, 0))
     draw, font = ImageDraw.Draw(legend), ImageFont.load_default(11)
     draw.text((2, LEGEND // 3), f"{near:.3g}", fill="black", font=font)
+    if is_logarithmic(near, far):
+        middle = f"{(near * far) ** 0.5:.3g}"
+        draw.text((picture.width / 2, LEGEND // 3), middle, fill="black", font=font, anchor="ma")
     draw.text((picture.width - 2, LEGEND // 3), f"{far:.3g}", fill="black", font=font, anchor="ra")
 
     joined = Image.new("RGB", (picture.width, picture.height + LEGEND))

@@ -90,7 +90,7 @@ def find_views(
     scene = scene.detach()
     places = find_places(draw_sample(scene, generator), wish, generator)
     if wish.eye is None and wish.look_at is None and places.enclosed < SURROUNDED:
-        return orbit(scene, count, size, up=wish.up)
+        return orbit(scene, count, size, up=wish.up, alone=True)
     judged = _judged(scene, places, count, wish, generator, execution)
     up = _up(scene, judged) if wish.up is None else wish.up
     chosen = [upright(judged[i].camera, up) for i in cover(judged, count)]

@@ -29,10 +29,11 @@ class Bounds:
     radius: float
 
 
-def bounds(scene: Gaussians) -> Bounds:
+def bounds(scene: Gaussians, *, alone: bool = False) -> Bounds:
     """Centre and radius that hold nearly all of an object, or the dense middle of a capture.
 
-    Only the more opaque half counts. Raises UsageError for an empty scene.
+    Which of the two it is, is read off the distances of the centres, unless it is known to be an
+    object `alone`. Only the more opaque half counts. Raises UsageError for an empty scene.
     """
     if not len(scene):
         raise UsageError("the scene has no Gaussians: there is nothing to frame")
@@ -40,7 +41,7 @@ def bounds(scene: Gaussians) -> Bounds:
     opaque = scene[opacities >= opacities.median()].detach().to(torch.float64)
     centre = opaque.means.median(0).values
     extent, half, most = _distances(opaque.means, centre)
-    if most <= 3 * half:  # an object alone, not a capture, most of which is surroundings
+    if alone or most <= 3 * half:  # an object alone, not a capture, most of which is surroundings
         low, high = (opaque.means.sort(0).values[int(f * (len(opaque) - 1))] for f in (0.03, 0.97))
         centre = (low + high) / 2
         extent = 1.15 * _distances(opaque.means, centre)[2]  # includes the parts that stand out

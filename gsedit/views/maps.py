@@ -89,7 +89,7 @@ def wipe(
     execution: Execution = AUTO,
 ) -> Float[Tensor, "h w 3"]:
     """The picture of `before` on the left `share` of the width, in [0, 1], that of `after` on the
-    rest, and a white line between them, 1/200 of the width and at least 2 pixels.
+    rest, and a white line with dark borders between them, 1/200 of the width, at least 2 pixels.
 
     Each scene is rendered only where it shows.
     """
@@ -109,6 +109,7 @@ def wipe(
     picture = torch.cat(parts, 1)
     if 0 < edge < width:
         half = max(1, round(width / 400))
+        picture[:, max(0, edge - half - 1) : edge + half + 1] = 0.2
         picture[:, max(0, edge - half) : edge + half] = 1
     return picture
 

@@ -62,13 +62,15 @@ def orbit(
     up: Float[Tensor, "3"] | None = None,
     elevation: float = 20.0,
     fov: float = 50.0,
+    alone: bool = False,
 ) -> tuple[Camera, ...]:
-    """`count` cameras on a circle around the bulk of a scene, `size`^2 pixels each.
+    """`count` cameras on a circle around the bulk of a scene, `size`^2 pixels each; around all of
+    an object that is known to be `alone`.
 
     `up` (any length, world axes) is guessed if None; `elevation` and `fov` are in degrees. Raises
     UsageError for an `up` that is no direction, or an empty scene.
     """
-    ball = bounds(scene)
+    ball = bounds(scene, alone=alone)
     centre = torch.tensor(ball.centre, dtype=torch.float64)
     axis = (guess_up(scene) if up is None else up).detach().double()
     if not axis.isfinite().all() or not axis.any():
