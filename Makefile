@@ -22,7 +22,7 @@ setup: $(STAMP)
 $(STAMP): pyproject.toml constraints.txt
 	@$(system_packages)
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear .venv
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev,diffusers,perceptual,video]'
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev,diffusers,perceptual,video,web]'
 	@touch $@
 
 demo: setup

@@ -30,11 +30,12 @@ from .recover import recover
 from .reduce_sh import reduce_sh
 from .render import render
 from .transform import transform
+from .view import view
 
 EDIT = (edit, fit, recover, metrics, editors, looks)
 OPERATIONS = (transform, reduce_sh)
 """Verbs that change a scene, and can follow each other in one command."""
-LOOK = (info, render, preview)
+LOOK = (info, render, preview, view)
 
 
 def in_panel(command: LazyCommand, panel: str) -> LazyCommand:

@@ -16,6 +16,7 @@ from .ranks import is_first
 if TYPE_CHECKING:
     import torch
 
+    from gsedit.files import SceneFile
     from rasterizer.scene import Gaussians
 
 
@@ -169,12 +170,17 @@ def _check_permission(folder: Path) -> None:
 
 def load_scene(path: Path, *, drop_invalid: bool) -> Gaussians:
     """The scene at `path`; notes on the file are printed, a line each."""
+    return load_file(path, drop_invalid=drop_invalid).scene
+
+
+def load_file(path: Path, *, drop_invalid: bool) -> SceneFile:
+    """`load_scene`, with the columns of the file that are no part of a Gaussian."""
     from gsedit.files import read_scene
 
     file = read_scene(path, drop_invalid=drop_invalid)
     for note in file.notes:
         print_message(f"{path}: {note}")
-    return file.scene
+    return file
 
 
 def parse_indices(text: str, option: str) -> list[int]:

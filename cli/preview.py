@@ -17,6 +17,7 @@ from .options import (
     Force,
     Scene,
     check_file,
+    load_file,
     load_scene,
     output,
     scene_file,
@@ -169,7 +170,8 @@ def preview(
     from gsedit.views.framing import framing_camera
     from gsedit.views.viewpoints import framed
 
-    gaussians = load_scene(scene, drop_invalid=drop_invalid)
+    file = load_file(scene, drop_invalid=drop_invalid)
+    gaussians = file.scene
     second = None if after is None else load_scene(after, drop_invalid=drop_invalid)
     placed = stand is not None or target is not None
     around = surroundings(
@@ -183,7 +185,7 @@ def preview(
     show(
         gaussians, out, after=second, selection=drawn.flags(gaussians), look=drawn.look, up=axis,
         around=drawn.shown(around), camera=camera, size=size, min_opacity=drawn.min_opacity,
-        titles=(scene.name, "" if after is None else after.name), overwrite=force,
+        extra=file.extra, titles=(scene.name, "" if after is None else after.name), overwrite=force,
     )  # fmt: skip
     if out is not None:
         print_message(f"{out} shows {len(gaussians)} Gaussians as points")

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
+
+import numpy as np
 
 from gsedit.errors import InputError, UsageError
 from gsedit.files.formats import READABLE, WRITABLE, open_scene, write_scene
@@ -30,6 +33,8 @@ class SceneFile:
     scene: Gaussians
     notes: tuple[str, ...] = ()
     """Columns, elements and rows that were left out, one sentence each."""
+    extra: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """Columns of the file that are no part of a Gaussian: one value a row."""
 
 
 def load(path: str | Path, *, drop_invalid: bool = False) -> Gaussians:
@@ -53,7 +58,7 @@ def read_scene(
     if len(table) == 0:
         raise InputError(f"{path} holds no Gaussians: export it again")
     out = (f"rows left out: {guard.invalid} of {guard.rows}",) if guard.invalid else ()
-    return SceneFile(gaussians_of(table), (*source.notes, *out))
+    return SceneFile(gaussians_of(table), (*source.notes, *out), table.extra)
 
 
 def save(

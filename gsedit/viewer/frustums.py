@@ -13,7 +13,7 @@ from gsedit.views.viewpoints import Viewpoint
 from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians
 
-SHARE = 0.08
+SHARE = 0.06
 """Length of a pyramid in the extent of the cameras, or of the scene where there is one camera."""
 EDGES = ((0, 1), (0, 2), (0, 3), (0, 4), (1, 2), (2, 3), (3, 4), (4, 1))
 """Of a pyramid: its tip is corner 0, the corners of its picture are 1 to 4."""

@@ -47,6 +47,17 @@ def import_trimesh() -> Any:
     return trimesh
 
 
+def import_viser() -> Any:
+    """The module viser. Raises GseditError where it cannot be loaded."""
+    try:
+        import viser
+    except (ImportError, OSError) as error:
+        raise GseditError(
+            f"viser cannot be loaded ({error}); try: pip install 'gsedit[web]'"
+        ) from error
+    return viser
+
+
 def has_screen() -> bool:
     """Whether a window can be opened."""
     return sys.platform != "linux" or bool(

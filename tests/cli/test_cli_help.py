@@ -23,6 +23,7 @@ VERBS = (
     "metrics",
     "render",
     "preview",
+    "view",
     "info",
     "editors",
     "looks",

@@ -147,7 +147,7 @@ def test_cameras_are_where_they_are_and_all_in_the_picture():
     assert (depth > 0).all()
     assert ((xy > 0) & (xy < torch.tensor([64, 48]))).all()
     blue = drawn([Panel(scene)], camera, around=Surroundings(ring))
-    assert (blue[..., 2] - blue[..., 0] > 100).sum() > 10
+    assert (blue[..., 2] - blue[..., 0] > 100).sum() > 4
 
 
 @pytest.mark.parametrize(
