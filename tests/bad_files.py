@@ -189,7 +189,7 @@ _SCENES = [
         ("opacity, scale_0", "gsedit fit"),
     ),
     BadFile("two_d_splats", _scene_file(_without(("scale_2",))), "scene", ("scale_2", "export 3D")),
-    BadFile("bad_spz", _scene_file(b"no spz", "scene.spz"), "scene", ("Not an SPZ", "again")),
+    BadFile("bad_spz", _scene_file(b"no spz", "scene.spz"), "scene", ("not an SPZ", "again")),
     BadFile("bad_splat", _scene_file(b"x" * 33, "scene.splat"), "scene", ("32-byte", "again")),
     *(
         BadFile(

@@ -37,7 +37,7 @@ class Format:
 FORMATS = (
     Format(".ply", "inria"),
     Format(".compressed.ply", "compressed_ply"),
-    Format(".spz", "spz"),
+    Format(".spz", "spz", max_degree=4),
     Format(".splat", "splat", writes=False),
 )
 READABLE = tuple(format.suffix for format in FORMATS)
