@@ -15,10 +15,12 @@ from .bench import describe as bench_summary
 from .bench_refinement import bench
 from .command import LazyCommand, lazy_verb, paragraphs
 from .console import print_message
+from .crop import crop
 from .doctor import doctor
 from .edit import edit
 from .editors import editors
 from .exits import FAILED, OK, USAGE, Interrupted, explain, one_line
+from .filter import filter_
 from .fit import fit
 from .info import info
 from .looks import looks
@@ -29,13 +31,14 @@ from .ranks import cause, end, leave, meet
 from .recover import recover
 from .reduce_sh import reduce_sh
 from .render import render
+from .select import select
 from .transform import transform
 from .view import view
 
 EDIT = (edit, fit, recover, metrics, editors, looks)
-OPERATIONS = (transform, reduce_sh)
+OPERATIONS = (filter_, crop, transform, reduce_sh)
 """Verbs that change a scene, and can follow each other in one command."""
-LOOK = (info, render, preview, view)
+LOOK = (info, select, render, preview, view)
 
 
 def in_panel(command: LazyCommand, panel: str) -> LazyCommand:

@@ -11,27 +11,38 @@ from typing import TYPE_CHECKING
 from rasterizer.lazy import make_lazy
 
 if TYPE_CHECKING:
+    from gsedit.points.filter import Filter, filter, select
     from gsedit.points.operation import Operation, Rowwise, Whole, apply
     from gsedit.points.reduce_sh import ReduceSH, reduce_sh
+    from gsedit.points.selection.base import Selection
+    from gsedit.points.selection.where import where
     from gsedit.points.transform import Transform, TransformAboutCentre, transform
 
 __all__ = [
+    "Filter",
     "Operation",
     "ReduceSH",
     "Rowwise",
+    "Selection",
     "Transform",
     "TransformAboutCentre",
     "Whole",
     "apply",
+    "filter",
     "reduce_sh",
+    "select",
     "transform",
+    "where",
 ]
 
 make_lazy(
     __name__,
     {
+        "filter": ("Filter", "filter", "select"),
         "operation": ("Operation", "Rowwise", "Whole", "apply"),
         "reduce_sh": ("ReduceSH", "reduce_sh"),
+        "selection.base": ("Selection",),
+        "selection.where": ("where",),
         "transform": ("Transform", "TransformAboutCentre", "transform"),
     },
 )

@@ -8,14 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.errors import InputError
-from gsedit.files.atomic import atomic_path
-from gsedit.files.inputs import existing_file
+from gsedit.files import flags
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, SH_DC, Execution
 from rasterizer.render import render
@@ -87,8 +84,7 @@ def tinted(scene: Gaussians, region: Region) -> Gaussians:
 
 def save_region(region: Region, path: Path | str, *, overwrite: bool = False) -> None:
     """Write one flag a Gaussian, in the order of the scene's file: a .npy file of booleans."""
-    with atomic_path(path, overwrite=overwrite) as temporary:
-        np.save(temporary, region.inside.cpu().numpy())
+    flags.write_flags(region.inside.cpu().numpy(), path, overwrite=overwrite)
 
 
 def read_flags(path: Path, count: int) -> Bool[Tensor, " n"]:
@@ -96,17 +92,4 @@ def read_flags(path: Path, count: int) -> Bool[Tensor, " n"]:
 
     Raises InputError for a file that is missing, damaged, or of another number of Gaussians.
     """
-    try:
-        flags = np.load(existing_file(path), allow_pickle=False)
-    except (ValueError, EOFError, OSError) as error:
-        raise InputError(
-            f"{path} is no readable .npy file ({error}): save one flag a Gaussian with numpy.save"
-        ) from None
-    if not isinstance(flags, np.ndarray) or flags.dtype.kind not in "biuf":
-        raise InputError(f"{path} holds no flags: save one boolean a Gaussian with numpy.save")
-    if flags.shape != (count,):
-        raise InputError(
-            f"{path} has flags of shape {flags.shape} and the scene has {count} Gaussians: a "
-            "region belongs to the scene that it was made for"
-        )
-    return torch.from_numpy(flags != 0)
+    return torch.from_numpy(flags.read_flags(path, count))

@@ -16,6 +16,10 @@ from gsedit_cli.setting_options import field_docs, help_text
 from rasterizer.numerics import Execution
 
 VERBS = (
+    "filter",
+    "crop",
+    "select",
+    "transform",
     "reduce-sh",
     "fit",
     "edit",

@@ -1,0 +1,95 @@
+"""What a selection is: a rule that says of every Gaussian whether it is meant.
+
+Selections combine: `a & b` (both), `a | b` (either), `~a` (not).
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool
+
+from gsedit.files.table import SplatTable
+
+
+@dataclass(frozen=True)
+class Selection(ABC):
+    """Which Gaussians of a scene are meant."""
+
+    @property
+    def whole(self) -> bool:
+        """Whether `mask` must be given all rows of the scene at once, in the order of its file."""
+        return False
+
+    @abstractmethod
+    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
+        """Whether each row is selected. Does not write into the arrays of `table`.
+
+        A row with NaN where the rule looks is not selected by it, so its complement selects it.
+        Raises UsageError for a column that the scene lacks, InputError for a file that does not
+        fit.
+        """
+
+    def __and__(self, other: Selection) -> Selection:
+        return Intersection((self, other))
+
+    def __or__(self, other: Selection) -> Selection:
+        return Union((self, other))
+
+    def __invert__(self) -> Selection:
+        return Complement(self)
+
+
+@dataclass(frozen=True)
+class Everything(Selection):
+    """All Gaussians."""
+
+    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
+        return np.ones(len(table), bool)
+
+
+EVERYTHING = Everything()
+
+
+@dataclass(frozen=True)
+class Intersection(Selection):
+    """What all parts select."""
+
+    parts: tuple[Selection, ...]
+
+    @property
+    def whole(self) -> bool:
+        return any(part.whole for part in self.parts)
+
+    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
+        return np.logical_and.reduce([part.mask(table) for part in self.parts])
+
+
+@dataclass(frozen=True)
+class Union(Selection):
+    """What any part selects."""
+
+    parts: tuple[Selection, ...]
+
+    @property
+    def whole(self) -> bool:
+        return any(part.whole for part in self.parts)
+
+    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
+        return np.logical_or.reduce([part.mask(table) for part in self.parts])
+
+
+@dataclass(frozen=True)
+class Complement(Selection):
+    """What `inner` does not select."""
+
+    inner: Selection
+
+    @property
+    def whole(self) -> bool:
+        return self.inner.whole
+
+    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
+        return ~self.inner.mask(table)

@@ -1,0 +1,125 @@
+"""Selections as functions of plain numbers and texts: what `where` calls, and the command line.
+
+`where` reads the types of their parameters: see `ARGUMENTS` there. Coordinates and lengths are in
+units of the scene; angles are degrees about x, then y, then z.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from gsedit.points.selection.base import EVERYTHING, Selection
+from gsedit.points.selection.near_color import NearColor, parse_color
+from gsedit.points.selection.ranked import Amount, Ranked
+from gsedit.points.selection.saved import Flags
+from gsedit.points.selection.values import Column, Computed, Distance, Value
+from gsedit.points.selection.volumes import (
+    Box,
+    Cylinder,
+    Ellipsoid,
+    HalfSpace,
+    OrientedBox,
+    Sphere,
+)
+
+
+def box(x0: float, y0: float, z0: float, x1: float, y1: float, z1: float) -> Selection:
+    """Between two corners, along the axes; `-inf` and `inf` leave a side open."""
+    return Box((x0, y0, z0), (x1, y1, z1))
+
+
+def oriented_box(
+    x: float, y: float, z: float, a: float, b: float, c: float,
+    rx: float = 0.0, ry: float = 0.0, rz: float = 0.0,
+) -> Selection:  # fmt: skip
+    """About x,y,z, with sides of lengths a, b and c, turned by rx,ry,rz degrees."""
+    return OrientedBox((x, y, z), (a, b, c), (rx, ry, rz))
+
+
+def sphere(x: float, y: float, z: float, radius: float) -> Selection:
+    """About x,y,z."""
+    return Sphere((x, y, z), radius)
+
+
+def ellipsoid(
+    x: float, y: float, z: float, a: float, b: float, c: float,
+    rx: float = 0.0, ry: float = 0.0, rz: float = 0.0,
+) -> Selection:  # fmt: skip
+    """About x,y,z, with radii a, b and c, turned by rx,ry,rz degrees."""
+    return Ellipsoid((x, y, z), (a, b, c), (rx, ry, rz))
+
+
+def cylinder(
+    x0: float, y0: float, z0: float, x1: float, y1: float, z1: float, radius: float
+) -> Selection:
+    """About the axis between two points."""
+    return Cylinder((x0, y0, z0), (x1, y1, z1), radius)
+
+
+def half_space(x: float, y: float, z: float, nx: float, ny: float, nz: float) -> Selection:
+    """The side of the plane through x,y,z that the direction nx,ny,nz points to."""
+    return HalfSpace((x, y, z), (nx, ny, nz))
+
+
+def near(color: str, difference: float = 10.0) -> Selection:
+    """Whose colour, #rrggbb, differs by at most `difference` in CIE Lab."""
+    return NearColor(parse_color(color), difference)
+
+
+def flags(path: str) -> Selection:
+    """What a .npy file of flags selects, as `gsedit select` writes it."""
+    return Flags(Path(path).expanduser())
+
+
+def largest(amount: Amount, value: Value) -> Selection:
+    """The rows with the largest values: 1000 of them, or '10%'."""
+    return Ranked(amount, value)
+
+
+def smallest(amount: Amount, value: Value) -> Selection:
+    """The rows with the smallest values: 1000 of them, or '10%'."""
+    return Ranked(amount, value, largest=False)
+
+
+def everything() -> Selection:
+    """All Gaussians."""
+    return EVERYTHING
+
+
+def distance(x: float, y: float, z: float) -> Value:
+    """From x,y,z to the centre."""
+    return Distance((x, y, z))
+
+
+def column(name: str) -> Value:
+    """An extra column of the file."""
+    return Column(name)
+
+
+def absolute(value: Value) -> Value:
+    """Without its sign."""
+    return Computed("abs", (value,))
+
+
+SELECTIONS: dict[str, Callable[..., Selection]] = {
+    "box": box,
+    "oriented_box": oriented_box,
+    "sphere": sphere,
+    "ellipsoid": ellipsoid,
+    "cylinder": cylinder,
+    "half_space": half_space,
+    "near": near,
+    "flags": flags,
+    "largest": largest,
+    "smallest": smallest,
+    "all": everything,
+}
+"""By their names in expressions."""
+
+VALUES: dict[str, Callable[..., Value]] = {
+    "distance": distance,
+    "column": column,
+    "abs": absolute,
+}
+"""Functions that give a number a Gaussian, by their names in expressions."""

@@ -1,0 +1,170 @@
+"""Selections by a volume that the centre of a Gaussian is in; its surface is inside.
+
+Coordinates and lengths are those of the scene's file (see gsedit.files.table).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import cos, inf, isfinite, isnan, radians, sin
+
+import numpy as np
+from jaxtyping import Bool, Float32, Float64
+
+from gsedit.errors import UsageError
+from gsedit.files.table import SplatTable
+from gsedit.points.selection.base import Selection
+
+Vector = tuple[float, float, float]
+UNTURNED: Vector = (0.0, 0.0, 0.0)
+
+
+def rotation_of(degrees: Vector) -> Float64[np.ndarray, "3 3"]:
+    """Turns by angles about the fixed axes x, then y, then z: Rz Ry Rx, as splat-transform's -r."""
+    (cx, cy, cz), (sx, sy, sz) = (tuple(f(radians(a)) for a in degrees) for f in (cos, sin))
+    about_x = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]], np.float64)
+    about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]], np.float64)
+    about_z = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]], np.float64)
+    return about_z @ about_y @ about_x
+
+
+@dataclass(frozen=True)
+class Box(Selection):
+    """Along the axes, between two corners; infinite where a side is open."""
+
+    low: Vector = (-inf, -inf, -inf)
+    high: Vector = (inf, inf, inf)
+
+    def __post_init__(self) -> None:
+        if any(isnan(number) for number in (*self.low, *self.high)):
+            raise UsageError("box: a corner is not a number")
+        for axis, low, high in zip("xyz", self.low, self.high):
+            if low > high:
+                raise UsageError(
+                    f"box: {axis} goes from {low:g} to {high:g}: give the lower corner first"
+                )
+
+    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
+        inside = np.ones(len(table), bool)
+        for axis in range(3):
+            column = table.means[:, axis]
+            if self.low[axis] > -inf:
+                inside &= column >= self.low[axis]
+            if self.high[axis] < inf:
+                inside &= column <= self.high[axis]
+        return inside
+
+
+@dataclass(frozen=True)
+class OrientedBox(Selection):
+    """About `centre`, with sides of the lengths `size`, turned by `degrees` (see `rotation_of`)."""
+
+    centre: Vector
+    size: Vector
+    degrees: Vector = UNTURNED
+
+    def __post_init__(self) -> None:
+        check_finite("box", *self.centre, *self.degrees)
+        check_positive("box", "side", *self.size)
+
+    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
+        half = np.array(self.size, np.float32) / 2
+        return (np.abs(_along_axes(table, self.centre, self.degrees)) <= half).all(1)
+
+
+@dataclass(frozen=True)
+class Ellipsoid(Selection):
+    """About `centre`, with three `radii`, turned by `degrees` (see `rotation_of`)."""
+
+    centre: Vector
+    radii: Vector
+    degrees: Vector = UNTURNED
+
+    def __post_init__(self) -> None:
+        check_finite("ellipsoid", *self.centre, *self.degrees)
+        check_positive("ellipsoid", "radius", *self.radii)
+
+    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
+        scaled = _along_axes(table, self.centre, self.degrees) / np.array(self.radii, np.float32)
+        return _squared(scaled) <= 1
+
+
+@dataclass(frozen=True)
+class Sphere(Selection):
+    """About `centre`."""
+
+    centre: Vector
+    radius: float
+
+    def __post_init__(self) -> None:
+        check_finite("sphere", *self.centre)
+        check_positive("sphere", "radius", self.radius)
+
+    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
+        return _squared(table.means - np.array(self.centre, np.float32)) <= self.radius**2
+
+
+@dataclass(frozen=True)
+class Cylinder(Selection):
+    """About the axis from `start` to `end`, where it ends too."""
+
+    start: Vector
+    end: Vector
+    radius: float
+
+    def __post_init__(self) -> None:
+        check_finite("cylinder", *self.start, *self.end)
+        check_positive("cylinder", "radius", self.radius)
+        if self.start == self.end:
+            raise UsageError("cylinder: its axis goes from a point to the same one: give two")
+
+    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
+        axis = np.subtract(self.end, self.start)
+        length = float(np.linalg.norm(axis))
+        unit = (axis / length).astype(np.float32)
+        offset = table.means - np.array(self.start, np.float32)
+        along = offset @ unit
+        across = offset - along[:, None] * unit
+        return (along >= 0) & (along <= length) & (_squared(across) <= self.radius**2)
+
+
+@dataclass(frozen=True)
+class HalfSpace(Selection):
+    """The side of the plane through `point` that `normal` points to."""
+
+    point: Vector
+    normal: Vector
+
+    def __post_init__(self) -> None:
+        check_finite("half_space", *self.point, *self.normal)
+        if not any(self.normal):
+            raise UsageError("half_space: the normal is 0,0,0: give a direction")
+
+    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
+        normal = np.array(self.normal) / np.linalg.norm(self.normal)
+        return (table.means - np.array(self.point, np.float32)) @ normal.astype(np.float32) >= 0
+
+
+def check_finite(form: str, *numbers: float) -> None:
+    """Raise UsageError for a number that is infinite or none."""
+    if not all(map(isfinite, numbers)):
+        raise UsageError(f"{form}: {', '.join(f'{n:g}' for n in numbers)} are not all finite")
+
+
+def check_positive(form: str, what: str, *numbers: float) -> None:
+    """Raise UsageError for a length that is not a finite number above 0."""
+    for number in numbers:
+        if not 0 < number < inf:
+            raise UsageError(f"{form}: {what} {number:g}: it must be more than 0, and finite")
+
+
+def _along_axes(table: SplatTable, centre: Vector, degrees: Vector) -> Float32[np.ndarray, "n 3"]:
+    """Centres in the frame of a volume that is turned by `degrees`."""
+    offset = table.means - np.array(centre, np.float32)
+    return offset if degrees == UNTURNED else offset @ rotation_of(degrees).astype(np.float32)
+
+
+def _squared(vectors: Float32[np.ndarray, "n 3"]) -> Float32[np.ndarray, " n"]:
+    """Squared lengths; infinite where they leave float32."""
+    with np.errstate(over="ignore"):
+        return np.einsum("ij,ij->i", vectors, vectors)

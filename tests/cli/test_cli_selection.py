@@ -1,0 +1,109 @@
+"""filter, crop and select: what their options select, and how they refuse."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from command_line import gsedit, one_line
+
+from gsedit.files import load
+
+
+def counts(scene, *words) -> tuple[int, str]:
+    """How many Gaussians `gsedit filter` would keep, and its messages."""
+    done = gsedit("filter", scene, *words, "--dry-run", "--json")
+    assert done.exit_code == 0, done.stderr
+    return json.loads(done.stdout)["gaussians"], done.stderr
+
+
+def test_filter_keeps_what_is_selected_and_says_how_many(scene, tmp_path):
+    out = tmp_path / "out.ply"
+    means = load(scene).means
+    median = float(means[:, 0].median())
+    done = gsedit("filter", scene, "--box", f"{median},-,-,-,-,-", "-o", out)
+    assert done.exit_code == 0, done.stderr
+    assert "filter: kept 3 of 5 (-40.0 %)" in done.stderr
+    assert sorted(load(out).means[:, 0]) == sorted(means[means[:, 0] >= median][:, 0])
+
+
+def test_options_combine_with_and_and_where_says_the_same(scene):
+    cases = [
+        (("--box", "-1,-2,-3,1,2,3"), "box(-1,-2,-3,1,2,3)"),
+        (("--box=-1,-2,-3,1,2,3",), "box(-1,-2,-3,1,2,3)"),
+        (("--box", "-,-,-,0,-,-"), "x <= 0"),
+        (("--oriented-box", "0,0,0,2,2,2,0,0,45"), "oriented_box(0,0,0,2,2,2,rz=45)"),
+        (("--sphere", "-1,0,0,1"), "sphere(-1,0,0,1)"),
+        (("--ellipsoid", "0,0,0,1,2,3"), "ellipsoid(0,0,0,1,2,3)"),
+        (("--cylinder", "0,0,0,0,0,1,2"), "cylinder(0,0,0,0,0,1,2)"),
+        (("--half-space", "0,0,0,-1,0,0"), "half_space(0,0,0,-1,0,0)"),
+        (("--min-opacity", 0.5), "opacity >= 0.5"),
+        (("--max-opacity", 0.5), "opacity <= 0.5"),
+        (("--min-size", 1), "size >= 1"),
+        (("--max-size", 1), "size <= 1"),
+        (("--min-anisotropy", 4), "anisotropy >= 4"),
+        (("--max-anisotropy", 4), "anisotropy <= 4"),
+        (("--near-color", "#808080,50"), "near(#808080, 50)"),
+        (("--largest", "2,opacity"), "largest(2, opacity)"),
+        (("--smallest", "40%,distance(0,0,0)"), "smallest('40%', distance(0,0,0))"),
+        (("--min-opacity", 0.3, "--max-size", 2), "opacity >= 0.3 and size <= 2"),
+    ]
+    for words, text in cases:
+        assert counts(scene, *words)[0] == counts(scene, "--where", text)[0], words
+        assert counts(scene, *words, "--invert")[0] == 5 - counts(scene, *words)[0]
+
+
+def test_a_selection_is_saved_and_read(scene, tmp_path):
+    region, out = tmp_path / "region.npy", tmp_path / "out.ply"
+    done = gsedit("select", scene, "--largest", "2,opacity", "-o", region)
+    assert done.exit_code == 0, done.stderr
+    assert done.stdout.strip() == str(region)
+    assert "select: 2 of 5 (40.0 %)" in done.stderr
+    flags = np.load(region)
+    assert flags.dtype == bool
+    for words in (("--flags", region), ("--where", f"flags('{region}')")):
+        assert gsedit("filter", scene, *words, "-o", out, "-f").exit_code == 0
+        np.testing.assert_array_equal(load(out).means, load(scene).means[flags])
+    assert gsedit("select", scene, "--box", "-,-,-,-,-,-", "-o", region).exit_code == 2
+
+
+def test_crop_keeps_the_inside(scene, tmp_path):
+    words = ("--sphere", "0,0,0,1.5", "--half-space", "0,0,0,0,1,0")
+    done = gsedit("crop", scene, *words, "--dry-run")
+    assert done.exit_code == 0, done.stderr
+    expected = counts(scene, *words)[0]
+    assert f"crop: kept {expected} of 5" in done.stderr
+
+
+def test_a_selection_follows_another_operation(scene, tmp_path):
+    out = tmp_path / "out.ply"
+    words = ("--largest", "3,opacity", "then", "filter", "--smallest", "1,opacity", "-o", out)
+    done = gsedit("filter", scene, *words)
+    assert done.exit_code == 0, done.stderr
+    assert len(load(out)) == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ((), "add an option as --box"),
+        (("--box", "1,2,3"), "--box 1,2,3: give 6 numbers separated by commas, or - for an open"),
+        (("--sphere", "0,0,0,-1"), "radius -1"),
+        (("--sphere", "0,0,0,-"), "give 4 numbers"),
+        (("--where", "opacty > 0.1"), "did you mean opacity?"),
+        (("--where", "opacity > 0.1 and"), "--where"),
+        (("--largest", "10"), "1000,opacity"),
+        (("--largest", "x,opacity"), "--largest 'x' is no amount"),
+        (("--near-color", "brown"), "#rrggbb"),
+        (("--min-opacity", "2"), "would hold no Gaussians"),
+        (("--min-opacity", "nan"), "--min-opacity nan"),
+    ],
+)
+def test_a_wrong_selection_is_one_line_and_nothing_is_written(scene, tmp_path, words, message):
+    out = tmp_path / "out.ply"
+    done = gsedit("filter", scene, *words, "-o", out)
+    assert done.exit_code == 2
+    assert one_line(done.stderr)
+    assert message in done.stderr
+    assert not list(tmp_path.glob("*out.ply"))
