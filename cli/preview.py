@@ -8,20 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .cameras import From, LookAt, Up, load_photos, point, recorded_viewpoints, up_vector
 from .console import print_message, print_result
-from .options import (
-    Common,
-    Data,
-    DropInvalid,
-    Force,
-    Scene,
-    check_file,
-    load_file,
-    load_scene,
-    output,
-    scene_file,
-)
+from .looking import After, Selection, Standpoint, check_suffix
+from .options import Common, DropInvalid, Force, Scene, load_file, load_scene, output
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -32,26 +21,6 @@ if TYPE_CHECKING:
 
 def pixels(flag: str, help: str) -> Any:
     return typer.Option(flag, min=16, metavar="PIXELS", help=help)
-
-
-After = Annotated[
-    Path | None,
-    typer.Argument(
-        metavar="[AFTER]",
-        help="A second scene, shown beside the first.",
-        show_default=False,
-        callback=lambda path: None if path is None else scene_file(path),
-    ),
-]
-Selection = Annotated[
-    Path | None,
-    typer.Option(
-        "--selection",
-        metavar="FLAGS.npy",
-        show_default=False,
-        help="One flag a Gaussian, such as the region.npy of an edit: what is selected is tinted.",
-    ),
-]
 
 
 @dataclass(frozen=True)
@@ -135,15 +104,12 @@ def preview(
     scene: Scene,
     after: After = None,
     out: Annotated[Path | None, output("PNG to write; without it a window opens.")] = None,
-    data: Data = None,
-    up: Up = None,
-    look_at: LookAt = None,
-    eye: From = None,
     width: Annotated[int, pixels("--width", "Width of the picture of a scene.")] = 960,
     height: Annotated[int, pixels("--height", "Height of the picture.")] = 720,
     drop_invalid: DropInvalid = False,
     force: Force = False,
     *,
+    standpoint: Standpoint,
     drawn: Drawn,
     common: Common,
 ) -> None:
@@ -156,49 +122,23 @@ def preview(
 
     gsedit preview before.ply after.ply -o both.png
     """
-    from gsedit.errors import UsageError
-
-    axis, target, stand = up_vector(up), point(look_at, "--look-at"), point(eye, "--from")
-    drawn.check(data)
-    if out is not None:
-        if out.suffix.lower() != ".png":
-            raise UsageError(f"-o {out}: name a .png file")
-        check_file(out, force)
+    standpoint.check()
+    drawn.check(standpoint.data)
+    check_suffix(out, ".png", force=force)
     common.apply()
 
     from gsedit.viewer.preview import preview as show
-    from gsedit.views.framing import framing_camera
-    from gsedit.views.viewpoints import framed
 
     file = load_file(scene, drop_invalid=drop_invalid)
-    gaussians = file.scene
+    gaussians, size = file.scene, (width, height)
     second = None if after is None else load_scene(after, drop_invalid=drop_invalid)
-    placed = stand is not None or target is not None
-    around = surroundings(
-        scene, gaussians, data, wanted=drawn.cameras or (axis is None and not placed)
-    )
-    size, camera = (width, height), None
-    if placed:
-        camera = framing_camera(gaussians, up=axis, eye=stand, target=target, size=size)
-    elif axis is None and around.cameras and not drawn.cameras:
-        camera = framed(around.cameras[0].camera, width, height)
+    around = standpoint.surroundings(scene, gaussians, wanted=drawn.cameras)
     show(
-        gaussians, out, after=second, selection=drawn.flags(gaussians), look=drawn.look, up=axis,
-        around=drawn.shown(around), camera=camera, size=size, min_opacity=drawn.min_opacity,
-        extra=file.extra, titles=(scene.name, "" if after is None else after.name), overwrite=force,
+        gaussians, out, after=second, selection=drawn.flags(gaussians), look=drawn.look,
+        around=drawn.shown(around), extra=file.extra, min_opacity=drawn.min_opacity, size=size,
+        camera=standpoint.camera(gaussians, () if drawn.cameras else around.cameras, size),
+        titles=(scene.name, "" if after is None else after.name), overwrite=force,
     )  # fmt: skip
     if out is not None:
         print_message(f"{out} shows {len(gaussians)} Gaussians as points")
         print_result({"picture": str(out)}, str(out), as_json=common.json)
-
-
-def surroundings(path: Path, scene: Gaussians, data: Path | None, *, wanted: bool) -> Surroundings:
-    """The cameras and the sparse cloud of --data, or the cameras recorded beside the scene."""
-    from gsedit.viewer.drawing import Surroundings
-    from gsedit.views.viewpoints import Viewpoint
-
-    if data is not None:
-        photos = load_photos(data, 256, path)
-        views = tuple(Viewpoint(view.name, view.camera) for view in photos.views)
-        return Surroundings(views, photos.points)
-    return Surroundings(recorded_viewpoints(path, scene, 256) if wanted else ())

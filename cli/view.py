@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .cameras import From, LookAt, Up, point, up_vector
 from .console import print_message, print_result
-from .options import Common, Data, DropInvalid, Force, Scene, check_file, load_scene, output
-from .preview import After, Selection, surroundings
+from .looking import After, Selection, Standpoint, check_suffix
+from .options import Common, DropInvalid, Force, Scene, load_scene, output
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -19,6 +18,8 @@ if TYPE_CHECKING:
     from gsedit.viewer.browser import Page
     from rasterizer.scene import Gaussians
 
+SIZE = (960, 720)
+"""Of the picture whose field of view the page begins with, pixels."""
 MANY = 2_000_000
 """Gaussians that a browser on a laptop still turns smoothly; a guess of what users report."""
 
@@ -37,14 +38,11 @@ def view(
         Path | None, output("HTML file to write, which opens from disk; without it, a live page.")
     ] = None,
     selection: Selection = None,
-    data: Data = None,
-    up: Up = None,
-    look_at: LookAt = None,
-    eye: From = None,
     port: Port = 8080,
     drop_invalid: DropInvalid = False,
     force: Force = False,
     *,
+    standpoint: Standpoint,
     common: Common,
 ) -> None:
     """Show the splats of a scene in the browser, with buttons for before / after, a selection and
@@ -55,13 +53,8 @@ def view(
 
     gsedit view before.ply out/bronze -o page.html
     """
-    from gsedit.errors import UsageError
-
-    axis, target, stand = up_vector(up), point(look_at, "--look-at"), point(eye, "--from")
-    if out is not None:
-        if out.suffix.lower() not in (".html", ".htm"):
-            raise UsageError(f"-o {out}: name a .html file")
-        check_file(out, force)
+    standpoint.check()
+    check_suffix(out, ".html", force=force)
     common.apply()
 
     from gsedit.viewer.browser import make_page, write_page
@@ -71,11 +64,8 @@ def view(
     import_viser()  # before the long part
     before = load_scene(scene, drop_invalid=drop_invalid)
     second = None if after is None else load_scene(after, drop_invalid=drop_invalid)
-    around = surroundings(scene, before, data, wanted=True)
-    if around.cameras and axis is None and target is None and stand is None:
-        camera = around.cameras[0].camera
-    else:
-        camera = framing_camera(before, up=axis, eye=stand, target=target)
+    around = standpoint.surroundings(scene, before, wanted=True)
+    camera = standpoint.camera(before, around.cameras, SIZE) or framing_camera(before, size=SIZE)
     page = make_page(
         before, camera, after=second, cameras=around.cameras,
         region=read_selection(selection or edited_region(scene, after), second, before),
