@@ -6,6 +6,7 @@ Format: G. Turk, "The PLY Polygon File Format", 1994."""
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -25,6 +26,7 @@ _TYPES = {
 }
 _HEADER_MAX_BYTES = 1 << 20  # 62 columns take 1.5 kB; 1 MB leaves room for long comments
 _CUT_OFF = "it is cut off, copy or export it again"
+_LIST_IN_FRONT = "a list element stands before {}: export it without faces"
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,11 @@ class PlyElement:
     @property
     def names(self) -> tuple[str, ...]:
         return tuple(name for name, _ in self.columns)
+
+    @property
+    def row_bytes(self) -> int:
+        """Of a binary row; defined where there are no lists."""
+        return self.dtype("=").itemsize
 
     def dtype(self, byte_order: str) -> np.dtype:
         """One row; defined where there are no lists."""
@@ -71,6 +78,11 @@ class PlyHeader:
 
     def element(self, name: str) -> PlyElement | None:
         return next((e for e in self.elements if e.name == name), None)
+
+    @property
+    def byte_order(self) -> str:
+        """numpy's character for it."""
+        return _BYTE_ORDERS[self.format]
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,8 +124,68 @@ def read_ply(path: str | Path) -> PlyFile:
                 left_out = ", ".join(e.name for e in header.elements[i:])
                 notes = (f"elements left out, from the first with lists on: {left_out}",)
                 break
-            elements[element.name] = _read_element(path, handle, element, header.format)
+            elements[element.name] = _read_rows(path, handle, header, element, 0, element.count)
     return PlyFile(elements, header.comments, header.format, notes)
+
+
+def element_blocks(path: Path, header: PlyHeader, name: str, at_once: int) -> Iterator[np.ndarray]:
+    """The rows of an element as structured arrays of at most `at_once` rows.
+
+    Raises InputError where the element is not there, has list columns, or ends early.
+    """
+    element = header.element(name)
+    if element is None or element.has_lists:
+        raise InputError(f"{path}: there is no element {name} without lists: export it again")
+    with path.open("rb") as handle:
+        _seek(path, handle, header, element)
+        for start in range(0, element.count, at_once):
+            rows = min(at_once, element.count - start)
+            yield _read_rows(path, handle, header, element, start, rows)
+
+
+def element_header(row: np.dtype) -> str:
+    """The header's lines for the columns of a record type without lists."""
+    names = {np.dtype(code): kind for kind, code in reversed(_TYPES.items())}
+    return "".join(
+        f"property {names[row[name].newbyteorder('=')]} {name}\n" for name in row.names or ()
+    )
+
+
+def other_elements(
+    path: Path, header: PlyHeader, name: str, max_bytes: int
+) -> tuple[dict[str, np.ndarray], list[str]]:
+    """All elements but one, and the names of those that are left out: lists, what lies behind a
+    list, and what is larger than `max_bytes`."""
+    kept: dict[str, np.ndarray] = {}
+    left_out = []
+    for i, element in enumerate(header.elements):
+        if element.name == name:
+            continue
+        lists = element.has_lists or (header.format != "ascii" and _any_lists(header.elements[:i]))
+        if lists or not element.columns or element.count * element.row_bytes > max_bytes:
+            left_out.append(element.name)
+        else:
+            parts = list(element_blocks(path, header, element.name, max(element.count, 1)))
+            kept[element.name] = parts[0] if parts else np.zeros(0, element.dtype("<"))
+    return kept, left_out
+
+
+def _any_lists(elements: tuple[PlyElement, ...]) -> bool:
+    return any(element.has_lists for element in elements)
+
+
+def _seek(path: Path, handle: BinaryIO, header: PlyHeader, element: PlyElement) -> None:
+    """Go to the first row of an element."""
+    handle.seek(header.data_offset)
+    for before in header.elements[: header.elements.index(element)]:
+        if header.format == "ascii":
+            filled = (line for line in handle if line.strip())
+            for _ in islice(filled, before.count):
+                pass
+        elif before.has_lists:
+            raise InputError(f"{path}: {_LIST_IN_FRONT.format(element.name)}")
+        else:
+            handle.seek(before.count * before.row_bytes, 1)
 
 
 def _parse_header(path: Path, handle: BinaryIO) -> PlyHeader:
@@ -124,7 +196,7 @@ def _parse_header(path: Path, handle: BinaryIO) -> PlyHeader:
         raw = handle.readline(_HEADER_MAX_BYTES)
         if not raw or handle.tell() > _HEADER_MAX_BYTES:
             raise InputError(f"{path}: the header has no end_header line: {_CUT_OFF}")
-        line = raw.decode("ascii", errors="replace").strip()
+        line = raw.decode("utf-8", errors="replace").strip()  # as comments may be
         match line.split():
             case ["end_header"]:
                 break
@@ -178,26 +250,28 @@ def _check_size(path: Path, header: PlyHeader) -> None:
             )
 
 
-def _read_element(path: Path, handle: BinaryIO, element: PlyElement, fmt: str) -> np.ndarray:
-    dtype = element.dtype(_BYTE_ORDERS[fmt])
-    if element.count == 0 or not element.columns:
-        return np.zeros(element.count if element.columns else 0, dtype)
-    if fmt != "ascii":
-        rows = np.fromfile(handle, dtype, element.count)
+def _read_rows(
+    path: Path, handle: BinaryIO, header: PlyHeader, element: PlyElement, start: int, count: int
+) -> np.ndarray:
+    """The next `count` rows of an element, which are those from `start` on."""
+    dtype = element.dtype(header.byte_order)
+    if count == 0 or not element.columns:
+        return np.zeros(count if element.columns else 0, dtype)
+    if header.format != "ascii":
+        rows = np.fromfile(handle, dtype, count)
     else:
         filled = (line for line in handle if line.strip())
         try:
             with warnings.catch_warnings():  # on no rows at all: an InputError follows below
                 warnings.simplefilter("ignore", UserWarning)
-                lines = islice(filled, element.count)
-                rows = np.loadtxt(lines, dtype, comments=None, ndmin=1)
+                rows = np.loadtxt(islice(filled, count), dtype, comments=None, ndmin=1)
         except (ValueError, OverflowError) as error:
             reason = str(error).split("\n")[0].split(";")[0]  # then follows advice on NumPy's API
             reason = reason.replace("the dtype passed requires", "a row needs")
             raise InputError(f"{path}: element {element.name}: {reason}: export it again") from None
-    if len(rows) < element.count:
+    if len(rows) < count:
         raise InputError(
-            f"{path}: element {element.name} ends after row {len(rows)} of {element.count}: "
-            f"{_CUT_OFF}"
+            f"{path}: element {element.name} ends after row {start + len(rows)} of "
+            f"{element.count}: {_CUT_OFF}"
         )
     return rows

@@ -21,6 +21,11 @@ def finite_logits(table: SplatTable) -> SplatTable:
     return table.replace(logit_opacities=table.logit_opacities.clip(-LOGIT_MAX, LOGIT_MAX))
 
 
+def bytes_of(values: np.ndarray) -> np.ndarray:
+    """Values in [0, 1] as whole numbers of 8 bits, rounded; others as the nearest end."""
+    return (values.clip(0, 1) * 255 + np.float32(0.5)).astype(np.uint8)
+
+
 def unpacked(path: Path, read: Callable[[], Any]) -> SplatTable:
     """The scene that gsply reads from a file. Raises InputError for a damaged one."""
     try:

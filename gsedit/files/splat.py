@@ -7,8 +7,15 @@ from pathlib import Path
 import numpy as np
 
 from gsedit.errors import InputError
-from gsedit.files.quantised import finite_logits
-from gsedit.files.streams import AT_ONCE, Blocks, ReadOptions, SceneHeader, SceneSource
+from gsedit.files.quantised import bytes_of, finite_logits
+from gsedit.files.streams import (
+    AT_ONCE,
+    Blocks,
+    ReadOptions,
+    SceneHeader,
+    SceneSource,
+    WriteOptions,
+)
 from gsedit.files.table import SH_DC, SplatTable
 
 ROW = np.dtype([("means", "<f4", 3), ("scales", "<f4", 3), ("rgba", "u1", 4), ("quats", "u1", 4)])
@@ -23,6 +30,28 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
             "it is cut off, copy or export it again"
         )
     return SceneSource(path, ".splat", SceneHeader(0), count, lambda: _read(path, count))
+
+
+def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions) -> int:
+    """Write the rows in their order; the number of rows. Viewers sort by depth themselves; those
+    that draw while they load show first what comes first.
+    """
+    count = 0
+    with path.open("wb") as handle:
+        for block in blocks:
+            _pack(block).tofile(handle)
+            count += len(block)
+    return count
+
+
+def _pack(table: SplatTable) -> np.ndarray:
+    rows = np.empty(len(table), ROW)
+    rows["means"], rows["scales"] = table.means, table.scales
+    rows["rgba"][:, :3] = bytes_of(table.colors)
+    rows["rgba"][:, 3] = bytes_of(table.opacities)
+    quats = table.quats / np.linalg.norm(table.quats, axis=1, keepdims=True)
+    rows["quats"] = (quats * 128 + 128.5).clip(0, 255)
+    return rows
 
 
 def _read(path: Path, count: int) -> Blocks:
