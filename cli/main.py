@@ -15,6 +15,7 @@ from .bench import describe as bench_summary
 from .bench_refinement import bench
 from .command import LazyCommand, lazy_verb, paragraphs
 from .console import print_message
+from .convert import convert
 from .crop import crop
 from .doctor import doctor
 from .edit import edit
@@ -36,7 +37,7 @@ from .transform import transform
 from .view import view
 
 EDIT = (edit, fit, recover, metrics, editors, looks)
-OPERATIONS = (filter_, crop, transform, reduce_sh)
+OPERATIONS = (convert, filter_, crop, transform, reduce_sh)
 """Verbs that change a scene, and can follow each other in one command."""
 LOOK = (info, select, render, preview, view)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -17,6 +17,7 @@ import typer
 
 from .command import LazyCommand, as_command, paragraphs
 from .console import print_message, print_result
+from .file_options import FileOptions
 from .options import Common, DropInvalid, Force, Scene, check_file, output
 
 if TYPE_CHECKING:
@@ -42,12 +43,20 @@ class Output:
 
 
 @dataclass(frozen=True)
+class Target:
+    """What a verb returns that changes nothing: where the scene goes, as if by -o."""
+
+    out: Path | None
+
+
+@dataclass(frozen=True)
 class Piece:
     """One verb of a command, as its options were given."""
 
     verb: str
     operations: tuple[Operation, ...]
     output: Output
+    files: FileOptions
     common: Common
 
 
@@ -105,10 +114,15 @@ def as_first(body: Callable[..., Any]) -> Callable[..., None]:
     """The verb with SCENE in front, which runs the whole command."""
 
     def verb(
-        ctx: typer.Context, scene: Path, output: Output, common: Common, **values: Any
+        ctx: typer.Context,
+        scene: Path,
+        output: Output,
+        files: FileOptions,
+        common: Common,
+        **values: Any,
     ) -> None:
         group, others = ctx.obj
-        piece = as_piece(body, output, common, values)
+        piece = as_piece(body, output, files, common, values)
         run_chain(scene, [piece, *(parse_piece(group, args) for args in others)])
 
     return _with_parameters(verb, body, ("ctx", typer.Context), ("scene", Scene))
@@ -117,18 +131,25 @@ def as_first(body: Callable[..., Any]) -> Callable[..., None]:
 def as_later(body: Callable[..., Any]) -> Callable[..., Piece]:
     """The verb as it stands behind `then`."""
 
-    def verb(output: Output, common: Common, **values: Any) -> Piece:
-        return as_piece(body, output, common, values)
+    def verb(output: Output, files: FileOptions, common: Common, **values: Any) -> Piece:
+        return as_piece(body, output, files, common, values)
 
     return _with_parameters(verb, body)
 
 
 def as_piece(
-    body: Callable[..., Any], output: Output, common: Common, values: dict[str, Any]
+    body: Callable[..., Any],
+    output: Output,
+    files: FileOptions,
+    common: Common,
+    values: dict[str, Any],
 ) -> Piece:
     made = body(**values)
-    operations = tuple(made) if isinstance(made, list | tuple) else (made,)
-    return Piece(verb_name(body), operations, output, common)
+    several = made if isinstance(made, list | tuple) else [made]
+    targets = [each.out for each in several if isinstance(each, Target)]
+    operations = tuple(each for each in several if not isinstance(each, Target))
+    output = replace(output, out=next(filter(None, targets), output.out))
+    return Piece(verb_name(body), operations, output, files, common)
 
 
 def parse_piece(group: Any, args: list[str]) -> Piece:
@@ -145,14 +166,12 @@ def parse_piece(group: Any, args: list[str]) -> Piece:
 
 def run_chain(scene: Path, pieces: list[Piece]) -> None:
     """Do all operations in order and write the scene, or with --dry-run only count."""
-    output, common = (
-        _merged(Output, [p.output for p in pieces]),
-        _merged(Common, [p.common for p in pieces]),
-    )
+    output = _merged(Output, [p.output for p in pieces])
+    files = _merged(FileOptions, [p.files for p in pieces])
+    common = _merged(Common, [p.common for p in pieces])
     common.apply()
-    kept, written = process(
-        scene, [(p.verb, each) for p in pieces for each in p.operations], output
-    )
+    steps = [(p.verb, each) for p in pieces for each in p.operations]
+    kept, written = process(scene, steps, output, files)
     record = {
         "scene": scene,
         "output": written,
@@ -164,7 +183,7 @@ def run_chain(scene: Path, pieces: list[Piece]) -> None:
 
 
 def process(
-    path: Path, steps: list[tuple[str, Operation]], output: Output
+    path: Path, steps: list[tuple[str, Operation]], output: Output, files: FileOptions
 ) -> tuple[list[tuple[str, Kept]], Path | None]:
     """Read, change and write a scene a part at a time; the counts of each step, then of all."""
     from gsedit.errors import UsageError
@@ -177,7 +196,7 @@ def process(
     if output.out is not None:
         writable_format(output.out)
         check_file(output.out, output.force or output.dry_run)
-    source = open_scene(path)
+    source = open_scene(path, files.read())
     cameras = camera_move(path, output, [each for _, each in steps])
     for note in source.notes:
         print_message(f"{path}: {note}")
@@ -186,13 +205,14 @@ def process(
     header, blocks, counts = run(
         source.header, blocks, [each for _, each in steps], partial(_say, path)
     )
+    header, blocks = _fitted(header, blocks, output)
     last = guard if output.drop_invalid else Guard(drop=False)
     blocks = _checked(blocks if output.drop_invalid else last(blocks), last, path, total)
     if output.dry_run or output.out is None:
         for _ in blocks:
             pass
     else:
-        write_scene(output.out, header, blocks, overwrite=output.force)
+        write_scene(output.out, header, blocks, options=files.write(), overwrite=output.force)
     if cameras and (file := cameras.write([each for _, each in steps])):
         print_message(f"cameras moved along: {file}")
     if guard.invalid:
@@ -210,6 +230,20 @@ def camera_move(path: Path, output: Output, operations: list[Operation]) -> Came
     from gsedit.points.camera_moves import CameraMove
 
     return CameraMove(path, None if output.dry_run else output.out, output.force)
+
+
+def _fitted(header: Any, blocks: Any, output: Output) -> tuple[Any, Any]:
+    """The scene as the format can hold it: what is left out is told, and too much SH is cut."""
+    if output.out is None:
+        return header, blocks
+    from gsedit.files.formats import lost, writable_format
+    from gsedit.points.operation import run
+    from gsedit.points.reduce_sh import ReduceSH
+
+    format = writable_format(output.out)
+    for sentence in lost(header, format):
+        print_message(f"{output.out}: {sentence}")
+    return run(header, blocks, [ReduceSH(format.max_degree)])[:2]
 
 
 def _checked(blocks: Any, guard: Any, path: Path, total: Kept) -> Any:
@@ -248,6 +282,7 @@ def _with_parameters(
     ]
     shared = [
         inspect.Parameter("output", kind, annotation=Output),
+        inspect.Parameter("files", kind, annotation=FileOptions),
         inspect.Parameter("common", kind, annotation=Common),
     ]
     verb.__signature__ = inspect.Signature([*leading, *own, *shared])  # pyright: ignore[reportFunctionMemberAccess]

@@ -188,7 +188,9 @@ _SCENES = [
         "scene",
         ("opacity, scale_0", "gsedit fit"),
     ),
-    BadFile("two_d_splats", _scene_file(_without(("scale_2",))), "scene", ("scale_2", "export 3D")),
+    BadFile(
+        "no_scales", _scene_file(_without(("scale_1", "scale_2"))), "scene", ("scale_1", "again")
+    ),
     BadFile("bad_spz", _scene_file(b"no spz", "scene.spz"), "scene", ("not an SPZ", "again")),
     BadFile("bad_splat", _scene_file(b"x" * 33, "scene.splat"), "scene", ("32-byte", "again")),
     *(

@@ -1,4 +1,4 @@
-"""A scene as text: one row a Gaussian, the columns of INRIA's .ply, for spreadsheets and scripts."""
+"""A scene as text: a line a Gaussian, the columns of INRIA's .ply, for tables and scripts."""
 
 from __future__ import annotations
 

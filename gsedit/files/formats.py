@@ -12,6 +12,7 @@ from gsedit.files.inputs import existing_file
 from gsedit.files.ply import read_ply_header
 from gsedit.files.streams import (
     AS_SPECIFIED,
+    PROGRAM,
     USUAL,
     Blocks,
     ReadOptions,
@@ -29,18 +30,28 @@ class Format:
     """In lower case."""
     module: str
     """In gsedit.files; imported when it is used."""
+    reads: bool = True
     writes: bool = True
     max_degree: int = 3
     """Of the SH that it can hold, where it is written."""
+    keeps: frozenset[str] = frozenset()
+    """What it can hold beside the splats: fields of `SceneHeader`."""
 
 
 FORMATS = (
-    Format(".ply", "inria"),
+    Format(".ply", "inria", max_degree=4, keeps=frozenset(("extra", "elements", "comments"))),
     Format(".compressed.ply", "compressed_ply"),
     Format(".spz", "spz", max_degree=4),
-    Format(".splat", "splat", writes=False),
+    Format(".splat", "splat", max_degree=0),
+    Format(
+        ".npz",
+        "npz",
+        max_degree=4,
+        keeps=frozenset(("extra", "elements", "comments", "antialiased")),
+    ),
+    Format(".csv", "csv_rows", reads=False, max_degree=4, keeps=frozenset(("extra",))),
 )
-READABLE = tuple(format.suffix for format in FORMATS)
+READABLE = tuple(format.suffix for format in FORMATS if format.reads)
 WRITABLE = tuple(format.suffix for format in FORMATS if format.writes)
 
 
@@ -52,7 +63,7 @@ def open_scene(path: str | Path, options: ReadOptions = AS_SPECIFIED) -> SceneSo
     path = Path(path)
     existing_file(path)  # before the suffix: that the file is missing is the more useful message
     format = _format(path)
-    if format is None:
+    if format is None or not format.reads:
         raise UsageError(f"{path}: gsedit reads {', '.join(READABLE)}: name one of these")
     name = _ply_kind(path) if format.suffix.endswith(".ply") else format.module
     return import_module(f"gsedit.files.{name}").open_source(path, options)
@@ -64,6 +75,25 @@ def writable_format(path: str | Path) -> Format:
     if format is None or not format.writes:
         raise UsageError(f"{path}: gsedit writes {', '.join(WRITABLE)}: choose one of these")
     return format
+
+
+def lost(header: SceneHeader, format: Format) -> list[str]:
+    """What of a scene a format cannot hold, one sentence each: quantised values not counted."""
+    kept, suffix = format.keeps, format.suffix
+    comments = [c for c in header.comments if not c.startswith(PROGRAM)]
+    sentences = []
+    if header.degree > format.max_degree:
+        bands = f"SH above degree {format.max_degree}" if format.max_degree else "SH"
+        sentences.append(f"{suffix} holds no {bands}: of degree {header.degree} left out")
+    if header.extra and "extra" not in kept:
+        sentences.append(f"{suffix} holds no extra columns: {', '.join(header.extra)} left out")
+    if header.elements and "elements" not in kept:
+        sentences.append(f"{suffix} holds no other elements: {', '.join(header.elements)} left out")
+    if comments and "comments" not in kept:
+        sentences.append(f"{suffix} holds no comments: {'; '.join(comments)} left out")
+    if header.antialiased and "antialiased" not in kept and "comments" not in kept:
+        sentences.append(f"{suffix} cannot say that a scene is antialiased: left out")
+    return sentences
 
 
 def write_scene(

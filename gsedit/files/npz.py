@@ -14,7 +14,7 @@ from math import isqrt, prod
 from pathlib import Path
 from shutil import copyfileobj
 from tempfile import TemporaryFile
-from typing import IO
+from typing import Any
 from zipfile import BadZipFile, ZipFile
 
 import numpy as np
@@ -149,7 +149,7 @@ class Archive:
             self._header(member)
             return np.atleast_1d(np.frombuffer(member.read(), kind).reshape(shape))
 
-    def _header(self, member: IO[bytes]) -> Kind:
+    def _header(self, member: Any) -> Kind:
         version = npy.read_magic(member)
         read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
         shape, fortran, kind = read(member)

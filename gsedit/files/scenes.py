@@ -57,8 +57,14 @@ def read_scene(
     guard.check(source.path)
     if len(table) == 0:
         raise InputError(f"{path} holds no Gaussians: export it again")
-    out = (f"rows left out: {guard.invalid} of {guard.rows}",) if guard.invalid else ()
-    return SceneFile(gaussians_of(table), (*source.notes, *out), table.extra)
+    notes, header = [*source.notes], source.header
+    if header.extra:
+        notes.append(f"columns that are no part of a Gaussian: {', '.join(header.extra)}")
+    if header.elements:
+        notes.append(f"elements left out: {', '.join(header.elements)}")
+    if guard.invalid:
+        notes.append(f"rows left out: {guard.invalid} of {guard.rows}")
+    return SceneFile(gaussians_of(table), tuple(notes), table.extra)
 
 
 def save(

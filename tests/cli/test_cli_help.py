@@ -16,6 +16,7 @@ from gsedit_cli.setting_options import field_docs, help_text
 from rasterizer.numerics import Execution
 
 VERBS = (
+    "convert",
     "filter",
     "crop",
     "select",

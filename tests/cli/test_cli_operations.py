@@ -86,3 +86,20 @@ def test_torch_is_not_loaded(scene, tmp_path):
     arguments = [sys.executable, "-c", code, "reduce-sh", str(scene), "-o", str(tmp_path / "o.ply")]
     done = subprocess.run(arguments, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_convert_writes_by_suffix_and_names_what_is_lost(scene, tmp_path):
+    from gsedit.files import open_scene
+
+    for words in (("a.splat",), ("-o", "b.npz"), ("c.csv",), ("d.compressed.ply",)):
+        name = words[-1]
+        done = gsedit("convert", scene, *words[:-1], tmp_path / name)
+        assert done.exit_code == 0, done.stderr
+        assert done.stdout.strip() == str(tmp_path / name)
+        assert ("holds no SH" in done.stderr) == (name == "a.splat")
+    assert open_scene(tmp_path / "b.npz").header.degree == 1
+    out = tmp_path / "e.npz"
+    done = gsedit("convert", tmp_path / "b.npz", "then", "reduce-sh", "then", "convert", out)
+    assert done.exit_code == 0, done.stderr
+    assert open_scene(out).header.degree == 0
+    assert gsedit("convert", scene).exit_code == 2

@@ -12,7 +12,7 @@ from bad_files import PLY_COLUMNS, ply_bytes, scene_table
 from shared_data import DATA
 
 from gsedit.errors import InputError, UsageError
-from gsedit.files import atomic_path, load, read_ply, read_scene, save
+from gsedit.files import atomic_path, load, open_scene, read_ply, read_scene, save
 from gsedit.files.inria import columns
 from rasterizer.scene import Gaussians
 
@@ -143,6 +143,10 @@ def test_everything_in_a_file_is_kept_or_named(tmp_path):
     assert file.elements["camera"]["focal"].tolist() == [2.5]
     assert file.elements["vertex"]["label"].tolist() == [9] * 5
     assert "face" in file.notes[0]
+    source = open_scene(path)
+    assert list(source.header.extra) == ["label"]
+    assert list(source.header.elements) == ["camera"]
+    assert source.notes[0] == "elements left out: face"
     notes = " ".join(read_scene(path).notes)
     assert all(word in notes for word in ("label", "camera", "face"))
 
@@ -250,7 +254,7 @@ def test_save_refuses_to_overwrite(tmp_path):
 )
 def test_save_refuses_what_no_reader_takes(scene, words, tmp_path):
     with pytest.raises(UsageError, match=words):
-        save(scene, tmp_path / "scene.ply")
+        save(scene, tmp_path / "scene.compressed.ply")
     assert not list(tmp_path.iterdir())
 
 
