@@ -41,7 +41,7 @@ class Format:
 FORMATS = (
     Format(".ply", "inria", max_degree=4, keeps=frozenset(("extra", "elements", "comments"))),
     Format(".compressed.ply", "compressed_ply"),
-    Format(".spz", "spz", max_degree=4),
+    Format(".spz", "spz", max_degree=4, keeps=frozenset(("antialiased",))),
     Format(".splat", "splat", max_degree=0),
     Format(
         ".npz",
