@@ -17,6 +17,7 @@ from .command import LazyCommand, lazy_verb, paragraphs
 from .console import print_message
 from .convert import convert
 from .crop import crop
+from .decimate import decimate
 from .doctor import doctor
 from .edit import edit
 from .editors import editors
@@ -25,8 +26,10 @@ from .filter import filter_
 from .fit import fit
 from .info import info
 from .looks import looks
+from .merge import merge
 from .metrics import metrics
 from .operations import THEN, operation_verb
+from .order import order
 from .preview import preview
 from .ranks import cause, end, leave, meet
 from .recover import recover
@@ -37,7 +40,7 @@ from .transform import transform
 from .view import view
 
 EDIT = (edit, fit, recover, metrics, editors, looks)
-OPERATIONS = (convert, filter_, crop, transform, reduce_sh)
+OPERATIONS = (convert, filter_, crop, transform, merge, decimate, order, reduce_sh)
 """Verbs that change a scene, and can follow each other in one command."""
 LOOK = (info, select, render, preview, view)
 

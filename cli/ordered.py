@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from itertools import count
 from typing import Any
 
@@ -24,7 +23,7 @@ def step_option(flag: str, metavar: str, help: str) -> Any:
 
 def in_order(steps: dict[str, list[str] | None]) -> list[tuple[str, str]]:
     """The name and the text of the steps that were given, in their order."""
-    given: Iterable[Any] = ((name, texts[0]) for name, texts in steps.items() if texts)
+    given: list[Any] = [(name, texts[0]) for name, texts in steps.items() if texts]
     return sorted(given, key=lambda pair: pair[1].place)
 
 

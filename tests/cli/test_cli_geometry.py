@@ -91,3 +91,34 @@ def test_center_says_where_the_centre_was(scene):
     assert done.exit_code == 0, done.stderr
     assert "centre at" in done.stderr
     assert json.loads(done.stdout)["output"] is None
+
+
+def test_merge_decimate_and_order_in_one_chain(scene, tmp_path):
+    out, count = tmp_path / "out.ply", len(load(scene))
+    done = gsedit(
+        "merge", scene, scene, "-o", out, "then", "decimate", "50%", "then", "order", "--json"
+    )
+    assert done.exit_code == 0, done.stderr
+    assert len(load(out)) == count
+    assert f"decimate: kept {count:,} of {2 * count:,} (-50.0 %)" in done.stderr
+    assert "dB (PSNR against those before)" in done.stderr
+    quiet = gsedit("decimate", scene, "1", "--no-measure", "--dry-run")
+    assert "dB" not in quiet.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("decimate", "half"), "give a share, as 50%"),
+        (("decimate", "0"), "keep at least 1"),
+        (("order", "--by", "size"), "morton and importance"),
+        (("merge", "none.ply"), "none.ply"),
+        (("merge",), "OTHER"),
+    ],
+)
+def test_wrong_words_are_one_line(scene, tmp_path, words, message):
+    verb, *rest = words
+    done = gsedit(verb, scene, *rest, "-o", tmp_path / "out.ply")
+    assert done.exit_code in (2, 3)
+    assert one_line(done.stderr)
+    assert message in done.stderr

@@ -28,14 +28,14 @@ def glossy(n: int = 80, degree: int = 4) -> SplatTable:
     draw = np.random.default_rng(3)
     sh = 0.3 * draw.normal(size=(n, (degree + 1) ** 2, 3))
     sh[:, 0] += 1
-    fields = (
+    fields = [
         draw.normal(size=(n, 3)) * (1, 1, 0.5) + (0, 0, 5),
         draw.normal(size=(n, 4)),
         draw.uniform(-3, -0.7, (n, 3)),
         draw.uniform(-1, 3, n),
         sh,
-    )
-    return SplatTable(*(field.astype(np.float32) for field in fields))
+    ]
+    return SplatTable(*[field.astype(np.float32) for field in fields])  # pyright: ignore[reportArgumentType]
 
 
 def picture(table: SplatTable, camera: Camera) -> torch.Tensor:

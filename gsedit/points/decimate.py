@@ -1,0 +1,85 @@
+"""Fewer Gaussians with the same look."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from gsedit.errors import UsageError
+from gsedit.files.table import SplatTable
+from gsedit.files.validity import invalid_rows
+from gsedit.points.clusters import groups, represent
+from gsedit.points.operation import Say, Scene, Whole, apply
+from gsedit.points.order import importance
+
+if TYPE_CHECKING:
+    from rasterizer.camera import Camera
+
+METHODS = ("merge", "importance", "random")
+
+
+@dataclass(frozen=True, eq=False)
+class Decimate(Whole):
+    """Leave a number of Gaussians, or a share of them.
+
+    `merge` joins near ones (see gsedit.points.clusters); `importance` keeps those of most opacity
+    times projected area; `random` keeps any. Rows with NaN stay.
+    """
+
+    removes: ClassVar[bool] = True
+    count: int | None = None
+    share: float | None = None
+    method: str = "merge"
+    measure: bool = False
+    """Whether to tell the change of the pictures, in dB."""
+    cameras: Sequence[Camera] | None = None
+    """To measure from; an orbit if None."""
+
+    def __post_init__(self) -> None:
+        if (self.count is None) == (self.share is None):
+            raise UsageError("decimate to a number or to a share")
+        if self.share is not None and not 0 < self.share <= 1:
+            raise UsageError(f"decimate to {100 * self.share:g} %: above 0, at most 100 %")
+        if self.count is not None and self.count < 1:
+            raise UsageError(f"decimate to {self.count}: keep at least 1")
+        if self.method not in METHODS:
+            raise UsageError(f"decimate by {self.method}: {', '.join(METHODS)} are possible")
+
+    def apply(self, table: SplatTable, say: Say) -> SplatTable:
+        count = ceil(len(table) * self.share) if self.share is not None else (self.count or 0)
+        if count >= len(table):
+            return table
+        after = fewer(table, count, self.method)
+        if self.measure:
+            from gsedit.points.picture_change import describe_change
+
+            say(describe_change(table, after, self.cameras))
+        return after
+
+
+def fewer(table: SplatTable, count: int, method: str) -> SplatTable:
+    """The table with `count` rows."""
+    if method == "random":
+        rows = np.random.default_rng(0).permutation(len(table))[:count]
+        return table[np.sort(rows)]
+    if method == "importance":
+        return table[np.sort(np.argsort(-importance(table), kind="stable")[:count])]
+    bad = invalid_rows(table)
+    if bad.any():
+        raise UsageError("rows with NaN or Inf cannot be joined: gsedit repair mends them")
+    return represent(table, groups(table, count))
+
+
+def decimate(
+    scene: Scene,
+    count: int | None = None,
+    *,
+    share: float | None = None,
+    method: str = "merge",
+) -> Scene:
+    """The scene with `count` Gaussians, or a `share` of them in (0, 1]."""
+    return apply(scene, Decimate(count, share, method))
