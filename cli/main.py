@@ -32,6 +32,7 @@ from .operations import THEN, operation_verb
 from .order import order
 from .preview import preview
 from .ranks import cause, end, leave, meet
+from .recolor import recolor
 from .recover import recover
 from .reduce_sh import reduce_sh
 from .render import render
@@ -40,7 +41,7 @@ from .transform import transform
 from .view import view
 
 EDIT = (edit, fit, recover, metrics, editors, looks)
-OPERATIONS = (convert, filter_, crop, transform, merge, decimate, order, reduce_sh)
+OPERATIONS = (convert, filter_, crop, transform, recolor, merge, decimate, order, reduce_sh)
 """Verbs that change a scene, and can follow each other in one command."""
 LOOK = (info, select, render, preview, view)
 

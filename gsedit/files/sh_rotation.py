@@ -42,7 +42,7 @@ def sh_matrix(turn: Float64[np.ndarray, "3 3"], degree: int) -> Float64[np.ndarr
     """
     if not np.allclose(turn @ turn.T, np.eye(3), atol=1e-9):
         raise ValueError("SH are turned by an orthogonal matrix only")
-    directions = _directions()
+    directions = even_directions(64)
     before, after = harmonics(directions, degree), harmonics(directions @ turn, degree)
     matrix = np.zeros((before.shape[1],) * 2)
     for band in range(degree + 1):
@@ -64,10 +64,9 @@ def rotate_sh(
     return (sh.reshape(n, 3 * k).astype(np.float64) @ pairs.T).astype(np.float32).reshape(n, k, 3)
 
 
-@lru_cache(1)
-def _directions() -> Float64[np.ndarray, "m 3"]:
-    """Even over the sphere, more than the harmonics of one degree: Fibonacci's lattice."""
-    count = 64
+@lru_cache(4)
+def even_directions(count: int) -> Float64[np.ndarray, "m 3"]:
+    """Unit vectors, even over the sphere: Fibonacci's lattice."""
     i = np.arange(count) + 0.5
     z = 1 - 2 * i / count
     angle = i * pi * (3 - sqrt(5))

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from gsedit.points.merge import Merge, merge
     from gsedit.points.operation import Operation, Rowwise, Whole, apply
     from gsedit.points.order import Order, order
+    from gsedit.points.palette import Palette, match_palette
+    from gsedit.points.recolor import Opacity, Recolor, recolor, set_opacity
     from gsedit.points.reduce_sh import ReduceSH, reduce_sh
     from gsedit.points.selection.base import Selection
     from gsedit.points.selection.where import where
@@ -25,8 +27,11 @@ __all__ = [
     "Decimate",
     "Filter",
     "Merge",
+    "Opacity",
     "Operation",
     "Order",
+    "Palette",
+    "Recolor",
     "ReduceSH",
     "Rowwise",
     "Selection",
@@ -36,10 +41,13 @@ __all__ = [
     "apply",
     "decimate",
     "filter",
+    "match_palette",
     "merge",
     "order",
+    "recolor",
     "reduce_sh",
     "select",
+    "set_opacity",
     "transform",
     "where",
 ]
@@ -52,6 +60,8 @@ make_lazy(
         "merge": ("Merge", "merge"),
         "order": ("Order", "order"),
         "operation": ("Operation", "Rowwise", "Whole", "apply"),
+        "palette": ("Palette", "match_palette"),
+        "recolor": ("Opacity", "Recolor", "recolor", "set_opacity"),
         "reduce_sh": ("ReduceSH", "reduce_sh"),
         "selection.base": ("Selection",),
         "selection.where": ("where",),

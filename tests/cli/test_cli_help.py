@@ -21,6 +21,7 @@ VERBS = (
     "crop",
     "select",
     "transform",
+    "recolor",
     "reduce-sh",
     "transform",
     "merge",

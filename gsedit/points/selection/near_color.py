@@ -6,31 +6,13 @@ import re
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float32
+from jaxtyping import Bool
 
 from gsedit.errors import UsageError
 from gsedit.files.table import SplatTable
+from gsedit.points.color_space import lab_of_srgb
 from gsedit.points.selection.base import Selection
 from gsedit.points.selection.volumes import check_positive
-
-TO_XYZ = (
-    (0.4124564, 0.3575761, 0.1804375),
-    (0.2126729, 0.7151522, 0.0721750),
-    (0.0193339, 0.1191920, 0.9503041),
-)
-"""From linear sRGB, white at D65 (IEC 61966-2-1)."""
-_KNEE = 216 / 24389  # CIE 15: above it, the cube root
-
-
-def lab_of(colors: Float32[np.ndarray, "n 3"]) -> Float32[np.ndarray, "n 3"]:
-    """CIE L*a*b* (D65) of sRGB colours, which are clipped to [0, 1]."""
-    display = np.clip(colors, 0, 1)
-    linear = np.where(display <= 0.04045, display / 12.92, ((display + 0.055) / 1.055) ** 2.4)
-    matrix = np.array(TO_XYZ)
-    relative = linear @ (matrix / matrix.sum(1, keepdims=True)).T.astype(np.float32)
-    f = np.where(relative > _KNEE, np.cbrt(relative), (24389 / 27 * relative + 16) / 116)
-    x, y, z = f.T
-    return np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], 1).astype(np.float32)
 
 
 @dataclass(frozen=True)
@@ -48,8 +30,11 @@ class NearColor(Selection):
         check_positive("near", "difference", self.difference)
 
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
-        picked = lab_of(np.array([self.color], np.float32))
-        return np.linalg.norm(lab_of(table.colors) - picked, axis=1) <= self.difference
+        picked = lab_of_srgb(np.array([self.color]))
+        return (
+            np.linalg.norm(lab_of_srgb(np.clip(table.colors, 0, 1)) - picked, axis=1)
+            <= self.difference
+        )
 
 
 def parse_color(text: str) -> tuple[float, float, float]:

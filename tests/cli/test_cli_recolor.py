@@ -1,0 +1,55 @@
+"""gsedit recolor: grading, palette and opacity in one verb, on a selection."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from command_line import gsedit, one_line
+from PIL import Image
+
+from gsedit.files import load
+from gsedit.files.table import table_of
+from gsedit.points import recolor
+
+
+def test_options_are_the_arguments_of_the_function(scene, tmp_path):
+    out = tmp_path / "warm.ply"
+    words = ("--exposure", "0.5", "--temperature", 8000, "--curve", "0.25:0.35", "--tint=-0.2")
+    done = gsedit("recolor", scene, *words, "--where", "x > 0", "-o", out)
+    assert done.exit_code == 0, done.stderr
+    table = table_of(load(scene))
+    expected = recolor(
+        table, exposure=0.5, temperature=8000.0, tint=-0.2, curve=((0.25, 0.35),), where="x > 0"
+    )
+    np.testing.assert_allclose(table_of(load(out)).sh, expected.sh, atol=1e-5)
+    assert np.abs(expected.sh - table.sh).max() > 0.05
+
+
+def test_palette_and_opacity(scene, tmp_path):
+    picture, out = tmp_path / "red.png", tmp_path / "red.ply"
+    Image.new("RGB", (8, 8), (200, 30, 30)).save(picture)
+    done = gsedit("recolor", scene, "--palette", picture, "--opacity-scale", "0.5", "-o", out)
+    assert done.exit_code == 0, done.stderr
+    assert "distance of the colours from those of red.png" in done.stderr
+    before, after = load(scene), load(out)
+    np.testing.assert_allclose(after.opacities, before.opacities / 2, atol=1e-5)
+    colors = table_of(after).colors
+    np.testing.assert_allclose(np.median(colors, 0), np.array([200, 30, 30]) / 255, atol=0.05)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ((), "recolor changes nothing"),
+        (("--curve", "0.5;0.6"), "0:0.1,0.5:0.6"),
+        (("--temperature", "10"), "kelvin, 1667"),
+        (("--palette", "none.png"), "none.png cannot be read"),
+        (("--exposure", "bright"), "--exposure"),
+    ],
+)
+def test_a_wrong_request_is_one_line(scene, tmp_path, words, message):
+    done = gsedit("recolor", scene, *words, "-o", tmp_path / "out.ply")
+    assert done.exit_code in (2, 3)
+    assert one_line(done.stderr)
+    assert message in done.stderr
+    assert not (tmp_path / "out.ply").exists()
