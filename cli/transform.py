@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .ordered import in_order, step_option
-from .parsing import numbers
+from .selection_options import SelectionOptions, numbers
 
 if TYPE_CHECKING:
     from gsedit.points.transform import Transform, TransformAboutCentre
@@ -66,10 +66,13 @@ def transform(
     inverse: Inverse = False,
     copy: Copy = False,
     cameras: Cameras = False,
+    *,
+    selection: SelectionOptions,
 ) -> Transform | TransformAboutCentre:
     """Move, turn, scale and mirror splats; covariances and SH follow exactly.
 
-    Steps are done in the order in which they stand on the command line.
+    Steps are done in the order in which they stand on the command line. With options that select,
+    only the selected part moves.
 
     gsedit transform scene.ply --up z,-y --scale 2 --translate 0,1,0 -o moved.ply
     """
@@ -86,8 +89,11 @@ def transform(
     whole = compose((name, _value(name, text)) for name, text in given)
     if inverse:
         whole = whole.inverse
-    point = pivot if pivot in (None, "center") else numbers(str(pivot), "--pivot", 3)
-    return transform_of(whole, pivot=point, center=center, copy=copy, cameras=cameras)
+    point = pivot if pivot in (None, "center") else numbers("--pivot", str(pivot), 3)
+    part = selection.selection()
+    return transform_of(
+        whole, pivot=point, center=center, selection=part, copy=copy, cameras=cameras
+    )
 
 
 def _value(name: str, text: str) -> Any:
@@ -95,9 +101,9 @@ def _value(name: str, text: str) -> Any:
     flag = f"--{name.replace('_', '-')}"
     counts = {"translate": 3, "rotate": 3, "rotate_axis": 4, "quat": 4}
     if name in counts:
-        return numbers(text, flag, counts[name])
+        return numbers(flag, text, counts[name])
     if name == "scale":
-        return numbers(text, flag, 1)[0]
+        return numbers(flag, text, 1)[0]
     if name == "up":
         return text.split(",")
     if name == "matrix":

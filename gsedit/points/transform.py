@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float64
@@ -12,25 +12,18 @@ from jaxtyping import Bool, Float64
 from gsedit.errors import UsageError
 from gsedit.files.similarity import IDENTITY, Similarity
 from gsedit.files.table import SPLAT_FIELDS, SplatTable, concatenate_tables
-from gsedit.points.operation import Rowwise, Say, Scene, Whole, apply
+from gsedit.points.filter import as_selection
+from gsedit.points.operation import Say, Scene, Whole, apply
+from gsedit.points.selection.base import EVERYTHING, Selection
+from gsedit.points.selection.part import OnSelection
 from gsedit.points.steps import compose, translate
 
 
-@runtime_checkable
-class Rows(Protocol):
-    """Which Gaussians are meant: a selection."""
-
-    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
-        """True for those."""
-        ...
-
-
 @dataclass(frozen=True, eq=False)
-class Transform(Rowwise):
-    """Move the Gaussians that `where` selects (all if None), or with `copy` add moved copies."""
+class Transform(OnSelection):
+    """Move the selected Gaussians, or with `copy` add moved copies of them."""
 
     similarity: Similarity
-    where: Rows | None = None
     copy: bool = False
     cameras: bool = False
     """Whether the cameras beside the scene's file are to move along."""
@@ -40,18 +33,18 @@ class Transform(Rowwise):
         """What was done to the scene."""
         return self.similarity
 
-    def apply(self, table: SplatTable) -> SplatTable:
-        return moved_rows(table, self.similarity, self.where, copy=self.copy)
+    def change(self, table: SplatTable, inside: Bool[np.ndarray, " n"]) -> SplatTable:
+        return moved_rows(table, self.similarity, inside, copy=self.copy)
 
 
 @dataclass(frozen=True, eq=False)
 class TransformAboutCentre(Whole):
-    """The same about the centre of the Gaussians that are moved: the median of their centres."""
+    """The same about the centre of the selected Gaussians: the median of their centres."""
 
     similarity: Similarity
     to_origin: bool = False
     """Leave the centre at the origin instead of moving it back to its place."""
-    where: Rows | None = None
+    selection: Selection = EVERYTHING
     copy: bool = False
     cameras: bool = False
     found: list[Similarity] = field(default_factory=list, repr=False)
@@ -62,14 +55,14 @@ class TransformAboutCentre(Whole):
         return self.found[-1] if self.found else IDENTITY
 
     def apply(self, table: SplatTable, say: Say) -> SplatTable:
-        means = table.means if self.where is None else table.means[self.where.mask(table)]
-        centre = centre_of(means)
+        inside = self.selection.mask(table)
+        centre = centre_of(table.means[inside])
         similarity = self.similarity.about(centre)
         if self.to_origin:
             similarity = self.similarity.after(translate((-centre).tolist()))
         say(f"centre at {', '.join(f'{c:.6g}' for c in centre)}")
         self.found.append(similarity)
-        return moved_rows(table, similarity, self.where, copy=self.copy)
+        return moved_rows(table, similarity, inside, copy=self.copy)
 
 
 def centre_of(means: np.ndarray) -> Float64[np.ndarray, "3"]:
@@ -79,13 +72,13 @@ def centre_of(means: np.ndarray) -> Float64[np.ndarray, "3"]:
 
 
 def moved_rows(
-    table: SplatTable, similarity: Similarity, where: Rows | None, *, copy: bool
+    table: SplatTable, similarity: Similarity, inside: Bool[np.ndarray, " n"], *, copy: bool
 ) -> SplatTable:
-    """The table with the rows of `where` moved, or with moved copies of them at its end."""
-    if where is None:
+    """The table with the rows inside moved, or with moved copies of them at its end."""
+    if inside.all():
         moved = similarity.table(table)
         return concatenate_tables([table, moved]) if copy else moved
-    rows = np.flatnonzero(where.mask(table))
+    rows = np.flatnonzero(inside)
     moved = similarity.table(table[rows])
     if copy:
         return concatenate_tables([table, moved])
@@ -110,22 +103,22 @@ def transform_of(
     *,
     pivot: Sequence[float | int] | str | None = None,
     center: bool = False,
-    where: Rows | None = None,
+    selection: Selection = EVERYTHING,
     copy: bool = False,
     cameras: bool = False,
 ) -> Transform | TransformAboutCentre:
     """The operation; `pivot` is a point or "center". Raises UsageError for what contradicts."""
     if center and pivot is not None:
         raise UsageError("center moves the scene to the origin, which is the pivot then: give one")
-    if cameras and (where is not None or copy):
+    if cameras and (selection is not EVERYTHING or copy):
         raise UsageError("cameras move with the whole scene only, not with a part or a copy")
     if isinstance(pivot, str) and pivot != "center":
         raise UsageError(f"pivot {pivot}: give x,y,z or center")
     if center or isinstance(pivot, str):
-        return TransformAboutCentre(similarity, center, where, copy, cameras)
+        return TransformAboutCentre(similarity, center, selection, copy, cameras)
     if pivot is not None:
         similarity = similarity.about(translate(pivot).translation)
-    return Transform(similarity, where, copy, cameras)
+    return Transform(similarity, copy, cameras, selection=selection)
 
 
 def transform(
@@ -134,7 +127,7 @@ def transform(
     *,
     pivot: Sequence[float | int] | str | None = None,
     center: bool = False,
-    where: Rows | None = None,
+    selection: Selection | str = EVERYTHING,
     copy: bool = False,
     **steps: Any,
 ) -> Scene:
@@ -143,8 +136,11 @@ def transform(
     Steps are the functions of gsedit.points.steps, as in `transform(scene, rotate=(0, 90, 0),
     scale=2.0, translate=(1, 0, 0), mirror="x", up=("z", "-y"), quat=..., rotate_axis=...,
     matrix=...)`. `pivot` (a point, or "center") takes the place of the origin. `center` first
-    moves the median of the centres to the origin. Only the rows of `where` move; `copy` keeps the
-    originals too. Raises UsageError.
+    moves the median of the centres to the origin. Only the selected rows move (a text is an
+    expression for `where`); `copy` keeps the originals too. Raises UsageError.
     """
     whole = compose(steps.items()).after(similarity)
-    return apply(scene, transform_of(whole, pivot=pivot, center=center, where=where, copy=copy))
+    chosen = as_selection(selection)
+    return apply(
+        scene, transform_of(whole, pivot=pivot, center=center, selection=chosen, copy=copy)
+    )

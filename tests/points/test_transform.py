@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 import torch
@@ -82,24 +80,16 @@ def test_open3d_turns_the_harmonics_wrongly(tmp_path):
     assert float(psnr(picture(theirs, camera), before)) < 30
 
 
-@dataclass(frozen=True)
-class Left:
-    """Selects negative x."""
-
-    def mask(self, table):
-        return table.means[:, 0] < 0
-
-
 def test_a_part_is_moved_and_the_rest_stays():
     table = glossy().replace(extra={"label": np.arange(80)})
     left = table.means[:, 0] < 0
-    moved = transform(table, where=Left(), translate=(0, 9, 0), mirror="x")
+    moved = transform(table, selection="x < 0", translate=(0, 9, 0), mirror="x")
     for name in ("means", "quats", "sh"):
         np.testing.assert_array_equal(getattr(moved, name)[~left], getattr(table, name)[~left])
     np.testing.assert_allclose(
         moved.means[left], table.means[left] * [-1, 1, 1] + [0, 9, 0], rtol=1e-6
     )
-    both = transform(table, where=Left(), translate=(0, 9, 0), copy=True)
+    both = transform(table, selection="x < 0", translate=(0, 9, 0), copy=True)
     assert len(both) == 80 + left.sum()
     np.testing.assert_array_equal(both.extra["label"][80:], np.arange(80)[left])
     np.testing.assert_array_equal(both.means[:80], table.means)
