@@ -18,6 +18,7 @@ from .console import print_message
 from .convert import convert
 from .crop import crop
 from .decimate import decimate
+from .diff import diff
 from .doctor import doctor
 from .edit import edit
 from .editors import editors
@@ -43,7 +44,7 @@ from .view import view
 EDIT = (edit, fit, recover, metrics, editors, looks)
 OPERATIONS = (convert, filter_, crop, transform, recolor, merge, decimate, order, reduce_sh)
 """Verbs that change a scene, and can follow each other in one command."""
-LOOK = (info, select, render, preview, view)
+LOOK = (info, select, render, preview, view, diff)
 
 
 def in_panel(command: LazyCommand, panel: str) -> LazyCommand:

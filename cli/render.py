@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from .cameras import ViewOptions, up_vector
-from .console import print_message, print_result
+from .console import print_message
 from .options import (
     Common,
     DropInvalid,
@@ -23,8 +23,8 @@ from .options import (
     parse_indices,
     scene_file,
 )
-from .placed import place
-from .progress import Show, progress
+from .placed import Placed, place
+from .render_files import write
 from .render_options import Kind, PathKind, PathOptions, PictureOptions, check_pictures, kind_of
 from .setting_options import Layout, Setting, SettingsGroup, Values, settings_of, with_values
 
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from rasterizer.numerics import Execution
     from rasterizer.scene import Gaussians
 
-Item = TypeVar("Item")
 COUNT = 8
 FOUND_VIEWS = 24
 """Views that are searched for where a path goes by them or a region is found with them."""
@@ -119,131 +118,74 @@ def render(
 
     gsedit render before.ply --wipe after.ply --path orbit -o wipe.mp4
     """
-    kind = kind_of(out)
-    check_pictures(out, pictures, path)
-    check_views(views, count, scene, cameras, path, kind)
-    check_region(region, prompt, pictures)
-    indices = None if views is None else parse_indices(views, "--views")
-    cameras.check()
-    (check_folder if kind == "folder" else check_file)(out, force)
+    check(scene, out, views, count, region, prompt, cameras, path, pictures, force)
     common.apply()
 
-    from gsedit.reports.frames import Animation
-    from gsedit.views.dataset import evenly_spaced
     from rasterizer.numerics import Execution
 
     execution = with_values(Execution(), values)
     gaussians = load_scene(scene, drop_invalid=drop_invalid)
-    moving = path.path or (PathKind.turntable if kind == "animation" else None)
-    wanted = count or (COUNT if kind == "folder" else 1)
+    wiped = read_wiped(pictures, drop_invalid=drop_invalid)
+    moving = path.path or (PathKind.turntable if kind_of(out) == "animation" else None)
+    wanted = count or (COUNT if kind_of(out) == "folder" else 1)
     searched = FOUND_VIEWS if moving or region is not None else wanted
     placed = place(scene, gaussians, cameras, searched, execution)
     if region is not None:
         dataset = placed.dataset(gaussians, execution)
         gaussians = tint(gaussians, region, dataset, editor, prompt or "", execution)
-    if indices is None:
-        total = len(placed.viewpoints)
-        indices = evenly_spaced(total, total if moving else wanted)
-    named = placed.named(indices)
+    named = placed.named(numbers_of(placed, views, None if moving else wanted))
     if moving:
         named = follow(moving, list(named.values()), gaussians, path, cameras)
-    animation = Animation(
-        gaussians,
-        tuple(sized(camera, pictures, out) for camera in named.values()),
-        pictures.maps,
-        read_wiped(pictures, drop_invalid=drop_invalid),
-        moving is not None,
-        pictures.background_color(),
-        execution,
-    )
+    animation = animate(gaussians, wiped, named, out, pictures, moving is not None, execution)
     write(animation, list(named), out, path.fps, pictures, force, common)
 
 
-def write(
-    animation: Animation,
-    names: Sequence[str],
+def check(
+    scene: Path,
     out: Path,
-    fps: float,
+    views: str | None,
+    count: int | None,
+    region: str | None,
+    prompt: str | None,
+    cameras: ViewOptions,
+    path: PathOptions,
     pictures: PictureOptions,
     force: bool,
-    common: Common,
 ) -> None:
-    """Write an animation, one picture, or a folder, as the suffix of `out` says; print what was
-    written."""
-    from gsedit.files.animations import write_gif, write_mp4
-
-    count, as_json = len(animation), common.json
-    with progress(as_json=as_json) as show:
-        if kind_of(out) == "folder":
-            for index in tracked(range(count), count, show):
-                stem = out / names[index]
-                for path in write_files(animation, index, stem, pictures, force):
-                    print_result({"picture": path}, str(path), as_json=as_json)
-            print_message(f"{count} views are in {out}")
-        elif kind_of(out) == "still":
-            write_one(animation, out, pictures, force)
-            print_result({"picture": out}, str(out), as_json=as_json)
-        else:
-            frames = tracked(animation.frames(), count, show)
-            if out.suffix.lower() == ".gif":
-                write_gif(frames, out, fps, overwrite=force)
-            else:
-                write_mp4(frames, out, fps, crf=pictures.crf, overwrite=force)
-            record = {"animation": out, "frames": count, "fps": fps, "bytes": out.stat().st_size}
-            print_result(record, str(out), as_json=as_json)
-            print_message(f"{count} frames, {count / fps:.1f} s, {out.stat().st_size / 1e6:.1f} MB")
+    """Raise UsageError for what makes no sense, before a large file is read."""
+    check_pictures(out, pictures, path)
+    check_views(views, count, scene, cameras, path, kind_of(out))
+    check_region(region, prompt, pictures)
+    cameras.check()
+    (check_folder if kind_of(out) == "folder" else check_file)(out, force)
 
 
-def tracked(items: Iterable[Item], count: int, show: Show) -> Iterator[Item]:
-    """The items, each shown as a step when the next one is asked for."""
-    from gsedit.reports.events import Event
-    from gsedit.reports.stopwatch import Stopwatch
+def numbers_of(placed: Placed, views: str | None, wanted: int | None) -> list[int]:
+    """The numbers of the views: those that are named, else `wanted` evenly spaced ones (None:
+    all)."""
+    from gsedit.views.dataset import evenly_spaced
 
-    watch = Stopwatch()
-    for step, item in enumerate(items, 1):
-        yield item
-        show(Event("render", watch.seconds, step, count))
-
-
-def write_files(
-    animation: Animation, index: int, stem: Path, pictures: PictureOptions, force: bool
-) -> list[Path]:
-    """Write the files of one view into a folder; their paths."""
-    from gsedit.reports.rendered_views import save_frame, write_view
-
-    if animation.wiped is not None:
-        path = stem.with_name(f"{stem.name}.png")
-        save_frame(animation.frame(index), path, overwrite=force)
-        return [path]
-    return write_view(
-        animation.scene,
-        animation.cameras[index],
-        stem,
-        show=animation.show,
-        format=pictures.format.value,
-        background=animation.background,
-        transparent=pictures.transparent,
-        execution=animation.execution,
-        overwrite=force,
-    )
+    if views is not None:
+        return parse_indices(views, "--views")
+    total = len(placed.viewpoints)
+    return evenly_spaced(total, total if wanted is None else wanted)
 
 
-def write_one(animation: Animation, out: Path, pictures: PictureOptions, force: bool) -> None:
-    """Write the first view into one file."""
-    from gsedit.reports.rendered_views import save_frame, write_still
-    from gsedit.views.maps import render_maps
+def animate(
+    scene: Gaussians,
+    wiped: Gaussians | None,
+    named: Mapping[str, Camera],
+    out: Path,
+    pictures: PictureOptions,
+    moving: bool,
+    execution: Execution,
+) -> Animation:
+    """What is shown, from every camera."""
+    from gsedit.reports.frames import Animation
 
-    if animation.wiped is not None:
-        save_frame(animation.frame(0), out, overwrite=force)
-        return
-    maps = render_maps(
-        animation.scene,
-        animation.cameras[0],
-        animation.show,
-        background=animation.background,
-        execution=animation.execution,
-    )
-    write_still(maps, animation.show, out, transparent=pictures.transparent, overwrite=force)
+    cameras = tuple(sized(camera, pictures, out) for camera in named.values())
+    background = pictures.background_color()
+    return Animation(scene, cameras, pictures.maps, wiped, moving, background, execution)
 
 
 def read_wiped(pictures: PictureOptions, *, drop_invalid: bool) -> Gaussians | None:
@@ -316,7 +258,7 @@ def check_views(
     moving = path.path is not None or kind == "animation"
     if count is not None and (moving or kind == "still"):
         raise UsageError("--count is for views in a folder: a path has --frames")
-    if kind == "still" and views is not None and len(parse_indices(views, "--views")) > 1:
+    if views is not None and len(parse_indices(views, "--views")) > 1 and kind == "still":
         raise UsageError(f"--views {views}: name a folder for several pictures")
 
 

@@ -224,7 +224,7 @@ def check_pictures(out: Path, options: PictureOptions, path: PathOptions) -> Non
     from gsedit.errors import UsageError
 
     kind, maps, suffix = kind_of(out), options.maps, out.suffix.lower()
-    options.background_color(), options.size
+    _ = options.background_color(), options.size  # they raise
     if kind == "still" and path.path is not None:
         raise UsageError(f"-o {out} is one picture: name an .mp4, a .gif or a folder for --path")
     if kind != "folder" and options.format != FolderFormat.png:

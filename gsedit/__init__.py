@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from gsedit.files import load, load_dataset, save
     from gsedit.fitting.fit import FitResult, fit, fit_steps
     from gsedit.fitting.settings import FitSettings
+    from gsedit.points.differences import SceneDifference, diff
     from gsedit.reports.events import Checkpoint, Event
     from gsedit.session.folder import write_edit
     from gsedit.session.result import EditResult
@@ -33,8 +34,10 @@ __all__ = [
     "FitSettings",
     "GseditError",
     "InputError",
+    "SceneDifference",
     "UsageError",
     "View",
+    "diff",
     "edit",
     "edit_steps",
     "fit",
@@ -57,6 +60,7 @@ make_lazy(
         "files": ("load", "load_dataset", "save"),
         "fitting.fit": ("FitResult", "fit", "fit_steps"),
         "fitting.settings": ("FitSettings",),
+        "points.differences": ("SceneDifference", "diff"),
         "reports.events": ("Checkpoint", "Event"),
         "session.folder": ("write_edit",),
         "session.result": ("EditResult",),

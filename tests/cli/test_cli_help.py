@@ -34,6 +34,7 @@ VERBS = (
     "render",
     "preview",
     "view",
+    "diff",
     "info",
     "editors",
     "looks",
