@@ -16,9 +16,10 @@ from gsedit.errors import InputError
 from gsedit.files.inputs import existing_file
 from gsedit.views.dataset import View
 from gsedit.views.image_ops import downscale
+from gsedit.views.viewpoints import Viewpoint
 
 
-def read_masks(path: Path, views: Sequence[View]) -> dict[int, Float[Tensor, "h w"]]:
+def read_masks(path: Path, views: Sequence[View | Viewpoint]) -> dict[int, Float[Tensor, "h w"]]:
     """The masks in a PNG, or in all PNGs of a folder, by the index of the view that they belong to.
 
     A mask has the name of its view's picture: `frame_00001.png` belongs to the view

@@ -10,9 +10,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 from gsedit.points.selection.base import EVERYTHING, Selection
+from gsedit.points.selection.clusters import Clusters
+from gsedit.points.selection.inside_mesh import InsideMesh
 from gsedit.points.selection.near_color import NearColor, parse_color
+from gsedit.points.selection.near_selected import Grown, Shrunk
 from gsedit.points.selection.ranked import Amount, Ranked
 from gsedit.points.selection.saved import Flags
+from gsedit.points.selection.seen import LEAST, Drawn, Seen
 from gsedit.points.selection.values import Column, Computed, Distance, Value
 from gsedit.points.selection.volumes import (
     Box,
@@ -82,6 +86,43 @@ def smallest(amount: Amount, value: Value) -> Selection:
     return Ranked(amount, value, largest=False)
 
 
+def inside(mesh: str) -> Selection:
+    """What a closed mesh encloses: .obj, .ply, .stl, .off or .glb."""
+    return InsideMesh(Path(mesh).expanduser())
+
+
+def cluster(n: float = 1.0, gap: float | None = None, of: Selection = EVERYTHING) -> Selection:
+    """The n largest clusters: of centres linked by gaps of at most `gap`, among `of`."""
+    return Clusters(int(n), gap, of)
+
+
+def cluster_at(
+    x: float, y: float, z: float, gap: float | None = None, of: Selection = EVERYTHING
+) -> Selection:
+    """The cluster of the centre nearest to x,y,z."""
+    return Clusters(1, gap, of, (x, y, z))
+
+
+def grow(selection: Selection, radius: float) -> Selection:
+    """A selection, and what is at most `radius` from it."""
+    return Grown(selection, radius)
+
+
+def shrink(selection: Selection, radius: float) -> Selection:
+    """A selection, without what is at most `radius` from the rest."""
+    return Shrunk(selection, radius)
+
+
+def seen(cameras: str, pixels: float = LEAST) -> Selection:
+    """What contributes `pixels` or more to the pictures of a cameras.json or of posed photos."""
+    return Seen(Path(cameras), pixels)
+
+
+def drawn(masks: str, cameras: str) -> Selection:
+    """What masks show, a .png or a folder, on photos or on renders from a cameras.json."""
+    return Drawn(Path(masks).expanduser(), Path(cameras))
+
+
 def everything() -> Selection:
     """All Gaussians."""
     return EVERYTHING
@@ -113,6 +154,13 @@ SELECTIONS: dict[str, Callable[..., Selection]] = {
     "flags": flags,
     "largest": largest,
     "smallest": smallest,
+    "inside": inside,
+    "cluster": cluster,
+    "cluster_at": cluster_at,
+    "grow": grow,
+    "shrink": shrink,
+    "seen": seen,
+    "drawn": drawn,
     "all": everything,
 }
 """By their names in expressions."""

@@ -218,6 +218,7 @@ class _Reader:
 
 ARGUMENTS: dict[str, Callable[[_Reader, ast.expr], Any]] = {
     "float": _Reader.number,
+    "float | None": _Reader.number,
     "str": _Reader.string,
     "Amount": _Reader.amount,
     "Value": _Reader.value,

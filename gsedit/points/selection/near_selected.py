@@ -1,0 +1,73 @@
+"""Selections that are grown or shrunk: by how far centres are from those of others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float32
+
+from gsedit.files.table import SplatTable
+from gsedit.points.selection.base import Selection
+from gsedit.points.selection.volumes import check_positive
+
+
+@dataclass(frozen=True)
+class Grown(Selection):
+    """What `inner` selects, and what is at most `radius` from it."""
+
+    inner: Selection
+    radius: float
+
+    def __post_init__(self) -> None:
+        check_positive("grow", "radius", self.radius)
+
+    @property
+    def whole(self) -> bool:
+        return True
+
+    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
+        inside = self.inner.mask(table)
+        return inside | _within(table.means, inside, self.radius)
+
+
+@dataclass(frozen=True)
+class Shrunk(Selection):
+    """What `inner` selects, without what is at most `radius` from the rest."""
+
+    inner: Selection
+    radius: float
+
+    def __post_init__(self) -> None:
+        check_positive("shrink", "radius", self.radius)
+
+    @property
+    def whole(self) -> bool:
+        return True
+
+    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
+        inside = self.inner.mask(table)
+        return inside & ~_within(table.means, ~inside, self.radius)
+
+
+def _within(
+    means: Float32[np.ndarray, "n 3"], sources: Bool[np.ndarray, " n"], radius: float
+) -> Bool[np.ndarray, " n"]:
+    """Whether a row is no source, and at most `radius` from one."""
+    from scipy.spatial import cKDTree
+
+    usable = np.isfinite(means).all(1)
+    found = np.zeros(len(means), bool)
+    given, asked = usable & sources, np.flatnonzero(usable & ~sources)
+    if not given.any() or not len(asked):
+        return found
+    tree, points = cKDTree(means[given]), means[asked]
+    # far points are cheap to leave out, and most are far
+    low, high = means[given].min(0) - radius, means[given].max(0) + radius
+    near = ((points >= low) & (points <= high)).all(1)
+    # query asks for distances below its bound: the next number includes the bound itself
+    distance, _ = tree.query(
+        points[near], distance_upper_bound=np.nextafter(radius, np.inf), workers=-1
+    )
+    found[asked[near]] = np.isfinite(distance)
+    return found
