@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection
+from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -20,8 +21,18 @@ if TYPE_CHECKING:
     from rasterizer.scene import Gaussians
 
 
+current_scene: ContextVar[Path | None] = ContextVar("current_scene", default=None)
+"""SCENE of the command that runs: options that need its neighbours in the folder look here."""
+
+
 def scene_file(path: Path) -> Path:
     """The scene of the folder of an edit; any other path as it is."""
+    path = _scene_of(path)
+    current_scene.set(path)
+    return path
+
+
+def _scene_of(path: Path) -> Path:
     from gsedit.errors import UsageError
 
     if (path / "scene.ply").is_file():

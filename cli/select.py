@@ -31,7 +31,8 @@ def select(
     selection: SelectionOptions,
     common: Common,
 ) -> None:
-    """Save which Gaussians all options select: a region for edit --region, a selection for --flags.
+    """Save which Gaussians all options select: a region for edit --region, and for filter
+    --region.
 
     gsedit select scene.ply --sphere 0,-0.5,0,0.35 -o region.npy
     """

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from .options import current_scene
+
 if TYPE_CHECKING:
     from gsedit.points.selection.base import Selection
 
@@ -67,6 +69,10 @@ class VolumeOptions:
             VOLUMES,
         ),
     ] = None
+    inside: Annotated[
+        Path | None,
+        chosen("--inside", "MESH", "A closed mesh: .obj, .ply, .stl, .off or .glb.", VOLUMES),
+    ] = None
     invert: Annotated[
         bool,
         typer.Option("--invert", help="Select what is not selected.", rich_help_panel=OTHERS),
@@ -79,11 +85,14 @@ class VolumeOptions:
 
     def selection(self) -> Selection:
         """What the options select together; everything where none is given. Raises UsageError."""
-        from gsedit.points.selection.base import EVERYTHING, Complement, Intersection
+        return ~self.combined() if self.invert else self.combined()
+
+    def combined(self) -> Selection:
+        """The same before --invert."""
+        from gsedit.points.selection.base import EVERYTHING, Intersection
 
         parts = tuple(self.parts())
-        selected = parts[0] if len(parts) == 1 else Intersection(parts) if parts else EVERYTHING
-        return Complement(selected) if self.invert else selected
+        return parts[0] if len(parts) == 1 else Intersection(parts) if parts else EVERYTHING
 
     def parts(self) -> list[Selection]:
         """What each option selects."""
@@ -102,6 +111,8 @@ class VolumeOptions:
             if (text := getattr(self, name)) is not None:
                 flag = f"--{name.replace('_', '-')}"
                 found.append(getattr(forms, name)(*numbers(flag, text, *counts)))
+        if self.inside is not None:
+            found.append(forms.inside(str(self.inside)))
         return found
 
 
@@ -162,9 +173,67 @@ class SelectionOptions(VolumeOptions):
             VALUES,
         ),
     ] = None
-    flags: Annotated[
+    region: Annotated[
+        str | None,
+        chosen(
+            "--region",
+            "REGION",
+            "As of gsedit edit: a .npy file of gsedit select or of an edit, masks drawn on photos "
+            "or renders (.png or a folder; with --data), auto (with --prompt), box:..., sphere:...",
+            OTHERS,
+        ),
+    ] = None
+    data: Annotated[
         Path | None,
-        chosen("--flags", "FILE.npy", "What gsedit select, or an edit, saved.", OTHERS),
+        typer.Option(
+            "--data",
+            metavar="DATASET",
+            help="The cameras of --region and --seen: posed photos, or a cameras.json.",
+            rich_help_panel=OTHERS,
+            show_default="cameras.json beside the scene",
+        ),
+    ] = None
+    prompt: Annotated[
+        str | None,
+        chosen("--prompt", "INSTRUCTION", "The instruction that --region auto is for.", OTHERS),
+    ] = None
+    seen: Annotated[
+        float | None,
+        chosen(
+            "--seen",
+            "PIXELS",
+            "What contributes this many pixels or more to pictures 256 wide of all cameras.",
+            OTHERS,
+        ),
+    ] = None
+    cluster: Annotated[
+        str | None,
+        chosen(
+            "--cluster",
+            "largest|N|X,Y,Z",
+            "The largest cluster of the scene, the N largest, or the one at a point.",
+            OTHERS,
+        ),
+    ] = None
+    cluster_gap: Annotated[
+        float | None,
+        typer.Option(
+            "--cluster-gap",
+            metavar="LENGTH",
+            help="Centres at most this far apart are in one cluster.",
+            rich_help_panel=OTHERS,
+            show_default="8 median distances to the nearest",
+        ),
+    ] = None
+    grow: Annotated[
+        float | None,
+        chosen("--grow", "LENGTH", "Then add what is at most this far away.", OTHERS),
+    ] = None
+    shrink: Annotated[
+        float | None,
+        chosen(
+            "--shrink", "LENGTH", "Then leave out what is at most this far from the rest.", OTHERS
+        ),
     ] = None
     where: Annotated[
         str | None,
@@ -195,10 +264,54 @@ class SelectionOptions(VolumeOptions):
         for name in ("largest", "smallest"):
             if (text := getattr(self, name)) is not None:
                 found.append(ranked(name, text))
-        if self.flags is not None:
-            found.append(forms.flags(str(self.flags)))
+        found += self.by_views_and_clusters()
         if self.where is not None:
             found.append(labelled("--where", where, self.where))
+        return found
+
+    def combined(self) -> Selection:
+        from gsedit.points.selection import forms
+
+        selected = super().combined()
+        if self.grow is not None:
+            selected = forms.grow(selected, self.grow)
+        return selected if self.shrink is None else forms.shrink(selected, self.shrink)
+
+    def by_views_and_clusters(self) -> list[Selection]:
+        """What --region, --seen and --cluster select."""
+        from gsedit.errors import UsageError
+        from gsedit.points.selection import forms
+
+        found = []
+        if self.region is not None:
+            from .selection_region import region_selection
+
+            found.append(region_selection(self.region, self.data, self.prompt))
+        if self.seen is not None:
+            from gsedit.points.selection.seen import Seen
+
+            from .selection_region import recorded_cameras
+
+            cameras = recorded_cameras("--seen", self.data)
+            found.append(Seen(cameras, self.seen, current_scene.get()))
+        if self.cluster is not None:
+            if "," in self.cluster:
+                place = numbers("--cluster", self.cluster, 3)
+                found.append(forms.cluster_at(*place, gap=self.cluster_gap))
+            elif self.cluster == "largest" or self.cluster.isdecimal():
+                count = 1 if self.cluster == "largest" else int(self.cluster)
+                found.append(forms.cluster(count, self.cluster_gap))
+            else:
+                raise UsageError(
+                    f"--cluster {self.cluster}: give largest, a number of clusters, or x,y,z"
+                )
+        for flag, given, needed, names in (
+            ("--data", self.data, (self.region, self.seen), "--region or --seen"),
+            ("--prompt", self.prompt, (self.region,), "--region auto"),
+            ("--cluster-gap", self.cluster_gap, (self.cluster,), "--cluster"),
+        ):
+            if given is not None and all(each is None for each in needed):
+                raise UsageError(f"{flag} is for {names}: add it, or leave {flag} out")
         return found
 
 

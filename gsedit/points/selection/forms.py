@@ -91,9 +91,9 @@ def inside(mesh: str) -> Selection:
     return InsideMesh(Path(mesh).expanduser())
 
 
-def cluster(n: float = 1.0, gap: float | None = None, of: Selection = EVERYTHING) -> Selection:
+def cluster(n: int = 1, gap: float | None = None, of: Selection = EVERYTHING) -> Selection:
     """The n largest clusters: of centres linked by gaps of at most `gap`, among `of`."""
-    return Clusters(int(n), gap, of)
+    return Clusters(n, gap, of)
 
 
 def cluster_at(

@@ -175,6 +175,12 @@ class _Reader:
             self.wrong(node, "a plain number is needed here")
         return found.number
 
+    def count(self, node: ast.expr) -> int:
+        found = self.number(node)
+        if not found.is_integer():
+            self.wrong(node, "a whole number is needed here")
+        return int(found)
+
     def string(self, node: ast.expr) -> str:
         match node:
             case ast.Constant(value=str(text)):
@@ -219,6 +225,7 @@ class _Reader:
 ARGUMENTS: dict[str, Callable[[_Reader, ast.expr], Any]] = {
     "float": _Reader.number,
     "float | None": _Reader.number,
+    "int": _Reader.count,
     "str": _Reader.string,
     "Amount": _Reader.amount,
     "Value": _Reader.value,
