@@ -154,7 +154,9 @@ _SCENES = [
     BadFile("missing", lambda tmp: tmp / "scene.ply", "scene", ("No such file", "check the path")),
     BadFile("empty", _scene_file(b""), "scene", ("0 bytes", "export it again")),
     BadFile("folder", _empty_folder, "scene", ("is a folder", "name a file")),
-    BadFile("unknown_suffix", _scene_file(b"x", "scene.glb"), "scene", ("reads .ply", "name one")),
+    BadFile(
+        "unknown_suffix", _scene_file(b"x", "scene.blend"), "scene", ("reads .ply", "name one")
+    ),
     BadFile("no_ply", _scene_file(b"\x00" * 99), "scene", ("not a PLY", "check the path")),
     BadFile("truncated", _scene_file(_WHOLE[:-7]), "scene", ("7 bytes more", "cut off")),
     BadFile("cut_header", _scene_file(_WHOLE[:200]), "scene", ("end_header", "cut off")),

@@ -42,7 +42,12 @@ FORMATS = (
     Format(".ply", "inria", max_degree=4, keeps=frozenset(("extra", "elements", "comments"))),
     Format(".compressed.ply", "compressed_ply"),
     Format(".spz", "spz", max_degree=4, keeps=frozenset(("antialiased",))),
+    Format(".sog", "sog", keeps=frozenset(("antialiased",))),
+    Format("meta.json", "sog", writes=False),
     Format(".splat", "splat", max_degree=0),
+    Format(".ksplat", "ksplat", writes=False),
+    Format(".glb", "gltf"),
+    Format(".gltf", "gltf", writes=False),
     Format(
         ".npz",
         "npz",
@@ -61,6 +66,8 @@ def open_scene(path: str | Path, options: ReadOptions = AS_SPECIFIED) -> SceneSo
     Raises UsageError for another suffix, InputError for a file that is not what it should be.
     """
     path = Path(path)
+    if (path / "meta.json").is_file():  # the folder of a SOG scene
+        path = path / "meta.json"
     existing_file(path)  # before the suffix: that the file is missing is the more useful message
     format = _format(path)
     if format is None or not format.reads:
