@@ -57,7 +57,7 @@ def diff(
 
     gsedit diff before.ply after.ply -o diff.png
     """
-    check_request(out, cameras, force)
+    check_request((scene, other), out, cameras, force)
     common.apply()
 
     from rasterizer.numerics import Execution
@@ -81,15 +81,22 @@ def show_result(result: SceneDifference, paths: tuple[Path, Path], *, as_json: b
         typer.echo(as_text(result, paths))
 
 
-def check_request(out: Path | None, cameras: ViewOptions, force: bool) -> None:
-    """Raise UsageError for options that make no sense, before large files are read."""
+def check_request(
+    scenes: tuple[Path, Path], out: Path | None, cameras: ViewOptions, force: bool
+) -> None:
+    """Raise UsageError for options that make no sense, and InputError for a file that is not there,
+    before large files are read."""
     from gsedit.errors import UsageError
+    from gsedit.files.inputs import existing_file
 
     cameras.check()
     if out is not None:
         if out.suffix.lower() != ".png":
             raise UsageError(f"-o {out}: name a .png file")
         check_file(out, force)
+    for path in scenes:
+        if not path.is_dir():  # a scene may be a folder; the reader says what is wrong with it
+            existing_file(path)
 
 
 def compare(

