@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from gsedit.viewer.drawing import Look, Surroundings
+    from rasterizer.camera import Camera
     from rasterizer.scene import Gaussians
 
 
@@ -58,15 +59,29 @@ class Drawn:
     sparse: Annotated[
         bool, typer.Option("--sparse", help="Draw the sparse cloud of --data, in orange.")
     ] = False
+    open3d: Annotated[
+        bool,
+        typer.Option(
+            "--open3d",
+            help="Let Open3D draw: splats through software Vulkan, or points where there is none; "
+            "points in a window.",
+        ),
+    ] = False
     min_opacity: Annotated[
         float,
         typer.Option("--min-opacity", min=0, max=1, help="Leave out Gaussians of lower opacity."),
     ] = 0.1
 
-    def check(self, data: Path | None) -> None:
+    def check(self, data: Path | None, after: Path | None) -> None:
         """Raise UsageError for options that do not fit each other."""
         from gsedit.errors import UsageError
 
+        others = {
+            "AFTER": after, "--color-by": self.color_by, "--selection": self.selection,
+            "--ellipsoids": self.ellipsoids, "--cameras": self.cameras, "--sparse": self.sparse,
+        }  # fmt: skip
+        if self.open3d and (given := [name for name, value in others.items() if value]):
+            raise UsageError(f"--open3d draws one scene in its colours: leave out {given[0]}")
         if self.sparse and data is None:
             raise UsageError("--sparse draws the sparse cloud of a capture: add --data DATASET")
 
@@ -123,7 +138,7 @@ def preview(
     gsedit preview before.ply after.ply -o both.png
     """
     standpoint.check()
-    drawn.check(standpoint.data)
+    drawn.check(standpoint.data, after)
     check_suffix(out, ".png", force=force)
     common.apply()
 
@@ -133,12 +148,35 @@ def preview(
     gaussians, size = file.scene, (width, height)
     second = None if after is None else load_scene(after, drop_invalid=drop_invalid)
     around = standpoint.surroundings(scene, gaussians, wanted=drawn.cameras)
-    show(
-        gaussians, out, after=second, selection=drawn.flags(gaussians), look=drawn.look,
-        around=drawn.shown(around), extra=file.extra, min_opacity=drawn.min_opacity, size=size,
-        camera=standpoint.camera(gaussians, () if drawn.cameras else around.cameras, size),
-        titles=(scene.name, "" if after is None else after.name), overwrite=force,
-    )  # fmt: skip
+    camera = standpoint.camera(gaussians, () if drawn.cameras else around.cameras, size)
+    if drawn.open3d:
+        draw_with_open3d(gaussians, out, camera, size, drawn.min_opacity, force)
+    else:
+        show(
+            gaussians, out, after=second, selection=drawn.flags(gaussians), look=drawn.look,
+            around=drawn.shown(around), extra=file.extra, min_opacity=drawn.min_opacity, size=size,
+            camera=camera, titles=(scene.name, "" if after is None else after.name),
+            overwrite=force,
+        )  # fmt: skip
     if out is not None:
-        print_message(f"{out} shows {len(gaussians)} Gaussians as points")
+        kind = "" if drawn.open3d else " as points"
+        print_message(f"{out} shows {len(gaussians)} Gaussians{kind}")
         print_result({"picture": str(out)}, str(out), as_json=common.json)
+
+
+def draw_with_open3d(
+    scene: Gaussians,
+    out: Path | None,
+    camera: Camera | None,
+    size: tuple[int, int],
+    min_opacity: float,
+    force: bool,
+) -> None:
+    """Open3D's picture or window; what to know of it is printed."""
+    from gsedit.viewer.open3d_drawing import preview_open3d
+
+    note = preview_open3d(
+        scene, out, camera=camera, size=size, min_opacity=min_opacity, overwrite=force
+    )
+    if note:
+        print_message(note)
