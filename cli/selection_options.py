@@ -151,7 +151,8 @@ class SelectionOptions(VolumeOptions):
         chosen(
             "--near-color",
             "#RRGGBB[,DIFFERENCE]",
-            "Near a colour: by CIE Lab difference, 10 if not given. Quote the #.",
+            "Near a colour, quoted for its #, or that of a pixel, photo.jpg@COLUMN,ROW: by "
+            "difference in CIE Lab, 10 if not given.",
             VALUES,
         ),
     ] = None
@@ -247,7 +248,6 @@ class SelectionOptions(VolumeOptions):
     ] = None
 
     def parts(self) -> list[Selection]:
-        from gsedit.points.selection import forms
         from gsedit.points.selection.values import at_least, at_most
         from gsedit.points.selection.where import where
 
@@ -257,10 +257,7 @@ class SelectionOptions(VolumeOptions):
                 if (number := getattr(self, f"{bound}_{name}")) is not None:
                     found.append(make(name, finite(f"--{bound}-{name}", number)))
         if self.near_color is not None:
-            color, comma, difference = self.near_color.partition(",")
-            found.append(
-                forms.near(color, *numbers("--near-color", difference, 1) if comma else ())
-            )
+            found.append(near(self.near_color))
         for name in ("largest", "smallest"):
             if (text := getattr(self, name)) is not None:
                 found.append(ranked(name, text))
@@ -362,6 +359,18 @@ def finite(flag: str, number: float) -> float:
     if not isfinite(number):
         raise UsageError(f"{flag} {number}: give a finite number")
     return number
+
+
+def near(text: str) -> Selection:
+    """The selection of --near-color."""
+    from gsedit.points.selection import forms
+
+    name, at, place = text.rpartition("@")
+    parts = place.split(",")
+    color = name + at + ",".join(parts[: 2 if at else 1])
+    difference = ",".join(parts[2 if at else 1 :])
+    rest = numbers("--near-color", difference, 1) if difference else []
+    return labelled("--near-color", lambda color: forms.near(color, *rest), color)
 
 
 def ranked(name: str, text: str) -> Selection:

@@ -45,6 +45,7 @@ def test_options_combine_with_and_and_where_says_the_same(scene):
         (("--min-anisotropy", 4), "anisotropy >= 4"),
         (("--max-anisotropy", 4), "anisotropy <= 4"),
         (("--near-color", "#808080,50"), "near(#808080, 50)"),
+        (("--near-color", "#888"), "near('888', 10)"),
         (("--largest", "2,opacity"), "largest(2, opacity)"),
         (("--smallest", "40%,distance(0,0,0)"), "smallest('40%', distance(0,0,0))"),
         (("--min-opacity", 0.3, "--max-size", 2), "opacity >= 0.3 and size <= 2"),

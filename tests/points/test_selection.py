@@ -147,6 +147,24 @@ def test_near_is_a_distance_in_lab():
     assert select(table, "near('#808080', 104.3)").tolist() == [True, False, True]
 
 
+def test_near_takes_the_colour_of_a_pixel(tmp_path):
+    from PIL import Image
+
+    path = tmp_path / "photo.png"
+    picture = Image.new("RGB", (4, 3))
+    picture.putpixel((3, 1), (128, 144, 160))
+    picture.save(path)
+    table = cloud()
+    np.testing.assert_array_equal(
+        select(table, f"near('{path}@3,1', 40)"), select(table, "near(#8090a0, 40)")
+    )
+    for place, message in (("4,1", "4x3 pixels"), ("x,1", "column and row"), ("1", "column and")):
+        with pytest.raises(UsageError, match=message):
+            where(f"near('{path}@{place}')")
+    with pytest.raises(InputError, match="cannot be read"):
+        where("near('none.png@0,0')")
+
+
 def test_the_n_largest_are_n_and_none_left_is_larger():
     table = cloud()
     inside = select(table, "largest('12.5%', opacity)")

@@ -67,7 +67,8 @@ def half_space(x: float, y: float, z: float, nx: float, ny: float, nz: float) ->
 
 
 def near(color: str, difference: float = 10.0) -> Selection:
-    """Whose colour, #rrggbb, differs by at most `difference` in CIE Lab."""
+    """Whose colour differs by at most `difference` in CIE Lab from #rrggbb, or from a pixel, given
+    as `photo.jpg@COLUMN,ROW`."""
     return NearColor(parse_color(color), difference)
 
 

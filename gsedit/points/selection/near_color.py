@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool
 
-from gsedit.errors import UsageError
+from gsedit.errors import InputError, UsageError
+from gsedit.files.inputs import existing_file
 from gsedit.files.table import SplatTable
 from gsedit.points.color_space import lab_of_srgb
 from gsedit.points.selection.base import Selection
@@ -38,11 +40,38 @@ class NearColor(Selection):
 
 
 def parse_color(text: str) -> tuple[float, float, float]:
-    """Red, green and blue, 0 to 1, of `#rrggbb` or `#rgb`. Raises UsageError."""
+    """Red, green and blue, 0 to 1, of `#rrggbb`, `#rgb`, or of the pixel `PICTURE@COLUMN,ROW`.
+
+    Raises UsageError for another text or a pixel outside, InputError for no picture.
+    """
+    if "@" in text:
+        return _pixel(text)
     digits = text.removeprefix("#")
     if not re.fullmatch(r"[0-9a-fA-F]{3}|[0-9a-fA-F]{6}", digits):
-        raise UsageError(f"color {text}: give #rrggbb, as in #a08050")
+        raise UsageError(f"color {text}: give #rrggbb, as in #a08050, or a pixel, as photo.jpg@8,9")
     if len(digits) == 3:
         digits = "".join(2 * digit for digit in digits)
     red, green, blue = (int(digits[i : i + 2], 16) / 255 for i in (0, 2, 4))
+    return red, green, blue
+
+
+def _pixel(text: str) -> tuple[float, float, float]:
+    from PIL import Image
+
+    name, _, place = text.rpartition("@")
+    path = existing_file(Path(name).expanduser())
+    try:
+        column, row = (int(number) for number in place.split(","))
+    except ValueError:
+        raise UsageError(f"color {text}: name a pixel by column and row: {name}@8,9") from None
+    try:
+        with Image.open(path) as picture:
+            shown = np.array(picture.convert("RGB"))
+    except Exception as error:  # Pillow's decoders raise a dozen kinds
+        reason = str(error).split("\n")[0]
+        raise InputError(f"{path} is no readable picture ({reason}): export it again") from None
+    height, width = shown.shape[:2]
+    if not (0 <= column < width and 0 <= row < height):
+        raise UsageError(f"color {text}: the picture has {width}x{height} pixels, from 0,0")
+    red, green, blue = (shown[row, column] / 255).tolist()
     return red, green, blue
