@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -145,3 +147,19 @@ def test_a_wrong_selection_is_one_line_and_nothing_is_written(scene, tmp_path, w
     assert one_line(done.stderr.splitlines(keepends=True)[-1])
     assert message in done.stderr
     assert not list(tmp_path.glob("*out.ply"))
+
+
+def test_neither_torch_nor_scipy_is_loaded(scene, tmp_path):
+    region = tmp_path / "region.npy"
+    np.save(region, np.ones(5, bool))
+    code = (
+        "import sys; from gsedit_cli.main import app\n"
+        "try: app()\nexcept SystemExit as end: assert not end.code, end.code\n"
+        "heavy = {'torch', 'scipy', 'numba', 'open3d', 'trimesh', 'PIL', 'matplotlib'}\n"
+        "assert not heavy & set(sys.modules), heavy & set(sys.modules)"
+    )
+    words = ["filter", scene, "--region", region, "--where", "opacity > 0 or near(#a08050, 10)"]
+    words += ["--box", "-,-,-,-,-,99", "-o", tmp_path / "out.ply"]
+    arguments = [sys.executable, "-c", code, *map(str, words)]
+    done = subprocess.run(arguments, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

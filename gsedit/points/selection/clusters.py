@@ -23,8 +23,10 @@ TYPICAL = 8.0
 """A gap, in median distances of a Gaussian to its nearest one, where none is given."""
 SAMPLE = 20_000
 """Gaussians of which that median is taken."""
-NEIGHBOURS = [d for d in product(range(-2, 3), repeat=3) if d > (0, 0, 0) and min(map(abs, d)) < 2]
-"""Half of the cells within two sides, without the corners: those are farther than `gap`."""
+_OFFSETS = [d for d in product(range(-2, 3), repeat=3) if d > (0, 0, 0) and min(map(abs, d)) < 2]
+SHELLS = [[d for d in _OFFSETS if sum(map(abs, d)) == distance] for distance in range(1, 6)]
+"""Half of the cells within two sides, by their distance, without the corners: those are farther
+than `gap`."""
 
 
 @dataclass(frozen=True)
@@ -67,13 +69,13 @@ class Clusters(Selection):
 
 def typical_gap(points: Float64[np.ndarray, "n 3"]) -> float:
     """`TYPICAL` median distances to the nearest other place."""
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     places = np.unique(points, axis=0)
     if len(places) < 2:
         return 1.0
     asked = places[:: -(-len(places) // SAMPLE)]
-    distance, _ = cKDTree(places).query(asked, k=2, workers=-1)
+    distance, _ = KDTree(places).query(asked, k=2, workers=-1)
     return TYPICAL * float(np.median(distance[:, 1]))
 
 
@@ -82,18 +84,22 @@ def cluster_labels(points: Float64[np.ndarray, "n 3"], gap: float) -> Int[np.nda
     keys, weights = _cells(points, gap / np.sqrt(3) * (1 - 1e-9))
     order = np.argsort(keys, kind="stable")
     cells, first, counts = np.unique(keys[order], return_index=True, return_counts=True)
-    pairs = _neighbouring(cells, weights)
     sample = points[order[first]]
-    linked = np.linalg.norm(sample[pairs[:, 0]] - sample[pairs[:, 1]], axis=1) <= gap
-    labels = _components(pairs[linked], len(cells))
-    # still apart, and with other centres than those two
-    open_ = (labels[pairs[:, 0]] != labels[pairs[:, 1]]) & (counts[pairs].max(1) > 1)
-    rest = pairs[open_]
-    touching = rest[_touch(points[order], first, counts, rest, gap)]
-    labels = _components(np.concatenate([pairs[linked], touching]), len(cells))
-    found = np.empty(len(points), np.int64)
-    found[order] = np.repeat(labels, counts)
-    return found
+    labels, untested = np.arange(len(cells)), [np.zeros((0, 2), np.int64)]
+    for offsets in SHELLS:
+        found = [_neighbours(cells, int(np.array(offset) @ weights)) for offset in offsets]
+        pairs = np.concatenate(found)
+        pairs = pairs[labels[pairs[:, 0]] != labels[pairs[:, 1]]]
+        near = np.linalg.norm(sample[pairs[:, 0]] - sample[pairs[:, 1]], axis=1) <= gap
+        labels = _joined(labels, pairs[near])
+        # two centres of the cells may be nearer than those that were compared
+        untested.append(pairs[~near & (counts[pairs].max(1) > 1)])
+    rest = np.concatenate(untested)
+    rest = rest[labels[rest[:, 0]] != labels[rest[:, 1]]]
+    labels = _joined(labels, rest[_touch(points[order], first, counts, rest, gap)])
+    result = np.empty(len(points), np.int64)
+    result[order] = np.repeat(labels, counts)
+    return result
 
 
 def _cells(
@@ -117,16 +123,12 @@ def _cells(
         return layers @ weights, weights
 
 
-def _neighbouring(cells: Int[np.ndarray, " c"], weights: Int[np.ndarray, "3"]) -> np.ndarray:
-    """Pairs of occupied cells (p, 2) near enough to hold linked points; `cells` is sorted."""
-    found = []
-    with np.errstate(over="ignore"):
-        for offset in NEIGHBOURS:
-            wanted = cells + np.array(offset) @ weights
-            at = np.minimum(np.searchsorted(cells, wanted), len(cells) - 1)
-            hit = np.flatnonzero(cells[at] == wanted)
-            found.append(np.stack([hit, at[hit]], 1))
-    return np.concatenate(found)
+def _neighbours(cells: Int[np.ndarray, " c"], step: int) -> Int[np.ndarray, "p 2"]:
+    """Pairs of occupied cells whose numbers, sorted, are `step` apart."""
+    wanted = cells + np.int64(step)
+    at = np.minimum(np.searchsorted(cells, wanted), len(cells) - 1)
+    hit = np.flatnonzero(cells[at] == wanted)
+    return np.stack([hit, at[hit]], 1)
 
 
 def _touch(
@@ -139,8 +141,8 @@ def _touch(
     """Whether two points of a pair of cells are at most `gap` apart; points in order of cells.
 
     All pairs in one k-d tree: each has a place of its own along a fourth axis.
-    """  # fmt: skip
-    from scipy.spatial import cKDTree
+    """
+    from scipy.spatial import KDTree
 
     if not len(pairs):
         return np.zeros(0, bool)
@@ -156,13 +158,16 @@ def _touch(
 
     tree, _ = placed(1)
     asked, pair = placed(0)
-    distance, _ = cKDTree(tree).query(asked, distance_upper_bound=1 + 1e-12, workers=-1)
+    distance, _ = KDTree(tree).query(asked, distance_upper_bound=1 + 1e-12, workers=-1)
     return np.bincount(pair[np.isfinite(distance)], minlength=len(pairs)) > 0
 
 
-def _components(pairs: np.ndarray, count: int) -> Int[np.ndarray, " c"]:
+def _joined(labels: Int[np.ndarray, " c"], pairs: Int[np.ndarray, "p 2"]) -> Int[np.ndarray, " c"]:
+    """Labels from 0 of which those of a pair's two cells are one."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
-    graph = coo_matrix((np.ones(len(pairs), bool), (pairs[:, 0], pairs[:, 1])), (count, count))
-    return connected_components(graph, directed=False)[1].astype(np.int64)
+    size = (int(labels.max()) + 1,) * 2
+    a, b = labels[pairs.T]
+    graph = coo_matrix((np.ones(len(a), bool), (a, b)), size)
+    return connected_components(graph, directed=False)[1].astype(np.int64)[labels]

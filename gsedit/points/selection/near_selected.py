@@ -54,14 +54,14 @@ def _within(
     means: Float32[np.ndarray, "n 3"], sources: Bool[np.ndarray, " n"], radius: float
 ) -> Bool[np.ndarray, " n"]:
     """Whether a row is no source, and at most `radius` from one."""
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     usable = np.isfinite(means).all(1)
     found = np.zeros(len(means), bool)
     given, asked = usable & sources, np.flatnonzero(usable & ~sources)
     if not given.any() or not len(asked):
         return found
-    tree, points = cKDTree(means[given]), means[asked]
+    tree, points = KDTree(means[given]), means[asked]
     # far points are cheap to leave out, and most are far
     low, high = means[given].min(0) - radius, means[given].max(0) + radius
     near = ((points >= low) & (points <= high)).all(1)

@@ -69,7 +69,7 @@ class OrientedBox(Selection):
 
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
         half = np.array(self.size, np.float32) / 2
-        return (np.abs(_along_axes(table, self.centre, self.degrees)) <= half).all(1)
+        return np.all(np.abs(_along_axes(table, self.centre, self.degrees)) <= half, axis=1)
 
 
 @dataclass(frozen=True)
