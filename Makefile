@@ -2,6 +2,7 @@
 # make test   run the tests
 # Both start from a fresh clone: they make .venv and install everything first (make setup).
 # make check (lint, format, types) and make bench (targets) are for those who change the code.
+# make fuzz damages 2,000 files of every scene format and reads them.
 # make paper repeats the paper's experiments in full (hours) and writes out/paper/report.html; with
 # SCENE=bear.ply DATA=photos/ on that capture too. An interrupted one goes on.
 
@@ -15,7 +16,7 @@ LIBRARIES := libusb-1.0-0 libegl1 libgl1 libgl1-mesa-dri libx11-6 libudev1 libid
 # The benchmark scene's points (gsplat's garden.npz); without them make bench leaves its targets out.
 GARDEN ?= $(or $(GSEDIT_GARDEN),../shared/data/garden_points.npz)
 
-.PHONY: setup demo test check bench paper
+.PHONY: setup demo test check bench fuzz paper
 
 setup: $(STAMP)
 
@@ -39,6 +40,9 @@ check: setup
 
 bench: setup
 	$(BIN)/gsedit bench targets $(if $(wildcard $(GARDEN)),--points $(GARDEN)) $(SCENES)
+
+fuzz: setup
+	PYTHONPATH=tests $(BIN)/python tests/fuzzing.py 2000
 
 paper: setup
 	$(BIN)/gsedit bench paper $(SCENE) $(if $(DATA),--data $(DATA)) -o out/paper

@@ -47,14 +47,15 @@ def _turned(table: SplatTable, matrix: Float64[np.ndarray, "3 3"]) -> SplatTable
     signs = np.diag(matrix)
     if (signs == 1).all():
         return table
-    if not signs.all():
-        return Similarity(matrix, 1.0, np.zeros(3)).table(table)
-    x, y, z = signs.tolist()
-    return table.replace(
-        means=table.means * np.array([x, y, z], np.float32),
-        quats=table.quats * np.array([1, y * z, x * z, x * y], np.float32),
-        sh=table.sh * sh_signs(signs, isqrt(table.sh.shape[1]) - 1)[:, None],
-    )
+    with np.errstate(invalid="ignore", over="ignore"):  # invalid rows stay so, and are found later
+        if not signs.all():
+            return Similarity(matrix, 1.0, np.zeros(3)).table(table)
+        x, y, z = signs.tolist()
+        return table.replace(
+            means=table.means * np.array([x, y, z], np.float32),
+            quats=table.quats * np.array([1, y * z, x * z, x * y], np.float32),
+            sh=table.sh * sh_signs(signs, isqrt(table.sh.shape[1]) - 1)[:, None],
+        )
 
 
 def sh_signs(signs: Float64[np.ndarray, "3"], degree: int) -> Float32[np.ndarray, " k"]:

@@ -199,7 +199,9 @@ def _blocks(parts: list[_Splats]) -> Blocks:
     for part in parts:
         for start in range(0, part.count, AT_ONCE):
             table = _rows(part, start, min(start + AT_ONCE, part.count), (degree + 1) ** 2)
-            yield from_axes(table if part.place is IDENTITY else part.place.table(table), LUF)
+            with np.errstate(invalid="ignore", over="ignore"):  # invalid rows are found later
+                placed = table if part.place is IDENTITY else part.place.table(table)
+            yield from_axes(placed, LUF)
 
 
 def _rows(part: _Splats, start: int, stop: int, k: int) -> SplatTable:

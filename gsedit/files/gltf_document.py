@@ -149,15 +149,16 @@ class Document:
         found = self.item("accessors", index)
         if "sparse" in found or "bufferView" not in found:
             raise InputError(f"{self.path}: {where} is sparse or empty: export the splats plainly")
-        if found.get("type") not in kinds or found.get("componentType") not in _COMPONENTS:
+        shape, component = found.get("type"), found.get("componentType")
+        known = shape in kinds and isinstance(component, int) and component in _COMPONENTS
+        if not known:
             raise InputError(
-                f"{self.path}: {where} is {str(found.get('type'))[:20]} of "
-                f"{str(found.get('componentType'))[:20]}, not {' or '.join(kinds)} of floats or "
-                "normalised integers: export it again"
+                f"{self.path}: {where} is {str(shape)[:20]} of {str(component)[:20]}, not "
+                f"{' or '.join(kinds)} of floats or normalised integers: export it again"
             )
         view = self.item("bufferViews", found["bufferView"])
         buffer = self._buffer(view.get("buffer"))
-        kind, size = np.dtype(_COMPONENTS[found["componentType"]]), _SIZES[found["type"]]
+        kind, size = np.dtype(_COMPONENTS[component]), _SIZES[shape]
         row = kind.itemsize * size
         count = self.integer(f"{where}.count", found.get("count"))
         stride = self.integer(f"{where}'s byteStride", view.get("byteStride", row), row)
@@ -184,7 +185,10 @@ class Document:
             except (binascii.Error, ValueError):
                 raise InputError(f"{self.path}: buffers[{index}] is no base64: {AGAIN}") from None
             return _Buffer(self.path, 0, len(data), data)
-        file = existing_file(file_inside(self.path.parent, unquote(uri), str(self.path)))
+        try:
+            file = existing_file(file_inside(self.path.parent, unquote(uri), str(self.path)))
+        except InputError as error:
+            raise InputError(f"{self.path} names a file: {error}") from None
         return _Buffer(file, 0, file.stat().st_size)
 
 

@@ -10,9 +10,9 @@ from gsedit.errors import InputError
 def existing_file(path: str | Path) -> Path:
     """The path of a file that exists and is not empty; otherwise InputError."""
     path = Path(path)
-    if path.is_dir():
-        raise InputError(f"{path} is a folder, not a file: name a file inside it")
     try:
+        if path.is_dir():
+            raise InputError(f"{path} is a folder, not a file: name a file inside it")
         with path.open("rb") as file:
             size = file.seek(0, 2)
     except OSError as error:

@@ -14,6 +14,7 @@ from math import isqrt, prod
 from pathlib import Path
 from shutil import copyfileobj
 from tempfile import TemporaryFile
+from tokenize import TokenError
 from typing import Any
 from zipfile import BadZipFile, ZipFile
 
@@ -42,6 +43,7 @@ _DAMAGED = (
     ValueError,
     EOFError,
     RuntimeError,
+    TokenError,
     zlib.error,
 )
 Kind = tuple[tuple[int, ...], np.dtype]

@@ -73,11 +73,7 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
     files = SogFiles(path)
     scene = _Meta(files).scene()
     names = [name for each in scene.files.values() for name in each]
-    if files.zipped:
-        size = path.stat().st_size
-    else:
-        size = sum(path.with_name(n).stat().st_size for n in names if path.with_name(n).is_file())
-    check_expansion(path, size, scene.count * _BYTES_A_ROW)
+    check_expansion(path, files.size(names), scene.count * _BYTES_A_ROW)
     return SceneSource(
         path,
         f"{'.sog' if files.zipped else 'SOG folder'} version {scene.version}",

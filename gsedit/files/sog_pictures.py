@@ -63,9 +63,22 @@ class SogFiles:
             )
         return data
 
+    def size(self, names: list[str]) -> int:
+        """Bytes of the zip, or of the files together."""
+        if self.zipped:
+            return self.path.stat().st_size
+        return sum(self._file(name).stat().st_size for name in names)
+
+    def _file(self, name: str) -> Path:
+        """A file beside the meta.json, which is there."""
+        _check_name(self.path, name)
+        try:
+            return existing_file(file_inside(self.path.parent, name, str(self.path)))
+        except InputError as error:
+            raise InputError(f"{self.path} names a file: {error}") from None
+
     def _beside(self, name: str, limit: int) -> bytes:
-        file = existing_file(file_inside(self.path.parent, name, str(self.path)))
-        with file.open("rb") as handle:
+        with self._file(name).open("rb") as handle:
             return handle.read(limit + 1)
 
     def _unzipped(self, name: str, limit: int) -> bytes:

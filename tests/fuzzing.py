@@ -1,0 +1,388 @@
+"""A seeded fuzzer of scene files: each damaged file gives a clear error or a valid scene.
+
+`python tests/fuzzing.py 2000` damages every format 2,000 times (make fuzz).
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import io
+import json
+import resource
+import shutil
+import signal
+import struct
+import sys
+import tempfile
+import time
+import tracemalloc
+import warnings
+import zipfile
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zstandard
+from ksplat_files import ksplat, near_grey
+from PIL import Image
+
+from gsedit.errors import GseditError
+from gsedit.files.formats import open_scene, write_scene
+from gsedit.files.ply import read_ply_header
+from gsedit.files.streams import SceneHeader, WriteOptions, in_blocks
+from gsedit.files.table import SplatTable
+from gsedit.files.validity import Guard
+
+ROWS, DEGREE = 24, 1
+BASE = 64 << 20
+"""Bytes beside the rows that reading any file may take: blocks, pictures, decoders."""
+SECONDS = 5.0
+"""Of the processor, for one file."""
+Damage = Callable[[bytes, np.random.Generator], bytes]
+
+NUMBERS = (b"0", b"-1", b"1e999", b"nan", b"1000000000000", b"4294967295", b"9" * 30, b"")
+LEAVES: tuple[Any, ...] = (
+    None, True, -1, 0, 1e308, -1e-320, 10**15, 2**31, "x", "", "../../etc/passwd", "/etc/passwd",
+    "C:\\x", "\0", "data:,", "a" * 5000, [], {}, [None], [1e308] * 3, ["../x.webp"], [[]] * 300,
+)  # fmt: skip
+
+
+def cut(raw: bytes, rng: np.random.Generator) -> bytes:
+    return raw[: rng.integers(len(raw))]
+
+
+def flip(raw: bytes, rng: np.random.Generator) -> bytes:
+    """Bits of up to eight bytes; half the time near the beginning, where headers are."""
+    data = bytearray(raw)
+    for _ in range(rng.integers(1, 9)):
+        reach = min(len(data), 200) if rng.random() < 0.5 else len(data)
+        data[rng.integers(reach)] ^= 1 << rng.integers(8)
+    return bytes(data)
+
+
+def absurd(raw: bytes, rng: np.random.Generator) -> bytes:
+    """A count or a float that is none."""
+    data = bytearray(raw)
+    values = (0, 2**32 - 1, 2**31, 2**31 - 1, 2**40, 1, 0x7F800000, 0x7FC00000, 0xFF7FFFFF)
+    word = struct.pack("<Q", int(rng.choice(values)))[: rng.choice((1, 2, 4, 8))]
+    at = rng.integers(max(1, min(len(data), 400 if rng.random() < 0.5 else len(data))))
+    data[at : at + len(word)] = word
+    return bytes(data)
+
+
+def splice(raw: bytes, rng: np.random.Generator) -> bytes:
+    """A piece left out, doubled, or of noise."""
+    a, b = sorted(rng.integers(0, len(raw) + 1, 2).tolist())
+    b = min(b, a + 300)
+    middle = (b"", raw[a:b] * 2, rng.bytes(b - a), bytes(b - a))[rng.integers(4)]
+    return raw[:a] + middle + raw[b:]
+
+
+def number(raw: bytes, rng: np.random.Generator) -> bytes:
+    """A number in text, which may be anything but that."""
+    digits = [i for i, c in enumerate(raw[:2000]) if 48 <= c <= 57]
+    if not digits:
+        return flip(raw, rng)
+    start = end = digits[rng.integers(len(digits))]
+    while start and 48 <= raw[start - 1] <= 57:
+        start -= 1
+    while end < len(raw) and 48 <= raw[end] <= 57:
+        end += 1
+    return raw[:start] + NUMBERS[rng.integers(len(NUMBERS))] + raw[end:]
+
+
+BYTES: tuple[Damage, ...] = (cut, flip, flip, absurd, absurd, splice, number)
+
+
+def any_bytes(raw: bytes, rng: np.random.Generator) -> bytes:
+    return BYTES[rng.integers(len(BYTES))](raw, rng) if raw else rng.bytes(8)
+
+
+def any_leaf(value: Any, rng: np.random.Generator) -> Any:
+    """JSON with one value in it that should be another, or one missing."""
+    value = json.loads(json.dumps(value))
+    at = value
+    while True:
+        keys = list(at) if isinstance(at, dict) else list(range(len(at)))
+        key = keys[rng.integers(len(keys))]
+        inner = at[key]
+        if isinstance(inner, dict | list) and inner and rng.random() < 0.85:
+            at = inner
+            continue
+        if rng.random() < 0.15:
+            del at[key]
+        else:
+            at[key] = LEAVES[rng.integers(len(LEAVES))]
+        return value
+
+
+def in_gzip(raw: bytes, rng: np.random.Generator) -> bytes:
+    """Damage that the checksum does not show; sometimes a bomb."""
+    inner = any_bytes(gzip.decompress(raw), rng)
+    if rng.random() < 0.02:
+        inner += bytes(1 << 23)
+    return gzip.compress(inner, 1)
+
+
+def in_zstd(raw: bytes, rng: np.random.Generator) -> bytes:
+    """One stream of an .spz version 4, of another content or of another length."""
+    streams, at = raw[15], int.from_bytes(raw[16:20], "little")
+    sizes = [struct.unpack_from("<QQ", raw, at + 16 * i) for i in range(streams)]
+    place, frames = at + 16 * streams, []
+    for size, _ in sizes:
+        frames.append(raw[place : place + size])
+        place += size
+    which = rng.integers(streams)
+    inner = zstandard.ZstdDecompressor().decompress(frames[which])
+    inner = bytes(1 << 24) if rng.random() < 0.05 else any_bytes(inner, rng)
+    told = bool(rng.random() < 0.5)
+    frames[which] = zstandard.ZstdCompressor(1, write_content_size=told).compress(inner)
+    lengths = [(len(f), u) for f, (_, u) in zip(frames, sizes)]
+    if rng.random() < 0.5:
+        lengths[which] = (len(frames[which]), len(inner))
+    table = b"".join(struct.pack("<QQ", *each) for each in lengths)
+    return raw[:at] + table + b"".join(frames)
+
+
+def in_zip(raw: bytes, rng: np.random.Generator) -> bytes:
+    """A member that is damaged, renamed, missing, of a bomb or of another JSON."""
+    with zipfile.ZipFile(io.BytesIO(raw)) as archive:
+        files = {name: archive.read(name) for name in archive.namelist()}
+    name = list(files)[rng.integers(len(files))]
+    if "meta.json" in files and rng.random() < 0.5:
+        name = "meta.json"
+    files[name] = in_member(name, files[name], rng)
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for each, data in files.items():
+            kind = rng.random() if each == name else 1.0
+            if kind < 0.03:
+                continue
+            archive.writestr("../" + each if kind < 0.06 else each, data)
+    return out.getvalue()
+
+
+def in_member(name: str, data: bytes, rng: np.random.Generator) -> bytes:
+    if name.endswith(".json") and rng.random() < 0.8:
+        return json.dumps(any_leaf(json.loads(data), rng)).encode()
+    kind = rng.random()
+    if kind < 0.03:
+        return bytes(1 << 23)
+    if name.endswith(".webp") and kind < 0.3:
+        return picture(rng)
+    return any_bytes(data, rng)
+
+
+def picture(rng: np.random.Generator) -> bytes:
+    """Of another size or other values: sometimes giant and empty."""
+    if rng.random() < 0.03:
+        return giant()
+    size = tuple(rng.integers(1, 30, 2).tolist())
+    pixels = np.zeros((*size, 4), np.uint8) if rng.random() < 0.3 else None
+    if pixels is None:
+        pixels = rng.integers(0, 256, (*size, 4), dtype=np.uint8)
+    out = io.BytesIO()
+    Image.fromarray(pixels).save(out, "WEBP", lossless=True, exact=True, method=0, quality=0)
+    return out.getvalue()
+
+
+@lru_cache(1)
+def giant() -> bytes:
+    """A picture of 64 MB in a few bytes."""
+    out = io.BytesIO()
+    pixels = np.zeros((4000, 4000, 4), np.uint8)
+    Image.fromarray(pixels).save(out, "WEBP", lossless=True, method=0, quality=0)
+    return out.getvalue()
+
+
+def in_glb(raw: bytes, rng: np.random.Generator) -> bytes:
+    (length,) = struct.unpack_from("<I", raw, 12)
+    text = json.dumps(any_leaf(json.loads(raw[20 : 20 + length]), rng)).encode()
+    text += b" " * (-len(text) % 4)
+    rest = raw[20 + length :]
+    head = struct.pack("<4sIII4s", b"glTF", 2, 20 + len(text) + len(rest), len(text), b"JSON")
+    return head + text + rest
+
+
+def in_json(raw: bytes, rng: np.random.Generator) -> bytes:
+    return json.dumps(any_leaf(json.loads(raw), rng)).encode()
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A format to be damaged."""
+
+    name: str
+    """Of the file."""
+    build: Callable[[Path, SplatTable], object]
+    inner: Damage | None = None
+    """Damage below what checksums and brackets protect."""
+
+
+def _write(path: Path, table: SplatTable, version: int = 3) -> None:
+    header = SceneHeader(table.degree, {n: c.dtype for n, c in table.extra.items()})
+    write_scene(path, header, in_blocks(table), options=WriteOptions(spz_version=version))
+
+
+def _ascii(path: Path, table: SplatTable) -> None:
+    _write(path, table)
+    at = read_ply_header(path).data_offset
+    raw = path.read_bytes()
+    rows = np.frombuffer(raw[at:], "<f4").reshape(len(table), -1)
+    text = "\n".join(" ".join(f"{v:.6g}" for v in row) for row in rows)
+    path.write_bytes(raw[:at].replace(b"binary_little_endian", b"ascii") + text.encode() + b"\n")
+
+
+def _gltf(path: Path, table: SplatTable) -> None:
+    other = path.with_suffix(".glb")
+    _write(other, table)
+    raw = other.read_bytes()
+    other.unlink()
+    (length,) = struct.unpack_from("<I", raw, 12)
+    scene = json.loads(raw[20 : 20 + length])
+    data = base64.b64encode(raw[28 + length :]).decode()
+    scene["buffers"][0]["uri"] = "data:application/octet-stream;base64," + data
+    path.write_text(json.dumps(scene))
+
+
+def _folder(path: Path, table: SplatTable) -> None:
+    other = path.with_name("a.sog")
+    _write(other, table)
+    with zipfile.ZipFile(other) as archive:
+        archive.extractall(path.parent)
+    other.unlink()
+
+
+SUBJECTS = (
+    Subject("a.ply", _write),
+    Subject("ascii.ply", _ascii),
+    Subject("a.compressed.ply", _write),
+    Subject("a.splat", lambda path, table: _write(path, table.replace(sh=table.sh[:, :1]))),
+    Subject("a.ksplat", lambda path, table: ksplat(path, 1, table)),
+    Subject("3.spz", _write, in_gzip),
+    Subject("4.spz", lambda path, table: _write(path, table, 4), in_zstd),
+    Subject("a.sog", _write, in_zip),
+    Subject("meta.json", _folder, in_json),
+    Subject("a.glb", _write, in_glb),
+    Subject("a.gltf", _gltf, in_json),
+    Subject("a.npz", _write, in_zip),
+)
+
+
+@dataclass
+class Outcome:
+    """What became of the damaged files of one format."""
+
+    valid: int = 0
+    refused: int = 0
+    failures: list[str] = field(default_factory=list)
+    """What went wrong, each with the number that repeats it."""
+    slowest: float = 0.0
+    """Seconds."""
+    largest: int = 0
+    """Bytes that Python held at the most, of one file."""
+    messages: Counter[str] = field(default_factory=Counter)
+
+
+def fuzz(subject: Subject, times: int, folder: Path, seed: int = 0) -> Outcome:
+    """Damage a small scene `times` times, each repeatable by its own number."""
+    table = near_grey(ROWS, DEGREE)
+    path = folder / subject.name
+    subject.build(path, table)
+    raw = path.read_bytes()
+    honest = sum(getattr(table, name).nbytes for name in ("means", "quats", "log_scales", "sh"))
+    outcome = Outcome()
+    for index in range(times):
+        rng = np.random.default_rng((seed, index))
+        inner = subject.inner is not None and rng.random() < 0.6
+        path.write_bytes((subject.inner if inner else any_bytes)(raw, rng))  # pyright: ignore[reportOptionalCall]
+        _judge(path, outcome, f"{subject.name} {seed} {index}", 2 * (BASE + honest))
+    return outcome
+
+
+def _judge(path: Path, outcome: Outcome, name: str, limit: int) -> None:
+    tracemalloc.reset_peak()
+    before = tracemalloc.get_traced_memory()[0]
+    start = time.process_time()
+    try:
+        with warnings.catch_warnings(), _at_most(SECONDS):
+            warnings.simplefilter("error")
+            read_through(path)
+        outcome.valid += 1
+    except GseditError as error:
+        outcome.refused += 1
+        text = str(error)
+        outcome.messages[text.replace(str(path), "FILE")] += 1
+        if str(path) not in text or "\n" in text:
+            outcome.failures.append(f"{name}: unclear: {text!r}")
+    except BaseException as error:
+        if isinstance(error, KeyboardInterrupt | SystemExit):
+            raise
+        outcome.failures.append(f"{name}: {type(error).__name__}: {error}")
+    held = tracemalloc.get_traced_memory()[1] - before
+    outcome.slowest = max(outcome.slowest, time.process_time() - start)
+    outcome.largest = max(outcome.largest, held)
+    if held > limit:
+        outcome.failures.append(f"{name}: took {held >> 20} MiB")
+
+
+def read_through(path: Path) -> None:
+    """All rows, judged as every reader of a scene judges them. Raises GseditError."""
+    source = open_scene(path)
+    guard, rows = Guard(drop=False), 0
+    for block in guard(source.blocks()):
+        rows += len(block)
+        k = (source.header.degree + 1) ** 2
+        assert block.sh.shape == (len(block), k, 3)
+        assert set(block.extra) == set(source.header.extra)
+    guard.check(source.path)
+    assert rows == source.count
+
+
+@contextmanager
+def _at_most(seconds: float) -> Iterator[None]:
+    """Raise TimeoutError in a computation that takes longer."""
+
+    def stop(*_: object) -> None:
+        raise TimeoutError(f"more than {seconds} s")
+
+    before = signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, before)
+
+
+def main(times: int, seed: int) -> int:
+    """Fuzz all formats, say what happened; 1 if anything failed."""
+    failed = 0
+    tracemalloc.start()
+    for subject in SUBJECTS:
+        folder = Path(tempfile.mkdtemp())
+        start = time.process_time()
+        outcome = fuzz(subject, times, folder, seed)
+        shutil.rmtree(folder)
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss >> 10
+        sys.stdout.write(
+            f"{subject.name:18} {outcome.refused:5} refused {outcome.valid:5} valid "
+            f"{len(outcome.failures):3} failed; slowest {outcome.slowest * 1e3:5.0f} ms, largest "
+            f"{outcome.largest >> 20:3} MiB, process {peak} MiB, "
+            f"{time.process_time() - start:.1f} s\n"
+        )
+        for failure in outcome.failures[:10]:
+            sys.stdout.write(f"  {failure}\n")
+        failed += len(outcome.failures)
+    return int(failed > 0)
+
+
+if __name__ == "__main__":
+    arguments = [int(each) for each in sys.argv[1:]]
+    sys.exit(main(*(arguments + [2000, 0][len(arguments) :])))
