@@ -34,8 +34,8 @@ class Drawn:
             "--color-by",
             metavar="NAME",
             show_default="color, or selection with --selection",
-            help="color, selection, depth, opacity, size, anisotropy, x, y, z, or a column of the "
-            "file, such as f_dc_0.",
+            help="color, selection, depth, a value of gsedit filter --where (opacity, size, "
+            "longest, anisotropy, luminance, x, ...), or a column of the file (f_dc_0, ...).",
         ),
     ] = None
     colormap: Annotated[

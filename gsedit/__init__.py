@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rasterizer.lazy import make_lazy
+from rasterizer.notebook import draw_scenes_with
 
 if TYPE_CHECKING:
     from gsedit.edit import edit, edit_steps
@@ -70,3 +71,5 @@ make_lazy(
         "views.orbit": ("orbit",),
     },
 )
+
+draw_scenes_with("gsedit.reports.notebook:scene_png")

@@ -11,6 +11,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from rasterizer.notebook import scene_png
+
 
 @dataclass(frozen=True, eq=False)
 class Gaussians:
@@ -44,6 +46,14 @@ class Gaussians:
 
     def __len__(self) -> int:
         return self.means.shape[0]
+
+    def __repr__(self) -> str:
+        kind = f"{self.means.dtype}".removeprefix("torch.")
+        return f"Gaussians({len(self):,}, SH degree {self.degree}, {kind})"
+
+    def _repr_png_(self) -> bytes | None:
+        """What a notebook shows."""
+        return scene_png(self)
 
     def __getitem__(self, index: Any) -> Gaussians:
         """The rows that `index` (slice, mask or integer tensor) selects."""

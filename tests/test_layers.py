@@ -37,7 +37,8 @@ ORDER = {
     "rasterizer": (
         "reference", "rasterization", "gsplat_inputs", "pixel_lists", "render", "splat",
         "preprocess", "checks",
-        "blending", "tiles", "project", "harmonics", "camera", "scene", "numerics", "lazy",
+        "blending", "tiles", "project", "harmonics", "camera", "scene", "notebook",
+        "numerics", "lazy",
     ),
 }  # fmt: skip
 BELOW = {"cli": ("gsedit", "rasterizer"), "gsedit": ("rasterizer",), "rasterizer": ()}

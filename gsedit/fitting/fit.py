@@ -27,6 +27,7 @@ from gsedit.measures import losses
 from gsedit.measures.decibels import rmse_from_psnr
 from gsedit.measures.metrics import psnr
 from gsedit.ranks import ALONE, Ranks
+from gsedit.reports import notebook
 from gsedit.reports.events import Checkpoint, Event
 from gsedit.reports.json_lines import plain
 from gsedit.views.dataset import Dataset, View
@@ -65,6 +66,24 @@ class FitResult:
     seconds: float
     curve: tuple[tuple[float, float], ...]
     """(seconds, held-out dB) at every evaluation."""
+
+    def __repr__(self) -> str:
+        return f"FitResult({self.scene!r}, {self.psnr:.1f} dB, {self.steps} steps)"
+
+    def _repr_png_(self) -> bytes | None:
+        """What a notebook shows."""
+        return notebook.attempt(lambda: notebook.scene_png(self.scene))
+
+    def _repr_html_(self) -> str | None:
+        """The same with what was measured."""
+        rows = {
+            "held-out PSNR": notebook.decibels(self.psnr),
+            "steps": f"{self.steps:,}",
+            "seconds": f"{self.seconds:.0f}",
+        }
+        return notebook.attempt(
+            lambda: notebook.as_html("Fit", rows, notebook.scene_png(self.scene))
+        )
 
 
 def fit_steps(

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 
 import numpy as np
 import torch
 from jaxtyping import Float
 
 from gsedit.errors import UsageError
+from gsedit.files.table import table_of
+from gsedit.points.selection.values import NAMED
 from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians
 
@@ -19,25 +22,10 @@ DEPTH = "depth"
 CLIPPED = (1.0, 99.0)
 """Percentiles at the ends of a colour bar: a capture's outliers would take the rest of the bar."""
 
-_NAMED: dict[str, tuple[str, bool, Callable[[Gaussians], torch.Tensor]]] = {
-    "opacity": ("opacity", False, lambda s: s.opacities),
-    "size": (
-        "size: largest standard deviation, scene units",
-        True,
-        lambda s: s.scales.amax(-1),
-    ),
-    "anisotropy": (
-        "anisotropy: largest standard deviation / smallest",
-        True,
-        lambda s: (s.log_scales.amax(-1) - s.log_scales.amin(-1)).exp(),
-    ),
-    "x": ("x, scene units", False, lambda s: s.means[:, 0]),
-    "y": ("y, scene units", False, lambda s: s.means[:, 1]),
-    "z": ("z, scene units", False, lambda s: s.means[:, 2]),
-}
-"""Title for the colour bar, whether it is logarithmic, and the values."""
-
-NAMES = (COLOR, SELECTION, DEPTH, *_NAMED)
+_ON_A_LOG_SCALE = ("size", "longest", "shortest", "anisotropy")
+_LENGTHS = ("x", "y", "z", "size", "longest", "shortest")
+NAMES = (COLOR, SELECTION, DEPTH, *NAMED)
+"""What can be asked for by name; columns of a file beside."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,20 +52,23 @@ def attribute(
         depth = camera.project(scene.means.double())[1].cpu().numpy()
         seen = np.where(depth > 0, depth, np.nan)  # what is behind would take half of the bar
         return Attribute(seen, "depth along the view of the first picture, scene units", False)
-    if name in _NAMED:
-        title, log, values = _NAMED[name]
-        return Attribute(values(scene).double().cpu().numpy(), title, log)
+    if name in NAMED:
+        what, values = NAMED[name]
+        unit = ", scene units" if name in _LENGTHS else ""
+        numbers = np.asarray(values(table_of(scene)), dtype=np.float64)
+        return Attribute(numbers, f"{name}: {what}{unit}", name in _ON_A_LOG_SCALE)
     if extra and name in extra:
         return Attribute(
             np.asarray(extra[name], dtype=np.float64), f"{name}, as in the file", False
         )
     if (column := stored_column(scene, name)) is not None:
         return Attribute(column.double().cpu().numpy(), f"{name}, as in INRIA's .ply", False)
-    others = "".join(f", {each}" for each in extra or ())
-    raise UsageError(
-        f"'{name}' is nothing to colour by: choose one of {', '.join(NAMES)}{others}, or a column "
-        "of INRIA's .ply, such as f_dc_0 or scale_2"
+    known = (*NAMES, *(extra or ()))
+    close = get_close_matches(name, known, 1)
+    move = (
+        f"did you mean {close[0]}?" if close else f"choose one of {', '.join(known)}, f_dc_0, ..."
     )
+    raise UsageError(f"there is nothing named '{name}' to colour by: {move}")
 
 
 def stored_column(scene: Gaussians, name: str) -> torch.Tensor | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import pytest
 import torch
@@ -73,3 +74,15 @@ def test_files_are_replaced_only_if_asked(edited, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["before_after.png"]  # nothing is written
     gsedit.write_edit(tmp_path, result, overwrite=True)
     assert {path.name for path in tmp_path.iterdir()} == FILES
+
+
+def test_a_notebook_shows_its_pictures_and_numbers(edited):
+    result = edited[1]
+    html = result._repr_html_()
+    assert html is not None
+    for text in (result.prompt, f"{len(result.scene):,}", " dB", "data:image/png;base64,"):
+        assert text in html
+    assert result._repr_png_()[:4] == b"\x89PNG"
+    assert len(repr(result)) < 200
+    assert replace(result, finals=())._repr_png_() is not None
+    assert replace(result, originals=(), targets=(), finals=())._repr_html_() is None

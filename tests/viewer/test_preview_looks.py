@@ -62,9 +62,17 @@ def test_f_rest_is_counted_as_in_inrias_files():
     )
 
 
-@pytest.mark.parametrize("name", ["opactiy", "scale_3", "f_rest_0", "color_1"])
-def test_an_unknown_attribute_names_those_there_are(name):
-    with pytest.raises(UsageError, match=f"'{name}'.*anisotropy.*, label, or") as raised:
+@pytest.mark.parametrize(
+    ("name", "move"),
+    [
+        ("opactiy", r"did you mean opacity\?"),
+        ("scale_3", "choose one of color, .*, label, f_dc_0"),
+        ("f_rest_0", "choose one of "),
+        ("lable", r"did you mean label\?"),
+    ],
+)
+def test_an_unknown_attribute_has_a_next_move(name, move):
+    with pytest.raises(UsageError, match=f"'{name}'.*{move}") as raised:
         attributes.attribute(ball(), name, ahead(), {"label": np.zeros(200)})
     assert "\n" not in str(raised.value)
 
@@ -153,7 +161,7 @@ def test_cameras_are_where_they_are_and_all_in_the_picture():
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--color-by", "opactiy"], "'opactiy' is nothing to colour by"),
+        (["--color-by", "opactiy"], "did you mean opacity?"),
         (["--color-by", "size", "--colormap", "viridian"], "'viridian' is no colour map"),
         (["--color-by", "selection"], "give --selection FLAGS.npy"),
         (["--cameras"], "add --data DATASET"),
