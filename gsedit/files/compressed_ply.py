@@ -15,7 +15,7 @@ from shutil import copyfileobj
 from tempfile import TemporaryFile
 
 import numpy as np
-from jaxtyping import Float32, UInt8, UInt32
+from jaxtyping import Float32, Int, UInt8, UInt32
 
 from gsedit.errors import InputError
 from gsedit.files.morton import morton_order
@@ -43,6 +43,7 @@ SORTED_AT_ONCE = 1 << 20
 then small in space, and its numbers fine. A whole scene mostly; a larger one in such parts."""
 SCALE_LIMIT = 20.0
 """Of log scales, as PlayCanvas' writer has it: one stray row would coarsen its whole chunk."""
+_REST = "sh bytes"
 SH_RANGE = 8.0
 """SH coefficients are stored in [-4, 4]."""
 _BOUNDS = tuple(
@@ -213,12 +214,11 @@ def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions
     count = 0
     with TemporaryFile(dir=path.parent) as vertices, TemporaryFile(dir=path.parent) as rest:
         for table in _parts(blocks):
-            table = table[morton_order(table.means)]
-            bounds, packed = _pack(table)
+            order = morton_order(table.means)
+            bounds, packed = _pack(table, order)
             chunks.append(bounds)
             vertices.write(packed.tobytes())
-            channel_major = table.sh[:, 1:].transpose(0, 2, 1).reshape(len(table), -1)
-            rest.write(_sh_bytes(channel_major).tobytes())
+            rest.write(table.extra[_REST][order].tobytes())
             count += len(table)
         columns = {
             "chunk": (sum(map(len, chunks)), np.dtype([(name, "<f4") for name in _BOUNDS])),
@@ -240,37 +240,45 @@ def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions
 
 
 def _parts(blocks: Blocks) -> Iterator[SplatTable]:
-    """The rows in tables of SORTED_AT_ONCE; whole chunks, but for the last."""
+    """The rows in tables of SORTED_AT_ONCE: whole chunks, but for the last. The SH beyond the
+    DC term waits as bytes, in the extra column _REST."""
     waiting: list[SplatTable] = []
     rows = 0
     for block in blocks:
-        waiting.append(block.replace(extra={}))
+        rest = _sh_bytes(block.sh[:, 1:].transpose(0, 2, 1).reshape(len(block), -1))
+        waiting.append(block.replace(sh=block.sh[:, :1].copy(), extra={_REST: rest}))
         rows += len(block)
         while rows >= SORTED_AT_ONCE:
             whole = concatenate_tables(waiting)
-            yield whole[:SORTED_AT_ONCE]
             waiting, rows = [whole[SORTED_AT_ONCE:]], rows - SORTED_AT_ONCE
+            yield whole[:SORTED_AT_ONCE]
     if rows:
         yield concatenate_tables(waiting)
 
 
-def _pack(table: SplatTable) -> tuple[Float32[np.ndarray, "chunks 18"], UInt32[np.ndarray, "n 4"]]:
-    """The bounds of the chunks of a table, and its packed Gaussians."""
+def _pack(
+    table: SplatTable, order: Int[np.ndarray, " n"]
+) -> tuple[Float32[np.ndarray, "chunks 18"], UInt32[np.ndarray, "n 4"]]:
+    """The bounds of the chunks of a table in some order, and its packed Gaussians."""
     starts = np.arange(0, len(table), CHUNK)
-    chunk_of = np.arange(len(table)) // CHUNK
-    fields = (table.means, table.log_scales.clip(-SCALE_LIMIT, SCALE_LIMIT), table.colors)
-    bounds, shares = [], []
-    for values in fields:
-        low, high = (end.reduceat(values, starts, axis=0) for end in (np.minimum, np.maximum))
-        bounds += [low, high]
-        size = np.where(high > low, high - low, 1)
-        shares.append((values - low[chunk_of]) / size[chunk_of])
-    packed = np.empty((len(table), 4), "<u4")
-    packed[:, 0] = _bits(shares[0], _POSITION_BITS)
-    packed[:, 1] = _pack_quats(table.quats)
-    packed[:, 2] = _bits(shares[1], _POSITION_BITS)
-    color = bytes_of(np.column_stack((shares[2], table.opacities))).astype(np.uint32)
-    packed[:, 3] = color @ np.array([1 << 24, 1 << 16, 1 << 8, 1], np.uint32)
+    bounds, packed = [], np.empty((len(table), 4), "<u4")
+    color = np.empty((len(table), 4), np.float32)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):  # damaged rows: told later
+        color[:, 3] = table.opacities[order]
+        for column, values in ((0, table.means), (2, table.log_scales), (3, table.colors)):
+            values = values[order]
+            values = values.clip(-SCALE_LIMIT, SCALE_LIMIT) if column == 2 else values
+            low, high = (end.reduceat(values, starts, axis=0) for end in (np.minimum, np.maximum))
+            bounds += [low, high]
+            size = np.where(high > low, high - low, 1)
+            shares = values - np.repeat(low, CHUNK, axis=0)[: len(table)]
+            shares /= np.repeat(size, CHUNK, axis=0)[: len(table)]
+            if column == 3:
+                color[:, :3] = shares
+            else:
+                packed[:, column] = _bits(shares, _POSITION_BITS)
+        packed[:, 1] = _pack_quats(table.quats[order])
+        packed[:, 3] = bytes_of(color)[:, ::-1].copy().view("<u4")[:, 0]
     return np.concatenate(bounds, axis=1), packed
 
 

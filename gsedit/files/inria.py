@@ -222,8 +222,9 @@ def _table(
     sh = np.empty((len(rows), k, 3), np.float32)
     with np.errstate(over="ignore"):  # a double beyond float32 becomes inf: found later
         sh[:, 0] = take(sh_columns(1)[0])
-        rest = take(tuple(f"f_rest_{i}" for i in range(3 * k - 3))) if k > 1 else sh[:, :0]
-        sh[:, 1:] = rest.reshape(len(rows), 3, k - 1).transpose(0, 2, 1)
+        for channel in range(3 if k > 1 else 0):  # faster than one transposed copy
+            names = (f"f_rest_{i}" for i in range(channel * (k - 1), (channel + 1) * (k - 1)))
+            sh[:, 1:, channel] = take(tuple(names))
         log_scales = np.full((len(rows), 3), FLAT, np.float32)
         present = tuple(name for name in _SCALES if name in places)
         log_scales[:, : len(present)] = take(present)

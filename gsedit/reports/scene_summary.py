@@ -1,15 +1,23 @@
-"""What a scene holds, in a few numbers."""
+"""What a scene holds, in a few numbers: read once, a part at a time."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 
-from jaxtyping import Float
-from torch import Tensor
+import numpy as np
+from jaxtyping import Float32
 
-from rasterizer.scene import Gaussians
+from gsedit.errors import InputError
+from gsedit.files.streams import SceneSource
+from gsedit.files.table import SH_DC, SplatTable
+from gsedit.files.validity import Guard
 
 QUANTILES = (0.0, 0.01, 0.5, 0.99, 1.0)
+MOST_VALUES = 1 << 22
+"""Rows whose values are kept for the quantiles: of a larger scene, every second, third, ... row.
+Four million give the rank of a quantile to 0.02 %; least and greatest values are of all rows."""
+COLUMNS = ("x", "y", "z", "opacity", "scale", "elongation", "red", "green", "blue")
 
 Quantiles = tuple[float, ...]
 """Values at QUANTILES."""
@@ -20,9 +28,12 @@ class SceneSummary:
     """Counts of a scene, and the distributions of its values. Lengths are in world units."""
 
     gaussians: int
+    """Valid rows: the numbers below are theirs."""
     sh_degree: int
     quantiles: Quantiles
     """QUANTILES, in [0, 1]."""
+    quantiles_of_every: int
+    """1: of every row; 3: the quantiles are those of every third row."""
     x: Quantiles
     y: Quantiles
     z: Quantiles
@@ -31,21 +42,94 @@ class SceneSummary:
     """In [0, 1]."""
     scale: Quantiles
     """Of the standard deviations along all three axes."""
+    elongation: Quantiles
+    """Of each Gaussian's largest standard deviation over its second: 1 is a ball or a disk."""
+    red: Quantiles
+    green: Quantiles
+    blue: Quantiles
+    """Of the colours without view dependence; 0 to 1 is what a screen shows."""
+    invalid: int = 0
+    """Rows with NaN or Inf, a quaternion of length 0, or a scale beyond any scene."""
+    first_invalid: str = ""
+    """Which row, and what is wrong with it."""
 
 
-def summarise(scene: Gaussians) -> SceneSummary:
-    """The summary of a scene that is not empty."""
-    return SceneSummary(
-        len(scene),
-        scene.degree,
+@dataclass
+class Sample:
+    """The values of a scene as blocks pass: of every n-th row, and the ends of all."""
+
+    every: int
+    rows: int = 0
+    parts: dict[str, list[np.ndarray]] = field(default_factory=dict)
+    low: dict[str, float] = field(default_factory=dict)
+    high: dict[str, float] = field(default_factory=dict)
+
+    def add(self, table: SplatTable) -> None:
+        chosen = slice(-self.rows % self.every, None, self.every)
+        self.rows += len(table)
+        for name, values in stored_values(table):
+            self.parts.setdefault(name, []).append(values[chosen].ravel())
+            self.low[name] = min(self.low.get(name, np.inf), float(values.min()))
+            self.high[name] = max(self.high.get(name, -np.inf), float(values.max()))
+
+    def values(self, name: str) -> np.ndarray:
+        """The kept values of one of COLUMNS."""
+        return in_units(name, np.concatenate(self.parts[name]))
+
+    def quantiles(self, name: str) -> Quantiles:
+        """The values at QUANTILES, nearest rank."""
+        inner = quantiles_of(np.concatenate(self.parts[name]), QUANTILES[1:-1])
+        return tuple(
+            float(in_units(name, np.float64(value))) + 0.0  # -0 becomes 0
+            for value in (self.low[name], *inner, self.high[name])
+        )
+
+
+def stored_values(table: SplatTable) -> Iterator[tuple[str, np.ndarray]]:
+    """The values of COLUMNS before the functions of `in_units`, all of which rise."""
+    yield from zip("xyz", table.means.T)
+    yield "opacity", table.logit_opacities
+    yield "scale", table.log_scales
+    ordered = np.sort(table.log_scales, axis=1)
+    yield "elongation", ordered[:, 2] - ordered[:, 1]
+    yield from zip(("red", "green", "blue"), table.sh[:, 0].T)
+
+
+def in_units(name: str, values: np.ndarray) -> np.ndarray:
+    """Stored values as a person reads them: opacities in [0, 1], lengths, colours."""
+    with np.errstate(over="ignore"):
+        if name == "opacity":
+            return 1 / (1 + np.exp(-values))
+        if name in ("scale", "elongation"):
+            return np.exp(values)
+    return 0.5 + SH_DC * values if name in ("red", "green", "blue") else values
+
+
+def summarise(source: SceneSource) -> tuple[SceneSummary, Sample]:
+    """The summary of a scene file and the values it is made of. Invalid rows are left out of
+    everything, and counted. Raises InputError where no row is valid."""
+    guard = Guard(drop=True)
+    sample = Sample(max(1, -(-source.count // MOST_VALUES)))
+    for block in guard(source.blocks()):
+        if len(block):
+            sample.add(block)
+    guard.check(source.path)
+    if not sample.rows:
+        raise InputError(f"{source.path} holds no Gaussians: export it again")
+    summary = SceneSummary(
+        sample.rows,
+        source.header.degree,
         QUANTILES,
-        *(quantiles_of(axis) for axis in scene.means.T),
-        opacity=quantiles_of(scene.opacities),
-        scale=quantiles_of(scene.scales.flatten()),
+        sample.every,
+        **{name: sample.quantiles(name) for name in COLUMNS},
+        invalid=guard.invalid,
+        first_invalid=guard.first,
     )
+    return summary, sample
 
 
-def quantiles_of(values: Float[Tensor, " n"]) -> Quantiles:
-    """The values at QUANTILES, nearest rank (torch.quantile refuses more than 2^24 values)."""
-    ordered = values.double().sort().values
-    return tuple(float(ordered[round(q * (len(ordered) - 1))]) for q in QUANTILES)
+def quantiles_of(values: Float32[np.ndarray, " n"], shares: Quantiles) -> Quantiles:
+    """The values at some shares of the order, nearest rank. `values` is reordered."""
+    ranks = [round(share * (len(values) - 1)) for share in shares]
+    values.partition(sorted(set(ranks)))
+    return tuple(float(values[rank]) for rank in ranks)

@@ -1,30 +1,80 @@
-"""A scene in a few numbers, which stay exact for any number of Gaussians."""
+"""A scene in a few numbers, read a part at a time."""
 
 from __future__ import annotations
 
-import pytest
-import torch
+from pathlib import Path
 
-from gsedit.reports.scene_summary import QUANTILES, quantiles_of, summarise
-from rasterizer.scene import Gaussians
+import numpy as np
+import pytest
+from PIL import Image
+
+from gsedit.errors import InputError
+from gsedit.files.streams import SceneHeader, SceneSource, in_blocks
+from gsedit.files.table import SplatTable
+from gsedit.reports import scene_summary
+from gsedit.reports.histograms import plot_histograms
+from gsedit.reports.scene_summary import COLUMNS, QUANTILES, quantiles_of, summarise
+
+
+def source_of(table: SplatTable, rows: int = 7) -> SceneSource:
+    path = Path("scene.ply")
+    header = SceneHeader(table.degree)
+    return SceneSource(path, "made here", header, len(table), lambda: in_blocks(table, rows))
+
+
+def random_table(n: int) -> SplatTable:
+    rng = np.random.default_rng(0)
+    shapes = ((n, 3), (n, 4), (n, 3), (n,), (n, 4, 3))
+    return SplatTable(*(rng.normal(size=shape).astype(np.float32) for shape in shapes))
 
 
 def test_quantiles_are_values_of_the_scene():
-    values = torch.arange(101.0)[torch.randperm(101, generator=torch.Generator().manual_seed(0))]
-    assert quantiles_of(values) == (0.0, 1.0, 50.0, 99.0, 100.0)
-    assert quantiles_of(torch.tensor([3.0])) == (3.0,) * len(QUANTILES)
+    values = np.random.default_rng(0).permutation(101).astype(np.float32)
+    assert quantiles_of(values, QUANTILES) == (0.0, 1.0, 50.0, 99.0, 100.0)
+    assert quantiles_of(np.float32([3]), QUANTILES) == (3.0,) * len(QUANTILES)
 
 
-def test_a_summary_has_the_bounds_of_positions_opacities_and_sizes():
-    means = torch.tensor([[0.0, 1, 2], [3, -4, 5]])
-    quats = torch.tensor([1.0, 0, 0, 0]).repeat(2, 1)
-    sizes = torch.tensor([[1.0, 2, 3], [4, 5, 6]])
-    logits = torch.tensor([0.0, 2.0])
-    scene = Gaussians(means, quats, sizes.log(), logits, torch.zeros(2, 4, 3))
-    summary = summarise(scene)
-    assert (summary.gaussians, summary.sh_degree, summary.quantiles) == (2, 1, QUANTILES)
-    assert [(axis[0], axis[-1]) for axis in (summary.x, summary.y, summary.z)] == [
-        (0, 3), (-4, 1), (2, 5),
-    ]  # fmt: skip
-    assert (summary.opacity[0], summary.opacity[-1]) == pytest.approx((0.5, 0.880797), abs=1e-6)
-    assert (summary.scale[0], summary.scale[-1]) == pytest.approx((1, 6), rel=1e-6)
+def test_the_numbers_are_those_of_the_whole_scene():
+    table = random_table(101)
+    summary, _ = summarise(source_of(table))
+    ordered = np.sort(table.scales, axis=1)
+    expected = {
+        "x": table.means[:, 0],
+        "opacity": table.opacities,
+        "scale": table.scales.ravel(),
+        "elongation": ordered[:, 2] / ordered[:, 1],
+        "green": table.colors[:, 1],
+    }
+    for name, values in expected.items():
+        nearest = [np.sort(values)[round(q * (len(values) - 1))] for q in QUANTILES]
+        np.testing.assert_allclose(getattr(summary, name), nearest, rtol=1e-5)
+    assert (summary.gaussians, summary.sh_degree, summary.quantiles_of_every) == (101, 1, 1)
+
+
+def test_of_a_large_scene_every_third_row_tells_and_the_ends_are_exact(monkeypatch):
+    table = random_table(1000)
+    monkeypatch.setattr(scene_summary, "MOST_VALUES", 400)
+    summary, sample = summarise(source_of(table))
+    assert summary.quantiles_of_every == 3
+    np.testing.assert_array_equal(np.sort(sample.values("x")), np.sort(table.means[::3, 0]))
+    assert summary.x[0] == table.means[:, 0].min()
+    assert summary.x[-1] == table.means[:, 0].max()
+
+
+def test_invalid_rows_are_counted_and_in_no_number():
+    table = random_table(20)
+    table.means[3, 1] = np.nan
+    table.quats[8] = 0
+    summary, _ = summarise(source_of(table))
+    assert (summary.gaussians, summary.invalid) == (18, 2)
+    assert summary.first_invalid == "row 3 (from 0): column y is nan"
+    assert np.isfinite([getattr(summary, name) for name in COLUMNS]).all()
+    with pytest.raises(InputError, match="all 2 rows"):
+        summarise(source_of(table[[3, 8]]))
+
+
+def test_histograms_are_drawn_for_any_scene(tmp_path):
+    for table in (random_table(50), random_table(1)):
+        _, sample = summarise(source_of(table))
+        plot_histograms(sample, "scene", tmp_path / f"{len(table)}.png")
+        assert Image.open(tmp_path / f"{len(table)}.png").size == (1200, 700)
