@@ -48,9 +48,15 @@ def info(
         from gsedit.reports.histograms import plot_histograms
 
         plot_histograms(sample, scene.name, plot, overwrite=force)
-    size = scene.stat().st_size
+    size = bytes_of(source.path)
     record = {"file": scene, "bytes": size, **of_file(source), **asdict(summary), "plot": plot}
     print_result(record, as_text(source, size, summary, plot), as_json=common.json)
+
+
+def bytes_of(path: Path) -> int:
+    """Of the file, or of the folder of a SOG scene, whose meta.json this is."""
+    files = path.parent.iterdir() if path.name == "meta.json" else [path]
+    return sum(file.stat().st_size for file in files)
 
 
 def of_file(source: SceneSource) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -37,9 +38,7 @@ def plot_histograms(sample: Sample, title: str, path: Path, *, overwrite: bool =
         figure.savefig(temporary, dpi=100, format="png")
 
 
-def _panel(
-    axes: object, sample: Sample, label: str, lines: dict[str, str], logarithmic: bool
-) -> None:
+def _panel(axes: Any, sample: Sample, label: str, lines: dict[str, str], logarithmic: bool) -> None:
     values = {name: sample.values(name) for name in lines}
     ends = np.array([np.quantile(v, INNER) for v in values.values()])
     low, high = float(ends[:, 0].min()), float(ends[:, 1].max())
@@ -59,7 +58,7 @@ def _panel(
         axes.legend(frameon=False)
 
 
-def _map(axes: object, sample: Sample) -> None:
+def _map(axes: Any, sample: Sample) -> None:
     """Where the Gaussians are, seen along y: the ground plan of a scene that stands upright."""
     x, z = sample.values("x"), sample.values("z")
     limits = [np.quantile(v, INNER) for v in (x, z)]

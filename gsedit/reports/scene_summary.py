@@ -79,10 +79,8 @@ class Sample:
     def quantiles(self, name: str) -> Quantiles:
         """The values at QUANTILES, nearest rank."""
         inner = quantiles_of(np.concatenate(self.parts[name]), QUANTILES[1:-1])
-        return tuple(
-            float(in_units(name, np.float64(value))) + 0.0  # -0 becomes 0
-            for value in (self.low[name], *inner, self.high[name])
-        )
+        stored = np.array([self.low[name], *inner, self.high[name]])
+        return tuple((in_units(name, stored) + 0.0).tolist())  # -0 becomes 0
 
 
 def stored_values(table: SplatTable) -> Iterator[tuple[str, np.ndarray]]:

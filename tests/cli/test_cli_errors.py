@@ -28,7 +28,7 @@ def test_every_error_is_one_line_and_its_code(monkeypatch, scene, error, code, w
     def fail(*_, **__):
         raise error
 
-    monkeypatch.setattr("gsedit.files.read_scene", fail, raising=False)
+    monkeypatch.setattr("gsedit.files.formats.open_scene", fail)
     result = gsedit("info", scene)
     assert result.exit_code == code
     assert one_line(result.stderr)
