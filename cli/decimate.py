@@ -57,7 +57,7 @@ def decimate(
         from gsedit.files.cameras import read_cameras
 
         views = [viewpoint.camera for viewpoint in read_cameras(cameras)]
-    return Decimate(**amount_of(amount), method=method, measure=measure, cameras=views)
+    return Decimate(**amount_of(amount), method=method, measure=measure, views=views)
 
 
 def amount_of(text: str) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from .align import align
 from .bench import describe as bench_summary
 from .bench_refinement import bench
 from .command import LazyCommand, lazy_verb, paragraphs
@@ -42,7 +43,7 @@ from .transform import transform
 from .view import view
 
 EDIT = (edit, fit, recover, metrics, editors, looks)
-OPERATIONS = (convert, filter_, crop, transform, recolor, merge, decimate, order, reduce_sh)
+OPERATIONS = (convert, filter_, crop, transform, align, recolor, merge, decimate, order, reduce_sh)
 """Verbs that change a scene, and can follow each other in one command."""
 LOOK = (info, select, render, preview, view, diff)
 

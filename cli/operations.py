@@ -21,7 +21,6 @@ from .file_options import FileOptions
 from .options import Common, DropInvalid, Force, Scene, check_file, output
 
 if TYPE_CHECKING:
-    from gsedit.points.camera_moves import CameraMove
     from gsedit.points.operation import Kept, Operation
 
 THEN = "then"
@@ -197,7 +196,7 @@ def process(
         writable_format(output.out)
         check_file(output.out, output.force or output.dry_run)
     source = open_scene(path, files.read())
-    cameras = camera_move(path, output, [each for _, each in steps])
+    write_companions = companions(path, output, [each for _, each in steps])
     for note in source.notes:
         print_message(f"{path}: {note}")
     guard, total = Guard(drop=output.drop_invalid), Kept(before=source.count)
@@ -213,8 +212,7 @@ def process(
             pass
     else:
         write_scene(output.out, header, blocks, options=files.write(), overwrite=output.force)
-    if cameras and (file := cameras.write([each for _, each in steps])):
-        print_message(f"cameras moved along: {file}")
+    write_companions()
     if guard.invalid:
         print_message(f"{path}: rows left out by --drop-invalid: {guard.invalid:,}")
     named = [(verb, kept) for (verb, _), (_, kept) in zip(steps, counts)]
@@ -223,13 +221,30 @@ def process(
     return [*named, ("all", total)], None if output.dry_run else output.out
 
 
-def camera_move(path: Path, output: Output, operations: list[Operation]) -> CameraMove | None:
-    """Of the cameras beside the scene, where an operation moves them (--cameras)."""
-    if not any(getattr(each, "cameras", False) for each in operations):
-        return None
-    from gsedit.points.camera_moves import CameraMove
+def companions(path: Path, output: Output, operations: list[Operation]) -> Callable[[], None]:
+    """What writes the files that go with the scene: its moved cameras (--cameras), and the
+    similarities that were found (--save). Raises UsageError now if one cannot be written."""
+    saving = [each for each in operations if getattr(each, "save", None)]
+    for each in saving:
+        check_file(each.save, output.force or output.dry_run)  # pyright: ignore[reportAttributeAccessIssue]
+    cameras = None
+    if any(getattr(each, "cameras", False) for each in operations):
+        from gsedit.points.camera_moves import CameraMove
 
-    return CameraMove(path, None if output.dry_run else output.out, output.force)
+        cameras = CameraMove(path, None if output.dry_run else output.out, output.force)
+
+    def write() -> None:
+        if output.dry_run:
+            return
+        for each in saving:
+            from gsedit.files.similarity_files import write_similarity
+
+            write_similarity(each.moved, each.save, overwrite=output.force)  # pyright: ignore[reportAttributeAccessIssue]
+            print_message(f"the similarity: {each.save}")  # pyright: ignore[reportAttributeAccessIssue]
+        if cameras and (file := cameras.write(operations)):
+            print_message(f"cameras moved along: {file}")
+
+    return write
 
 
 def _fitted(header: Any, blocks: Any, output: Output) -> tuple[Any, Any]:

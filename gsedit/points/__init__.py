@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from rasterizer.lazy import make_lazy
 
 if TYPE_CHECKING:
+    from gsedit.points.align import align_length, align_to, align_to_ground
     from gsedit.points.decimate import Decimate, decimate
     from gsedit.points.filter import Filter, filter, select
     from gsedit.points.merge import Merge, merge
@@ -38,6 +39,9 @@ __all__ = [
     "Transform",
     "TransformAboutCentre",
     "Whole",
+    "align_length",
+    "align_to",
+    "align_to_ground",
     "apply",
     "decimate",
     "filter",
@@ -55,6 +59,7 @@ __all__ = [
 make_lazy(
     __name__,
     {
+        "align": ("align_length", "align_to", "align_to_ground"),
         "filter": ("Filter", "filter", "select"),
         "decimate": ("Decimate", "decimate"),
         "merge": ("Merge", "merge"),

@@ -36,7 +36,7 @@ class Decimate(Whole):
     method: str = "merge"
     measure: bool = False
     """Whether to tell the change of the pictures, in dB."""
-    cameras: Sequence[Camera] | None = None
+    views: Sequence[Camera] | None = None
     """To measure from; an orbit if None."""
 
     def __post_init__(self) -> None:
@@ -57,7 +57,7 @@ class Decimate(Whole):
         if self.measure:
             from gsedit.points.picture_change import describe_change
 
-            say(describe_change(table, after, self.cameras))
+            say(describe_change(table, after, self.views))
         return after
 
 

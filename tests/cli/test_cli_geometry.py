@@ -131,3 +131,36 @@ def test_wrong_words_are_one_line(scene, tmp_path, words, message):
     assert done.exit_code in (2, 3)
     assert one_line(done.stderr)
     assert message in done.stderr
+
+
+def test_a_known_length_is_saved_as_a_similarity(scene, tmp_path):
+    out, file = tmp_path / "out.ply", tmp_path / "found.json"
+    words = ("align", scene, "--length", "0,0,0,0,0,2=5", "--save", file)
+    assert gsedit(*words, "--dry-run").exit_code == 0
+    assert not file.exists()
+    done = gsedit(*words, "-o", out)
+    assert done.exit_code == 0, done.stderr
+    assert "scaled by 2.5" in done.stderr
+    np.testing.assert_allclose(means(out), 2.5 * means(scene), atol=1e-5)
+    again = tmp_path / "again.ply"
+    assert gsedit("transform", scene, "--matrix", file, "-o", again).exit_code == 0
+    np.testing.assert_allclose(means(again), means(out), atol=1e-5)
+    assert gsedit(*words, "-o", tmp_path / "b.ply").exit_code == 2  # found.json exists
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ((), "give one of --to-ground, --to, --length"),
+        (("--to-ground", "--length", "0,0,0,1,1,1=2"), "--to-ground and --length"),
+        (("--length", "1,2=3"), "--length 1,2"),
+        (("--to", "none.ply"), "none.ply"),
+        (("--to-ground", "--up", "w"), "axis w"),
+        (("--to-ground", "--save", "a.txt"), "as .json"),
+    ],
+)
+def test_wrong_alignments_are_one_line(scene, tmp_path, words, message):
+    done = gsedit("align", scene, *words, "-o", tmp_path / "out.ply")
+    assert done.exit_code in (2, 3)
+    assert one_line(done.stderr)
+    assert message in done.stderr

@@ -21,6 +21,7 @@ VERBS = (
     "crop",
     "select",
     "transform",
+    "align",
     "recolor",
     "reduce-sh",
     "transform",
