@@ -170,10 +170,11 @@ def _unpacked(
 ) -> SplatTable:
     means = rows["means"].astype(np.float32)
     if origins is not None:
-        means = (means - section.middle) * np.float32(section.step) + origins
+        with np.errstate(invalid="ignore", over="ignore"):  # damaged rows are found later
+            means = (means - section.middle) * np.float32(section.step) + origins
     scales, rgba = rows["scales"].astype(np.float32), rows["rgba"].astype(np.float32) / 255
     tiny = np.finfo(np.float32).tiny  # as in .splat: exporters round tiny scales to 0
-    with np.errstate(divide="ignore", invalid="ignore"):  # damaged rows are found later
+    with np.errstate(divide="ignore", invalid="ignore"):
         log_scales = np.log(np.where(scales == 0, tiny, scales))
         logits = np.log(rgba[:, 3] / (1 - rgba[:, 3])).clip(-LOGIT_MAX, LOGIT_MAX)
     sh = np.zeros((len(rows), k, 3), np.float32)

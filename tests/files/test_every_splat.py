@@ -1,0 +1,142 @@
+"""Every splat file at hand to every format and back: what differs is what the format rounds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+import torch
+from ksplat_files import ksplat, near_grey
+from scipy.spatial import cKDTree
+from shared_data import DATA
+from splat_tables import angles
+
+from gsedit.files.formats import open_scene, write_scene
+from gsedit.files.streams import SceneHeader, WriteOptions, in_blocks
+from gsedit.files.table import SH_DC, SplatTable, gaussians_of
+from gsedit.measures.metrics import psnr
+from gsedit.views.orbit import orbit
+from rasterizer import render
+
+SPLATS = DATA / "splats"
+SOURCES = (
+    "biker.spz", "biker.compressed.ply", "guitar.compressed.ply", "banana.splat",
+    "playbot/3_0", "playbot/4_0",
+)  # fmt: skip
+ROWS = 4000
+
+
+class Kept(NamedTuple):
+    """How near a format keeps a scene; each with where its step comes from."""
+
+    suffix: str
+    means: float
+    """Share of the extent, and what a position has as its own step."""
+    angle: float
+    """Radians, for all but the worst of a hundred: of a round Gaussian it says nothing."""
+    log_scales: float
+    """Again but for the worst of a hundred, which codebooks and ranges leave out."""
+    opacities: float
+    colors: float
+    decibels: float
+    """Of a picture of the scene, against one of what was written."""
+    degree: int = 3
+    version: int = 3
+    scale_range: tuple[float, float] = (-np.inf, np.inf)
+    """Of the logarithms; what is beyond stops at its ends. So with f_dc."""
+    color_range: tuple[float, float] = (-np.inf, np.inf)
+
+
+SPZ = {"scale_range": (-10, 5.9375), "color_range": (-0.5 / 0.15, 0.5 / 0.15)}
+FORMATS = (
+    Kept(".ply", 0, 1e-6, 0, 1e-7, 0, 200),
+    Kept(".npz", 0, 1e-6, 0, 1e-7, 0, 200),
+    # linear scales and opacities, float32
+    Kept(".glb", 1e-7, 1e-3, 1e-5, 1e-6, 1e-6, 90),
+    # 11, 10, 11 bits of a chunk of 256 rows, 10 bits of a component, 8 of the chunk's colours
+    Kept(".compressed.ply", 1 / 1023, 6e-3, 0.02, 1 / 500, 0.05, 45),
+    # 12 bits behind the point, scales in steps of 1/16, colours of 1 / (255 * 0.15)
+    Kept(".spz", 2**-13, 5e-3, 1 / 32, 1 / 500, 0.0135, 45, **SPZ),
+    Kept(".spz", 2**-13, 5e-3, 1 / 32, 1 / 500, 0.0135, 45, version=4, **SPZ),
+    # 16 bits of a logarithm, 8 of a component, 256 codes of scales and of colours
+    Kept(".sog", 1e-4, 0.03, 0.05, 1 / 500, 0.05, 40),
+    # float32 places and scales, 8 bits of a component of the quaternion and of a colour
+    Kept(
+        *(".splat", 0, 0.03, 1e-5, 1 / 500, 1 / 510 / SH_DC + 1e-6, 30),
+        degree=0,
+        color_range=(-0.5 / SH_DC, 0.5 / SH_DC),
+    ),
+)
+
+
+def sample(name: str) -> SplatTable:
+    """Some rows of a file, evenly."""
+    table = open_scene(SPLATS / name).table()
+    return table[:: max(1, len(table) // ROWS)]
+
+
+def within(table: SplatTable, degree: int) -> SplatTable:
+    return table.replace(sh=np.ascontiguousarray(table.sh[:, : (degree + 1) ** 2]))
+
+
+def again(table: SplatTable, kept: Kept, folder: Path) -> SplatTable:
+    """Written, and read."""
+    path = folder / f"a{kept.suffix}"
+    options = WriteOptions(spz_version=kept.version)
+    write_scene(path, SceneHeader(table.degree), in_blocks(table), options=options)
+    return open_scene(path).table()
+
+
+@pytest.fixture(scope="module", params=SOURCES)
+def source(request) -> SplatTable:
+    if not SPLATS.is_dir():
+        pytest.skip("needs ../shared/data/splats")
+    return sample(request.param)
+
+
+@pytest.mark.parametrize("kept", FORMATS, ids=lambda kept: f"{kept.suffix[1:]}{kept.version}")
+def test_there_and_back(kept: Kept, source: SplatTable, tmp_path):
+    table = within(source, min(source.degree, kept.degree))
+    back = again(table, kept, tmp_path)
+    assert len(back) == len(table)
+    # some formats sort; places are distinct enough to find each row again
+    far, rows = cKDTree(back.means).query(table.means)
+    extent = float(np.ptp(table.means, axis=0).max())
+    assert far.max() <= 2 * (kept.means * max(extent, 1)) + 1e-6
+    sure = np.bincount(rows, minlength=len(table))[rows] == 1
+    assert sure.mean() > 0.95
+    was, now = table[sure], back[rows[sure]]
+    scales = np.sort(was.log_scales, axis=1)
+    stretched = np.diff(scales, axis=1).min(1) > 0.5  # round ones may turn
+    turned = angles(was.quats, now.quats)[stretched]
+    assert np.quantile(turned, 0.99) <= kept.angle
+    sizes, colors = was.log_scales.clip(*kept.scale_range), was.sh[:, 0].clip(*kept.color_range)
+    assert np.quantile(np.abs(sizes - now.log_scales), 0.99) <= kept.log_scales
+    assert np.quantile(np.abs(was.opacities - now.opacities), 0.99) <= kept.opacities
+    assert np.quantile(np.abs(colors - now.sh[:, 0]), 0.99) <= kept.colors
+    shown = gaussians_of(table)
+    camera = orbit(shown, 4, 96)[1]
+    picture = render(gaussians_of(back), camera).color
+    assert psnr(picture, render(shown, camera).color) > kept.decibels
+
+
+def test_a_ksplat_converts(tmp_path):
+    """Which is read only."""
+    ksplat(tmp_path / "a.ksplat", 1, near_grey(40, 2))
+    table = open_scene(tmp_path / "a.ksplat").table()
+    for kept in FORMATS[:2]:
+        np.testing.assert_array_equal(again(table, kept, tmp_path).sh, table.sh)
+
+
+def test_biker_looks_the_same_from_both_files():
+    """One camera, placed in the frame of memory: the .spz is turned from its own axes."""
+    if not SPLATS.is_dir():
+        pytest.skip("needs ../shared/data/splats")
+    spz, ply = (
+        gaussians_of(open_scene(SPLATS / f"biker{suffix}").table())
+        for suffix in (".spz", ".compressed.ply")
+    )
+    camera = orbit(ply, 4, 96, up=torch.tensor([0.0, -1.0, 0.0]))[1]
+    assert psnr(render(spz, camera).color, render(ply, camera).color) > 40
