@@ -21,13 +21,13 @@ from .edit_options import (
     resolve,
     what_it_understood,
 )
+from .features import load_features
 from .options import DropInvalid, Force, Scene, Seeded, check_folder, load_scene, output
 from .progress import progress
 from .ranks import follow, is_first, of_first, ranks
 from .setting_options import SettingsGroup, Values
 
 if TYPE_CHECKING:
-    from gsedit.measures.features import FeatureExtractor
     from gsedit.reports.events import Event
     from gsedit.savings.decision import Decision
     from gsedit.session.result import EditResult
@@ -203,22 +203,6 @@ def check_condition(condition: str, data: Path | None) -> None:
 
     if condition == "photo" and data is None:
         raise UsageError("--condition photo shows the editor the photos: name them with --data")
-
-
-def load_features(name: str) -> FeatureExtractor:
-    """The features under the Gram loss. Raises UsageError, InputError."""
-    if name == "filters":
-        from gsedit.measures.features import FilterBank
-
-        return FilterBank()
-    if name == "vgg":
-        from gsedit.measures.perceptual import vgg_features
-
-        return vgg_features()
-    from gsedit.measures.features import with_equal_energy
-    from gsedit.measures.networks import Vgg16
-
-    return with_equal_energy(Vgg16(name))
 
 
 def run_and_write(

@@ -39,10 +39,11 @@ from .recover import recover
 from .reduce_sh import reduce_sh
 from .render import render
 from .select import select
+from .style import style
 from .transform import transform
 from .view import view
 
-EDIT = (edit, fit, recover, metrics, editors, looks)
+EDIT = (edit, style, fit, recover, metrics, editors, looks)
 OPERATIONS = (convert, filter_, crop, transform, align, recolor, merge, decimate, order, reduce_sh)
 """Verbs that change a scene, and can follow each other in one command."""
 LOOK = (info, select, render, preview, view, diff)

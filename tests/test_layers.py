@@ -14,6 +14,7 @@ ORDER = {
     "gsedit": (
         "bench",
         "doctor",
+        "appearance",
         "edit",
         "viewer",
         "strategies",

@@ -16,8 +16,8 @@ ROTATIONS = 24
 """Steps of the transport, each along three axes."""
 QUANTILES = 64
 """Of a step along one axis; between them the map is straight."""
-STEEPEST = 4.0
-"""Slope of a step: colours further apart than this times before would show as grain."""
+TIES = 1e-9
+"""Lab, between quantiles that are equal: knots must rise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,7 @@ def color_transport(
         axes = np.linalg.qr(generator.standard_normal((3, 3)))[0].T
         before = np.stack([quantiles(p, weights) for p in (points @ axes.T).T])
         after = np.stack([quantiles(p, np.ones(len(goal))) for p in (goal @ axes.T).T])
-        steps.append(Step(axes, *_gentle(before, after)))
+        steps.append(Step(axes, before + TIES * np.arange(QUANTILES), after))
         points = steps[-1](points)
     return ColorTransport(tuple(steps), strength)
 
@@ -88,17 +88,6 @@ def quantiles(
     below = np.cumsum(weights[order])
     middle = (below - weights[order] / 2) / below[-1]
     return np.interp((np.arange(count) + 0.5) / count, middle, values[order])
-
-
-def _gentle(
-    before: Float[np.ndarray, "3 k"], after: Float[np.ndarray, "3 k"]
-) -> tuple[Float[np.ndarray, "3 k"], Float[np.ndarray, "3 k"]]:
-    """The knots, those before apart enough that no piece is steeper than STEEPEST."""
-    rises = np.maximum(np.diff(after, axis=1), 0)
-    runs = np.maximum(np.diff(before, axis=1), rises / STEEPEST + 1e-6)
-    middle = before.shape[1] // 2
-    wide = np.concatenate((np.zeros((3, 1)), np.cumsum(runs, 1)), 1)
-    return wide - wide[:, middle : middle + 1] + before[:, middle : middle + 1], after
 
 
 def _continued(

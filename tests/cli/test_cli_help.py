@@ -28,6 +28,7 @@ VERBS = (
     "merge",
     "decimate",
     "order",
+    "style",
     "fit",
     "edit",
     "recover",

@@ -1,0 +1,137 @@
+"""A picture's style: colours come near, edges stay, nothing but colours moves; same seed, same."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from gsedit.appearance.style import style, style_steps
+from gsedit.appearance.style_loss import StyleLoss, structure_kept
+from gsedit.appearance.style_settings import StyleSettings
+from gsedit.errors import UsageError
+from gsedit.measures.features import FilterBank
+from gsedit.reports.events import Event
+from gsedit.views.dataset import Dataset, capture
+from gsedit.views.orbit import orbit
+from rasterizer.scene import Gaussians
+
+
+@pytest.fixture(scope="module")
+def ball() -> Gaussians:
+    """A ball of Gaussians of many colours."""
+    draw = torch.Generator().manual_seed(0)
+    count = 300
+    means = torch.nn.functional.normalize(torch.randn(count, 3, generator=draw), dim=-1)
+    sh = torch.zeros(count, 4, 3)
+    sh[:, 0] = torch.tensor([0.3, 0.1, -0.2]) + 0.8 * torch.randn(count, 3, generator=draw)
+    return Gaussians(
+        means=means,
+        quats=torch.randn(count, 4, generator=draw),
+        log_scales=-2.3 + 0.2 * torch.randn(count, 3, generator=draw),
+        logit_opacities=torch.full((count,), 4.0),
+        sh=sh,
+    )
+
+
+@pytest.fixture(scope="module")
+def views(ball) -> Dataset:
+    cameras = orbit(ball, 9, 48)
+    return Dataset(capture(ball, cameras, [str(i) for i in range(len(cameras))]))
+
+
+@pytest.fixture(scope="module")
+def stripes() -> torch.Tensor:
+    """From blue to yellow, with stripes 4 pixels wide."""
+    across = torch.linspace(0, 1, 48)[:, None, None].expand(48, 48, 3)
+    plain = torch.lerp(torch.tensor([0.1, 0.2, 0.6]), torch.tensor([0.8, 0.7, 0.3]), across)
+    return plain + 0.1 * (torch.arange(48) // 4 % 2)[None, :, None]
+
+
+EVERYWHERE = torch.ones(48, 48)
+SHORT = StyleSettings(steps=12, views=3)
+
+
+@pytest.fixture(scope="module")
+def result(ball, views, stripes):
+    return style(ball, stripes, dataset=views, settings=SHORT)
+
+
+def test_colours_come_near_and_edges_stay(result):
+    before, colors, texture = result.measures
+    assert (before.stage, colors.stage, texture.stage) == ("before", "colours", "texture")
+    assert colors.color_distance < 0.7 * before.color_distance
+    assert texture.color_distance < before.color_distance
+    assert before.structure == pytest.approx(1, abs=1e-5)
+    assert texture.structure > 0.5
+
+
+def test_only_colours_move(ball, result):
+    for name in ("means", "quats", "log_scales", "logit_opacities"):
+        assert torch.equal(getattr(result.scene, name), getattr(ball, name))
+    assert not torch.allclose(result.scene.sh, result.colored.sh, atol=1e-3)
+
+
+def test_the_same_seed_gives_the_same_scene(ball, views, stripes, result):
+    again = style(ball, stripes, dataset=views, settings=SHORT)
+    torch.testing.assert_close(again.scene.sh, result.scene.sh, rtol=0, atol=1e-6)
+
+
+def test_what_is_not_selected_stays(ball, views, stripes):
+    styled = style(ball, stripes, dataset=views, settings=SHORT, where="y > 0").scene
+    outside = ball.means[:, 1] <= 0
+    assert torch.equal(styled.sh[outside], ball.sh[outside])
+    assert (styled.sh[~outside, 0] - ball.sh[~outside, 0]).abs().amax(-1).median() > 0.05
+
+
+def test_no_strength_is_no_change_and_no_steps_are_colours_alone(ball, views, stripes):
+    none = style(ball, stripes, dataset=views, settings=StyleSettings(strength=0.0, views=2))
+    torch.testing.assert_close(none.scene.sh[:, 1:], ball.sh[:, 1:], atol=0.05, rtol=0)
+    assert none.measures[-1].color_distance == pytest.approx(
+        none.measures[0].color_distance, abs=0.6
+    )
+    items = list(
+        style_steps(ball, stripes, dataset=views, settings=StyleSettings(steps=0, views=2))
+    )
+    assert [each.stage for each in items if isinstance(each, Event)] == ["before", "colours"]
+    assert torch.equal(items[-1].scene.sh, items[-1].colored.sh)
+
+
+def test_the_loss_is_0_at_the_style_itself_and_falls_towards_it(stripes):
+    loss = StyleLoss(stripes, FilterBank(), content=0.0)
+    assert float(loss(stripes, stripes, EVERYWHERE)) == pytest.approx(0, abs=1e-6)
+    grey = torch.full_like(stripes, 0.5)
+    half = torch.lerp(grey, stripes, 0.7)
+    assert float(loss(half, grey, EVERYWHERE)) < float(loss(grey, grey, EVERYWHERE))
+    kept = StyleLoss(stripes, FilterBank(), content=1.0)
+    assert float(kept(half, grey, EVERYWHERE)) > float(loss(half, grey, EVERYWHERE))
+
+
+def test_the_style_of_a_part_is_that_of_the_part():
+    """What is outside the mask hardly counts."""
+    stripes = (torch.arange(48) // 4 % 2).float()[None, :, None].repeat(48, 1, 3)
+    loss, mask = StyleLoss(stripes, FilterBank(), content=0.0), torch.zeros(48, 48)
+    mask[:24] = 1
+    other = stripes.clone()
+    other[24:] = 0.5
+    assert float(loss(other, other, mask)) < 0.3 * float(loss(other, other, EVERYWHERE))
+
+
+def test_edges_of_an_unrelated_picture_are_not_kept(stripes):
+    noise = torch.rand(48, 48, 3, generator=torch.Generator().manual_seed(1))
+    assert structure_kept([stripes], [stripes]) == pytest.approx(1, abs=1e-5)
+    assert abs(structure_kept([noise], [stripes])) < 0.3
+    assert structure_kept([torch.zeros(48, 48, 3)], [stripes]) == 0
+
+
+def test_a_wrong_request_is_named(ball, views, stripes):
+    for values, message in (
+        ({"strength": 2.0}, "0 to 1"), ({"steps": -1}, "0 or more"), ({"views": 0}, "1 or more"),
+    ):  # fmt: skip
+        with pytest.raises(UsageError, match=message):
+            StyleSettings(**values)
+    with pytest.raises(UsageError, match="16 pixels"):
+        style(ball, stripes[:8], dataset=views)
+    with pytest.raises(UsageError, match="no view shows"):
+        style(ball, stripes, dataset=views, settings=SHORT, where="x > 100")
+    assert np.isfinite(style(ball, stripes, dataset=views, settings=SHORT).measures[-1].structure)

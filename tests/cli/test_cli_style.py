@@ -1,0 +1,38 @@
+"""gsedit style: a scene and a picture in, a scene out."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+from command_line import gsedit, one_line
+from PIL import Image
+
+from gsedit.files import load
+
+
+def test_style_writes_a_scene_of_other_colours(scene, tmp_path):
+    picture, out = tmp_path / "painting.png", tmp_path / "painted.ply"
+    noise = np.random.default_rng(0).integers(0, 255, (32, 32, 3), np.uint8)
+    Image.fromarray(noise).save(picture)
+    words = ("--steps", 2, "--views", 2, "--size", 32, "--up", "-y", "--json")
+    done = gsedit("style", scene, picture, *words, "-o", out)
+    assert done.exit_code == 0, done.stderr
+    before, after = load(scene), load(out)
+    assert len(after) == len(before)
+    assert float((after.sh - before.sh).abs().max()) > 0.05
+    record = json.loads(done.stdout.splitlines()[-1])
+    stages = [each["stage"] for each in record["measures"]]
+    assert stages == ["before", "colours", "texture"]
+
+
+def test_a_wrong_request_is_one_line(scene, tmp_path):
+    for words, message in (
+        ((scene, tmp_path / "none.png", "-o", tmp_path / "a.ply"), "none.png is no readable"),
+        ((scene, scene, "-o", tmp_path / "a.obj"), "name a scene file"),
+        ((scene, scene, "-o", tmp_path / "a.ply", "--strength", 3), "0 to 1"),
+    ):
+        done = gsedit("style", *words)
+        assert done.exit_code in (2, 3)
+        assert one_line(done.stderr)
+        assert message in done.stderr
