@@ -27,6 +27,7 @@ from .exits import FAILED, OK, USAGE, Interrupted, explain, one_line
 from .filter import filter_
 from .fit import fit
 from .info import info
+from .lod import lod
 from .looks import looks
 from .merge import merge
 from .metrics import metrics
@@ -63,9 +64,10 @@ class Verbs(TyperGroup):
         for panel, bodies in (("Edit from a sentence", EDIT), ("Look", LOOK)):
             for body in bodies:
                 self.add_command(in_panel(lazy_verb(body), panel))
+        panel = f"Change a scene (one after another with the word {THEN})"
         for body in OPERATIONS:
-            panel = f"Change a scene (one after another with the word {THEN})"
             self.add_command(in_panel(operation_verb(body), panel))
+        self.add_command(in_panel(lazy_verb(lod), "Change a scene (into several files)"))
         machine = (
             lazy_verb(doctor),
             LazyCommand("bench", bench_summary.__doc__ or "", lambda: bench),

@@ -23,8 +23,8 @@ def step_option(flag: str, metavar: str, help: str) -> Any:
 
 def in_order(steps: dict[str, list[str] | None]) -> list[tuple[str, str]]:
     """The name and the text of the steps that were given, in their order."""
-    given: list[Any] = [(name, texts[0]) for name, texts in steps.items() if texts]
-    return sorted(given, key=lambda pair: pair[1].place)
+    given = [(name, texts[0]) for name, texts in steps.items() if texts]
+    return sorted(given, key=lambda pair: getattr(pair[1], "place", 0))
 
 
 def _placed(value: list[str] | None) -> list[Step] | None:

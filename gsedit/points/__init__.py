@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from gsedit.points.align import align_length, align_to, align_to_ground
     from gsedit.points.decimate import Decimate, decimate
     from gsedit.points.filter import Filter, filter, select
+    from gsedit.points.lod import lod
     from gsedit.points.merge import Merge, merge
     from gsedit.points.operation import Operation, Rowwise, Whole, apply
     from gsedit.points.order import Order, order
@@ -45,6 +46,7 @@ __all__ = [
     "apply",
     "decimate",
     "filter",
+    "lod",
     "match_palette",
     "merge",
     "order",
@@ -62,6 +64,7 @@ make_lazy(
         "align": ("align_length", "align_to", "align_to_ground"),
         "filter": ("Filter", "filter", "select"),
         "decimate": ("Decimate", "decimate"),
+        "lod": ("lod",),
         "merge": ("Merge", "merge"),
         "order": ("Order", "order"),
         "operation": ("Operation", "Rowwise", "Whole", "apply"),

@@ -25,8 +25,6 @@ FLATTEST = 0.1
 must not keep two discs of a surface apart."""
 AT_ONCE = 1 << 18
 """Rows whose pairs are looked at together."""
-SHARE = 0.7
-"""Of the pairs found in a round, those joined: dear ones wait for cheaper partners."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,27 +97,23 @@ def pairs(
 ) -> tuple[Int[np.ndarray, " p"], Int[np.ndarray, " p"]]:
     """The cheapest disjoint pairs, at most `most`, each the best of both its members."""
     volume = log_determinant(now.covariance)
-    found = []
-    for start in range(0, len(now), AT_ONCE):
-        part = near[start : start + AT_ONCE]
-        a = np.repeat(np.arange(start, start + len(part), dtype=np.int32), part.shape[1])
-        b = part.ravel()
-        a, b = a[a != b], b[a != b]
-        cost = np.concatenate(
-            [
-                cost_of_joining(now, volume, a[i : i + AT_ONCE], b[i : i + AT_ONCE])
-                for i in range(0, len(a), AT_ONCE)
-            ]
-        )
-        found.append((a, b, cost))
-    a, b, cost = (np.concatenate(each) for each in zip(*found))
+    a = np.repeat(np.arange(len(now)), near.shape[1])
+    b = near.ravel()
+    key = np.unique(np.minimum(a, b) * len(now) + np.maximum(a, b))  # each pair once
+    a, b = key // len(now), key % len(now)
+    a, b = a[a != b], b[a != b]
+    cost = np.concatenate(
+        [
+            cost_of_joining(now, volume, a[i : i + AT_ONCE], b[i : i + AT_ONCE])
+            for i in range(0, len(a), AT_ONCE)
+        ]
+    )
     best = np.full(len(now), np.inf)
     np.minimum.at(best, a, cost)
     np.minimum.at(best, b, cost)
     chosen = np.flatnonzero((cost == best[a]) & (cost == best[b]))
     chosen = chosen[np.argsort(cost[chosen], kind="stable")]
-    chosen = disjoint(a, b, chosen)
-    chosen = chosen[: min(most, max(1, int(SHARE * len(chosen))))]
+    chosen = disjoint(a, b, chosen)[:most]
     return a[chosen], b[chosen]
 
 

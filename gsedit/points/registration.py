@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from itertools import permutations, product
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float64, Int
@@ -194,16 +195,13 @@ def _by_descriptors(a: Cloud, b: Cloud, cell: float) -> Iterator[Similarity]:
             yield found.after(Similarity(np.eye(3), ratio, np.zeros(3)))
 
 
-def _described(o3d: object, points: Float64[np.ndarray, "n 3"], cell: float) -> tuple:
+def _described(o3d: Any, points: Float64[np.ndarray, "n 3"], cell: float) -> tuple[Any, Any]:
     """An Open3D cloud and its FPFH descriptors."""
-    o3d_: object = o3d
-    cloud = o3d_.geometry.PointCloud(o3d_.utility.Vector3dVector(points))
-    near, wide = (
-        o3d_.geometry.KDTreeSearchParamHybrid(r * cell, n) for r, n in ((3, 30), (6, 100))
-    )
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
+    near, wide = (o3d.geometry.KDTreeSearchParamHybrid(r * cell, n) for r, n in ((3, 30), (6, 100)))
     cloud.estimate_normals(near)
     cloud.orient_normals_to_align_with_direction()
-    return cloud, o3d_.pipelines.registration.compute_fpfh_feature(cloud, wide)
+    return cloud, o3d.pipelines.registration.compute_fpfh_feature(cloud, wide)
 
 
 def closest_points(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from math import ceil
 
 import numpy as np
 import pytest
@@ -164,3 +165,20 @@ def test_wrong_alignments_are_one_line(scene, tmp_path, words, message):
     assert done.exit_code in (2, 3)
     assert one_line(done.stderr)
     assert message in done.stderr
+
+
+def test_levels_of_detail(scene, tmp_path):
+    out, count = tmp_path / "levels", len(load(scene))
+    done = gsedit("lod", scene, "--levels", "3", "--format", "spz", "-o", out, "--json")
+    assert done.exit_code == 0, done.stderr
+    name = scene.name.split(".")[0]
+    files = [out / f"{name}_lod{level}.spz" for level in range(3)]
+    counts = [len(load(file)) for file in files]
+    assert counts == [count, ceil(count / 2), ceil(ceil(count / 2) / 2)]
+    levels = json.loads((out / "lod.json").read_text())["levels"]
+    assert [level["gaussians"] for level in levels] == counts
+    assert levels[1]["psnr"] >= levels[2]["psnr"]
+    assert gsedit("lod", scene, "-o", out).exit_code == 2  # has files
+    wrong = gsedit("lod", scene, "-o", tmp_path / "b", "--share", "1000")
+    assert "--share 1000: give a share" in wrong.stderr
+    assert not (tmp_path / "b").exists()

@@ -27,6 +27,7 @@ VERBS = (
     "transform",
     "merge",
     "decimate",
+    "lod",
     "order",
     "style",
     "fit",
