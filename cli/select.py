@@ -67,14 +67,16 @@ def flags_of(path: Path, selection: Selection, *, drop_invalid: bool) -> np.ndar
     from gsedit.files.formats import open_scene
     from gsedit.files.streams import gather
     from gsedit.files.validity import Guard
+    from gsedit.points.selection.part import masked, without_bands
 
     source = open_scene(path)
     for note in source.notes:
         print_message(f"{path}: {note}")
     guard = Guard(drop=drop_invalid)
     blocks = guard(source.blocks())
-    if selection.whole:
-        blocks = iter([gather(blocks, source.header, source.count)])
-    masks = [selection.mask(block) for block in blocks]
+    if selection.whole and not selection.view_dependent:
+        header = source.header.replace(degree=0)
+        blocks = iter([gather(map(without_bands, blocks), header, source.count)])
+    masks = [inside for _, inside in masked(blocks, selection)]
     guard.check(path)
     return np.concatenate(masks) if masks else np.zeros(0, bool)

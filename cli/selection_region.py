@@ -29,6 +29,10 @@ class Subject(Selection):
     def whole(self) -> bool:
         return True
 
+    @property
+    def view_dependent(self) -> bool:
+        return True
+
     def mask(self, table: SplatTable) -> np.ndarray:
         from gsedit.edit import find_region
         from gsedit.files.table import gaussians_of

@@ -23,6 +23,11 @@ class Selection(ABC):
         """Whether `mask` must be given all rows of the scene at once, in the order of its file."""
         return False
 
+    @property
+    def view_dependent(self) -> bool:
+        """Whether `mask` looks at the bands of SH above the first."""
+        return False
+
     @abstractmethod
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
         """Whether each row is selected. Does not write into the arrays of `table`.
@@ -63,6 +68,10 @@ class Intersection(Selection):
     def whole(self) -> bool:
         return any(part.whole for part in self.parts)
 
+    @property
+    def view_dependent(self) -> bool:
+        return any(part.view_dependent for part in self.parts)
+
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
         return np.logical_and.reduce([part.mask(table) for part in self.parts])
 
@@ -77,6 +86,10 @@ class Union(Selection):
     def whole(self) -> bool:
         return any(part.whole for part in self.parts)
 
+    @property
+    def view_dependent(self) -> bool:
+        return any(part.view_dependent for part in self.parts)
+
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
         return np.logical_or.reduce([part.mask(table) for part in self.parts])
 
@@ -90,6 +103,10 @@ class Complement(Selection):
     @property
     def whole(self) -> bool:
         return self.inner.whole
+
+    @property
+    def view_dependent(self) -> bool:
+        return self.inner.view_dependent
 
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
         return ~self.inner.mask(table)

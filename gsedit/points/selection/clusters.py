@@ -51,6 +51,10 @@ class Clusters(Selection):
     def whole(self) -> bool:
         return True
 
+    @property
+    def view_dependent(self) -> bool:
+        return self.of.view_dependent
+
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
         rows = np.flatnonzero(self.of.mask(table) & np.isfinite(table.means).all(1))
         inside = np.zeros(len(table), bool)

@@ -26,6 +26,10 @@ class Grown(Selection):
     def whole(self) -> bool:
         return True
 
+    @property
+    def view_dependent(self) -> bool:
+        return self.inner.view_dependent
+
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
         inside = self.inner.mask(table)
         return inside | _within(table.means, inside, self.radius)
@@ -44,6 +48,10 @@ class Shrunk(Selection):
     @property
     def whole(self) -> bool:
         return True
+
+    @property
+    def view_dependent(self) -> bool:
+        return self.inner.view_dependent
 
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
         inside = self.inner.mask(table)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -18,7 +19,7 @@ from gsedit.points.selection.base import EVERYTHING, Selection
 class OnSelection(Operation):
     """An operation that treats the selected rows of a scene in one way and the others in another.
 
-    It is given the whole scene at once only if the selection needs that.
+    It is given parts of a scene, whatever the selection needs to see.
     """
 
     selection: Selection = field(default=EVERYTHING, kw_only=True)
@@ -28,9 +29,26 @@ class OnSelection(Operation):
         """Rows afterwards; `inside` tells which are selected. Does not write into `table`."""
 
     def blocks(self, blocks: Blocks, header: SceneHeader, say: Say) -> Blocks:
-        if self.selection.whole:
-            tables = list(blocks)
-            blocks = iter([concatenate_tables(tables)] if tables else [])
-            tables.clear()
+        for table, inside in masked(blocks, self.selection):
+            yield from in_blocks(self.change(table, inside))
+
+
+def masked(
+    blocks: Blocks, selection: Selection
+) -> Iterator[tuple[SplatTable, Bool[np.ndarray, " n"]]]:
+    """The rows with their flags, in parts. All are read first only if the selection needs that."""
+    if not selection.whole:
         for table in blocks:
-            yield from in_blocks(self.change(table, self.selection.mask(table)))
+            yield table, selection.mask(table)
+        return
+    tables = list(blocks)
+    if tables:
+        looked_at = tables if selection.view_dependent else map(without_bands, tables)
+        inside = selection.mask(concatenate_tables(looked_at))
+        ends = np.cumsum([len(table) for table in tables])
+        yield from zip(tables, np.split(inside, ends[:-1]))
+
+
+def without_bands(table: SplatTable) -> SplatTable:
+    """The table without the bands of SH above the first, which are most of its memory."""
+    return table.replace(sh=table.sh[:, :1])
