@@ -1,0 +1,148 @@
+"""Every defect that a Gaussian can have: its law, its threshold, why that threshold, what mends it.
+
+`n` Gaussians. No renderer can draw what has the first group, and `load` refuses it; `repair` mends
+it. What has the second can be drawn, and is no part of what was captured; `clean` removes it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Shaped, UInt64
+
+from gsedit.files.table import SPLAT_FIELDS, SplatTable
+from gsedit.files.validity import MAX_LOG_SCALE, MIN_NORM
+
+Rows = Bool[np.ndarray, " n"]
+
+
+@dataclass(frozen=True)
+class Defect:
+    """One thing that can be wrong with a Gaussian."""
+
+    name: str
+    law: str
+    """Which Gaussians have it; `{:g}` in it is the threshold."""
+    mend: str
+    """The command that mends it, and how."""
+    threshold: float = 0.0
+    """In the unit that the law names; of no meaning where the law has no number."""
+    reason: str = ""
+    """Why this threshold."""
+
+    @property
+    def sentence(self) -> str:
+        """The law with its threshold."""
+        return self.law.format(self.threshold)
+
+
+POSITION = Defect("position", "x, y or z is NaN or infinite", "repair removes it")
+ROTATION = Defect(
+    "rotation",
+    "the quaternion is zero, NaN or infinite",
+    "repair: identity where it is round (scales within a factor of 2), else removed",
+    2.0,
+    "how a ball is turned cannot be seen, how a disc is turned can",
+)
+SCALE = Defect(
+    "scale",
+    "a scale is NaN, infinite, zero, or above e^40",
+    "repair: zero becomes the smallest float, others are removed",
+)
+OPACITY = Defect(
+    "opacity",
+    "the opacity's logit is NaN or infinite",
+    "repair: an infinite one becomes 15 or -15, NaN is removed",
+)
+COLOR = Defect("color", "f_dc is NaN or infinite", "repair removes it")
+HARMONICS = Defect("harmonics", "f_rest is NaN or infinite", "repair sets it to 0")
+INVALID = (POSITION, ROTATION, SCALE, OPACITY, COLOR, HARMONICS)
+
+DUPLICATE = Defect("duplicate", "every number equals that of an earlier row", "clean removes it")
+INVISIBLE = Defect(
+    "invisible",
+    "opacity below {:.4f}",
+    "clean removes it",
+    1 / 255,
+    "one step of an 8-bit picture: renderers skip it, so that nothing changes without it",
+)
+GIANT = Defect(
+    "giant",
+    "its longest standard deviation is more than {:g} times the scene's radius",
+    "clean removes it",
+    1.0,
+    "it covers the whole scene as fog; the largest of four well-fitted scenes but one are below "
+    "a quarter, the sky of the fourth reaches 0.9 but for four splats",
+)
+FLOATER = Defect(
+    "floater",
+    "its 8th neighbour is {:g} times as far as theirs, or farther than the scene's radius, and "
+    "more than 2 standard deviations of its own away",
+    "clean removes it",
+    5.0,
+    "on a surface the distance varies by less than 2; at 3, well-fitted scenes lose 0.1 % and "
+    "more, at 5 at most 0.07 %",
+)
+NEEDLE = Defect(
+    "needle",
+    "longest to middle axis above {:g}, 2 standard deviations longer than 4 distances to the 8th "
+    "neighbour and than 8 % of the scene's radius, and an end in the open",
+    "clean removes it",
+    5.0,
+    "thin ones that follow an edge or a string are healthy: their ends touch others; a short one "
+    "is no streak in a picture",
+)
+THROUGH = Defect(
+    "see-through",
+    "more than {:g} cameras look through it at what is behind, and more than see it on a surface",
+    "clean removes it, where the cameras are known",
+    1.0,
+    "a surface is where several cameras see it; one alone is no evidence",
+)
+UNWANTED = (DUPLICATE, INVISIBLE, GIANT, FLOATER, NEEDLE, THROUGH)
+"""What `clean` looks for, in this order: a Gaussian has the first that fits."""
+
+
+def invalid(table: SplatTable) -> dict[str, Rows]:
+    """The rows with each defect of INVALID, by its name; a row may have several."""
+    finite = {name: np.isfinite(getattr(table, name)) for name in SPLAT_FIELDS}
+    with np.errstate(invalid="ignore", over="ignore"):
+        norm = np.linalg.norm(table.quats, axis=1)
+        large = (table.log_scales > MAX_LOG_SCALE).any(1)
+    return {
+        POSITION.name: ~finite["means"].all(1),
+        ROTATION.name: ~(np.isfinite(norm) & (norm >= MIN_NORM)),
+        SCALE.name: ~finite["log_scales"].all(1) | large,
+        OPACITY.name: ~finite["logit_opacities"],
+        COLOR.name: ~finite["sh"][:, 0].all(1),
+        HARMONICS.name: ~finite["sh"][:, 1:].all((1, 2)),
+    }
+
+
+def invisible(table: SplatTable, least: float = INVISIBLE.threshold) -> Rows:
+    """The rows of an opacity below `least`."""
+    return table.opacities < least
+
+
+def fingerprints(table: SplatTable) -> UInt64[np.ndarray, " n"]:
+    """A number of 64 bits for each row: equal for equal rows, and for others at 1 in 10^19."""
+    draw = np.random.default_rng(0)
+    total = np.zeros(len(table), np.uint64)
+    for name in SPLAT_FIELDS:
+        numbers = np.ascontiguousarray(getattr(table, name), np.float32).reshape(len(table), -1)
+        for column in numbers.T:
+            # mixed, so that sums of several columns rarely agree
+            bits = column.copy().view(np.uint32).astype(np.uint64)
+            factor, shift = draw.integers(1, 1 << 63, 2, dtype=np.uint64) | np.uint64(1)
+            mixed = (bits + shift) * factor
+            total += (mixed ^ (mixed >> np.uint64(29))) * factor
+    return total
+
+
+def repeated(keys: Shaped[np.ndarray, " n"]) -> Rows:
+    """The rows whose key an earlier row has."""
+    order = np.argsort(keys, kind="stable")
+    again = np.zeros(len(keys), bool)
+    again[order[1:]] = keys[order[1:]] == keys[order[:-1]]
+    return again

@@ -1,0 +1,149 @@
+"""Which Gaussians of a scene are no part of what was captured, and why: the laws of `defects`.
+
+`n` Gaussians.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from jaxtyping import Float, Int64, UInt8
+
+from gsedit.errors import UsageError
+from gsedit.files.table import SplatTable
+from gsedit.files.validity import invalid_rows
+from gsedit.points.defects import (
+    DUPLICATE,
+    FLOATER,
+    GIANT,
+    INVISIBLE,
+    NEEDLE,
+    UNWANTED,
+    Rows,
+    fingerprints,
+    invisible,
+    repeated,
+)
+from gsedit.points.neighbours import NEIGHBOURS, coverage, nearest, rotations
+
+KEPT, INVALID_ROW = 0, 1
+"""Reasons that are no defect of UNWANTED; these have the numbers from 2 on, in its order."""
+REASONS = ("kept", "invalid", *(defect.name for defect in UNWANTED))
+"""The name of every number in an array of reasons."""
+MOST, OUTLIERS = 0.99, 20.0
+"""The scene's radius holds this share of the centres; it is at most so many times the median
+distance, which outliers do not move."""
+END = 2.0
+"""Standard deviations from its centre at which a splat seems to end in a picture: 14 % of its
+opacity are left."""
+LONG, STREAK = 4.0, 0.08
+"""A needle's 2 standard deviations are longer than so many distances to the 8th neighbour, and
+than this share of the scene's radius."""
+OPEN = 0.2
+"""The end of a needle is in the open if others cover it with less than this share of the needle's
+own opacity."""
+ALIKE = 1.5
+"""A needle holds the end of another one that is at most this many times shorter than itself: the
+pieces of a string hold each other, a bundle of streaks of all lengths does not."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """The thresholds of the laws in UNWANTED, in their units; None: the law is not asked."""
+
+    invisible: float | None = INVISIBLE.threshold
+    giant: float | None = GIANT.threshold
+    floater: float | None = FLOATER.threshold
+    needle: float | None = NEEDLE.threshold
+    duplicates: bool = True
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if value is not None and not value >= 0:
+                raise UsageError(f"the limit {field.name} is {value}: give a number above 0")
+
+
+USUAL = Limits()
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """What the laws ask about the neighbours of each Gaussian."""
+
+    distance: Float[np.ndarray, " n"]
+    """To the 8th neighbour, world units."""
+    rows: Int64[np.ndarray, "n k"]
+    radius: float
+    """Of the scene, about its middle, world units."""
+
+
+def surroundings(table: SplatTable) -> Surroundings:
+    """The neighbours of each Gaussian, and the size of the scene."""
+    distance, rows = nearest(table.means, NEIGHBOURS)
+    return Surroundings(distance, rows, scene_radius(table.means))
+
+
+def scene_radius(means: Float[np.ndarray, "n 3"]) -> float:
+    """The distance from the median position that holds most centres; outliers do not move it."""
+    offset = means.astype(np.float64) - np.median(means, axis=0)
+    median, most = np.quantile(np.linalg.norm(offset, axis=1), (0.5, MOST)).tolist()
+    return min(most, OUTLIERS * median)
+
+
+def survey(table: SplatTable, limits: Limits = USUAL) -> UInt8[np.ndarray, " n"]:
+    """Why each Gaussian is no part of the scene: an index into REASONS, 0 for those that are.
+
+    Of several reasons the first in the order of REASONS. Needs no torch.
+    """
+    reasons = np.full(len(table), KEPT, np.uint8)
+    reasons[invalid_rows(table)] = INVALID_ROW
+    if limits.duplicates:
+        _mark(reasons, DUPLICATE.name, repeated(fingerprints(table)))
+    if limits.invisible is not None:
+        _mark(reasons, INVISIBLE.name, invisible(table, limits.invisible))
+    left = np.flatnonzero(reasons == KEPT)
+    if len(left) <= NEIGHBOURS or limits.giant is limits.floater is limits.needle is None:
+        return reasons
+    some = table[left].replace(sh=table.sh[left, :1], extra={})
+    about, found = surroundings(some), np.full(len(left), KEPT, np.uint8)
+    if limits.giant is not None:
+        _mark(found, GIANT.name, some.scales.max(1) > limits.giant * about.radius)
+    if limits.floater is not None:
+        _mark(found, FLOATER.name, floaters(some, about, limits.floater))
+    if limits.needle is not None:
+        _mark(found, NEEDLE.name, needles(some, about, limits.needle))
+    reasons[left] = found
+    return reasons
+
+
+def floaters(table: SplatTable, about: Surroundings, times: float) -> Rows:
+    """The Gaussians that are far from all others, for what is usual there and for their size."""
+    usual = np.median(about.distance[about.rows], axis=1)
+    alone = (about.distance > times * usual) | (about.distance > about.radius)
+    return alone & (about.distance > END * table.scales.max(1))
+
+
+def needles(table: SplatTable, about: Surroundings, ratio: float) -> Rows:
+    """The thin, long Gaussians of which one end touches nothing."""
+    scales = np.sort(table.scales, 1)
+    length = END * scales[:, 2]
+    thin = scales[:, 2] > ratio * scales[:, 1]
+    thin &= (length > LONG * about.distance) & (length > STREAK * about.radius)
+    rows = np.flatnonzero(thin)
+    axes = rotations(table.quats[rows])[
+        np.arange(len(rows)), :, table.log_scales[rows].argmax(1)
+    ]
+    reach = length[rows, None] * axes
+    ends = np.concatenate((table.means[rows] + reach, table.means[rows] - reach))
+    owners = np.tile(rows, 2)
+    covered = coverage(table, ends, owners, ~thin, ALIKE * scales[owners, 2])
+    needed = OPEN * table.opacities[rows]
+    thin[rows] = covered.reshape(2, -1).min(0) < needed
+    return thin
+
+
+def _mark(reasons: UInt8[np.ndarray, " n"], name: str, rows: Rows) -> None:
+    """Give the rows that have no reason yet this one."""
+    reasons[rows & (reasons == KEPT)] = REASONS.index(name)
