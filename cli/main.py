@@ -14,6 +14,8 @@ from typer.core import TyperGroup
 from .align import align
 from .bench import describe as bench_summary
 from .bench_refinement import bench
+from .check import check
+from .clean import clean
 from .command import LazyCommand, lazy_verb, paragraphs
 from .console import print_message
 from .convert import convert
@@ -39,15 +41,29 @@ from .recolor import recolor
 from .recover import recover
 from .reduce_sh import reduce_sh
 from .render import render
+from .repair import repair
 from .select import select
 from .style import style
 from .transform import transform
 from .view import view
 
 EDIT = (edit, style, fit, recover, metrics, editors, looks)
-OPERATIONS = (convert, filter_, crop, transform, align, recolor, merge, decimate, order, reduce_sh)
+OPERATIONS = (
+    convert,
+    filter_,
+    crop,
+    clean,
+    repair,
+    transform,
+    align,
+    recolor,
+    merge,
+    decimate,
+    order,
+    reduce_sh,
+)
 """Verbs that change a scene, and can follow each other in one command."""
-LOOK = (info, select, render, preview, view, diff)
+LOOK = (info, check, select, render, preview, view, diff)
 
 
 def in_panel(command: LazyCommand, panel: str) -> LazyCommand:

@@ -170,6 +170,7 @@ def run_chain(scene: Path, pieces: list[Piece]) -> None:
     common = _merged(Common, [p.common for p in pieces])
     common.apply()
     steps = [(p.verb, each) for p in pieces for each in p.operations]
+    steps[:1] = [(verb, each.at(scene)) for verb, each in steps[:1]]
     kept, written = process(scene, steps, output, files)
     record = {
         "scene": scene,

@@ -12,6 +12,8 @@ from rasterizer.lazy import make_lazy
 
 if TYPE_CHECKING:
     from gsedit.points.align import align_length, align_to, align_to_ground
+    from gsedit.points.check import check
+    from gsedit.points.clean import Clean, clean
     from gsedit.points.decimate import Decimate, decimate
     from gsedit.points.filter import Filter, filter, select
     from gsedit.points.lod import lod
@@ -21,13 +23,17 @@ if TYPE_CHECKING:
     from gsedit.points.palette import Palette, match_palette
     from gsedit.points.recolor import Opacity, Recolor, recolor, set_opacity
     from gsedit.points.reduce_sh import ReduceSH, reduce_sh
+    from gsedit.points.repair import Repair, repair
     from gsedit.points.selection.base import Selection
     from gsedit.points.selection.where import where
+    from gsedit.points.survey import Limits, survey
     from gsedit.points.transform import Transform, TransformAboutCentre, transform
 
 __all__ = [
+    "Clean",
     "Decimate",
     "Filter",
+    "Limits",
     "Merge",
     "Opacity",
     "Operation",
@@ -35,6 +41,7 @@ __all__ = [
     "Palette",
     "Recolor",
     "ReduceSH",
+    "Repair",
     "Rowwise",
     "Selection",
     "Transform",
@@ -44,6 +51,8 @@ __all__ = [
     "align_to",
     "align_to_ground",
     "apply",
+    "check",
+    "clean",
     "decimate",
     "filter",
     "lod",
@@ -52,8 +61,10 @@ __all__ = [
     "order",
     "recolor",
     "reduce_sh",
+    "repair",
     "select",
     "set_opacity",
+    "survey",
     "transform",
     "where",
 ]
@@ -62,6 +73,10 @@ make_lazy(
     __name__,
     {
         "align": ("align_length", "align_to", "align_to_ground"),
+        "check": ("check",),
+        "clean": ("Clean", "clean"),
+        "repair": ("Repair", "repair"),
+        "survey": ("Limits", "survey"),
         "filter": ("Filter", "filter", "select"),
         "decimate": ("Decimate", "decimate"),
         "lod": ("lod",),

@@ -93,14 +93,15 @@ NEEDLE = Defect(
     "thin ones that follow an edge or a string are healthy: their ends touch others; a short one "
     "is no streak in a picture",
 )
-THROUGH = Defect(
-    "see-through",
-    "more than {:g} cameras look through it at what is behind, and more than see it on a surface",
+UNSEEN = Defect(
+    "unseen",
+    "it adds less than {:.4f} of a pixel to what each camera sees",
     "clean removes it, where the cameras are known",
-    1.0,
-    "a surface is where several cameras see it; one alone is no evidence",
+    1 / 255,
+    "one step of an 8-bit picture in a single pixel: no photo says anything of it, and a view from "
+    "elsewhere shows it in front of what is right",
 )
-UNWANTED = (DUPLICATE, INVISIBLE, GIANT, FLOATER, NEEDLE, THROUGH)
+UNWANTED = (DUPLICATE, INVISIBLE, GIANT, FLOATER, NEEDLE, UNSEEN)
 """What `clean` looks for, in this order: a Gaussian has the first that fits."""
 
 
@@ -108,11 +109,11 @@ def invalid(table: SplatTable) -> dict[str, Rows]:
     """The rows with each defect of INVALID, by its name; a row may have several."""
     finite = {name: np.isfinite(getattr(table, name)) for name in SPLAT_FIELDS}
     with np.errstate(invalid="ignore", over="ignore"):
-        norm = np.linalg.norm(table.quats, axis=1)
+        short = np.einsum("ij,ij->i", table.quats, table.quats) < MIN_NORM**2
         large = (table.log_scales > MAX_LOG_SCALE).any(1)
     return {
         POSITION.name: ~finite["means"].all(1),
-        ROTATION.name: ~(np.isfinite(norm) & (norm >= MIN_NORM)),
+        ROTATION.name: ~finite["quats"].all(1) | short,
         SCALE.name: ~finite["log_scales"].all(1) | large,
         OPACITY.name: ~finite["logit_opacities"],
         COLOR.name: ~finite["sh"][:, 0].all(1),
@@ -130,8 +131,8 @@ def fingerprints(table: SplatTable) -> UInt64[np.ndarray, " n"]:
     draw = np.random.default_rng(0)
     total = np.zeros(len(table), np.uint64)
     for name in SPLAT_FIELDS:
-        numbers = np.ascontiguousarray(getattr(table, name), np.float32).reshape(len(table), -1)
-        for column in numbers.T:
+        numbers = np.asarray(getattr(table, name), np.float32)
+        for column in numbers.reshape(len(table), int(np.prod(numbers.shape[1:]))).T:
             # mixed, so that sums of several columns rarely agree
             bits = column.copy().view(np.uint32).astype(np.uint64)
             factor, shift = draw.integers(1, 1 << 63, 2, dtype=np.uint64) | np.uint64(1)

@@ -6,8 +6,10 @@ apart: a scene 10^6 wide costs what a small one does.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
-from jaxtyping import Bool, Float, Float64, Int, Int64
+from jaxtyping import Float, Float64, Int64
 
 from gsedit.files.table import SplatTable
 
@@ -37,14 +39,14 @@ def nearest(
 
     Gaussians at the very same place count as one: they would hide how far the others are.
     """
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     first, same = _places(means)
     places = means[first].astype(np.float64)
     k = min(k, len(places) - 1)
     if k < 1:
         return np.zeros(len(means)), np.zeros((len(means), 0), np.int64)
-    tree = cKDTree(places)
+    tree = KDTree(places)
     distance, rows = np.empty(len(places)), np.empty((len(places), k), np.int64)
     for start in range(0, len(places), AT_ONCE):
         part = slice(start, start + AT_ONCE)
@@ -53,43 +55,44 @@ def nearest(
     return distance[same], rows[same]
 
 
-def coverage(
-    table: SplatTable,
-    points: Float[np.ndarray, "m 3"],
-    owners: Int[np.ndarray, " m"],
-    supports: Bool[np.ndarray, " n"],
-    longest: Float[np.ndarray, " m"],
-) -> Float64[np.ndarray, " m"]:
-    """The sum of the alphas, at each point, of the Gaussians near it but its owner: of those that
-    `supports`, and of others whose longest axis is at most `longest`.
+@dataclass(frozen=True, eq=False)
+class Covers:
+    """Which Gaussians are over which points: `p` pairs."""
+
+    point: Int64[np.ndarray, " p"]
+    row: Int64[np.ndarray, " p"]
+    alpha: Float64[np.ndarray, " p"]
+    """Of the Gaussian at the point."""
+
+
+def covers(table: SplatTable, points: Float[np.ndarray, "m 3"]) -> Covers:
+    """The Gaussians that are over each point, of similar ones the nearest few.
 
     A disc counts as a ball of its middle radius: it covers a point that is just off its surface.
     Gaussians are searched in classes of similar size: a wide one covers points far from its centre.
     """
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     ordered = np.sort(table.scales, 1)
     thick, reach = np.maximum(table.scales, ordered[:, 1:2]), ordered[:, 2]
     size = np.floor(np.log2(np.maximum(reach, np.finfo(np.float32).tiny))).astype(np.int64)
-    total = np.zeros(len(points))
+    found = [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))]
     for each in np.unique(size).tolist():
         rows = np.flatnonzero(size == each)
-        tree = cKDTree(table.means[rows])
+        tree = KDTree(table.means[rows])
         k, bound = min(NEIGHBOURS + 1, len(rows)), REACH * 2.0 ** (each + 1)
         for start in range(0, len(points), AT_ONCE):
             part = points[start : start + AT_ONCE]
-            distance, at = tree.query(part, k=range(1, k + 1), distance_upper_bound=bound)
-            near = np.isfinite(distance)
-            point, other = start + np.nonzero(near)[0], rows[at[near]]
-            good = supports[other] | (reach[other] <= longest[point])
-            good &= other != owners[point]
-            point, other = point[good], other[good]
-            local = np.einsum(
-                "mi,mij->mj", points[point] - table.means[other], rotations(table.quats[other])
+            distance, at = tree.query(
+                part, k=range(1, k + 1), distance_upper_bound=bound, workers=-1
             )
-            inside = np.exp(-0.5 * np.square(local / thick[other]).sum(1))
-            total += np.bincount(point, table.opacities[other] * inside, len(points))
-    return total
+            near = np.isfinite(distance)
+            point, row = start + np.nonzero(near)[0], rows[at[near]]
+            offset = points[point] - table.means[row]
+            local = np.einsum("mi,mij->mj", offset, rotations(table.quats[row])) / thick[row]
+            alpha = table.opacities[row] * np.exp(-0.5 * np.square(local).sum(1))
+            found.append((point, row, alpha))
+    return Covers(*(np.concatenate(column) for column in zip(*found)))
 
 
 def _places(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
 from gsedit.files.streams import Blocks, SceneHeader, in_blocks
@@ -37,6 +38,10 @@ class Operation(ABC):
     def header(self, header: SceneHeader) -> SceneHeader:
         """What then holds for all rows (its SH degree, ...)."""
         return header
+
+    def at(self, path: Path) -> Operation:
+        """The operation where it is the first one on the scene of this file."""
+        return self
 
     @abstractmethod
     def blocks(self, blocks: Blocks, header: SceneHeader, say: Say) -> Blocks:

@@ -13,7 +13,7 @@ from gsedit.files.quantised import LOGIT_MAX
 from gsedit.files.streams import Blocks, SceneHeader
 from gsedit.files.table import SplatTable
 from gsedit.files.validity import invalid_rows
-from gsedit.points.defects import HARMONICS, OPACITY, ROTATION, SCALE, invalid
+from gsedit.points.defects import ROTATION, invalid
 from gsedit.points.operation import Operation, Say, Scene, apply, silent
 
 FLAT = float(np.log(np.finfo(np.float32).tiny))
@@ -45,7 +45,8 @@ def repaired(table: SplatTable, counts: Counter[str]) -> SplatTable:
     infinite = np.isinf(table.logit_opacities)
     if infinite.any():
         changes["logit_opacities"] = np.where(
-            infinite, np.copysign(np.float32(LOGIT_MAX), table.logit_opacities),
+            infinite,
+            np.copysign(np.float32(LOGIT_MAX), table.logit_opacities),
             table.logit_opacities,
         )
     flat = np.isneginf(table.log_scales)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from jaxtyping import Float, Int64, UInt8
+from jaxtyping import Float, UInt8
 
 from gsedit.errors import UsageError
 from gsedit.files.table import SplatTable
@@ -25,12 +25,14 @@ from gsedit.points.defects import (
     invisible,
     repeated,
 )
-from gsedit.points.neighbours import NEIGHBOURS, coverage, nearest, rotations
+from gsedit.points.neighbours import NEIGHBOURS, covers, nearest, rotations
 
 KEPT, INVALID_ROW = 0, 1
 """Reasons that are no defect of UNWANTED; these have the numbers from 2 on, in its order."""
 REASONS = ("kept", "invalid", *(defect.name for defect in UNWANTED))
 """The name of every number in an array of reasons."""
+FEWEST = 64
+"""Of so many Gaussians and fewer, what is usual cannot be told: none is a floater or a needle."""
 MOST, OUTLIERS = 0.99, 20.0
 """The scene's radius holds this share of the centres; it is at most so many times the median
 distance, which outliers do not move."""
@@ -40,9 +42,11 @@ opacity are left."""
 LONG, STREAK = 4.0, 0.08
 """A needle's 2 standard deviations are longer than so many distances to the 8th neighbour, and
 than this share of the scene's radius."""
-OPEN = 0.2
+OPEN = 0.5
 """The end of a needle is in the open if others cover it with less than this share of the needle's
 own opacity."""
+PEELS = 8
+"""Rounds, at most: without the outermost streaks of a bundle, the next ones end in the open."""
 ALIKE = 1.5
 """A needle holds the end of another one that is at most this many times shorter than itself: the
 pieces of a string hold each other, a bundle of streaks of all lengths does not."""
@@ -74,7 +78,8 @@ class Surroundings:
 
     distance: Float[np.ndarray, " n"]
     """To the 8th neighbour, world units."""
-    rows: Int64[np.ndarray, "n k"]
+    usual: Float[np.ndarray, " n"]
+    """The median of the same of its 8 neighbours."""
     radius: float
     """Of the scene, about its middle, world units."""
 
@@ -82,7 +87,8 @@ class Surroundings:
 def surroundings(table: SplatTable) -> Surroundings:
     """The neighbours of each Gaussian, and the size of the scene."""
     distance, rows = nearest(table.means, NEIGHBOURS)
-    return Surroundings(distance, rows, scene_radius(table.means))
+    usual = np.median(distance[rows], axis=1) if rows.shape[1] else distance
+    return Surroundings(distance, usual, scene_radius(table.means))
 
 
 def scene_radius(means: Float[np.ndarray, "n 3"]) -> float:
@@ -103,13 +109,14 @@ def survey(table: SplatTable, limits: Limits = USUAL) -> UInt8[np.ndarray, " n"]
         _mark(reasons, DUPLICATE.name, repeated(fingerprints(table)))
     if limits.invisible is not None:
         _mark(reasons, INVISIBLE.name, invisible(table, limits.invisible))
+    if limits.giant is not None and (reasons == KEPT).any():
+        radius = scene_radius(table.means[reasons == KEPT])
+        _mark(reasons, GIANT.name, table.scales.max(1) > limits.giant * radius)
     left = np.flatnonzero(reasons == KEPT)
-    if len(left) <= NEIGHBOURS or limits.giant is limits.floater is limits.needle is None:
+    if len(left) <= FEWEST or limits.floater is limits.needle is None:
         return reasons
     some = table[left].replace(sh=table.sh[left, :1], extra={})
     about, found = surroundings(some), np.full(len(left), KEPT, np.uint8)
-    if limits.giant is not None:
-        _mark(found, GIANT.name, some.scales.max(1) > limits.giant * about.radius)
     if limits.floater is not None:
         _mark(found, FLOATER.name, floaters(some, about, limits.floater))
     if limits.needle is not None:
@@ -120,28 +127,30 @@ def survey(table: SplatTable, limits: Limits = USUAL) -> UInt8[np.ndarray, " n"]
 
 def floaters(table: SplatTable, about: Surroundings, times: float) -> Rows:
     """The Gaussians that are far from all others, for what is usual there and for their size."""
-    usual = np.median(about.distance[about.rows], axis=1)
-    alone = (about.distance > times * usual) | (about.distance > about.radius)
+    alone = (about.distance > times * about.usual) | (about.distance > about.radius)
     return alone & (about.distance > END * table.scales.max(1))
 
 
 def needles(table: SplatTable, about: Surroundings, ratio: float) -> Rows:
-    """The thin, long Gaussians of which one end touches nothing."""
+    """The thin, long Gaussians of which one end touches nothing that stays."""
     scales = np.sort(table.scales, 1)
     length = END * scales[:, 2]
     thin = scales[:, 2] > ratio * scales[:, 1]
-    thin &= (length > LONG * about.distance) & (length > STREAK * about.radius)
-    rows = np.flatnonzero(thin)
-    axes = rotations(table.quats[rows])[
-        np.arange(len(rows)), :, table.log_scales[rows].argmax(1)
-    ]
-    reach = length[rows, None] * axes
-    ends = np.concatenate((table.means[rows] + reach, table.means[rows] - reach))
-    owners = np.tile(rows, 2)
-    covered = coverage(table, ends, owners, ~thin, ALIKE * scales[owners, 2])
-    needed = OPEN * table.opacities[rows]
-    thin[rows] = covered.reshape(2, -1).min(0) < needed
-    return thin
+    thin &= (length > LONG * about.usual) & (length > STREAK * about.radius)
+    rows, gone = np.flatnonzero(thin), np.zeros(len(table), bool)
+    longest = table.log_scales[rows].argmax(1)[:, None, None]
+    axes = np.take_along_axis(rotations(table.quats[rows]), longest, 2)[:, :, 0]
+    ends = table.means[rows] + length[rows, None] * np.stack((axes, -axes))
+    over = covers(table, ends.reshape(-1, 3))
+    own = rows[over.point % max(len(rows), 1)]
+    holds = ~thin[over.row] | (scales[over.row, 2] <= ALIKE * scales[own, 2])
+    holds &= over.row != own
+    point, row, alpha = over.point[holds], over.row[holds], over.alpha[holds]
+    for _ in range(PEELS):
+        stays = ~gone[row]
+        covered = np.bincount(point[stays], alpha[stays], 2 * len(rows)).reshape(2, -1).min(0)
+        gone[rows] |= covered < OPEN * table.opacities[rows]
+    return gone
 
 
 def _mark(reasons: UInt8[np.ndarray, " n"], name: str, rows: Rows) -> None:
