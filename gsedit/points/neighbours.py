@@ -7,6 +7,7 @@ apart: a scene 10^6 wide costs what a small one does.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Float64, Int64
@@ -50,7 +51,7 @@ def nearest(
     distance, rows = np.empty(len(places)), np.empty((len(places), k), np.int64)
     for start in range(0, len(places), AT_ONCE):
         part = slice(start, start + AT_ONCE)
-        found, at = tree.query(places[part], k=k + 1, workers=-1)
+        found, at = _query(tree, places[part], k + 1)
         distance[part], rows[part] = found[:, -1], first[at[:, 1:]]
     return distance[same], rows[same]
 
@@ -83,9 +84,7 @@ def covers(table: SplatTable, points: Float[np.ndarray, "m 3"]) -> Covers:
         k, bound = min(NEIGHBOURS + 1, len(rows)), REACH * 2.0 ** (each + 1)
         for start in range(0, len(points), AT_ONCE):
             part = points[start : start + AT_ONCE]
-            distance, at = tree.query(
-                part, k=range(1, k + 1), distance_upper_bound=bound, workers=-1
-            )
+            distance, at = _query(tree, part, k, bound)
             near = np.isfinite(distance)
             point, row = start + np.nonzero(near)[0], rows[at[near]]
             offset = points[point] - table.means[row]
@@ -93,6 +92,15 @@ def covers(table: SplatTable, points: Float[np.ndarray, "m 3"]) -> Covers:
             alpha = table.opacities[row] * np.exp(-0.5 * np.square(local).sum(1))
             found.append((point, row, alpha))
     return Covers(*(np.concatenate(column) for column in zip(*found)))
+
+
+def _query(
+    tree: Any, points: Float[np.ndarray, "m 3"], k: int, bound: float = np.inf
+) -> tuple[Float64[np.ndarray, "m k"], Int64[np.ndarray, "m k"]]:
+    """The distances and rows of the k nearest; infinite, and one row too many, beyond `bound`."""
+    found = tree.query(points, k=k, distance_upper_bound=bound, workers=-1)
+    distance, rows = (np.asarray(each).reshape(len(points), k) for each in found)
+    return distance, rows
 
 
 def _places(
