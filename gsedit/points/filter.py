@@ -8,8 +8,9 @@ from typing import Any, ClassVar
 import numpy as np
 from jaxtyping import Bool
 
+from gsedit.files.streams import Blocks, SceneHeader
 from gsedit.files.table import SplatTable, table_of
-from gsedit.points.operation import Scene, apply
+from gsedit.points.operation import Say, Scene, apply
 from gsedit.points.selection.base import Selection
 from gsedit.points.selection.part import OnSelection
 from gsedit.points.selection.where import where
@@ -24,6 +25,25 @@ class Filter(OnSelection):
     def change(self, table: SplatTable, inside: Bool[np.ndarray, " n"]) -> SplatTable:
         rows = np.flatnonzero(inside)
         return table if len(rows) == len(table) else table[rows]
+
+    def blocks(self, blocks: Blocks, header: SceneHeader, say: Say) -> Blocks:
+        """What is kept. Where that is nothing, it is said where the scene is."""
+        low, high, kept = np.full(3, np.inf), np.full(3, -np.inf), False
+
+        def watched() -> Blocks:
+            nonlocal low, high
+            for table in blocks:
+                if not kept and len(table):
+                    low = np.fmin(low, np.fmin.reduce(table.means))
+                    high = np.fmax(high, np.fmax.reduce(table.means))
+                yield table
+
+        for table in super().blocks(watched(), header, say):
+            kept = kept or len(table) > 0
+            yield table
+        if not kept and np.isfinite([low, high]).all():
+            corners = (", ".join(f"{number:.4g}" for number in end) for end in (low, high))
+            say("nothing is selected; the centres are from ({}) to ({})".format(*corners))
 
 
 def filter(scene: Scene, selection: Selection | str) -> Scene:

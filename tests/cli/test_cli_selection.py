@@ -111,6 +111,15 @@ def test_crop_keeps_the_inside(scene, tmp_path):
     assert f"crop: kept {expected} of 5" in done.stderr
 
 
+def test_where_the_scene_is_is_told_if_nothing_is_selected(scene):
+    means = load(scene).means
+    low, high = (", ".join(f"{x:.4g}" for x in end) for end in (means.amin(0), means.amax(0)))
+    done = gsedit("crop", scene, "--sphere", "900,0,0,1", "--dry-run")
+    assert done.exit_code == 0
+    assert f"nothing is selected; the centres are from ({low}) to ({high})" in done.stderr
+    assert "crop: kept 0 of 5 (-100.0 %)" in done.stderr
+
+
 def test_a_selection_follows_another_operation(scene, tmp_path):
     out = tmp_path / "out.ply"
     words = ("--largest", "3,opacity", "then", "filter", "--smallest", "1,opacity", "-o", out)

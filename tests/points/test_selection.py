@@ -187,6 +187,26 @@ def test_a_row_that_is_not_a_number_is_selected_by_the_complement():
             assert select(table, f"not {text}").tolist() == [True, False], text
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf, 3e38, -3e38])
+def test_rows_of_any_numbers_are_selected_without_a_warning(wrong):
+    good, table = cloud(20), cloud(20)
+    for name in ("means", "log_scales", "logit_opacities", "sh"):
+        getattr(table, name)[3] = wrong
+    forms = (
+        "box(-2, -2, -2, 2, 2, 2)", "oriented_box(0, 0, 0, 2, 2, 2, 10, 20, 30)",
+        "ellipsoid(0, 0, 0, 1, 2, 3, 10, 20, 30)", "cylinder(0, 0, 0, 1, 1, 1, 1)",
+        "half_space(0, 0, 0, 1, 1, 1)", "x + y > 0", "luminance > 0.5", "longest < 1",
+        "shortest < 1", "anisotropy < 3", "red - blue > 0", "grow(x > 0, 0.5)",
+        "shrink(x > 0, 0.5)", "cluster(gap=0.5)", *EXPRESSIONS[:-2],
+    )  # fmt: skip
+    for text in forms:
+        others = np.arange(20) != 3
+        np.testing.assert_array_equal(
+            select(table, text)[others], select(good[others], text), err_msg=text
+        )
+
+
 def test_flags_are_saved_and_read_again(tmp_path):
     table, path = cloud(), tmp_path / "region.npy"
     write_flags(select(table, "x > 0"), path)

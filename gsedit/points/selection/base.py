@@ -13,6 +13,9 @@ from jaxtyping import Bool
 
 from gsedit.files.table import SplatTable
 
+QUIET = np.errstate(over="ignore", invalid="ignore", divide="ignore")
+"""For masks that compute: a damaged row is not selected, and no reason for a warning."""
+
 
 @dataclass(frozen=True)
 class Selection(ABC):

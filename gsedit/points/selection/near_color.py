@@ -13,7 +13,7 @@ from gsedit.errors import InputError, UsageError
 from gsedit.files.inputs import existing_file
 from gsedit.files.table import SplatTable
 from gsedit.points.color_space import lab_of_srgb
-from gsedit.points.selection.base import Selection
+from gsedit.points.selection.base import QUIET, Selection
 from gsedit.points.selection.volumes import check_positive
 
 
@@ -31,6 +31,7 @@ class NearColor(Selection):
     def __post_init__(self) -> None:
         check_positive("near", "difference", self.difference)
 
+    @QUIET
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
         picked = lab_of_srgb(np.array([self.color]))
         return (

@@ -11,7 +11,7 @@ from jaxtyping import Bool
 
 from gsedit.errors import UsageError
 from gsedit.files.table import SplatTable
-from gsedit.points.selection.base import Selection
+from gsedit.points.selection.base import QUIET, Selection
 from gsedit.points.selection.values import Value
 
 
@@ -58,6 +58,7 @@ class Ranked(Selection):
     def whole(self) -> bool:
         return True
 
+    @QUIET
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
         numbers = np.asarray(self.value.of(table), np.float64)
         numbers = np.broadcast_to(-numbers if self.largest else numbers, len(table))

@@ -14,7 +14,7 @@ from jaxtyping import Bool
 
 from gsedit.errors import UsageError
 from gsedit.files.table import SplatTable
-from gsedit.points.selection.base import Selection
+from gsedit.points.selection.base import QUIET, Selection
 from gsedit.points.selection.volumes import Vector, check_finite
 
 LUMA = (0.2126, 0.7152, 0.0722)
@@ -38,13 +38,7 @@ def _axis(axis: int) -> Callable[[SplatTable], Any]:
 
 
 def _anisotropy(table: SplatTable) -> Any:
-    with np.errstate(over="ignore"):
-        return np.exp(table.log_scales.max(1) - table.log_scales.min(1))
-
-
-def _exp(numbers: Any) -> Any:
-    with np.errstate(over="ignore"):
-        return np.exp(numbers)
+    return np.exp(table.log_scales.max(1) - table.log_scales.min(1))
 
 
 NAMED: dict[str, tuple[str, Callable[[SplatTable], Any]]] = {
@@ -54,10 +48,10 @@ NAMED: dict[str, tuple[str, Callable[[SplatTable], Any]]] = {
     "opacity": ("0 to 1", lambda table: table.opacities),
     "size": (
         "geometric mean of the three standard deviations",
-        lambda table: _exp(table.log_scales.mean(1)),
+        lambda table: np.exp(table.log_scales.mean(1)),
     ),
-    "longest": ("largest standard deviation", lambda table: _exp(table.log_scales.max(1))),
-    "shortest": ("smallest standard deviation", lambda table: _exp(table.log_scales.min(1))),
+    "longest": ("largest standard deviation", lambda table: np.exp(table.log_scales.max(1))),
+    "shortest": ("smallest standard deviation", lambda table: np.exp(table.log_scales.min(1))),
     "anisotropy": ("longest / shortest", _anisotropy),
     "red": ("0 to 1, without view dependence", _channel(0)),
     "green": ("0 to 1, without view dependence", _channel(1)),
@@ -107,8 +101,7 @@ class Distance(Value):
         check_finite("distance", *self.point)
 
     def of(self, table: SplatTable) -> Any:
-        with np.errstate(over="ignore"):
-            return np.linalg.norm(table.means - np.array(self.point, np.float32), axis=1)
+        return np.linalg.norm(table.means - np.array(self.point, np.float32), axis=1)
 
 
 @dataclass(frozen=True)
@@ -139,8 +132,7 @@ class Computed(Value):
     operands: tuple[Value, ...]
 
     def of(self, table: SplatTable) -> Any:
-        with np.errstate(all="ignore"):
-            return ARITHMETIC[self.operator](*(each.of(table) for each in self.operands))
+        return ARITHMETIC[self.operator](*(each.of(table) for each in self.operands))
 
 
 COMPARISONS: dict[str, Callable[[Any, Any], Any]] = {
@@ -161,6 +153,7 @@ class Compare(Selection):
     operator: str
     right: Value
 
+    @QUIET
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
         found = COMPARISONS[self.operator](self.left.of(table), self.right.of(table))
         return np.broadcast_to(np.asarray(found, bool), len(table))

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float32, Float64
 
 from gsedit.errors import UsageError
 from gsedit.files.table import SplatTable
-from gsedit.points.selection.base import Selection
+from gsedit.points.selection.base import QUIET, Selection
 
 Vector = tuple[float, float, float]
 UNTURNED: Vector = (0.0, 0.0, 0.0)
@@ -44,6 +44,7 @@ class Box(Selection):
                     f"box: {axis} goes from {low:g} to {high:g}: give the lower corner first"
                 )
 
+    @QUIET
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
         inside = np.ones(len(table), bool)
         for axis in range(3):
@@ -67,6 +68,7 @@ class OrientedBox(Selection):
         check_finite("box", *self.centre, *self.degrees)
         check_positive("box", "side", *self.size)
 
+    @QUIET
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
         half = np.array(self.size, np.float32) / 2
         return np.all(np.abs(_along_axes(table, self.centre, self.degrees)) <= half, axis=1)
@@ -84,6 +86,7 @@ class Ellipsoid(Selection):
         check_finite("ellipsoid", *self.centre, *self.degrees)
         check_positive("ellipsoid", "radius", *self.radii)
 
+    @QUIET
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
         scaled = _along_axes(table, self.centre, self.degrees) / np.array(self.radii, np.float32)
         return _squared(scaled) <= 1
@@ -100,6 +103,7 @@ class Sphere(Selection):
         check_finite("sphere", *self.centre)
         check_positive("sphere", "radius", self.radius)
 
+    @QUIET
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
         return _squared(table.means - np.array(self.centre, np.float32)) <= self.radius**2
 
@@ -118,6 +122,7 @@ class Cylinder(Selection):
         if self.start == self.end:
             raise UsageError("cylinder: its axis goes from a point to the same one: give two")
 
+    @QUIET
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
         axis = np.subtract(self.end, self.start)
         length = float(np.linalg.norm(axis))
@@ -140,6 +145,7 @@ class HalfSpace(Selection):
         if not any(self.normal):
             raise UsageError("half_space: the normal is 0,0,0: give a direction")
 
+    @QUIET
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
         normal = np.array(self.normal) / np.linalg.norm(self.normal)
         return (table.means - np.array(self.point, np.float32)) @ normal.astype(np.float32) >= 0
@@ -166,5 +172,4 @@ def _along_axes(table: SplatTable, centre: Vector, degrees: Vector) -> Float32[n
 
 def _squared(vectors: Float32[np.ndarray, "n 3"]) -> Float32[np.ndarray, " n"]:
     """Squared lengths; infinite where they leave float32."""
-    with np.errstate(over="ignore"):
-        return np.einsum("ij,ij->i", vectors, vectors)
+    return np.einsum("ij,ij->i", vectors, vectors)
