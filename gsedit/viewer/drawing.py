@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -216,9 +217,10 @@ def _add_surroundings(plotter: Any, scene: Gaussians, around: Surroundings) -> N
 
 def _add_bar(plotter: Any, mapper: Any, shown: Attribute, look: Look) -> None:
     scale = ", log scale" if shown.log else ""
-    height = plotter.window_size[1]
+    width, height = plotter.window_size[0] / plotter.shape[1], plotter.window_size[1]
+    title = wrap(f"{shown.title}{scale} ({look.colormap})", max(20, int(width / 8)))
     plotter.add_scalar_bar(
-        f"{shown.title}{scale} ({look.colormap})\n", mapper=mapper, color="black", n_labels=5,
-        fmt="%.3g", title_font_size=14, label_font_size=12, width=0.8, height=70 / height,
+        "\n".join(title) + "\n", mapper=mapper, color="black", n_labels=5, fmt="%.3g",
+        title_font_size=14, label_font_size=12, width=0.8, height=(50 + 20 * len(title)) / height,
         position_x=0.1, position_y=8 / height, vertical=False, background_color="white", fill=True,
     )  # fmt: skip

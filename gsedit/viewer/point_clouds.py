@@ -8,6 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from gsedit.files.table import SplatTable, gaussians_of
 from gsedit.viewer.libraries import import_open3d, import_pyvista, import_trimesh
 from rasterizer.numerics import SH_DC
 from rasterizer.scene import Gaussians
@@ -18,7 +19,11 @@ def splat_colors(scene: Gaussians) -> Float[Tensor, "n 3"]:
     return (0.5 + SH_DC * scene.sh[:, 0]).detach().clamp(0, 1)
 
 
-def to_open3d(scene: Gaussians) -> Any:
+def as_gaussians(scene: Gaussians | SplatTable) -> Gaussians:
+    return gaussians_of(scene) if isinstance(scene, SplatTable) else scene
+
+
+def to_open3d(scene: Gaussians | SplatTable) -> Any:
     """An `open3d.t.geometry.PointCloud` with Open3D's names for splats.
 
     positions; scale `n 3` (linear); rot `n 4` (wxyz); opacity `n 1` (logit); f_dc `n 3`; f_rest
@@ -26,7 +31,7 @@ def to_open3d(scene: Gaussians) -> Any:
 
     Raises GseditError where open3d cannot be loaded.
     """
-    open3d = import_open3d()
+    open3d, scene = import_open3d(), as_gaussians(scene)
     fields = {
         "positions": scene.means,
         "scale": scene.scales,
@@ -43,27 +48,29 @@ def to_open3d(scene: Gaussians) -> Any:
     return cloud
 
 
-def to_pyvista(scene: Gaussians) -> Any:
+def to_pyvista(scene: Gaussians | SplatTable) -> Any:
     """A `pyvista.PolyData` of the centres, with `rgb` (uint8), `opacity` and `scales`.
 
     Raises GseditError where pyvista cannot be loaded.
     """
-    cloud = import_pyvista().PolyData(scene.means.detach().double().cpu().numpy())
+    pyvista, scene = import_pyvista(), as_gaussians(scene)
+    cloud = pyvista.PolyData(scene.means.detach().double().cpu().numpy())
     cloud["rgb"] = (splat_colors(scene) * 255).round().to(torch.uint8).cpu().numpy()
     cloud["opacity"] = scene.opacities.detach().cpu().numpy()
     cloud["scales"] = scene.scales.detach().cpu().numpy()
     return cloud
 
 
-def to_trimesh(scene: Gaussians) -> Any:
+def to_trimesh(scene: Gaussians | SplatTable) -> Any:
     """A `trimesh.PointCloud` of the centres, with colours and opacities as RGBA (uint8).
 
     Its export() writes a bare point cloud (.ply, .glb, .xyz): without sizes and rotations.
 
     Raises GseditError where trimesh cannot be loaded.
     """
+    trimesh, scene = import_trimesh(), as_gaussians(scene)
     rgba = torch.cat((splat_colors(scene), scene.opacities.detach()[:, None]), dim=1)
-    return import_trimesh().PointCloud(
+    return trimesh.PointCloud(
         vertices=scene.means.detach().double().cpu().numpy(),
         colors=(rgba * 255).round().to(torch.uint8).cpu().numpy(),
     )

@@ -15,6 +15,7 @@ from PIL import Image
 from point_clouds import ball
 
 import gsedit
+from gsedit.files.table import table_of
 from gsedit.fitting.fit import FitResult
 from gsedit.reports import notebook
 
@@ -91,7 +92,8 @@ def test_the_exported_clouds_hold_the_centres():
         (gsedit.to_open3d, lambda cloud: cloud.point["positions"].numpy()),
     ):
         try:
-            cloud = make(scene)
+            cloud, same = make(scene), make(table_of(scene))
         except gsedit.GseditError as error:
             pytest.skip(str(error))
         assert np.allclose(centres(cloud), scene.means, atol=1e-6)
+        assert np.array_equal(centres(cloud), centres(same))
