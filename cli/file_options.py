@@ -38,10 +38,14 @@ class FileOptions:
         int, format_option("--spz-version", "Version of the .spz to write.", min=3, max=4)
     ] = 3
 
+    samples: Annotated[
+        int, format_option("--samples", "Gaussians on the surface of a mesh that is read.", min=1)
+    ] = 100_000
+
     def read(self) -> ReadOptions:
         from gsedit.files.streams import ReadOptions
 
-        return ReadOptions(spz_frame=self.spz_frame.value)
+        return ReadOptions(spz_frame=self.spz_frame.value, samples=self.samples)
 
     def write(self) -> WriteOptions:
         from gsedit.files.streams import WriteOptions

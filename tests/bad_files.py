@@ -185,11 +185,13 @@ _SCENES = [
         "f_rest_missing", _scene_file(_without(("f_rest_8",))), "scene", ("8 f_rest", "needs 9")
     ),
     BadFile(
-        "point_cloud",
-        _scene_file(_without(PLY_COLUMNS[6:])),
+        "only_positions_and_rotations",
+        _scene_file(_without(PLY_COLUMNS[6:-4])),
         "scene",
-        ("opacity, scale_0", "gsedit fit"),
+        ("opacity, scale_0", "export it again"),
     ),
+    BadFile("bad_obj", _scene_file(b"f 1 2 3", "scene.obj"), "scene", ("again",)),
+    BadFile("bad_stl", _scene_file(b"solid x", "scene.stl"), "scene", ("again",)),
     BadFile(
         "no_scales", _scene_file(_without(("scale_1", "scale_2"))), "scene", ("scale_1", "again")
     ),

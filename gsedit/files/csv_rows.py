@@ -19,16 +19,17 @@ def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions
     The number of rows.
     """
     names = columns((header.degree + 1) ** 2)
-    row = np.dtype([("splat", "<f4", len(names)), *header.extra.items()])
-    forms = ["%.9g"] * len(names) + [_form(kind) for kind in header.extra.values()]
+    extra = {name: kind for name, kind in header.extra.items() if name not in names}
+    row = np.dtype([("splat", "<f4", len(names)), *extra.items()])
+    forms = ["%.9g"] * len(names) + [_form(kind) for kind in extra.values()]
     line = ",".join(forms) + "\n"
     count = 0
     with path.open("w", encoding="utf-8", newline="") as handle:
-        handle.write(",".join((*names, *header.extra)) + "\n")
+        handle.write(",".join((*names, *extra)) + "\n")
         for block in blocks:
             for part in in_blocks(block, LINES):
                 rows = rows_of(part, row)
-                handle.write(line * len(part) % _values(rows, tuple(header.extra)))
+                handle.write(line * len(part) % _values(rows, tuple(extra)))
                 count += len(part)
     return count
 

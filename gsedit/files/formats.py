@@ -38,6 +38,7 @@ class Format:
     """What it can hold beside the splats: fields of `SceneHeader`."""
 
 
+MESHES = (".obj", ".stl", ".off")
 FORMATS = (
     Format(".ply", "inria", max_degree=4, keeps=frozenset(("extra", "elements", "comments"))),
     Format(".compressed.ply", "compressed_ply"),
@@ -54,6 +55,7 @@ FORMATS = (
         max_degree=4,
         keeps=frozenset(("extra", "elements", "comments", "antialiased")),
     ),
+    *(Format(suffix, "mesh", writes=False) for suffix in MESHES),
     Format(".csv", "csv_rows", reads=False, max_degree=4, keeps=frozenset(("extra",))),
 )
 READABLE = tuple(format.suffix for format in FORMATS if format.reads)
@@ -72,7 +74,11 @@ def open_scene(path: str | Path, options: ReadOptions = AS_SPECIFIED) -> SceneSo
     format = _format(path)
     if format is None or not format.reads:
         raise UsageError(f"{path}: gsedit reads {', '.join(READABLE)}: name one of these")
-    name = _ply_kind(path) if format.suffix.endswith(".ply") else format.module
+    name = format.module
+    if format.suffix.endswith(".ply"):
+        name = _ply_kind(path)
+    elif name == "gltf":
+        name = _gltf_kind(path)
     return import_module(f"gsedit.files.{name}").open_source(path, options)
 
 
@@ -139,7 +145,21 @@ def _format(path: Path) -> Format | None:
 
 
 def _ply_kind(path: Path) -> str:
-    """The module that reads this .ply: exporters often leave ".compressed" out of the name."""
+    """The module that reads this .ply: exporters often leave ".compressed" out of the name, and
+    meshes and point clouds have the same suffix."""
     from gsedit.files.compressed_ply import is_compressed
+    from gsedit.files.inria import is_splats
 
-    return "compressed_ply" if is_compressed(read_ply_header(path)) else "inria"
+    header = read_ply_header(path)
+    vertex = header.element("vertex")
+    names = vertex.names if vertex else ()
+    if is_compressed(header):
+        return "compressed_ply"
+    return "mesh" if {"x", "y", "z"} <= {*names} and not is_splats(names) else "inria"
+
+
+def _gltf_kind(path: Path) -> str:
+    """The module that reads this glTF: a mesh has no splats."""
+    from gsedit.files.gltf import holds_splats
+
+    return "gltf" if holds_splats(path) else "mesh"

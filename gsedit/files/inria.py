@@ -89,11 +89,13 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
     k = _coefficients(path, vertex.names)
     known = {*columns(k), *_NORMALS}
     kinds = vertex.dtype("=") if not vertex.has_lists else np.dtype([])
-    extra = {name: kinds[name] for name in kinds.names or () if name not in known}
+    normals = _NORMALS if _has_normals(path, header, vertex) else ()
+    extra = {
+        name: kinds[name] for name in kinds.names or () if name in normals or name not in known
+    }
     elements, left_out = other_elements(path, header, "vertex", ELEMENTS_MAX_BYTES)
     notes = [f"elements left out: {', '.join(left_out)}"] if left_out else []
     notes += ["no column scale_2: 2D splats, read as disks 1e-6 thick"] * _is_flat(vertex.names)
-    notes += _normals_note(path, header, vertex)
     scene = SceneHeader(
         isqrt(k) - 1,
         extra,
@@ -115,7 +117,8 @@ def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions
     """
     k = (header.degree + 1) ** 2
     names = columns(k)
-    kinds = {name: _stored(path, name, kind) for name, kind in header.extra.items()}
+    beside = {name: kind for name, kind in header.extra.items() if name not in _NORMALS}
+    kinds = {name: _stored(path, name, kind) for name, kind in beside.items()}
     row = np.dtype([("splat", "<f4", len(names)), *kinds.items()])
     comments = [" ".join(c.split()) for c in header.comments if not c.startswith(PROGRAM)]
     if header.antialiased and not set(comments) & set(MIP_COMMENTS):
@@ -154,13 +157,16 @@ def rows_of(table: SplatTable, row: np.dtype) -> np.ndarray:
     n, k = table.sh.shape[:2]
     rows = np.empty(n, row)
     splat = rows["splat"]
-    splat[:, 0:3], splat[:, 3:6], splat[:, 6:9] = table.means, 0, table.sh[:, 0]
+    splat[:, 0:3], splat[:, 6:9] = table.means, table.sh[:, 0]
+    for column, name in enumerate(_NORMALS, 3):
+        splat[:, column] = table.extra.get(name, 0)
     rest = splat[:, 9 : 6 + 3 * k]  # a view, as its reshape is
     rest.reshape(n, 3, k - 1)[:] = table.sh[:, 1:].transpose(0, 2, 1)  # to channel-major
     splat[:, -8], splat[:, -7:-4] = table.logit_opacities, table.log_scales
     splat[:, -4:] = table.quats
-    for name, column in table.extra.items():
-        rows[name] = column
+    for name in row.names or ():
+        if name != "splat":
+            rows[name] = table.extra[name]
     return rows
 
 
@@ -178,8 +184,7 @@ def _coefficients(path: Path, names: tuple[str, ...]) -> int:
     basic = [c for c in missing if not c.startswith("f_rest_")]
     if basic and not _is_flat(names):
         raise InputError(
-            f"{path} is no splat scene, columns {', '.join(basic)} are missing: "
-            "export it again (a mesh has none: `gsedit fit` makes splats from photos)"
+            f"{path} is no splat scene, columns {', '.join(basic)} are missing: export it again"
         )
     if count != needed or any(c.startswith("f_rest_") for c in missing):
         raise InputError(
@@ -194,14 +199,12 @@ def _is_flat(names: tuple[str, ...]) -> bool:
     return "scale_2" not in names and {*columns(1)} - {*names, *_NORMALS} == {"scale_2"}
 
 
-def _normals_note(path: Path, header: PlyHeader, vertex: PlyElement) -> list[str]:
-    """A note where the normals are not the zeros that INRIA's files have; the first rows tell."""
+def _has_normals(path: Path, header: PlyHeader, vertex: PlyElement) -> bool:
+    """Whether there are normals, not the zeros that INRIA's files have; the first rows tell."""
     if not set(_NORMALS) <= set(vertex.names) or vertex.has_lists or not vertex.count:
-        return []
+        return False
     first = next(element_blocks(path, header, "vertex", LOOK_AT))
-    if any(first[name].any() for name in _NORMALS):
-        return ["columns left out: nx, ny, nz (normals)"]
-    return []
+    return any(first[name].any() for name in _NORMALS)
 
 
 def _read(path: Path, header: PlyHeader, k: int, extra: tuple[str, ...]) -> Blocks:

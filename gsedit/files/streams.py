@@ -71,6 +71,10 @@ class ReadOptions:
 
     spz_frame: str = "rub"
     """Axes of an .spz that names none: rub (its specification) or rdf (as some writers store)."""
+    samples: int = 100_000
+    """Gaussians on the surfaces of a mesh."""
+    seed: int = 0
+    """Of the places on a mesh."""
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from gsedit.files import mesh
 from gsedit.views.dataset import Dataset, View
 from rasterizer.numerics import SH_DC
 from rasterizer.scene import Gaussians
@@ -39,11 +40,8 @@ def initial_scene(dataset: Dataset, sh_degree: int, generator: torch.Generator) 
 
 def neighbour_distance(points: Float[Tensor, "n 3"], neighbours: int = 3) -> Float[Tensor, " n"]:
     """Root mean squared distance to the nearest few other points."""
-    from scipy.spatial import KDTree
-
-    located = points.double().numpy()
-    distance, _ = KDTree(located).query(located, k=min(neighbours + 1, len(points)), workers=-1)
-    return torch.from_numpy(distance[:, 1:]).square().mean(-1).sqrt().to(points.dtype)
+    distance = mesh.neighbour_distance(points.double().numpy(), neighbours)
+    return torch.from_numpy(distance).to(points.dtype)
 
 
 def _random_points(

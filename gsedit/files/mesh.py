@@ -1,0 +1,189 @@
+"""Meshes and point clouds as Gaussians: .obj, .glb, .stl, .off, .ply, read by trimesh.
+
+A mesh becomes flat disks on its surface with the colours of its texture, vertices or faces; a
+point cloud becomes round Gaussians as wide as their neighbours are far.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from gsedit.errors import InputError
+from gsedit.files.streams import ReadOptions, SceneHeader, SceneSource, in_blocks
+from gsedit.files.table import SH_DC, SplatTable, concatenate_tables
+
+DISK = 0.8
+"""Standard deviation of a disk, in side lengths of the square that it stands for. The disks of a
+surface then hide what is behind them: 4 of them overlap at a point on the average."""
+THICKNESS = 0.05
+"""Of a disk, in its standard deviations."""
+BALL = 0.5
+"""Standard deviation at a point, in distances to its neighbours."""
+LOGIT = 4.0
+"""Of the opacity, 0.98: surfaces are opaque."""
+GREY = 0.6
+"""The colour of a surface that has none."""
+
+
+def open_source(path: Path, options: ReadOptions) -> SceneSource:
+    """Read a mesh or a point cloud, and sample it: `options.samples` Gaussians for the surfaces,
+    one for each point. Raises InputError for a file that trimesh cannot read, or without either.
+    """
+    parts = list(_geometries(path))
+    surfaces = [p for p in parts if len(getattr(p, "faces", ())) and p.area > 0]
+    clouds = [p for p in parts if not hasattr(p, "faces") and len(getattr(p, "vertices", ()))]
+    if not surfaces and not clouds:
+        raise InputError(f"{path} holds no surface and no points: export it again")
+    total = sum(surface.area for surface in surfaces)
+    rng = np.random.default_rng(options.seed)
+    shares = [max(1, round(options.samples * s.area / total)) for s in surfaces]
+    tables = [_disks(s, n, rng) for s, n in zip(surfaces, shares)]
+    tables += [_balls(cloud) for cloud in clouds]
+    table = concatenate_tables(tables)
+    if path.suffix.lower() in (".glb", ".gltf"):  # as splats in glTF: +y is up there
+        table = _half_turn(table)
+    notes = [f"a mesh: {sum(shares):,} Gaussians sampled on its surface"] * bool(surfaces)
+    notes += [f"a point cloud: {sum(len(c.vertices) for c in clouds):,} round Gaussians"] * bool(
+        clouds
+    )
+    kind = f"{path.suffix.lower()} mesh" if surfaces else f"{path.suffix.lower()} point cloud"
+    return SceneSource(
+        path, kind, SceneHeader(0), len(table), lambda: in_blocks(table), tuple(notes)
+    )
+
+
+def neighbour_distance(
+    points: Float[np.ndarray, "n 3"], neighbours: int = 3
+) -> Float[np.ndarray, " n"]:
+    """Root mean squared distance to the nearest few other points."""
+    from scipy.spatial import KDTree
+
+    near = min(neighbours + 1, len(points))
+    distance, _ = KDTree(points).query(points, k=[*range(1, near + 1)], workers=-1)
+    return np.sqrt((distance[:, 1:] ** 2).mean(1)) if near > 1 else np.ones(len(points))
+
+
+def _geometries(path: Path) -> Iterator[Any]:
+    """Every part of the scene in a file, placed as its nodes say."""
+    import trimesh
+
+    try:
+        scene: Any = trimesh.load(path, force="scene", process=False)
+        for node in scene.graph.nodes_geometry:
+            matrix, name = scene.graph[node]
+            yield scene.geometry[name].copy().apply_transform(matrix)
+    except MemoryError:
+        raise
+    except Exception as error:  # trimesh's readers raise whatever comes
+        reason = " ".join(str(error).split())[:200] or type(error).__name__
+        raise InputError(f"{path} cannot be read as a mesh ({reason}): export it again") from None
+
+
+def _disks(mesh: Any, count: int, rng: np.random.Generator) -> SplatTable:
+    """Flat Gaussians spread evenly over the surface of a mesh."""
+    areas = np.asarray(mesh.area_faces, np.float64)
+    # one sample in each of `count` equal parts of the area: faces get their share to within one
+    ends = np.cumsum(areas)
+    places = (np.arange(count) + rng.random(count)) / count * ends[-1]
+    faces = np.searchsorted(ends, places).clip(0, len(areas) - 1)
+    # within its face, along the sequence R2 (M. Roberts, 2018), whose points keep apart
+    steps = np.arange(count)[:, None] * np.array([0.7548776662466927, 0.5698402909980532])
+    inside = (steps + rng.random(2)) % 1
+    outside = inside.sum(1) > 1
+    inside[outside] = 1 - inside[outside]
+    weights = np.column_stack((1 - inside.sum(1), inside))
+    points = (np.asarray(mesh.triangles)[faces] * weights[:, :, None]).sum(1)
+    sizes = np.array([DISK, DISK, DISK * THICKNESS]) * np.sqrt(ends[-1] / count)
+    return _table(
+        points, _turned_to(np.asarray(mesh.face_normals)[faces]), sizes,
+        _colors(mesh, faces, weights),
+    )  # fmt: skip
+
+
+def _balls(cloud: Any) -> SplatTable:
+    """Round Gaussians at points, which may have colours."""
+    points = np.asarray(cloud.vertices, np.float64)
+    if not np.isfinite(points).all():
+        raise InputError("the point cloud has points that are NaN or Inf: remove them")
+    sizes = BALL * np.maximum(neighbour_distance(points), 1e-7)[:, None].repeat(3, 1)
+    colors = np.asarray(getattr(cloud, "colors", ()))
+    colors = colors[:, :3] / 255 if colors.shape[:1] == points.shape[:1] else GREY
+    identity = np.broadcast_to([1.0, 0, 0, 0], (len(points), 4))
+    return _table(points, identity, sizes, np.broadcast_to(colors, points.shape))
+
+
+def _table(
+    points: np.ndarray, quats: np.ndarray, sizes: np.ndarray, colors: np.ndarray
+) -> SplatTable:
+    """Opaque Gaussians of one colour each."""
+    n = len(points)
+    sh = ((colors - 0.5) / SH_DC)[:, None]
+    log_scales = np.log(np.broadcast_to(sizes, (n, 3)))
+    arrays = (points, quats, log_scales, np.full(n, LOGIT), sh)
+    return SplatTable(*(np.array(a, np.float32, order="C") for a in arrays))
+
+
+def _colors(
+    mesh: Any, faces: np.ndarray, weights: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, "n 3"]:
+    """Of places on a mesh, in [0, 1]."""
+    visual = mesh.visual
+    corners = np.asarray(mesh.faces)[faces]
+    material = getattr(visual, "material", None)
+    uv = getattr(visual, "uv", None)
+    if material is not None:
+        picture = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
+        factor = np.asarray(material.main_color, np.float64)[:3] / 255
+        if picture is None or uv is None or len(uv) != len(mesh.vertices):
+            return np.broadcast_to(factor, (len(faces), 3))
+        at = (np.asarray(uv, np.float64)[corners] * weights[:, :, None]).sum(1)
+        tint = getattr(material, "baseColorFactor", None)
+        tint = 1.0 if tint is None else np.asarray(tint, np.float64)[:3] / 255
+        return _texels(picture, at) * tint
+    if visual.kind == "vertex":
+        values = np.asarray(visual.vertex_colors, np.float64)[corners, :3] / 255
+        return (values * weights[:, :, None]).sum(1)
+    if visual.kind == "face":
+        return np.asarray(visual.face_colors, np.float64)[faces, :3] / 255
+    return np.full((len(faces), 3), GREY)
+
+
+def _texels(picture: Any, uv: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:
+    """Colours of a picture, repeated, at texture coordinates whose v points up: bilinear."""
+    pixels = np.asarray(picture.convert("RGB"), np.float64) / 255
+    height, width = pixels.shape[:2]
+    x, y = uv[:, 0] * width - 0.5, (1 - uv[:, 1]) * height - 0.5
+    left, top = np.floor(x).astype(int), np.floor(y).astype(int)
+    right, down = (x - left)[:, None], (y - top)[:, None]
+
+    def at(dx: int, dy: int) -> np.ndarray:
+        return pixels[(top + dy) % height, (left + dx) % width]
+
+    upper = at(0, 0) * (1 - right) + at(1, 0) * right
+    lower = at(0, 1) * (1 - right) + at(1, 1) * right
+    return upper * (1 - down) + lower * down
+
+
+def _turned_to(normals: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 4"]:
+    """Rotations wxyz that take the z axis to each normal the short way."""
+    quats = np.column_stack(
+        (1 + normals[:, 2], -normals[:, 1], normals[:, 0], np.zeros(len(normals)))
+    )
+    quats[normals[:, 2] < -0.999999] = [0, 1, 0, 0]
+    return quats / np.linalg.norm(quats, axis=1, keepdims=True)
+
+
+def _half_turn(table: SplatTable) -> SplatTable:
+    """From glTF's axes to memory's: half a turn about z. Round colours do not turn."""
+    w, x, y, z = table.quats.T
+    return table.replace(
+        means=table.means * np.float32([-1, -1, 1]), quats=np.stack((-z, -y, x, w), axis=1)
+    )
+
+
+__all__ = ["neighbour_distance", "open_source"]
