@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -19,11 +19,26 @@ Out = Annotated[
 ]
 
 
-def convert(target: Out = None) -> Target:
+Undo = Annotated[
+    Path | None,
+    typer.Option(
+        "--undo-dataparser", metavar="JSON", show_default=False,
+        help="Bring a splat that nerfstudio exported back into the frame of its photos: its "
+        "dataparser_transforms.json.",
+    ),
+]  # fmt: skip
+
+
+def convert(target: Out = None, undo_dataparser: Undo = None) -> list[Any]:
     """Write a scene in another format: the suffix of OUT says which.
 
-    What that format cannot hold is named in one line.
+    What that format cannot hold is named in one line. A mesh or a point cloud becomes Gaussians.
 
     gsedit convert scene.ply scene.spz
     """
-    return Target(target)
+    if undo_dataparser is None:
+        return [Target(target)]
+    from gsedit.files.dataparser import read_dataparser
+    from gsedit.points.transform import transform_of
+
+    return [transform_of(read_dataparser(undo_dataparser).inverse), Target(target)]

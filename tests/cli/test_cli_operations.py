@@ -103,3 +103,30 @@ def test_convert_writes_by_suffix_and_names_what_is_lost(scene, tmp_path):
     assert done.exit_code == 0, done.stderr
     assert open_scene(out).header.degree == 0
     assert gsedit("convert", scene).exit_code == 2
+
+
+def test_convert_brings_an_export_of_nerfstudio_back_into_the_frame_of_its_photos(scene, tmp_path):
+    import numpy as np
+
+    from gsedit.files import open_scene
+    from gsedit.files.similarity import Similarity
+
+    turn = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])
+    exported = tmp_path / "dataparser_transforms.json"
+    move = np.array([1.0, 2, 3])  # nerfstudio: x' = scale (R x + t)
+    record = {"transform": np.column_stack((turn, move)).tolist(), "scale": 0.5}
+    exported.write_text(json.dumps(record))
+    original = open_scene(scene).table()
+    out, words = tmp_path / "back.ply", ("--undo-dataparser", exported)
+    assert gsedit("convert", scene, out, *words).exit_code == 0
+    back = open_scene(out).table()
+    expected = (original.means / 0.5 - move) @ turn
+    np.testing.assert_allclose(back.means, expected, atol=1e-5)
+    np.testing.assert_allclose(back.log_scales, original.log_scales + np.log(2), atol=1e-5)
+    again = Similarity(turn, 0.5, 0.5 * move).table(back)
+    np.testing.assert_allclose(again.sh, original.sh, atol=1e-5)
+    exported.write_text("{}")
+    done = gsedit("convert", scene, out, *words, "-f")
+    assert done.exit_code == 3
+    assert one_line(done.stderr)
+    assert "dataparser_transforms.json" in done.stderr
