@@ -40,6 +40,7 @@ from .ranks import cause, end, leave, meet
 from .recolor import recolor
 from .recover import recover
 from .reduce_sh import reduce_sh
+from .remove_background import remove_background
 from .render import render
 from .repair import repair
 from .select import select
@@ -57,6 +58,7 @@ OPERATIONS = (
     transform,
     align,
     recolor,
+    remove_background,
     merge,
     decimate,
     order,

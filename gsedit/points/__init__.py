@@ -12,6 +12,7 @@ from rasterizer.lazy import make_lazy
 
 if TYPE_CHECKING:
     from gsedit.points.align import align_length, align_to, align_to_ground
+    from gsedit.points.background import InTheMiddle, RemoveBackground, remove_background
     from gsedit.points.check import check
     from gsedit.points.clean import Clean, clean
     from gsedit.points.decimate import Decimate, decimate
@@ -33,6 +34,7 @@ __all__ = [
     "Clean",
     "Decimate",
     "Filter",
+    "InTheMiddle",
     "Limits",
     "Merge",
     "Opacity",
@@ -41,6 +43,7 @@ __all__ = [
     "Palette",
     "Recolor",
     "ReduceSH",
+    "RemoveBackground",
     "Repair",
     "Rowwise",
     "Selection",
@@ -61,6 +64,7 @@ __all__ = [
     "order",
     "recolor",
     "reduce_sh",
+    "remove_background",
     "repair",
     "select",
     "set_opacity",
@@ -72,6 +76,7 @@ __all__ = [
 make_lazy(
     __name__,
     {
+        "background": ("InTheMiddle", "RemoveBackground", "remove_background"),
         "align": ("align_length", "align_to", "align_to_ground"),
         "check": ("check",),
         "clean": ("Clean", "clean"),

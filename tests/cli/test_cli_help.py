@@ -26,6 +26,7 @@ VERBS = (
     "transform",
     "align",
     "recolor",
+    "remove-background",
     "reduce-sh",
     "transform",
     "merge",

@@ -1,0 +1,29 @@
+"""gsedit remove-background: the subject, counted."""
+
+from __future__ import annotations
+
+import torch
+from command_line import gsedit, one_line
+
+from gsedit.files import load
+from gsedit.files.cameras import write_cameras
+from gsedit.views.dataset import View
+from gsedit.views.orbit import orbit
+
+
+def test_what_the_cameras_stand_around_is_kept_and_counted(scene, tmp_path):
+    before, out = load(scene), tmp_path / "alone.ply"
+    cameras = orbit(before, 6, 32)
+    path = tmp_path / "views" / "cameras.json"
+    write_cameras([View(str(i), c, torch.zeros(32, 32, 3)) for i, c in enumerate(cameras)], path)
+    done = gsedit("remove-background", scene, "--data", path, "--within", 0.05, "-o", out)
+    assert done.exit_code == 0, done.stderr
+    assert f"remove-background: kept {len(load(out)):,} of {len(before):,}" in done.stderr
+    assert 0 < len(load(out)) < len(before)
+
+
+def test_within_needs_cameras(scene, tmp_path):
+    done = gsedit("remove-background", scene, "--within", 0.5, "-o", tmp_path / "a.ply")
+    assert done.exit_code == 2
+    assert one_line(done.stderr)
+    assert "--data" in done.stderr
