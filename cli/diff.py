@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,7 +10,17 @@ import typer
 
 from .cameras import ViewOptions
 from .console import print_json, print_message
-from .options import Common, DropInvalid, Force, Scene, check_file, load_scene, output, scene_file
+from .options import (
+    Common,
+    DropInvalid,
+    Force,
+    Scene,
+    check_file,
+    load_file,
+    numerics_of,
+    output,
+    scene_file,
+)
 from .placed import place
 from .progress import progress
 from .render import render_settings
@@ -18,13 +29,24 @@ from .setting_options import SettingsGroup, Values, with_values
 if TYPE_CHECKING:
     from gsedit.points.differences import Matches, SceneDifference
     from gsedit.views.viewpoints import Viewpoint
-    from rasterizer.numerics import Execution
+    from rasterizer.numerics import Execution, Numerics
     from rasterizer.scene import Gaussians
 
 FEW = 0.01
 """Share of the Gaussians below which those that both scenes have are there by chance."""
 SHOWN = 4
 """Most views in the picture: the worst one first."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """Two scenes, and how they are looked at."""
+
+    paths: tuple[Path, Path]
+    scenes: tuple[Gaussians, Gaussians]
+    numerics: tuple[Numerics, Numerics]
+    viewpoints: tuple[Viewpoint, ...]
+    execution: Execution
 
 
 def diff(
@@ -63,14 +85,31 @@ def diff(
     from rasterizer.numerics import Execution
 
     execution = with_values(Execution(), values)
-    before = load_scene(scene, drop_invalid=drop_invalid)
-    after = load_scene(other, drop_invalid=drop_invalid)
-    viewpoints = views_of(scene, other, before, cameras, count, execution)
-    result = compare(before, after, viewpoints, execution, as_json=common.json)
+    pair = read_pair((scene, other), cameras, count, execution, drop_invalid=drop_invalid)
+    result = compare(pair, as_json=common.json)
     if out is not None:
-        draw(result, (scene, other), (before, after), viewpoints, out, force, execution)
+        draw(result, pair, out, force)
         print_message(f"the picture is {out}")
     show_result(result, (scene, other), as_json=common.json)
+
+
+def read_pair(
+    paths: tuple[Path, Path],
+    cameras: ViewOptions,
+    count: int,
+    execution: Execution,
+    *,
+    drop_invalid: bool,
+) -> Pair:
+    """Read both scenes, and place the views."""
+    before, after = (load_file(path, drop_invalid=drop_invalid) for path in paths)
+    return Pair(
+        paths,
+        (before.scene, after.scene),
+        (numerics_of(before, paths[0]), numerics_of(after, paths[1])),
+        views_of(*paths, before.scene, cameras, count, execution),
+        execution,
+    )
 
 
 def show_result(result: SceneDifference, paths: tuple[Path, Path], *, as_json: bool) -> None:
@@ -99,14 +138,7 @@ def check_request(
             existing_file(path)
 
 
-def compare(
-    before: Gaussians,
-    after: Gaussians,
-    viewpoints: tuple[Viewpoint, ...],
-    execution: Execution,
-    *,
-    as_json: bool,
-) -> SceneDifference:
+def compare(pair: Pair, *, as_json: bool) -> SceneDifference:
     """The comparison, its progress shown."""
     from gsedit.points.differences import diff
     from gsedit.reports.events import Event
@@ -118,7 +150,13 @@ def compare(
         def tell(done: int, total: int) -> None:
             show(Event("compare", watch.seconds, done, total))
 
-        return diff(before, after, viewpoints, execution=execution, progress=tell)
+        return diff(
+            *pair.scenes,
+            pair.viewpoints,
+            numerics=pair.numerics,
+            execution=pair.execution,
+            progress=tell,
+        )
 
 
 def views_of(
@@ -140,18 +178,11 @@ def views_of(
     return tuple(placed.viewpoints[index] for index in chosen)
 
 
-def draw(
-    result: SceneDifference,
-    paths: tuple[Path, Path],
-    scenes: tuple[Gaussians, Gaussians],
-    viewpoints: tuple[Viewpoint, ...],
-    out: Path,
-    force: bool,
-    execution: Execution,
-) -> None:
+def draw(result: SceneDifference, pair: Pair, out: Path, force: bool) -> None:
     """Write the picture: the worst view, and evenly spaced ones of the others."""
     from gsedit.points.differences import picture
-    from gsedit.reports.difference_picture import Pair, difference_picture
+    from gsedit.reports.difference_picture import Pair as Pictures
+    from gsedit.reports.difference_picture import difference_picture
     from gsedit.views.dataset import evenly_spaced
 
     worst = result.views.index(result.worst)
@@ -159,12 +190,17 @@ def draw(
     chosen = [worst, *(others[i] for i in evenly_spaced(len(others), SHOWN - 1))]
     pairs = []
     for index in chosen:
-        view, camera = result.views[index], viewpoints[index].camera
+        view, camera = result.views[index], pair.viewpoints[index].camera
         title = (
             f"{Path(view.name).stem[:24]}: {view.psnr:.1f} dB{' (worst)' if index == worst else ''}"
         )
-        pairs.append(Pair(title, *(picture(scene, camera, execution) for scene in scenes)))
-    difference_picture(pairs, (paths[0].name, paths[1].name), out, overwrite=force)
+        before, after = (
+            picture(scene, camera, pair.execution, own)
+            for scene, own in zip(pair.scenes, pair.numerics)
+        )
+        pairs.append(Pictures(title, before, after))
+    names = pair.paths[0].name, pair.paths[1].name
+    difference_picture(pairs, names, out, overwrite=force)
 
 
 def as_record(result: SceneDifference) -> dict[str, object]:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     import torch
 
     from gsedit.files import SceneFile
+    from rasterizer.numerics import Numerics
     from rasterizer.scene import Gaussians
 
 
@@ -177,6 +178,16 @@ def _check_permission(folder: Path) -> None:
         raise UsageError(f"-o: {nearest} is a file, so nothing can be written below it")
     if not os.access(nearest, os.W_OK | os.X_OK):
         raise UsageError(f"-o: no permission to write in {nearest}; choose another place")
+
+
+def numerics_of(file: SceneFile | None, name: Path | None) -> Numerics:
+    """How a scene is rendered that was read from a file; a line says so where it is unusual."""
+    from rasterizer.numerics import DEFAULT, Numerics
+
+    if file is None or not file.antialiased:
+        return DEFAULT
+    print_message(f"{name} is marked as antialiased: it is rendered with Mip-Splatting's 2D filter")
+    return Numerics(antialiased=True)
 
 
 def load_scene(path: Path, *, drop_invalid: bool) -> Gaussians:

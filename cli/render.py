@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -18,7 +18,8 @@ from .options import (
     Scene,
     check_file,
     check_folder,
-    load_scene,
+    load_file,
+    numerics_of,
     output,
     parse_indices,
     scene_file,
@@ -29,10 +30,8 @@ from .render_options import Kind, PathKind, PathOptions, PictureOptions, check_p
 from .setting_options import Layout, Setting, SettingsGroup, Values, settings_of, with_values
 
 if TYPE_CHECKING:
-    from gsedit.reports.frames import Animation
-    from gsedit.views.dataset import Dataset
     from rasterizer.camera import Camera
-    from rasterizer.numerics import Execution
+    from rasterizer.numerics import Execution, Numerics
     from rasterizer.scene import Gaussians
 
 COUNT = 8
@@ -121,22 +120,23 @@ def render(
     check(scene, out, views, count, region, prompt, cameras, path, pictures, force)
     common.apply()
 
+    from gsedit.reports.frames import Animation
     from rasterizer.numerics import Execution
 
     execution = with_values(Execution(), values)
-    gaussians = load_scene(scene, drop_invalid=drop_invalid)
-    wiped = read_wiped(pictures, drop_invalid=drop_invalid)
+    gaussians, second, numerics = read_scenes(scene, pictures.wipe, drop_invalid=drop_invalid)
     moving = path.path or (PathKind.turntable if kind_of(out) == "animation" else None)
     wanted = count or (COUNT if kind_of(out) == "folder" else 1)
     searched = FOUND_VIEWS if moving or region is not None else wanted
     placed = place(scene, gaussians, cameras, searched, execution)
     if region is not None:
-        dataset = placed.dataset(gaussians, execution)
-        gaussians = tint(gaussians, region, dataset, editor, prompt or "", execution)
+        gaussians = tint(gaussians, region, placed, editor, prompt or "", execution)
     named = placed.named(numbers_of(placed, views, None if moving else wanted))
     if moving:
         named = follow(moving, list(named.values()), gaussians, path, cameras)
-    animation = animate(gaussians, wiped, named, out, pictures, moving is not None, execution)
+    shots = tuple(sized(camera, pictures, out) for camera in named.values())
+    seen = pictures.maps, second, moving is not None, pictures.background_color()
+    animation = Animation(gaussians, shots, *seen, execution, numerics)
     write(animation, list(named), out, path.fps, pictures, force, common)
 
 
@@ -171,28 +171,16 @@ def numbers_of(placed: Placed, views: str | None, wanted: int | None) -> list[in
     return evenly_spaced(total, total if wanted is None else wanted)
 
 
-def animate(
-    scene: Gaussians,
-    wiped: Gaussians | None,
-    named: Mapping[str, Camera],
-    out: Path,
-    pictures: PictureOptions,
-    moving: bool,
-    execution: Execution,
-) -> Animation:
-    """What is shown, from every camera."""
-    from gsedit.reports.frames import Animation
-
-    cameras = tuple(sized(camera, pictures, out) for camera in named.values())
-    background = pictures.background_color()
-    return Animation(scene, cameras, pictures.maps, wiped, moving, background, execution)
-
-
-def read_wiped(pictures: PictureOptions, *, drop_invalid: bool) -> Gaussians | None:
-    """The second scene of a wipe."""
-    if pictures.wipe is None:
-        return None
-    return load_scene(scene_file(pictures.wipe), drop_invalid=drop_invalid)
+def read_scenes(
+    scene: Path, wiped: Path | None, *, drop_invalid: bool
+) -> tuple[Gaussians, Gaussians | None, tuple[Numerics, Numerics]]:
+    """The scene, the second one of a wipe, and how each is rendered."""
+    first = load_file(scene, drop_invalid=drop_invalid)
+    second = None
+    if wiped is not None:
+        second = load_file(scene_file(wiped), drop_invalid=drop_invalid)
+    numerics = numerics_of(first, scene), numerics_of(second, wiped)
+    return first.scene, None if second is None else second.scene, numerics
 
 
 def follow(
@@ -283,7 +271,7 @@ def check_region(region: str | None, prompt: str | None, pictures: PictureOption
 def tint(
     scene: Gaussians,
     region: str,
-    dataset: Dataset,
+    placed: Placed,
     editor: str,
     prompt: str,
     execution: Execution,
@@ -296,7 +284,7 @@ def tint(
     found = find_region(
         scene,
         region,
-        dataset=dataset,
+        dataset=placed.dataset(scene, execution),
         editor=make_editor(editor),
         prompt=prompt,
         execution=execution,

@@ -81,6 +81,7 @@ def write_files(
         format=pictures.format.value,
         background=animation.background,
         transparent=pictures.transparent,
+        numerics=animation.numerics[0],
         execution=animation.execution,
         overwrite=force,
     )
@@ -99,6 +100,7 @@ def write_one(animation: Animation, out: Path, pictures: PictureOptions, force: 
         animation.cameras[0],
         animation.show,
         background=animation.background,
+        numerics=animation.numerics[0],
         execution=animation.execution,
     )
     write_still(maps, animation.show, out, transparent=pictures.transparent, overwrite=force)

@@ -22,7 +22,7 @@ from gsedit.measures.decibels import psnr_from_rmse
 from gsedit.views.choose import find_views, view_names
 from gsedit.views.viewpoints import Viewpoint
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, SH_DC, Execution
+from rasterizer.numerics import AUTO, DEFAULT, SH_DC, Execution, Numerics
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
@@ -128,13 +128,14 @@ def diff(
     b: Gaussians,
     viewpoints: Sequence[Viewpoint] | None = None,
     *,
+    numerics: tuple[Numerics, Numerics] = (DEFAULT, DEFAULT),
     execution: Execution = AUTO,
     progress: Callable[[int, int], None] | None = None,
 ) -> SceneDifference:
     """Compare two scenes, `a` before and `b` after, from the same cameras.
 
-    Without viewpoints, views of `a` are found. `progress` is told (views done, views). Raises
-    UsageError for an empty scene, and for viewpoints of fewer than 6 pixels a side.
+    Without viewpoints, views of `a` are found. `numerics` are those of `a` and of `b`. `progress`
+    is told (views done, views). Raises UsageError for an empty scene, or no viewpoints.
     """
     if not len(a) or not len(b):
         raise UsageError("a scene without Gaussians cannot be compared")
@@ -144,7 +145,9 @@ def diff(
         viewpoints = tuple(map(Viewpoint, view_names(len(cameras)), cameras))
     views, errors = [], []
     for done, viewpoint in enumerate(viewpoints, 1):
-        before, after = (picture(scene, viewpoint.camera, execution) for scene in (a, b))
+        before, after = (
+            picture(scene, viewpoint.camera, execution, own) for scene, own in zip((a, b), numerics)
+        )
         errors.append(metrics.squared_error(after, before))
         views.append(compare_pictures(viewpoint.name, before, after))
         if progress is not None:
@@ -169,10 +172,10 @@ def diff(
 
 @torch.no_grad()
 def picture(
-    scene: Gaussians, camera: Camera, execution: Execution = AUTO
+    scene: Gaussians, camera: Camera, execution: Execution = AUTO, numerics: Numerics = DEFAULT
 ) -> Float[Tensor, "h w 3"]:
     """What a camera sees, over black, clamped to [0, 1]."""
-    return render(scene, camera, execution=execution).color.clamp(0, 1)
+    return render(scene, camera, numerics=numerics, execution=execution).color.clamp(0, 1)
 
 
 def compare_pictures(

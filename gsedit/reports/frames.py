@@ -15,7 +15,7 @@ from gsedit.reports.depth_pictures import SOLID, depth_colors, depth_range
 from gsedit.views.dataset import evenly_spaced
 from gsedit.views.maps import MapName, Maps, render_maps, wipe
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution
+from rasterizer.numerics import AUTO, DEFAULT, Execution, Numerics
 from rasterizer.scene import Gaussians
 
 PROBES, PROBE_SIZE = 8, 96
@@ -36,6 +36,8 @@ class Animation:
     """Whether the line moves; else it is in the middle."""
     background: Float[Tensor, "3"] | None = None
     execution: Execution = AUTO
+    numerics: tuple[Numerics, Numerics] = (DEFAULT, DEFAULT)
+    """Of the scene and of the second one: `antialiased` where it was trained so."""
 
     def __len__(self) -> int:
         return len(self.cameras)
@@ -44,7 +46,7 @@ class Animation:
         """The frames, each rendered when it is asked for; their depths have one scale."""
         near_far = None
         if "depth" in self.show and self.wiped is None:
-            near_far = depth_scale(self.scene, self.cameras, self.execution)
+            near_far = depth_scale(self.scene, self.cameras, self.execution, self.numerics[0])
         return (self.frame(index, near_far) for index in range(len(self)))
 
     def frame(
@@ -55,12 +57,13 @@ class Animation:
         if self.wiped is not None:
             picture = wipe(
                 self.scene, self.wiped, camera, self.share(index),
-                background=background, execution=execution,
+                background=background, numerics=self.numerics, execution=execution,
             )  # fmt: skip
             return eight_bits(picture)
         maps = render_maps(
-            self.scene, camera, self.show, background=background, execution=execution
-        )
+            self.scene, camera, self.show,
+            background=background, numerics=self.numerics[0], execution=execution,
+        )  # fmt: skip
         return panels(maps, self.show, near_far)
 
     def share(self, index: int) -> float:
@@ -76,7 +79,10 @@ def panels(
 
 
 def depth_scale(
-    scene: Gaussians, cameras: Sequence[Camera], execution: Execution = AUTO
+    scene: Gaussians,
+    cameras: Sequence[Camera],
+    execution: Execution = AUTO,
+    numerics: Numerics = DEFAULT,
 ) -> tuple[float, float]:
     """The near and far ends of a colour scale for all frames, from small renders of some."""
     depths, alphas = [], []
@@ -86,7 +92,7 @@ def depth_scale(
         small = camera.resized(
             max(1, round(camera.width * scale)), max(1, round(camera.height * scale))
         )
-        maps = render_maps(scene, small, ("depth",), execution=execution)
+        maps = render_maps(scene, small, ("depth",), numerics=numerics, execution=execution)
         assert maps.depth is not None
         depths.append(maps.depth)
         alphas.append(maps.alpha)

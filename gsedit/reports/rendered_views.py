@@ -20,7 +20,7 @@ from gsedit.reports.depth_pictures import depth_picture
 from gsedit.reports.frames import alpha_levels, normal_colors, panels
 from gsedit.views.maps import MapName, Maps, render_maps
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution
+from rasterizer.numerics import AUTO, DEFAULT, Execution, Numerics
 from rasterizer.scene import Gaussians
 
 Format = Literal["png", "exr", "npy"]
@@ -43,6 +43,7 @@ def write_view(
     format: Format = "png",
     background: Float[Tensor, "3"] | None = None,
     transparent: bool = False,
+    numerics: Numerics = DEFAULT,
     execution: Execution = AUTO,
     overwrite: bool = False,
 ) -> list[Path]:
@@ -58,7 +59,9 @@ def write_view(
     Raises UsageError where a file exists, unless `overwrite`.
     """
     stem = Path(stem)
-    maps = render_maps(scene, camera, show, background=background, execution=execution)
+    maps = render_maps(
+        scene, camera, show, background=background, numerics=numerics, execution=execution
+    )
     if format == "exr":
         path = stem.with_name(f"{stem.name}.exr")
         write_exr(exr_channels(maps, show), path, comments=EXR_COMMENTS, overwrite=overwrite)

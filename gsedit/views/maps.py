@@ -11,7 +11,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, SH_DC, Execution
+from rasterizer.numerics import AUTO, DEFAULT, SH_DC, Execution, Numerics
 from rasterizer.project import rotation_matrices
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
@@ -47,20 +47,32 @@ def render_maps(
     wanted: Collection[MapName] = ("color",),
     *,
     background: Float[Tensor, "3"] | None = None,
+    numerics: Numerics = DEFAULT,
     execution: Execution = AUTO,
 ) -> Maps:
     """The wanted maps of a view; colour and alpha are always there. `normals` cost a second render,
     of SH degree 0."""
     drawn = render(
-        scene, camera, background=background, median_depth="depth" in wanted, execution=execution
+        scene,
+        camera,
+        background=background,
+        median_depth="depth" in wanted,
+        numerics=numerics,
+        execution=execution,
     )
-    normals = normal_map(scene, camera, execution) if "normals" in wanted else None
+    normals = None
+    if "normals" in wanted:
+        normals = normal_map(scene, camera, numerics=numerics, execution=execution)
     return Maps(drawn.color, drawn.alpha, drawn.median_depth, normals)
 
 
 @torch.no_grad()
 def normal_map(
-    scene: Gaussians, camera: Camera, execution: Execution = AUTO
+    scene: Gaussians,
+    camera: Camera,
+    *,
+    numerics: Numerics = DEFAULT,
+    execution: Execution = AUTO,
 ) -> Float[Tensor, "h w 3"]:
     """Unit normals: the Gaussians' shortest axes, turned to the camera, blended as colours are.
 
@@ -72,7 +84,7 @@ def normal_map(
     axes = torch.cat([_facing(scene[i : i + ROWS], camera) for i in range(0, len(scene), ROWS)])
     # as colours in [0, 1]: the blend of n / 2 + 1 / 2 is (the blend of n) / 2 + alpha / 2
     colored = replace(scene, sh=(axes / 2 / SH_DC)[:, None])
-    drawn = render(colored, camera, execution=execution)
+    drawn = render(colored, camera, numerics=numerics, execution=execution)
     blended = 2 * drawn.color - drawn.alpha[..., None]
     length = blended.norm(dim=-1, keepdim=True)
     return blended / length.clamp_min(FAINT) * (length > FAINT)
@@ -86,12 +98,13 @@ def wipe(
     share: float,
     *,
     background: Float[Tensor, "3"] | None = None,
+    numerics: tuple[Numerics, Numerics] = (DEFAULT, DEFAULT),
     execution: Execution = AUTO,
 ) -> Float[Tensor, "h w 3"]:
     """The picture of `before` on the left `share` of the width, in [0, 1], that of `after` on the
     rest, and a white line with dark borders between them, 1/200 of the width, at least 2 pixels.
 
-    Each scene is rendered only where it shows.
+    Each scene is rendered only where it shows; `numerics` are those of `before` and of `after`.
     """
     width, height = camera.width, camera.height
     edge = min(max(round(share * width), 0), width)
@@ -101,9 +114,13 @@ def wipe(
             camera,
             crop=(left, 0, size, height),
             background=background,
+            numerics=own,
             execution=execution,
         ).color
-        for scene, left, size in ((before, 0, edge), (after, edge, width - edge))
+        for scene, own, left, size in (
+            (before, numerics[0], 0, edge),
+            (after, numerics[1], edge, width - edge),
+        )
         if size
     ]
     picture = torch.cat(parts, 1)

@@ -7,15 +7,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from command_line import files, gsedit, one_line
 from PIL import Image
 
 from gsedit.files import animations, load
-from gsedit.files.cameras import write_cameras
+from gsedit.files.cameras import read_cameras, write_cameras
 from gsedit.files.exr import read_exr
+from gsedit.files.formats import write_scene
+from gsedit.files.streams import SceneHeader, in_blocks
+from gsedit.files.table import table_of
 from gsedit.views import choose
 from gsedit.views.orbit import orbit
-from gsedit.views.viewpoints import Viewpoint
+from gsedit.views.viewpoints import Viewpoint, same_size
+from rasterizer.numerics import Numerics
+from rasterizer.render import render
 
 
 @pytest.fixture
@@ -102,6 +108,22 @@ def test_a_wipe_shows_both(shot, tmp_path):
     still = np.asarray(Image.open(tmp_path / "wipe.png"))
     assert (still[:, 11:13] == 255).all()
     assert len(files(tmp_path / "wipes")) == 6
+
+
+def test_an_antialiased_scene_is_rendered_as_it_was_trained(shot, tmp_path):
+    marked = tmp_path / "marked.npz"
+    table = table_of(load(shot))
+    write_scene(marked, SceneHeader(table.degree, antialiased=True), in_blocks(table))
+    result = gsedit("render", marked, "--views", "2", "--size", 24, "-o", tmp_path / "a.npy")
+    assert result.exit_code == 0, result.stderr
+    assert "marked.npz is marked as antialiased" in result.stderr
+    viewpoint = same_size(read_cameras(shot.with_name("cameras.json")), 24)[2]
+    expected = render(load(shot), viewpoint.camera, numerics=Numerics(antialiased=True)).color
+    found = torch.from_numpy(np.load(tmp_path / "a.npy"))
+    torch.testing.assert_close(found, expected, atol=1e-5, rtol=0)
+    assert (found - render(load(shot), viewpoint.camera).color).abs().max() > 1e-4
+    result = gsedit("diff", shot, marked, "--size", 24, "--count", 1, "--json")
+    assert 10 < json.loads(result.stdout.splitlines()[-1])["psnr"] < 90
 
 
 def test_views_are_searched_for_once(scene, tmp_path, monkeypatch):
