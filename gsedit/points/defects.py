@@ -69,11 +69,11 @@ INVISIBLE = Defect(
 )
 GIANT = Defect(
     "giant",
-    "its longest standard deviation is more than {:g} times the scene's radius",
+    "a standard deviation above {:g} times the scene's radius, and the middle of the scene within "
+    "2 standard deviations",
     "clean removes it",
     1.0,
-    "it covers the whole scene as fog; the largest of four well-fitted scenes but one are below "
-    "a quarter, the sky of the fourth reaches 0.9 but for four splats",
+    "fog before every camera; a sky is as large, and the scene is not inside its splats",
 )
 FLOATER = Defect(
     "floater",

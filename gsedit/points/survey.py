@@ -33,6 +33,7 @@ REASONS = ("kept", "invalid", *(defect.name for defect in UNWANTED))
 """The name of every number in an array of reasons."""
 FEWEST = 64
 """Of so many Gaussians and fewer, what is usual cannot be told: none is a floater or a needle."""
+TINY = float(np.finfo(np.float32).tiny)
 MOST, OUTLIERS = 0.99, 20.0
 """The scene's radius holds this share of the centres; it is at most so many times the median
 distance, which outliers do not move."""
@@ -42,7 +43,7 @@ opacity are left."""
 LONG, STREAK = 4.0, 0.08
 """A needle's 2 standard deviations are longer than so many distances to the 8th neighbour, and
 than this share of the scene's radius."""
-OPEN = 0.5
+OPEN = 0.3
 """The end of a needle is in the open if others cover it with less than this share of the needle's
 own opacity."""
 PEELS = 8
@@ -109,9 +110,10 @@ def survey(table: SplatTable, limits: Limits = USUAL) -> UInt8[np.ndarray, " n"]
         _mark(reasons, DUPLICATE.name, repeated(fingerprints(table)))
     if limits.invisible is not None:
         _mark(reasons, INVISIBLE.name, invisible(table, limits.invisible))
-    if limits.giant is not None and (reasons == KEPT).any():
-        radius = scene_radius(table.means[reasons == KEPT])
-        _mark(reasons, GIANT.name, table.scales.max(1) > limits.giant * radius)
+    left = np.flatnonzero(reasons == KEPT)
+    if limits.giant is not None and len(left):
+        found = giants(table[left].replace(extra={}), limits.giant)
+        _mark(reasons, GIANT.name, np.isin(np.arange(len(table)), left[found]))
     left = np.flatnonzero(reasons == KEPT)
     if len(left) <= FEWEST or limits.floater is limits.needle is None:
         return reasons
@@ -123,6 +125,18 @@ def survey(table: SplatTable, limits: Limits = USUAL) -> UInt8[np.ndarray, " n"]
         _mark(found, NEEDLE.name, needles(some, about, limits.needle))
     reasons[left] = found
     return reasons
+
+
+def giants(table: SplatTable, times: float) -> Rows:
+    """The Gaussians larger than the scene in whose body its middle lies: not those of a sky."""
+    large = np.flatnonzero(table.scales.max(1) > times * scene_radius(table.means))
+    found = np.zeros(len(table), bool)
+    if len(large):
+        offset = np.median(table.means, axis=0) - table.means[large]
+        local = np.einsum("mi,mij->mj", offset, rotations(table.quats[large]))
+        apart = np.linalg.norm(local / np.maximum(table.scales[large], TINY), axis=1)
+        found[large] = apart < END
+    return found
 
 
 def floaters(table: SplatTable, about: Surroundings, times: float) -> Rows:

@@ -93,9 +93,10 @@ def test_scenes_a_million_wide_cost_what_small_ones_do():
     assert not why[: len(base)].any()
 
 
-def test_a_wide_sky_splat_is_no_floater():
-    table = concatenate_tables([plane(), splat((0, 0, 0.9), (0.5, 0.5, 0.05))])
-    assert "floater" not in names(table)
+def test_a_sky_stays():
+    near = splat((0, 0, 0.9), (0.5, 0.5, 0.05))
+    far = splat((0, 0, 9), (5, 5, 0.5))
+    assert names(concatenate_tables([plane(), near, far])) == {}
 
 
 def test_many_gaussians_at_one_place_end():
