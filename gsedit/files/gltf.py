@@ -89,7 +89,10 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
     document = Document(path)
     parts, others = _found(document), sum(not _is_splats(p) for p in _primitives(document))
     if not parts:
-        raise InputError(f"{path} has no {EXTENSION} in its scene: it holds a mesh, not splats")
+        raise InputError(
+            f"{path} has no {EXTENSION} in its scene: it holds a mesh, "
+            "export splats with that extension"
+        )
     notes = [f"meshes and points left out: {others}"] * bool(others)
     if any(part.logarithmic for part in parts):
         notes.append(

@@ -150,15 +150,14 @@ class Document:
         if "sparse" in found or "bufferView" not in found:
             raise InputError(f"{self.path}: {where} is sparse or empty: export the splats plainly")
         shape, component = found.get("type"), found.get("componentType")
-        known = shape in kinds and isinstance(component, int) and component in _COMPONENTS
-        if not known:
+        if shape not in kinds or not isinstance(component, int) or component not in _COMPONENTS:
             raise InputError(
                 f"{self.path}: {where} is {str(shape)[:20]} of {str(component)[:20]}, not "
                 f"{' or '.join(kinds)} of floats or normalised integers: export it again"
             )
         view = self.item("bufferViews", found["bufferView"])
         buffer = self._buffer(view.get("buffer"))
-        kind, size = np.dtype(_COMPONENTS[component]), _SIZES[shape]
+        kind, size = np.dtype(_COMPONENTS[component]), _SIZES[str(shape)]
         row = kind.itemsize * size
         count = self.integer(f"{where}.count", found.get("count"))
         stride = self.integer(f"{where}'s byteStride", view.get("byteStride", row), row)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 from typing import NamedTuple
 
@@ -140,3 +142,22 @@ def test_biker_looks_the_same_from_both_files():
     )
     camera = orbit(ply, 4, 96, up=torch.tensor([0.0, -1.0, 0.0]))[1]
     assert psnr(render(spz, camera).color, render(ply, camera).color) > 40
+
+
+def test_packed_formats_need_neither_torch_nor_gsply(tmp_path):
+    """Nor scipy: `gsedit convert` starts in a fraction of a second."""
+    paths = [tmp_path / f"a{suffix}" for suffix in (".spz", ".sog", ".glb")]
+    table = near_grey(40, 1)
+    for path in paths:
+        write_scene(path, SceneHeader(1), in_blocks(table))
+    program = f"""
+import sys
+from gsedit.files.formats import open_scene, write_scene
+from gsedit.files.streams import in_blocks
+for path in {[str(path) for path in paths]}:
+    source = open_scene(path)
+    write_scene(path, source.header, in_blocks(source.table()), overwrite=True)
+print([m for m in ("torch", "scipy", "numba", "gsply", "trimesh") if m in sys.modules])
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.stdout.strip() == "[]", done.stderr
