@@ -338,9 +338,10 @@ def numbers(flag: str, text: str, *counts: int, opens: bool = False) -> list[flo
     except ValueError:
         found = []
     if len(found) not in counts or not all(isfinite(n) or opens for n in found):
-        many = " or ".join(map(str, counts))
-        sides = ", or - for an open side" if opens else ""
-        raise UsageError(f"{flag} {text}: give {many} numbers separated by commas{sides}")
+        many = "a finite number" if counts == (1,) else f"{' or '.join(map(str, counts))} numbers"
+        commas = "" if counts == (1,) else " separated by commas"
+        commas += ", or - for an open side" if opens else ""
+        raise UsageError(f"{flag} {text}: give {many}{commas}")
     return found
 
 

@@ -40,6 +40,12 @@ _CONSTANTS = {"inf": float("inf"), "pi": 3.141592653589793}
 _COLOR = "_color_"
 """Takes the place of # in front of a colour, which begins a comment in Python."""
 _QUOTED = re.compile(r"""'[^']*'|"[^"]*\"""")
+_UNREADABLE = {
+    r"#\w*": "no colour: write it as #a08050",
+    r"[\d.]*\s*%": "quote a share, as in largest('10%', opacity)",
+    r"(?<![<>=!])=(?=\s*-?[\d.]+\s*($|\band\b|\bor\b))": "compare with ==",
+}
+"""What Python reads otherwise, or as no expression: what to write instead."""
 _QUOTED_OR_COLOR = re.compile(_QUOTED.pattern + r"|\#(?=(?:[0-9a-fA-F]{3}|[0-9a-fA-F]{6})(?!\w))")
 
 
@@ -69,8 +75,10 @@ class _Reader:
     def tree(self) -> ast.expr:
         if not self.source:
             raise UsageError("the expression is empty: give one, as in opacity > 0.1")
-        if (hash := _QUOTED.sub(lambda match: " " * len(match[0]), self.source).find("#")) >= 0:
-            self.refuse("no colour: write it as #a08050", hash)
+        unquoted = _QUOTED.sub(lambda match: " " * len(match[0]), self.source)
+        for sign, problem in _UNREADABLE.items():
+            if match := re.search(sign, unquoted):
+                self.refuse(problem, match.start(), match.end())
         try:
             return ast.parse(self.source, mode="eval").body
         except SyntaxError as error:
