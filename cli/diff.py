@@ -234,7 +234,11 @@ def as_text(result: SceneDifference, paths: tuple[Path, Path]) -> str:
         )
         lines.append(row(each.name, before, after, f"{each.after[1] - each.before[1]:+.2g}"))
     lines += ["", matches_text(result.matches), "", views_text(result)]
-    return "\n".join([*lines, *(f"-> {hint}" for hint in result.hints)])
+    lines += [f"-> {hint}" for hint in result.hints]
+    if result.hints:
+        command = f"gsedit align {paths[1]} --to {paths[0]} -o ALIGNED.ply"
+        lines.append(f"-> to compare them in one frame: {command}")
+    return "\n".join(lines)
 
 
 def row(name: str, before: str, after: str, change: str = "") -> str:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import pytest
 from bad_files import ply_bytes, scene_table
 from command_line import files, gsedit, one_line
 from PIL import Image
 
-from gsedit.files import load
+from gsedit.files import load, save
 from gsedit.files.cameras import write_cameras
 from gsedit.views.orbit import orbit
 from gsedit.views.viewpoints import Viewpoint
@@ -38,6 +39,16 @@ def test_diff_says_what_differs(scene, other, tmp_path):
     assert "80.0% of the first scene's Gaussians are in the second" in result.stdout
     assert max(map(len, result.stdout.splitlines())) < 120
     assert Image.open(out).size[0] > 800
+
+
+def test_diff_says_how_to_bring_scenes_into_one_frame(scene, tmp_path):
+    far = tmp_path / "far.ply"
+    placed = load(scene)
+    save(replace(placed, means=placed.means + 1000), far)
+    result = gsedit("diff", scene, far, "--size", 16, "--count", 1)
+    assert result.exit_code == 0, result.stderr
+    assert "-> the scenes lie in different places" in result.stdout
+    assert f"gsedit align {far} --to {scene} -o ALIGNED.ply" in result.stdout
 
 
 def test_diff_as_json(scene, other):
