@@ -157,7 +157,7 @@ def server(page: Page, port: int) -> Iterator[Any]:
     is taken. Raises GseditError where viser is missing."""
     viser = import_viser()
     with redirect_stdout(StringIO()):  # it says where it listens, in a box
-        live = viser.ViserServer(host=LOCALHOST, port=port, label=page.title)
+        live = viser.ViserServer(host=LOCALHOST, port=port, label=page.title, verbose=False)
     try:
         live.gui.configure_theme(show_share_button=False)  # it would open a tunnel to viser's host
         yield live, _fill(live, page)
