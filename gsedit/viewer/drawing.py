@@ -24,7 +24,7 @@ from rasterizer.project import rotation_matrices
 from rasterizer.scene import Gaussians
 
 MOST_ELLIPSOIDS = 20_000
-"""Each is 80 triangles: in software OpenGL, this many take 10 to 15 times as long as their points."""
+"""Each is 80 triangles: in software OpenGL, so many take 10 to 15 times as long as their points."""
 ELLIPSOID_RADIUS = 2.0
 """Standard deviations: where a Gaussian has 14 % of its opacity left."""
 SPARSE_COLOR = (230, 90, 20)
