@@ -64,8 +64,10 @@ def neighbour_distance(
     from scipy.spatial import KDTree
 
     near = min(neighbours + 1, len(points))
-    distance, _ = KDTree(points).query(points, k=[*range(1, near + 1)], workers=-1)
-    return np.sqrt((distance[:, 1:] ** 2).mean(1)) if near > 1 else np.ones(len(points))
+    if near < 2:
+        return np.ones(len(points))
+    distance, _ = KDTree(points).query(points, k=near, workers=-1)
+    return np.sqrt((distance[:, 1:] ** 2).mean(1))
 
 
 def _geometries(path: Path) -> Iterator[Any]:
@@ -125,7 +127,8 @@ def _table(
     sh = ((colors - 0.5) / SH_DC)[:, None]
     log_scales = np.log(np.broadcast_to(sizes, (n, 3)))
     arrays = (points, quats, log_scales, np.full(n, LOGIT), sh)
-    return SplatTable(*(np.array(a, np.float32, order="C") for a in arrays))
+    means, quats, logs, logits, sh = (np.array(a, np.float32, order="C") for a in arrays)
+    return SplatTable(means, quats, logs, logits, sh)
 
 
 def _colors(
@@ -182,7 +185,8 @@ def _half_turn(table: SplatTable) -> SplatTable:
     """From glTF's axes to memory's: half a turn about z. Round colours do not turn."""
     w, x, y, z = table.quats.T
     return table.replace(
-        means=table.means * np.float32([-1, -1, 1]), quats=np.stack((-z, -y, x, w), axis=1)
+        means=table.means * np.array([-1, -1, 1], np.float32),
+        quats=np.stack((-z, -y, x, w), axis=1),
     )
 
 
