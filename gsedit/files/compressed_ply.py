@@ -159,7 +159,8 @@ def _unpack(rows: np.ndarray, bounds: np.ndarray, rest: UInt8[np.ndarray, "_ _"]
 
     color = _shares(packed["packed_color"], ((24, 8), (16, 8), (8, 8), (0, 8)))
     sh = np.zeros((n, 1 + rest.shape[1] // 3, 3), np.float32)
-    sh[:, 0] = (between(2, color[:, :3]) - np.float32(0.5)) / np.float32(SH_DC)
+    with np.errstate(over="ignore", invalid="ignore"):  # damaged rows are found later
+        sh[:, 0] = (between(2, color[:, :3]) - np.float32(0.5)) / np.float32(SH_DC)
     if rest.size:
         sh[:, 1:] = _SH_VALUES[rest[:n]].reshape(n, 3, -1).transpose(0, 2, 1)
     with np.errstate(divide="ignore"):

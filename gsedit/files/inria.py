@@ -204,7 +204,7 @@ def _has_normals(path: Path, header: PlyHeader, vertex: PlyElement) -> bool:
     if not set(_NORMALS) <= set(vertex.names) or vertex.has_lists or not vertex.count:
         return False
     first = next(element_blocks(path, header, "vertex", LOOK_AT))
-    return any(first[name].any() for name in _NORMALS)
+    return any((first[name] != 0).any() for name in _NORMALS)
 
 
 def _read(path: Path, header: PlyHeader, k: int, extra: tuple[str, ...]) -> Blocks:

@@ -43,6 +43,7 @@ _DAMAGED = (
     ValueError,
     EOFError,
     RuntimeError,
+    SyntaxError,
     TokenError,
     zlib.error,
 )
