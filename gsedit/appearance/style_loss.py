@@ -62,7 +62,8 @@ def _masked(
     layer: Float[Tensor, "n c y x"], mask: Float[Tensor, "h w"]
 ) -> Float[Tensor, "n c y x"]:
     """The layer scaled so that its Gram matrix is the mean over the mask."""
-    small = F.adaptive_avg_pool2d(mask[None, None], layer.shape[-2:])
+    height, width = layer.shape[-2:]
+    small = F.adaptive_avg_pool2d(mask[None, None], (height, width))
     return layer * (small / small.mean().clamp_min(1e-6)).sqrt()
 
 

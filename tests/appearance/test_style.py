@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 
-from gsedit.appearance.style import style, style_steps
+from gsedit.appearance.style import StyleResult, style, style_steps
 from gsedit.appearance.style_loss import StyleLoss, structure_kept
 from gsedit.appearance.style_settings import StyleSettings
 from gsedit.errors import UsageError
@@ -90,11 +92,10 @@ def test_no_strength_is_no_change_and_no_steps_are_colours_alone(ball, views, st
     assert none.measures[-1].color_distance == pytest.approx(
         none.measures[0].color_distance, abs=0.6
     )
-    items = list(
-        style_steps(ball, stripes, dataset=views, settings=StyleSettings(steps=0, views=2))
-    )
-    assert [each.stage for each in items if isinstance(each, Event)] == ["before", "colours"]
-    assert torch.equal(items[-1].scene.sh, items[-1].colored.sh)
+    *events, last = style_steps(ball, stripes, dataset=views, settings=replace(SHORT, steps=0))
+    assert [each.stage for each in events if isinstance(each, Event)] == ["before", "colours"]
+    assert isinstance(last, StyleResult)
+    assert torch.equal(last.scene.sh, last.colored.sh)
 
 
 def test_the_loss_is_0_at_the_style_itself_and_falls_towards_it(stripes):
@@ -125,11 +126,11 @@ def test_edges_of_an_unrelated_picture_are_not_kept(stripes):
 
 
 def test_a_wrong_request_is_named(ball, views, stripes):
-    for values, message in (
-        ({"strength": 2.0}, "0 to 1"), ({"steps": -1}, "0 or more"), ({"views": 0}, "1 or more"),
-    ):  # fmt: skip
-        with pytest.raises(UsageError, match=message):
-            StyleSettings(**values)
+    with pytest.raises(UsageError, match="0 to 1"):
+        StyleSettings(strength=2.0)
+    for steps, count in ((-1, 1), (1, 0)):
+        with pytest.raises(UsageError, match="0 or more, 1 or more"):
+            StyleSettings(steps=steps, views=count)
     with pytest.raises(UsageError, match="16 pixels"):
         style(ball, stripes[:8], dataset=views)
     with pytest.raises(UsageError, match="no view shows"):
