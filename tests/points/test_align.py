@@ -63,9 +63,9 @@ def test_the_direction_that_is_up_limits_the_search():
 
 
 def test_a_part_is_laid_on_another_sampling_of_the_whole():
-    part = figure(2000, 1)
+    part = figure(1200, 1)
     part = part[part.means[:, 0] > np.quantile(part.means[:, 0], 0.3)]
-    match = register(MOVE.table(part), figure(3000, 2))
+    match = register(MOVE.table(part), figure(1600, 2))
     laid = match.similarity.after(MOVE).points(part.means)
     assert np.linalg.norm(laid - part.means, axis=1).mean() < 0.03
     assert match.overlap > 0.8
