@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 After = Annotated[
     Path | None,
     typer.Argument(
-        metavar="[AFTER]",
+        metavar="AFTER",
         help="A second scene, shown beside the first.",
         show_default=False,
         callback=lambda path: None if path is None else scene_file(path),
