@@ -12,7 +12,8 @@ from math import isqrt
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Float32
+
+from gsedit.files.shapes import Float32
 
 if TYPE_CHECKING:
     from rasterizer.scene import Gaussians

@@ -7,10 +7,10 @@ from math import isfinite
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool
 
 from gsedit.errors import InputError
 from gsedit.files.inria import field_columns
+from gsedit.files.shapes import Bool
 from gsedit.files.streams import Blocks
 from gsedit.files.table import SPLAT_FIELDS, SplatTable
 

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Float32
 
 from gsedit.errors import InputError
+from gsedit.files.shapes import Float32
 from gsedit.files.streams import SceneSource
 from gsedit.files.table import SH_DC, SplatTable
 from gsedit.files.validity import Guard
