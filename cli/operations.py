@@ -259,7 +259,9 @@ def _fitted(header: Any, blocks: Any, output: Output) -> tuple[Any, Any]:
     format = writable_format(output.out)
     for sentence in lost(header, format):
         print_message(f"{output.out}: {sentence}")
-    return run(header, blocks, [ReduceSH(format.max_degree)])[:2]
+    if header.degree <= format.max_degree:
+        return header, blocks
+    return run(header, blocks, [ReduceSH(format.max_degree)], partial(_say, output.out))[:2]
 
 
 def _checked(blocks: Any, guard: Any, path: Path, total: Kept) -> Any:
