@@ -32,7 +32,7 @@ Features = Annotated[
         "--features",
         metavar="filters|vgg|FILE",
         help="What texture is compared by: a filter bank; the VGG16 of the package stlpips_pytorch "
-        "(gsedit[perceptual]); or a VGG16 of torchvision, .pth or .safetensors.",
+        "(gsedit\\[perceptual]); or a VGG16 of torchvision, .pth or .safetensors.",
     ),
 ]
 
@@ -42,7 +42,7 @@ Where = Annotated[
         "--where",
         metavar="EXPRESSION",
         show_default=False,
-        help="Paint only what this selects, as in 'flags(bear.npy)'; all forms are in "
+        help="Paint only what this selects, as in flags('bear.npy'); all forms are in "
         "docs/selection.md.",
     ),
 ]
@@ -88,6 +88,7 @@ def style(
     from gsedit.points.selection.base import EVERYTHING
     from gsedit.points.selection.where import where as parse
 
+    part = EVERYTHING if where is None else labelled("--where", parse, where)
     settings = with_values(StyleSettings(), values)
     image = read_picture(picture)
     gaussians = load_scene(scene, drop_invalid=drop_invalid)
@@ -97,7 +98,7 @@ def style(
         dataset=load_views(scene, gaussians, views, settings.execution),
         settings=settings,
         features=load_features(features),
-        where=EVERYTHING if where is None else labelled("--where", parse, where),
+        where=part,
         generator=common.generator(),
     )
     result = shown(steps, as_json=common.json)
