@@ -59,7 +59,8 @@ class CleanOptions:
     ] = True
     data: Data = None
     least_opacity: Annotated[
-        float, limit("--least-opacity", "0..1", "Invisible: of less opacity than this.")
+        float,
+        limit("--least-opacity", "0..1", "Invisible: of less opacity than this (1/255)."),
     ] = 1 / 255
     giant_size: Annotated[
         float,

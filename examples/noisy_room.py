@@ -75,6 +75,7 @@ def capture(scene: SyntheticScene, seed: int) -> Dataset:
     views = tuple(replace(view, image=noisy(view.image)) for view in exact.views)
     anywhere = (torch.rand(4000, 3, generator=draw) - 0.5) * torch.tensor((2.4, 2.4, 1.5))
     wrong = torch.rand(4000, 1, generator=draw) < 0.3
+    assert exact.points is not None
     return Dataset(views, torch.where(wrong, anywhere, exact.points), exact.point_colors)
 
 
