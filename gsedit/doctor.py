@@ -57,7 +57,6 @@ class Library:
 
 
 LIBRARIES = (
-    Library("gsply", "reading and writing compressed .ply and .spz", "gsply"),
     Library("pycolmap", "reading COLMAP's folders and undistorting photos", "pycolmap"),
     Library("trimesh", "meshes and to_trimesh", "trimesh"),
     Library("OpenEXR", "gsedit render -o picture.exr", "OpenEXR"),

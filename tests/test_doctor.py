@@ -21,7 +21,7 @@ def test_the_doctor_on_the_machine(monkeypatch):
     assert result.exit_code == 0, result.stderr
     checks = {line["name"]: line for line in map(json.loads, result.stdout.splitlines())}
     assert {"gsedit", "python", "torch", "diffusers", "transformers", "threads", "memory",
-            "compiled kernel", "open3d", "pyvista", "gsply", "trimesh", "pycolmap", "av", "viser",
+            "compiled kernel", "open3d", "pyvista", "trimesh", "pycolmap", "av", "viser",
             "OpenEXR", "packages", "OpenGL", "Vulkan", "screen"} <= set(checks)  # fmt: skip
     assert checks["torch"]["state"].startswith(torch.__version__)
     assert f"{torch.get_num_threads()} of " in checks["threads"]["state"]

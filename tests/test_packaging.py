@@ -67,7 +67,5 @@ def test_every_dependency_is_imported(pyproject):
     )
     for requirement in strings(section):
         name = re.split(r"[><=;\s]", requirement)[0]
-        if name == "zstandard":  # gsply imports it, for SPZ version 4
-            continue
         module = modules.get(name, name)
         assert re.search(rf"^\s*(from|import) {module}\b", code, re.MULTILINE), requirement
