@@ -30,8 +30,9 @@ demo: setup
 	$(BIN)/python examples/demo.py out/demo
 
 # Up to four files of tests at a time, a thread each: two processes of two threads stall each other.
+# (numba, which gsply imports in tests, would set OpenMP's threads to all processors.)
 test: setup
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
 check: setup
 	$(BIN)/ruff check .
