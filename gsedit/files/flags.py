@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool
 
 from gsedit.errors import InputError
 from gsedit.files.atomic import atomic_path
 from gsedit.files.inputs import existing_file
+from gsedit.files.shapes import Bool
 
 
 def read_flags(path: Path | str, count: int) -> Bool[np.ndarray, " n"]:

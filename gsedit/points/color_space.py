@@ -7,7 +7,8 @@ the curves are continued by their straight part below 0.
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
+
+from gsedit.files.shapes import Float
 
 XYZ_OF_RGB = np.array(
     [

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from jaxtyping import Bool
 
+from gsedit.files.shapes import Bool
 from gsedit.files.streams import Blocks, SceneHeader
 from gsedit.files.table import SplatTable, table_of
 from gsedit.points.operation import Say, Scene, apply

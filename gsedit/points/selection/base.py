@@ -9,8 +9,8 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool
 
+from gsedit.files.shapes import Bool
 from gsedit.files.table import SplatTable
 
 QUIET = np.errstate(over="ignore", invalid="ignore", divide="ignore")

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from jaxtyping import Bool, Float64, Int
 
 from gsedit.errors import UsageError
+from gsedit.files.shapes import Bool, Float64, Int
 from gsedit.files.table import SplatTable
 from gsedit.points.selection.base import EVERYTHING, Selection
 from gsedit.points.selection.volumes import Vector, check_finite, check_positive

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool
 
 from gsedit.errors import GseditError, InputError
 from gsedit.files.inputs import existing_file
+from gsedit.files.shapes import Bool
 from gsedit.files.table import SplatTable
 from gsedit.points.selection.base import Selection
 

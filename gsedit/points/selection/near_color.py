@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool
 
 from gsedit.errors import InputError, UsageError
 from gsedit.files.inputs import existing_file
+from gsedit.files.shapes import Bool
 from gsedit.files.table import SplatTable
 from gsedit.points.color_space import lab_of_srgb
 from gsedit.points.selection.base import QUIET, Selection

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float32
 
+from gsedit.files.shapes import Bool, Float32
 from gsedit.files.table import SplatTable
 from gsedit.points.selection.base import Selection
 from gsedit.points.selection.volumes import check_positive

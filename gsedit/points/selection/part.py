@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Bool
 
+from gsedit.files.shapes import Bool
 from gsedit.files.streams import Blocks, SceneHeader, in_blocks
 from gsedit.files.table import SplatTable, concatenate_tables
 from gsedit.points.operation import Operation, Say

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
-from jaxtyping import Bool
 
 from gsedit.errors import UsageError
+from gsedit.files.shapes import Bool
 from gsedit.files.table import SplatTable
 from gsedit.points.selection.base import QUIET, Selection
 from gsedit.points.selection.values import Value

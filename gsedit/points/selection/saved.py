@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool
 
 from gsedit.files.flags import read_flags
+from gsedit.files.shapes import Bool
 from gsedit.files.table import SplatTable
 from gsedit.points.selection.base import Selection
 

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Bool
 
 from gsedit.errors import UsageError
+from gsedit.files.shapes import Bool
 from gsedit.files.table import SplatTable, gaussians_of
 from gsedit.points.selection.base import Selection
 

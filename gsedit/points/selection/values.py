@@ -10,9 +10,9 @@ from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool
 
 from gsedit.errors import UsageError
+from gsedit.files.shapes import Bool
 from gsedit.files.table import SplatTable
 from gsedit.points.selection.base import QUIET, Selection
 from gsedit.points.selection.volumes import Vector, check_finite

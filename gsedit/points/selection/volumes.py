@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from math import cos, inf, isfinite, isnan, radians, sin
 
 import numpy as np
-from jaxtyping import Bool, Float32, Float64
 
 from gsedit.errors import UsageError
+from gsedit.files.shapes import Bool, Float32, Float64
 from gsedit.files.table import SplatTable
 from gsedit.points.selection.base import QUIET, Selection
 
