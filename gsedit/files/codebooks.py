@@ -31,6 +31,7 @@ def codebook(values: Shaped[np.ndarray, "..."]) -> Float32[np.ndarray, "256"]:
     low, high = float(values.min()), float(values.max())
     if low == high:
         return np.full(CODES, low, np.float32)
+    values = values.astype(np.float64)  # float32 has too few steps for the bins of a narrow range
     counts, edges = np.histogram(values, _BINS, (low, high))
     sums, _ = np.histogram(values, _BINS, (low, high), weights=values)
     centres = (edges[:-1] + edges[1:]) / 2

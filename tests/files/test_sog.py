@@ -144,6 +144,18 @@ def test_codebooks_and_palettes_err_little():
     np.testing.assert_array_equal(few[labels], rows[:5].repeat(9, 0))
 
 
+def test_values_that_are_almost_equal_have_a_codebook(tmp_path):
+    """Their range has fewer steps of float32 than the histogram has bins."""
+    values = -5 + np.linspace(0, 1e-3, 500, dtype=np.float32)
+    codes = codebook(values)
+    assert np.abs(codes[nearest_codes(values, codes)] - values).max() < 1e-5
+    table = random_table(50, 1)
+    sizes = table.replace(log_scales=-5 + 1e-4 * table.log_scales)
+    again = open_scene(write(tmp_path / "a.sog", sizes)).table()
+    ordered = sizes[morton_order(sizes.means)]
+    np.testing.assert_allclose(again.log_scales, ordered.log_scales, atol=1e-5)
+
+
 def test_rows_of_one_value_are_exact(tmp_path):
     table = random_table(1, 1)
     table = SplatTable(**{n: getattr(table, n).repeat(5, 0) for n in
