@@ -74,6 +74,8 @@ class _Splats:
     place: Similarity
     logarithmic: bool
     """Scales as drafts of the extension had them."""
+    unusual: tuple[str, ...]
+    """What it says of itself that is read as if it were as usual."""
 
 
 def holds_splats(path: Path) -> bool:
@@ -99,6 +101,7 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
             "negative scales: read as logarithms, as drafts of the extension and writers of 2025 "
             "had them"
         )
+    notes += dict.fromkeys(note for part in parts for note in part.unusual)
     return SceneSource(
         path,
         f"glTF {EXTENSION}",
@@ -126,7 +129,8 @@ def _found(document: Document) -> list[_Splats]:
     if document.items("scenes"):
         roots = document.item("scenes", document.json.get("scene", 0)).get("nodes", [])
     else:
-        roots = list(range(len(nodes)))
+        below = {child for node in nodes for child in _children(node) if isinstance(child, int)}
+        roots = [index for index in range(len(nodes)) if index not in below]
     parts: list[_Splats] = []
     stack = [(index, IDENTITY, 0) for index in reversed(roots if isinstance(roots, list) else [])]
     seen = 0
@@ -135,20 +139,27 @@ def _found(document: Document) -> list[_Splats]:
         node, seen = document.item("nodes", index), seen + 1
         if depth > _DEEPEST or seen > len(nodes):
             raise InputError(f"{document.path}: its nodes go round in a circle: {AGAIN}")
-        place = above.after(_placed(document, index, node))
+        own = _placed(document, index, node)
+        place = own if above is IDENTITY else above if own is IDENTITY else above.after(own)
         if "mesh" in node:
             mesh = document.item("meshes", node["mesh"])
             primitives = mesh.get("primitives", [])
             for each in primitives if isinstance(primitives, list) else ():
                 if _is_splats(each):
                     parts.append(_splats(document, each, place))
-        children = node.get("children", [])
-        stack += [(c, place, depth + 1) for c in (children if isinstance(children, list) else ())]
+        stack += [(child, place, depth + 1) for child in _children(node)]
     return parts
+
+
+def _children(node: dict[str, Any]) -> list[Any]:
+    children = node.get("children", [])
+    return children if isinstance(children, list) else []
 
 
 def _placed(document: Document, index: int, node: dict[str, Any]) -> Similarity:
     """What a node does to what is below it. Raises InputError where splats cannot follow."""
+    if not node.keys() & {"matrix", "rotation", "scale", "translation"}:
+        return IDENTITY
     try:
         if "matrix" in node:  # column after column
             return similarity_of(np.array(node["matrix"], np.float64).reshape(4, 4).T)
@@ -190,7 +201,18 @@ def _splats(document: Document, primitive: dict[str, Any], place: Similarity) ->
         raise InputError(f"{path}: the attributes of its splats have {counts} rows: {AGAIN}")
     scales = attributes["SCALE"]
     some = scales.rows(0, min(counts.pop(), AT_ONCE)) if scales.count else np.zeros((0, 3))
-    return _Splats(attributes, degree, scales.count, place, bool((some < 0).any()))
+    logarithmic = bool((some < 0).any())
+    return _Splats(attributes, degree, scales.count, place, logarithmic, _unusual(inner))
+
+
+def _unusual(about: Any) -> tuple[str, ...]:
+    """A sentence on each word of an extension that promises another picture than ours."""
+    told = about if isinstance(about, dict) else {}
+    return tuple(
+        f"{key} is {str(told[key])[:40]}: read as {_ABOUT[key]}, so it may look different"
+        for key in ("kernel", "colorSpace")
+        if told.get(key, _ABOUT[key]) != _ABOUT[key]
+    )
 
 
 def _sh_names(degree: int) -> list[str]:
