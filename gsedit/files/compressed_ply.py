@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from math import isqrt
 from pathlib import Path
 from shutil import copyfileobj
@@ -71,10 +72,11 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
     scene = SceneHeader(isqrt(1 + layout.rest // 3) - 1, comments=header.comments)
     known = {"chunk", "vertex", "sh"}
     others = [e.name for e in header.elements if e.name not in known]
-    notes = (f"elements left out: {', '.join(others)}",) if others else ()
-    return SceneSource(
-        path, ".compressed.ply", scene, layout.count, lambda: _read(path, header, layout), notes
-    )
+    beside = [n for e in header.elements if e.name in known for n in e.names if not _expected(n)]
+    notes = [f"elements left out: {', '.join(others)}"] * bool(others)
+    notes += [f"columns left out: {', '.join(beside)}"] * bool(beside)
+    blocks = partial(_read, path, header, layout)
+    return SceneSource(path, ".compressed.ply", scene, layout.count, blocks, tuple(notes))
 
 
 @dataclass(frozen=True)
@@ -92,7 +94,8 @@ def _layout(path: Path, header: PlyHeader) -> _Layout:
     missing += [c for c in _PACKED if c not in vertex.names]
     if missing:
         raise InputError(f"{path}: columns {', '.join(missing)} are missing: export it again")
-    wrong = [n for e in (chunk, vertex, sh) for n, kind in e.columns if not _expected(n, kind)]
+    columns = [column for e in (chunk, vertex, sh) for column in e.columns]
+    wrong = [n for n, kind in columns if _expected(n) and kind not in _expected(n)]
     if wrong:
         raise InputError(f"{path}: columns {', '.join(wrong)} have a wrong type: export it again")
     if chunk.count * CHUNK < vertex.count:
@@ -110,10 +113,13 @@ def _layout(path: Path, header: PlyHeader) -> _Layout:
     return _Layout(vertex.count, rest)
 
 
-def _expected(name: str, kind: str) -> bool:
+def _expected(name: str) -> tuple[str, ...]:
+    """The types that a column of the format may have; none for another column."""
     if name in _PACKED:
-        return kind in ("uint", "uint32")
-    return kind in (("uchar", "uint8") if name.startswith("f_rest_") else ("float", "float32"))
+        return ("uint", "uint32")
+    if name in _BOUNDS:
+        return ("float", "float32")
+    return ("uchar", "uint8") if name.startswith("f_rest_") else ()
 
 
 def _read(path: Path, header: PlyHeader, layout: _Layout) -> Blocks:
@@ -306,4 +312,5 @@ def _pack_quats(quats: Float32[np.ndarray, "n 4"]) -> UInt32[np.ndarray, " n"]:
 
 
 def _sh_bytes(values: np.ndarray) -> UInt8[np.ndarray, "n c"]:
-    return ((values / SH_RANGE + 0.5) * 256).clip(0, 255).astype(np.uint8)
+    with np.errstate(invalid="ignore"):  # damaged rows: told later
+        return ((values / SH_RANGE + 0.5) * 256).clip(0, 255).astype(np.uint8)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import csv
 from pathlib import Path
 
 import numpy as np
 
-from gsedit.files.inria import columns, rows_of
+from gsedit.files.inria import SPLAT, beside, columns, rows_of
 from gsedit.files.streams import Blocks, SceneHeader, WriteOptions, in_blocks
 
 LINES = 1024
@@ -19,13 +20,13 @@ def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions
     The number of rows.
     """
     names = columns((header.degree + 1) ** 2)
-    extra = {name: kind for name, kind in header.extra.items() if name not in names}
-    row = np.dtype([("splat", "<f4", len(names)), *extra.items()])
+    extra = beside(path, header)
+    row = np.dtype([(SPLAT, "<f4", len(names)), *extra.items()])
     forms = ["%.9g"] * len(names) + [_form(kind) for kind in extra.values()]
     line = ",".join(forms) + "\n"
     count = 0
     with path.open("w", encoding="utf-8", newline="") as handle:
-        handle.write(",".join((*names, *extra)) + "\n")
+        csv.writer(handle, lineterminator="\n").writerow((*names, *extra))
         for block in blocks:
             for part in in_blocks(block, LINES):
                 rows = rows_of(part, row)
@@ -41,7 +42,7 @@ def _form(kind: np.dtype) -> str:
 def _values(rows: np.ndarray, extra: tuple[str, ...]) -> tuple[object, ...]:
     """All numbers, row by row."""
     if not extra:
-        return tuple(rows["splat"].ravel().tolist())
-    beside = [rows[name].tolist() for name in extra]
-    pairs = zip(rows["splat"].tolist(), zip(*beside))
+        return tuple(rows[SPLAT].ravel().tolist())
+    more_columns = [rows[name].tolist() for name in extra]
+    pairs = zip(rows[SPLAT].tolist(), zip(*more_columns))
     return tuple(value for splat, more in pairs for value in (*splat, *more))

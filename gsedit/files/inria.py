@@ -35,6 +35,8 @@ from gsedit.files.streams import (
 from gsedit.files.table import SplatTable
 
 _REST_COUNTS = (0, 9, 24, 45, 72)  # 3 ((degree + 1)^2 - 1)
+SPLAT = "the splat"
+"""The field of a record that holds all columns of a splat: no column of a file can have a space."""
 _MEANS = ("x", "y", "z")
 _NORMALS = ("nx", "ny", "nz")
 _SCALES = ("scale_0", "scale_1", "scale_2")
@@ -89,7 +91,7 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
     k = _coefficients(path, vertex.names)
     known = {*columns(k), *_NORMALS}
     kinds = vertex.dtype("=") if not vertex.has_lists else np.dtype([])
-    normals = _NORMALS if _has_normals(path, header, vertex) else ()
+    normals = _normals(path, header, vertex)
     extra = {
         name: kinds[name] for name in kinds.names or () if name in normals or name not in known
     }
@@ -117,9 +119,8 @@ def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions
     """
     k = (header.degree + 1) ** 2
     names = columns(k)
-    beside = {name: kind for name, kind in header.extra.items() if name not in _NORMALS}
-    kinds = {name: _stored(path, name, kind) for name, kind in beside.items()}
-    row = np.dtype([("splat", "<f4", len(names)), *kinds.items()])
+    kinds = {name: _stored(path, name, kind) for name, kind in beside(path, header).items()}
+    row = np.dtype([(SPLAT, "<f4", len(names)), *kinds.items()])
     comments = [" ".join(c.split()) for c in header.comments if not c.startswith(PROGRAM)]
     if header.antialiased and not set(comments) & set(MIP_COMMENTS):
         comments.append(MIP_COMMENTS[0])  # needed to draw it right: worth a comment
@@ -143,6 +144,19 @@ def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions
     return count
 
 
+def beside(path: Path, header: SceneHeader) -> dict[str, np.dtype]:
+    """The columns to be written behind those of the splat, which have a place for normals.
+
+    Raises UsageError for a name that a splat's column has, or that is no single word.
+    """
+    own = columns((header.degree + 1) ** 2)
+    kinds = {name: kind for name, kind in header.extra.items() if name not in _NORMALS}
+    for name in kinds:
+        if name in own or name.split() != [name]:
+            raise UsageError(f"{path}: a column cannot be named {name!r}: rename it")
+    return kinds
+
+
 def _stored(path: Path, name: str, kind: np.dtype) -> np.dtype:
     """The type of an extra column in the file."""
     kind = np.dtype(np.uint8) if kind == np.bool_ else np.dtype(kind)
@@ -156,7 +170,7 @@ def rows_of(table: SplatTable, row: np.dtype) -> np.ndarray:
     extra columns, as records of type `row`."""
     n, k = table.sh.shape[:2]
     rows = np.empty(n, row)
-    splat = rows["splat"]
+    splat = rows[SPLAT]
     splat[:, 0:3], splat[:, 6:9] = table.means, table.sh[:, 0]
     for column, name in enumerate(_NORMALS, 3):
         splat[:, column] = table.extra.get(name, 0)
@@ -165,7 +179,7 @@ def rows_of(table: SplatTable, row: np.dtype) -> np.ndarray:
     splat[:, -8], splat[:, -7:-4] = table.logit_opacities, table.log_scales
     splat[:, -4:] = table.quats
     for name in row.names or ():
-        if name != "splat":
+        if name != SPLAT:
             rows[name] = table.extra[name]
     return rows
 
@@ -199,12 +213,14 @@ def _is_flat(names: tuple[str, ...]) -> bool:
     return "scale_2" not in names and {*columns(1)} - {*names, *_NORMALS} == {"scale_2"}
 
 
-def _has_normals(path: Path, header: PlyHeader, vertex: PlyElement) -> bool:
-    """Whether there are normals, not the zeros that INRIA's files have; the first rows tell."""
-    if not set(_NORMALS) <= set(vertex.names) or vertex.has_lists or not vertex.count:
-        return False
+def _normals(path: Path, header: PlyHeader, vertex: PlyElement) -> tuple[str, ...]:
+    """The columns of normals, if they are not the zeros that INRIA's files have; the first rows
+    tell."""
+    names = tuple(name for name in _NORMALS if name in vertex.names)
+    if not names or vertex.has_lists or not vertex.count:
+        return ()
     first = next(element_blocks(path, header, "vertex", LOOK_AT))
-    return any((first[name] != 0).any() for name in _NORMALS)
+    return names if any((first[name] != 0).any() for name in names) else ()
 
 
 def _read(path: Path, header: PlyHeader, k: int, extra: tuple[str, ...]) -> Blocks:

@@ -65,8 +65,8 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
         }
         beside = {
             name: archive.whole(name)
-            for name in kinds
-            if name.startswith(ELEMENTS) or name in ("comments", "antialiased")
+            for name, kind in kinds.items()
+            if _is_element(name, *kind) or name in ("comments", "antialiased")
         }
     known = {*SPLAT_FIELDS, *beside, *(EXTRA + name for name in extra)}
     unknown = [name for name in kinds if name not in known]
@@ -79,6 +79,15 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
     )
     notes = (f"arrays left out: {', '.join(unknown)}",) if unknown else ()
     return SceneSource(path, ".npz", header, count, lambda: _read(path, header, count), notes)
+
+
+def _is_element(name: str, shape: tuple[int, ...], kind: np.dtype) -> bool:
+    """Whether it is a table of plain numbers, whose own name and those of its columns are words."""
+    columns = [kind[column] for column in kind.names or ()]
+    words = (name.removeprefix(ELEMENTS), *(kind.names or ()))
+    plain = bool(columns) and all(each.kind in "iuf" and each.itemsize <= 8 for each in columns)
+    named = words[0] != "vertex" and all(word.split() == [word] for word in words)
+    return name.startswith(ELEMENTS) and len(shape) == 1 and plain and named
 
 
 def _sizes(path: Path, kinds: dict[str, Kind]) -> tuple[int, int]:

@@ -47,10 +47,11 @@ def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions
 def _pack(table: SplatTable) -> np.ndarray:
     rows = np.empty(len(table), ROW)
     rows["means"], rows["scales"] = table.means, table.scales
-    rows["rgba"][:, :3] = bytes_of(table.colors)
-    rows["rgba"][:, 3] = bytes_of(table.opacities)
-    quats = table.quats / np.linalg.norm(table.quats, axis=1, keepdims=True)
-    rows["quats"] = (quats * 128 + 128.5).clip(0, 255)
+    with np.errstate(invalid="ignore", divide="ignore"):  # damaged rows: told later
+        rows["rgba"][:, :3] = bytes_of(table.colors)
+        rows["rgba"][:, 3] = bytes_of(table.opacities)
+        quats = table.quats / np.linalg.norm(table.quats, axis=1, keepdims=True)
+        rows["quats"] = (quats * 128 + 128.5).clip(0, 255)
     return rows
 
 

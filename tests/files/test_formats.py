@@ -143,6 +143,10 @@ def test_normals_that_are_not_zero_are_kept(tmp_path):
     table[:, 3:6] = 0
     (tmp_path / "c.ply").write_bytes(ply_bytes(table))
     assert open_scene(tmp_path / "c.ply").header.extra == {}
+    keep = [i for i, name in enumerate(PLY_COLUMNS) if name not in ("ny", "nz")]
+    names = tuple(PLY_COLUMNS[i] for i in keep)
+    (tmp_path / "d.ply").write_bytes(ply_bytes(scene_table()[:, keep], names))
+    assert list(open_scene(tmp_path / "d.ply").header.extra) == ["nx"]
 
 
 @pytest.mark.parametrize("word", ["antialiased 1", "SplatRenderMode: mip"])
@@ -311,6 +315,50 @@ def test_a_column_that_ply_cannot_hold_is_refused(kind, tmp_path):
     table = random_table(3, 0).replace(extra={"name": np.zeros(3, kind)})
     with pytest.raises(UsageError, match="column name"):
         written(table, tmp_path / "a.ply")
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".csv"])
+@pytest.mark.parametrize("name", ["my label", "x", "f_rest_44", "a\nb", ""])
+def test_a_name_that_no_column_can_have_is_refused(name, suffix, tmp_path):
+    table = random_table(3).replace(extra={name: np.zeros(3)})
+    with pytest.raises(UsageError, match=r"/a\.\w+: a column cannot be named"):
+        written(table, tmp_path / f"a{suffix}")
+    assert not list(tmp_path.iterdir())
+
+
+def test_any_other_name_is_kept(tmp_path):
+    table = random_table(3).replace(extra={name: np.arange(3.0) for name in ("splat", "a,b")})
+    assert_equal(written(table, tmp_path / "a.ply"), table)
+    write_scene(tmp_path / "a.csv", open_scene(tmp_path / "a.ply").header, in_blocks(table))
+    assert (tmp_path / "a.csv").read_text().splitlines()[0].endswith('rot_3,splat,"a,b"')
+
+
+def test_npz_elements_that_are_no_tables_are_named(tmp_path):
+    table = random_table(9, 0)
+    arrays = {name: getattr(table, name) for name in SPLAT_FIELDS}
+    flags = np.zeros(2, [("on", bool)])
+    wrong = {
+        "elements/a": np.zeros(3),
+        "elements/b": flags,
+        "elements/c d": np.zeros(1, [("e", int)]),
+    }
+    np.savez(tmp_path / "a.npz", **arrays, **wrong)
+    source = open_scene(tmp_path / "a.npz")
+    assert source.notes == (f"arrays left out: {', '.join(wrong)}",)
+    write_scene(tmp_path / "a.ply", source.header, source.blocks())
+    assert_equal(open_scene(tmp_path / "a.ply").table(), table)
+
+
+def test_columns_beside_packed_ones_are_named(tmp_path):
+    written(random_table(9, 0), tmp_path / "a.compressed.ply")
+    start, end, body = (tmp_path / "a.compressed.ply").read_bytes().partition(b"end_header\n")
+    start += b"property ushort label\n"
+    head, rows = body[:72], np.frombuffer(body[72:], "V16")
+    rows = b"".join(row.tobytes() + b"\1\0" for row in rows)
+    (tmp_path / "b.compressed.ply").write_bytes(start + end + head + rows)
+    a, b = (open_scene(tmp_path / f"{name}.compressed.ply") for name in "ab")
+    assert b.notes == ("columns left out: label",)
+    assert_equal(a.table(), b.table())
 
 
 @pytest.mark.skipif(not SPLATS.is_dir(), reason="needs ../shared/data/splats")
