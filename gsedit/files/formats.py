@@ -130,7 +130,10 @@ def write_scene(
         )
     with atomic_path(path, overwrite=overwrite) as temporary:
         module = import_module(f"gsedit.files.{format.module}")
-        count = module.write(temporary, header, blocks, options)
+        try:
+            count = module.write(temporary, header, blocks, options)
+        except UsageError as error:  # a writer knows the temporary name only
+            raise UsageError(str(error).replace(str(temporary), str(path))) from None
         if not count:
             raise UsageError(
                 f"{path} would hold no Gaussians: nothing was written, keep at least one"

@@ -43,7 +43,7 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
     rng = np.random.default_rng(options.seed)
     shares = [max(1, round(options.samples * s.area / total)) for s in surfaces]
     tables = [_disks(s, n, rng) for s, n in zip(surfaces, shares)]
-    tables += [_balls(cloud) for cloud in clouds]
+    tables += [_balls(path, cloud) for cloud in clouds]
     table = concatenate_tables(tables)
     if path.suffix.lower() in (".glb", ".gltf"):  # as splats in glTF: +y is up there
         table = _half_turn(table)
@@ -107,11 +107,11 @@ def _disks(mesh: Any, count: int, rng: np.random.Generator) -> SplatTable:
     )  # fmt: skip
 
 
-def _balls(cloud: Any) -> SplatTable:
+def _balls(path: Path, cloud: Any) -> SplatTable:
     """Round Gaussians at points, which may have colours."""
     points = np.asarray(cloud.vertices, np.float64)
     if not np.isfinite(points).all():
-        raise InputError("the point cloud has points that are NaN or Inf: remove them")
+        raise InputError(f"{path} has points that are NaN or Inf: remove them")
     sizes = BALL * np.maximum(neighbour_distance(points), 1e-7)[:, None].repeat(3, 1)
     colors = np.asarray(getattr(cloud, "colors", ()))
     colors = colors[:, :3] / 255 if colors.shape[:1] == points.shape[:1] else GREY

@@ -101,6 +101,14 @@ def test_a_point_cloud_becomes_balls_as_wide_as_the_points_are_apart(tmp_path):
     assert len(load(tmp_path / "a.ply")) == 64
 
 
+def test_points_that_are_nowhere_are_refused_with_the_name_of_their_file(tmp_path):
+    lines = ["ply", "format ascii 1.0", "element vertex 2"]
+    lines += [f"property float {axis}" for axis in "xyz"]
+    (tmp_path / "a.ply").write_text("\n".join([*lines, "end_header", "0 0 nan", "1 1 1", ""]))
+    with pytest.raises(InputError, match=r"a\.ply has points that are NaN"):
+        open_scene(tmp_path / "a.ply")
+
+
 def test_what_is_no_mesh_is_refused(tmp_path):
     for name, content in {"a.obj": b"v 1 2", "b.stl": b"x" * 100, "c.off": b"OFF\n9 9 9"}.items():
         (tmp_path / name).write_bytes(content)
