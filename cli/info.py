@@ -56,7 +56,7 @@ def info(
 def bytes_of(path: Path) -> int:
     """Of the file, or of the folder of a SOG scene, whose meta.json this is."""
     files = path.parent.iterdir() if path.name == "meta.json" else [path]
-    return sum(file.stat().st_size for file in files)
+    return sum(file.stat().st_size for file in files if file.is_file())
 
 
 def of_file(source: SceneSource) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +30,19 @@ def test_info_tells_what_the_file_holds(scene):
     assert text.exit_code == 0
     assert text.stderr == ""
     assert len(text.stdout.splitlines()) <= 24  # one screen
+
+
+def test_info_of_a_folder_of_sog_counts_its_files_only(scene, tmp_path):
+    assert gsedit("convert", scene, tmp_path / "a.sog").exit_code == 0
+    folder = tmp_path / "folder"
+    with zipfile.ZipFile(tmp_path / "a.sog") as archive:
+        archive.extractall(folder)
+    size = sum(each.stat().st_size for each in folder.iterdir())
+    (folder / "inner").mkdir()
+    (folder / "gone").symlink_to(tmp_path / "nothing")
+    done = gsedit("info", folder, "--json")
+    assert done.exit_code == 0, done.stderr
+    assert json.loads(done.stdout)["bytes"] == size
 
 
 def test_info_counts_invalid_rows_and_names_what_is_beside_the_splats(tmp_path):
