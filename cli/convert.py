@@ -23,8 +23,8 @@ Undo = Annotated[
     Path | None,
     typer.Option(
         "--undo-dataparser", metavar="JSON", show_default=False,
-        help="Bring a splat that nerfstudio exported back into the frame of its photos: its "
-        "dataparser_transforms.json.",
+        help="Bring a splat that nerfstudio exported back into the frame that COLMAP gave its "
+        "photos: its dataparser_transforms.json.",
     ),
 ]  # fmt: skip
 
@@ -38,7 +38,7 @@ def convert(target: Out = None, undo_dataparser: Undo = None) -> list[Any]:
     """
     if undo_dataparser is None:
         return [Target(target)]
-    from gsedit.files.dataparser import read_dataparser
+    from gsedit.files.dataparser import NAME, read_dataparser
     from gsedit.points.transform import transform_of
 
-    return [transform_of(read_dataparser(undo_dataparser).inverse), Target(target)]
+    return [transform_of(read_dataparser(undo_dataparser).inverse), Target(target, NAME)]

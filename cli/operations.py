@@ -46,6 +46,8 @@ class Target:
     """What a verb returns that changes nothing: where the scene goes, as if by -o."""
 
     out: Path | None
+    never_beside: str = ""
+    """A file that must not lie in its folder."""
 
 
 @dataclass(frozen=True)
@@ -145,10 +147,26 @@ def as_piece(
 ) -> Piece:
     made = body(**values)
     several = made if isinstance(made, list | tuple) else [made]
-    targets = [each.out for each in several if isinstance(each, Target)]
     operations = tuple(each for each in several if not isinstance(each, Target))
-    output = replace(output, out=next(filter(None, targets), output.out))
+    for each in several:
+        if isinstance(each, Target):
+            output = replace(output, out=one_place(each, output.out))
     return Piece(verb_name(body), operations, output, files, common)
+
+
+def one_place(target: Target, out: Path | None) -> Path | None:
+    """Where the scene goes, as OUT or as -o. Raises UsageError for both or a misleading place."""
+    from gsedit.errors import UsageError
+
+    if target.out and out and target.out != out:
+        raise UsageError(f"{target.out} and -o {out} are two scenes to write: name one of them")
+    place = target.out or out
+    if place and target.never_beside and place.with_name(target.never_beside).is_file():
+        raise UsageError(
+            f"{place} would lie beside {target.never_beside}, by which gsedit knows a scene that "
+            "is still in the frame of its export: write it into another folder"
+        )
+    return place
 
 
 def parse_piece(group: Any, args: list[str]) -> Piece:
@@ -189,7 +207,7 @@ def process(
     from gsedit.errors import UsageError
     from gsedit.files.formats import open_scene, writable_format, write_scene
     from gsedit.files.validity import Guard
-    from gsedit.points.operation import Kept, run
+    from gsedit.points.operation import Kept, Rowwise, run
 
     if output.out is None and not output.dry_run:
         raise UsageError("name the scene to write with -o, or add --dry-run")
@@ -206,7 +224,8 @@ def process(
         source.header, blocks, [each for _, each in steps], partial(_say, path)
     )
     header, blocks = _fitted(header, blocks, output)
-    last = guard if output.drop_invalid else Guard(drop=False)
+    same_rows = all(isinstance(each, Rowwise) and not each.removes for _, each in steps)
+    last = guard if output.drop_invalid else Guard(drop=False, of="" if same_rows else "the result")
     blocks = _checked(blocks if output.drop_invalid else last(blocks), last, path, total)
     if output.dry_run or output.out is None:
         for _ in blocks:

@@ -15,6 +15,9 @@ from gsedit.errors import InputError
 from gsedit.files.inputs import existing_file
 from gsedit.files.similarity import Similarity, similarity_of
 
+NAME = "dataparser_transforms.json"
+"""Beside a scene, it says that the scene is in the frame of its export."""
+
 
 def read_dataparser(path: Path) -> Similarity:
     """Read a dataparser_transforms.json. Raises InputError for a file that is none."""
@@ -23,7 +26,10 @@ def read_dataparser(path: Path) -> Similarity:
         record = json.loads(path.read_bytes())
         matrix = np.eye(4)
         matrix[:3] = np.array(record["transform"], np.float64)
-        matrix[:3] *= float(record["scale"])
+        scale = float(record["scale"])
+        if not scale > 0:
+            raise ValueError("its scale is not positive")
+        matrix[:3] *= scale
         return similarity_of(matrix)
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise InputError(

@@ -18,10 +18,10 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.errors import InputError
+from gsedit.files.dataparser import NAME
 from gsedit.views.dataset import Dataset
 from rasterizer.camera import Camera
 
-NAME = "dataparser_transforms.json"
 _LEGACY = ((0.0, 1.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, -1.0, 0.0))
 """What files from COLMAP without `applied_transform` had applied (nerfstudio's own fallback)."""
 

@@ -32,8 +32,8 @@ def invalid_rows(table: SplatTable) -> Bool[np.ndarray, " n"]:
     return bad
 
 
-def describe_invalid(table: SplatTable, row: int, number: int) -> str:
-    """What is wrong with a row of the table, which is row `number` of the file."""
+def describe_invalid(table: SplatTable, row: int, number: int, of: str = "") -> str:
+    """What is wrong with a row of the table, which is row `number` of the file, or of `of`."""
     numbers = (
         (name, value)
         for field, names in field_columns(table.sh.shape[1]).items()
@@ -46,14 +46,14 @@ def describe_invalid(table: SplatTable, row: int, number: int) -> str:
     if not place and largest > MAX_LOG_SCALE:
         place = f"a scale is exp({largest:g}), beyond any scene"
     place = place or "its quaternion rot_0..rot_3 is zero"
-    return f"row {number} (from 0): {place}"
+    return f"row {number} (from 0){f' of {of}' * bool(of)}: {place}"
 
 
 class Guard:
     """Passes blocks on, and counts the invalid rows: they are left out, or refused at the end."""
 
-    def __init__(self, *, drop: bool) -> None:
-        self.drop = drop
+    def __init__(self, *, drop: bool, of: str = "") -> None:
+        self.drop, self.of = drop, of
         self.rows = self.invalid = 0
         self.first = ""
         """The first invalid row, described."""
@@ -63,7 +63,7 @@ class Guard:
             bad = invalid_rows(block)
             if bad.any():
                 at = int(bad.argmax())
-                self.first = self.first or describe_invalid(block, at, self.rows + at)
+                self.first = self.first or describe_invalid(block, at, self.rows + at, self.of)
             self.rows += len(block)
             self.invalid += int(bad.sum())
             yield block[~bad] if self.drop and bad.any() else block

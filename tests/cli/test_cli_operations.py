@@ -77,6 +77,41 @@ def test_invalid_rows_are_refused_with_their_place(tmp_path):
     assert len(load(out)) == 4
 
 
+def test_a_row_of_the_result_is_said_to_be_one(tmp_path):
+    from bad_files import PLY_COLUMNS, ply_bytes, scene_table
+
+    table = scene_table()
+    table[:, PLY_COLUMNS.index("opacity")] = [-9, 1, 1, 1, 1]
+    table[3, PLY_COLUMNS.index("y")] = float("nan")
+    path = tmp_path / "bad.ply"
+    path.write_bytes(ply_bytes(table))
+    done = gsedit("filter", path, "--min-opacity", 0.1, "-o", tmp_path / "out.ply")
+    assert done.exit_code == 3
+    assert "row 2 (from 0) of the result: column y is nan" in done.stderr
+
+
+@pytest.mark.parametrize("suffix", [".splat", ".compressed.ply", ".spz", ".glb", ".sog"])
+def test_invalid_rows_end_in_one_line(suffix, tmp_path, recwarn):
+    from bad_files import PLY_COLUMNS, ply_bytes, scene_table
+
+    table = scene_table()
+    for row, name in enumerate(("x", "f_rest_2", "opacity", "scale_1", "rot_0")):
+        table[row, PLY_COLUMNS.index(name)] = float("nan")
+    path = tmp_path / "bad.ply"
+    path.write_bytes(ply_bytes(table))
+    done = gsedit("convert", path, tmp_path / f"out{suffix}")
+    assert done.exit_code == 3
+    assert "row 0 (from 0): column x is nan; " in done.stderr
+    assert not list(recwarn)
+    assert [each.name for each in tmp_path.iterdir()] == ["bad.ply"]
+
+
+def test_two_places_for_one_scene_are_refused(scene, tmp_path):
+    done = gsedit("convert", scene, tmp_path / "a.ply", "-o", tmp_path / "b.spz")
+    assert done.exit_code == 2
+    assert "two scenes to write" in done.stderr
+
+
 def test_torch_is_not_loaded(scene, tmp_path):
     code = (
         "import sys; from gsedit_cli.main import app\n"
@@ -117,7 +152,7 @@ def test_convert_brings_an_export_of_nerfstudio_back_into_the_frame_of_its_photo
     record = {"transform": np.column_stack((turn, move)).tolist(), "scale": 0.5}
     exported.write_text(json.dumps(record))
     original = open_scene(scene).table()
-    out, words = tmp_path / "back.ply", ("--undo-dataparser", exported)
+    out, words = tmp_path / "back/splat.ply", ("--undo-dataparser", exported)
     assert gsedit("convert", scene, out, *words).exit_code == 0
     back = open_scene(out).table()
     expected = (original.means / 0.5 - move) @ turn
@@ -125,6 +160,10 @@ def test_convert_brings_an_export_of_nerfstudio_back_into_the_frame_of_its_photo
     np.testing.assert_allclose(back.log_scales, original.log_scales + np.log(2), atol=1e-5)
     again = Similarity(turn, 0.5, 0.5 * move).table(back)
     np.testing.assert_allclose(again.sh, original.sh, atol=1e-5)
+    for place in ((tmp_path / "beside.ply",), ("-o", tmp_path / "beside.ply")):
+        done = gsedit("convert", scene, *place, *words)
+        assert done.exit_code == 2
+        assert "write it into another folder" in done.stderr
     exported.write_text("{}")
     done = gsedit("convert", scene, out, *words, "-f")
     assert done.exit_code == 3
