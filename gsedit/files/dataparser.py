@@ -27,7 +27,7 @@ def read_dataparser(path: Path) -> Similarity:
         matrix = np.eye(4)
         matrix[:3] = np.array(record["transform"], np.float64)
         scale = float(record["scale"])
-        if not scale > 0:
+        if not 0 < scale < float("inf"):
             raise ValueError("its scale is not positive")
         matrix[:3] *= scale
         return similarity_of(matrix)

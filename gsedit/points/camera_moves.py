@@ -3,33 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import torch
-
 from gsedit.errors import UsageError
 from gsedit.files.cameras import cameras_file, own_file, read_cameras, write_cameras
-from gsedit.files.similarity import IDENTITY, Similarity
+from gsedit.files.moved_cameras import moved_camera
+from gsedit.files.similarity import IDENTITY
 from gsedit.views.viewpoints import Viewpoint
-from rasterizer.camera import Camera
-
-
-def moved_camera(camera: Camera, similarity: Similarity) -> Camera:
-    """The camera that sees the moved scene as `camera` sees the scene.
-
-    No camera sees a mirrored scene the same way: this one sees the picture flipped, left for right.
-    """
-    rotation = camera.rotation.detach().double().numpy() @ similarity.turn.T
-    centre = similarity.points(camera.centre.detach().double().numpy()[None])[0]
-    cx = camera.cx
-    if similarity.mirrors:
-        rotation, cx = rotation * [[-1.0], [1.0], [1.0]], camera.width - camera.cx
-    pose = torch.eye(4, dtype=torch.float64)
-    pose[:3, :3] = torch.from_numpy(rotation)
-    pose[:3, 3] = torch.from_numpy(-rotation @ centre)
-    return replace(camera, world_to_camera=pose, cx=cx)
 
 
 class CameraMove:
