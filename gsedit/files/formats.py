@@ -128,6 +128,7 @@ def write_scene(
             f"{path}: {format.suffix} holds SH up to degree {format.max_degree}, the scene has "
             f"{header.degree}: reduce its SH degree first"
         )
+    blocks = (block for block in blocks if len(block))  # a filter may leave nothing of a part
     with atomic_path(path, overwrite=overwrite) as temporary:
         module = import_module(f"gsedit.files.{format.module}")
         try:

@@ -2,7 +2,7 @@
 
 Keys: `means` (n,3), `quats` (n,4) wxyz, `log_scales` (n,3), `logit_opacities` (n,), `sh` (n,k,3),
 all float32; `extra/NAME` (n,) for each extra column; `elements/NAME` for other tables; `comments`,
-and `antialiased` if the scene is so. Members are not compressed, and nothing is pickled.
+a line each, and `antialiased` if the scene is so. Members are not compressed, nothing is pickled.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
     header = SceneHeader(
         isqrt(k) - 1,
         extra,
-        tuple(str(line) for line in beside.pop("comments", np.zeros(0, "U1")).ravel()),
+        tuple(c for text in beside.pop("comments", ()) for c in str(text).split("\n")),
         antialiased=bool(beside.pop("antialiased", np.zeros(0, bool)).any()),
         elements={name.removeprefix(ELEMENTS): rows for name, rows in beside.items()},
     )
@@ -227,7 +227,9 @@ def _beside(header: SceneHeader) -> dict[str, np.ndarray]:
     """What is not one value a row."""
     arrays = {ELEMENTS + name: rows for name, rows in header.elements.items()}
     if header.comments:
-        arrays["comments"] = np.array(header.comments)
+        arrays["comments"] = np.array(
+            "\n".join(header.comments)
+        )  # as an array, all would be padded
     if header.antialiased:
         arrays["antialiased"] = np.array(True)
     return arrays
