@@ -21,6 +21,7 @@ from .file_options import FileOptions
 from .options import Common, DropInvalid, Force, Scene, check_file, output
 
 if TYPE_CHECKING:
+    from gsedit.files.streams import Blocks, SceneHeader
     from gsedit.points.operation import Kept, Operation
 
 THEN = "then"
@@ -223,7 +224,7 @@ def process(
     header, blocks, counts = run(
         source.header, blocks, [each for _, each in steps], partial(_say, path)
     )
-    header, blocks = _fitted(header, blocks, output)
+    header, blocks = fitted(header, blocks, output.out)
     same_rows = all(isinstance(each, Rowwise) and not each.removes for _, each in steps)
     last = guard if output.drop_invalid else Guard(drop=False, of="" if same_rows else "the result")
     blocks = _checked(blocks if output.drop_invalid else last(blocks), last, path, total)
@@ -267,20 +268,20 @@ def companions(path: Path, output: Output, operations: list[Operation]) -> Calla
     return write
 
 
-def _fitted(header: Any, blocks: Any, output: Output) -> tuple[Any, Any]:
+def fitted(header: SceneHeader, blocks: Blocks, out: Path | None) -> tuple[SceneHeader, Blocks]:
     """The scene as the format can hold it: what is left out is told, and too much SH is cut."""
-    if output.out is None:
+    if out is None:
         return header, blocks
     from gsedit.files.formats import lost, writable_format
     from gsedit.points.operation import run
     from gsedit.points.reduce_sh import ReduceSH
 
-    format = writable_format(output.out)
+    format = writable_format(out)
     for sentence in lost(header, format):
-        print_message(f"{output.out}: {sentence}")
+        print_message(f"{out}: {sentence}")
     if header.degree <= format.max_degree:
         return header, blocks
-    return run(header, blocks, [ReduceSH(format.max_degree)], partial(_say, output.out))[:2]
+    return run(header, blocks, [ReduceSH(format.max_degree)], partial(_say, out))[:2]
 
 
 def _checked(blocks: Any, guard: Any, path: Path, total: Kept) -> Any:

@@ -26,14 +26,15 @@ current_scene: ContextVar[Path | None] = ContextVar("current_scene", default=Non
 """SCENE of the command that runs: options that need its neighbours in the folder look here."""
 
 
-def scene_file(path: Path) -> Path:
-    """The scene of the folder of an edit; any other path as it is."""
-    path = _scene_of(path)
+def first_scene(path: Path) -> Path:
+    """`scene_file` of SCENE, which is the current one from now on."""
+    path = scene_file(path)
     current_scene.set(path)
     return path
 
 
-def _scene_of(path: Path) -> Path:
+def scene_file(path: Path) -> Path:
+    """The scene of the folder of an edit; any other path as it is."""
     from gsedit.errors import UsageError
 
     if (path / "scene.ply").is_file():
@@ -52,7 +53,7 @@ Scene = Annotated[
         metavar="SCENE",
         help="A Gaussian splat scene (.ply), or the folder of an edit.",
         show_default=False,
-        callback=scene_file,
+        callback=first_scene,
     ),
 ]
 Data = Annotated[
@@ -184,7 +185,7 @@ def numerics_of(file: SceneFile | None, name: Path | None) -> Numerics:
     """How a scene is rendered that was read from a file; a line says so where it is unusual."""
     from rasterizer.numerics import DEFAULT, Numerics
 
-    if file is None or not file.antialiased:
+    if file is None or not file.header.antialiased:
         return DEFAULT
     print_message(f"{name} is marked as antialiased: it is rendered with Mip-Splatting's 2D filter")
     return Numerics(antialiased=True)

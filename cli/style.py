@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,14 +12,17 @@ import typer
 from .cameras import ViewOptions, load_views
 from .console import print_message, print_result
 from .features import load_features
-from .options import DropInvalid, Force, Scene, Seeded, check_scene_file, load_scene, output
+from .operations import fitted
+from .options import DropInvalid, Force, Scene, Seeded, check_scene_file, load_file, output
 from .progress import progress
 from .selection_options import labelled
 from .setting_options import Layout, Setting, SettingsGroup, Values, settings_of, with_values
 
 if TYPE_CHECKING:
     from gsedit.appearance.style import StyleResult
+    from gsedit.files import SceneFile
     from gsedit.reports.events import Event
+    from rasterizer.scene import Gaussians
 
 Picture = Annotated[
     Path,
@@ -83,29 +87,39 @@ def style(
 
     from gsedit.appearance.style import style_steps
     from gsedit.appearance.style_settings import StyleSettings
-    from gsedit.files import save
     from gsedit.files.pictures import read_picture
     from gsedit.points.selection.base import EVERYTHING
     from gsedit.points.selection.where import where as parse
 
     part = EVERYTHING if where is None else labelled("--where", parse, where)
     settings = with_values(StyleSettings(), values)
-    image = read_picture(picture)
-    gaussians = load_scene(scene, drop_invalid=drop_invalid)
+    image, extractor = read_picture(picture), load_features(features)
+    file = load_file(scene, drop_invalid=drop_invalid)
     steps = style_steps(
-        gaussians,
+        file.scene,
         image,
-        dataset=load_views(scene, gaussians, views, settings.execution),
+        dataset=load_views(scene, file.scene, views, settings.execution),
         settings=settings,
-        features=load_features(features),
+        features=extractor,
         where=part,
         generator=common.generator(),
     )
     result = shown(steps, as_json=common.json)
-    save(result.scene, out, overwrite=force)
-    print_message(f"look: gsedit view {scene} {out}")
+    write(result.scene, file, out, force)
+    print_message(f"look: {shlex.join(['gsedit', 'view', f'{scene}', f'{out}'])}")
     record = {"scene": out, "gaussians": len(result.scene), "measures": result.measures}
     print_result(record, str(out), as_json=common.json)
+
+
+def write(scene: Gaussians, file: SceneFile, out: Path, force: bool) -> None:
+    """Write the scene with what its file held beside: extra columns, comments, elements, marks."""
+    from gsedit.files.formats import write_scene
+    from gsedit.files.streams import in_blocks
+    from gsedit.files.table import table_of
+
+    table = table_of(scene).replace(extra=file.extra)
+    header, blocks = fitted(file.header, in_blocks(table), out)
+    write_scene(out, header, blocks, overwrite=force)
 
 
 def shown(steps: Iterator[Event | StyleResult], *, as_json: bool) -> StyleResult:

@@ -61,14 +61,16 @@ def style_steps(
     The cameras are those of `dataset` (without one, found); its photos are not looked at. Only the
     selected Gaussians change, and of those only the colours; a text for `where` is an expression.
     `features` of the Gram loss: a bank of oriented filters if None. Raises UsageError for an empty
-    scene, a picture of fewer than 16 pixels a side, or where no view shows what is selected.
+    scene, a picture of fewer than 16 pixels a side, or where nothing is selected or no view shows
+    it.
     """
     settings, watch, scene = settings or StyleSettings(), Stopwatch(), scene.detach()
     generator = generator or torch.Generator().manual_seed(0)
     studio = _studio(scene, picture, dataset, settings, as_selection(where))
     measures = [studio.measure("before", scene, scene, watch.seconds)]
     yield Event("before", watch.seconds, 1, 1, note=str(measures[-1]))
-    colored = studio.with_colors(scene, int(torch.randint(1 << 31, (), generator=generator)))
+    seed = int(torch.randint(1 << 31, (), generator=generator))
+    colored = studio.with_colors(scene, seed) if settings.strength else scene
     measures.append(studio.measure("colours", colored, scene, watch.seconds))
     yield Event("colours", watch.seconds, 1, 1, note=str(measures[-1]))
     styled = colored
@@ -102,6 +104,8 @@ def _studio(
     views, held_out = dataset.split()
     views = views or held_out
     inside = torch.from_numpy(selection.mask(table_of(scene)).copy())
+    if not inside.any():
+        raise UsageError("nothing is selected: there is nothing to paint")
     return Studio(
         picture=sized(picture, views[0].camera),
         cameras=[views[i].camera for i in evenly_spaced(len(views), settings.views)],

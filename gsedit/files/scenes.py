@@ -31,13 +31,12 @@ class SceneFile:
     """A scene as it was read, with notes on its file."""
 
     scene: Gaussians
+    header: SceneHeader
+    """What holds for all rows of the file."""
     notes: tuple[str, ...] = ()
     """Columns, elements and rows that were left out, one sentence each."""
     extra: Mapping[str, np.ndarray] = field(default_factory=dict)
     """Columns of the file that are no part of a Gaussian: one value a row."""
-    antialiased: bool = False
-    """Whether it says that the scene is to be rendered with Mip-Splatting's 2D filter
-    (`Numerics.antialiased`)."""
 
 
 def load(path: str | Path, *, drop_invalid: bool = False) -> Gaussians:
@@ -67,7 +66,7 @@ def read_scene(
         notes.append(f"elements left out: {', '.join(header.elements)}")
     if guard.invalid:
         notes.append(f"rows left out: {guard.invalid} of {guard.rows}")
-    return SceneFile(gaussians_of(table), tuple(notes), table.extra, header.antialiased)
+    return SceneFile(gaussians_of(table), header, tuple(notes), table.extra)
 
 
 def save(

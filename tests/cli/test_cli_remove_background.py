@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import torch
 from command_line import gsedit, one_line
 
@@ -27,3 +29,19 @@ def test_within_needs_cameras(scene, tmp_path):
     assert done.exit_code == 2
     assert one_line(done.stderr)
     assert "--data" in done.stderr
+
+
+def test_the_cameras_are_those_of_the_scene_and_not_of_one_that_is_merged(scene, tmp_path):
+    """Also behind a verb that names another scene."""
+    other = tmp_path / "elsewhere" / "other.ply"
+    other.parent.mkdir()
+    other.write_bytes(scene.read_bytes())
+    cameras = orbit(load(scene), 6, 32)
+    views = [View(str(i), c, torch.zeros(32, 32, 3)) for i, c in enumerate(cameras)]
+    write_cameras(views, scene.with_name("cameras.json"))
+    alone = gsedit("remove-background", scene, "--within", 0.05, "--dry-run", "--json")
+    words = ("then", "remove-background", "--within", 0.05, "--dry-run", "--json")
+    done = gsedit("merge", scene, other, *words)
+    assert done.exit_code == 0, done.stderr
+    kept = [json.loads(each.stdout)["gaussians"] for each in (alone, done)]
+    assert kept[1] == 2 * kept[0]

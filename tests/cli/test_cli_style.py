@@ -9,6 +9,9 @@ from command_line import gsedit, one_line
 from PIL import Image
 
 from gsedit.files import load
+from gsedit.files.formats import open_scene, write_scene
+from gsedit.files.streams import SceneHeader, in_blocks
+from gsedit.files.table import table_of
 
 
 def test_style_writes_a_scene_of_other_colours(scene, tmp_path):
@@ -36,3 +39,21 @@ def test_a_wrong_request_is_one_line(scene, tmp_path):
         assert done.exit_code in (2, 3)
         assert one_line(done.stderr)
         assert message in done.stderr
+
+
+def test_columns_of_the_file_stay_and_too_much_sh_is_told(scene, tmp_path):
+    picture, marked = tmp_path / "p.png", tmp_path / "marked.npz"
+    Image.fromarray(np.random.default_rng(0).integers(0, 255, (32, 32, 3), np.uint8)).save(picture)
+    table = table_of(load(scene))
+    table = table.replace(extra={"label": np.arange(len(table), dtype=np.int32)})
+    header = SceneHeader(table.degree, {"label": np.dtype(np.int32)}, antialiased=True)
+    write_scene(marked, header, in_blocks(table))
+    words = ("--steps", 0, "--views", 2, "--size", 32, "--up", "-y")
+    for name in ("out.npz", "out.splat"):
+        done = gsedit("style", marked, picture, *words, "-o", tmp_path / name)
+        assert done.exit_code == 0, done.stderr
+    assert "holds no SH" in done.stderr
+    assert "holds no extra columns: label" in done.stderr
+    kept = open_scene(tmp_path / "out.npz")
+    assert kept.header.antialiased
+    assert kept.table().extra["label"].tolist() == list(range(len(table)))
