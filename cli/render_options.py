@@ -196,12 +196,12 @@ class PictureOptions:
         from PIL import ImageColor
 
         try:
-            levels = ImageColor.getrgb(self.background)[:3]
-        except ValueError:
+            red, green, blue = ImageColor.getrgb(self.background)
+        except ValueError:  # no colour, or one with alpha
             raise UsageError(
                 f"--background {self.background}: give a colour's name, '#rrggbb' or transparent"
             ) from None
-        return torch.tensor(levels) / 255
+        return torch.tensor((red, green, blue)) / 255
 
 
 def kind_of(out: Path) -> Kind:
@@ -231,8 +231,16 @@ def check_pictures(out: Path, options: PictureOptions, path: PathOptions) -> Non
         raise UsageError(f"--format is for folders: -o {out} says it by its suffix")
     if suffix == ".npy" and len(maps) > 1:
         raise UsageError(f"-o {out} holds one map: show one, or name an .exr or a folder")
-    if options.transparent and (kind == "animation" or suffix in (".exr", ".npy")):
-        raise UsageError(f"--background transparent is for PNG pictures, not for -o {out}")
+    if options.transparent:
+        if kind == "animation" or suffix in (".exr", ".npy"):
+            raise UsageError(f"--background transparent is for PNG pictures, not for -o {out}")
+        if options.format != FolderFormat.png:
+            raise UsageError("--background transparent is for PNG pictures: leave out --format")
+        if "color" not in maps or (kind == "still" and len(maps) > 1):
+            raise UsageError(
+                "--background transparent is for colours in a PNG of their own: show color alone, "
+                "or name a folder"
+            )
     if options.wipe is not None:
         if maps != ("color",) or options.transparent:
             raise UsageError("--wipe shows colours: leave out --show, --depth and transparent")

@@ -87,11 +87,7 @@ def depth_scale(
     """The near and far ends of a colour scale for all frames, from small renders of some."""
     depths, alphas = [], []
     for index in evenly_spaced(len(cameras), PROBES):
-        camera = cameras[index]
-        scale = min(1.0, PROBE_SIZE / max(camera.width, camera.height))
-        small = camera.resized(
-            max(1, round(camera.width * scale)), max(1, round(camera.height * scale))
-        )
+        small = cameras[index].fitted(PROBE_SIZE)
         maps = render_maps(scene, small, ("depth",), numerics=numerics, execution=execution)
         assert maps.depth is not None
         depths.append(maps.depth)

@@ -28,8 +28,9 @@ Shown = Sequence[MapName]
 COLOR: Shown = ("color",)
 
 EXR_COMMENTS = (
-    "R G B: linear light of the sRGB colours, over black (premultiplied by A). Z: median depth "
-    "along the view, scene units, 0 where nothing is. N.X N.Y N.Z: unit normals in the camera's "
+    "R G B: linear light of the sRGB colours, over the background: premultiplied by A where that "
+    "is black, as it is unless one was chosen. Z: median depth along the view, scene units, 0 "
+    "where nothing is. N.X N.Y N.Z: unit normals in the camera's "
     "axes x right, y up, z towards the viewer."
 )
 
