@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -235,9 +236,9 @@ def as_text(result: SceneDifference, paths: tuple[Path, Path]) -> str:
         lines.append(row(each.name, before, after, f"{each.after[1] - each.before[1]:+.2g}"))
     lines += ["", matches_text(result.matches), "", views_text(result)]
     lines += [f"-> {hint}" for hint in result.hints]
-    if result.hints:
-        command = f"gsedit align {paths[1]} --to {paths[0]} -o ALIGNED.ply"
-        lines.append(f"-> to compare them in one frame: {command}")
+    if result.hints and not any("--mirror" in hint for hint in result.hints):
+        command = ["gsedit", "align", f"{paths[1]}", "--to", f"{paths[0]}", "-o", "ALIGNED.ply"]
+        lines.append(f"-> to compare them in one frame: {shlex.join(command)}")
     return "\n".join(lines)
 
 

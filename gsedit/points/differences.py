@@ -231,8 +231,12 @@ def frame_hints(a: Gaussians, b: Gaussians) -> tuple[str, ...]:
         for signs in product((1, -1), repeat=3)
     )
     if best < FLIPPED / 5:
-        axes = " and ".join(name for name, sign in zip("xyz", signs) if sign < 0)
-        hints.append(f"the second scene has {axes} negated: it is in another frame")
+        axes = [name for name, sign in zip("xyz", signs) if sign < 0]
+        hint = f"the second scene has {' and '.join(axes)} negated: it is in another frame"
+        if len(axes) % 2:  # which no turn brings back
+            mirrors = " ".join(f"--mirror {axis}" for axis in axes)
+            hint = f"{hint}, mirrored; gsedit transform {mirrors} mirrors it back"
+        hints.append(hint)
     ratio = float(extents[1] / extents[0])
     if not 1 / RESCALED < ratio < RESCALED:
         hints.append(f"the second scene is {ratio:.3g} times as large")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from jaxtyping import Float
@@ -16,6 +16,8 @@ LEAST = 4 / 255
 """Least end of the scale of differences: a few steps of an 8-bit picture are not shown as much."""
 CELL = 3.0
 """Width of a picture, inches; 100 pixels each."""
+_PLAIN: dict[str, Any] = {"fontsize": 9, "loc": "left", "parse_math": False}
+"""Of titles: a dollar sign in the name of a file begins no formula."""
 
 
 class Pair(NamedTuple):
@@ -53,7 +55,7 @@ def difference_picture(
         row[2].imshow(
             difference.cpu().numpy(), vmin=0, vmax=most, cmap="magma", interpolation="nearest"
         )
-        row[0].set_title(title, fontsize=9, loc="left")
+        row[0].set_title(title, **_PLAIN)
         for each in row:
             each.set_axis_off()
     heads = (
@@ -62,7 +64,7 @@ def difference_picture(
         f"difference, {1 / most:.3g} times\n",
     )
     for column, head in zip(axes[0], heads):
-        column.set_title(head, fontsize=9, loc="left")
+        column.set_title(head, **_PLAIN)
     bar = figure.colorbar(axes[0, 2].images[0], ax=axes, fraction=0.03, pad=0.01, extend="max")
     bar.set_label("largest difference of a channel, colours in [0, 1]", fontsize=8)
     with atomic_path(path, overwrite=overwrite) as temporary:

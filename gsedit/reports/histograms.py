@@ -22,7 +22,7 @@ def plot_histograms(sample: Sample, title: str, path: Path, *, overwrite: bool =
 
     figure = Figure(figsize=(12, 7), layout="constrained")
     FigureCanvasAgg(figure)
-    figure.suptitle(title)
+    figure.suptitle(title, parse_math=False)  # a dollar sign in a file's name is no formula
     panels = (
         ("position (world units)", {"x": "tab:red", "y": "tab:green", "z": "tab:blue"}, False),
         ("opacity", {"opacity": "black"}, False),

@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 
 import pytest
+import torch
 from bad_files import ply_bytes, scene_table
 from command_line import files, gsedit, one_line
 from PIL import Image
@@ -42,13 +43,20 @@ def test_diff_says_what_differs(scene, other, tmp_path):
 
 
 def test_diff_says_how_to_bring_scenes_into_one_frame(scene, tmp_path):
-    far = tmp_path / "far.ply"
+    far = tmp_path / "far away.ply"
     placed = load(scene)
     save(replace(placed, means=placed.means + 1000), far)
     result = gsedit("diff", scene, far, "--size", 16, "--count", 1)
     assert result.exit_code == 0, result.stderr
     assert "-> the scenes lie in different places" in result.stdout
-    assert f"gsedit align {far} --to {scene} -o ALIGNED.ply" in result.stdout
+    assert f"gsedit align '{far}' --to {scene} -o ALIGNED.ply" in result.stdout
+    shifted, mirrored = tmp_path / "shifted.ply", tmp_path / "mirrored.ply"
+    placed = replace(placed, means=placed.means + torch.tensor([0.0, 0.0, 50.0]))
+    save(placed, shifted)
+    save(replace(placed, means=placed.means * torch.tensor([1.0, 1.0, -1.0])), mirrored)
+    result = gsedit("diff", shifted, mirrored, "--size", 16, "--count", 1)
+    assert "gsedit transform --mirror z" in result.stdout
+    assert "gsedit align" not in result.stdout  # which no turn of a mirrored scene satisfies
 
 
 def test_diff_as_json(scene, other):

@@ -80,6 +80,9 @@ def test_other_frames_are_noticed(scene):
     assert moved(lambda means: means + 0.01) == ()
     (flip,) = moved(lambda means: means * torch.tensor([1.0, -1.0, -1.0]))
     assert "y and z negated" in flip
+    assert "mirror" not in flip
+    (mirrored,) = moved(lambda means: means * torch.tensor([1.0, -1.0, 1.0]))
+    assert "gsedit transform --mirror y mirrors it back" in mirrored
     (far,) = moved(lambda means: means + 100)
     assert "different places" in far
     larger, *_ = moved(lambda means: means * 3)
@@ -96,7 +99,7 @@ def test_what_cannot_be_compared_is_refused(scene, viewpoints):
 def test_the_picture_has_a_row_a_view(tmp_path):
     black, grey = torch.zeros(12, 16, 3), torch.full((12, 16, 3), 0.5)
     pairs = [Pair("one", black, grey), Pair("two", black, black)]
-    difference_picture(pairs, ("a.ply", "b.ply"), tmp_path / "d.png")
+    difference_picture(pairs, (r"a$\no$.ply", "b.ply"), tmp_path / "d.png")  # no formula
     one = tmp_path / "one.png"
     difference_picture(pairs[:1], ("a.ply", "b.ply"), one)
     both, single = np.asarray(Image.open(tmp_path / "d.png")), np.asarray(Image.open(one))
