@@ -10,7 +10,7 @@ import typer
 
 from .console import print_message, print_result
 from .looking import After, Selection, Standpoint, check_suffix
-from .options import Common, DropInvalid, Force, Scene, load_file, load_scene, output
+from .options import Common, DropInvalid, Force, Scene, load_file, output
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -98,6 +98,16 @@ class Drawn:
 
         return None if self.selection is None else read_flags(self.selection, len(scene))
 
+    def counted(self, scene: Gaussians) -> str:
+        """How many Gaussians the picture shows, for a person."""
+        if self.open3d:
+            return f"{len(scene):,} Gaussians"
+        solid = int((scene.opacities >= self.min_opacity).sum())
+        if solid == len(scene):
+            return f"{solid:,} Gaussians as points"
+        kept = f"those of opacity {self.min_opacity:g} or more"
+        return f"{solid:,} of {len(scene):,} Gaussians as points, {kept}"
+
     def shown(self, around: Surroundings) -> Surroundings:
         """Of the cameras and the sparse cloud, what is asked for. Raises UsageError."""
         from gsedit.errors import UsageError
@@ -146,21 +156,21 @@ def preview(
 
     file = load_file(scene, drop_invalid=drop_invalid)
     gaussians, size = file.scene, (width, height)
-    second = None if after is None else load_scene(after, drop_invalid=drop_invalid)
+    second = None if after is None else load_file(after, drop_invalid=drop_invalid)
     around = standpoint.surroundings(scene, gaussians, wanted=drawn.cameras)
     camera = standpoint.camera(gaussians, () if drawn.cameras else around.cameras, size)
     if drawn.open3d:
         draw_with_open3d(gaussians, out, camera, size, drawn.min_opacity, force)
     else:
         show(
-            gaussians, out, after=second, selection=drawn.flags(gaussians), look=drawn.look,
-            around=drawn.shown(around), extra=file.extra, min_opacity=drawn.min_opacity, size=size,
+            gaussians, out, after=second and second.scene, selection=drawn.flags(gaussians),
+            look=drawn.look, around=drawn.shown(around), extra=file.extra,
+            after_extra=second and second.extra, min_opacity=drawn.min_opacity, size=size,
             camera=camera, titles=(scene.name, "" if after is None else after.name),
             overwrite=force,
         )  # fmt: skip
     if out is not None:
-        kind = "" if drawn.open3d else " as points"
-        print_message(f"{out} shows {len(gaussians)} Gaussians{kind}")
+        print_message(f"{out} shows {drawn.counted(gaussians)}")
         print_result({"picture": str(out)}, str(out), as_json=common.json)
 
 

@@ -65,6 +65,9 @@ def has_screen() -> bool:
     )
 
 
+PROBE_TIMEOUT = 120
+"""Seconds for two points: a driver that hangs does not draw, and the first read from a slow disk
+is slow."""
 _PROBE = """
 import pyvista
 plotter = pyvista.Plotter(off_screen=True, window_size=[16, 16])
@@ -89,6 +92,9 @@ def check_drawing() -> None:
 @cache
 def _runs(code: str) -> bool:
     """Whether a process of its own ends well; asked once, as it takes a second or two."""
-    return not subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, check=False
-    ).returncode
+    command = [sys.executable, "-c", code]
+    try:
+        done = subprocess.run(command, capture_output=True, check=False, timeout=PROBE_TIMEOUT)
+    except subprocess.TimeoutExpired:
+        return False
+    return done.returncode == 0

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+import torch
 from jaxtyping import Bool, Float
 from PIL import Image
 from torch import Tensor
@@ -72,6 +73,7 @@ def preview(
     point_size: float | None = None,
     titles: tuple[str, str] = ("before", "after"),
     extra: Mapping[str, np.ndarray] | None = None,
+    after_extra: Mapping[str, np.ndarray] | None = None,
     overwrite: bool = False,
 ) -> None:
     """Show the scene as a point cloud: into a PNG at `path`, or in a window without `path`.
@@ -79,14 +81,16 @@ def preview(
     With `after`, that scene beside it under the `titles`, from the same camera. Gaussians fainter
     than `min_opacity` are left out. Without a camera one is chosen by `framing_camera(up=, size=)`,
     or one that shows the cameras of `around` too; `size` is (width, height) of one scene's picture
-    and `point_size` is in pixels. `extra` holds further columns of the scene to colour by.
+    and `point_size` is in pixels. `extra` and `after_extra` hold further columns of
+    the two scenes to colour by.
 
     Raises UsageError where nothing is left, an attribute is unknown, the selection does not fit,
     there are too many ellipsoids, or there is no screen for a window; GseditError where pyvista or
     OpenGL is missing.
     """
     look = look or Look(point_size=point_size)
-    panels = shown_panels(scene, after, look, selection, titles, extra, min_opacity)
+    extras = extra or {}, after_extra or {}
+    panels = shown_panels(scene, after, look, selection, titles, extras, min_opacity)
     solid = panels[0].scene
     if camera is None and around.cameras:
         camera = outside_camera(solid, around.cameras, size)
@@ -108,11 +112,11 @@ def shown_panels(
     look: Look,
     selection: Bool[Tensor, " n"] | None,
     titles: tuple[str, str],
-    extra: Mapping[str, np.ndarray] | None,
+    extras: tuple[Mapping[str, np.ndarray], Mapping[str, np.ndarray]],
     min_opacity: float,
 ) -> list[Panel]:
     """The one or two scenes without what is fainter than `min_opacity`. A selection holds for the
-    second scene too where that has as many Gaussians.
+    second scene too where that has as many Gaussians; else nothing of that is selected.
     """
     if selection is not None and len(selection) != len(scene):
         raise UsageError(
@@ -121,10 +125,11 @@ def shown_panels(
         )
     if look.color_by == "selection" and selection is None:
         raise UsageError("there is no selection to colour by: give --selection FLAGS.npy")
-    panels = [Panel(scene, titles[0] if after is not None else "", selection, extra or {})]
+    panels = [Panel(scene, titles[0] if after is not None else "", selection, extras[0])]
     if after is not None:
-        same = selection is not None and len(after) == len(scene)
-        panels.append(Panel(after, titles[1], selection if same else None))
+        if selection is not None and len(after) != len(scene):
+            selection = torch.zeros(len(after), dtype=torch.bool)
+        panels.append(Panel(after, titles[1], selection, extras[1]))
     solid = [panel[panel.scene.opacities >= min_opacity] for panel in panels]
     if not all(len(panel.scene) for panel in solid):
         raise UsageError(f"no Gaussian has an opacity of {min_opacity} or more: lower min_opacity")

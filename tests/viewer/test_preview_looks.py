@@ -198,3 +198,15 @@ def test_a_picture_with_cameras_needs_no_camera_of_its_own():
     camera = framing_camera(ball(), size=(64, 48))
     around = Surroundings((Viewpoint("a", camera),))
     assert frustums.outside_camera(ball(), around.cameras, (64, 48)).width == 64
+
+
+def test_both_scenes_keep_their_columns_and_a_selection_is_of_its_own_scene():
+    """A second scene of another length has nothing selected: it is not drawn as ellipsoids."""
+    extras = {"label": np.arange(200)}, {"label": np.arange(150)}
+    flags = torch.arange(200) < 5
+    panels = preview.shown_panels(
+        ball(), ball(150), Look(ellipsoids=True), flags, ("a", "b"), extras, 0.1
+    )
+    assert [int(panel.selection.sum()) for panel in panels if panel.selection is not None] == [5, 0]
+    shown = [attributes.attribute(p.scene, "label", ahead(), p.extra).values for p in panels]
+    assert [len(values) for values in shown] == [200, 150]
