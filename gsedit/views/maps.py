@@ -81,7 +81,8 @@ def normal_map(
     needle says nothing of a surface. (From depth, which is that of centres, the normals of a sphere
     of discs are wrong by several times as much: docs/rendering.md.)
     """
-    axes = torch.cat([_facing(scene[i : i + ROWS], camera) for i in range(0, len(scene), ROWS)])
+    starts = range(0, max(len(scene), 1), ROWS)
+    axes = torch.cat([_facing(scene[start : start + ROWS], camera) for start in starts])
     # as colours in [0, 1]: the blend of n / 2 + 1 / 2 is (the blend of n) / 2 + alpha / 2
     colored = replace(scene, sh=(axes / 2 / SH_DC)[:, None])
     drawn = render(colored, camera, numerics=numerics, execution=execution)

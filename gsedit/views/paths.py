@@ -35,6 +35,11 @@ BEFORE = 0.75
 TURNED = 0.02
 """Least second eigenvalue of the cameras' horizontal axes, of which the mean square is 1: below it
 they all look the same way, and do not say which of two directions is up."""
+HIGHEST = radians(89)
+"""Most that a path's cameras look down or up: straight down, no side of a picture is up."""
+NEAREST = 1e-3
+"""Radii of the scene that a path keeps from its middle, which it looks at: of cameras that stand
+right there, as those of a panorama do."""
 GATHERED = 0.3
 """Least length of the mean of the cameras' directions, as unit vectors, for them to stand on one
 side of the subject."""
@@ -97,13 +102,16 @@ def circle_of(
     offsets = torch.stack([camera.centre.detach().double() - centre for camera in cameras])
     heights = offsets @ axis
     level = offsets - heights[:, None] * axis
-    risen = torch.atan2(heights, level.norm(dim=-1)).median()
+    risen = float(torch.atan2(heights, level.norm(dim=-1)).median())
+    distance = float(offsets.norm(dim=-1).median())
+    if fallback is not None:
+        distance = max(distance, NEAREST * fallback.radius)
     return Circle(
         centre,
         axis,
         _side(level, axis),
-        float(offsets.norm(dim=-1).median()),
-        float(risen) if elevation is None else radians(elevation),
+        distance,
+        min(max(risen, -HIGHEST), HIGHEST) if elevation is None else radians(elevation),
         cameras[0],
     )
 

@@ -129,3 +129,10 @@ def test_the_command_line_names_what_there_is():
     assert NAMES == MAPS
     assert tuple(kind.value for kind in PathKind) == get_args(paths.PathKind)
     assert tuple(each.value for each in FolderFormat) == get_args(Format)
+
+
+def test_a_scene_without_gaussians_has_empty_maps():
+    maps = render_maps(shell()[0].to(torch.float32)[:0], front(), MAPS)
+    assert maps.normals is not None
+    assert not maps.normals.any()
+    assert not maps.alpha.any()

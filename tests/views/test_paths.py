@@ -131,6 +131,17 @@ def test_cameras_that_look_apart_have_no_common_point():
     assert around.centre.tolist() == [1.0, 2.0, 3.0]
 
 
+def test_a_path_of_cameras_in_the_middle_or_right_above_has_whole_poses():
+    """A panorama, and a photo straight down: the cameras of the path are turned, not flattened."""
+    middle = Bounds((0.0, 0.0, 0.0), 2.0)
+    panorama = [look_at(torch.zeros(3), ahead, UP, 50.0, 64, 64) for ahead in (CENTRE, -CENTRE)]
+    above = [look_at(3 * UP, torch.zeros(3), torch.tensor([1.0, 0.0, 0.0]), 50.0, 64, 64)]
+    for cameras in (panorama, above):
+        for camera in turntable(circle_of(cameras, up=UP, fallback=middle), 3):
+            whole = camera.rotation @ camera.rotation.T
+            torch.testing.assert_close(whole, torch.eye(3, dtype=torch.float64))
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
