@@ -11,6 +11,8 @@ from gsedit.files.atomic import atomic_path
 from gsedit.reports.scene_summary import Sample
 
 BINS = 100
+MOST = 1e30
+"""Of a value: the elongation of a needle may be infinite in float32."""
 INNER = (0.005, 0.995)
 """The share of the values that an axis shows: a few strays would make the rest one bar."""
 
@@ -39,7 +41,7 @@ def plot_histograms(sample: Sample, title: str, path: Path, *, overwrite: bool =
 
 
 def _panel(axes: Any, sample: Sample, label: str, lines: dict[str, str], logarithmic: bool) -> None:
-    values = {name: sample.values(name) for name in lines}
+    values = {name: np.minimum(sample.values(name), MOST) for name in lines}
     ends = np.array([np.quantile(v, INNER) for v in values.values()])
     low, high = float(ends[:, 0].min()), float(ends[:, 1].max())
     if label == "opacity":

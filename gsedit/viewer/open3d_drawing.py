@@ -58,22 +58,29 @@ def preview_open3d(
     """Let Open3D draw the scene: into a PNG at `path`, or as points in a window without one. What a
     person should know of the picture.
 
-    `min_opacity` leaves out points, not splats. Raises UsageError where there is no screen for a
-    window, GseditError where open3d is missing.
+    `min_opacity` leaves out points, not splats. Raises UsageError where it leaves none, or there is
+    no screen for a window; GseditError where open3d is missing.
     """
     import_open3d()
     camera = camera or framing_camera(scene, size=size)
     if path is None:
         if not has_screen():
             raise UsageError("there is no screen to open a window on: give -o picture.png")
-        show_points(scene[scene.opacities >= min_opacity], camera)
+        show_points(solid(scene, min_opacity), camera)
         return ""
     drawn = draw_splats(scene, camera)
     if drawn is None:
-        points = scene[scene.opacities >= min_opacity]
-        drawn = Open3dPicture(draw_points(points, camera), NO_VULKAN)
+        drawn = Open3dPicture(draw_points(solid(scene, min_opacity), camera), NO_VULKAN)
     save_picture(drawn.picture, path, overwrite=overwrite)
     return drawn.note
+
+
+def solid(scene: Gaussians, min_opacity: float) -> Gaussians:
+    """What is not fainter. Raises UsageError where nothing is left."""
+    chosen = scene[scene.opacities >= min_opacity]
+    if not len(chosen):
+        raise UsageError(f"no Gaussian has an opacity of {min_opacity} or more: lower min_opacity")
+    return chosen
 
 
 def draw_splats(scene: Gaussians, camera: Camera) -> Open3dPicture | None:

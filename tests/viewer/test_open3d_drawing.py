@@ -69,6 +69,8 @@ def test_where_vulkan_fails_points_are_drawn_and_the_package_is_named(
     assert "apt-get install -y libvulkan1 mesa-vulkan-drivers" in result.stderr
     assert json.loads(result.stdout)["picture"] == str(out)
     assert (np.asarray(Image.open(out)) < 200).any()
+    with pytest.raises(UsageError, match="lower min_opacity"):
+        open3d_drawing.preview_open3d(ball(), tmp_path / "b.png", min_opacity=0.999)
 
 
 def test_splats_are_drawn_where_there_is_vulkan(open3d):
