@@ -196,12 +196,14 @@ class PictureOptions:
         from PIL import ImageColor
 
         try:
-            red, green, blue = ImageColor.getrgb(self.background)
-        except ValueError:  # no colour, or one with alpha
+            levels = ImageColor.getrgb(self.background)
+        except ValueError:
+            levels = ()
+        if len(levels) != 3:  # no colour, or one with alpha
             raise UsageError(
                 f"--background {self.background}: give a colour's name, '#rrggbb' or transparent"
-            ) from None
-        return torch.tensor((red, green, blue)) / 255
+            )
+        return torch.tensor(levels) / 255
 
 
 def kind_of(out: Path) -> Kind:
