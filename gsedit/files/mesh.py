@@ -51,6 +51,8 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
     notes += [f"a point cloud: {sum(len(c.vertices) for c in clouds):,} round Gaussians"] * bool(
         clouds
     )
+    left_out = len(parts) - len(surfaces) - len(clouds)
+    notes += [f"parts without area or points left out: {left_out}"] * bool(left_out)
     kind = f"{path.suffix.lower()} mesh" if surfaces else f"{path.suffix.lower()} point cloud"
     return SceneSource(
         path, kind, SceneHeader(0), len(table), lambda: in_blocks(table), tuple(notes)

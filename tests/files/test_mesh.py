@@ -101,6 +101,13 @@ def test_a_point_cloud_becomes_balls_as_wide_as_the_points_are_apart(tmp_path):
     assert len(load(tmp_path / "a.ply")) == 64
 
 
+def test_a_part_without_area_is_named(tmp_path):
+    line = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]], process=False)
+    source = open_scene(export(trimesh.Scene([quad(), line]), tmp_path / "a.glb"), FEW)
+    assert source.count == 2000
+    assert source.notes[1:] == ("parts without area or points left out: 1",)
+
+
 def test_points_that_are_nowhere_are_refused_with_the_name_of_their_file(tmp_path):
     lines = ["ply", "format ascii 1.0", "element vertex 2"]
     lines += [f"property float {axis}" for axis in "xyz"]
