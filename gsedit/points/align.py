@@ -28,6 +28,10 @@ class Align(Whole):
     found: list[Similarity] = field(default_factory=list, repr=False, kw_only=True)
 
     @property
+    def moves(self) -> bool:
+        return True
+
+    @property
     def moved(self) -> Similarity:
         """What was done to the scene; known afterwards."""
         return self.found[-1] if self.found else IDENTITY

@@ -10,9 +10,10 @@ import numpy as np
 from jaxtyping import Bool, Float64
 
 from gsedit.errors import UsageError
+from gsedit.files.streams import Blocks, SceneHeader
 from gsedit.files.table import SplatTable
 from gsedit.points.filter import as_selection
-from gsedit.points.operation import Scene, apply
+from gsedit.points.operation import Kept, Say, Scene, apply, counted
 from gsedit.points.selection.base import Selection
 from gsedit.points.selection.part import OnSelection
 
@@ -28,13 +29,18 @@ class RemoveBackground(OnSelection):
     removes: ClassVar[bool] = True
 
     def change(self, table: SplatTable, inside: Bool[np.ndarray, " n"]) -> SplatTable:
-        if inside.all() or not inside.any():
-            found = "no background" if inside.all() else "no subject"
+        return table[np.flatnonzero(inside)]
+
+    def blocks(self, blocks: Blocks, header: SceneHeader, say: Say) -> Blocks:
+        kept = Kept()
+        subject = super().blocks(counted(blocks, kept, "before"), header, say)
+        yield from counted(subject, kept, "after")
+        if kept.after in (0, kept.before):
+            found = "no background" if kept.after else "no subject"
             raise UsageError(
                 f"{found} was found: choose another --within (a share of the cameras' distance "
                 "from what they look at), or use gsedit filter --region with a mask"
             )
-        return table[np.flatnonzero(inside)]
 
 
 @dataclass(frozen=True)

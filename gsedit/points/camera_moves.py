@@ -28,12 +28,12 @@ class CameraMove:
             raise UsageError(f"{self.output} exists: add -f to replace it")
 
     def write(self, operations: Sequence[Any]) -> Path | None:
-        """Write the cameras after all operations that moved the scene and its cameras."""
+        """Write the cameras where all operations that move the whole scene bring them."""
         if self.output is None:
             return None
         whole = IDENTITY
         for each in operations:
-            if getattr(each, "cameras", False):
+            if each.moves:
                 whole = each.moved.after(whole)
         moved = [Viewpoint(v.name, moved_camera(v.camera, whole)) for v in self.viewpoints]
         write_cameras(moved, self.output, overwrite=self.overwrite)

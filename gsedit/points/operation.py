@@ -35,12 +35,17 @@ class Operation(ABC):
     removes: ClassVar[bool] = False
     """Whether it can leave out rows: then how many were kept is told."""
 
+    @property
+    def moves(self) -> bool:
+        """Whether the whole scene goes elsewhere, so that its cameras do not fit it any more."""
+        return False
+
     def header(self, header: SceneHeader) -> SceneHeader:
         """What then holds for all rows (its SH degree, ...)."""
         return header
 
     def at(self, path: Path) -> Operation:
-        """The operation where it is the first one on the scene of this file."""
+        """The operation on the scene of this file, of which only rows were removed before."""
         return self
 
     @abstractmethod
@@ -98,8 +103,8 @@ def run(
     counts = []
     for operation in operations:
         kept = Kept()
-        after = operation.blocks(_counted(blocks, kept, "before"), header, say)
-        blocks = _counted(after, kept, "after")
+        after = operation.blocks(counted(blocks, kept, "before"), header, say)
+        blocks = counted(after, kept, "after")
         header = operation.header(header)
         counts.append((operation, kept))
     return header, blocks, counts
@@ -118,7 +123,8 @@ def apply(scene: Scene, *operations: Operation, say: Say = silent) -> Scene:
     return after
 
 
-def _counted(blocks: Blocks, kept: Kept, field: str) -> Iterator[SplatTable]:
+def counted(blocks: Blocks, kept: Kept, field: str) -> Iterator[SplatTable]:
+    """The blocks, whose rows are added to a field of `kept`."""
     for block in blocks:
         setattr(kept, field, getattr(kept, field) + len(block))
         yield block

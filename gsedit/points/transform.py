@@ -21,12 +21,19 @@ from gsedit.points.steps import compose, translate
 
 @dataclass(frozen=True, eq=False)
 class Transform(OnSelection):
-    """Move the selected Gaussians, or with `copy` add moved copies of them."""
+    """Move the selected Gaussians, or with `copy` add moved copies of them.
+
+    Copies stand behind the rows that they were read with: of a file, behind each block.
+    """
 
     similarity: Similarity
     copy: bool = False
     cameras: bool = False
     """Whether the cameras beside the scene's file are to move along."""
+
+    @property
+    def moves(self) -> bool:
+        return self.selection is EVERYTHING and not self.copy
 
     @property
     def moved(self) -> Similarity:
@@ -48,6 +55,10 @@ class TransformAboutCentre(Whole):
     copy: bool = False
     cameras: bool = False
     found: list[Similarity] = field(default_factory=list, repr=False)
+
+    @property
+    def moves(self) -> bool:
+        return self.selection is EVERYTHING and not self.copy
 
     @property
     def moved(self) -> Similarity:

@@ -9,7 +9,10 @@ from splat_tables import random_table
 
 from gsedit.errors import UsageError
 from gsedit.files.cameras import write_cameras
-from gsedit.points.background import InTheMiddle, looked_at, remove_background
+from gsedit.files.streams import SceneHeader, gather, in_blocks
+from gsedit.points import where
+from gsedit.points.background import InTheMiddle, RemoveBackground, looked_at, remove_background
+from gsedit.points.operation import run
 from gsedit.views.dataset import View
 from rasterizer.camera import Camera, look_at
 
@@ -52,6 +55,15 @@ def test_what_is_near_that_point_stays(cameras):
     near = away <= 0.5 * 4 * np.sqrt(1.16)
     assert 0 < near.sum() < 500
     np.testing.assert_array_equal(kept.means, table.means[near])
+
+
+def test_parts_of_a_scene_may_be_all_background_or_all_subject():
+    table = random_table(100)
+    table = table[np.argsort(table.means[:, 0])]
+    header = SceneHeader(table.degree)
+    keep = RemoveBackground(selection=where("largest(50, x)"))
+    _, blocks, _ = run(header, in_blocks(table, 10), [keep])
+    np.testing.assert_array_equal(gather(blocks, header, 50).means, table.means[50:])
 
 
 def test_all_and_nothing_are_refused(cameras):
