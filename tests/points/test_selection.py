@@ -19,7 +19,7 @@ from gsedit.points.selection import (
     OrientedBox,
     Sphere,
 )
-from gsedit.points.selection.volumes import rotation_of
+from gsedit.points.steps import rotate
 
 
 def cloud(n: int = 400, spread: float = 1.0) -> SplatTable:
@@ -73,7 +73,7 @@ def test_in_parts_as_whole(text):
 
 def test_a_turned_volume_of_a_turned_scene_selects_the_same():
     table, degrees = cloud(), (30.0, -50.0, 110.0)
-    turn = rotation_of(degrees)
+    turn = rotate(degrees).turn
     centre = np.array([0.3, -0.2, 0.5])
     turned = table.replace(means=(table.means @ turn.T).astype(np.float32))
     there = tuple(float(c) for c in turn @ centre)
@@ -83,12 +83,6 @@ def test_a_turned_volume_of_a_turned_scene_selects_the_same():
         after = kind(there, (1.0, 2.0, 1.5), degrees).mask(turned)
         np.testing.assert_array_equal(before, after)
         assert 0 < before.sum() < len(table)
-
-
-def test_angles_turn_about_x_then_y_then_z():
-    quarter = rotation_of((90.0, 0.0, 90.0))
-    np.testing.assert_allclose(quarter @ [0, 1, 0], [0, 0, 1], atol=1e-12)
-    np.testing.assert_allclose(quarter @ [1, 0, 0], [0, 1, 0], atol=1e-12)
 
 
 def test_volumes_are_their_equations():
@@ -207,6 +201,15 @@ def test_rows_of_any_numbers_are_selected_without_a_warning(wrong):
         )
 
 
+def test_numbers_are_neither_cut_off_nor_wrapped_round():
+    table = cloud(3)
+    assert select(table, "largest(1234567, x)").all()
+    assert select(table, "sphere(0, 0, 0, 1e200) and cylinder(0, 0, 0, 0, 0, 9, 1e200)").any()
+    table = table.replace(extra={"a": np.uint8([10, 200, 9]), "b": np.uint8([11, 100, 20])})
+    assert select(table, "abs(a - b) < 20").tolist() == [True, False, True]
+    assert select(table, "a + b > 255").tolist() == [False, True, False]
+
+
 def test_flags_are_saved_and_read_again(tmp_path):
     table, path = cloud(), tmp_path / "region.npy"
     write_flags(select(table, "x > 0"), path)
@@ -249,6 +252,9 @@ def test_a_scene_of_tensors_stays_one():
         ("box(1,0,0,0,1,1)", "box", "lower corner first"),
         ("(" * 4000 + "x" + ")" * 4000 + " > 1", "", ""),
         ("9" * 5000 + " > x", "", ""),
+        ("x" + " + x" * 2000 + " > 1", "", "too deep"),
+        ("not " * 180 + "x > 1", "", "too deep"),
+        ("largest(2.5, x)", "'2.5'", "a whole number"),
     ],
 )
 def test_a_wrong_expression_names_the_place(text, place, move):

@@ -132,7 +132,13 @@ class Computed(Value):
     operands: tuple[Value, ...]
 
     def of(self, table: SplatTable) -> Any:
-        return ARITHMETIC[self.operator](*(each.of(table) for each in self.operands))
+        return ARITHMETIC[self.operator](*(_real(each.of(table)) for each in self.operands))
+
+
+def _real(numbers: Any) -> Any:
+    """Whole numbers as float64: differences of a column of bytes would wrap round."""
+    whole = isinstance(numbers, np.ndarray) and numbers.dtype.kind in "biu"
+    return numbers.astype(np.float64) if whole else numbers
 
 
 COMPARISONS: dict[str, Callable[[Any, Any], Any]] = {

@@ -6,26 +6,17 @@ Coordinates and lengths are those of the scene's file (see gsedit.files.table).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, inf, isfinite, isnan, radians, sin
+from math import inf, isfinite, isnan
 
 import numpy as np
 
 from gsedit.errors import UsageError
-from gsedit.files.shapes import Bool, Float32, Float64
+from gsedit.files.shapes import Bool, Float32
 from gsedit.files.table import SplatTable
 from gsedit.points.selection.base import QUIET, Selection
 
 Vector = tuple[float, float, float]
 UNTURNED: Vector = (0.0, 0.0, 0.0)
-
-
-def rotation_of(degrees: Vector) -> Float64[np.ndarray, "3 3"]:
-    """Turns by angles about the fixed axes x, then y, then z: Rz Ry Rx, as splat-transform's -r."""
-    (cx, cy, cz), (sx, sy, sz) = (tuple(f(radians(a)) for a in degrees) for f in (cos, sin))
-    about_x = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]], np.float64)
-    about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]], np.float64)
-    about_z = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]], np.float64)
-    return about_z @ about_y @ about_x
 
 
 @dataclass(frozen=True)
@@ -58,15 +49,15 @@ class Box(Selection):
 
 @dataclass(frozen=True)
 class OrientedBox(Selection):
-    """About `centre`, with sides of the lengths `size`, turned by `degrees` (see `rotation_of`)."""
+    """About `centre`, of sides `size`, turned by `degrees` (see `gsedit.points.steps.rotate`)."""
 
     centre: Vector
     size: Vector
     degrees: Vector = UNTURNED
 
     def __post_init__(self) -> None:
-        check_finite("box", *self.centre, *self.degrees)
-        check_positive("box", "side", *self.size)
+        check_finite("oriented_box", *self.centre, *self.degrees)
+        check_positive("oriented_box", "side", *self.size)
 
     @QUIET
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
@@ -76,7 +67,7 @@ class OrientedBox(Selection):
 
 @dataclass(frozen=True)
 class Ellipsoid(Selection):
-    """About `centre`, with three `radii`, turned by `degrees` (see `rotation_of`)."""
+    """About `centre`, of three `radii`, turned by `degrees` (see `gsedit.points.steps.rotate`)."""
 
     centre: Vector
     radii: Vector
@@ -105,7 +96,9 @@ class Sphere(Selection):
 
     @QUIET
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
-        return _squared(table.means - np.array(self.centre, np.float32)) <= self.radius**2
+        return _squared(table.means - np.array(self.centre, np.float32)) <= np.square(
+            np.float64(self.radius)
+        )
 
 
 @dataclass(frozen=True)
@@ -130,7 +123,11 @@ class Cylinder(Selection):
         offset = table.means - np.array(self.start, np.float32)
         along = offset @ unit
         across = offset - along[:, None] * unit
-        return (along >= 0) & (along <= length) & (_squared(across) <= self.radius**2)
+        return (
+            (along >= 0)
+            & (along <= length)
+            & (_squared(across) <= np.square(np.float64(self.radius)))
+        )
 
 
 @dataclass(frozen=True)
@@ -167,7 +164,11 @@ def check_positive(form: str, what: str, *numbers: float) -> None:
 def _along_axes(table: SplatTable, centre: Vector, degrees: Vector) -> Float32[np.ndarray, "n 3"]:
     """Centres in the frame of a volume that is turned by `degrees`."""
     offset = table.means - np.array(centre, np.float32)
-    return offset if degrees == UNTURNED else offset @ rotation_of(degrees).astype(np.float32)
+    if degrees == UNTURNED:
+        return offset
+    from gsedit.points.steps import rotate  # which imports jaxtyping
+
+    return offset @ rotate(degrees).turn.astype(np.float32)
 
 
 def _squared(vectors: Float32[np.ndarray, "n 3"]) -> Float32[np.ndarray, " n"]:

@@ -37,6 +37,8 @@ _COMPARISONS: dict[type, str] = {
     ast.NotEq: "!=",
 }
 _CONSTANTS = {"inf": float("inf"), "pi": 3.141592653589793}
+DEEPEST = 100
+"""Nodes of an expression that are one inside the other: Python's stack holds their evaluation."""
 _COLOR = "_color_"
 """Takes the place of # in front of a colour, which begins a comment in Python."""
 _QUOTED = re.compile(r"""'[^']*'|"[^"]*\"""")
@@ -80,13 +82,16 @@ class _Reader:
             if match := re.search(sign, unquoted):
                 self.refuse(problem, match.start(), match.end())
         try:
-            return ast.parse(self.source, mode="eval").body
+            tree = ast.parse(self.source, mode="eval").body
         except SyntaxError as error:
             if _parses(f"{self.source} 0"):
                 self.refuse("the expression is not complete", len(self.source))
             self.refuse(error.msg or "not readable", max((error.offset or 1) - 1, 0))
         except (ValueError, RecursionError, MemoryError, OverflowError):
             self.refuse("too deep, or a character that none can read", 0)
+        if _depth(tree) > DEEPEST:
+            self.refuse("too deep: write it shorter, or filter in several steps with then", 0)
+        return tree
 
     def refuse(self, problem: str, start: int, end: int | None = None) -> NoReturn:
         """Raise UsageError about a piece of the source."""
@@ -199,8 +204,9 @@ class _Reader:
 
     def amount(self, node: ast.expr) -> Amount:
         text = isinstance(node, ast.Constant) and isinstance(node.value, str)
+        given = self.string(node) if text else str(self.count(node))
         try:
-            return parse_amount(self.string(node) if text else f"{self.number(node):g}")
+            return parse_amount(given)
         except UsageError as error:
             self.wrong(node, str(error))
 
@@ -240,6 +246,15 @@ ARGUMENTS: dict[str, Callable[[_Reader, ast.expr], Any]] = {
     "Selection": _Reader.selection,
 }
 """How an argument is read, by the type of its parameter."""
+
+
+def _depth(tree: ast.expr) -> int:
+    """How many nodes are one inside the other."""
+    depth, level = 0, [tree]  # level by level: a stack of calls would be as deep
+    while level:
+        depth += 1
+        level = [child for node in level for child in ast.iter_child_nodes(node)]
+    return depth
 
 
 def _parses(source: str) -> bool:
