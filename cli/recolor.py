@@ -121,6 +121,7 @@ def recolor(
     from gsedit.points import palette as palettes
     from gsedit.points.grade import Grade
     from gsedit.points.recolor import Opacity, Recolor
+    from gsedit.points.selection.part import OnOnePart
 
     operations: list[Operation] = []
     if grade != Grade():
@@ -131,4 +132,5 @@ def recolor(
         operations.append(Opacity(opacity, opacity_scale, selection=part))
     if not operations:
         raise UsageError("recolor changes nothing: give --exposure, --palette or another option")
-    return operations
+    # new colours and opacities must not change what is selected
+    return [OnOnePart(tuple(operations), part)] if len(operations) > 1 else operations

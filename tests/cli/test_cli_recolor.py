@@ -9,7 +9,7 @@ from PIL import Image
 
 from gsedit.files import load
 from gsedit.files.table import table_of
-from gsedit.points import recolor
+from gsedit.points import recolor, select
 
 
 def test_options_are_the_arguments_of_the_function(scene, tmp_path):
@@ -35,6 +35,24 @@ def test_palette_and_opacity(scene, tmp_path):
     np.testing.assert_allclose(after.opacities, before.opacities / 2, atol=1e-5)
     colors = table_of(after).colors
     np.testing.assert_allclose(np.median(colors, 0), np.array([200, 30, 30]) / 255, atol=0.05)
+
+
+def test_what_is_selected_is_decided_before_colours_change(scene, tmp_path):
+    picture, out = tmp_path / "red.png", tmp_path / "out.ply"
+    Image.new("RGB", (8, 8), (200, 30, 30)).save(picture)
+    before = table_of(load(scene))
+    inside = select(before, "luminance > 0.5")
+    assert 0 < inside.sum() < len(inside)
+    for more in ((), ("--palette", picture)):
+        words = ("--exposure", -6, *more, "--opacity", 0.25, "--where", "luminance > 0.5")
+        done = gsedit("recolor", scene, *words, "-o", out, "-f")
+        assert done.exit_code == 0, done.stderr
+        after = table_of(load(out))
+        np.testing.assert_allclose(after.opacities[inside], 0.25, atol=1e-5)
+        np.testing.assert_array_equal(after.sh[~inside], before.sh[~inside])
+        np.testing.assert_array_equal(
+            after.logit_opacities[~inside], before.logit_opacities[~inside]
+        )
 
 
 @pytest.mark.parametrize(

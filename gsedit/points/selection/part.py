@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from gsedit.files.shapes import Bool
 from gsedit.files.streams import Blocks, SceneHeader, in_blocks
 from gsedit.files.table import SplatTable, concatenate_tables
-from gsedit.points.operation import Operation, Say
+from gsedit.points.operation import Operation, Say, Whole, apply
 from gsedit.points.selection.base import EVERYTHING, Selection
 
 
@@ -31,6 +32,37 @@ class OnSelection(Operation):
     def blocks(self, blocks: Blocks, header: SceneHeader, say: Say) -> Blocks:
         for table, inside in masked(blocks, self.selection):
             yield from in_blocks(self.change(table, inside))
+
+
+@dataclass(frozen=True)
+class OnOnePart(Operation):
+    """Operations that keep all rows, one after the other, on what is selected before the first."""
+
+    operations: tuple[Any, ...]
+    """Each with a field `selection`, which is replaced."""
+    selection: Selection
+
+    def blocks(self, blocks: Blocks, header: SceneHeader, say: Say) -> Blocks:
+        if any(isinstance(each, Whole) for each in self.operations):
+            tables = list(blocks)
+            blocks = iter([concatenate_tables(tables)] if tables else [])
+        for table, inside in masked(blocks, self.selection):
+            some = (replace(each, selection=Given(inside)) for each in self.operations)
+            yield from in_blocks(apply(table, *some, say=say))
+
+
+@dataclass(frozen=True, eq=False)
+class Given(Selection):
+    """Flags that are known already, one for each row."""
+
+    flags: Bool[np.ndarray, " n"]
+
+    @property
+    def whole(self) -> bool:
+        return True
+
+    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
+        return self.flags
 
 
 def masked(
