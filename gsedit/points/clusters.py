@@ -23,6 +23,9 @@ COLOR_WEIGHT = 4.0
 FLATTEST = 0.1
 """Of the longest axis: thinner ones count as this in the cost. A thickness that no pixel shows
 must not keep two discs of a surface apart."""
+APART = 1e-6
+"""Of its size, by which each is shifted for the search: those at one place would all have the same
+few neighbours, and be joined a few at a time."""
 AT_ONCE = 1 << 18
 """Rows whose pairs are looked at together."""
 
@@ -77,9 +80,11 @@ def groups(table: SplatTable, count: int) -> Int[np.ndarray, " n"]:
 
     now = moments_of(table)
     label = np.arange(len(table))
+    shift = APART * np.random.default_rng(0).standard_normal(now.mean.shape)
     while len(now) > count:
         neighbours = min(NEIGHBOURS + 1, len(now))
-        near = KDTree(now.mean).query(now.mean, neighbours, workers=-1)[1]
+        places = now.mean + shift * np.sqrt(np.trace(now.covariance, axis1=1, axis2=2))[:, None]
+        near = KDTree(places).query(places, neighbours, workers=-1)[1]
         first, second = pairs(now, np.asarray(near, np.int32), len(now) - count)
         keep = np.ones(len(now), bool)
         keep[second] = False
@@ -88,7 +93,7 @@ def groups(table: SplatTable, count: int) -> Int[np.ndarray, " n"]:
         joined = join(now[first], now[second])
         for name in ("mass", "mean", "covariance", "color"):
             getattr(now, name)[first] = getattr(joined, name)
-        now, label = now[keep], target[label]
+        now, label, shift = now[keep], target[label], shift[keep]
     return label
 
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from gsedit.errors import UsageError
+from gsedit.errors import InputError, UsageError
 from gsedit.files.table import SplatTable
-from gsedit.files.validity import invalid_rows
+from gsedit.files.validity import describe_invalid, invalid_rows
 from gsedit.points.clusters import groups, represent
 from gsedit.points.operation import Say, Scene, Whole, apply
 from gsedit.points.order import importance
@@ -27,7 +27,7 @@ class Decimate(Whole):
     """Leave a number of Gaussians, or a share of them.
 
     `merge` joins near ones (see gsedit.points.clusters); `importance` keeps those of most opacity
-    times projected area; `random` keeps any. Rows with NaN stay.
+    times projected area; `random` keeps any. `merge` refuses rows with NaN or Inf.
     """
 
     removes: ClassVar[bool] = True
@@ -50,7 +50,7 @@ class Decimate(Whole):
             raise UsageError(f"decimate by {self.method}: {', '.join(METHODS)} are possible")
 
     def apply(self, table: SplatTable, say: Say) -> SplatTable:
-        count = ceil(len(table) * self.share) if self.share is not None else (self.count or 0)
+        count = (self.count or 0) if self.share is None else share_of(len(table), self.share)
         if count >= len(table):
             return table
         after = fewer(table, count, self.method)
@@ -61,8 +61,13 @@ class Decimate(Whole):
         return after
 
 
+def share_of(rows: int, share: float) -> int:
+    """A share of some rows, rounded up, and at least 1."""
+    return max(1, ceil(round(rows * share, 6)))  # 55 % of 100 are 55, not 55.00000000000001
+
+
 def fewer(table: SplatTable, count: int, method: str) -> SplatTable:
-    """The table with `count` rows."""
+    """The table with `count` rows. Raises InputError where invalid ones would be joined."""
     if method == "random":
         rows = np.random.default_rng(0).permutation(len(table))[:count]
         return table[np.sort(rows)]
@@ -70,7 +75,11 @@ def fewer(table: SplatTable, count: int, method: str) -> SplatTable:
         return table[np.sort(np.argsort(-importance(table), kind="stable")[:count])]
     bad = invalid_rows(table)
     if bad.any():
-        raise UsageError("rows with NaN or Inf cannot be joined: gsedit repair mends them")
+        row = int(bad.argmax())
+        raise InputError(
+            f"{describe_invalid(table, row, row)}; {bad.sum():,} of {len(table):,} rows are "
+            "invalid and cannot be joined: put repair before it, or add --drop-invalid"
+        )
     return represent(table, groups(table, count))
 
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import ceil
 from typing import Any
 
 from gsedit.errors import UsageError
 from gsedit.files.table import SplatTable, gaussians_of, table_of
-from gsedit.points.decimate import fewer
+from gsedit.points.decimate import fewer, share_of
 from gsedit.points.operation import Scene
 
 
@@ -24,7 +23,7 @@ def lod_tables(table: SplatTable, levels: int, share: float) -> Iterator[SplatTa
         )
     yield table
     for _ in range(levels - 1):
-        table = fewer(table, max(1, ceil(len(table) * share)), "merge")
+        table = fewer(table, share_of(len(table), share), "merge")
         yield table
 
 

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, UInt64
+from jaxtyping import Float
 
 from gsedit.errors import UsageError
+from gsedit.files.morton import morton_order
 from gsedit.files.table import SplatTable
 from gsedit.points.operation import Say, Scene, Whole, apply
-
-BITS = 21
-"""Of each coordinate: three fit into 64 bits."""
 
 
 @dataclass(frozen=True)
@@ -27,33 +25,8 @@ class Order(Whole):
 
     def apply(self, table: SplatTable, say: Say) -> SplatTable:
         if self.by == "morton":
-            return table[np.argsort(morton_codes(table.means), kind="stable")]
+            return table[morton_order(table.means)]
         return table[np.argsort(-importance(table), kind="stable")]
-
-
-def morton_codes(means: Float[np.ndarray, "n 3"]) -> UInt64[np.ndarray, " n"]:
-    """Places on the curve through the bounding box, points that are not finite are last."""
-    finite = np.isfinite(means).all(1)
-    codes = np.full(len(means), np.iinfo(np.uint64).max, np.uint64)
-    if not finite.any():
-        return codes
-    points = means[finite].astype(np.float64)
-    low = points.min(0)
-    extent = max(float((points.max(0) - low).max()), np.finfo(np.float64).tiny)
-    cells = ((points - low) / extent * (2**BITS - 1)).astype(np.uint64)
-    codes[finite] = sum(_spread(cells[:, axis]) << np.uint64(axis) for axis in range(3))
-    return codes
-
-
-def _spread(cells: UInt64[np.ndarray, " n"]) -> UInt64[np.ndarray, " n"]:
-    """The bits of each number with two zeros between them."""
-    spread = cells.copy()
-    for shift, mask in (
-        (32, 0x1F00000000FFFF), (16, 0x1F0000FF0000FF), (8, 0x100F00F00F00F00F),
-        (4, 0x10C30C30C30C30C3), (2, 0x1249249249249249),
-    ):  # fmt: skip
-        spread = (spread | (spread << np.uint64(shift))) & np.uint64(mask)
-    return spread
 
 
 def mean_area(scales: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:

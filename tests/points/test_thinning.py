@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 import torch
 
-from gsedit.errors import UsageError
+from gsedit.errors import InputError, UsageError
+from gsedit.files.morton import morton_codes
 from gsedit.files.table import SplatTable, concatenate_tables, gaussians_of, table_of
-from gsedit.points import decimate, merge, order
-from gsedit.points.clusters import groups, log_determinant, moments_of, represent
+from gsedit.points import clusters, decimate, merge, order
+from gsedit.points.clusters import groups, log_determinant, moments_of, pairs, represent
 from gsedit.points.operation import apply
-from gsedit.points.order import importance, mean_area, morton_codes
+from gsedit.points.order import importance, mean_area
 from gsedit.points.picture_change import picture_change
 from gsedit.synthetic.gallery import globe
 from gsedit.synthetic.splats import surface_gaussians
@@ -135,6 +136,30 @@ def test_joining_looks_better_than_leaving_out():
 def test_wrong_amounts_are_refused(words, message):
     with pytest.raises(UsageError, match=message):
         decimate(haze(), **words)
+
+
+def test_a_share_is_rounded_up_and_not_beyond():
+    table = haze(100)
+    assert [len(decimate(table, share=s, method="random")) for s in (0.55, 0.07, 1e-9)] == [
+        55,
+        7,
+        1,
+    ]
+
+
+def test_many_at_one_place_are_joined_in_a_few_rounds(monkeypatch):
+    rounds = []
+    monkeypatch.setattr(clusters, "pairs", lambda *a: rounds.append(0) or pairs(*a))
+    table = haze(1000)
+    assert len(decimate(table.replace(means=np.zeros_like(table.means)), 100)) == 100
+    assert len(rounds) < 40
+
+
+def test_invalid_rows_are_not_joined():
+    table = haze(20)
+    table.means[3, 1] = np.nan
+    with pytest.raises(InputError, match=r"row 3 \(from 0\): column y is nan"):
+        decimate(table, 10)
 
 
 def test_more_than_there_are_stay():
