@@ -74,8 +74,10 @@ class Similarity:
         if all(name in extra for name in NORMALS):
             normals = np.stack([extra[name] for name in NORMALS], 1) @ self.turn.T
             extra |= {n: c.astype(extra[n].dtype) for n, c in zip(NORMALS, normals.T)}
+        with np.errstate(over="ignore", invalid="ignore"):
+            means = self.points(table.means).astype(np.float32)
         return table.replace(
-            means=self.points(table.means).astype(np.float32),
+            means=means,
             quats=multiply(quaternion_of(proper), table.quats),
             log_scales=(table.log_scales + np.float64(log(self.scale))).astype(np.float32),
             sh=rotate_sh(table.sh, self.turn),

@@ -14,6 +14,7 @@ from jaxtyping import UInt8
 from gsedit.files.streams import SceneHeader
 from gsedit.files.table import SplatTable
 from gsedit.points.defects import UNSEEN
+from gsedit.points.filter import as_selection
 from gsedit.points.operation import Say, Scene, Whole, apply, silent
 from gsedit.points.selection.base import Selection
 from gsedit.points.survey import KEPT, REASONS, USUAL, Limits, survey
@@ -42,9 +43,10 @@ class Clean(Whole):
     """Remove nothing: write the number of the reason into the column `defect`."""
     reasons: Path | None = None
     """Where to write the number of the reason of every row, 0 for what stays, as .npy."""
-
+    overwrite: bool = False
+    """Whether that file may exist."""
     path: Path | None = None
-    """Of the scene, where this is the first operation on it."""
+    """Of the scene, where none but operations that remove rows came before."""
 
     def at(self, path: Path) -> Clean:
         return replace(self, path=path)
@@ -65,7 +67,7 @@ class Clean(Whole):
             if count and number != KEPT:
                 say(f"{count:,} {name}" + (f" ({COLUMN} {number})" if self.numbered else ""))
         if self.reasons is not None:
-            write_reasons(self.reasons, why)
+            write_reasons(self.reasons, why, overwrite=self.overwrite)
         if self.mark:
             return table.replace(extra={**table.extra, COLUMN: why})
         return table if counts[KEPT] == len(table) else table[why == KEPT]
@@ -81,15 +83,17 @@ def clean(
     limits: Limits = USUAL,
     *,
     cameras: Sequence[Camera] = (),
-    where: Selection | None = None,
+    where: Selection | str | None = None,
     say: Say = silent,
 ) -> Scene:
-    """The scene without what is no part of it, of what `where` selects: see `survey`.
+    """The scene without what is no part of it, of what `where` (a selection, or an expression)
+    selects: see `survey`.
 
     With the `cameras` of the capture, also without what none of them sees. `say` receives a line
     for each reason, with its count.
     """
-    return apply(scene, Clean(limits, partial(_given, cameras), where), say=say)
+    some = None if where is None else as_selection(where)
+    return apply(scene, Clean(limits, partial(_given, cameras), some), say=say)
 
 
 def _given(cameras: Sequence[Camera], scene: Any, path: Path | None) -> Sequence[Camera]:
@@ -111,9 +115,9 @@ def mark_unseen(
         why[left[unseen]] = REASONS.index(UNSEEN.name)
 
 
-def write_reasons(path: Path, reasons: np.ndarray) -> None:
-    """Write an array of reasons as .npy, whole or not at all."""
+def write_reasons(path: Path, reasons: np.ndarray, *, overwrite: bool = False) -> None:
+    """Write an array of reasons as .npy, whole or not at all. Raises UsageError if it exists."""
     from gsedit.files.atomic import atomic_path
 
-    with atomic_path(path, overwrite=False) as temporary, temporary.open("wb") as handle:
+    with atomic_path(path, overwrite=overwrite) as temporary, temporary.open("wb") as handle:
         np.save(handle, reasons)

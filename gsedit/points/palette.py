@@ -45,7 +45,8 @@ class Palette(Whole):
 
     def apply(self, table: SplatTable, say: Say) -> SplatTable:
         inside = self.selection.mask(table)
-        rows = np.flatnonzero(inside & (table.opacities > 0))
+        drawn = (table.opacities > 0) & np.isfinite(table.colors).all(1)
+        rows = np.flatnonzero(inside & drawn)
         if not len(rows):
             raise UsageError("nothing that can be seen is selected: there are no colours to change")
         sample = rows[:: -(-len(rows) // SAMPLED)]

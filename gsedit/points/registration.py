@@ -105,12 +105,15 @@ def _coarse(small: Cloud, large: Cloud) -> Similarity:
 
 def normalised(table: SplatTable) -> tuple[Cloud, Similarity]:
     """The visible splats in units of their spread about their middle, and how they got there."""
-    keep = np.isfinite(table.means).all(1) & (table.opacities > 0.1)
+    keep = np.isfinite(table.means).all(1) & np.isfinite(table.colors).all(1)
+    keep &= table.opacities > 0.1
     if keep.sum() < 30:
         raise UsageError("a scene of so few visible splats cannot be laid on another")
     points = table.means[keep].astype(np.float64)
     middle = np.median(points, 0)
     spread = float(np.median(np.linalg.norm(points - middle, axis=1)))
+    if not spread:
+        raise UsageError("a scene whose splats are at one place cannot be laid on another")
     near = np.linalg.norm(points - middle, axis=1) < 6 * spread
     similarity = Similarity(np.eye(3), 1 / spread, -middle / spread)
     colors = np.clip(table.colors[keep][near].astype(np.float64), 0, 1)

@@ -52,7 +52,8 @@ def repaired(table: SplatTable, counts: Counter[str]) -> SplatTable:
     flat = np.isneginf(table.log_scales)
     if flat.any():
         changes["log_scales"] = np.where(flat, np.float32(FLAT), table.log_scales)
-    spread = np.ptp(changes.get("log_scales", table.log_scales), axis=1)
+    with np.errstate(invalid="ignore"):
+        spread = np.ptp(changes.get("log_scales", table.log_scales), axis=1)
     unturned = found[ROTATION.name] & (spread <= np.log(ROTATION.threshold))
     if unturned.any():
         identity = np.array([1, 0, 0, 0], np.float32)

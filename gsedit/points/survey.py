@@ -32,7 +32,8 @@ KEPT, INVALID_ROW = 0, 1
 REASONS = ("kept", "invalid", *(defect.name for defect in UNWANTED))
 """The name of every number in an array of reasons."""
 FEWEST = 64
-"""Of so many Gaussians and fewer, what is usual cannot be told: none is a floater or a needle."""
+"""Of so many Gaussians and fewer, what is usual cannot be told: none is a giant, a floater or a
+needle."""
 TINY = float(np.finfo(np.float32).tiny)
 MOST, OUTLIERS = 0.99, 20.0
 """The scene's radius holds this share of the centres; it is at most so many times the median
@@ -111,7 +112,7 @@ def survey(table: SplatTable, limits: Limits = USUAL) -> UInt8[np.ndarray, " n"]
     if limits.invisible is not None:
         _mark(reasons, INVISIBLE.name, invisible(table, limits.invisible))
     left = np.flatnonzero(reasons == KEPT)
-    if limits.giant is not None and len(left):
+    if limits.giant is not None and len(left) > FEWEST:
         found = giants(table[left].replace(extra={}), limits.giant)
         _mark(reasons, GIANT.name, np.isin(np.arange(len(table)), left[found]))
     left = np.flatnonzero(reasons == KEPT)

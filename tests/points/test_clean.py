@@ -109,7 +109,7 @@ def test_many_gaussians_at_one_place_end():
 @pytest.mark.parametrize("count", [0, 1, 2, 9, 64])
 def test_few_gaussians(count):
     few = plane(8)[:count]
-    assert len(clean(few, Limits(giant=None))) == count
+    assert len(clean(few)) == count
 
 
 def test_what_no_camera_sees_goes():
@@ -128,8 +128,8 @@ def test_what_no_camera_sees_goes():
 
 def test_where_limits_what_is_removed():
     table, rows = unwanted()
-    near = clean(table, where=sphere(0.3, 0.2, 1.0, 0.1))
-    assert len(near) == len(table) - 1
+    for some in (sphere(0.3, 0.2, 1.0, 0.1), "sphere(0.3, 0.2, 1, 0.1)"):
+        assert len(clean(table, where=some)) == len(table) - 1
     assert rows["floater"][0] not in range(len(plane()))
 
 
@@ -162,6 +162,14 @@ def test_repair_mends_what_it_says():
     np.testing.assert_array_equal(mended.sh[5:], table.sh[untouched])
     assert "2 infinite opacities became 15 or -15 (logits)" in said
     assert sum(int(line.split()[0]) for line in said if "removed" in line) == len(gone)
+
+
+@pytest.mark.filterwarnings("error")
+def test_rows_that_are_infinite_throughout_are_removed_without_a_warning():
+    table = plane(8)
+    for name in SPLAT_FIELDS:
+        getattr(table, name)[3] = np.inf
+    assert len(repair(table)) == 63
 
 
 def test_check_names_every_row_of_a_file_that_load_refuses(tmp_path):
