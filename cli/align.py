@@ -7,11 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from .console import print_message
 from .options import scene_file
 from .selection_options import numbers
 
 if TYPE_CHECKING:
     from gsedit.points.align import Align
+
+    from .file_options import FileOptions
 
 ToGround = Annotated[
     bool, typer.Option("--to-ground", help="Make the ground level, at 0 along the axis --up.")
@@ -59,6 +62,8 @@ def align(
     length: Length = None,
     save: Save = None,
     cameras: Cameras = False,
+    *,
+    files: FileOptions,
 ) -> Align:
     """Bring a scene to its ground, to a known length, or onto another scene.
 
@@ -77,20 +82,18 @@ def align(
         raise UsageError(f"{given} was asked for: give one of --to-ground, --to, --length")
     if save is not None and save.suffix != ".json":
         raise UsageError(f"--save {save}: the similarity is written as .json")
-    return _operation(to_ground, up, up_now, to, length, {"save": save, "cameras": cameras})
-
-
-def _operation(
-    to_ground: bool, up: str, near: str | None, to: Path | None, length: str | None, more: Any
-) -> Align:
     from gsedit.points import align as kinds
 
+    more: Any = {"save": save, "cameras": cameras}
     if to_ground:
-        return kinds.AlignToGround(up, near, **more)
+        return kinds.AlignToGround(up, up_now, **more)
     if to is not None:
         from gsedit.files.formats import open_scene
 
-        return kinds.AlignTo(open_scene(scene_file(to)).table(), **more)
+        other = open_scene(scene_file(to), files.read())
+        for note in other.notes:
+            print_message(f"{to}: {note}")
+        return kinds.AlignTo(other.table(), **more)
     points, _, known = str(length).partition("=")
     ends = numbers("--length", points, 6)
     metres = numbers("--length", known, 1)[0]

@@ -111,14 +111,14 @@ def up_vector(up: str | None) -> Tensor | None:
     return framing.up_vector(up)
 
 
-def load_photos(data: Path, size: int, scene: Path) -> Dataset:
+def load_photos(data: Path, size: int, scene: Path | None) -> Dataset:
     """The photos of --data, in the frame of the scene file where nerfstudio exported that."""
     from gsedit.files import load_dataset
     from gsedit.files.export_frame import in_export_frame
 
     photos = load_dataset(data, size=size)
     say_if_smaller(photos, size)
-    return in_export_frame(photos, data, scene)
+    return photos if scene is None else in_export_frame(photos, data, scene)
 
 
 def say_if_smaller(photos: Dataset, size: int) -> None:
@@ -130,12 +130,12 @@ def say_if_smaller(photos: Dataset, size: int) -> None:
         )
 
 
-def recorded_viewpoints(path: Path, scene: Gaussians, size: int) -> tuple[Viewpoint, ...]:
+def recorded_viewpoints(path: Path | None, scene: Gaussians, size: int) -> tuple[Viewpoint, ...]:
     """All cameras recorded beside a scene file; none where there are none, or none sees it."""
     from gsedit.files.cameras import cameras_file, read_cameras
     from gsedit.views.viewpoints import same_size, that_see, thinned
 
-    file = cameras_file(path)
+    file = None if path is None else cameras_file(path)
     if file is None:
         return ()
     viewpoints = same_size(read_cameras(file), size)
@@ -146,8 +146,11 @@ def recorded_viewpoints(path: Path, scene: Gaussians, size: int) -> tuple[Viewpo
     return viewpoints
 
 
-def load_views(path: Path, scene: Gaussians, options: ViewOptions, execution: Execution) -> Dataset:
-    """The views of an edit: photos of --data, or renders from recorded or found cameras."""
+def load_views(
+    path: Path | None, scene: Gaussians, options: ViewOptions, execution: Execution
+) -> Dataset:
+    """The views of an edit: photos of --data, or renders from recorded or found cameras; of a scene
+    that is no longer as its file has it, the path is None."""
     if options.data is not None:
         return load_photos(options.data, options.size, path)
     from gsedit.edit import around

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from rasterizer.camera import Camera
     from rasterizer.scene import Gaussians
 
+    from .operations import Output
+
 WHAT = "What is removed"
 
 
@@ -121,7 +123,7 @@ class CleanOptions:
         )
 
 
-def clean(*, options: CleanOptions) -> Clean:
+def clean(*, options: CleanOptions, output: Output) -> Clean:
     """Remove what is no part of the captured scene: floaters, needles, giants, the invisible.
 
     gsedit clean scene.ply -o cleaned.ply
@@ -136,10 +138,10 @@ def clean(*, options: CleanOptions) -> Clean:
 
     limits, reasons = options.limits(), options.reasons
     if reasons is not None:
-        check_file(reasons, force=False)
+        check_file(reasons, output.force)
     some = None if options.where is None else labelled("--where", where, options.where)
     cameras = partial(known_cameras, options.data) if options.unseen else None
-    return Clean(limits, cameras, some, options.mark, reasons)
+    return Clean(limits, cameras, some, options.mark, reasons, output.force)
 
 
 def known_cameras(data: Path | None, scene: Gaussians, path: Path | None) -> Sequence[Camera]:
@@ -149,8 +151,8 @@ def known_cameras(data: Path | None, scene: Gaussians, path: Path | None) -> Seq
     from .cameras import load_photos, recorded_viewpoints
 
     if data is not None:
-        return [view.camera for view in load_photos(data, SIZE, path or data).views]
-    found = () if path is None else recorded_viewpoints(path, scene, SIZE)
+        return [view.camera for view in load_photos(data, SIZE, path).views]
+    found = recorded_viewpoints(path, scene, SIZE)
     if not found:
         print_message("no cameras are known (--data): what none saw is not looked for")
     return [viewpoint.camera for viewpoint in found]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -57,21 +56,30 @@ def lod(
     amount = amount_of(share).get("share")
     if amount is None:
         raise UsageError(f"--share {share}: give a share, as 50%")
-    name = scene.name.split(".")[0]
-    path = out / f"{name}_lod0.{format.lstrip('.')}"
-    writable_format(path)
+    name, suffix = _stem(scene), format.lstrip(".")
+    writable_format(f"{name}.{suffix}")
     check_folder(out, force)
     common.apply()
     header, table = _read(scene, files, drop_invalid)
     written = []
     from gsedit.points.lod import lod_tables
-    from gsedit.reports.json_lines import plain
+    from gsedit.reports.json_lines import write_record
 
     for level, each in enumerate(lod_tables(table, levels, amount)):
-        file = path.with_name(path.name.replace("_lod0", f"_lod{level}"))
+        file = out / f"{name}_lod{level}.{suffix}"
         written.append(_write(file, header, each, table, files, measure and level > 0, force))
-    (out / "lod.json").write_text(json.dumps(plain({"levels": written}), indent=1) + "\n")
+    write_record({"levels": written}, out / "lod.json", overwrite=force)
     print_result({"output": out, "levels": written}, str(out), as_json=common.json)
+
+
+def _stem(scene: Path) -> str:
+    """The name of a scene without its suffix."""
+    from gsedit.files.formats import READABLE
+
+    if scene.name == "meta.json":  # in the folder of a SOG scene
+        return scene.absolute().parent.name
+    fitting = [suffix for suffix in READABLE if scene.name.lower().endswith(suffix)]
+    return scene.name[: -len(max(fitting, key=len, default="")) or None] or "scene"
 
 
 def _read(scene: Path, files: FileOptions, drop: bool) -> tuple[SceneHeader, SplatTable]:

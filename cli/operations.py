@@ -1,7 +1,8 @@
 """Verbs that change a scene and write it again: one after another in one command, with `then`.
 
 Such a verb is a function of its own options that returns the operation. SCENE, -o, -f, --dry-run
-and the options of every command are added here.
+and the options of every command are added here; a verb whose function has a parameter of one of
+these names (`output`, `files`, `common`) is given its value.
 """
 
 from __future__ import annotations
@@ -18,10 +19,11 @@ import typer
 from .command import LazyCommand, as_command, paragraphs
 from .console import print_message, print_result
 from .file_options import FileOptions
-from .options import Common, DropInvalid, Force, Scene, check_file, output
+from .options import Common, DropInvalid, Force, Scene, check_file, current_scene, output
 
 if TYPE_CHECKING:
-    from gsedit.files.streams import Blocks, SceneHeader
+    from gsedit.files.streams import Blocks, SceneHeader, SceneSource
+    from gsedit.files.validity import Guard
     from gsedit.points.operation import Kept, Operation
 
 THEN = "then"
@@ -49,6 +51,10 @@ class Target:
     out: Path | None
     never_beside: str = ""
     """A file that must not lie in its folder."""
+
+
+SHARED = {"output": Output, "files": FileOptions, "common": Common}
+"""The options of all such verbs, by the names of parameters."""
 
 
 @dataclass(frozen=True)
@@ -146,12 +152,16 @@ def as_piece(
     common: Common,
     values: dict[str, Any],
 ) -> Piece:
-    made = body(**values)
+    shared = {"output": output, "files": files, "common": common}
+    asked = inspect.signature(body).parameters
+    made = body(**values, **{name: each for name, each in shared.items() if name in asked})
     several = made if isinstance(made, list | tuple) else [made]
     operations = tuple(each for each in several if not isinstance(each, Target))
     for each in several:
         if isinstance(each, Target):
             output = replace(output, out=one_place(each, output.out))
+    if any(each.moves for each in operations):
+        current_scene.set(None)  # the cameras beside it do not fit it any more
     return Piece(verb_name(body), operations, output, files, common)
 
 
@@ -184,12 +194,20 @@ def parse_piece(group: Any, args: list[str]) -> Piece:
 
 def run_chain(scene: Path, pieces: list[Piece]) -> None:
     """Do all operations in order and write the scene, or with --dry-run only count."""
+    from gsedit.errors import UsageError
+
+    outs = list(dict.fromkeys(str(p.output.out) for p in pieces if p.output.out))
+    if len(outs) > 1:
+        raise UsageError(f"one command writes one scene, not {' and '.join(outs)}: give one -o")
     output = _merged(Output, [p.output for p in pieces])
     files = _merged(FileOptions, [p.files for p in pieces])
     common = _merged(Common, [p.common for p in pieces])
     common.apply()
     steps = [(p.verb, each) for p in pieces for each in p.operations]
-    steps[:1] = [(verb, each.at(scene)) for verb, each in steps[:1]]
+    for i, (verb, each) in enumerate(steps):
+        steps[i] = verb, each.at(scene)
+        if not each.removes:
+            break
     kept, written = process(scene, steps, output, files)
     record = {
         "scene": scene,
@@ -208,7 +226,7 @@ def process(
     from gsedit.errors import UsageError
     from gsedit.files.formats import open_scene, writable_format, write_scene
     from gsedit.files.validity import Guard
-    from gsedit.points.operation import Kept, Rowwise, run
+    from gsedit.points.operation import Kept, run
 
     if output.out is None and not output.dry_run:
         raise UsageError("name the scene to write with -o, or add --dry-run")
@@ -225,9 +243,8 @@ def process(
         source.header, blocks, [each for _, each in steps], partial(_say, path)
     )
     header, blocks = fitted(header, blocks, output.out)
-    same_rows = all(isinstance(each, Rowwise) and not each.removes for _, each in steps)
-    last = guard if output.drop_invalid else Guard(drop=False, of="" if same_rows else "the result")
-    blocks = _checked(blocks if output.drop_invalid else last(blocks), last, path, total)
+    last = guard if output.drop_invalid else Guard(drop=False, of="the result")
+    blocks = _checked(blocks if output.drop_invalid else last(blocks), last, source, total)
     if output.dry_run or output.out is None:
         for _ in blocks:
             pass
@@ -284,14 +301,25 @@ def fitted(header: SceneHeader, blocks: Blocks, out: Path | None) -> tuple[Scene
     return run(header, blocks, [ReduceSH(format.max_degree)], partial(_say, out))[:2]
 
 
-def _checked(blocks: Any, guard: Any, path: Path, total: Kept) -> Any:
+def _checked(blocks: Any, guard: Guard, source: SceneSource, total: Kept) -> Any:
     """The blocks, counted; then an error for invalid rows, before the file gets its name."""
-    from gsedit.errors import InputError
+    from gsedit.errors import UsageError
+    from gsedit.files.validity import Guard
 
     for block in blocks:
         total.after += len(block)
         yield block
-    guard.check(path, InputError)
+    if guard.invalid and not guard.drop:
+        # a row of the file is named by its place there, which operations may have changed
+        file = Guard(drop=False)
+        for _ in file(source.blocks()):
+            pass
+        file.check(source.path)
+        raise UsageError(
+            f"{source.path}: {guard.invalid:,} of {guard.rows:,} rows became invalid on the way, "
+            f"the first is {guard.first}: give the operations smaller numbers"
+        )
+    guard.check(source.path)
 
 
 def _say(path: Path, text: str) -> None:
@@ -317,12 +345,9 @@ def _with_parameters(
         # evaluated here: the operation that the body returns is not imported yet
         each.replace(kind=kind, annotation=eval(each.annotation, body.__globals__))
         for each in inspect.signature(body).parameters.values()
+        if each.name not in SHARED
     ]
-    shared = [
-        inspect.Parameter("output", kind, annotation=Output),
-        inspect.Parameter("files", kind, annotation=FileOptions),
-        inspect.Parameter("common", kind, annotation=Common),
-    ]
+    shared = [inspect.Parameter(name, kind, annotation=a) for name, a in SHARED.items()]
     verb.__signature__ = inspect.Signature([*leading, *own, *shared])  # pyright: ignore[reportFunctionMemberAccess]
     verb.__name__, verb.__doc__ = body.__name__, body.__doc__
     return verb

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 
 
 current_scene: ContextVar[Path | None] = ContextVar("current_scene", default=None)
-"""SCENE of the command that runs: options that need its neighbours in the folder look here."""
+"""SCENE of the command that runs, for options that need the cameras beside it; None once an
+operation has moved the scene away from them."""
 
 
 def first_scene(path: Path) -> Path:

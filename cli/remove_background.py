@@ -59,7 +59,7 @@ def remove_background(
 
     scene = current_scene.get()
     if within is None:
-        selection = Subject(ABOUT_THE_SUBJECT, scene or Path(), data)
+        selection = Subject(ABOUT_THE_SUBJECT, scene, data)
     else:
         selection = InTheMiddle(recorded_cameras("--within", data), within, scene)
     kept = selection if grow is None else forms.grow(selection, grow)

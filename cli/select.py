@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from .console import print_message, print_result
+from .file_options import FileOptions
 from .options import Common, DropInvalid, Force, Scene, check_file, output
 from .selection_options import SelectionOptions, need_selection
 
 if TYPE_CHECKING:
     import numpy as np
 
+    from gsedit.files.streams import SceneSource
     from gsedit.points.selection.base import Selection
 
 
@@ -29,6 +31,7 @@ def select(
     force: Force = False,
     *,
     selection: SelectionOptions,
+    files: FileOptions,
     common: Common,
 ) -> None:
     """Save which Gaussians all options select: a region for edit --region, and for filter
@@ -48,8 +51,10 @@ def select(
     common.apply()
 
     from gsedit.files.flags import write_flags
+    from gsedit.files.formats import open_scene
 
-    flags = flags_of(scene, chosen, drop_invalid=drop_invalid)
+    source = open_scene(scene, files.read())
+    flags = flags_of(source, chosen, drop_invalid=drop_invalid)
     count, total = int(flags.sum()), len(flags)
     print_message(f"select: {count:,} of {total:,} ({100 * count / max(total, 1):.1f} %)")
     written = None if dry_run else out
@@ -60,23 +65,21 @@ def select(
     print_result(record, text, as_json=common.json)
 
 
-def flags_of(path: Path, selection: Selection, *, drop_invalid: bool) -> np.ndarray:
+def flags_of(source: SceneSource, selection: Selection, *, drop_invalid: bool) -> np.ndarray:
     """Which rows of a file are selected, read in parts unless the selection needs it whole."""
     import numpy as np
 
-    from gsedit.files.formats import open_scene
     from gsedit.files.streams import gather
     from gsedit.files.validity import Guard
     from gsedit.points.selection.part import masked, without_bands
 
-    source = open_scene(path)
     for note in source.notes:
-        print_message(f"{path}: {note}")
+        print_message(f"{source.path}: {note}")
     guard = Guard(drop=drop_invalid)
     blocks = guard(source.blocks())
     if selection.whole and not selection.view_dependent:
         header = source.header.replace(degree=0)
         blocks = iter([gather(map(without_bands, blocks), header, source.count)])
     masks = [inside for _, inside in masked(blocks, selection)]
-    guard.check(path)
+    guard.check(source.path)
     return np.concatenate(masks) if masks else np.zeros(0, bool)

@@ -39,7 +39,7 @@ class VolumeOptions:
         str | None,
         chosen(
             "--oriented-box",
-            "X,Y,Z,A,B,C,RX,RY,RZ",
+            "X,Y,Z,A,B,C[,RX,RY,RZ]",
             "About x,y,z, of sides a,b,c, turned by degrees about x, then y, then z.",
             VOLUMES,
         ),

@@ -22,7 +22,7 @@ class Subject(Selection):
     """The subject of an instruction, as `gsedit edit --region auto` finds it."""
 
     prompt: str
-    scene: Path
+    scene: Path | None
     data: Path | None
 
     @property
@@ -69,7 +69,7 @@ def region_selection(text: str, data: Path | None, prompt: str | None) -> Select
             from gsedit.points.selection.seen import Drawn
 
             return Drawn(path, recorded_cameras("--region", data), current_scene.get())
-    return Subject(prompt or "", current_scene.get() or Path(), data)
+    return Subject(prompt or "", current_scene.get(), data)
 
 
 def recorded_cameras(flag: str, data: Path | None) -> Path:

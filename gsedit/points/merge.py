@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from gsedit.files.streams import Blocks, SceneHeader, SceneSource, in_blocks
+from gsedit.files.streams import PROGRAM, Blocks, SceneHeader, SceneSource, in_blocks
 from gsedit.files.table import SplatTable, table_of
 from gsedit.files.validity import Guard
 from gsedit.points.operation import Operation, Say, Scene, apply
@@ -21,10 +21,13 @@ class Merge(Operation):
     """Add the rows of other scenes, a part at a time.
 
     SH get the highest degree of all (new bands are 0). A column that a scene lacks is filled with
-    NaN, or 0 if it holds whole numbers. Comments and other elements are the first scene's.
+    NaN, or 0 if it holds whole numbers. Comments and other elements are the first scene's. Raises
+    InputError for invalid rows of the others.
     """
 
     others: tuple[SceneSource, ...]
+    drop_invalid: bool = False
+    """Whether invalid rows of the others are left out instead of refused."""
 
     def header(self, header: SceneHeader) -> SceneHeader:
         headers = [header, *(other.header for other in self.others)]
@@ -41,10 +44,12 @@ class Merge(Operation):
         for block in blocks:
             yield filled(block, whole)
         for other in self.others:
-            guard = Guard(drop=False)
+            guard = Guard(drop=self.drop_invalid)
             for block in guard(other.blocks()):
                 yield filled(block, whole)
             guard.check(other.path)
+            if guard.invalid:
+                say(f"{other.path}: invalid rows left out: {guard.invalid:,}")
 
     def _notes(self, header: SceneHeader, whole: SceneHeader) -> Iterable[str]:
         """What differs between the scenes, and what becomes of it."""
@@ -56,6 +61,11 @@ class Merge(Operation):
             if missing:
                 yield f"{name} lacks columns, which are NaN or 0 for it: {', '.join(missing)}"
         for other in self.others:
+            for note in other.notes:
+                yield f"{other.path}: {note}"
+            comments = [c for c in other.header.comments if not c.startswith(PROGRAM)]
+            if comments and comments != [*header.comments]:
+                yield f"{other.path}: comments left out: {'; '.join(comments)}"
             if other.header.antialiased != header.antialiased:
                 yield f"{other.path} differs from the first scene in antialiasing: its is not kept"
             if other.header.elements:

@@ -36,3 +36,12 @@ def test_check_repair_and_clean(tmp_path):
     assert "clean: kept 1,601 of 1,605 (-0.2 %)" in result.stderr
     result = gsedit("clean", tmp_path / "unwanted.ply", "--dry-run", "--where", "x <")
     assert result.exit_code == 2
+
+
+def test_the_file_of_reasons_is_replaced_with_force(tmp_path):
+    scene, reasons = tmp_path / "scene.ply", tmp_path / "reasons.npy"
+    written(unwanted()[0], scene)
+    words = ("clean", scene, "--dry-run", "--reasons", reasons)
+    assert gsedit(*words).exit_code == 0
+    assert "add -f" in gsedit(*words).stderr
+    assert gsedit(*words, "-f").exit_code == 0

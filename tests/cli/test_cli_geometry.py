@@ -53,9 +53,7 @@ def test_cameras_move_along(scene, tmp_path):
     assert gsedit("transform", copy, *arguments).exit_code == 0
     done = gsedit("transform", copy, *arguments, "then", "transform", "--scale", "3")
     assert done.exit_code == 2  # exists
-    done = gsedit(
-        "transform", copy, *arguments, "-f", "then", "transform", "--scale", "3", "--cameras"
-    )
+    done = gsedit("transform", copy, *arguments, "-f", "then", "transform", "--scale", "3")
     assert done.exit_code == 0, done.stderr
     assert f"cameras moved along: {own_file(out)}" in done.stderr
     (moved,) = read_cameras(own_file(out))
@@ -182,3 +180,12 @@ def test_levels_of_detail(scene, tmp_path):
     wrong = gsedit("lod", scene, "-o", tmp_path / "b", "--share", "1000")
     assert "--share 1000: give a share" in wrong.stderr
     assert not (tmp_path / "b").exists()
+
+
+def test_levels_have_the_name_of_the_scene(scene, tmp_path):
+    odd = scene.rename(tmp_path / "my.scan_lod0.v2.ply")
+    out = tmp_path / "levels"
+    done = gsedit("lod", odd, "--levels", "2", "--no-measure", "-o", out)
+    assert done.exit_code == 0, done.stderr
+    names = {each.name for each in out.iterdir()}
+    assert names == {f"my.scan_lod0.v2_lod{level}.ply" for level in (0, 1)} | {"lod.json"}

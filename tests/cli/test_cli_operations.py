@@ -77,19 +77,6 @@ def test_invalid_rows_are_refused_with_their_place(tmp_path):
     assert len(load(out)) == 4
 
 
-def test_a_row_of_the_result_is_said_to_be_one(tmp_path):
-    from bad_files import PLY_COLUMNS, ply_bytes, scene_table
-
-    table = scene_table()
-    table[:, PLY_COLUMNS.index("opacity")] = [-9, 1, 1, 1, 1]
-    table[3, PLY_COLUMNS.index("y")] = float("nan")
-    path = tmp_path / "bad.ply"
-    path.write_bytes(ply_bytes(table))
-    done = gsedit("filter", path, "--min-opacity", 0.1, "-o", tmp_path / "out.ply")
-    assert done.exit_code == 3
-    assert "row 2 (from 0) of the result: column y is nan" in done.stderr
-
-
 @pytest.mark.parametrize("suffix", [".splat", ".compressed.ply", ".spz", ".glb", ".sog"])
 def test_invalid_rows_end_in_one_line(suffix, tmp_path, recwarn):
     from bad_files import PLY_COLUMNS, ply_bytes, scene_table
@@ -169,3 +156,70 @@ def test_convert_brings_an_export_of_nerfstudio_back_into_the_frame_of_its_photo
     assert done.exit_code == 3
     assert one_line(done.stderr)
     assert "dataparser_transforms.json" in done.stderr
+
+
+def test_one_command_writes_one_scene(scene, tmp_path):
+    a, b = tmp_path / "a.ply", tmp_path / "b.ply"
+    done = gsedit("reduce-sh", scene, "-o", a, "then", "order", "-o", b)
+    assert done.exit_code == 2
+    assert f"not {a} and {b}: give one -o" in done.stderr
+    assert not list(tmp_path.glob("[ab].ply"))
+
+
+def test_an_invalid_row_is_named_by_its_place_in_the_file(tmp_path):
+    from bad_files import PLY_COLUMNS, ply_bytes, scene_table
+
+    table = scene_table()
+    table[:3, PLY_COLUMNS.index("x")] = -9
+    table[3, PLY_COLUMNS.index("y")] = float("nan")
+    table[3, PLY_COLUMNS.index("x")] = 1
+    path, out = tmp_path / "bad.ply", tmp_path / "out.ply"
+    path.write_bytes(ply_bytes(table))
+    done = gsedit("filter", path, "--where", "x > -8", "-o", out)
+    assert done.exit_code == 3
+    assert "row 3 (from 0): column y is nan; 1 of 5 rows are invalid" in done.stderr
+    path.write_bytes(ply_bytes(scene_table()))
+    done = gsedit("transform", path, "--scale", "1e39", "-o", out)
+    assert done.exit_code == 2
+    assert "5 of 5 rows became invalid on the way" in done.stderr
+    assert not out.exists()
+
+
+def test_merge_reads_the_others_as_its_options_say(tmp_path):
+    import numpy as np
+    from bad_files import PLY_COLUMNS, ply_bytes, scene_table
+
+    table = scene_table()
+    good, bad, out = (tmp_path / f"{name}.ply" for name in ("good", "bad", "out"))
+    good.write_bytes(ply_bytes(table))
+    done = gsedit("convert", good, tmp_path / "other.spz", "--spz-frame", "rdf")
+    assert done.exit_code == 0, done.stderr
+    done = gsedit("merge", good, tmp_path / "other.spz", "--spz-frame", "rdf", "-o", out)
+    assert done.exit_code == 0, done.stderr
+    means = load(out).means.numpy()
+    np.testing.assert_allclose(means[5:], means[:5], atol=1e-3)
+    table[3, PLY_COLUMNS.index("y")] = float("nan")
+    bad.write_bytes(ply_bytes(table))
+    done = gsedit("merge", good, bad, "-o", out, "-f")
+    assert done.exit_code == 3
+    assert f"{bad}: row 3 (from 0)" in done.stderr
+    done = gsedit("merge", good, bad, "--drop-invalid", "-o", out, "-f")
+    assert done.exit_code == 0, done.stderr
+    assert f"{bad}: invalid rows left out: 1" in done.stderr
+    assert len(load(out)) == 9
+
+
+def test_cameras_beside_the_scene_are_those_of_the_first_where_it_is(scene, photos, tmp_path):
+    from gsedit.files import load_dataset
+    from gsedit.files.cameras import write_cameras
+
+    (tmp_path / "there").mkdir()
+    other = tmp_path / "there" / "other.ply"
+    other.write_bytes(scene.read_bytes())
+    seen = ("then", "filter", "--seen", 0.001, "--dry-run")
+    write_cameras(load_dataset(photos).views, other.with_name("cameras.json"))
+    for words in (("merge", scene, other), ("transform", other, "--scale", 2)):
+        done = gsedit(*words, *seen)
+        assert done.exit_code == 2
+        assert "--seen needs the cameras: add --data" in done.stderr
+    assert gsedit("merge", other, scene, *seen).exit_code == 0
