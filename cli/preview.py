@@ -82,6 +82,11 @@ class Drawn:
         }  # fmt: skip
         if self.open3d and (given := [name for name, value in others.items() if value]):
             raise UsageError(f"--open3d draws one scene in its colours: leave out {given[0]}")
+        if self.selection and self.color_by not in (None, "selection") and not self.ellipsoids:
+            raise UsageError(
+                f"--color-by {self.color_by} does not show --selection: add --ellipsoids, or leave "
+                "one of them out"
+            )
         if self.sparse and data is None:
             raise UsageError("--sparse draws the sparse cloud of a capture: add --data DATASET")
 

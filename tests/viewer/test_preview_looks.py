@@ -164,6 +164,7 @@ def test_cameras_are_where_they_are_and_all_in_the_picture():
         (["--color-by", "opactiy"], "did you mean opacity?"),
         (["--color-by", "size", "--colormap", "viridian"], "'viridian' is no colour map"),
         (["--color-by", "selection"], "give --selection FLAGS.npy"),
+        (["--color-by", "size", "--selection", "flags.npy"], "does not show --selection"),
         (["--cameras"], "add --data DATASET"),
         (["--sparse"], "add --data DATASET"),
         (["--selection", "flags.npy"], "has flags of shape (3,)"),
