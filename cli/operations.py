@@ -237,22 +237,22 @@ def process(
     write_companions = companions(path, output, [each for _, each in steps])
     for note in source.notes:
         print_message(f"{path}: {note}")
-    guard, total = Guard(drop=output.drop_invalid), Kept(before=source.count)
-    blocks = guard(source.blocks()) if output.drop_invalid else source.blocks()
+    dropped = Guard(drop=True) if output.drop_invalid else None
+    last, total = Guard(drop=False, of="the result"), Kept(before=source.count)
+    blocks = dropped(source.blocks()) if dropped else source.blocks()
     header, blocks, counts = run(
         source.header, blocks, [each for _, each in steps], partial(_say, path)
     )
     header, blocks = fitted(header, blocks, output.out)
-    last = guard if output.drop_invalid else Guard(drop=False, of="the result")
-    blocks = _checked(blocks if output.drop_invalid else last(blocks), last, source, total)
+    blocks = _checked(last(blocks), dropped, last, source, total)
     if output.dry_run or output.out is None:
         for _ in blocks:
             pass
     else:
         write_scene(output.out, header, blocks, options=files.write(), overwrite=output.force)
     write_companions()
-    if guard.invalid:
-        print_message(f"{path}: rows left out by --drop-invalid: {guard.invalid:,}")
+    if dropped and dropped.invalid:
+        print_message(f"{path}: rows left out by --drop-invalid: {dropped.invalid:,}")
     named = [(verb, kept) for (verb, _), (_, kept) in zip(steps, counts)]
     for verb, kept in ((v, k) for (v, o), (_, k) in zip(steps, counts) if o.removes):
         print_message(f"{verb}: {kept}")
@@ -301,25 +301,33 @@ def fitted(header: SceneHeader, blocks: Blocks, out: Path | None) -> tuple[Scene
     return run(header, blocks, [ReduceSH(format.max_degree)], partial(_say, out))[:2]
 
 
-def _checked(blocks: Any, guard: Guard, source: SceneSource, total: Kept) -> Any:
-    """The blocks, counted; then an error for invalid rows, before the file gets its name."""
+def _checked(
+    blocks: Any, dropped: Guard | None, last: Guard, source: SceneSource, total: Kept
+) -> Any:
+    """The blocks, counted; then an error for invalid rows, before the file gets its name.
+
+    `dropped` left out those of the file; `last` has seen the result.
+    """
     from gsedit.errors import UsageError
     from gsedit.files.validity import Guard
 
     for block in blocks:
         total.after += len(block)
         yield block
-    if guard.invalid and not guard.drop:
+    if dropped is not None:
+        dropped.check(source.path)
+    if not last.invalid:
+        return
+    if dropped is None:
         # a row of the file is named by its place there, which operations may have changed
         file = Guard(drop=False)
         for _ in file(source.blocks()):
             pass
         file.check(source.path)
-        raise UsageError(
-            f"{source.path}: {guard.invalid:,} of {guard.rows:,} rows became invalid on the way, "
-            f"the first is {guard.first}: give the operations smaller numbers"
-        )
-    guard.check(source.path)
+    raise UsageError(
+        f"{source.path}: {last.invalid:,} of {last.rows:,} rows became invalid on the way, "
+        f"the first is {last.first}: give the operations smaller numbers"
+    )
 
 
 def _say(path: Path, text: str) -> None:

@@ -41,7 +41,9 @@ def cameras_file(scene: str | Path) -> Path | None:
 
 def own_file(scene: Path) -> Path:
     """bear.cameras.json of bear.ply: where cameras.json belongs to another scene."""
-    return scene.with_name(f"{scene.name.split('.')[0]}.{NAME}")
+    name, packed = scene.name, ".compressed.ply"
+    stem = name[: -len(packed)] if name.lower().endswith(packed) else scene.stem
+    return scene.with_name(f"{stem}.{NAME}")
 
 
 def read_cameras(path: str | Path) -> tuple[Viewpoint, ...]:

@@ -99,6 +99,14 @@ def test_two_places_for_one_scene_are_refused(scene, tmp_path):
     assert "two scenes to write" in done.stderr
 
 
+@pytest.mark.parametrize("drop", [(), ("--drop-invalid",)])
+def test_rows_that_an_operation_makes_invalid_are_refused(scene, tmp_path, drop):
+    done = gsedit("transform", scene, "--scale", "1e39", *drop, "-o", tmp_path / "big.ply")
+    assert done.exit_code == 2
+    assert "became invalid on the way" in done.stderr
+    assert not list(tmp_path.glob("*big.ply"))
+
+
 def test_torch_is_not_loaded(scene, tmp_path):
     code = (
         "import sys; from gsedit_cli.main import app\n"

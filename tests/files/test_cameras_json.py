@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pytest
 import torch
 
 from gsedit.errors import InputError
-from gsedit.files.cameras import cameras_file, read_cameras, write_beside, write_cameras
+from gsedit.files.cameras import cameras_file, own_file, read_cameras, write_beside, write_cameras
 from gsedit.views.viewpoints import Viewpoint
 from rasterizer.camera import look_at
 
@@ -81,3 +82,15 @@ def test_inrias_file_is_found_two_folders_above(tmp_path):
     write_cameras(some_cameras(), tmp_path / "cameras.json")
     assert cameras_file(scene) == tmp_path / "cameras.json"
     assert cameras_file(tmp_path / "a" / "b" / "scene.ply") is None
+
+
+@pytest.mark.parametrize(
+    ("scene", "own"),
+    [
+        ("bear.ply", "bear.cameras.json"),
+        ("bear.compressed.ply", "bear.cameras.json"),
+        ("scan.v1.ply", "scan.v1.cameras.json"),  # scan.v2.ply has its own
+    ],
+)
+def test_a_scene_has_cameras_of_its_own_name(scene, own):
+    assert own_file(Path(scene)) == Path(own)
