@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -146,6 +147,19 @@ def recorded_viewpoints(path: Path | None, scene: Gaussians, size: int) -> tuple
     return viewpoints
 
 
+def rendered_where_seen(
+    viewpoints: Sequence[Viewpoint], scene: Gaussians, execution: Execution
+) -> Dataset:
+    """Renders from those of the recorded cameras that see the scene; of many, of some."""
+    from gsedit.views.viewpoints import rendered, that_see, thinned
+
+    some = thinned(viewpoints)
+    seeing = that_see(some, scene, execution)
+    if len(seeing) < len(some):
+        print_message(f"{len(some) - len(seeing)} cameras see nothing: they are left out")
+    return rendered(scene, seeing, execution)
+
+
 def load_views(
     path: Path | None, scene: Gaussians, options: ViewOptions, execution: Execution
 ) -> Dataset:
@@ -154,14 +168,9 @@ def load_views(
     if options.data is not None:
         return load_photos(options.data, options.size, path)
     from gsedit.edit import around
-    from gsedit.views.viewpoints import rendered, that_see, thinned
 
     if not options.placed and (recorded := recorded_viewpoints(path, scene, options.size)):
-        some = thinned(recorded)
-        seeing = that_see(some, scene, execution)
-        if len(seeing) < len(some):
-            print_message(f"{len(some) - len(seeing)} cameras see nothing: they are left out")
-        return rendered(scene, seeing, execution)
+        return rendered_where_seen(recorded, scene, execution)
     print_message("views are searched for in the scene; a cameras.json beside it saves this")
     wish = wish_of(options)
     return around(

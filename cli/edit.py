@@ -158,12 +158,11 @@ def write_cameras_and_views(dataset: Dataset, result: EditResult, folder: Path) 
     from gsedit.files.cameras import write_cameras
     from gsedit.files.view_lists import write_view_list
     from gsedit.views.view_list import by_edit
-    from gsedit.views.viewpoints import Viewpoint
+    from gsedit.views.viewpoints import viewpoints_of
 
     edited = {view.name for view in result.originals}
-    viewpoints = [Viewpoint(view.name, view.camera) for view in dataset.views]
     write_cameras(dataset.views, folder / "cameras.json", overwrite=True)
-    write_view_list(by_edit(viewpoints, edited), folder / "views.json", overwrite=True)
+    write_view_list(by_edit(viewpoints_of(dataset), edited), folder / "views.json", overwrite=True)
 
 
 def print_plan(decisions: tuple[Decision, ...], *, as_json: bool) -> None:

@@ -65,12 +65,11 @@ class Standpoint:
         """The cameras and the sparse cloud of --data; else, if they are `wanted` or the view may
         begin there, the cameras recorded beside the scene."""
         from gsedit.viewer.drawing import Surroundings
-        from gsedit.views.viewpoints import Viewpoint
+        from gsedit.views.viewpoints import viewpoints_of
 
         if self.data is not None:
             photos = load_photos(self.data, 256, path)
-            views = tuple(Viewpoint(view.name, view.camera) for view in photos.views)
-            return Surroundings(views, photos.points)
+            return Surroundings(viewpoints_of(photos), photos.points)
         if wanted or self.is_free:
             return Surroundings(recorded_viewpoints(path, scene, 256))
         return Surroundings()

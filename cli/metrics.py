@@ -318,7 +318,7 @@ def place_views(
     from gsedit.files.view_lists import read_view_list
     from gsedit.measures.against import find_pictures, resized
     from gsedit.views.view_list import by_capture, with_roles_of
-    from gsedit.views.viewpoints import Viewpoint
+    from gsedit.views.viewpoints import viewpoints_of
 
     given = read_view_list(listed.views) if listed.views is not None else against.views
     size = listed.size or DEFAULT_SIZE
@@ -330,7 +330,7 @@ def place_views(
     beside_own = against.kind != "scene" or (cameras_file(path) and not cameras_file(against.path))
     place, seen = (path, scene) if beside_own or unedited is None else (against.path, unedited)
     dataset = load_views(place, seen, ViewOptions(of_photos, size), execution)
-    views = by_capture([Viewpoint(view.name, view.camera) for view in dataset.views])
+    views = by_capture(viewpoints_of(dataset))
     if against.kind != "photos":
         return views, find_pictures(against, views)
     photos = {i: view.image for i, view in enumerate(dataset.views)}

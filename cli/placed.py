@@ -7,7 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .cameras import ViewOptions, load_photos, recorded_viewpoints, wish_of
+from .cameras import (
+    ViewOptions,
+    load_photos,
+    recorded_viewpoints,
+    rendered_where_seen,
+    wish_of,
+)
 from .console import print_message
 
 if TYPE_CHECKING:
@@ -45,17 +51,13 @@ class Placed:
 
     def dataset(self, scene: Gaussians, execution: Execution) -> Dataset:
         """The views with pictures: the photos, or renders; of many recorded cameras, of some."""
-        from gsedit.views.viewpoints import rendered, that_see, thinned
+        from gsedit.views.viewpoints import rendered
 
         if self.photos is not None:
             return self.photos
         if self.found:
             return rendered(scene, self.viewpoints, execution)
-        some = thinned(self.viewpoints)
-        seeing = that_see(some, scene, execution)
-        if len(seeing) < len(some):
-            print_message(f"{len(some) - len(seeing)} cameras see nothing: they are left out")
-        return rendered(scene, seeing, execution)
+        return rendered_where_seen(self.viewpoints, scene, execution)
 
 
 def place(
@@ -64,12 +66,11 @@ def place(
     """All cameras of --data, or those recorded beside the scene, or else `count` found ones."""
     from gsedit.views.choose import find_views, view_names
     from gsedit.views.coarse import coarsen
-    from gsedit.views.viewpoints import Viewpoint
+    from gsedit.views.viewpoints import Viewpoint, viewpoints_of
 
     if options.data is not None:
         photos = load_photos(options.data, options.size, path)
-        views = tuple(Viewpoint(view.name, view.camera) for view in photos.views)
-        return Placed(views, photos)
+        return Placed(viewpoints_of(photos), photos)
     if not options.placed and (recorded := recorded_viewpoints(path, scene, options.size)):
         return Placed(recorded)
     print_message("views are searched for in the scene; a cameras.json beside it saves this")

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 from splat_tables import random_table
 
-from gsedit.files.table import SH_DC, SplatTable
+from gsedit.files.table import SplatTable
+from rasterizer.numerics import SH_DC
 
 
 def header(level: int, sections: int, count: int, version: tuple[int, int] = (0, 1)) -> bytes:

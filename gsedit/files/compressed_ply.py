@@ -36,7 +36,8 @@ from gsedit.files.streams import (
     SceneSource,
     WriteOptions,
 )
-from gsedit.files.table import SH_DC, SplatTable, concatenate_tables
+from gsedit.files.table import SplatTable, concatenate_tables
+from rasterizer.numerics import SH_DC
 
 CHUNK = 256
 SORTED_AT_ONCE = 1 << 20

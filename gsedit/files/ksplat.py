@@ -22,7 +22,8 @@ from jaxtyping import Float32
 from gsedit.errors import InputError
 from gsedit.files.quantised import LOGIT_MAX
 from gsedit.files.streams import AT_ONCE, Blocks, ReadOptions, SceneHeader, SceneSource
-from gsedit.files.table import SH_DC, SplatTable
+from gsedit.files.table import SplatTable
+from rasterizer.numerics import SH_DC
 
 _HEADER, _SECTION = 4096, 1024
 _BUCKET = 12

@@ -15,7 +15,8 @@ from jaxtyping import Float
 
 from gsedit.errors import InputError
 from gsedit.files.streams import ReadOptions, SceneHeader, SceneSource, in_blocks
-from gsedit.files.table import SH_DC, SplatTable, concatenate_tables
+from gsedit.files.table import SplatTable, concatenate_tables
+from rasterizer.numerics import SH_DC
 
 DISK = 0.8
 """Standard deviation of a disk, in side lengths of the square that it stands for. The disks of a

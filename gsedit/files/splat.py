@@ -16,7 +16,8 @@ from gsedit.files.streams import (
     SceneSource,
     WriteOptions,
 )
-from gsedit.files.table import SH_DC, SplatTable
+from gsedit.files.table import SplatTable
+from rasterizer.numerics import SH_DC
 
 ROW = np.dtype([("means", "<f4", 3), ("scales", "<f4", 3), ("rgba", "u1", 4), ("quats", "u1", 4)])
 

@@ -5,8 +5,6 @@ Source: github.com/nianticlabs/spz, README.md and src/cc/load-spz.cc. `n` Gaussi
 
 from __future__ import annotations
 
-from math import isqrt
-
 import numpy as np
 from jaxtyping import Float32, UInt8
 
@@ -78,11 +76,6 @@ def pack_positions(means: Float32[np.ndarray, "n 3"], bits: int) -> UInt8[np.nda
     with np.errstate(invalid="ignore"):
         fixed = np.rint(means.astype(np.float64) * (1 << bits)).clip(-top - 1, top).astype("<i4")
     return fixed.view(np.uint8).reshape(-1, 3, 4)[..., :3].reshape(-1, 9)
-
-
-def degree_of(widths: dict[str, int]) -> int:
-    """The SH degree of those attributes."""
-    return isqrt(1 + widths.get("sh", 0) // 3) - 1
 
 
 def pack_rotations(quats: Float32[np.ndarray, "n 4"]) -> UInt8[np.ndarray, "n 4"]:

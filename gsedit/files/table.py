@@ -14,12 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gsedit.files.shapes import Float32
+from rasterizer.numerics import SH_DC
 
 if TYPE_CHECKING:
     from rasterizer.scene import Gaussians
-
-SH_DC = 0.28209479177387814
-"""The harmonic of degree 0, sqrt(1 / (4 pi)): colour = 0.5 + SH_DC f_dc."""
 
 
 @dataclass(frozen=True, eq=False)

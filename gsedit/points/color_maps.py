@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float, Float32, Float64
 
 from gsedit.files.sh_rotation import even_directions, harmonics
-from gsedit.files.table import SH_DC
+from rasterizer.numerics import SH_DC
 
 ColorMap = Callable[[Float64[np.ndarray, "m 3"]], Float64[np.ndarray, "m 3"]]
 """From display colours (sRGB, about [0, 1]) to display colours."""

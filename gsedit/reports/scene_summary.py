@@ -10,8 +10,9 @@ import numpy as np
 from gsedit.errors import InputError
 from gsedit.files.shapes import Float32
 from gsedit.files.streams import SceneSource
-from gsedit.files.table import SH_DC, SplatTable
+from gsedit.files.table import SplatTable
 from gsedit.files.validity import Guard
+from rasterizer.numerics import SH_DC
 
 QUANTILES = (0.0, 0.01, 0.5, 0.99, 1.0)
 MOST_VALUES = 1 << 22

@@ -30,6 +30,11 @@ class Viewpoint:
     camera: Camera
 
 
+def viewpoints_of(dataset: Dataset) -> tuple[Viewpoint, ...]:
+    """The cameras of a dataset's views, with their names."""
+    return tuple(Viewpoint(view.name, view.camera) for view in dataset.views)
+
+
 def framed(camera: Camera, width: int, height: int) -> Camera:
     """The pose on another picture, which shows all that the camera showed, in the middle."""
     scale = min(width / camera.width, height / camera.height)

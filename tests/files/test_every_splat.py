@@ -17,10 +17,11 @@ from splat_tables import angles
 
 from gsedit.files.formats import open_scene, write_scene
 from gsedit.files.streams import SceneHeader, WriteOptions, in_blocks
-from gsedit.files.table import SH_DC, SplatTable, gaussians_of
+from gsedit.files.table import SplatTable, gaussians_of
 from gsedit.measures.metrics import psnr
 from gsedit.views.orbit import orbit
 from rasterizer import render
+from rasterizer.numerics import SH_DC
 
 SPLATS = DATA / "splats"
 SOURCES = (

@@ -9,7 +9,7 @@ from splat_tables import assert_near
 
 from gsedit.errors import InputError
 from gsedit.files.formats import open_scene
-from gsedit.files.table import SH_DC
+from rasterizer.numerics import SH_DC
 
 
 @pytest.mark.parametrize("level", [0, 1, 2])

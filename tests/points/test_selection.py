@@ -8,7 +8,7 @@ import pytest
 from gsedit.errors import InputError, UsageError
 from gsedit.files.flags import write_flags
 from gsedit.files.streams import SceneHeader, gather, in_blocks
-from gsedit.files.table import SH_DC, SplatTable, gaussians_of
+from gsedit.files.table import SplatTable, gaussians_of
 from gsedit.points import Filter, filter, select, where
 from gsedit.points.operation import run
 from gsedit.points.selection import (
@@ -20,6 +20,7 @@ from gsedit.points.selection import (
     Sphere,
 )
 from gsedit.points.steps import rotate
+from rasterizer.numerics import SH_DC
 
 
 def cloud(n: int = 400, spread: float = 1.0) -> SplatTable:

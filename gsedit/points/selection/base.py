@@ -62,8 +62,8 @@ EVERYTHING = Everything()
 
 
 @dataclass(frozen=True)
-class Intersection(Selection):
-    """What all parts select."""
+class Combined(Selection):
+    """A selection that asks others: it needs what they need."""
 
     parts: tuple[Selection, ...]
 
@@ -74,24 +74,19 @@ class Intersection(Selection):
     @property
     def view_dependent(self) -> bool:
         return any(part.view_dependent for part in self.parts)
+
+
+@dataclass(frozen=True)
+class Intersection(Combined):
+    """What all parts select."""
 
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
         return np.logical_and.reduce([part.mask(table) for part in self.parts])
 
 
 @dataclass(frozen=True)
-class Union(Selection):
+class Union(Combined):
     """What any part selects."""
-
-    parts: tuple[Selection, ...]
-
-    @property
-    def whole(self) -> bool:
-        return any(part.whole for part in self.parts)
-
-    @property
-    def view_dependent(self) -> bool:
-        return any(part.view_dependent for part in self.parts)
 
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
         return np.logical_or.reduce([part.mask(table) for part in self.parts])

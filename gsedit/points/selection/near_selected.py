@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -13,14 +14,16 @@ from gsedit.points.selection.volumes import check_positive
 
 
 @dataclass(frozen=True)
-class Grown(Selection):
-    """What `inner` selects, and what is at most `radius` from it."""
+class AtDistance(Selection):
+    """A selection by distance from what `inner` selects."""
 
+    verb: ClassVar[str]
+    """For messages."""
     inner: Selection
     radius: float
 
     def __post_init__(self) -> None:
-        check_positive("grow", "radius", self.radius)
+        check_positive(self.verb, "radius", self.radius)
 
     @property
     def whole(self) -> bool:
@@ -29,6 +32,13 @@ class Grown(Selection):
     @property
     def view_dependent(self) -> bool:
         return self.inner.view_dependent
+
+
+@dataclass(frozen=True)
+class Grown(AtDistance):
+    """What `inner` selects, and what is at most `radius` from it."""
+
+    verb: ClassVar[str] = "grow"
 
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
         inside = self.inner.mask(table)
@@ -36,22 +46,10 @@ class Grown(Selection):
 
 
 @dataclass(frozen=True)
-class Shrunk(Selection):
+class Shrunk(AtDistance):
     """What `inner` selects, without what is at most `radius` from the rest."""
 
-    inner: Selection
-    radius: float
-
-    def __post_init__(self) -> None:
-        check_positive("shrink", "radius", self.radius)
-
-    @property
-    def whole(self) -> bool:
-        return True
-
-    @property
-    def view_dependent(self) -> bool:
-        return self.inner.view_dependent
+    verb: ClassVar[str] = "shrink"
 
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
         inside = self.inner.mask(table)
