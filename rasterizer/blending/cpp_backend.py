@@ -1,20 +1,8 @@
-"""Blending as a C++ kernel, which is compiled once per machine and kept.
-
-`kernel.cpp` has no dependencies: any C++17 compiler makes it in seconds. The result is cached by
-the source, the compiler and the processor, under $XDG_CACHE_HOME/gsedit or ~/.cache/gsedit.
-"""
+"""Blending as a C++ kernel, `kernel.cpp`: see `compiled.py` for how it is compiled."""
 
 from __future__ import annotations
 
 import ctypes
-import functools
-import hashlib
-import os
-import platform
-import shutil
-import subprocess
-import tempfile
-import warnings
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,16 +10,11 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from rasterizer import compiled
 from rasterizer.blending.backend import GEOMETRY, Backend, Blended, BlendInputs, ForwardPass
 from rasterizer.numerics import Execution
 
 SOURCE = Path(__file__).with_name("kernel.cpp")
-FLAGS = ("-std=c++17", "-shared", "-fPIC", "-pthread", "-O3", "-fno-math-errno",
-         "-fno-trapping-math", "-fopenmp-simd")  # fmt: skip
-# No -ffast-math: linking with it would make the whole process flush denormals to zero.
-FOR_THIS_PROCESSOR = (("-march=native", "-mprefer-vector-width=512"), ("-march=native",), ())
-"""Tried in this order: not every compiler knows every one."""
-
 BLOCK = 16
 """As in kernel.cpp."""
 
@@ -124,77 +107,9 @@ def _run(name: str, inputs: BlendInputs, **arrays: Tensor | None) -> None:
         raise MemoryError(f"no memory for tiles of {bins.size} pixels on {job.threads} threads")
 
 
-@functools.cache
 def load() -> ctypes.CDLL | None:
-    """The kernel, compiled if it is not in the cache; None, with a warning, where that fails."""
-    names = (os.environ.get("CXX"),) if "CXX" in os.environ else ("c++", "g++", "clang++")
-    compiler = next((path for name in names if name and (path := shutil.which(name))), None)
-    try:
-        if compiler is None:
-            raise _Failed(f"no C++ compiler was found ({', '.join(map(str, names))})")
-        try:
-            return ctypes.CDLL(str(_cached(compiler)))
-        except OSError:  # the cache cannot be written, or what is in it does not load
-            with tempfile.TemporaryDirectory() as folder:
-                return ctypes.CDLL(str(_compile(compiler, Path(folder) / "kernel.so")))
-    except (_Failed, OSError) as error:
-        warnings.warn(
-            f"{error}: going on without the compiled kernel (the same picture, slower). "
-            "Install g++ or clang++, or name a C++17 compiler in CXX.",
-            stacklevel=2,
-        )
-        return None
-
-
-class _Failed(Exception):
-    """Why there is no kernel."""
-
-
-def _cached(compiler: str) -> Path:
-    """The kernel's file in the cache, compiled if it was not there. Raises OSError, _Failed."""
-    try:
-        base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    except RuntimeError as error:  # the user has no home folder
-        raise OSError(*error.args) from error
-    version = subprocess.run([compiler, "--version"], capture_output=True, text=True, check=False)
-    key = "\n".join(
-        (
-            SOURCE.read_text(),
-            compiler,
-            version.stdout,
-            *FLAGS,
-            str(FOR_THIS_PROCESSOR),
-            _processor(),
-        )
-    )
-    path = Path(base) / "gsedit" / f"kernel-{hashlib.sha256(key.encode()).hexdigest()[:16]}.so"
-    if path.exists():
-        return path
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=path.parent) as folder:  # so that it appears whole
-        return _compile(compiler, Path(folder) / path.name).replace(path)
-
-
-def _processor() -> str:
-    """What -march=native depends on."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        lines = []
-    model = {line for line in lines if line.startswith(("model name", "flags", "Features"))}
-    return "\n".join((*sorted(model), platform.platform(), platform.processor()))
-
-
-def _compile(compiler: str, target: Path) -> Path:
-    """`target`, made from the source. Raises _Failed with the compiler's first line."""
-    complaint = ""
-    for tuning in FOR_THIS_PROCESSOR:
-        command = [compiler, *FLAGS, *tuning, str(SOURCE), "-o", str(target)]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode == 0:
-            return target
-        complaint = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[0]
-    raise _Failed(f"{compiler} could not compile {SOURCE.name} ({complaint})")
+    """The kernel; None, with one warning, where it cannot be compiled."""
+    return compiled.load(SOURCE)
 
 
 def accepts(execution: Execution, device: torch.device, dtype: torch.dtype) -> bool:

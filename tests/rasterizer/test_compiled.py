@@ -14,6 +14,7 @@ from closeness import leaves, relative, tensors, weights_like
 from scenes import EDGE_CASES, cloud, gaussian
 
 from rasterizer import Execution, Numerics, concatenate, render, tiles
+from rasterizer import compiled as library
 from rasterizer.blending import cpp_backend as compiled
 
 COMPILED = Execution(compile=True)
@@ -33,9 +34,10 @@ def kernel():
 def empty_cache(tmp_path, monkeypatch):
     """A cache without a kernel; the one of before is back afterwards."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    compiled.load.cache_clear()
+    library.load.cache_clear()
+    library._warn_once.cache_clear()
     yield tmp_path / "cache" / "gsedit"
-    compiled.load.cache_clear()
+    library.load.cache_clear()
 
 
 def gradients(scene, camera, execution, numerics=WHOLE_SUM):
@@ -129,8 +131,8 @@ def test_a_picture_is_freed_when_it_is_dropped(execution, kernel, monkeypatch):
 def test_it_is_compiled_once(kernel, empty_cache, monkeypatch):
     assert compiled.load() is not None
     (made,) = empty_cache.iterdir()
-    compiled.load.cache_clear()
-    monkeypatch.setattr(compiled, "_compile", None)  # calling it again would fail
+    library.load.cache_clear()
+    monkeypatch.setattr(library, "_compile", None)  # calling it again would fail
     assert compiled.load() is not None
     assert list(empty_cache.iterdir()) == [made]
 
@@ -140,7 +142,7 @@ def test_what_does_not_load_is_made_anew(kernel, empty_cache):
     (made,) = empty_cache.iterdir()
     made.unlink()  # truncating it in place would pull it from under this process
     made.write_bytes(b"cut off")
-    compiled.load.cache_clear()
+    library.load.cache_clear()
     assert isinstance(compiled.load(), ctypes.CDLL)
 
 

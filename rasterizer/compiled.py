@@ -1,0 +1,103 @@
+"""C++ files without dependencies, compiled once per machine and kept.
+
+Any C++17 compiler makes one in seconds. The result is cached by the source, the compiler and the
+processor, under $XDG_CACHE_HOME/gsedit or ~/.cache/gsedit.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import hashlib
+import os
+import platform
+import shutil
+import subprocess
+import tempfile
+import warnings
+from pathlib import Path
+
+FLAGS = ("-std=c++17", "-shared", "-fPIC", "-pthread", "-O3", "-fno-math-errno",
+         "-fno-trapping-math", "-fopenmp-simd")  # fmt: skip
+# No -ffast-math: linking with it would make the whole process flush denormals to zero.
+FOR_THIS_PROCESSOR = (("-march=native", "-mprefer-vector-width=512"), ("-march=native",), ())
+"""Tried in this order: not every compiler knows every one."""
+
+
+@functools.cache
+def load(source: Path) -> ctypes.CDLL | None:
+    """The library of a C++ file, compiled if it is not in the cache; None where that fails, with a
+    warning, once in a process for each reason."""
+    names = (os.environ.get("CXX"),) if "CXX" in os.environ else ("c++", "g++", "clang++")
+    compiler = next((path for name in names if name and (path := shutil.which(name))), None)
+    try:
+        if compiler is None:
+            raise _Failed(f"no C++ compiler was found ({', '.join(map(str, names))})")
+        try:
+            return ctypes.CDLL(str(_cached(compiler, source)))
+        except OSError:  # the cache cannot be written, or what is in it does not load
+            with tempfile.TemporaryDirectory() as folder:
+                return ctypes.CDLL(str(_compile(compiler, source, Path(folder) / "kernel.so")))
+    except (_Failed, OSError) as error:
+        _warn_once(
+            f"{error}: going on without the compiled kernel (the same picture, slower). "
+            "Install g++ or clang++, or name a C++17 compiler in CXX."
+        )
+        return None
+
+
+@functools.cache
+def _warn_once(message: str) -> None:
+    warnings.warn(message, stacklevel=3)
+
+
+class _Failed(Exception):
+    """Why there is no kernel."""
+
+
+def _cached(compiler: str, source: Path) -> Path:
+    """The library's file in the cache, compiled if it was not there. Raises OSError, _Failed."""
+    try:
+        base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    except RuntimeError as error:  # the user has no home folder
+        raise OSError(*error.args) from error
+    version = subprocess.run([compiler, "--version"], capture_output=True, text=True, check=False)
+    key = "\n".join(
+        (
+            *(file.read_text() for file in (source, *sorted(source.parent.glob("*.h")))),
+            compiler,
+            version.stdout,
+            *FLAGS,
+            str(FOR_THIS_PROCESSOR),
+            _processor(),
+        )
+    )
+    name = f"{source.stem}-{hashlib.sha256(key.encode()).hexdigest()[:16]}.so"
+    path = Path(base) / "gsedit" / name
+    if path.exists():
+        return path
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=path.parent) as folder:  # so that it appears whole
+        return _compile(compiler, source, Path(folder) / path.name).replace(path)
+
+
+def _processor() -> str:
+    """What -march=native depends on."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        lines = []
+    model = {line for line in lines if line.startswith(("model name", "flags", "Features"))}
+    return "\n".join((*sorted(model), platform.platform(), platform.processor()))
+
+
+def _compile(compiler: str, source: Path, target: Path) -> Path:
+    """`target`, made from the source. Raises _Failed with the compiler's first line."""
+    complaint = ""
+    for tuning in FOR_THIS_PROCESSOR:
+        command = [compiler, *FLAGS, *tuning, str(source), "-o", str(target)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode == 0:
+            return target
+        complaint = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[0]
+    raise _Failed(f"{compiler} could not compile {source.name} ({complaint})")
