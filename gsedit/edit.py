@@ -350,7 +350,12 @@ def _session(
     """Its optimiser is at the unedited scene."""
     settings, radius = request.settings, bounds(request.scene).radius
     moving = rates(settings.geometry, radius, hold_all=not settings.leaves_out("geometry"))
-    optimiser = SceneOptimiser(request.scene, moving, settings.update.anchor_weight)
+    optimiser = SceneOptimiser(
+        request.scene,
+        moving,
+        settings.update.anchor_weight,
+        compiled=settings.execution.compile,
+    )
     renderings = dict(surveyed.renderings)
     return Session(request, surveyed, renderings, edited, optimiser, stopwatch, noise_seed)
 

@@ -23,9 +23,9 @@ from gsedit.fitting.densify import ScreenGradients, densify, reset_opacities
 from gsedit.fitting.initial import initial_scene
 from gsedit.fitting.optimiser import SceneOptimiser, optimised_scene
 from gsedit.fitting.settings import FitSettings
-from gsedit.measures import losses
 from gsedit.measures.decibels import rmse_from_psnr
 from gsedit.measures.metrics import psnr
+from gsedit.measures.photometric import photometric
 from gsedit.ranks import ALONE, Ranks
 from gsedit.reports import notebook
 from gsedit.reports.events import Checkpoint, Event
@@ -175,7 +175,8 @@ class _Fit:
         self.settings, self.generator, self.held_out = settings, generator, held_out
         self.batch = settings.batch or 1
         rates = {**RATES, "means": RATES["means"] * extent}
-        self.optimiser = SceneOptimiser(scene, {k: v * sqrt(self.batch) for k, v in rates.items()})
+        rates = {name: rate * sqrt(self.batch) for name, rate in rates.items()}
+        self.optimiser = SceneOptimiser(scene, rates, compiled=settings.execution.compile)
         factors = (1, *(factor for _, factor in settings.coarse))
         self.pyramid = {f: tuple(_shrunk(view, f) for view in train) for f in factors}
         self.gradients = ScreenGradients(len(scene))
@@ -241,10 +242,8 @@ class _Fit:
         picture = render(
             scene, view.camera, background=background, execution=settings.execution
         ).color
-        loss = (1 - settings.dssim_weight) * losses.l1(picture, view.image)
-        if settings.dssim_weight:
-            loss = loss + settings.dssim_weight * losses.dssim(picture, view.image)
-        return loss
+        compiled = settings.execution.compile
+        return photometric(picture, view.image, settings.dssim_weight, compiled=compiled)
 
     def _count_loss(self, value: float) -> None:
         """The running mean starts at the first value."""

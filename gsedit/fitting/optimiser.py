@@ -37,16 +37,22 @@ class SceneOptimiser:
     """
 
     def __init__(
-        self, scene: Gaussians, rates: Mapping[str, float], anchor_weight: float = 0.0
+        self,
+        scene: Gaussians,
+        rates: Mapping[str, float],
+        anchor_weight: float = 0.0,
+        *,
+        compiled: bool = False,
     ) -> None:
-        """`anchor_weight`: how strongly every step draws back to `scene`, see fitting.anchors."""
+        """`anchor_weight`: how strongly every step draws back to `scene`, see fitting.anchors.
+        `compiled`: steps by a C++ kernel, where there is one; equal to rounding."""
         self._rates = dict(rates)
         if "sh" in rates:
             self._rates |= {"sh": rates["sh"], "sh_rest": rates["sh"] * SH_REST}
         values = _parts(scene)
         self._constant = {k: v.detach() for k, v in values.items() if k not in self._rates}
         self._leaves = {k: values[k].detach().clone().requires_grad_() for k in self._rates}
-        self._adam = RowAdam(len(scene))
+        self._adam = RowAdam(len(scene), compiled=compiled)
         self._anchors = (
             Anchors(anchor_weight, {k: values[k].detach() for k in self._rates})
             if anchor_weight

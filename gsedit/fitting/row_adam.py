@@ -22,9 +22,8 @@ import torch
 from jaxtyping import Bool, Int
 from torch import Tensor
 
-BETA_1, BETA_2 = 0.9, 0.999
-EPSILON = 1e-15
-"""As 3D Gaussian splatting has it: gradients of single splats are tiny."""
+from gsedit.fitting.adam_rows import BETA_1, BETA_2, Moving, settle, step
+
 FADING = BETA_1 / sqrt(BETA_2)
 """By which the movement of a row without a gradient is smaller at each step."""
 
@@ -32,7 +31,9 @@ FADING = BETA_1 / sqrt(BETA_2)
 class RowAdam:
     """The moments of `n` rows of named tensors, and the step at which each row was last moved."""
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, count: int, *, compiled: bool = False) -> None:
+        """`compiled`: steps by the C++ kernel, where there is one; equal to rounding."""
+        self.compiled = compiled
         self.steps = 0
         self._moments: dict[str, tuple[Tensor, Tensor]] = {}
         self._settled = 0
@@ -65,14 +66,8 @@ class RowAdam:
             if name not in self._moments:
                 zeros = torch.zeros_like(values[name])
                 self._moments[name] = zeros, torch.zeros_like(zeros)
-            value, first, second = (values[name].detach(), *self._moments[name])
-            if rows is None:
-                _move(value, first, second, gradient, rate / bias_1, bias_2)
-                continue
-            a, b, c = (each.index_select(0, rows) for each in (value, first, second))
-            _move(a, b, c, gradient, rate / bias_1, bias_2)
-            for each, moved in zip((value, first, second), (a, b, c)):
-                each.index_copy_(0, rows, moved)
+            moving = Moving(values[name].detach(), *self._moments[name])
+            step(moving, gradient, rows, rate / bias_1, bias_2, compiled=self.compiled)
         if rows is None:
             self._settle_all()
         else:
@@ -98,17 +93,9 @@ class RowAdam:
         late = behind.nonzero().squeeze(-1) if rows is None else rows[behind]
         since = self._last[late].long()
         for name, moments in self._moments.items():
-            shape = (-1, *(1,) * (values[name].ndim - 1))
-            value, first, second = (
-                each.detach().index_select(0, late) for each in (values[name], *moments)
-            )
-            missed = torch.from_numpy(self._missed[name])[since - self._settled].view(shape)
-            value -= first / (second.sqrt() + EPSILON) * missed.to(value)
-            steps = (self.steps - since).view(shape)
-            first *= torch.pow(BETA_1, steps).to(first)
-            second *= torch.pow(BETA_2, steps).to(second)
-            for each, moved in zip((values[name].detach(), *moments), (value, first, second)):
-                each.index_copy_(0, late, moved)
+            missed = torch.from_numpy(self._missed[name])[since - self._settled]
+            moving = Moving(values[name].detach(), *moments)
+            settle(moving, late, missed, self.steps - since, compiled=self.compiled)
         if rows is None:
             self._settle_all()
         else:
@@ -117,7 +104,7 @@ class RowAdam:
     def selected(self, origin: Int[Tensor, " m"], fresh: Bool[Tensor, " m"]) -> RowAdam:
         """For other rows: row i has row origin[i]'s moments, zero where it is fresh. All rows must
         be settled."""
-        other = RowAdam(len(origin))
+        other = RowAdam(len(origin), compiled=self.compiled)
         other.steps = self.steps
         other._settle_all()
         for name, moments in self._moments.items():
@@ -143,21 +130,3 @@ class RowAdam:
             for name in names
         }
         self._settle_all()
-
-
-def _move(
-    value: Tensor,
-    first: Tensor,
-    second: Tensor,
-    gradient: Tensor | None,
-    rate: float,
-    bias_2: float,
-) -> None:
-    """One step, in place; `rate` over the bias of the first moments, root of that of the second."""
-    if gradient is None:
-        first *= BETA_1
-        second *= BETA_2
-    else:
-        first.lerp_(gradient, 1 - BETA_1)
-        second.mul_(BETA_2).addcmul_(gradient, gradient, value=1 - BETA_2)
-    value.addcdiv_(first, second.sqrt().div_(bias_2).add_(EPSILON), value=-rate)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
+from gsedit.fitting import adam_rows
 from gsedit.fitting.optimiser import SceneOptimiser
 from rasterizer.scene import Gaussians
 
@@ -47,11 +48,18 @@ def run(optimiser, steps, *, few, only=None):
         optimiser.step(1 - 0.9 * step / 60, only=only)
 
 
+@pytest.fixture(params=["torch", "compiled"])
+def compiled(request):
+    if request.param == "compiled" and adam_rows.load() is None:
+        pytest.skip("no C++ compiler on this machine")
+    return request.param == "compiled"
+
+
 @pytest.mark.parametrize("limited", [False, True])
-def test_steps_of_some_rows_equal_steps_of_all(limited):
+def test_steps_of_some_rows_equal_steps_of_all(limited, compiled):
     scene = cloud()
     only = torch.arange(len(scene)) % 4 > 0 if limited else None
-    all_rows, some_rows = (SceneOptimiser(scene, RATES) for _ in range(2))
+    all_rows, some_rows = (SceneOptimiser(scene, RATES, compiled=compiled) for _ in range(2))
     run(all_rows, schedule(60, len(scene)), few=False, only=only)
     run(some_rows, schedule(60, len(scene)), few=True, only=only)
     one, other = all_rows.scene.detach(), some_rows.scene.detach()
@@ -71,9 +79,9 @@ def test_both_kinds_of_steps_may_alternate():
     torch.testing.assert_close(one.scene.sh, other.scene.sh, rtol=2e-4, atol=2e-5)
 
 
-def test_a_step_is_that_of_torch():
+def test_a_step_is_that_of_torch(compiled):
     scene = cloud()
-    optimiser = SceneOptimiser(scene, {"means": 0.1})
+    optimiser = SceneOptimiser(scene, {"means": 0.1}, compiled=compiled)
     leaf = scene.means.clone().requires_grad_()
     adam = torch.optim.Adam([leaf], lr=0.1, eps=1e-15)
     for power in (2, 3, 2, 4):
@@ -95,3 +103,25 @@ def test_an_optimiser_goes_on_from_its_state():
     torch.testing.assert_close(whole.scene.sh, second.scene.sh, rtol=2e-4, atol=2e-5)
     with pytest.raises(ValueError, match="sh of shape"):
         SceneOptimiser(cloud(7), RATES).load_state(first.state())
+
+
+@pytest.mark.parametrize("few", [False, True])
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_the_kernel_does_what_torch_does(few, dtype):
+    if adam_rows.load() is None:
+        pytest.skip("no C++ compiler on this machine")
+    scene = cloud(5000).to(dtype)  # enough for several threads
+    by_torch, by_kernel = (SceneOptimiser(scene, RATES, compiled=c) for c in (False, True))
+    random = torch.Generator().manual_seed(2)
+    steps = [(step, torch.randperm(5000, generator=random)[:3000].sort().values)
+             for step in range(6)]  # fmt: skip
+    for optimiser in (by_torch, by_kernel):
+        run(optimiser, steps, few=few)
+    bar = 1e-12 if dtype == torch.float64 else 2e-6
+    torch.testing.assert_close(by_kernel.scene.sh, by_torch.scene.sh, rtol=bar, atol=bar)
+    state, wanted = by_kernel.state(), by_torch.state()
+    assert state.keys() == wanted.keys()
+    for name, value in wanted.items():
+        torch.testing.assert_close(
+            state[name], value, rtol=bar, atol=bar * float(value.abs().max())
+        )
