@@ -8,10 +8,9 @@ from gsedit.errors import InputError, UsageError
 from gsedit.files.colmap import model_folder, read_colmap
 from gsedit.files.nerfstudio import read_nerfstudio
 from gsedit.files.photos import PosedPhoto, SparsePoints, check_size
-from gsedit.files.pictures import fitted_size, read_picture
+from gsedit.files.pictures import fitted_size, read_photo
 from gsedit.files.undistort import Lens, Undistortion, undistort, undistortion
 from gsedit.views.dataset import Dataset, View, evenly_spaced
-from gsedit.views.image_ops import downscale
 
 
 def load_dataset(path: str | Path, *, size: int | None = None, limit: int | None = None) -> Dataset:
@@ -66,9 +65,8 @@ def _undistortion(path: Path, lens: Lens) -> Undistortion:
 
 
 def _view(photo: PosedPhoto, undo: Undistortion, size: int | None) -> View:
-    image = undistort(read_picture(photo.path), undo)
+    image = undistort(read_photo(photo.path), undo)
     camera = undo.lens.camera(photo.world_to_camera)
     width, height = fitted_size(camera.width, camera.height, size)
-    # weights that sum to 1 only to rounding must not leave [0, 1]
-    small = downscale(image, width, height).clamp(0, 1)
-    return View(photo.name, camera.resized(width, height), small)
+    alpha = image[..., 3] if image.shape[2] == 4 else None
+    return View(photo.name, camera, image[..., :3], alpha=alpha).resized(width, height)

@@ -24,10 +24,17 @@ def picture_size(path: Path) -> tuple[int, int]:
 
 
 def read_picture(path: Path) -> Float[Tensor, "h w 3"]:
-    """A photo as float32 in [0, 1]; its pixels as stored: EXIF rotation is not applied.
+    """A picture as float32 in [0, 1]; its pixels as stored: EXIF rotation is not applied.
 
-    Transparent pictures are laid over white, as Blender's synthetic scenes expect.
+    Transparent pictures are laid over white.
     """
+    rgba = read_photo(path)
+    return rgba if rgba.shape[2] == 3 else rgba[..., :3] + (1 - rgba[..., 3:])
+
+
+def read_photo(path: Path) -> Float[Tensor, "h w c"]:
+    """A picture as float32 in [0, 1], its pixels as stored: three channels, or, where it is
+    transparent anywhere, four, the colours multiplied by the fourth (laid over black)."""
     try:
         with Image.open(path) as picture:
             if not picture.has_transparency_data:
@@ -36,7 +43,9 @@ def read_picture(path: Path) -> Float[Tensor, "h w 3"]:
     except Exception as error:  # Pillow's decoders raise a dozen kinds, SyntaxError among them
         raise _unreadable(path, error) from None
     alpha = rgba[..., 3:]
-    return rgba[..., :3] * alpha + (1 - alpha)
+    if (alpha == 1).all():
+        return rgba[..., :3].contiguous()
+    return torch.cat((rgba[..., :3] * alpha, alpha), -1)
 
 
 def fitted_size(width: int, height: int, size: int | None) -> tuple[int, int]:

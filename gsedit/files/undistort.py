@@ -79,7 +79,7 @@ def undistortion(lens: Lens) -> Undistortion:
     return Undistortion(ideal, distort(ideal.camera(torch.eye(4)).pixel_centres(), ideal, lens))
 
 
-def undistort(photo: Float[Tensor, "h w 3"], undo: Undistortion) -> Float[Tensor, "h w 3"]:
+def undistort(photo: Float[Tensor, "h w c"], undo: Undistortion) -> Float[Tensor, "h w c"]:
     """Sample the photo bilinearly where the map says; without distortion, the photo itself."""
     if undo.lookup is None:
         return photo

@@ -23,6 +23,7 @@ from gsedit.fitting.densify import ScreenGradients, densify, reset_opacities
 from gsedit.fitting.initial import initial_scene
 from gsedit.fitting.optimiser import SceneOptimiser, optimised_scene
 from gsedit.fitting.settings import FitSettings
+from gsedit.fitting.supervision import supervised
 from gsedit.measures.decibels import rmse_from_psnr
 from gsedit.measures.metrics import psnr
 from gsedit.measures.photometric import photometric
@@ -31,7 +32,6 @@ from gsedit.reports import notebook
 from gsedit.reports.events import Checkpoint, Event
 from gsedit.reports.json_lines import plain
 from gsedit.views.dataset import Dataset, View
-from gsedit.views.image_ops import downscale
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
@@ -151,12 +151,18 @@ def evaluate(
     execution: Execution = AUTO,
     ranks: Ranks = ALONE,
 ) -> float:
-    """Mean PSNR over views, dB; infinite where all are equal."""
+    """Mean PSNR over views, dB, where their masks are True; infinite where all are equal.
+
+    A view that is masked throughout does not count. Raises UsageError where all are.
+    """
+    views = tuple(view for view in views if view.mask is None or view.mask.any())
+    if not views:
+        raise UsageError("the masks hide every held-out photo: give masks that leave some pixels")
 
     def measured(rows: Int[Tensor, " v"]) -> Float[Tensor, " v"]:
         chosen = [views[i] for i in rows.tolist()]
         pictures = (render(scene, v.camera, execution=execution).color.clamp(0, 1) for v in chosen)
-        decibels = [psnr(picture, v.image) for picture, v in zip(pictures, chosen)]
+        decibels = [psnr(picture, v.image, v.mask) for picture, v in zip(pictures, chosen)]
         return torch.tensor(decibels, dtype=torch.float64)
 
     return sum(ranks.rows(measured, torch.arange(len(views))).tolist()) / len(views)
@@ -217,7 +223,7 @@ class _Fit:
         """One optimiser step on a batch of photos, of which every rank renders its share."""
         optimiser, ranks = self.optimiser, self.ranks
         scene = optimiser.scene
-        # photos are opaque: in front of a random colour, every hole in the scene costs
+        # in front of a random colour, every hole in the scene costs where the photo is opaque
         photos = [
             (self._next_view(), torch.rand(3, generator=self.generator)) for _ in range(self.batch)
         ]
@@ -242,8 +248,9 @@ class _Fit:
         picture = render(
             scene, view.camera, background=background, execution=settings.execution
         ).color
+        picture, photo = supervised(picture, view.over(background), view.mask)
         compiled = settings.execution.compile
-        return photometric(picture, view.image, settings.dssim_weight, compiled=compiled)
+        return photometric(picture, photo, settings.dssim_weight, compiled=compiled)
 
     def _count_loss(self, value: float) -> None:
         """The running mean starts at the first value."""
@@ -317,7 +324,7 @@ def _shrunk(view: View, factor: int) -> View:
         return view
     camera = view.camera
     small = camera.resized(max(16, camera.width // factor), max(16, camera.height // factor))
-    return replace(view, camera=small, image=downscale(view.image, small.width, small.height))
+    return view.resized(small.width, small.height)
 
 
 def requested(

@@ -16,10 +16,11 @@ from gsedit.fitting.edit_loss import chosen_terms, edit_loss
 from gsedit.fitting.optimiser import SceneOptimiser
 from gsedit.fitting.random_crops import cut, random_patch, share_of_crops, shown_at
 from gsedit.fitting.settings import UpdateSettings
+from gsedit.fitting.supervision import supervised
 from gsedit.measures.features import FeatureExtractor
 from gsedit.ranks import ALONE, Ranks
 from gsedit.views.dataset import View
-from gsedit.views.image_ops import downscale
+from rasterizer.project import Box
 
 APPEARANCE_RATES = {"sh": 2.5e-2, "logit_opacities": 5e-3}
 """Colours learn ten times faster than in 3D Gaussian splatting (2.5e-3, Kerbl et al. 2023): an edit
@@ -117,6 +118,7 @@ def update_steps(
         if mine := patches[ranks.share(len(patches))]:
             rendered = crops.draw(optimiser, mine)
             expected = torch.stack([cut(v.image, box) for v, box in mine])
+            rendered, expected = supervised(rendered, expected, _masks_of(mine))
             loss = edit_loss(rendered, expected, terms, features)
             loss = loss * (len(mine) / len(patches))  # a mean over patches: shares add up to it
             loss.backward()
@@ -124,6 +126,22 @@ def update_steps(
         optimiser.add_up(ranks, whole_loss)
         optimiser.step(rate_scale(step, steps), only=seen)
         yield whole_loss.item()
+
+
+def _masks_of(patches: Sequence[tuple[View, Box]]) -> Bool[Tensor, "b y x"] | None:
+    """The masks of views in the patches; None where no view has one."""
+    views = {id(view): view for view, _ in patches}.values()
+    masks = {id(view): view.mask for view in views}
+    if all(mask is None for mask in masks.values()):
+        return None
+    everywhere = torch.ones(1, 1, dtype=torch.bool)
+    whole = [everywhere.expand(height, width) for _, (_, _, width, height) in patches]
+    return torch.stack(
+        [
+            every if (mask := masks[id(view)]) is None else cut(mask, box)
+            for (view, box), every in zip(patches, whole)
+        ]
+    )
 
 
 def rate_scale(step: int, steps: int) -> float:
@@ -140,5 +158,4 @@ def coarse(view: View) -> View:
     if factor == 1:
         return view
     width, height = (max(1, side // factor) for side in (view.camera.width, view.camera.height))
-    image = downscale(view.image, width, height).clamp(0, 1)
-    return View(view.name, view.camera.resized(width, height), image)
+    return view.resized(width, height)

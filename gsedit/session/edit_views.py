@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Generator, Iterator, Mapping, Sequence
-from dataclasses import replace
 
 import torch
 from jaxtyping import Bool, Float
@@ -91,7 +90,8 @@ def _accept(
         yield from vote_region(session, step, steps)
         for i in edited.answers if edited.voted else answers:  # a vote changes the earlier ones too
             image = session.within_region(i, edited.answers[i])
-            edited.targets[i] = replace(session.views[i], image=image)
+            view = session.views[i]
+            edited.targets[i] = View(view.name, view.camera, image)
     find_ground_truth(session, edited.answers)
 
 

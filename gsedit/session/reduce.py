@@ -19,7 +19,6 @@ from gsedit.savings.gaussians import faint_gaussians
 from gsedit.savings.pictures import LOST, RESOLVED, footprint, lost
 from gsedit.session.request import Request
 from gsedit.views.dataset import View
-from gsedit.views.image_ops import downscale
 from gsedit.views.plan import ViewPlan
 from rasterizer.camera import Camera
 from rasterizer.numerics import Execution
@@ -121,8 +120,7 @@ def _divided(camera: Camera, factor: int) -> Camera:
 
 def _shrunk(view: View, factor: int) -> View:
     camera = _divided(view.camera, factor)
-    image = downscale(view.image, camera.width, camera.height).clamp(0, 1)
-    return View(view.name, camera, image)
+    return view.resized(camera.width, camera.height)
 
 
 @torch.no_grad()

@@ -256,11 +256,18 @@ class Session:
         return self.small_renderings[i]
 
     def unedited_image(self, i: int) -> Float[Tensor, "h w 3"]:
-        """What the editor is shown as the unedited picture of view i, in [0, 1]."""
+        """What the editor is shown as the unedited picture of view i, in [0, 1].
+
+        Where the photo is masked, the render is shown: an edited picture has no hole.
+        """
         rendered = self.unedited_rendering(i).color
-        is_photo = self.settings.condition == "photo"
-        picture = self.views[i].image if is_photo else rendered
-        return picture.clamp(0, 1).to(rendered)
+        if self.settings.condition != "photo":
+            return rendered.clamp(0, 1)
+        view = self.views[i]
+        picture = view.image.to(rendered)
+        if view.mask is not None:
+            picture = torch.where(view.mask[..., None], picture, rendered)
+        return picture.clamp(0, 1)
 
 
 def survey_views(

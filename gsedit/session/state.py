@@ -118,8 +118,14 @@ def _restore_views(
 ) -> None:
     edited = session.edited
     edited.answers = {i: tensors[f"answer.{i}"] for i in record["answers"]}
-    pictures = {i: tensors.get(f"target.{i}", edited.answers.get(i)) for i in record["targets"]}
-    edited.targets = {i: replace(session.views[i], image=p) for i, p in pictures.items()}
+    pictures = {
+        i: tensors[f"target.{i}"] if f"target.{i}" in tensors else edited.answers[i]
+        for i in record["targets"]
+    }
+    views = session.views
+    edited.targets = {
+        i: View(views[i].name, views[i].camera, picture) for i, picture in pictures.items()
+    }
     edited.pairs = [(a, b, share) for a, b, share in record["pairs"]]
     edited.voted = record["voted"]
     edited.region = None

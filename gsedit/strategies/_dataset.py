@@ -18,6 +18,7 @@ from gsedit.reports.events import Event
 from gsedit.session.actions import Action, LeavesScene, update_round
 from gsedit.session.edit_views import edit_alone
 from gsedit.session.session import Session
+from gsedit.views.dataset import View
 
 LEAST_NOISE, MOST_NOISE = 0.02, 0.98
 """Instruct-NeRF2NeRF's bounds of the noise level, as fractions of the schedule."""
@@ -49,7 +50,8 @@ class ShowUnedited(LeavesScene):
             for i in self.views:
                 if i not in targets:
                     image = session.within_region(i, session.unedited_image(i))
-                    targets[i] = replace(session.views[i], image=image)
+                    view = session.views[i]
+                    targets[i] = View(view.name, view.camera, image)
         yield Event("dataset", stopwatch.seconds, note=f"{len(self.views)} unedited pictures")
 
 

@@ -163,7 +163,7 @@ def test_intrinsics_of_a_frame_come_first(tmp_path):
 
 
 def test_blender_style(tmp_path):
-    """An angle instead of intrinsics, names without suffix, transparent photos (over white)."""
+    """An angle instead of intrinsics, names without suffix, transparent photos (over black)."""
     record = dataset(tmp_path)
     for key in ("w", "h", "fl_x"):
         del record[key]
@@ -176,7 +176,9 @@ def test_blender_style(tmp_path):
     view = load_dataset(write(tmp_path, record)).views[0]
     assert view.name == "images/0.png"
     assert (view.camera.fx, view.camera.width, view.camera.height) == (pytest.approx(8.0), 8, 6)
-    torch.testing.assert_close(view.image[0, 0], torch.tensor([1.0, 0.8, 0.8]))
+    torch.testing.assert_close(view.image[0, 0], torch.tensor([0.2, 0.0, 0.0]))
+    assert view.alpha is not None
+    torch.testing.assert_close(view.alpha, torch.full((6, 8), 0.2))
 
 
 @pytest.mark.parametrize(("size", "shape"), [(4, (3, 4)), (8, (6, 8)), (100, (6, 8)), (1, (1, 1))])
