@@ -42,7 +42,7 @@ Knobs = Annotated[
         "--knobs",
         metavar="stop,tile,...",
         show_default="all",
-        help="Settings to vary, one at a time: floor, stop, tile, block, cull, compile, dtype, "
+        help="Settings to vary, one at a time: floor, stop, tile, block, cull, kernel, dtype, "
         "degree, resolution, baseline, peers.",
     ),
 ]
@@ -293,7 +293,7 @@ def scale(
     ] = "turn it into a bronze statue",
     options: Annotated[
         str, typer.Option("--options", help="Further options of gsedit edit, in quotes.")
-    ] = "--compile",
+    ] = "",
     force: Force = False,
     *,
     common: Common,

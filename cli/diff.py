@@ -11,6 +11,7 @@ import typer
 
 from .cameras import ViewOptions
 from .console import print_json, print_message
+from .kernel import say_kernel
 from .options import (
     Common,
     DropInvalid,
@@ -104,6 +105,7 @@ def read_pair(
 ) -> Pair:
     """Read both scenes, and place the views."""
     before, after = (load_file(path, drop_invalid=drop_invalid) for path in paths)
+    say_kernel(execution)
     return Pair(
         paths,
         (before.scene, after.scene),

@@ -9,6 +9,7 @@ import typer
 
 from .checkpoints import Checkpoints, Resume, going_on, run_to_result
 from .console import print_message, print_result
+from .kernel import say_kernel
 from .options import DropInvalid, Force, Seeded, Size, check_scene_file, load_scene, output
 from .progress import progress
 from .ranks import follow, is_first, of_first, ranks
@@ -83,6 +84,7 @@ def fit(
     settings = with_budget(values, minutes)
     first = None if start is None else load_scene(start, drop_invalid=drop_invalid)
     photos = load_dataset(dataset, size=size)
+    say_kernel(settings.execution)
     steps = fit_steps(
         photos, settings, generator=common.generator(), start=first, resume=state, ranks=ranks()
     )

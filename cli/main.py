@@ -136,6 +136,8 @@ class Verbs(TyperGroup):
             verb = error.ctx.command_path if getattr(error, "ctx", None) else "gsedit"
             # pydantic, which typer checks values with, begins its messages with "Value error, "
             message = one_line(error.format_message()).replace("Value error, ", "")
+            if getattr(error, "option_name", "") == "--compile":
+                message += " The compiled kernel is the default; --kernel torch does without it"
             print_message(f"{verb}: {message} (see {verb} --help)")
         return USAGE
 

@@ -10,6 +10,7 @@ import typer
 
 from .cameras import ViewOptions, load_views
 from .console import print_json, print_message
+from .kernel import say_kernel
 from .options import (
     Common,
     Data,
@@ -177,6 +178,7 @@ def metrics(
     found = find_against(reference)
     check_views(found, listed)
     execution = with_values(Execution(), values)
+    say_kernel(execution)
     subject = gather(scene, found, region, listed, words, drop_invalid, execution)
     if listed.save_views is not None:
         write_view_list(subject.views, listed.save_views, overwrite=outputs.force)

@@ -11,6 +11,7 @@ import typer
 
 from .cameras import ViewOptions, up_vector
 from .console import print_message
+from .kernel import say_kernel
 from .options import (
     Common,
     DropInvalid,
@@ -81,7 +82,7 @@ EditorName = Annotated[
 
 
 def render_settings() -> list[Setting]:
-    """The option --compile, a field of Execution."""
+    """The option --kernel, a field of Execution."""
     from rasterizer.numerics import Execution
 
     layout = Layout("Rendering", without=("tile_size", "block", "cull"))
@@ -125,6 +126,7 @@ def render(
 
     execution = with_values(Execution(), values)
     gaussians, second, numerics = read_scenes(scene, pictures.wipe, drop_invalid=drop_invalid)
+    say_kernel(execution)
     moving = path.path or (PathKind.turntable if kind_of(out) == "animation" else None)
     wanted = count or (COUNT if kind_of(out) == "folder" else 1)
     searched = FOUND_VIEWS if moving or region is not None else wanted

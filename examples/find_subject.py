@@ -11,10 +11,8 @@ from gsedit.regions.lift import lift
 from gsedit.synthetic.labelled import Labelled, demo_bear, statue
 from gsedit.views.dataset import Dataset, capture
 from gsedit.views.orbit import circle
-from rasterizer.numerics import Execution
 
 VIEWS, SIZE = 16, 128
-COMPILED = Execution(compile=True)
 
 
 def found(labelled: Labelled, distance: float) -> tuple[float, float, float]:
@@ -25,12 +23,12 @@ def found(labelled: Labelled, distance: float) -> tuple[float, float, float]:
     middle = torch.tensor([0.0, 0.0, -0.1], dtype=torch.float64)
     up = labelled.scene.up
     cameras = circle(middle, distance, up, VIEWS, SIZE, elevation=22.0, fov=45.0)
-    views = capture(labelled.gaussians, cameras, [str(i) for i in range(VIEWS)], COMPILED)
+    views = capture(labelled.gaussians, cameras, [str(i) for i in range(VIEWS)])
     region = find_region(
         labelled.gaussians, "auto", dataset=Dataset(views), prompt="turn it into bronze"
     )
     ones = [torch.ones(SIZE, SIZE)] * VIEWS
-    weight = lift(labelled.gaussians, cameras, ones, COMPILED).weight
+    weight = lift(labelled.gaussians, cameras, ones).weight
     both = float(weight[region.inside & labelled.subject].sum())
     predicted, true = float(weight[region.inside].sum()), float(weight[labelled.subject].sum())
     return both / (predicted + true - both), both / true, both / predicted

@@ -1,6 +1,6 @@
 """Seconds a frame against resolution, and bytes and errors of every format that render writes.
 
-    python examples/measure_rendering.py bear.ply photos/ [--compile]
+    python examples/measure_rendering.py bear.ply photos/ [--kernel torch]
 
 The frames are a turntable by the photos' cameras; without photos, an orbit around the scene. Errors
 are those of what is read back against the rendered float32 colours, clamped to [0, 1].
@@ -101,8 +101,9 @@ def table(rows: Iterable[Sequence[str]]) -> None:
 
 
 def main(words: Sequence[str], sizes: Sequence[int] = SIZES, frames: int = 30) -> None:
-    names = [word for word in words if not word.startswith("--")]
-    scene, execution = gsedit.load(names[0]), Execution(compile="--compile" in words)
+    by_torch = "--kernel" in words
+    names = [word for word in words if word not in ("--kernel", "torch")]
+    scene, execution = gsedit.load(names[0]), Execution(kernel="torch" if by_torch else "auto")
     if len(names) > 1:
         cameras = [view.camera for view in gsedit.load_dataset(names[1], size=sizes[0]).views]
     else:

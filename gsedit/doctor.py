@@ -6,7 +6,6 @@ import os
 import platform
 import subprocess
 import sys
-import warnings
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from ctypes.util import find_library
@@ -167,15 +166,14 @@ def check_memory() -> Check:
 
 def check_compiler() -> Check:
     """Whether the rasteriser's kernel compiles here; compiles it the first time."""
+    from rasterizer import compiled
     from rasterizer.blending import cpp_backend
 
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        kernel = cpp_backend.load()
-    if kernel is not None:
-        return Check("compiled kernel", "ready")
-    reason = str(caught[-1].message) if caught else "see the warning above"
-    return Check("compiled kernel", "none: everything works, slower", reason)
+    library, compiler, failure = compiled.make(cpp_backend.SOURCE)
+    if library is not None:
+        return Check("compiled kernel", f"ready ({compiler})")
+    advice = f"{failure}: {compiled.MOVE}"
+    return Check("compiled kernel", "none: torch renders, slower", advice)
 
 
 def check_libraries(failures: dict[Library, Future[str]]) -> Iterator[Check]:

@@ -14,8 +14,10 @@ import platform
 import shutil
 import subprocess
 import tempfile
-import warnings
 from pathlib import Path
+from typing import NamedTuple
+
+from rasterizer.numerics import Kernel
 
 FLAGS = ("-std=c++17", "-shared", "-fPIC", "-pthread", "-O3", "-fno-math-errno",
          "-fno-trapping-math", "-fopenmp-simd")  # fmt: skip
@@ -24,31 +26,51 @@ FOR_THIS_PROCESSOR = (("-march=native", "-mprefer-vector-width=512"), ("-march=n
 """Tried in this order: not every compiler knows every one."""
 
 
+MOVE = "install g++ or clang++, or name a C++17 compiler in CXX"
+"""What helps where there is no library."""
+
+
+class Made(NamedTuple):
+    """What came of a C++ file."""
+
+    library: ctypes.CDLL | None
+    compiler: str
+    """Its name, as in `g++`; empty where none was found."""
+    failure: str = ""
+    """Why there is no library."""
+
+
+def load(source: Path, kernel: Kernel = "auto") -> ctypes.CDLL | None:
+    """The library of a C++ file, compiled if it is not in the cache, where `Execution.kernel` is
+    `kernel`: None for torch, and for auto where it cannot be made.
+
+    Raises RuntimeError for compiled where it cannot be made.
+    """
+    if kernel == "torch":
+        return None
+    library, _, failure = make(source)
+    if library is None and kernel == "compiled":
+        raise RuntimeError(f"kernel 'compiled': {failure}; {MOVE}, or choose 'auto' or 'torch'")
+    return library
+
+
 @functools.cache
-def load(source: Path) -> ctypes.CDLL | None:
-    """The library of a C++ file, compiled if it is not in the cache; None where that fails, with a
-    warning, once in a process for each reason."""
+def make(source: Path) -> Made:
+    """The library of a C++ file, from the cache or compiled; tried once in a process."""
     names = (os.environ.get("CXX"),) if "CXX" in os.environ else ("c++", "g++", "clang++")
     compiler = next((path for name in names if name and (path := shutil.which(name))), None)
+    if compiler is None:
+        return Made(None, "", f"no C++ compiler was found ({', '.join(map(str, names))})")
+    name = Path(compiler).name
     try:
-        if compiler is None:
-            raise _Failed(f"no C++ compiler was found ({', '.join(map(str, names))})")
         try:
-            return ctypes.CDLL(str(_cached(compiler, source)))
+            return Made(ctypes.CDLL(str(_cached(compiler, source))), name)
         except OSError:  # the cache cannot be written, or what is in it does not load
             with tempfile.TemporaryDirectory() as folder:
-                return ctypes.CDLL(str(_compile(compiler, source, Path(folder) / "kernel.so")))
+                path = _compile(compiler, source, Path(folder) / "kernel.so")
+                return Made(ctypes.CDLL(str(path)), name)
     except (_Failed, OSError) as error:
-        _warn_once(
-            f"{error}: going on without the compiled kernel (the same picture, slower). "
-            "Install g++ or clang++, or name a C++17 compiler in CXX."
-        )
-        return None
-
-
-@functools.cache
-def _warn_once(message: str) -> None:
-    warnings.warn(message, stacklevel=3)
+        return Made(None, name, str(error))
 
 
 class _Failed(Exception):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 SH_DC = 0.28209479177387814  # Y_00 = 1 / (2 sqrt(pi)); INRIA's colour is 0.5 + SH_DC sh[0]
 
@@ -50,6 +50,7 @@ class Numerics:
 
 
 DEFAULT = Numerics()
+Kernel = Literal["auto", "torch", "compiled"]
 
 
 @dataclass(frozen=True)
@@ -64,9 +65,9 @@ class Execution:
     cull: Literal["ellipse", "box"] = "ellipse"
     """A tile lists the splats whose ellipse touches it, or all whose bounding box does (more of
     them, and the same picture)."""
-    compile: bool = False
-    """Render with a compiled C++ kernel: equal within rounding, two to three times as fast. The
-    first use needs a C++ compiler; without one a warning is shown, and torch renders."""
+    kernel: Kernel = "auto"
+    """What renders: a C++ kernel, compiled once per machine, or torch. They are equal within
+    rounding. auto: the kernel, which is faster, where a C++ compiler is found."""
 
     def __post_init__(self) -> None:
         for name in ("tile_size", "block"):
@@ -75,6 +76,8 @@ class Execution:
                 raise ValueError(f"{name} is {value}: give 1 or more, or None to choose one")
         if self.cull not in ("ellipse", "box"):
             raise ValueError(f"cull is {self.cull!r}: ellipse or box")
+        if self.kernel not in get_args(Kernel):
+            raise ValueError(f"kernel is {self.kernel!r}: {', '.join(get_args(Kernel))}")
 
 
 AUTO = Execution()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import warnings
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
@@ -12,6 +11,7 @@ from command_line import gsedit
 
 from gsedit import doctor
 from gsedit.errors import GseditError
+from rasterizer import compiled
 
 
 def test_the_doctor_on_the_machine(monkeypatch):
@@ -61,10 +61,8 @@ def test_a_default_editor_without_weights_is_advice(monkeypatch, tmp_path):
 
 
 def test_a_machine_without_a_compiler(monkeypatch):
-    def load():
-        warnings.warn("no C++ compiler was found: install g++", stacklevel=2)
-
-    monkeypatch.setattr("rasterizer.blending.cpp_backend.load", load)
+    made = compiled.Made(None, "", "no C++ compiler was found")
+    monkeypatch.setattr(compiled, "make", lambda source: made)
     check = doctor.check_compiler()
     assert "slower" in check.state
     assert "install g++" in check.advice

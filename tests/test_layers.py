@@ -39,7 +39,7 @@ ORDER = {
         "reference", "rasterization", "gsplat_inputs", "pixel_lists", "render", "splat",
         "preprocess", "checks",
         "blending", "tiles", "project", "harmonics", "camera", "scene", "notebook",
-        "numerics", "compiled", "lazy",
+        "compiled", "numerics", "lazy",
     ),
 }  # fmt: skip
 BELOW = {"cli": ("gsedit", "rasterizer"), "gsedit": ("rasterizer",), "rasterizer": ()}

@@ -26,6 +26,7 @@ from gsedit.points.transport import color_transport, sliced_distance
 from gsedit.views.coarse import coarsen
 from gsedit.views.dataset import View
 from gsedit.views.image_ops import downscale
+from rasterizer.blending.choose import is_compiled
 from rasterizer.camera import Camera
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
@@ -157,7 +158,7 @@ class Studio:
     def _crops(self, scene: Gaussians, small: Gaussians) -> ExactCrops:
         """Draws the scene that is fitted, of which only colours move."""
         execution = self.settings.execution
-        if execution.compile and len(small) < FEW:
+        if is_compiled(execution) and len(small) < FEW:
             return ExactCrops(execution)
         if small is scene:
             return ListedCrops(scene, None, execution)

@@ -26,6 +26,7 @@ from gsedit.session.settings import EditSettings
 from gsedit.views.dataset import View, evenly_spaced
 from gsedit.views.plan import ViewPlan, plan_views, survey
 from gsedit.views.subject import wholeness
+from rasterizer.blending.choose import is_compiled
 from rasterizer.camera import Camera
 from rasterizer.numerics import Execution
 from rasterizer.render import Rendering, render
@@ -130,7 +131,7 @@ class Session:
         settings, scene = self.settings, self.request.scene
         is_coarse = self.request.coarse is not None
         moves = settings.geometry == "full" or not settings.leaves_out("geometry")
-        if moves or (settings.execution.compile and len(scene) < FEW):
+        if moves or (is_compiled(settings.execution) and len(scene) < FEW):
             return ExactCrops(settings.execution, depth=not settings.leaves_out("depth"))
         transparent = scene.logit_opacities.masked_fill(self.surveyed.reduction.left, -torch.inf)
         drawn = replace(scene, logit_opacities=transparent)

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from rasterizer import compiled
 from rasterizer.blending.backend import GEOMETRY, Backend, Blended, BlendInputs, ForwardPass
-from rasterizer.numerics import Execution
+from rasterizer.numerics import Execution, Kernel
 
 SOURCE = Path(__file__).with_name("kernel.cpp")
 BLOCK = 16
@@ -107,15 +107,15 @@ def _run(name: str, inputs: BlendInputs, **arrays: Tensor | None) -> None:
         raise MemoryError(f"no memory for tiles of {bins.size} pixels on {job.threads} threads")
 
 
-def load() -> ctypes.CDLL | None:
-    """The kernel; None, with one warning, where it cannot be compiled."""
-    return compiled.load(SOURCE)
+def load(kernel: Kernel = "auto") -> ctypes.CDLL | None:
+    """The kernel that `Execution.kernel` asks for, as `compiled.load`."""
+    return compiled.load(SOURCE, kernel)
 
 
 def accepts(execution: Execution, device: torch.device, dtype: torch.dtype) -> bool:
     """`Backend.accepts`. Compiles only for what it can blend."""
     fits = device.type == "cpu" and dtype in (torch.float32, torch.float64)
-    return execution.compile and fits and load() is not None
+    return fits and load(execution.kernel) is not None
 
 
 BACKEND = Backend(

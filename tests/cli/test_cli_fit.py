@@ -29,7 +29,7 @@ def test_fit_writes_the_scene_and_removes_its_checkpoint(monkeypatch, photos, tm
     }  # fmt: skip
     assert given["settings"].seconds == 120
     assert given["settings"].steps is None
-    assert not given["settings"].execution.compile
+    assert given["settings"].execution.kernel == "auto"
     assert given["seed"] == 7
     assert len(load(out)) == 3
     assert set(files(tmp_path)) - set(files(photos)) == {out, tmp_path / "cameras.json"}
@@ -86,6 +86,7 @@ def test_a_signal_ends_a_real_process_as_ctrl_c_does(photos, tmp_path, stop):
     )
     process = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, text=True)
     assert process.stderr is not None
+    assert process.stderr.readline().startswith(("renders with", "no C++ compiler"))
     assert "fit 5/10" in process.stderr.readline()
     process.send_signal(stop)
     messages = process.communicate(timeout=30)[1]
@@ -94,8 +95,11 @@ def test_a_signal_ends_a_real_process_as_ctrl_c_does(photos, tmp_path, stop):
     assert load_state(tmp_path / "s.checkpoint.safetensors").within("optimiser")
 
 
-def test_a_fit_can_be_compiled(monkeypatch, photos, tmp_path):
+def test_a_fit_can_do_without_the_kernel(monkeypatch, photos, tmp_path):
     given = stub_fit(monkeypatch)
-    result = gsedit("fit", photos, "-o", tmp_path / "scene.ply", "--minutes", 2, "--compile")
+    result = gsedit(
+        "fit", photos, "-o", tmp_path / "scene.ply", "--minutes", 2, "--kernel", "torch"
+    )
     assert result.exit_code == 0, result.stderr
-    assert given["settings"].execution.compile
+    assert given["settings"].execution.kernel == "torch"
+    assert "renders with" not in result.stderr

@@ -133,8 +133,8 @@ def test_a_wrong_choice_is_explained_in_plain_words(tmp_path):
     assert "Value error" not in message
 
 
-def test_compile_has_one_help_text(monkeypatch):
-    text = help_text(field_docs(Execution)["compile"], default=False)
+def test_kernel_has_one_help_text(monkeypatch):
+    text = help_text(field_docs(Execution)["kernel"], default="auto")
     monkeypatch.setenv("COLUMNS", "200")
     for verb in ("fit", "edit", "render"):
         lines = gsedit(verb, "--help").stdout.replace("│", " ")

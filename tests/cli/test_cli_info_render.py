@@ -9,7 +9,6 @@ import zipfile
 from pathlib import Path
 
 import numpy as np
-import pytest
 import torch
 from bad_files import ply_bytes, scene_table
 from command_line import files, gsedit
@@ -101,13 +100,12 @@ def test_render_places_cameras_where_there_are_none(scene, tmp_path):
     assert set(files(tmp_path / "out")) == set(pictures)
 
 
-@pytest.mark.filterwarnings("ignore:.*without the compiled kernel")
-def test_compile_draws_the_same_pictures(scene, tmp_path):
-    for words in ([], ["--compile"]):
-        out = tmp_path / f"out{len(words)}"
-        result = gsedit("render", scene, "--count", 1, "--size", 32, "-o", out, *words)
+def test_the_kernel_draws_the_same_pictures(scene, tmp_path):
+    for kernel in ("auto", "torch"):
+        out = tmp_path / kernel
+        result = gsedit("render", scene, "--count", 1, "--size", 32, "-o", out, "--kernel", kernel)
         assert result.exit_code == 0, result.stderr
-    a, b = (decode(tmp_path / f"out{i}" / "view_000.png") for i in (0, 1))
+    a, b = (decode(tmp_path / kernel / "view_000.png") for kernel in ("auto", "torch"))
     assert (a - b).abs().max() <= 1  # rounding may fall to either side
 
 

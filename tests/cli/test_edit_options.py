@@ -20,7 +20,7 @@ from gsedit.strategies.single_pass import SinglePass
 FLAGS = (
     "--steps --guidance --image-guidance --temperature --consensus --solver --memory --precision "
     "--update-steps --patches --patch --gram-weight --views --rounds --coverage --overlap "
-    "--geometry --condition --compile"
+    "--geometry --condition --kernel"
 )
 
 
@@ -83,7 +83,7 @@ def test_what_is_not_given_is_the_librarys_choice():
     )
     assert (some.sampler.steps, some.sampler.consensus, some.sampler.target) == (7, False, "xt")
     assert (strategy.update_steps, some.views_per_round) == (9, 2)
-    assert resolve("default", {("execution", "compile"): True})[0].execution.compile
+    assert resolve("default", {("execution", "kernel"): "torch"})[0].execution.kernel == "torch"
     with pytest.raises(UsageError, match="preset"):
         resolve("newspaper", {})
     with pytest.raises(UsageError, match="tile_size is 0"):  # a ValueError of the rasteriser

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from functools import partial
 
 import pytest
 import torch
@@ -12,9 +13,11 @@ from gsedit.bench.renderer.accuracy import differentiate, relative
 from gsedit.bench.renderer.workloads import garden
 from gsedit.consistency.correspond import match
 from gsedit.synthetic import ring_cameras, scenes, surface_gaussians
+from rasterizer.numerics import AUTO, Execution
 from rasterizer.reference import render_reference
 from rasterizer.render import render
 
+TORCH = Execution(kernel="torch")
 POINTS = DATA / "garden_points.npz"
 SCENES = {scene.name: scene for scene in scenes()}
 
@@ -37,25 +40,30 @@ def fewer_splats():
     return discs(12_000)
 
 
-def check_against_reference(scene, camera):
-    found = differentiate(lambda s, c: render(s, c).color, scene, camera)
+def check_against_reference(scene, camera, *executions):
     wanted = differentiate(
         lambda s, c: render_reference(s, c).color, scene.to(torch.float64), camera
     )
-    assert (found.picture.double() - wanted.picture).abs().mean() < 1e-5
-    for name, exact in wanted.gradients.items():
-        assert relative(found.gradients[name].double(), exact) < 1e-3, name
+    for execution in executions:
+        found = differentiate(partial(colors, execution=execution), scene, camera)
+        assert (found.picture.double() - wanted.picture).abs().mean() < 1e-5
+        for name, exact in wanted.gradients.items():
+            assert relative(found.gradients[name].double(), exact) < 1e-3, name
+
+
+def colors(scene, camera, execution):
+    return render(scene, camera, execution=execution).color
 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_float32_pictures_and_gradients_are_the_references(name, fewer_splats):
-    check_against_reference(fewer_splats[name], ring_cameras(SCENES[name], 1, 128)[0])
+    check_against_reference(fewer_splats[name], ring_cameras(SCENES[name], 1, 128)[0], TORCH)
 
 
 @pytest.mark.skipif(not POINTS.exists(), reason=f"the garden's points are not at {POINTS}")
 def test_the_garden_is_the_references():
     small = garden(0.125, POINTS)
-    check_against_reference(small.scene, small.camera)
+    check_against_reference(small.scene, small.camera, TORCH, AUTO)
 
 
 @pytest.mark.parametrize("name", SCENES)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from dataclasses import replace
 
 import pytest
@@ -9,7 +10,7 @@ import torch
 from closeness import leaves, tensors, weights_like
 from scenes import cloud
 
-from rasterizer import Execution, render
+from rasterizer import Execution, compiled, render
 from rasterizer.blending import choose, cpp_backend, torch_backend
 
 
@@ -20,19 +21,23 @@ def gradients(execution):
     return picture, torch.autograd.grad((picture * weights_like(picture)).sum(), tensors(inputs))
 
 
-@pytest.mark.parametrize("kernel", [None, object()])
-def test_the_compiled_backend_is_chosen_where_it_is_asked_for_and_works(kernel, monkeypatch):
-    monkeypatch.setattr(cpp_backend, "load", lambda: kernel)
-    of_this = (torch.device("cpu"), torch.float32)
-    compiled = choose.choose_backend(Execution(compile=True), *of_this).name
-    assert compiled == ("torch" if kernel is None else "cpp")
-    assert choose.choose_backend(Execution(), *of_this).name == "torch"
+@pytest.mark.parametrize("library", [None, ctypes.pythonapi])
+def test_the_compiled_backend_is_chosen_where_it_works(library, monkeypatch):
+    made = compiled.Made(library, "c++", "" if library else "it broke")
+    monkeypatch.setattr(compiled, "make", lambda source: made)
+    assert choose.is_compiled(Execution()) == (library is not None)
+    assert not choose.is_compiled(Execution(kernel="torch"))
+    if library is None:
+        with pytest.raises(RuntimeError, match="it broke; install"):
+            choose.is_compiled(Execution(kernel="compiled"))
+    else:
+        assert choose.is_compiled(Execution(kernel="compiled"))
 
 
 @pytest.mark.parametrize(("device", "dtype"), [("cuda", torch.float32), ("cpu", torch.float16)])
 def test_the_compiled_backend_takes_only_what_it_can_read(device, dtype, monkeypatch):
-    monkeypatch.setattr(cpp_backend, "load", object)
-    execution = Execution(compile=True)
+    monkeypatch.setattr(cpp_backend, "load", lambda kernel: ctypes.pythonapi)
+    execution = Execution(kernel="compiled")
     assert choose.choose_backend(execution, torch.device(device), dtype).name == "torch"
 
 
@@ -56,7 +61,7 @@ def test_a_backend_may_accept_by_device_or_dtype(monkeypatch):
 
 
 def test_a_backend_of_ones_own_blends_both_ways(monkeypatch):
-    wanted, exact = gradients(Execution(block=8))
+    wanted, exact = gradients(Execution(block=8, kernel="torch"))
     calls = []
 
     def forward(*args):

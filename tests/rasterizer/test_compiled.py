@@ -1,12 +1,12 @@
-"""The compiled kernel blends what torch blends, is made once, and is never a reason to stop."""
+"""The compiled kernel blends what torch blends, is made once, and stops only who asks for it."""
 
 from __future__ import annotations
 
 import ctypes
 import gc
 import subprocess
-import warnings
 import weakref
+from dataclasses import replace
 
 import pytest
 import torch
@@ -17,27 +17,24 @@ from rasterizer import Execution, Numerics, concatenate, render, tiles
 from rasterizer import compiled as library
 from rasterizer.blending import cpp_backend as compiled
 
-COMPILED = Execution(compile=True)
+TORCH, COMPILED = Execution(kernel="torch"), Execution(kernel="compiled")
 WHOLE_SUM = Numerics(transmittance_min=0.0)
 pytestmark = pytest.mark.filterwarnings("error")
 
 
 @pytest.fixture
 def kernel():
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        if compiled.load() is None:
-            pytest.skip("no C++ compiler on this machine")
+    if compiled.load() is None:
+        pytest.skip("no C++ compiler on this machine")
 
 
 @pytest.fixture
 def empty_cache(tmp_path, monkeypatch):
     """A cache without a kernel; the one of before is back afterwards."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    library.load.cache_clear()
-    library._warn_once.cache_clear()
+    library.make.cache_clear()
     yield tmp_path / "cache" / "gsedit"
-    library.load.cache_clear()
+    library.make.cache_clear()
 
 
 def gradients(scene, camera, execution, numerics=WHOLE_SUM):
@@ -51,7 +48,7 @@ def gradients(scene, camera, execution, numerics=WHOLE_SUM):
 @pytest.mark.parametrize("name", EDGE_CASES)
 def test_it_draws_what_torch_draws(name, kernel):
     scene, camera = EDGE_CASES[name]()
-    wanted, exact = gradients(scene, camera, Execution())
+    wanted, exact = gradients(scene, camera, TORCH)
     found, close = gradients(scene, camera, COMPILED)
     # float64: both sum the same terms in another order; offsets of 1e3 sigma are squared on needles
     assert (found.color - wanted.color).abs().max() < 1e-12
@@ -67,8 +64,8 @@ def test_it_draws_what_torch_draws(name, kernel):
 @pytest.mark.parametrize("size", [1, 3, 8, 16, 40])
 def test_any_tile_size(size, kernel):
     scene, camera = cloud()
-    wanted, exact = gradients(scene, camera, Execution())
-    found, close = gradients(scene, camera, Execution(compile=True, tile_size=size))
+    wanted, exact = gradients(scene, camera, TORCH)
+    found, close = gradients(scene, camera, replace(COMPILED, tile_size=size))
     assert (found.color - wanted.color).abs().max() < 1e-12
     for a, b in zip(close, exact):
         assert relative(a, b) < 1e-12
@@ -76,7 +73,7 @@ def test_any_tile_size(size, kernel):
 
 def test_float32_is_as_close_as_torch_is(kernel):
     scene, camera = cloud()
-    wanted, exact = gradients(scene, camera, Execution())
+    wanted, exact = gradients(scene, camera, TORCH)
     found, close = gradients(scene.to(torch.float32), camera, COMPILED)
     assert (found.color - wanted.color).abs().mean() < 1e-6
     for a, b in zip(close, exact):
@@ -106,7 +103,7 @@ def test_the_number_of_threads_changes_no_bit(kernel):
     assert all(torch.equal(a, b) for a, b in zip(one[1], three[1]))
 
 
-@pytest.mark.parametrize("execution", [Execution(), COMPILED], ids=["torch", "compiled"])
+@pytest.mark.parametrize("execution", [TORCH, COMPILED], ids=["torch", "compiled"])
 def test_a_picture_is_freed_when_it_is_dropped(execution, kernel, monkeypatch):
     scene, camera = cloud()
     lists = []
@@ -131,7 +128,7 @@ def test_a_picture_is_freed_when_it_is_dropped(execution, kernel, monkeypatch):
 def test_it_is_compiled_once(kernel, empty_cache, monkeypatch):
     assert compiled.load() is not None
     (made,) = empty_cache.iterdir()
-    library.load.cache_clear()
+    library.make.cache_clear()
     monkeypatch.setattr(library, "_compile", None)  # calling it again would fail
     assert compiled.load() is not None
     assert list(empty_cache.iterdir()) == [made]
@@ -142,7 +139,7 @@ def test_what_does_not_load_is_made_anew(kernel, empty_cache):
     (made,) = empty_cache.iterdir()
     made.unlink()  # truncating it in place would pull it from under this process
     made.write_bytes(b"cut off")
-    library.load.cache_clear()
+    library.make.cache_clear()
     assert isinstance(compiled.load(), ctypes.CDLL)
 
 
@@ -154,15 +151,14 @@ def test_without_a_folder_to_keep_it_in(kernel, empty_cache):
 @pytest.mark.parametrize(
     ("compiler", "reason"), [("/nowhere/c++", "no C.. compiler"), ("false", "could not compile")]
 )
-def test_without_a_compiler_torch_goes_on(compiler, reason, empty_cache, monkeypatch):
+def test_without_a_compiler_torch_renders_where_none_is_asked_for(
+    compiler, reason, empty_cache, monkeypatch
+):
     monkeypatch.setenv("CXX", compiler)
     scene, camera = cloud()
-    with pytest.warns(UserWarning, match=reason) as warned:
-        drawn = render(scene, camera, execution=COMPILED)
-    assert "CXX" in str(warned[0].message)
-    assert torch.equal(drawn.color, render(scene, camera).color)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")  # it warns once
+    drawn = render(scene, camera)  # without a warning
+    assert torch.equal(drawn.color, render(scene, camera, execution=TORCH).color)
+    with pytest.raises(RuntimeError, match=f"{reason}.*install .*CXX"):
         render(scene, camera, execution=COMPILED)
 
 
@@ -172,6 +168,6 @@ def test_a_compiler_that_complains_is_quoted(empty_cache, tmp_path, monkeypatch)
     script.chmod(0o755)
     assert subprocess.run([script], check=False, capture_output=True).returncode == 1
     monkeypatch.setenv("CXX", str(script))
-    with pytest.warns(UserWarning, match="no such luck"):
-        assert compiled.load() is None
+    assert compiled.load() is None
+    assert "no such luck" in library.make(compiled.SOURCE).failure
     assert not list(empty_cache.iterdir())

@@ -16,30 +16,31 @@ from rasterizer.blending import cpp_backend as compiled
 from rasterizer.reference import render_reference
 from rasterizer.scene import Gaussians
 
+TORCH = Execution(kernel="torch")
 STOP = Numerics().transmittance_min
 
 
 @pytest.mark.parametrize(
     "execution",
     [
-        *(Execution(tile_size=size) for size in (4, 8, 16, 32)),
-        *(Execution(block=block) for block in (1, 3, 64)),
-        Execution(cull="box"),
+        *(replace(TORCH, tile_size=size) for size in (4, 8, 16, 32)),
+        *(replace(TORCH, block=block) for block in (1, 3, 64)),
+        replace(TORCH, cull="box"),
         pytest.param(
-            Execution(compile=True),
+            Execution(kernel="compiled"),
             marks=pytest.mark.skipif(compiled.load() is None, reason="no C++ compiler works here"),
         ),
     ],
-    ids=lambda e: f"tile {e.tile_size} block {e.block} cull {e.cull} compile {e.compile}",
+    ids=lambda e: f"tile {e.tile_size} block {e.block} cull {e.cull} {e.kernel}",
 )
 @pytest.mark.parametrize("seed", SEEDS)
 def test_how_it_is_computed_changes_nothing(execution, seed):
     scene, camera = random_cloud(200, seed, degree=1), view_of()
-    wanted = render(scene, camera, numerics=WHOLE_SUM)
+    wanted = render(scene, camera, numerics=WHOLE_SUM, execution=TORCH)
     found = render(scene, camera, numerics=WHOLE_SUM, execution=execution)
     # the exponent is summed from squares of up to (1.8 sigma a pixel x 23 pixels)^2 / 2 = 860
     assert (found.color - wanted.color).abs().max() < 860 * torch.finfo(torch.float64).eps
-    exact = gradients(render, scene, camera, numerics=WHOLE_SUM)
+    exact = gradients(render, scene, camera, numerics=WHOLE_SUM, execution=TORCH)
     again = gradients(render, scene, camera, numerics=WHOLE_SUM, execution=execution)
     assert largest_difference(again, exact) < 1e-11  # 860 roundings and their sums over pixels
     single = render(scene.to(torch.float32), camera, numerics=WHOLE_SUM, execution=execution)
@@ -56,7 +57,7 @@ def test_more_tiles_than_sixteen_bits_count():
     assert (found - wanted).abs().max() < 1e-12
 
 
-@pytest.mark.parametrize("execution", [Execution(tile_size=4), Execution(block=3)])
+@pytest.mark.parametrize("execution", [Execution(tile_size=4), replace(TORCH, block=3)])
 def test_where_the_stop_falls_costs_less_than_the_threshold(execution):
     scene, camera = opaque_stack()  # a tile stops at another layer if it or its block is smaller
     wanted = render(scene, camera).color

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from dataclasses import replace
 
 import pytest
@@ -15,15 +14,13 @@ from rasterizer import Camera, Execution, Numerics, concatenate, contributions, 
 from rasterizer.blending import cpp_backend as compiled
 from rasterizer.reference import render_reference
 
-EXECUTIONS = [Execution(), Execution(compile=True)]
+EXECUTIONS = [Execution(kernel="torch"), Execution(kernel="compiled")]
 
 
 @pytest.fixture(params=EXECUTIONS, ids=["torch", "compiled"])
 def execution(request):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        if request.param.compile and compiled.load() is None:
-            pytest.skip("no C++ compiler on this machine")
+    if request.param.kernel == "compiled" and compiled.load() is None:
+        pytest.skip("no C++ compiler on this machine")
     return request.param
 
 
@@ -119,10 +116,14 @@ def test_sizes_below_one_are_refused(name, value):
         Execution(**{name: value})
 
 
-def test_an_unknown_culling_is_refused():
+@pytest.mark.parametrize(
+    ("name", "value", "choices"),
+    [("cull", "sphere", "ellipse or box"), ("kernel", "cuda", "auto, torch, compiled")],
+)
+def test_an_unknown_choice_is_refused(name, value, choices):
     execution = Execution()
-    object.__setattr__(execution, "cull", "sphere")  # past the types that these tests check
-    with pytest.raises(ValueError, match="ellipse or box"):
+    object.__setattr__(execution, name, value)  # past the types that these tests check
+    with pytest.raises(ValueError, match=choices):
         execution.__post_init__()
 
 

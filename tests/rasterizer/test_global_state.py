@@ -83,7 +83,7 @@ def test_every_tensor_is_made_on_the_device_of_the_inputs(compiled):
     if compiled and cpp_backend.load() is None:
         pytest.skip("no C++ compiler on this machine")
     scene, view, background = BY_NAME["ordinary crowd"].make(torch.float32)
-    execution = Execution(compile=compiled)
+    execution = Execution(kernel="compiled" if compiled else "torch")
 
     def drawn():
         inputs = leaves(scene)

@@ -19,6 +19,7 @@ from gsedit.bench.renderer.edge_cases import (
 )
 from rasterizer import Execution, Numerics, Rendering, render
 from rasterizer.blending import cpp_backend as compiled
+from rasterizer.numerics import Kernel
 
 DTYPES = (torch.float32, torch.float64)
 
@@ -59,7 +60,7 @@ ERRORS_64 = {
 @pytest.mark.parametrize("name", BY_NAME)
 def test_every_edge_case_is_right_or_refused_by_name(name, dtype):
     case = BY_NAME[name]
-    row = stability.measure_edge_case(case, dtype, runs=1)
+    row = stability.measure_edge_case(case, dtype, runs=1, execution=Execution(kernel="torch"))
     if case.refused is not None:
         assert row.outcome == "refused"
         assert re.match(case.refused, row.message)
@@ -76,7 +77,7 @@ def test_every_edge_case_is_right_or_refused_by_name(name, dtype):
 Drawn = tuple[Rendering, tuple[torch.Tensor, ...]]
 
 
-def draw(name: str, dtype: torch.dtype, numerics: Numerics, compile: bool = False) -> Drawn:
+def draw(name: str, dtype: torch.dtype, numerics: Numerics, kernel: Kernel = "torch") -> Drawn:
     """All that a picture has, and the gradients of a loss of all of it, by every input."""
     scene, view, background = BY_NAME[name].make(dtype)
     inputs, pose = leaves(scene), view.world_to_camera.clone().requires_grad_()
@@ -87,7 +88,7 @@ def draw(name: str, dtype: torch.dtype, numerics: Numerics, compile: bool = Fals
         depth=True,
         median_depth=True,
         numerics=numerics,
-        execution=Execution(compile=compile),
+        execution=Execution(kernel=kernel),
     )
     loss = sum((part * weights_like(part)).sum() for part in visible_parts(picture))
     return picture, torch.autograd.grad(loss, (*tensors(inputs), pose, background))
@@ -119,7 +120,7 @@ def test_depths_alphas_and_their_gradients_are_finite(name, dtype):
 @pytest.mark.parametrize("name", DRAWN)
 def test_the_compiled_kernel_draws_every_edge_case_like_torch(name, dtype):
     wanted, exact = draw_all(name, dtype)
-    found, gradients = draw(name, dtype, stability.WITHOUT_STOP, compile=True)
+    found, gradients = draw(name, dtype, stability.WITHOUT_STOP, kernel="compiled")
     # each is within its bar of the reference, so within twice that of each other
     picture_bar, gradient_bar = (4e-5, 4e-4) if dtype == torch.float32 else (1e-11, 1e-9)
     brightest = max(1.0, float(wanted.color.detach().max()))

@@ -30,7 +30,6 @@ from gsedit.session.result import EditResult
 from gsedit.session.session import Session, Work
 from gsedit.session.settings import EditSettings
 from gsedit.strategies import Strategy, find_strategy
-from rasterizer.numerics import Execution
 
 MEASURED_VIEWS = 4
 """Held-out cameras at which errors are measured."""
@@ -83,7 +82,6 @@ def _settings(run: Run) -> EditSettings:
         held_out_edits=0,
         region="all",
         coverage=1.0,
-        execution=Execution(compile=True),
     )
     base = replace(base, sampler=replace(base.sampler, precision="float32"))
     for name, value in run.arm.settings.items():

@@ -24,7 +24,7 @@ STYLES = {
     "degree": ("#8C6D1F", "p", "SH degree"),
     "dtype": ("#6A51A3", "P", "float64"),
     "cull": ("#D55E00", "X", "cull by box"),
-    "compile": ("#B2182B", "h", "compiled"),
+    "kernel": ("#B2182B", "h", "torch"),
     "baseline": ("#555555", "<", "textbook conic, float32"),
     "peers": ("#000000", ">", "other renderers"),
 }

@@ -18,6 +18,7 @@ from rasterizer.numerics import AUTO, DEFAULT
 from rasterizer.reference import render_reference
 
 BASELINE, PEERS = "baseline", "peers"
+TORCH = replace(AUTO, kernel="torch")
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ def _tiles() -> list[Setting]:
 
 
 def _blocks() -> list[Setting]:
-    return [Setting("block", str(n), execution=replace(AUTO, block=n)) for n in (8, 16, 32, 64)]
+    return [Setting("block", str(n), execution=replace(TORCH, block=n)) for n in (8, 16, 32, 64)]
 
 
 def _resolutions() -> list[Setting]:
@@ -76,7 +77,7 @@ KNOBS: dict[str, Callable[[], list[Setting]]] = {
     "tile": _tiles,
     "block": _blocks,
     "cull": lambda: [Setting("cull", "box", execution=replace(AUTO, cull="box"))],
-    "compile": lambda: [Setting("compile", "yes", execution=replace(AUTO, compile=True))],
+    "kernel": lambda: [Setting("kernel", "torch", execution=TORCH)],
     "dtype": lambda: [Setting("dtype", "float64", dtype=torch.float64)],
     "degree": lambda: [Setting("degree", str(n), degree=n) for n in range(4)],
     "resolution": _resolutions,

@@ -19,7 +19,7 @@ from gsedit.bench.markdown import markdown_table
 from gsedit.bench.renderer.accuracy import Draw, Drawn, differentiate, errors
 from gsedit.bench.renderer.edge_cases import EDGE_CASES, EdgeCase, RenderInput
 from gsedit.reports.stopwatch import Stopwatch
-from rasterizer.numerics import Numerics
+from rasterizer.numerics import AUTO, Execution, Numerics
 from rasterizer.reference import render_reference
 from rasterizer.render import render
 
@@ -61,12 +61,14 @@ def measurements(quick: bool = False) -> Iterator[EdgeCaseMeasurement]:
             yield measure_edge_case(case, dtype)
 
 
-def measure_edge_case(case: EdgeCase, dtype: torch.dtype, runs: int = 3) -> EdgeCaseMeasurement:
+def measure_edge_case(
+    case: EdgeCase, dtype: torch.dtype, runs: int = 3, execution: Execution = AUTO
+) -> EdgeCaseMeasurement:
     """Draw one edge case with the rasteriser (`runs` times) and by the textbook's formula, both
     with gradients.
     """
     given = case.make(dtype)
-    drawn, message, seconds = _timed(_rasteriser(given), given, runs)
+    drawn, message, seconds = _timed(_rasteriser(given, execution), given, runs)
     image = gradient = textbook = textbook_image = textbook_gradient = None
     if drawn is not None:
         exact = RenderInput(given.scene.to(torch.float64), given.camera, given.background.double())
@@ -94,10 +96,9 @@ def measure_edge_case(case: EdgeCase, dtype: torch.dtype, runs: int = 3) -> Edge
     )
 
 
-def _rasteriser(given: RenderInput) -> Draw:
-    return lambda scene, camera: (
-        render(scene, camera, background=given.background, numerics=WITHOUT_STOP).color
-    )
+def _rasteriser(given: RenderInput, execution: Execution) -> Draw:
+    options = {"background": given.background, "numerics": WITHOUT_STOP, "execution": execution}
+    return lambda scene, camera: render(scene, camera, **options).color
 
 
 def _textbook(given: RenderInput) -> Draw:

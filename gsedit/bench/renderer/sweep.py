@@ -23,7 +23,7 @@ from gsedit.bench.renderer.workloads import Workload
 from gsedit.reports.events import Event
 from gsedit.reports.stopwatch import Stopwatch
 from rasterizer import Gaussians, Numerics
-from rasterizer.blending.choose import choose_backend
+from rasterizer.blending.choose import choose_backend, is_compiled
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class _WorkloadBench:
         try:
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always")
-                if setting.execution.compile:  # the compiler's time is not the kernel's
+                if is_compiled(setting.execution):  # the compiler's time is not the kernel's
                     differentiate(drawing, scene, camera)
                 with torch.no_grad():
                     forward, _ = self.timed(lambda: drawing(scene, camera))
@@ -100,8 +100,8 @@ class _WorkloadBench:
             return _measurement(fields, note=_one_line(f"{type(error).__name__}: {error}"))
         notes = list(dict.fromkeys(_one_line(str(warning.message)) for warning in caught))
         backend = choose_backend(setting.execution, scene.means.device, scene.means.dtype)
-        if setting.execution.compile and backend.name != "cpp":
-            notes = ["no compiled kernel here: this is the eager one"]
+        if setting.execution.kernel == "auto" and backend.name != "cpp":
+            notes.append("no compiled kernel here: torch rendered")
         wrong = errors(drawn, self.reference)
         del drawn
         slow = both.wall > 2 * self.plan.budget  # not once more for its memory

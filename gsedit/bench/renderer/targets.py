@@ -37,7 +37,7 @@ TIME_LIMITS = {  # garden's scale and execution: yardsticks of forward, of forwa
     (1.0, "compiled"): (8.0, 20.0),
     (0.25, "compiled"): (5.0, 10.0),
 }
-EXECUTIONS = {"eager": AUTO, "compiled": replace(AUTO, compile=True)}
+EXECUTIONS = {"eager": replace(AUTO, kernel="torch"), "compiled": replace(AUTO, kernel="compiled")}
 
 
 @dataclass(frozen=True)

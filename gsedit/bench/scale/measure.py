@@ -24,7 +24,6 @@ from gsedit.files.datasets import load_dataset
 from gsedit.measures.metrics import psnr
 from gsedit.reports.events import Event
 from gsedit.views.dataset import evenly_spaced
-from rasterizer.numerics import Execution
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
@@ -79,11 +78,10 @@ def measure_scale(settings: ScaleSettings, folder: Path) -> Iterator[Event | Sca
     given = load(settings.scene)
     views = load_dataset(settings.data, size=settings.size).split()[1]
     cameras = [views[i].camera for i in evenly_spaced(len(views), COMPARED)]
-    execution = Execution(compile="--compile" in settings.options)
 
     def pictures(scene: Gaussians) -> list[Float[Tensor, "h w 3"]]:
         with torch.no_grad():
-            drawn = (render(scene, camera, execution=execution).color for camera in cameras)
+            drawn = (render(scene, camera).color for camera in cameras)
             return [picture.clamp(0, 1) for picture in drawn]
 
     before, after = pictures(given), None
