@@ -16,6 +16,7 @@ ORDER = {
         "doctor",
         "appearance",
         "edit",
+        "capture",
         "viewer",
         "strategies",
         "session",

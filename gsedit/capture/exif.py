@@ -1,0 +1,207 @@
+"""What photos say of the camera that took them: EXIF 2.32 (CIPA DC-008) and Apple's maker note.
+
+Sizes and directions are those of the photo as it is shown: its EXIF orientation applied.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from jaxtyping import Float64
+from PIL import Image
+
+from gsedit.files.pictures import picture_size
+
+FocalSource = Literal["EXIF 35 mm", "EXIF and sensor", "guessed"]
+FULL_FRAME_DIAGONAL = 43.267
+"""Millimetres, of 36 x 24: the 35 mm equivalent keeps the angle of the diagonal (CIPA DCG-001)."""
+UNITS = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
+"""Millimetres, by FocalPlaneResolutionUnit: inch, centimetre, millimetre, micrometre."""
+PLAUSIBLE = (0.3, 20.0)
+"""Focal length in longer sides of the picture (118 to 3 degrees): tags beyond are mistakes."""
+TURNS = {3: 2, 4: 2, 5: 1, 6: 3, 7: 3, 8: 1}
+"""Quarter turns counter-clockwise that show a photo of this EXIF orientation upright, after the
+mirroring of those in MIRRORED."""
+MIRRORED = {2, 4, 5, 7}
+REST = (0.8, 1.2)
+"""Lengths of the acceleration, in g, of a phone that is held still enough to show gravity."""
+
+
+@dataclass(frozen=True)
+class Tags:
+    """What one photo says of itself."""
+
+    width: int
+    """As it is shown, pixels."""
+    height: int
+    orientation: int
+    """EXIF's, 1 to 8; 1: the stored pixels are upright."""
+    camera: tuple[str, ...]
+    """Make, model and lens, as far as they are known."""
+    focal: float | None
+    """Focal length, pixels."""
+    focal_source: FocalSource
+    gravity: tuple[float, float, float] | None
+    """Unit vector towards the ground in OpenCV camera axes (x right, y down, z forward)."""
+
+
+@dataclass(frozen=True)
+class CameraGroup:
+    """Photos of one camera: the same body, lens, focal length and size."""
+
+    photos: tuple[Path, ...]
+    width: int
+    """Of each photo as it is shown, pixels."""
+    height: int
+    focal: float | None
+    """Pixels; None where no photo tells."""
+    focal_source: FocalSource
+    gravity: tuple[tuple[float, float, float] | None, ...]
+    """A photo: see `Tags.gravity`."""
+    name: str = ""
+    """Make and model, where the photos tell."""
+
+
+def camera_groups(photos: Sequence[Path]) -> tuple[CameraGroup, ...]:
+    """The photos by camera, in the order of their first photos. Raises InputError for a file that
+    is no picture."""
+    groups: dict[tuple[Any, ...], list[tuple[Path, Tags]]] = {}
+    for photo in photos:
+        tags = read_tags(photo)
+        focal = None if tags.focal is None else round(tags.focal, 1)
+        key = (tags.camera, tags.width, tags.height, focal)
+        groups.setdefault(key, []).append((photo, tags))
+    return tuple(_group(members) for members in groups.values())
+
+
+def _group(members: Sequence[tuple[Path, Tags]]) -> CameraGroup:
+    paths, tags = zip(*members)
+    first = tags[0]
+    return CameraGroup(
+        paths, first.width, first.height, first.focal, first.focal_source,
+        tuple(each.gravity for each in tags), " ".join(first.camera[:2]),
+    )  # fmt: skip
+
+
+def read_tags(photo: Path) -> Tags:
+    """What a photo's header says. Tags that are damaged count as absent; raises InputError for a
+    file that is no picture."""
+    width, height = picture_size(photo)
+    main, more = _directories(photo)
+    orientation = main.get(0x0112, 1)
+    orientation = orientation if orientation in range(1, 9) else 1
+    focal, source = focal_length(more, width, height)
+    if orientation >= 5:
+        width, height = height, width
+    named = (main.get(0x010F), main.get(0x0110), more.get(0xA434))
+    camera = tuple(str(text).strip("\0 ") for text in named if text)
+    return Tags(
+        width, height, orientation, camera, focal, source,
+        gravity(more.get(0x927C), orientation, camera),
+    )  # fmt: skip
+
+
+def _directories(photo: Path) -> tuple[dict[int, Any], dict[int, Any]]:
+    """The main EXIF directory of a picture and that of its camera; empty where damaged."""
+    try:
+        with Image.open(photo) as picture:
+            exif = picture.getexif()
+            return dict(exif), dict(exif.get_ifd(0x8769))
+    except Exception:  # Pillow's readers raise a dozen kinds
+        return {}, {}
+
+
+def focal_length(tags: dict[int, Any], width: int, height: int) -> tuple[float | None, FocalSource]:
+    """The focal length in pixels, and where it comes from, of a photo of `width` x `height`.
+
+    Of FocalLengthIn35mmFilm, else of FocalLength and the sensor's resolution.
+    """
+    longer = max(width, height)
+    equivalent = _number(tags.get(0xA405))
+    if equivalent:
+        focal = equivalent / FULL_FRAME_DIAGONAL * math.hypot(width, height)
+        if _plausible(focal / longer):
+            return focal, "EXIF 35 mm"
+    length, per_unit = _number(tags.get(0x920A)), _number(tags.get(0xA20E))
+    unit = UNITS.get(tags.get(0xA210, 2))
+    if length and per_unit and unit:
+        # the resolution is that of the photo as taken; it may have been shrunk since
+        taken = max(_number(tags.get(tag)) or 0 for tag in (0xA002, 0xA003)) or longer
+        focal = length * per_unit / unit * longer / taken
+        if _plausible(focal / longer):
+            return focal, "EXIF and sensor"
+    return None, "guessed"
+
+
+def gravity(
+    note: bytes | None, orientation: int, camera: Sequence[str] = ()
+) -> tuple[float, float, float] | None:
+    """Which way is down in camera axes, from the acceleration in the maker note of an iPhone.
+
+    Apple's axes, seen from the front of the phone: x right, y top, z towards the viewer; at rest
+    the vector points to the ground. The pixels are stored as the phone sees held with its top to
+    the left: their x is Apple's -y, their y is -x, and the back camera looks along -z. None where
+    the note has no vector, for the front camera, and for a phone that was moved too fast.
+    """
+    values = None if note is None else _acceleration(note)
+    if values is None or any("front" in text.lower() for text in camera):
+        return None
+    length = math.hypot(*values)
+    if not REST[0] <= length <= REST[1]:
+        return None
+    x, y, z = (-values[1] / length, -values[0] / length, -values[2] / length)
+    x, y = shown(x, y, orientation)
+    return x, y, z
+
+
+def shown(x: float, y: float, orientation: int) -> tuple[float, float]:
+    """A direction in the stored pixels (x right, y down), in the photo as it is shown."""
+    if orientation in MIRRORED:
+        x = -x
+    for _ in range(TURNS.get(orientation, 0)):
+        x, y = y, -x
+    return x, y
+
+
+def stacked(groups: Sequence[CameraGroup]) -> Float64[np.ndarray, "n 3"]:
+    """The gravities of all photos of the groups in turn; NaN where unknown."""
+    unknown = (math.nan,) * 3
+    rows = [each or unknown for group in groups for each in group.gravity]
+    return np.array(rows, dtype=np.float64).reshape(-1, 3)
+
+
+def _acceleration(note: bytes) -> tuple[float, ...] | None:
+    """Tag 8 of Apple's maker note: three signed rationals, in g. The note is a TIFF directory;
+    its offsets count from its own beginning."""
+    if not note.startswith(b"Apple iOS\0"):
+        return None
+    order = "<" if note[12:14] == b"II" else ">"
+    try:
+        (entries,) = struct.unpack_from(order + "H", note, 14)
+        for i in range(entries):
+            tag, kind, count, offset = struct.unpack_from(order + "HHII", note, 16 + 12 * i)
+            if (tag, kind, count) == (8, 10, 3):
+                numbers = struct.unpack_from(order + "6i", note, offset)
+                return tuple(a / b for a, b in zip(numbers[::2], numbers[1::2]))
+    except (struct.error, ZeroDivisionError):
+        return None
+    return None
+
+
+def _number(value: Any) -> float | None:
+    """A positive finite number, else None."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError, ZeroDivisionError):
+        return None
+    return number if math.isfinite(number) and number > 0 else None
+
+
+def _plausible(ratio: float) -> bool:
+    return PLAUSIBLE[0] <= ratio <= PLAUSIBLE[1]

@@ -1,0 +1,302 @@
+"""A video as photos: of every stretch of it, the sharpest frame.
+
+The video is decoded twice: once to measure every frame at a small size, once to write those chosen.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import UInt8
+from PIL import Image
+
+from gsedit.capture.video import Decoded, Video, open_video
+from gsedit.errors import InputError
+from gsedit.files.atomic import atomic_path
+from gsedit.reports.events import Event
+
+SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi", ".3gp", ".mts", ".m2ts")
+PER_SECOND = 2.0
+"""Frames for each second in which the picture moves: a walk around something takes a minute, and
+120 photos of it are 3 degrees apart."""
+STEP = 0.15
+"""Shift between neighbouring frames, in the picture's width, that must not be exceeded: a faster
+video gets more frames."""
+FEWEST, MOST = 40, 200
+LONGEST_SIDE = 1920
+"""Pixels; larger frames are shrunk: fits and edits use fewer, and features are found at 1,600."""
+MEASURED_SIDE = 480
+"""Pixels: the longer side at which sharpness is measured. Noise and compression are averaged away,
+blur that a fit would show is not."""
+QUALITY = 95
+"""Of JPEG."""
+SAME = 1.5
+"""Mean difference of thumbnails, levels of 255, below which two frames are one picture: the noise
+of compression on a still picture is below 1."""
+FLAT = 3.0
+"""Standard deviation of a thumbnail, levels: a frame below it is black, or shows nothing."""
+MARGIN = 0.2
+"""Of a bucket, at each end: a frame there is taken only if no other is at hand. Otherwise the
+sharpest frames of two neighbours could be one moment, with a gap beside them."""
+BLURRED = 0.35
+"""Sharpness in the median of the neighbours, below which a frame is called blurred."""
+LEAST = 3
+"""Different pictures: a video with fewer shows no scene from several sides."""
+CHOICE = "frames.json"
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A frame that was chosen."""
+
+    name: str
+    """Its file in the folder; names sort by time."""
+    seconds: float
+    sharpness: float
+    """Variance of the Laplacian at the measuring size, in the median of its neighbours'."""
+
+    @property
+    def blurred(self) -> bool:
+        return self.sharpness < BLURRED
+
+
+@dataclass(frozen=True)
+class Extraction:
+    """The frames of a video, and what is to be said of it."""
+
+    frames: tuple[Frame, ...]
+    paths: tuple[Path, ...]
+    notes: tuple[str, ...]
+
+
+def is_video(path: Path) -> bool:
+    """By the suffix of its name."""
+    return path.suffix.lower() in SUFFIXES
+
+
+def extract(video: Path, folder: Path, count: int | None = None) -> tuple[Path, ...]:
+    """`extract_steps` to its end; the files."""
+    *_, last = extract_steps(video, folder, count)
+    assert isinstance(last, Extraction)
+    return last.paths
+
+
+def extract_steps(
+    video: Path, folder: Path, count: int | None = None
+) -> Iterator[Event | Extraction]:
+    """Write about `count` frames of a video into a folder as JPEG; events, then the result.
+
+    None: as many as its length and its motion ask for. Each of `count` stretches of equal time
+    gives its sharpest frame, except where the picture is still: it is taken once. Frames are turned
+    as the video's metadata says, and at most LONGEST_SIDE pixels long. A video that is cut off
+    gives what can be decoded, with a note. The folder's frames.json keeps the choice: with it, work
+    that was interrupted goes on, and work that is done is not done again.
+
+    Raises InputError for a file that is no video, that is black, or that shows one still picture;
+    GseditError without PyAV.
+    """
+    begun = time.monotonic()
+    kept = _kept(video, folder, count)
+    if kept is None:
+        measured = []
+        with open_video(video) as source:
+            for frame in source.frames():
+                measured.append(measure(frame))
+                if len(measured) % 10 == 0:
+                    seconds = time.monotonic() - begun
+                    yield Event("video", seconds, len(measured), max(source.count, len(measured)))
+            notes = source.notes()
+        check_content(measured, video)
+        kept = choose(measured, count), notes
+        _keep(video, folder, count, *kept)
+    chosen, notes = kept
+    missing = {frame.name for frame in chosen if not (folder / frame.name).is_file()}
+    if missing:
+        with open_video(video) as source:
+            for done, name in enumerate(_write(source, folder, missing), 1):
+                note = f"the sharpest of each stretch: {name}"
+                yield Event("frames", time.monotonic() - begun, done, len(missing), note=note)
+    yield Extraction(chosen, tuple(folder / frame.name for frame in chosen), notes)
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """A frame of which only what is needed for the choice is kept."""
+
+    index: int
+    seconds: float
+    sharpness: float
+    thumbnail: UInt8[np.ndarray, "h w"]
+
+
+def measure(frame: Decoded) -> Measured:
+    """The variance of the Laplacian of a small grey picture, and a thumbnail."""
+    small = frame.grey(MEASURED_SIDE)
+    grey = small.astype(np.float32)
+    inner = grey[1:-1, 1:-1]
+    around = grey[:-2, 1:-1] + grey[2:, 1:-1] + grey[1:-1, :-2] + grey[1:-1, 2:]
+    sharpness = float(np.var(around - 4 * inner)) if inner.size else 0.0
+    picture = Image.fromarray(small)
+    picture.thumbnail((64, 64), Image.Resampling.BOX)
+    return Measured(frame.index, frame.seconds, sharpness, np.asarray(picture))
+
+
+def check_content(measured: Sequence[Measured], video: Path) -> None:
+    """Raise InputError for a video without a frame, a black one, or a still one."""
+    if not measured:
+        raise InputError(
+            f"{video}: no frame of it can be decoded; export it again as MP4 (H.264), or copy it "
+            "again if the copy was cut off"
+        )
+    deviations = np.array([frame.thumbnail.std() for frame in measured])
+    if (deviations < FLAT).all():
+        black = max(float(frame.thumbnail.mean()) for frame in measured) < 40
+        what = "is black" if black else "shows one plain colour"
+        raise InputError(f"{video} {what} from beginning to end: record it again, with light")
+    if len(distinct([f for f, d in zip(measured, deviations) if d >= FLAT])) < LEAST:
+        raise InputError(
+            f"{video} shows one still picture: record it while walking around the subject"
+        )
+
+
+def distinct(frames: Sequence[Measured]) -> tuple[Measured, ...]:
+    """The frames that differ from the one taken before them; of the same picture, the sharpest."""
+    taken: list[Measured] = []
+    anchors: list[UInt8[np.ndarray, "h w"]] = []
+    for frame in frames:
+        if anchors and _difference(anchors[-1], frame.thumbnail) < SAME:
+            if frame.sharpness > taken[-1].sharpness:
+                taken[-1] = frame
+        else:
+            taken.append(frame)
+            anchors.append(frame.thumbnail)
+    return tuple(taken)
+
+
+def choose(measured: Sequence[Measured], count: int | None) -> tuple[Frame, ...]:
+    """The sharpest frame of each of `count` stretches of equal time in which the picture moves.
+
+    None: PER_SECOND, more where the picture moves faster than STEP between them. A stretch that
+    holds a frame gives one, sharp or not: without it, those around it may not connect.
+    """
+    textured = [frame for frame in measured if frame.thumbnail.std() >= FLAT]
+    moving, seconds = _moving_time(textured)
+    if count is None:
+        path = _path(textured)
+        wanted = max(PER_SECOND * seconds, path / STEP)
+        count = min(MOST, max(FEWEST, round(wanted)))
+    buckets: dict[int, list[tuple[float, Measured]]] = {}
+    for frame, at in zip(textured, moving):
+        place = min(at / max(seconds, 1e-9), 1 - 1e-9) * count
+        buckets.setdefault(int(place), []).append((place % 1, frame))
+    best = [_sharpest(frames) for _, frames in sorted(buckets.items())]
+    best = distinct(best)
+    return tuple(
+        Frame(f"frame_{frame.index:06d}.jpg", round(frame.seconds, 3), round(relative, 3))
+        for frame, relative in zip(best, _relative([frame.sharpness for frame in best]))
+    )
+
+
+def _relative(sharpness: Sequence[float]) -> list[float]:
+    """Each in the median of itself and four on either side: neighbours show nearly the same."""
+    medians = [np.median(sharpness[max(0, i - 4) : i + 5]) for i in range(len(sharpness))]
+    return [float(each / max(median, 1e-9)) for each, median in zip(sharpness, medians)]
+
+
+def _sharpest(bucket: Sequence[tuple[float, Measured]]) -> Measured:
+    inner = [frame for place, frame in bucket if MARGIN <= place <= 1 - MARGIN]
+    return max(inner or [frame for _, frame in bucket], key=lambda frame: frame.sharpness)
+
+
+def _moving_time(frames: Sequence[Measured]) -> tuple[list[float], float]:
+    """The time at each frame, and at the end, of a clock that stands while the picture does."""
+    at, clock, anchor = [], 0.0, 0
+    step = float(np.median(np.diff([frame.seconds for frame in frames])))
+    for i, frame in enumerate(frames):
+        if i and _difference(frames[anchor].thumbnail, frame.thumbnail) >= SAME:
+            # still for longer than a second: the clock stood
+            clock += min(frame.seconds - frames[anchor].seconds, 1.0)
+            anchor = i
+        at.append(clock)
+    return at, clock + step
+
+
+def _path(frames: Sequence[Measured]) -> float:
+    """How far the picture moved in all, in its width: shifts by phase correlation between frames a
+    tenth of a second apart."""
+    total, last = 0.0, frames[0]
+    for frame in frames[1:]:
+        if frame.seconds - last.seconds >= 0.1:
+            total += _shift(last.thumbnail, frame.thumbnail)
+            last = frame
+    return total
+
+
+def _shift(a: UInt8[np.ndarray, "h w"], b: UInt8[np.ndarray, "h w"]) -> float:
+    """The displacement that explains most of the change between two pictures, in their width."""
+    height, width = a.shape
+    window = np.outer(np.hanning(height), np.hanning(width))
+    first, second = (np.fft.rfft2((x - x.mean()) * window) for x in (a, b))
+    cross = first * second.conj()
+    correlation = np.fft.irfft2(cross / np.maximum(np.abs(cross), 1e-9), s=a.shape)
+    dy, dx = np.unravel_index(int(correlation.argmax()), a.shape)
+    dy, dx = min(dy, height - dy), min(dx, width - dx)
+    return float(np.hypot(dy, dx)) / width
+
+
+def _difference(a: UInt8[np.ndarray, "h w"], b: UInt8[np.ndarray, "h w"]) -> float:
+    return float(np.abs(a.astype(np.int16) - b).mean())
+
+
+def _write(source: Video, folder: Path, names: set[str]) -> Iterator[str]:
+    """Write the frames of these names; each name once its file is there."""
+    last = max(names)
+    for frame in source.frames():
+        name = f"frame_{frame.index:06d}.jpg"
+        if name in names:
+            picture = Image.fromarray(frame.rgb(LONGEST_SIDE))
+            with atomic_path(folder / name) as temporary:
+                picture.save(temporary, "JPEG", quality=QUALITY, subsampling=0)
+            yield name
+        if name >= last:
+            return
+
+
+def _request(video: Path, count: int | None) -> dict[str, Any]:
+    """What frames.json must have been made from, to be used again."""
+    stat = video.stat()
+    return {"video": video.name, "bytes": stat.st_size, "changed": stat.st_mtime, "count": count}
+
+
+def _kept(
+    video: Path, folder: Path, count: int | None
+) -> tuple[tuple[Frame, ...], tuple[str, ...]] | None:
+    """The choice that an earlier call made of the same video; else the folder's frames go."""
+    try:
+        record = json.loads((folder / CHOICE).read_text())
+        frames = tuple(Frame(**each) for each in record["frames"])
+        if video.is_file() and record["request"] == _request(video, count):
+            return frames, tuple(record["notes"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    for frame in frames:
+        (folder / frame.name).unlink(missing_ok=True)
+    return None
+
+
+def _keep(
+    video: Path, folder: Path, count: int | None, frames: Sequence[Frame], notes: Sequence[str]
+) -> None:
+    record = {
+        "request": _request(video, count),
+        "frames": [asdict(frame) for frame in frames],
+        "notes": list(notes),
+    }
+    with atomic_path(folder / CHOICE, overwrite=True) as temporary:
+        temporary.write_text(json.dumps(record, indent=1))

@@ -1,0 +1,186 @@
+"""Frames of videos: which are taken, how they are written, and how bad videos end."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from gsedit.capture.frames import Extraction, extract, extract_steps, is_video
+from gsedit.errors import GseditError, InputError
+
+pytest.importorskip("av", reason="needs PyAV: pip install 'gsedit[video]'")
+from videos import SIZE, passing, texture, write_video
+
+
+def indices(paths) -> list[int]:
+    return [int(path.stem.removeprefix("frame_")) for path in paths]
+
+
+def extraction(video, folder, count=None) -> Extraction:
+    *_, last = extract_steps(video, folder, count)
+    return last
+
+
+@pytest.fixture(scope="module")
+def walk(tmp_path_factory):
+    """Six seconds; of every five frames three are blurred."""
+    blurred = [i for i in range(60) if i % 5 not in (1, 3)]
+    frames = passing(range(0, 360, 6), blurred)
+    return write_video(tmp_path_factory.mktemp("walk") / "walk.mp4", frames)
+
+
+def test_each_stretch_gives_its_sharpest_frame(walk, tmp_path):
+    paths = extract(walk, tmp_path, 12)
+    assert len(paths) == 12
+    assert list(paths) == sorted(paths)
+    assert all(i % 5 in (1, 3) for i in indices(paths))
+    assert set(np.array(indices(paths)) // 5) == set(range(12))
+    assert {Image.open(path).size for path in paths} == {SIZE}
+
+
+def test_a_written_frame_is_the_frame_of_the_video(tmp_path):
+    frames = passing(range(0, 120, 6))
+    path = extract(write_video(tmp_path / "v.mp4", frames), tmp_path / "out", 5)[2]
+    written = np.asarray(Image.open(path)).astype(float)
+    differences = [np.abs(written - frame).mean() for frame in frames]
+    assert np.argmin(differences) == indices([path])[0]
+    assert min(differences) < 4
+
+
+def test_a_stretch_of_blurred_frames_gives_one_too(tmp_path):
+    frames = passing(range(0, 360, 6), blurred=range(20, 40))
+    found = extraction(write_video(tmp_path / "v.mp4", frames), tmp_path / "out", 12)
+    assert len(found.frames) == 12
+    assert any(frame.blurred for frame in found.frames)
+    assert not all(frame.blurred for frame in found.frames)
+
+
+def test_a_still_passage_is_taken_once(tmp_path):
+    offsets = [*range(0, 120, 6), *([120] * 40), *range(120, 240, 6)]
+    found = extraction(write_video(tmp_path / "v.mp4", passing(offsets)), tmp_path / "out", 10)
+    inside = [i for i in indices(found.paths) if 22 <= i < 58]
+    assert len(inside) <= 2
+    assert len(found.paths) >= 9
+
+
+def test_the_number_of_frames_follows_the_motion(tmp_path):
+    slow = write_video(tmp_path / "slow.mp4", passing(range(0, 300, 3)), fps=5)
+    fast = write_video(tmp_path / "fast.mp4", passing(range(0, 800, 8)), fps=5)
+    assert len(extract(slow, tmp_path / "a")) == 40
+    assert len(extract(fast, tmp_path / "b")) >= 50
+
+
+def test_a_variable_frame_rate_is_sampled_by_time(tmp_path):
+    # thirty frames in the first second, then ten a second; the wall passes at one speed
+    times = [i / 30 for i in range(30)] + [1 + i / 10 for i in range(40)]
+    frames = passing([round(60 * at) for at in times])
+    found = extraction(write_video(tmp_path / "v.mp4", frames, times=times), tmp_path / "out", 10)
+    seconds = [frame.seconds for frame in found.frames]
+    assert sum(at < 1 for at in seconds) in (2, 3)
+    assert np.diff(seconds).max() < 1.0
+
+
+@pytest.mark.parametrize("turn", [90, -90, 180])
+def test_the_rotation_of_the_metadata_is_applied(tmp_path, turn):
+    frames = passing(range(0, 120, 6))
+    path = extract(write_video(tmp_path / "v.mp4", frames, turn=turn), tmp_path / "out", 4)[0]
+    picture = Image.open(path)
+    assert picture.size == (SIZE if turn == 180 else SIZE[::-1])
+    upright = np.rot90(frames[indices([path])[0]], turn // 90)
+    assert np.abs(np.asarray(picture).astype(float) - upright).mean() < 4
+
+
+def test_a_video_that_is_cut_off_gives_what_it_has_and_says_so(walk, tmp_path):
+    data = walk.read_bytes()
+    short = tmp_path / "short.mp4"
+    short.write_bytes(data[: len(data) // 2])
+    found = extraction(short, tmp_path / "out", 12)
+    assert len(found.paths) >= 4
+    assert "short.mp4 is cut off: " in found.notes[0]
+    assert " of 6.0 s can be decoded" in found.notes[0]
+    assert extraction(short, tmp_path / "out", 12).notes == found.notes  # remembered
+
+
+def test_a_recording_without_its_index_says_that_it_is_cut_off(tmp_path):
+    video = write_video(tmp_path / "v.mp4", passing(range(0, 120, 6)), faststart=False)
+    video.write_bytes(video.read_bytes()[:-3000])
+    with pytest.raises(InputError, match="cut off: its index, which comes last, is missing"):
+        extract(video, tmp_path / "out")
+
+
+def test_damage_in_the_middle_is_survived(walk, tmp_path):
+    data = bytearray(walk.read_bytes())
+    middle = len(data) // 2
+    data[middle : middle + 300] = bytes(300)
+    broken = tmp_path / "broken.mp4"
+    broken.write_bytes(data)
+    assert len(extract(broken, tmp_path / "out", 12)) >= 10
+
+
+def test_work_that_was_interrupted_goes_on(walk, tmp_path):
+    events = extract_steps(walk, tmp_path, 12)
+    stages = []
+    for event in events:
+        stages.append(event.stage)
+        if stages.count("frames") == 5:
+            break
+    events.close()
+    there = {path: path.stat().st_mtime_ns for path in tmp_path.glob("*.jpg")}
+    assert len(there) == 5
+    paths = extract(walk, tmp_path, 12)
+    assert len(paths) == 12
+    assert {path: path.stat().st_mtime_ns for path in there} == there
+    *rest, last = extract_steps(walk, tmp_path, 12)
+    assert not rest  # nothing was done again
+    assert last.paths == paths
+
+
+def test_frames_of_another_choice_are_replaced(walk, tmp_path):
+    extract(walk, tmp_path, 12)
+    paths = extract(walk, tmp_path, 5)
+    assert set(tmp_path.glob("*.jpg")) == set(paths)
+
+
+@pytest.mark.parametrize(
+    ("frames", "message"),
+    [
+        ([np.zeros((64, 96, 3), np.uint8)] * 20, "is black from beginning to end"),
+        ([np.full((64, 96, 3), 200, np.uint8)] * 20, "shows one plain colour"),
+        ([np.asarray(texture().crop((0, 0, 96, 64)))] * 20, "shows one still picture"),
+    ],
+)
+def test_videos_that_show_nothing_are_refused_by_cause(tmp_path, frames, message):
+    with pytest.raises(InputError, match=message):
+        extract(write_video(tmp_path / "v.mp4", frames), tmp_path / "out")
+    assert not list(tmp_path.glob("out/*.jpg"))
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (None, "does not exist"),
+        (b"", "is empty: copy it again"),
+        (b"\0\0\0\x18ftypmp42", "is cut off: its index"),
+        (b"moov" + b"no video" * 100, "is no video that can be read"),
+    ],
+)
+def test_files_that_are_no_videos_are_named(tmp_path, content, message):
+    path = tmp_path / "v.mp4"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(InputError, match=message):
+        extract(path, tmp_path / "out")
+
+
+def test_without_pyav_the_error_tells_what_to_install(walk, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "av", None)
+    with pytest.raises(GseditError, match=r"pip install 'gsedit\[video\]'"):
+        extract(walk, tmp_path)
+
+
+def test_videos_are_known_by_their_suffix(tmp_path):
+    assert is_video(tmp_path / "a.MOV")
+    assert not is_video(tmp_path / "a.jpg")
