@@ -51,6 +51,7 @@ from gsedit.views.coarse import Coarse, coarsen
 from gsedit.views.dataset import Dataset, View, capture
 from gsedit.views.framing import bounds
 from gsedit.views.search import Wish
+from rasterizer.blending.choose import is_compiled
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
@@ -354,7 +355,7 @@ def _session(
         request.scene,
         moving,
         settings.update.anchor_weight,
-        compiled=settings.execution.compile,
+        compiled=is_compiled(settings.execution),
     )
     renderings = dict(surveyed.renderings)
     return Session(request, surveyed, renderings, edited, optimiser, stopwatch, noise_seed)

@@ -32,6 +32,7 @@ from gsedit.reports import notebook
 from gsedit.reports.events import Checkpoint, Event
 from gsedit.reports.json_lines import plain
 from gsedit.views.dataset import Dataset, View
+from rasterizer.blending.choose import is_compiled
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
@@ -182,7 +183,7 @@ class _Fit:
         self.batch = settings.batch or 1
         rates = {**RATES, "means": RATES["means"] * extent}
         rates = {name: rate * sqrt(self.batch) for name, rate in rates.items()}
-        self.optimiser = SceneOptimiser(scene, rates, compiled=settings.execution.compile)
+        self.optimiser = SceneOptimiser(scene, rates, compiled=is_compiled(settings.execution))
         factors = (1, *(factor for _, factor in settings.coarse))
         self.pyramid = {f: tuple(_shrunk(view, f) for view in train) for f in factors}
         self.gradients = ScreenGradients(len(scene))
@@ -249,7 +250,7 @@ class _Fit:
             scene, view.camera, background=background, execution=settings.execution
         ).color
         picture, photo = supervised(picture, view.over(background), view.mask)
-        compiled = settings.execution.compile
+        compiled = is_compiled(settings.execution)
         return photometric(picture, photo, settings.dssim_weight, compiled=compiled)
 
     def _count_loss(self, value: float) -> None:
