@@ -14,6 +14,7 @@ from typer.core import TyperGroup
 from .align import align
 from .bench import describe as bench_summary
 from .bench_refinement import bench
+from .capture import capture
 from .check import check
 from .clean import clean
 from .command import LazyCommand, lazy_verb, paragraphs
@@ -48,7 +49,7 @@ from .style import style
 from .transform import transform
 from .view import view
 
-EDIT = (edit, style, fit, recover, metrics, editors, looks)
+EDIT = (edit, style, capture, fit, recover, metrics, editors, looks)
 OPERATIONS = (
     convert,
     filter_,

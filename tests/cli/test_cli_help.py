@@ -34,6 +34,7 @@ VERBS = (
     "lod",
     "order",
     "style",
+    "capture",
     "fit",
     "edit",
     "recover",

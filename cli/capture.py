@@ -1,0 +1,129 @@
+"""`gsedit capture`: photos or a video into a folder of posed photos."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from .console import print_message, print_result
+from .exits import Interrupted
+from .options import Force, Seeded, check_folder, output
+from .progress import progress
+from .setting_options import Layout, Setting, SettingsGroup, Values, settings_of, with_values
+
+if TYPE_CHECKING:
+    from gsedit.capture.capture import CaptureResult
+    from gsedit.capture.settings import CaptureSettings
+
+NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
+
+Source = Annotated[
+    Path,
+    typer.Argument(
+        metavar="PHOTOS", show_default=False, help="A folder of photos of one scene, or a video."
+    ),
+]
+
+
+def capture_settings() -> list[Setting]:
+    """An option for each field of CaptureSettings; --threads and --seed are those of every verb."""
+    from gsedit.capture.settings import CaptureSettings
+
+    return settings_of(CaptureSettings(), Layout("Posing", without=("seed", "threads")))
+
+
+def capture(
+    photos: Source,
+    out: Annotated[Path, output("Folder to write: `gsedit fit` reads it.")],
+    force: Force = False,
+    *,
+    values: Annotated[Values, SettingsGroup(capture_settings)],
+    common: Seeded,
+) -> None:
+    """Find where each photo was taken from, and write a folder that `gsedit fit` reads.
+
+    Walk around the subject and take 20 to 100 photos that overlap, or a video. An interrupted run
+    goes on with the same command; -f starts anew.
+
+    gsedit capture photos/ -o scene/
+    """
+    settings = settings_from(values, common)
+    result = run_capture(photos, out, settings, force=force, as_json=common.json)
+    print_capture(result, out)
+    from dataclasses import asdict
+
+    print_result(asdict(result), str(out), as_json=common.json)
+
+
+def settings_from(values: Values, common: Seeded) -> CaptureSettings:
+    """The settings that options ask for."""
+    from gsedit.capture.settings import CaptureSettings
+
+    everyday = {("seed",): common.seed, ("threads",): common.threads or -1}
+    return with_values(CaptureSettings(), {**values, **everyday})
+
+
+def run_capture(
+    photos: Path, out: Path, settings: CaptureSettings, *, force: bool, as_json: bool
+) -> CaptureResult:
+    """Capture with progress on the terminal. Raises Interrupted with what is left of the work."""
+    from gsedit.capture.capture import (
+        WORK,
+        CaptureResult,
+        Line,
+        capture_steps,
+        check_places,
+        start_anew,
+    )  # fmt: skip
+
+    check_places(photos, out)
+    ours = (out / WORK).is_dir()
+    check_folder(out, force or ours)
+    if force:
+        start_anew(out)
+    result = None
+    try:
+        with progress(as_json=as_json) as show:
+            for item in capture_steps(photos, out, settings):
+                match item:
+                    case Line():
+                        print_message(item.text)
+                    case CaptureResult():
+                        result = item
+                    case _:
+                        show(item)
+    except KeyboardInterrupt:
+        raise Interrupted(
+            f"interrupted; the stages that ended are kept in {out / WORK}: go on with the same "
+            "command"
+        ) from None
+    if result is None:
+        raise RuntimeError("the work ended without a result")
+    return result
+
+
+def print_capture(result: CaptureResult, out: Path) -> None:
+    """The one screen at the end: what was posed, how well, and what to do next."""
+    found = ", ".join(
+        dict.fromkeys(f"{mm:g} mm ({source}, refined)" for mm, source in result.focals)
+    )
+    lines = [
+        f"{result.posed} of {result.photos} photos posed{_islands(result.islands)}, "
+        f"reprojection error {result.error:.2f} px, {result.points:,} points, "
+        f"{result.seconds:.0f} s",
+        f"focal length in 35 mm equivalents: {found}; upright by {result.upright}",
+        f"look:  {out / 'capture.png'}",
+        f"next:  gsedit fit {out} -o {out.with_suffix('.ply').name}",
+    ]
+    print_message("\n".join(lines))
+
+
+def _islands(sizes: tuple[int, ...]) -> str:
+    """ ", two islands of 52 and 8" where there are several."""
+    if len(sizes) < 2:
+        return ""
+    number = NUMBERS[len(sizes)] if len(sizes) < len(NUMBERS) else str(len(sizes))
+    listed = ", ".join(map(str, sizes[:-1]))
+    return f", {number} islands of {listed} and {sizes[-1]} (the largest is the scene)"

@@ -1,0 +1,333 @@
+"""Photos or a video into a folder of posed photos, in stages (`stages.py`)."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from gsedit.capture.causes import Evidence, before_features, cause, hopeless, listed
+from gsedit.capture.child import Step, copy_database, rows
+from gsedit.capture.frames import Extraction, extract_steps, is_video
+from gsedit.capture.groups import FULL_FRAME_DIAGONAL, groups_of
+from gsedit.capture.pairs import exhaustive, sequential
+from gsedit.capture.photos import HEIC, Prepared, photo_files, prepare, state_of
+from gsedit.capture.settings import FEWEST, Attempt, CaptureSettings, ladder
+from gsedit.capture.stages import Line, Stages, Working, fingerprint, remove
+from gsedit.capture.upright import find_upright
+from gsedit.errors import GseditError, InputError, UsageError
+from gsedit.files.atomic import atomic_path
+from gsedit.reports.events import Event
+
+WORK = "work"
+"""The folder of the stages."""
+RESULTS = ("capture.json", "capture.png", "cameras.json", "images", "sparse")
+ENOUGH = 0.8
+"""Share of the photos: with fewer posed, other settings are tried."""
+LEAST = 0.25
+"""Share of the photos: with fewer posed there is no scene to speak of."""
+
+
+@dataclass(frozen=True)
+class CaptureResult:
+    """What a capture came to: capture.json."""
+
+    folder: str
+    photos: int
+    """Usable ones."""
+    posed: int
+    islands: tuple[int, ...]
+    """Photos of each model, the largest first: the first is the scene."""
+    error: float
+    """Mean reprojection error, pixels."""
+    points: int
+    focals: tuple[tuple[float, str], ...]
+    """Of each camera: millimetres in 35 mm equivalents, and where it came from."""
+    upright: str
+    """What the upright frame comes from: "gravity" or "the cameras"."""
+    missing: tuple[str, ...]
+    """Photos without a pose."""
+    unreadable: tuple[str, ...]
+    seconds: float
+
+
+Progress: TypeAlias = Iterator[Event | Line | CaptureResult]
+
+
+def check_places(source: Path, out: Path) -> None:
+    """Raise InputError where `source` does not exist, UsageError where `out` would harm it."""
+    if not source.exists():
+        raise InputError(f"{source} does not exist: name a folder of photos or a video")
+    if source.is_file() and not is_video(source):
+        raise InputError(f"{source} is neither a folder of photos nor a video: name one")
+    harmed = {(out / name).resolve() for name in (".", WORK, *RESULTS)}
+    if source.is_dir() and source.resolve() in harmed:
+        raise UsageError(f"-o {out} would replace the photos in {source}: choose another folder")
+
+
+def start_anew(out: Path) -> None:
+    """Remove what an earlier capture left in a folder."""
+    for name in (*RESULTS, WORK):
+        remove(out / name)
+
+
+def capture_steps(source: Path, out: Path, settings: CaptureSettings) -> Progress:
+    """Pose the photos of a folder, or the frames of a video; yields events, lines, then the result.
+
+    Writes into the folder `out`: images/ (undistorted), sparse/0 (COLMAP's binary format),
+    cameras.json, capture.json, capture.png, and work/ (the stages). World: y down, in no known
+    unit. Raises InputError, with the cause and the next move, where the photos cannot be posed.
+    """
+    stages = Stages(out / WORK, settings.threads)
+    files = yield from _files(source, stages, settings)
+    prepared, key = yield from _prepared(files, stages, settings)
+    if prepared.unreadable:
+        yield Line(_left_out(prepared.unreadable))
+    if fault := before_features(prepared, source):
+        raise InputError(fault)
+    work = _Mapping(stages, settings, prepared, key)
+    yield from work.climb()
+    count, posed = len(prepared.photos), work.posed
+    if posed < max(FEWEST, LEAST * count):
+        raise InputError(
+            f"{source}: {posed or 'none'} of {count} photos could be posed: {work.cause()}"
+        )
+    result = yield from _finish(work, out)
+    if result.missing:
+        number = len(result.missing)
+        lost = f"{number} photo{'s have' if number > 1 else ' has'} no pose"
+        yield Line(f"{lost} ({listed(result.missing)}): {work.cause()}")
+    stages.clean()
+    yield result
+
+
+def _files(source: Path, stages: Stages, settings: CaptureSettings) -> Working:
+    """The photos: those of the folder, or the frames of the video."""
+    if source.is_dir():
+        return photo_files(source)
+    folder = stages.place("frames")
+    folder.mkdir(exist_ok=True)
+    for item in extract_steps(source, folder, settings.frames):
+        if isinstance(item, Extraction):
+            for note in item.notes:
+                yield Line(note)
+            return item.paths
+        yield replace(item, seconds=stages.seconds)
+    raise RuntimeError("the frames ended without a result")
+
+
+def _prepared(files: Sequence[Path], stages: Stages, settings: CaptureSettings) -> Working:
+    """The prepared photos, and the key of their stage."""
+    key = fingerprint(state_of(files), settings.size)
+    answer, folder = stages.answer("photos", key), stages.place(f"photos-{key}")
+    if not answer.exists():
+        remove(folder)
+        for item in prepare(files, folder, settings.size):
+            if isinstance(item, Prepared):
+                stages.keep("photos", key, asdict(item))
+            else:
+                yield stages.event("photos", item.step, item.steps)
+    return Prepared.load(answer), key
+
+
+def _left_out(unreadable: Sequence[str]) -> str:
+    some = f"{len(unreadable)} files are" if len(unreadable) > 1 else "1 file is"
+    move = f"; {HEIC}" if any("(HEIC)" in each for each in unreadable) else ""
+    return f"{some} no usable photo: {listed(unreadable)}; going on with the rest{move}"
+
+
+class _Mapping:
+    """Features, matches and mapping of prepared photos: the attempts, and the best of them."""
+
+    def __init__(
+        self, stages: Stages, settings: CaptureSettings, prepared: Prepared, key: str
+    ) -> None:
+        self.stages, self.settings, self.prepared, self.key = stages, settings, prepared, key
+        self.images = stages.folder / f"photos-{key}"
+        self.groups = groups_of(prepared.photos, settings)
+        self.evidence: Evidence | None = None
+        """Of the last attempt."""
+        self.models: list[dict[str, Any]] = []
+        """Of the best attempt, the largest first."""
+        self.database = Path()
+        self.best = ""
+        """The key of the best attempt."""
+
+    @property
+    def posed(self) -> int:
+        return len(self.models[0]["poses"]) if self.models else 0
+
+    def cause(self) -> str:
+        """Why not all photos have a pose."""
+        assert self.evidence is not None
+        return cause(self.evidence, len(self.prepared.photos), self.posed)
+
+    def climb(self) -> Working:
+        """The attempts of the ladder, until enough photos have a pose or nothing can help."""
+        count = len(self.prepared.photos)
+        for name, attempt in ladder(self.settings, count):
+            if self.evidence is not None:
+                if self.posed >= ENOUGH * count or hopeless(self.evidence):
+                    return
+                posed = self.posed or "none"
+                yield Line(f"{posed} of {count} photos posed: trying again with {name}")
+            database, key = yield from self._match(attempt)
+            models, key = yield from self._map(database, key, attempt)
+            if models and len(models[0]["poses"]) > self.posed:
+                self.models, self.database, self.best = models, database, key
+
+    def _match(self, attempt: Attempt) -> Working:
+        """The database of features and matches, and the key of their stage."""
+        photos, settings, stages = self.prepared.photos, self.settings, self.stages
+        asked = {
+            "groups": [group.request(settings.lens) for group in self.groups],
+            "features": attempt.features, "peak": attempt.peak, "affine": attempt.affine,
+            "size": settings.size,
+        }  # fmt: skip
+        key = fingerprint(self.key, asked)
+        features = stages.place(f"features-{key}.db")
+        request = {"database": str(features), "images": str(self.images), **asked}
+        look = lambda: Step(rows(features, "keypoints"), len(photos))  # noqa: E731
+        yield from stages.run("features", key, request, look=look)
+        compared = (exhaustive if attempt.exhaustive else sequential)(len(photos))
+        key = fingerprint(key, compared, attempt.affine, settings.seed)
+        database = stages.place(f"matches-{key}.db")
+        listing = stages.place(f"matches-{key}.txt")
+        lines = (f"{photos[i].name} {photos[j].name}\n" for i, j in compared)
+        listing.write_text("".join(lines), encoding="utf-8")
+        if not database.exists():  # else an interrupted run goes on in it
+            copy_database(features, database)
+        request = {
+            "database": str(database), "pairs": str(listing), "guided": attempt.affine,
+            "seed": settings.seed,
+        }  # fmt: skip
+        look = lambda: Step(rows(database, "two_view_geometries"), len(compared))  # noqa: E731
+        found = yield from stages.run("matches", key, request, look=look)
+        known = all(group.focal is not None for group in self.groups)
+        self.evidence = Evidence(found["features"], found["pairs"], len(compared), known)
+        return database, key
+
+    def _map(self, database: Path, key: str, attempt: Attempt) -> Working:
+        """The models of an attempt, the largest first, and the key of their stage."""
+        settings, task = self.settings, f"{self.settings.mapper} mapping"
+        asked: dict[str, Any] = {"count": len(self.prepared.photos), "seed": settings.seed}
+        if settings.mapper == "incremental":
+            asked |= {"min_angle": attempt.min_angle, "min_inliers": attempt.min_inliers}
+        key = fingerprint(key, task, asked)
+        folder = self.stages.place(f"models-{key}")
+        if not self.stages.answer("mapping", key).exists():
+            remove(folder)
+        places = {"database": database, "images": self.images, "output": folder}
+        request = {**{name: str(path) for name, path in places.items()}, **asked}
+        answer = yield from self.stages.run("mapping", key, request, task=task)
+        order = sorted(
+            answer["models"], key=lambda model: (len(model["poses"]), model["points"]), reverse=True
+        )
+        return [{**model, "folder": folder / model["folder"]} for model in order], key
+
+    def refine(self) -> Working:
+        """The largest model, refined: its answer, its folder, and the key of the stage."""
+        key = fingerprint(self.best, "refined")
+        folder = self.stages.place(f"refined-{key}")
+        places = {
+            "model": self.models[0]["folder"], "database": self.database, "images": self.images,
+            "output": folder,
+        }  # fmt: skip
+        request = {**{name: str(path) for name, path in places.items()}, "seed": self.settings.seed}
+        answer = yield from self.stages.run("refinement", key, request)
+        return answer, folder, key
+
+    def focals(self, found: Sequence[Sequence[float]]) -> tuple[tuple[float, str], ...]:
+        """Of each camera of the model: its focal length in 35 mm equivalents, and its source."""
+        focals = []
+        for focal, width, height in found:
+            equivalent = focal / np.hypot(width, height) * FULL_FRAME_DIAGONAL
+            sources = [g.source for g in self.groups if (g.width, g.height) == (width, height)]
+            focals.append((round(float(equivalent), 1), sources[0] if sources else "guessed"))
+        return tuple(focals)
+
+
+def _finish(work: _Mapping, out: Path) -> Working:
+    """Refine, turn upright and undistort the largest model; the result, which is written too."""
+    model, refined, key = yield from work.refine()
+    names = sorted(model["poses"])
+    gravity = {name: each for group in work.groups for name, each in group.gravities.items()}
+    upright = find_upright(
+        np.array([[*model["poses"][name], [0, 0, 0, 1]] for name in names], dtype=np.float64),
+        np.array([gravity.get(name) or (np.nan,) * 3 for name in names], dtype=np.float64),
+    )
+    rotation = upright.rotation.tolist()
+    yield from _undistort(work, refined, rotation, fingerprint(key, rotation), len(names), out)
+    photos = work.prepared.photos
+    result = CaptureResult(
+        folder=str(out),
+        photos=len(photos),
+        posed=len(names),
+        islands=tuple(len(each["poses"]) for each in work.models),
+        error=model["error"],
+        points=model["points"],
+        focals=work.focals(model["focals"]),
+        upright=upright.source,
+        missing=tuple(photo.name for photo in photos if photo.name not in model["poses"]),
+        unreadable=work.prepared.unreadable,
+        seconds=work.stages.seconds,
+    )
+    with atomic_path(out / "capture.json", overwrite=True) as temporary:
+        temporary.write_text(json.dumps(asdict(result), indent=1))
+    return result
+
+
+def _undistort(
+    work: _Mapping, model: Path, rotation: list[list[float]], key: str, count: int, out: Path
+) -> Working:
+    """images/ and sparse/0 of the result, and what shows them: whole, or as they were."""
+    stages = work.stages
+    done = stages.answer("undistortion", key)
+    if not all((out / name).exists() for name in ("images", "sparse", "cameras.json")):
+        done.unlink(missing_ok=True)
+    if done.exists():
+        yield stages.event("undistortion", 1, 1, "done before")
+        return
+    place = stages.folder / "undistorted"
+    remove(place)
+    place.mkdir()
+    request = {
+        "model": str(model), "images": str(work.images), "output": str(place), "rotation": rotation,
+    }  # fmt: skip
+    look = lambda: Step(len(list(place.glob("images/*"))), count)  # noqa: E731
+    yield from stages.run("undistortion", key, request, look=look)
+    for each in (*stages.folder.glob("undistortion-*.json"), *(out / name for name in RESULTS)):
+        remove(each)
+    for name in ("sparse", "images"):
+        (place / name).rename(out / name)
+    remove(place)
+    yield stages.event("picture")
+    if fault := describe(out):
+        yield Line(fault)
+    stages.keep("undistortion", key, {})
+    yield stages.event("picture", 1, 1)
+
+
+def describe(out: Path) -> str:
+    """Write cameras.json and capture.png of a folder, as `fit` reads it; why not, if a picture
+    cannot be drawn."""
+    from gsedit.capture.picture import save_picture
+    from gsedit.files.cameras import write_cameras
+    from gsedit.files.colmap import read_colmap
+    from gsedit.views.viewpoints import Viewpoint
+
+    photos, points = read_colmap(out / "sparse" / "0")
+    cameras = [photo.lens.camera(photo.world_to_camera) for photo in photos]
+    views = [Viewpoint(photo.name, camera) for photo, camera in zip(photos, cameras)]
+    write_cameras(views, out / "cameras.json", overwrite=True)
+    if points is None or points.rgb is None:
+        return ""
+    try:
+        save_picture(points.xyz.numpy(), points.rgb.numpy(), cameras, out / "capture.png")
+    except GseditError as error:
+        return f"{out / 'capture.png'} is not drawn: {error}"
+    return ""

@@ -1,0 +1,161 @@
+"""Why photos could not be posed, in one line with the next move."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from gsedit.capture.photos import HEIC, Prepared
+from gsedit.capture.settings import FEWEST
+
+BLACK = 3.0
+"""Grey levels: a photo with less contrast shows nothing."""
+SAME = 2.0
+"""Grey levels that no pixel of a thumbnail differs by: JPEG's noise of one picture."""
+FEW_FEATURES = 150
+"""SIFT features of a photo in the median: plain walls have less, rooms and gardens thousands."""
+STILL = 0.003
+"""Of the picture's width: matched points that move less show the same photo again."""
+TURNED = 0.06
+"""Largest mean deviation from a rotation of the pairs of a camera that turned on the spot."""
+FOCALS = np.geomspace(0.35, 4, 36)
+"""Of the picture's width: 110 degrees to 14."""
+NAMED = 3
+"""Photos that a message names."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What the stages before mapping found."""
+
+    features: Mapping[str, int]
+    """SIFT features, by photo."""
+    pairs: Sequence[Mapping[str, Any]]
+    """Verified pairs: see `worker.survey`."""
+    compared: int
+    """Pairs that were compared."""
+    focal_known: bool
+
+    @property
+    def turned(self) -> bool:
+        """Whether the camera turned and did not walk: homographies that are rotations explain most
+        pairs, for one focal length."""
+        flat = [np.array(pair["homography"]) for pair in self.pairs if pair["flat"]]
+        if len(flat) < max(2, 0.6 * len(self.pairs)):
+            return False
+        return min(_from_rotation(flat, focal) for focal in FOCALS) < TURNED
+
+    @property
+    def still(self) -> bool:
+        """Whether most matched points stay where they are."""
+        shifts = [pair["shift"] for pair in self.pairs]
+        return len(shifts) > 0 and float(np.median(shifts)) < STILL
+
+    def groups(self) -> list[int]:
+        """Sizes of the groups of photos that matches connect, the largest first."""
+        root = {name: name for name in self.features}
+
+        def find(name: str) -> str:
+            while root[name] != name:
+                root[name] = root[root[name]]
+                name = root[name]
+            return name
+
+        for pair in self.pairs:
+            a, b = pair["names"]
+            root[find(a)] = find(b)
+        roots = sorted(find(name) for name in root)
+        return sorted((len(list(each)) for _, each in groupby(roots)), reverse=True)
+
+
+def _from_rotation(homographies: Sequence[np.ndarray], focal: float) -> float:
+    """Median deviation of K^-1 H K from a rotation: of its singular values from 1."""
+    scale = np.diag([focal, focal, 1.0])
+    inner = np.linalg.inv(scale) @ np.stack(homographies) @ scale
+    values = np.linalg.svd(inner, compute_uv=False)
+    values /= np.cbrt(values.prod(-1, keepdims=True))
+    return float(np.median(np.abs(values - 1).max(-1)))
+
+
+def before_features(prepared: Prepared, source: object) -> str | None:
+    """Why these photos cannot make a scene, whatever is tried; None where they might."""
+    photos, left_out = prepared.photos, prepared.unreadable
+    if len(photos) < FEWEST:
+        why = f"{source}: {_counted(len(photos))} cannot make a scene"
+        if left_out:
+            heic = any("(HEIC)" in each for each in left_out)
+            move = HEIC if heic else "copy or export these files again"
+            return f"{source}: {len(photos)} usable photos ({listed(left_out)} left out): {move}"
+        return f"{why}: walk around the subject and take 20 to 100 that overlap"
+    black = sum(photo.contrast < BLACK for photo in photos)
+    if len(photos) - black < FEWEST:
+        return (
+            f"{source}: {black} of {len(photos)} photos are black or of one colour: check the lens "
+            "cap and the exposure, and take them again"
+        )
+    if max(photo.change for photo in photos) < SAME:
+        return (
+            f"{source}: all {len(photos)} photos are the same picture: take them from different "
+            "places, walking around the subject"
+        )
+    return None
+
+
+def hopeless(evidence: Evidence) -> str | None:
+    """Why no retry can help; None where one might."""
+    if evidence.turned:
+        return (
+            "the camera turned on the spot and did not walk: no depth can be seen; walk around the "
+            "subject, a step sideways between photos"
+        )
+    if evidence.still:
+        return (
+            "the camera hardly moved between the photos: walk around the subject, a step sideways "
+            "between photos"
+        )
+    return None
+
+
+def cause(evidence: Evidence, count: int, posed: int) -> str:
+    """Why only `posed` of `count` photos have a pose, and what to do."""
+    return hopeless(evidence) or _matter(evidence, count, posed)
+
+
+def _matter(evidence: Evidence, count: int, posed: int) -> str:
+    features = float(np.median(list(evidence.features.values()) or [0]))
+    if features < FEW_FEATURES:
+        return (
+            f"too little texture ({features:.0f} features a photo): take in more of the "
+            "surroundings, put a patterned cloth or newspaper below the subject, use more light"
+        )
+    groups = evidence.groups()
+    if groups and groups[0] < 0.8 * count:
+        parts = ", ".join(str(size) for size in groups[:4] if size > 1)
+        shown = f"matches connect groups of {parts}" if parts else "no two photos match"
+        return (
+            f"too little overlap ({shown}): take photos in between, so that neighbours share two "
+            "thirds of the picture"
+        )
+    if posed < 0.8 * count and not evidence.focal_known:
+        return (
+            "the photos match but do not fit together, and their focal length is unknown: name it "
+            "with --focal (a phone's main camera: 26), or use the camera's own files with EXIF"
+        )
+    return (
+        "the photos match but do not fit together: leave out what moved or mirrors, or take more "
+        "photos from places between"
+    )
+
+
+def listed(names: Sequence[str]) -> str:
+    """The first names, and how many more there are."""
+    more = len(names) - NAMED
+    return ", ".join(names[:NAMED]) + (f" and {more} more" if more > 0 else "")
+
+
+def _counted(number: int) -> str:
+    return f"{number} photo" if number == 1 else f"{number or 'no'} photos"

@@ -1,0 +1,187 @@
+"""The photos of a folder as the later stages need them: upright, 8-bit RGB, of a size that pays."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageOps
+
+from gsedit.capture.child import Step
+from gsedit.errors import InputError
+
+PICTURES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp", ".heic", ".heif", ".avif")
+VIDEOS = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".mts", ".3gp")
+HEIC = "convert HEIC photos to JPEG first (iPhone: Settings > Camera > Formats > Most Compatible)"
+QUALITY = 95
+"""Of JPEG, where a photo is written anew."""
+SMALLEST = 64
+"""Pixels of the shorter side: SIFT finds next to nothing in less."""
+THUMBNAIL = 32
+"""Pixels on a side, for comparing photos."""
+
+
+@dataclass(frozen=True)
+class Photo:
+    """A photo that can be used."""
+
+    source: str
+    """The user's file."""
+    name: str
+    """Of the prepared file: no spaces, which COLMAP's list of pairs cannot hold."""
+    width: int
+    """Of the prepared file, pixels."""
+    height: int
+    contrast: float
+    """Standard deviation of the grey values, 0 to 255."""
+    change: float
+    """Largest difference from the first photo's thumbnail, grey values, 0 to 255."""
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """The prepared photos, and what was left out."""
+
+    photos: tuple[Photo, ...]
+    unreadable: tuple[str, ...]
+    """"NAME (reason)" of each file that is no usable photo."""
+
+    @staticmethod
+    def load(path: Path) -> Prepared:
+        record = json.loads(path.read_text())
+        return Prepared(tuple(Photo(**each) for each in record["photos"]),
+                        tuple(record["unreadable"]))  # fmt: skip
+
+
+def photo_files(folder: Path) -> tuple[Path, ...]:
+    """The files of a folder that should be photos, in the order of their names: 2 before 10.
+
+    Raises InputError where there is none.
+    """
+    files = [each for each in folder.iterdir() if each.is_file() and each.name[0] != "."]
+    photos = [each for each in files if each.suffix.lower() in PICTURES]
+    if photos:
+        return tuple(sorted(photos, key=lambda path: natural(path.name)))
+    videos = sorted(each.name for each in files if each.suffix.lower() in VIDEOS)
+    if videos:
+        raise InputError(f"{folder} holds no photos but a video: name {folder / videos[0]} itself")
+    inner = sorted(each.name for each in folder.iterdir() if each.is_dir() and each.name[0] != ".")
+    move = "check the folder"
+    if inner:
+        move = f"name the folder that holds them, perhaps {folder / inner[0]}"
+    raise InputError(f"{folder} holds no photos ({', '.join(PICTURES[:6])}): {move}")
+
+
+def natural(name: str) -> list[tuple[int, str]]:
+    """A key that sorts numbers within names by their value."""
+    parts = re.findall(r"\d+|\D+", name.lower())
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
+
+
+def state_of(files: Sequence[Path]) -> list[tuple[str, int, int]]:
+    """What changes when a file does: name, bytes, time of its last change."""
+    stats = [(each, each.stat()) for each in files]
+    return [(str(each), stat.st_size, stat.st_mtime_ns) for each, stat in stats]
+
+
+def prepare(files: Sequence[Path], folder: Path, size: int) -> Iterator[Step | Prepared]:
+    """Write the photos into `folder`, with the longer side at most `size` pixels; yields steps,
+    then what came out. A photo that is fine as it is gets a link or a copy."""
+    folder.mkdir(parents=True)
+    photos: list[Photo] = []
+    unreadable: list[str] = []
+    first: np.ndarray | None = None
+    taken: set[str] = set()
+    for i, file in enumerate(files):
+        yield Step(i, len(files))
+        try:
+            name, picture = _prepared(file, folder, size, taken)
+        except Exception as error:  # Pillow's decoders raise a dozen kinds
+            unreadable.append(f"{file.name} ({_reason(file, error)})")
+            continue
+        grey = np.asarray(picture.convert("L").resize((THUMBNAIL, THUMBNAIL)), dtype=np.float32)
+        first = grey if first is None else first
+        change = float(np.abs(grey - first).max())
+        contrast = float(np.asarray(picture.convert("L"), dtype=np.float32).std())
+        photos.append(Photo(str(file), name, *picture.size, contrast, change))
+    yield Step(len(files), len(files))
+    yield Prepared(tuple(photos), tuple(unreadable))
+
+
+def _prepared(file: Path, folder: Path, size: int, taken: set[str]) -> tuple[str, Image.Image]:
+    """Write one photo; its name and its picture."""
+    with Image.open(file) as opened:
+        if getattr(opened, "n_frames", 1) > 1 and opened.format not in ("MPO", "TIFF"):
+            raise ValueError("an animation: name the video it was made from")
+        opened.load()
+        plain = (
+            opened.mode in ("RGB", "L")
+            and opened.format in ("JPEG", "PNG")
+            and opened.getexif().get(0x0112, 1) == 1
+            and max(opened.size) <= size
+        )
+        lossless = opened.format in ("PNG", "BMP")
+        upright = ImageOps.exif_transpose(opened)
+    if min(upright.size) < SMALLEST:
+        raise ValueError(f"{upright.width}x{upright.height} pixels, {SMALLEST} are needed")
+    name = _name(file, ".png" if lossless else ".jpg", taken)
+    if plain:
+        _link(file, folder / name)
+        return name, upright.convert("RGB")
+    picture = _rgb(upright)
+    if max(picture.size) > size:
+        scale = size / max(picture.size)
+        width, height = (max(1, round(side * scale)) for side in picture.size)
+        picture = picture.resize((width, height), Image.Resampling.LANCZOS, reducing_gap=3)
+    # no EXIF: its orientation is applied, and COLMAP gets the focal length from us
+    picture.save(folder / name, quality=QUALITY, subsampling=0)  # PNG ignores both
+    return name, picture
+
+
+def _rgb(picture: Image.Image) -> Image.Image:
+    """8-bit RGB; transparent pixels are laid over white, 16-bit ones are scaled."""
+    if picture.mode.startswith("I") or picture.mode == "F":
+        values = np.asarray(picture, dtype=np.float32)
+        return Image.fromarray((values / max(values.max(), 1) * 255).astype(np.uint8)).convert(
+            "RGB"
+        )
+    if picture.has_transparency_data:
+        rgba = picture.convert("RGBA")
+        white = Image.new("RGBA", rgba.size, "white")
+        return Image.alpha_composite(white, rgba).convert("RGB")
+    return picture.convert("RGB")
+
+
+def _name(file: Path, suffix: str, taken: set[str]) -> str:
+    """The name without spaces and with the suffix of what is written, unlike those taken."""
+    own = {".jpeg": ".jpg"}.get(file.suffix.lower(), file.suffix.lower())
+    stem = re.sub(r"\s+", "_", file.stem)
+    name = stem + (file.suffix if own == suffix else suffix)
+    if name.lower() in taken:
+        name = f"{stem}_{file.suffix[1:]}{suffix}"
+    number = 2
+    while name.lower() in taken:
+        name, number = f"{stem}_{number}{suffix}", number + 1
+    taken.add(name.lower())
+    return name
+
+
+def _link(file: Path, place: Path) -> None:
+    try:
+        place.hardlink_to(file.resolve())
+    except OSError:  # another disk, or a file system without links
+        shutil.copyfile(file, place)
+
+
+def _reason(file: Path, error: Exception) -> str:
+    if file.suffix.lower() in (".heic", ".heif"):
+        return "HEIC"
+    text = str(error).split("\n")[0].replace(repr(str(file)), "it")
+    if "cannot identify image file" in text:
+        return "no picture inside" if file.stat().st_size else "an empty file"
+    return text or type(error).__name__

@@ -1,0 +1,96 @@
+"""What a capture may be asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+Lens = Literal["radial", "opencv", "fisheye"]
+Matching = Literal["auto", "exhaustive", "sequential"]
+Mapper = Literal["incremental", "global"]
+
+LENSES = {
+    "radial": ("RADIAL", 1, 2),
+    "opencv": ("OPENCV", 2, 4),
+    "fisheye": ("OPENCV_FISHEYE", 2, 4),
+}
+"""COLMAP's camera model, its focal lengths, and its distortion parameters."""
+EXHAUSTIVE_UP_TO = 80
+"""Photos of which every pair is matched. The cost is quadratic: 3,160 pairs, 55 s on two cores."""
+EVERY_PAIR_UP_TO = 250
+"""Photos of which every pair is matched where neighbours alone did not connect."""
+FEWEST = 3
+"""Photos: two leave the depth of every point to two rays, and one cannot be posed."""
+
+
+@dataclass(frozen=True)
+class CaptureSettings:
+    """How photos are posed. Every field but the last two changes what is computed."""
+
+    frames: int | None = None
+    """Frames to take of a video. None: as its length and motion ask for."""
+    size: int = 1600
+    """Longer side of the photos that are written, pixels; they are never made larger."""
+    features: int = 2048
+    """SIFT features of a photo, at most."""
+    matching: Matching = "auto"
+    """Which photos are compared: every pair, or each with those after it in the order of the names,
+    the last with the first. auto: every pair of up to 80 photos."""
+    mapper: Mapper = "incremental"
+    """COLMAP's incremental mapping, or its global one (GLOMAP), which is faster on hundreds of
+    photos and needs good focal lengths."""
+    lens: Lens = "radial"
+    """Distortion to estimate: radial (k1, k2), opencv (with p1, p2 and two focal lengths), or
+    fisheye."""
+    focal: float | None = None
+    """Focal length in 35 mm equivalents (a phone's main camera: about 26). None: from EXIF, else
+    guessed and refined."""
+    retries: bool = True
+    """Try again with other settings where fewer than four of five photos are posed."""
+    seed: int = 0
+    threads: int = -1
+    """CPU threads; -1: all."""
+
+    def __post_init__(self) -> None:
+        for name, least in (("frames", FEWEST), ("size", 100), ("features", 100)):
+            value = getattr(self, name)
+            if value is not None and value < least:
+                raise ValueError(f"--{name} is {value}, but must be {least} or more")
+        if self.focal is not None and not 1 <= self.focal <= 2000:
+            raise ValueError(f"--focal is {self.focal:g}, but must be 1 to 2000 mm")
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """What a retry changes."""
+
+    features: int
+    exhaustive: bool
+    min_angle: float = 16.0
+    """Degrees between the rays of the first two photos (COLMAP's default)."""
+    min_inliers: int = 100
+    """Matches between the first two photos (COLMAP's default)."""
+    peak: float = 0.02 / 3
+    """Least contrast of a feature (COLMAP's default)."""
+    affine: bool = False
+    """Affine shapes of features and guided matching: slower, for wide baselines."""
+
+
+def ladder(settings: CaptureSettings, count: int) -> tuple[tuple[str, Attempt], ...]:
+    """What is tried in turn with `count` photos, cheapest first, each with its name."""
+    every = settings.matching == "exhaustive"
+    every = every or (settings.matching == "auto" and count <= EXHAUSTIVE_UP_TO)
+    tried = Attempt(settings.features, every)
+    rungs = [("", tried)]
+    if not settings.retries:
+        return tuple(rungs)
+    if settings.mapper == "incremental":
+        tried = replace(tried, min_angle=4.0, min_inliers=40)
+        rungs.append(("a smaller angle between the first two photos", tried))
+    if not every and settings.matching == "auto" and count <= EVERY_PAIR_UP_TO:
+        tried = replace(tried, exhaustive=True)
+        rungs.append(("every pair of photos", tried))
+    tried = replace(tried, features=2 * tried.features, peak=tried.peak / 3)
+    rungs.append(("more and fainter features", tried))
+    rungs.append(("affine shapes and guided matching", replace(tried, affine=True)))
+    return tuple(rungs)

@@ -1,0 +1,113 @@
+"""The stages of a capture: each is named by what it depends on, and kept in one folder.
+
+A stage is complete when its answer, a JSON file, is there; what is beside it without an answer was
+interrupted. A run that is started again goes on where the last one was, and one with other photos
+or options redoes what depends on them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+import time
+from collections.abc import Callable, Generator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from gsedit.capture import child
+from gsedit.capture.child import Step
+from gsedit.files.atomic import atomic_path
+from gsedit.reports.events import Event
+
+
+@dataclass(frozen=True)
+class Line:
+    """Something that the user should know, in one line."""
+
+    text: str
+
+
+Working: TypeAlias = Generator[Event | Line, None, Any]
+"""Work that yields what to show, and returns what it came to."""
+
+
+def fingerprint(*parts: object) -> str:
+    """A short name for whatever a stage depends on."""
+    return hashlib.sha256(json.dumps(parts, default=str).encode()).hexdigest()[:12]
+
+
+class Stages:
+    """The folder of the stages, the clock, and which stages this run used."""
+
+    def __init__(self, folder: Path, threads: int) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        # the child process has another working directory
+        self.folder, self.threads = folder.absolute(), threads
+        self.log = self.folder / "colmap.log"
+        self.used = {self.log.name}
+        self.began = time.monotonic()
+
+    @property
+    def seconds(self) -> float:
+        return time.monotonic() - self.began
+
+    def event(self, stage: str, step: int = 0, steps: int = 0, note: str = "") -> Event:
+        return Event(stage, self.seconds, step, steps, note=note)
+
+    def place(self, name: str) -> Path:
+        """A path in the folder, kept after this run."""
+        self.used.add(name)
+        return self.folder / name
+
+    def answer(self, stage: str, key: str) -> Path:
+        """Where the answer of a stage is kept: with it, the stage is complete."""
+        return self.place(f"{stage}-{key}.json")
+
+    def keep(self, stage: str, key: str, answer: object) -> None:
+        """Write the answer of a stage, which is complete with it."""
+        with atomic_path(self.answer(stage, key), overwrite=True) as temporary:
+            temporary.write_text(json.dumps(answer))
+
+    def run(
+        self,
+        stage: str,
+        key: str,
+        request: Mapping[str, Any],
+        *,
+        task: str = "",
+        look: Callable[[], Step] | None = None,
+    ) -> Working:
+        """The answer of a task of the child process (named like the stage, or `task`), from before
+        or from now. `look`: how far a task is that does not say so itself."""
+        path = self.answer(stage, key)
+        if path.exists():
+            yield self.event(stage, 1, 1, "done before")
+            return json.loads(path.read_text())
+        yield self.event(stage)
+        request = {**request, "threads": self.threads}
+        steps = child.run(task or stage, request, self.log, look)
+        try:
+            while True:
+                step = next(steps)
+                yield self.event(stage, step.step, step.steps, step.note)
+        except StopIteration as end:
+            self.keep(stage, key, end.value)
+            return end.value
+        finally:
+            steps.close()  # ends the child where the work was interrupted
+
+    def clean(self) -> None:
+        """Remove the stages that this run did not use: those of other photos or options."""
+        for each in self.folder.iterdir():
+            if each.name not in self.used:
+                remove(each)
+
+
+def remove(path: Path) -> None:
+    """Remove a file or a folder, if it is there."""
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)

@@ -1,0 +1,306 @@
+"""The child process that runs pycolmap: one task of one request. It must not import torch.
+
+Read from stdin: a JSON object with `task`, the name of a function below, and its arguments. Written
+to stdout: JSON lines of type "step" (step, steps, note), then "done" with the answer, or "error".
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pycolmap
+
+BATCH = 200
+"""Pairs that are matched before their result is written."""
+GOOD_ERROR = 2.0
+"""Pixels: the largest reprojection error of a point that the fit starts from."""
+GOOD_ANGLE = 2.0
+"""Degrees: the smallest angle between its rays."""
+ENOUGH_FOR_CENTRE = 15
+"""Photos of one camera from which the principal point is estimated too. The bear's lies 17 pixels
+off the middle of 512: left there, every pose is 1.7 degrees wrong."""
+FARTHEST_CENTRE = 0.1
+"""Of the picture's side, from its middle: a principal point beyond is not believed."""
+
+Say = Callable[..., None]
+
+
+def extract(say: Say, database: str, images: str, groups: list[dict], features: int, peak: float,
+            affine: bool, size: int, threads: int) -> dict[str, Any]:  # fmt: skip
+    """SIFT features of each group of photos, which share a camera; goes on in a database."""
+    options = pycolmap.FeatureExtractionOptions()
+    options.num_threads, options.max_image_size, options.use_gpu = threads, size, False
+    options.sift.max_num_features = features
+    options.sift.peak_threshold = peak
+    options.sift.estimate_affine_shape = affine
+    for group in groups:
+        reader = pycolmap.ImageReaderOptions()
+        reader.camera_model = group["model"]
+        if group["params"]:
+            reader.camera_params = ",".join(map(str, group["params"]))
+        known = _camera_of(database, group["names"])
+        if known is not None:
+            reader.existing_camera_id = known
+        pycolmap.extract_features(
+            database, images, group["names"], pycolmap.CameraMode.SINGLE, reader, options,
+            pycolmap.Device.cpu,
+        )  # fmt: skip
+    return {}
+
+
+def _camera_of(database: str, names: Sequence[str]) -> int | None:
+    """The camera of photos that an interrupted run has entered already."""
+    if not Path(database).exists():
+        return None
+    with pycolmap.Database.open(database) as opened:
+        found = (opened.read_image_with_name(name) for name in names)
+        return next((image.camera_id for image in found if image is not None), None)
+
+
+def match(say: Say, database: str, pairs: str, guided: bool, seed: int, threads: int
+          ) -> dict[str, Any]:  # fmt: skip
+    """Match and verify the pairs of a list; those in the database already are left out."""
+    options = pycolmap.FeatureMatchingOptions()
+    options.num_threads, options.use_gpu, options.guided_matching = threads, False, guided
+    pairing = pycolmap.ImportedPairingOptions()
+    pairing.match_list_path, pairing.block_size = pairs, BATCH
+    verification = pycolmap.TwoViewGeometryOptions()
+    verification.ransac.random_seed = seed
+    pycolmap.match_image_pairs(database, options, pairing, verification, pycolmap.Device.cpu)
+    return survey(database)
+
+
+def survey(database: str) -> dict[str, Any]:
+    """What the features and matches say: the evidence for why photos could not be posed."""
+    with pycolmap.Database.open(database) as opened:
+        images = {image.image_id: image for image in opened.read_all_images()}
+        cameras = {camera.camera_id: camera for camera in opened.read_all_cameras()}
+        keypoints = {i: opened.read_keypoints(i)[:, :2] for i in images}
+        pairs = []
+        for pair, geometry in zip(*opened.read_two_view_geometries()):
+            inliers = geometry.inlier_matches
+            if not len(inliers):
+                continue
+            i, j = pycolmap.pair_id_to_image_pair(pair)
+            moved = keypoints[i][inliers[:, 0]] - keypoints[j][inliers[:, 1]]
+            camera = cameras[images[i].camera_id]
+            pairs.append({
+                "names": (images[i].name, images[j].name),
+                "inliers": len(inliers),
+                "flat": geometry.config in _FLAT,
+                "shift": float(np.median(np.linalg.norm(moved, axis=1))) / camera.width,
+                "homography": None if geometry.H is None else _centred(geometry.H, camera).tolist(),
+            })  # fmt: skip
+    counts = {image.name: len(keypoints[i]) for i, image in images.items()}
+    return {"features": counts, "pairs": pairs}
+
+
+_FLAT = {
+    int(pycolmap.TwoViewGeometryConfiguration.__members__[name])
+    for name in ("PLANAR", "PANORAMIC", "PLANAR_OR_PANORAMIC")
+}
+"""Pairs that a homography explains: a flat subject, or a camera that only turned."""
+
+
+def _centred(homography: np.ndarray, camera: pycolmap.Camera) -> np.ndarray:
+    """The homography between pictures whose origin is the middle and whose unit is the width."""
+    half = np.array([camera.width, camera.height]) / 2
+    to_unit = np.diag([1 / camera.width, 1 / camera.width, 1.0])
+    to_unit[:2, 2] = -half / camera.width
+    return to_unit @ homography @ np.linalg.inv(to_unit)
+
+
+def map_incrementally(say: Say, database: str, images: str, output: str, count: int,
+                      min_angle: float, min_inliers: int, seed: int, threads: int
+                      ) -> dict[str, Any]:  # fmt: skip
+    """Incremental mapping; the models, each in a folder of its own below `output`."""
+    options = pycolmap.IncrementalPipelineOptions()
+    options.num_threads, options.random_seed, options.min_model_size = threads, seed, 3
+    options.extract_colors = False  # of the model that is kept only
+    options.mapper.init_min_tri_angle = min_angle
+    options.mapper.init_min_num_inliers = min_inliers
+    placed = 0
+
+    def place(number: int) -> None:
+        nonlocal placed
+        placed += number
+        say("step", step=min(placed, count), steps=count)
+
+    Path(output).mkdir(parents=True)
+    models = pycolmap.incremental_mapping(
+        database, images, output, options,
+        initial_image_pair_callback=lambda: place(2), next_image_callback=lambda: place(1),
+    )  # fmt: skip
+    return {"models": [_model(index, output, model) for index, model in models.items()]}
+
+
+def map_globally(say: Say, database: str, images: str, output: str, count: int, seed: int,
+                 threads: int) -> dict[str, Any]:  # fmt: skip
+    """Global mapping, on a copy of the database whose focal lengths are calibrated first."""
+    Path(output).mkdir(parents=True)
+    calibrated = Path(output) / "calibrated.db"
+    shutil.copyfile(database, calibrated)
+    say("step", step=0, steps=0, note="focal lengths from the matches")
+    calibration = pycolmap.ViewGraphCalibrationOptions()
+    calibration.random_seed = seed
+    pycolmap.calibrate_view_graph(calibrated, calibration)
+    say("step", step=0, steps=0, note="rotations, then positions")
+    options = pycolmap.GlobalPipelineOptions()
+    options.num_threads, options.random_seed = threads, seed
+    models = pycolmap.global_mapping(calibrated, images, output, options)
+    calibrated.unlink()
+    return {"models": [_model(index, output, model) for index, model in models.items()]}
+
+
+def _model(index: int, output: str, model: pycolmap.Reconstruction) -> dict[str, Any]:
+    posed = [image for image in model.images.values() if image.has_pose]
+    return {
+        "folder": str(index),
+        "points": model.num_points3D(),
+        "error": model.compute_mean_reprojection_error(),
+        "poses": {image.name: image.cam_from_world().matrix().tolist() for image in posed},
+    }
+
+
+def refine(say: Say, model: str, database: str, images: str, output: str, seed: int, threads: int
+           ) -> dict[str, Any]:  # fmt: skip
+    """The model with the principal points of cameras that took many photos, and with points that
+    only two photos see where that gives more good ones."""
+    say("step", step=0, steps=2, note="principal point")
+    reconstruction = pycolmap.Reconstruction(model)
+    _refine_centres(reconstruction)
+    say("step", step=1, steps=2, note="points")
+    reconstruction = _with_more_points(reconstruction, database, images, output, seed, threads)
+    reconstruction.extract_colors_for_all_images(images, threads)
+    folder = Path(output)
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    reconstruction.write(folder)
+    say("step", step=2, steps=2)
+    cameras = reconstruction.cameras.values()
+    return {
+        **_model(0, output, reconstruction),
+        "focals": [(camera.mean_focal_length(), camera.width, camera.height) for camera in cameras],
+    }
+
+
+def _refine_centres(reconstruction: pycolmap.Reconstruction) -> None:
+    """Bundle adjustment with principal points free, for cameras with enough photos; kept where the
+    points of these cameras come out near their middles."""
+    uses: dict[int, int] = {}
+    for image in reconstruction.images.values():
+        uses[image.camera_id] = uses.get(image.camera_id, 0) + bool(image.has_pose)
+    if min(uses.values()) < ENOUGH_FOR_CENTRE:
+        return
+    tried = pycolmap.Reconstruction(reconstruction)
+    options = pycolmap.BundleAdjustmentOptions()
+    options.refine_principal_point, options.print_summary = True, False
+    pycolmap.bundle_adjustment(tried, options)
+    for camera in tried.cameras.values():
+        size = np.array([camera.width, camera.height])
+        off = np.abs([camera.principal_point_x, camera.principal_point_y] - size / 2)
+        if (off > FARTHEST_CENTRE * size).any():
+            return
+    tried.update_point_3d_errors()
+    if tried.compute_mean_reprojection_error() < reconstruction.compute_mean_reprojection_error():
+        for each in reconstruction.cameras.values():
+            each.params = tried.cameras[each.camera_id].params
+        for frame_id, frame in tried.frames.items():
+            if frame.has_pose:
+                reconstruction.frames[frame_id].rig_from_world = frame.rig_from_world
+        for point_id, point in tried.points3D.items():
+            reconstruction.points3D[point_id].xyz = point.xyz
+        reconstruction.update_point_3d_errors()
+
+
+def _with_more_points(reconstruction: pycolmap.Reconstruction, database: str, images: str,
+                      output: str, seed: int, threads: int) -> pycolmap.Reconstruction:  # fmt: skip
+    options = pycolmap.IncrementalPipelineOptions()
+    options.num_threads, options.random_seed, options.extract_colors = threads, seed, False
+    options.triangulation.ignore_two_view_tracks = False
+    Path(output).mkdir(parents=True, exist_ok=True)
+    dense = pycolmap.triangulate_points(
+        pycolmap.Reconstruction(reconstruction), database, images, output, True, options
+    )
+    for each in (reconstruction, dense):
+        pycolmap.ObservationManager(each).filter_all_points3D(GOOD_ERROR, GOOD_ANGLE)
+        each.update_point_3d_errors()
+    return max(dense, reconstruction, key=lambda each: each.num_points3D())
+
+
+def undistort(say: Say, model: str, images: str, output: str, rotation: list[list[float]],
+              threads: int) -> dict[str, Any]:  # fmt: skip
+    """A COLMAP folder: images/ of pinhole cameras and sparse/0, in a world that is turned."""
+    reconstruction = pycolmap.Reconstruction(model)
+    turn = pycolmap.Sim3d(1.0, pycolmap.Rotation3d(np.array(rotation)), np.zeros(3))
+    reconstruction.transform(turn)
+    folder = Path(output)
+    turned = folder / "turned"
+    turned.mkdir(parents=True)
+    reconstruction.write(turned)
+    options = pycolmap.UndistortCameraOptions()
+    pycolmap.undistort_images(
+        folder, turned, images, undistort_options=options, jpeg_quality=95, num_threads=threads
+    )
+    shutil.rmtree(turned)
+    (folder / "sparse").rename(folder / "model")
+    (folder / "sparse").mkdir()
+    (folder / "model").rename(folder / "sparse" / "0")
+    for each in folder.iterdir():  # scripts and folders for COLMAP's dense stereo
+        if each.name not in ("images", "sparse"):
+            shutil.rmtree(each) if each.is_dir() else each.unlink()
+    return {"images": len(list(folder.glob("images/*")))}
+
+
+TASKS = {
+    "features": extract,
+    "matches": match,
+    "incremental mapping": map_incrementally,
+    "global mapping": map_globally,
+    "refinement": refine,
+    "undistortion": undistort,
+}
+
+
+def main() -> None:
+    """Answer the request on stdin."""
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)  # what libraries print goes to the log
+    lock = threading.Lock()
+
+    def say(kind: str, **record: Any) -> None:
+        with lock:
+            answers.write(json.dumps({"type": kind, **record}) + "\n")
+            answers.flush()
+
+    request = json.loads(sys.stdin.readline())
+    task = request.pop("task")
+    sys.stderr.write(f"{time.strftime('%F %T')} {task} {json.dumps(request)[:2000]}\n")
+    sys.stderr.flush()
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    try:
+        answer = TASKS[task](say, **request)
+    except Exception as error:  # of any kind: the parent names it
+        say("error", message=str(error).split("\n")[0])
+    else:
+        say("done", **answer)
+    answers.flush()
+    os._exit(0)  # the thread that reads stdin would hold the interpreter
+
+
+def _end_with_parent() -> None:
+    sys.stdin.read()
+    os._exit(1)
+
+
+if __name__ == "__main__":
+    main()
