@@ -100,6 +100,33 @@ def edit(
     before_after.png and error_vs_time.png.
     """
     folder = check_request(instruction, views, out, explain)
+    result = run_edit(
+        scene, instruction, folder, views=views, editor=editor, preset=preset, values=values,
+        features=features, explain=explain, drop_invalid=drop_invalid, force=force, resume=resume,
+        common=common,
+    )  # fmt: skip
+    if result is not None:
+        print_edit(result, folder, as_json=common.json)
+
+
+def run_edit(
+    scene: Path,
+    instruction: str,
+    folder: Path,
+    *,
+    views: ViewOptions,
+    editor: EditorOptions,
+    preset: str = "default",
+    values: Values | None = None,
+    features: str = "filters",
+    explain: bool = False,
+    drop_invalid: bool = False,
+    force: bool = False,
+    resume: bool = False,
+    common: Seeded,
+) -> EditResult | None:
+    """Edit with progress on the terminal, and write the folder; None on all ranks but the first,
+    and where the edit is only explained."""
     kept = {"editor": editor, "features": features}
     state = None
     if not explain:
@@ -113,7 +140,7 @@ def edit(
     from gsedit.session.history import history_of
     from gsedit.strategies import asks_editor, check_strategy
 
-    settings, strategy = resolve(preset, values, own_flags(edit))
+    settings, strategy = resolve(preset, values or {}, own_flags(edit))
     check_strategy(strategy)
     check_condition(settings.condition, views.data)
     followed = instruction if asks_editor(strategy) else None
@@ -139,8 +166,7 @@ def edit(
         **history_of(scene),
     }  # fmt: skip
     earlier = [] if state is None else state.record["events"]
-    result = run_and_write(steps, folder, dataset, request, kept, earlier, as_json=common.json)
-    print_edit(result, folder, as_json=common.json)
+    return run_and_write(steps, folder, dataset, request, kept, earlier, as_json=common.json)
 
 
 def print_edit(result: EditResult, folder: Path, *, as_json: bool) -> None:

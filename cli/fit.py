@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from gsedit.fitting.settings import FitSettings
 
 FITTING = "Fitting"
+CHECKPOINT = ".checkpoint.safetensors"
+"""Suffix, in place of the scene's, of where an interrupted fit goes on."""
 
 Dataset = Annotated[
     Path,
@@ -72,8 +74,30 @@ def fit(
 
     gsedit fit photos/ -o scene.ply --size 256 --minutes 10
     """
+    result = run_fit(
+        dataset, out, size, with_budget(values, minutes), start=start, drop_invalid=drop_invalid,
+        force=force, resume=resume, common=common,
+    )  # fmt: skip
+    if result is not None:
+        print_fit(result, out, as_json=common.json)
+
+
+def run_fit(
+    dataset: Path,
+    out: Path,
+    size: int,
+    settings: FitSettings,
+    *,
+    start: Path | None = None,
+    drop_invalid: bool = False,
+    force: bool = False,
+    resume: bool = False,
+    common: Seeded,
+) -> FitResult | None:
+    """Fit with progress on the terminal, and write the scene and its cameras; None on all ranks but
+    the first."""
     check_scene_file(out, force)
-    checkpoints = Checkpoints(out.with_suffix(".checkpoint.safetensors"))
+    checkpoints = Checkpoints(out.with_suffix(CHECKPOINT))
     state = of_first(lambda: going_on(checkpoints.path, {}, "fit", resume=resume, force=force))
     common.apply()
 
@@ -81,7 +105,6 @@ def fit(
     from gsedit.files.cameras import write_beside
     from gsedit.fitting.fit import fit_steps
 
-    settings = with_budget(values, minutes)
     first = None if start is None else load_scene(start, drop_invalid=drop_invalid)
     photos = load_dataset(dataset, size=size)
     say_kernel(settings.execution)
@@ -96,7 +119,7 @@ def fit(
         save(result.scene, out, overwrite=force)
         cameras = write_beside(out, photos.views)
     print_message(f"the cameras are in {cameras}: edit, render and preview use them")
-    print_fit(result, out, as_json=common.json)
+    return result
 
 
 def with_budget(values: Values, minutes: float | None) -> FitSettings:
