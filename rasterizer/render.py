@@ -10,6 +10,7 @@ from torch import Tensor
 
 from rasterizer import checks
 from rasterizer.camera import Camera
+from rasterizer.front.picture import draw
 from rasterizer.numerics import AUTO, DEFAULT, SH_DC, Execution, Numerics
 from rasterizer.preprocess import features_of, preprocess, stored_scene
 from rasterizer.project import Box
@@ -60,25 +61,41 @@ def render(
     if background is not None:
         checks.all_finite("background", background)
     box = crop or (0, 0, camera.width, camera.height)
+    if marked is None:
+        drawn = draw(scene, camera, box, numerics, execution, depth=depth, median=median_depth)
+        if drawn is not None:
+            return _composed(*drawn, background, depth)
     source = stored_scene(scene)
     splats = preprocess(source, camera, box, numerics)
     features = features_of(source, splats, camera, depth=depth)
     if marked is not None:
         features = torch.cat((features, marked[splats.rows].to(features)[:, None]), -1)
     blended = splat(splats, features, box, numerics, execution=execution, median=median_depth)
-    alpha = 1 - blended.transmittance
-    color = blended.features[..., :3]
-    if background is not None:
-        color = color + blended.transmittance[..., None] * background.to(color)
-    expected = median = None
-    if depth:
-        expected = blended.features[..., 3] / alpha.masked_fill(alpha == 0, 1)
+    median = None
     if blended.median_index is not None:
         centres = splats.projected.depth.detach()
         centres = torch.cat((centres, centres.new_zeros(1)))
         median = centres[blended.median_index]  # -1, no Gaussian, reads the zero at the end
-    shown = None if marked is None else blended.features[..., -1]
-    return Rendering(color, alpha, expected, median, shown)
+    picture = _composed(blended.features, blended.transmittance, median, background, depth)
+    return picture if marked is None else replace(picture, marked=blended.features[..., -1])
+
+
+def _composed(
+    features: Float[Tensor, "h w d"],
+    transmittance: Float[Tensor, "h w"],
+    median: Float[Tensor, "h w"] | None,
+    background: Float[Tensor, "3"] | None,
+    depth: bool,
+) -> Rendering:
+    """Colours over the background, and the fourth feature over alpha where there is depth."""
+    alpha = 1 - transmittance
+    color = features[..., :3]
+    if background is not None:
+        color = color + transmittance[..., None] * background.to(color)
+    expected = None
+    if depth:
+        expected = features[..., 3] / alpha.masked_fill(alpha == 0, 1)
+    return Rendering(color, alpha, expected, median)
 
 
 def backproject(

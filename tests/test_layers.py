@@ -37,7 +37,7 @@ ORDER = {
         "errors",
     ),
     "rasterizer": (
-        "reference", "rasterization", "gsplat_inputs", "pixel_lists", "render", "splat",
+        "reference", "rasterization", "gsplat_inputs", "pixel_lists", "render", "front", "splat",
         "preprocess", "checks",
         "blending", "tiles", "project", "harmonics", "camera", "scene", "notebook",
         "compiled", "numerics", "lazy",

@@ -1,0 +1,111 @@
+// What the caller passes (kernel.py has the same structure), and what is kept from one call to the
+// next.
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+#include <new>
+#include <thread>
+#include <vector>
+
+constexpr int GEOMETRY = 6;  // columns of the table before the colour: x, y, w0, w1, w2, log opacity
+constexpr int LANES = 16;    // Gaussians computed at once
+constexpr int FOOTPRINT = 8; // numbers that describe an ellipse, see bins.h
+
+template <typename T>
+struct Job {
+  // the scene
+  const T *means, *quats, *log_scales, *logits, *sh;
+  int64_t count, bands;  // Gaussians; harmonics a channel
+  // the camera, and the rectangle of its pixels
+  double pose[12];  // three rows of the rotation and the translation
+  double focal_x, focal_y, centre_x, centre_y;
+  double slopes[4];  // low x, high x, low y, high y
+  int64_t left, top, width, height;
+  int64_t orthographic;
+  // the settings
+  double near, far, blur, alpha_min, log_alpha_min, least_logit, radius_clip, pair_overhead;
+  int64_t antialiased, with_depth, threads;
+  int64_t tile_size;  // 0: choose; then the one that was chosen
+  void* scratch;
+  // of the `drawn` Gaussians that may touch the rectangle
+  int64_t drawn;
+  int32_t* rows;    // [drawn]: ascending
+  T* table;         // [drawn, GEOMETRY + 3, or 4 with depth]
+  T* depths;        // [drawn], or null
+  uint8_t* shown;   // [drawn]: bit c is set where channel c is not clamped
+  // the tiles' lists
+  int64_t pairs, columns, tile_rows;
+  int64_t *members, *slots;  // [pairs]
+  int64_t* starts;           // [tiles + 1]
+  int64_t* firsts;           // [drawn]: slot at which each Gaussian's pairs begin
+  // the way back
+  const T* pair_gradients;  // [pairs, columns of the table], by slot
+  T *grad_means, *grad_quats, *grad_log_scales, *grad_logits, *grad_sh;  // dense; or null
+};
+
+// Memory that is kept from call to call, grows as needed and is not set to anything.
+template <typename V>
+class Buffer {
+ public:
+  Buffer() = default;
+  Buffer(const Buffer&) = delete;
+  Buffer& operator=(const Buffer&) = delete;
+  ~Buffer() { std::free(data_); }
+  V* at_least(size_t count) {
+    if (count > capacity_) {
+      std::free(data_);
+      capacity_ = 0;
+      data_ = static_cast<V*>(std::aligned_alloc(64, (count * sizeof(V) / 64 + 1) * 64));
+      if (!data_) throw std::bad_alloc();
+      capacity_ = count;
+    }
+    return data_;
+  }
+  V* data() { return data_; }
+
+ private:
+  V* data_ = nullptr;
+  size_t capacity_ = 0;
+};
+
+struct Span {  // tiles of one row that an ellipse touches
+  int32_t tile, count;
+};
+
+struct Scratch {
+  Buffer<int32_t> rows;
+  Buffer<double> depths;
+  Buffer<double> footprints;  // or floats
+  Buffer<int64_t> first_span;
+  Buffer<Span> spans;
+  Buffer<uint64_t> keys, keys_moved;
+  Buffer<int64_t> counts;
+};
+
+// work(begin, end, thread) over parts of [0, count), which do not depend on timing.
+template <typename Work>
+void in_parallel(int64_t threads, int64_t count, int64_t least, Work work) {
+  threads = std::max<int64_t>(1, std::min(threads, count / least));
+  const int64_t part = ((count + threads - 1) / threads + LANES - 1) / LANES * LANES;
+  std::vector<std::thread> others;
+  std::atomic<int> failed{0};
+  const auto one = [&](int64_t t) {
+    try {
+      work(std::min(t * part, count), std::min((t + 1) * part, count), t);
+    } catch (...) {
+      failed = 1;
+    }
+  };
+  int64_t started = 1;
+  try {
+    for (; started < threads; started++) others.emplace_back(one, started);
+  } catch (...) {
+  }
+  one(0);
+  for (int64_t t = started; t < threads; t++) one(t);  // those that did not start
+  for (auto& thread : others) thread.join();
+  if (failed) throw std::bad_alloc();
+}

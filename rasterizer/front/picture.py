@@ -1,0 +1,116 @@
+"""A scene's picture by the compiled front end and the compiled blending, as one operation."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from rasterizer import checks
+from rasterizer.blending.backend import Backend, BlendInputs
+from rasterizer.blending.choose import choose_backend
+from rasterizer.camera import Camera
+from rasterizer.front import kernel
+from rasterizer.numerics import Execution, Numerics
+from rasterizer.project import Box
+from rasterizer.scene import Gaussians
+
+
+class Drawn(NamedTuple):
+    """What a rectangle of pixels receives, over black."""
+
+    features: Float[Tensor, "h w d"]
+    """Colour, then depth where it was asked for."""
+    transmittance: Float[Tensor, "h w"]
+    median_depth: Float[Tensor, "h w"] | None
+
+
+def draw(
+    scene: Gaussians,
+    camera: Camera,
+    box: Box,
+    numerics: Numerics,
+    execution: Execution,
+    *,
+    depth: bool = False,
+    median: bool = False,
+) -> Drawn | None:
+    """What a box of a camera's pixels shows of a scene; differentiable in the scene.
+
+    None where the Python files have to do it: without a compiler or for options that the kernel
+    does not have, for a pose that takes gradients, and where a number is not finite, which they
+    name. Raises ValueError for a camera, a box or a setting that is not usable.
+    """
+    backend = choose_backend(execution, scene.means.device, scene.means.dtype)
+    if backend.name != "cpp" or not _fits(scene, camera, numerics, execution):
+        return None
+    checks.settings(numerics)
+    checks.camera(camera)
+    checks.crop(box, camera)
+    request = kernel.Request(camera, box, numerics, execution, backend.pair_overhead, depth, median)
+    fields = [getattr(scene, name) for name in kernel.FIELDS]
+    drawn = _Picture.apply(request, backend, *fields)
+    return None if drawn is None else Drawn(*drawn)
+
+
+def _fits(scene: Gaussians, camera: Camera, numerics: Numerics, execution: Execution) -> bool:
+    """Whether the kernel can draw it; inputs that are wrong are for the Python files to name."""
+    means, count = scene.means, len(scene)
+    fields = [getattr(scene, name) for name in kernel.FIELDS]
+    alike = all(f.dtype == means.dtype and f.device == means.device for f in fields)
+    return (
+        alike
+        and all(len(f) == count for f in fields)
+        and scene.sh.shape[1] in (1, 4, 9, 16, 25)
+        and count < 1 << 31
+        and not (torch.is_grad_enabled() and camera.world_to_camera.requires_grad)
+        and execution.cull == "ellipse"
+        and numerics.alpha_min > 0
+        and not (camera.model == "pinhole" and numerics.near < 0)
+        and kernel.load() is not None
+    )
+
+
+class _Picture(torch.autograd.Function):
+    @staticmethod
+    @torch.autocast("cpu", enabled=False)
+    def forward(  # type: ignore[override]
+        ctx: Any, request: kernel.Request, backend: Backend, *fields: Tensor
+    ) -> tuple[Tensor, Tensor, Tensor | None] | None:
+        fields = tuple(field.detach().contiguous() for field in fields)
+        listed = kernel.list_gaussians(Gaussians(*fields), request)
+        if listed is None:
+            return None
+        _, _, width, height = request.box
+        block = request.execution.block
+        inputs = BlendInputs(listed.table, listed.bins, width, height, request.numerics, block)
+        differentiate = any(ctx.needs_input_grad[2:])
+        blended, ctx.blending = backend.forward(inputs, request.median, differentiate)
+        ctx.listed, ctx.backend = listed, backend
+        ctx.save_for_backward(blended.transmittance, *fields)
+        median = None
+        if blended.median_index is not None and listed.depths is not None:
+            centres = torch.cat((listed.depths, listed.depths.new_zeros(1)))
+            median = centres[blended.median_index]  # -1, no Gaussian, reads the zero at the end
+            ctx.mark_non_differentiable(median)
+        return blended.features, blended.transmittance, median
+
+    @staticmethod
+    @torch.autocast("cpu", enabled=False)
+    def backward(  # type: ignore[override]
+        ctx: Any,
+        grad_features: Float[Tensor, "h w d"],
+        grad_transmittance: Float[Tensor, "h w"],
+        _: Any,
+    ) -> tuple[Tensor | None, ...]:
+        if torch.is_grad_enabled():  # the gradients of these gradients would be silently wrong
+            raise RuntimeError("a picture has first derivatives only: leave out create_graph=True")
+        transmittance, *fields = ctx.saved_tensors
+        pairs = ctx.backend.backward(
+            ctx.blending, transmittance, grad_features.contiguous(), grad_transmittance.contiguous()
+        )
+        wanted = ctx.needs_input_grad[2:]
+        scene = Gaussians(*fields)
+        return None, None, *kernel.scene_gradients(scene, ctx.listed, pairs, wanted)

@@ -1,0 +1,148 @@
+"""The compiled front end draws what the Python files draw, or leaves it to them."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+from importlib import import_module
+
+import pytest
+import torch
+from closeness import leaves, tensors, weights_like
+from scenes import EDGE_CASES, cloud
+
+from gsedit.bench.renderer import edge_cases
+from gsedit.bench.renderer.edge_cases import random_cloud
+from rasterizer import Execution, Numerics, render
+from rasterizer.blending import cpp_backend
+from rasterizer.front import kernel, picture
+
+RENDER = import_module("rasterizer.render")  # the package's `render` is the function
+COMPILED = Execution(compile=True)
+WHOLE_SUM = Numerics(transmittance_min=0.0)
+
+
+@pytest.fixture(autouse=True)
+def compiler():
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        if kernel.load() is None or cpp_backend.load() is None:
+            pytest.skip("no C++ compiler on this machine")
+
+
+@pytest.fixture
+def by_python(monkeypatch):
+    """Renders by the Python files, with the compiled blending."""
+
+    def render_it(*args, **kwargs):
+        with monkeypatch.context() as patch:
+            patch.setattr(RENDER, "draw", lambda *_, **__: None)
+            return render(*args, **kwargs)
+
+    return render_it
+
+
+@pytest.fixture
+def by_front(monkeypatch):
+    """Renders by the front end; fails where that leaves it to the Python files."""
+    drawn = []
+
+    def spy(*args, **kwargs):
+        drawn.append(picture.draw(*args, **kwargs))
+        return drawn[-1]
+
+    def render_it(*args, **kwargs):
+        with monkeypatch.context() as patch:
+            patch.setattr(RENDER, "draw", spy)
+            result = render(*args, **kwargs)
+        assert drawn[-1] is not None
+        return result
+
+    return render_it
+
+
+def all_of(drawing, scene, camera, **options):
+    """Everything that a picture has, and the gradients of a loss of all of it."""
+    inputs = leaves(scene)
+    options = {"numerics": WHOLE_SUM, "depth": True, "median_depth": True, **options}
+    drawn = drawing(inputs, camera, execution=COMPILED, **options)
+    parts = [p for p in (drawn.color, drawn.alpha, drawn.depth) if p is not None]
+    loss = sum((part * weights_like(part, i)).sum() for i, part in enumerate(parts))
+    return [*parts, drawn.median_depth], torch.autograd.grad(loss, tensors(inputs))
+
+
+def compare(found, wanted, picture_bar=1e-12, gradient_bar=1e-12):
+    for a, b in zip(found[0], wanted[0]):
+        assert (a is None) == (b is None)
+        if a is not None:
+            assert (a - b).abs().max() <= picture_bar * b.abs().max().clamp_min(1)
+    largest = max((float(b.norm()) for b in wanted[1]), default=0.0)
+    for a, b in zip(found[1], wanted[1]):
+        assert a.isfinite().all()
+        # what cancels is a rounding of the others; what passes 100,000 layers is 0, or denormal
+        error = float((a - b).norm())
+        assert error <= gradient_bar * max(float(b.norm()), 1e-3 * largest) or error < 1e-30
+
+
+@pytest.mark.parametrize("name", EDGE_CASES)
+def test_it_draws_what_the_python_files_draw(name, by_front, by_python):
+    scene, camera = EDGE_CASES[name]()
+    found, wanted = (all_of(each, scene, camera) for each in (by_front, by_python))
+    compare(found, wanted, gradient_bar=1e-10 if "needle" in name else 1e-12)
+
+
+@pytest.mark.parametrize("degree", range(5))
+@pytest.mark.parametrize(
+    "numerics",
+    [
+        Numerics(),
+        Numerics(antialiased=True, transmittance_min=0.0),
+        Numerics(radius_clip=3.0, near=2.5, far=5.5, blur=0.1, margin=-0.5),
+    ],
+    ids=["default", "antialiased", "clipped"],
+)
+def test_degrees_and_settings(degree, numerics, by_front, by_python):
+    scene, camera = random_cloud(200, seed=degree, degree=degree), cloud()[1]
+    options = {"numerics": numerics, "crop": (3, 5, 22, 17)}
+    found, wanted = (all_of(each, scene, camera, **options) for each in (by_front, by_python))
+    compare(found, wanted)
+
+
+@pytest.mark.parametrize("near", [0.01, -3.0])
+def test_parallel_rays(near, by_front, by_python):
+    scene, camera = random_cloud(200, seed=3, degree=2), cloud()[1]
+    pose = camera.world_to_camera.clone()
+    pose[2, 3] -= 3.0  # some lie behind
+    camera = replace(camera, model="ortho", fx=12.0, fy=13.0, world_to_camera=pose)
+    options = {"numerics": Numerics(near=near)}
+    found, wanted = (all_of(each, scene, camera, **options) for each in (by_front, by_python))
+    compare(found, wanted)
+
+
+DRAWN = [case for case in edge_cases.EDGE_CASES if case.refused is None]
+REFUSED = [case for case in edge_cases.EDGE_CASES if case.refused is not None]
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64], ids=str)
+@pytest.mark.parametrize("case", DRAWN, ids=lambda case: case.name)
+def test_extremes_stay_drawn(case, dtype, by_front, by_python):
+    if case.name == "100,000 layers" and dtype == torch.float64:
+        pytest.skip("takes seconds")
+    scene, camera, background = case.make(dtype)
+    options = {"background": background, "median_depth": False}
+    found, wanted = (all_of(each, scene, camera, **options) for each in (by_front, by_python))
+    single = dtype == torch.float32
+    double_bar = 1e-8 if case.name == "1e7 from the origin" else 1e-11
+    compare(found, wanted, 4e-5 if single else double_bar, 4e-4 if single else 1e-9)
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64], ids=str)
+@pytest.mark.parametrize("case", REFUSED, ids=lambda case: case.name)
+def test_errors_are_the_same(case, dtype, by_python):
+    scene, camera, background = case.make(dtype)
+    texts = []
+    for each in (render, by_python):
+        with pytest.raises(ValueError) as error:  # noqa: PT011 (the texts are compared)
+            each(scene, camera, background=background, execution=COMPILED)
+        texts.append(str(error.value))
+    assert texts[0] == texts[1]
