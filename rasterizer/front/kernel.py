@@ -14,7 +14,7 @@ from torch import Tensor
 from rasterizer import compiled
 from rasterizer.blending.backend import GEOMETRY
 from rasterizer.camera import Camera
-from rasterizer.numerics import Execution, Numerics
+from rasterizer.numerics import Execution, Kernel, Numerics
 from rasterizer.project import Box, slope_limits
 from rasterizer.scene import Gaussians
 from rasterizer.tiles import Bins
@@ -85,9 +85,9 @@ _scratch: list[int] = []
 """Buffers that no call uses now."""
 
 
-def load() -> ctypes.CDLL | None:
-    """The kernel; None, with one warning, where it cannot be compiled."""
-    library = compiled.load(SOURCE)
+def load(kernel: Kernel = "auto") -> ctypes.CDLL | None:
+    """The library, or None: see `compiled.load`. Raises RuntimeError as it does."""
+    library = compiled.load(SOURCE, kernel)
     if library is not None and library.new_scratch.restype is not ctypes.c_void_p:
         library.new_scratch.restype = ctypes.c_void_p
         for name in ("cull", "project", "list", "backward"):
@@ -117,19 +117,19 @@ def _listed(job: _Job, like: Tensor, request: Request) -> Listed | None:
     job.drawn = count = _call("cull", job, like.dtype)
     if count == REFUSED:
         return None
-    rows = torch.empty(count, dtype=torch.int32)
+    rows = like.new_empty(count, dtype=torch.int32)
     table = like.new_empty(count, GEOMETRY + 3 + request.depth)
     depths = like.new_empty(count) if request.median else None
-    shown = torch.empty(count, dtype=torch.uint8)
-    firsts = torch.empty(count, dtype=torch.int64)
+    shown = like.new_empty(count, dtype=torch.uint8)
+    firsts = like.new_empty(count, dtype=torch.int64)
     _point(job, rows=rows, table=table, depths=depths, shown=shown, firsts=firsts)
     if _call("project", job, like.dtype) == REFUSED:
         return None
-    members, slots = torch.empty(2, job.pairs, dtype=torch.int64)
-    starts = torch.empty(job.columns * job.tile_rows + 1, dtype=torch.int64)
+    members, slots = firsts.new_empty(2, job.pairs)
+    starts = firsts.new_empty(job.columns * job.tile_rows + 1)
     _point(job, members=members, slots=slots, starts=starts)
     _call("list", job, like.dtype)
-    every = torch.arange(count)
+    every = torch.arange(count, device=like.device)
     bins = Bins(members, starts, slots, firsts, every, job.tile_size, job.columns, job.tile_rows)
     return Listed(request, rows, table, depths, shown, bins)
 

@@ -69,7 +69,7 @@ def _fits(scene: Gaussians, camera: Camera, numerics: Numerics, execution: Execu
         and execution.cull == "ellipse"
         and numerics.alpha_min > 0
         and not (camera.model == "pinhole" and numerics.near < 0)
-        and kernel.load() is not None
+        and kernel.load(execution.kernel) is not None
     )
 
 

@@ -16,6 +16,7 @@ from scenes import EDGE_CASES, cloud, gaussian
 from rasterizer import Execution, Numerics, concatenate, render, tiles
 from rasterizer import compiled as library
 from rasterizer.blending import cpp_backend as compiled
+from rasterizer.front import kernel as front
 
 TORCH, COMPILED = Execution(kernel="torch"), Execution(kernel="compiled")
 WHOLE_SUM = Numerics(transmittance_min=0.0)
@@ -103,18 +104,22 @@ def test_the_number_of_threads_changes_no_bit(kernel):
     assert all(torch.equal(a, b) for a, b in zip(one[1], three[1]))
 
 
-@pytest.mark.parametrize("execution", [TORCH, COMPILED], ids=["torch", "compiled"])
-def test_a_picture_is_freed_when_it_is_dropped(execution, kernel, monkeypatch):
+@pytest.mark.parametrize(
+    ("execution", "module", "maker"),
+    [(TORCH, tiles, "bin_tiles"), (COMPILED, front, "Bins")],
+    ids=["torch", "compiled"],
+)
+def test_a_picture_is_freed_when_it_is_dropped(execution, module, maker, kernel, monkeypatch):
     scene, camera = cloud()
     lists = []
-    bin_tiles = tiles.bin_tiles
+    make = getattr(module, maker)
 
     def spy(*args, **kwargs):
-        bins = bin_tiles(*args, **kwargs)
+        bins = make(*args, **kwargs)
         lists.append(weakref.ref(bins))  # the backward pass holds it
         return bins
 
-    monkeypatch.setattr(tiles, "bin_tiles", spy)
+    monkeypatch.setattr(module, maker, spy)
     gc.disable()  # counting references must suffice: a cycle would keep every picture of a fit
     try:
         picture = render(leaves(scene), camera, execution=execution).color

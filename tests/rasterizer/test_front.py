@@ -18,7 +18,7 @@ from rasterizer.blending import cpp_backend
 from rasterizer.front import kernel, picture
 
 RENDER = import_module("rasterizer.render")  # the package's `render` is the function
-COMPILED = Execution(compile=True)
+COMPILED = Execution(kernel="compiled")
 WHOLE_SUM = Numerics(transmittance_min=0.0)
 
 
@@ -67,7 +67,8 @@ def all_of(drawing, scene, camera, **options):
     options = {"numerics": WHOLE_SUM, "depth": True, "median_depth": True, **options}
     drawn = drawing(inputs, camera, execution=COMPILED, **options)
     parts = [p for p in (drawn.color, drawn.alpha, drawn.depth) if p is not None]
-    loss = sum((part * weights_like(part, i)).sum() for i, part in enumerate(parts))
+    products = [(part * weights_like(part, i)).sum() for i, part in enumerate(parts)]
+    loss = torch.stack(products).sum()
     return [*parts, drawn.median_depth], torch.autograd.grad(loss, tensors(inputs))
 
 
