@@ -106,18 +106,25 @@ def run_capture(
 
 def print_capture(result: CaptureResult, out: Path) -> None:
     """The one screen at the end: what was posed, how well, and what to do next."""
-    found = ", ".join(
-        dict.fromkeys(f"{mm:g} mm ({source}, refined)" for mm, source in result.focals)
-    )
     lines = [
-        f"{result.posed} of {result.photos} photos posed{_islands(result.islands)}, "
-        f"reprojection error {result.error:.2f} px, {result.points:,} points, "
-        f"{result.seconds:.0f} s",
-        f"focal length in 35 mm equivalents: {found}; upright by {result.upright}",
+        capture_summary(result),
         f"look:  {out / 'capture.png'}",
         f"next:  gsedit fit {out} -o {out.with_suffix('.ply').name}",
     ]
     print_message("\n".join(lines))
+
+
+def capture_summary(result: CaptureResult) -> str:
+    """Two lines: what was posed and how well; the cameras."""
+    found = ", ".join(
+        dict.fromkeys(f"{mm:g} mm ({source}, refined)" for mm, source in result.focals)
+    )
+    return (
+        f"{result.posed} of {result.photos} photos posed{_islands(result.islands)}, "
+        f"reprojection error {result.error:.2f} px, {result.points:,} points, "
+        f"{result.seconds:.0f} s\n"
+        f"focal length in 35 mm equivalents: {found}; upright by {result.upright}"
+    )
 
 
 def _islands(sizes: tuple[int, ...]) -> str:

@@ -32,6 +32,7 @@ from .fit import fit
 from .info import info
 from .lod import lod
 from .looks import looks
+from .make import make
 from .merge import merge
 from .metrics import metrics
 from .operations import THEN, operation_verb
@@ -49,7 +50,7 @@ from .style import style
 from .transform import transform
 from .view import view
 
-EDIT = (edit, style, capture, fit, recover, metrics, editors, looks)
+EDIT = (edit, make, style, capture, fit, recover, metrics, editors, looks)
 OPERATIONS = (
     convert,
     filter_,

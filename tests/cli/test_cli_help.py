@@ -35,6 +35,7 @@ VERBS = (
     "order",
     "style",
     "capture",
+    "make",
     "fit",
     "edit",
     "recover",

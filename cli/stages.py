@@ -1,0 +1,122 @@
+"""Work in stages that are kept in one folder: which are done, which go on, which must not be
+replaced without -f."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from .console import print_message
+from .exits import Interrupted
+from .options import check_folder
+
+OTHER_FOLDER = "name another folder with -o"
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One verb's part of the work."""
+
+    name: str
+    what: str
+    """For a person."""
+    asked: Mapping[str, Any]
+    """What decides the result, with what the stages before were asked; as JSON holds it."""
+    last: Path
+    """The file that is written last."""
+    work: Callable[[bool], str] = field(compare=False)
+    """Do it, given whether to go on from what is left of it; a line about the result."""
+    instead: str = ""
+    """What else can be done where the folder holds another result of it, for an error message."""
+
+
+class Ledger:
+    """What each stage of a folder was asked for and what it came to, in one file."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises InputError for a damaged file."""
+        from gsedit.errors import InputError
+
+        self.path = path
+        self.entries: dict[str, dict[str, Any]] = {}
+        try:
+            if path.is_file():
+                self.entries = {
+                    name: {"asked": entry["asked"], "result": entry["result"]}
+                    for name, entry in json.loads(path.read_text()).items()
+                }
+        except (ValueError, KeyError, TypeError, AttributeError):
+            raise InputError(
+                f"{path} is damaged: remove it, and add -f to do all stages again"
+            ) from None
+
+    def is_begun(self, stage: Stage) -> bool:
+        """Whether the stage was begun, asked for the same, and did not end."""
+        return self.is_same(stage) and self.entries[stage.name]["result"] is None
+
+    def is_done(self, stage: Stage) -> bool:
+        same = self.is_same(stage) and stage.last.is_file()
+        return same and self.entries[stage.name]["result"] is not None
+
+    def is_same(self, stage: Stage) -> bool:
+        """Whether the stage was asked for the same."""
+        return stage.name in self.entries and not self.changes(stage)
+
+    def result(self, stage: Stage) -> str:
+        """The line about its result."""
+        return self.entries[stage.name]["result"]
+
+    def changes(self, stage: Stage) -> tuple[str, ...]:
+        """What the stage was asked otherwise, by name."""
+        before, now = self.entries.get(stage.name, {}).get("asked"), dict(stage.asked)
+        if before is None:
+            return ()
+        return tuple(key for key in {**before, **now} if before.get(key) != now.get(key))
+
+    def keep(self, stage: Stage, result: str | None) -> None:
+        """Write that the stage was begun (None), or what it came to."""
+        from gsedit.reports.json_lines import write_record
+
+        self.entries[stage.name] = {"asked": stage.asked, "result": result}
+        write_record(self.entries, self.path, overwrite=True)
+
+
+def check_stages(stages: Sequence[Stage], ledger: Ledger, *, force: bool) -> None:
+    """Raise UsageError, before any work, where the folder holds something else: files that are not
+    of these stages, or stages that were asked otherwise; unless `force`."""
+    from gsedit.errors import UsageError
+
+    folder = ledger.path.parent
+    check_folder(folder, force or bool(ledger.entries))
+    for stage in stages:
+        changed = ledger.changes(stage)
+        if changed and not force:
+            raise UsageError(
+                f"{folder} holds the {stage.name} of another request (other {', '.join(changed)}): "
+                f"add -f to replace it and what follows from it, or {stage.instead or OTHER_FOLDER}"
+            )
+
+
+def run_stages(stages: Sequence[Stage], ledger: Ledger) -> None:
+    """Do the stages that are not done, with a line each. Raises Interrupted with what to do next,
+    and whatever a stage raises."""
+    redone = False
+    for number, stage in enumerate(stages, 1):
+        heading = f"{number} of {len(stages)}, {stage.name}"
+        if ledger.is_done(stage) and not redone:
+            print_message(f"{heading}: done before ({stage.last})")
+            continue
+        print_message(f"{heading}: {stage.what}")
+        same = ledger.is_begun(stage)
+        redone = True
+        ledger.keep(stage, None)
+        try:
+            ledger.keep(stage, stage.work(same))
+        except (Interrupted, KeyboardInterrupt):
+            raise Interrupted(
+                f"interrupted in the {stage.name}; what is done is kept in {ledger.path.parent}: "
+                "the same command goes on there"
+            ) from None
