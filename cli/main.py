@@ -13,7 +13,7 @@ from typer.core import TyperGroup
 
 from .align import align
 from .bench import describe as bench_summary
-from .bench_refinement import bench
+from .bench_fit import bench
 from .capture import capture
 from .check import check
 from .clean import clean

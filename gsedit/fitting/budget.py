@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
+
 from gsedit.ranks import ALONE, Ranks
 from gsedit.reports.stopwatch import Stopwatch
 
@@ -9,8 +12,8 @@ from gsedit.reports.stopwatch import Stopwatch
 class Budget:
     """Counts `step` and runs from its construction; None: no limit of that kind.
 
-    `step` and `spent` seconds were done before. Of several ranks the clock of rank 0 decides, read
-    after each step.
+    `step` and `spent` seconds were done before; seconds are the clock's. Of several ranks the clock
+    of rank 0 decides, read after each step.
     """
 
     def __init__(
@@ -21,9 +24,10 @@ class Budget:
         step: int = 0,
         spent: float = 0.0,
         ranks: Ranks = ALONE,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._steps, self._seconds, self._ranks = steps, seconds, ranks
-        self._stopwatch = Stopwatch(spent)
+        self._stopwatch = Stopwatch(spent, clock=clock)
         self._read = spent
         self.step = step
 

@@ -6,8 +6,9 @@ can take.
 
 from __future__ import annotations
 
+import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from math import sqrt
 from typing import Any
@@ -95,13 +96,14 @@ def fit_steps(
     start: Gaussians | None = None,
     resume: State | None = None,
     ranks: Ranks = ALONE,
+    clock: Callable[[], float] = time.monotonic,
 ) -> Iterator[Event | Checkpoint | FitResult]:
     """Fit a scene; yields progress, checkpoints now and then, and last the result.
 
-    Every 8th view is never trained on. With the state of a checkpoint, the same fit goes on from
-    there, with what is left of its budget. Every one of several `ranks` is given the same and
-    yields the same. Raises UsageError if there is nothing to train on, or for the state of another
-    fit.
+    Every 8th view is never trained on. The budget's seconds are the clock's. With the state of a
+    checkpoint, the same fit goes on from there, with what is left of its budget. Every one of
+    several `ranks` is given the same and yields the same. Raises UsageError if there is nothing to
+    train on, or for the state of another fit.
     """
     settings = settings or FitSettings()
     train, held_out = dataset.split()
@@ -118,7 +120,7 @@ def fit_steps(
     if start is None:
         start = initial_scene(dataset, settings.sh_degree, generator)
     extent = _camera_extent(dataset.views)
-    work = _Fit(start, train, held_out, extent, settings, generator, asked, ranks)
+    work = _Fit(start, train, held_out, extent, settings, generator, asked, ranks, clock)
     del start  # the optimiser has copies
     if resume is not None:
         work.load_state(resume)
@@ -175,10 +177,10 @@ class _Fit:
     def __init__(
         self, scene: Gaussians, train: tuple[View, ...], held_out: tuple[View, ...],
         extent: float, settings: FitSettings, generator: torch.Generator, asked: dict[str, Any],
-        ranks: Ranks,
+        ranks: Ranks, clock: Callable[[], float],
     ) -> None:  # fmt: skip
-        self.asked, self.ranks = asked, ranks
-        self.budget = Budget(settings.steps, settings.seconds, ranks=ranks)
+        self.asked, self.ranks, self.clock = asked, ranks, clock
+        self.budget = Budget(settings.steps, settings.seconds, ranks=ranks, clock=clock)
         self.settings, self.generator, self.held_out = settings, generator, held_out
         self.batch = settings.batch or 1
         rates = {**RATES, "means": RATES["means"] * extent}
@@ -214,8 +216,9 @@ class _Fit:
         self.generator.set_state(state.tensors["generator"])
         step, spent = record["step"], record["seconds"]
         self.budget = Budget(
-            settings.steps, settings.seconds, step=step, spent=spent, ranks=self.ranks
-        )
+            settings.steps, settings.seconds, step=step, spent=spent, ranks=self.ranks,
+            clock=self.clock,
+        )  # fmt: skip
         for name in PLAIN:
             setattr(self, name, record[name])
         self.curve = [(seconds, decibels) for seconds, decibels in record["curve"]]

@@ -3,28 +3,34 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
 
 class Stopwatch:
     """Runs from its construction, on from what was spent before."""
 
-    def __init__(self, spent: float = 0.0, stages: Mapping[str, float] | None = None) -> None:
-        self._began = time.monotonic() - spent
+    def __init__(
+        self,
+        spent: float = 0.0,
+        stages: Mapping[str, float] | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._clock = clock
+        self._began = clock() - spent
         self.stages: dict[str, float] = dict(stages or {})
         """Seconds spent in each stage so far, summed over its visits."""
 
     @property
     def seconds(self) -> float:
         """Since the construction, with what was spent before."""
-        return time.monotonic() - self._began
+        return self._clock() - self._began
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Adds the time until its exit, also by an exception, to `stages[name]`."""
-        entered = time.monotonic()
+        entered = self._clock()
         try:
             yield
         finally:
-            self.stages[name] = self.stages.get(name, 0.0) + time.monotonic() - entered
+            self.stages[name] = self.stages.get(name, 0.0) + self._clock() - entered

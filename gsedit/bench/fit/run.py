@@ -1,0 +1,218 @@
+"""Fit captures by both recipes under one budget of seconds, and measure them on held-out photos.
+
+The recipes take turns on each capture. Measuring takes none of the budget of either; the fit's own
+first measurement of itself, which it reports, and its start from the points are in its budget.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import torch
+
+from gsedit.bench.fit import captures
+from gsedit.bench.fit.clock import Clock
+from gsedit.bench.fit.gsplat_recipe import gsplat_fit
+from gsedit.bench.fit.moments import Moment
+from gsedit.bench.fit.plot import error_against_seconds
+from gsedit.bench.markdown import markdown_table
+from gsedit.bench.provenance import Provenance, provenance
+from gsedit.bench.results import write_measurements, write_text
+from gsedit.files import load_dataset
+from gsedit.fitting.fit import FitResult, fit_steps
+from gsedit.fitting.settings import FitSettings
+from gsedit.measures import losses
+from gsedit.measures.metrics import psnr
+from gsedit.measures.perceptual import SMALLEST, perceptual_distance
+from gsedit.reports.events import Checkpoint, Event
+from gsedit.views.dataset import Dataset, View
+from rasterizer.numerics import Execution
+from rasterizer.render import render
+from rasterizer.scene import Gaussians
+
+ROWS, TABLE, PLOT = "fit.jsonl", "fit.md", "fit.png"
+FILES = (ROWS, TABLE, PLOT)
+OURS, SCALED, PLAIN = "gsedit", "gsplat, steps scaled to the budget", "gsplat, its own steps"
+
+
+class Quality(NamedTuple):
+    """Means over held-out photos."""
+
+    psnr: float
+    """dB."""
+    ssim: float
+    perceptual: float | None
+    """None: the package is not installed, or the pictures are too small."""
+
+
+@dataclass(frozen=True)
+class FitMeasurement:
+    """What a recipe has reached on a capture at a moment."""
+
+    capture: str
+    recipe: str
+    seconds: float
+    steps: int
+    gaussians: int
+    psnr: float
+    ssim: float
+    perceptual: float | None
+    provenance: Provenance
+
+
+@dataclass(frozen=True)
+class BenchSettings:
+    """What is fitted, and for how long."""
+
+    datasets: tuple[Path, ...] = ()
+    """Folders of posed photos, beside the synthetic captures."""
+    synthetic: int = 2
+    """Synthetic captures, at most 2."""
+    seconds: float = 90.0
+    """The budget of each fit."""
+    moments: int = 5
+    """At which a fit is measured, the last at its end."""
+    size: int = 256
+    """Longer side of the photos, pixels."""
+    views: int = 40
+    """Photos of a synthetic capture."""
+    seed: int = 0
+    fit: FitSettings = field(default_factory=FitSettings)
+    """Of our recipe; its budget is `seconds`."""
+
+    @property
+    def execution(self) -> Execution:
+        """Both recipes render with it."""
+        return self.fit.execution
+
+
+@torch.no_grad()
+def measure(scene: Gaussians, views: Sequence[View], execution: Execution) -> Quality:
+    """Error, structure and perceptual distance of renders, clamped to [0, 1], to photos."""
+    distance = perceptual_distance()
+    values: list[tuple[float, float, float | None]] = []
+    for view in views:
+        picture = render(scene, view.camera, execution=execution).color.clamp(0, 1)
+        large = min(picture.shape[:2]) >= SMALLEST
+        values.append(
+            (
+                psnr(picture, view.image, view.mask),
+                float(losses.ssim(picture, view.image)),
+                float(distance(picture, view.image)) if distance and large else None,
+            )
+        )
+    columns = [[v for v in column if v is not None] for column in zip(*values)]
+    decibels, ssim, perceptual = (sum(c) / len(c) if c else None for c in columns)
+    assert decibels is not None
+    assert ssim is not None
+    return Quality(decibels, ssim, perceptual)
+
+
+def our_fit(data: Dataset, settings: BenchSettings, clock: Callable[[], float]) -> Iterator[Moment]:
+    """`gsedit fit` under the budget, at its moments."""
+    own = replace(
+        settings.fit,
+        steps=None,
+        seconds=settings.seconds,
+        evaluations=1,
+        checkpoint_seconds=settings.seconds / settings.moments,
+    )
+    generator = torch.Generator().manual_seed(settings.seed)
+    for item in fit_steps(data, own, generator=generator, clock=clock):
+        if isinstance(item, Checkpoint):
+            yield Moment(clock(), item.step, item.scene)
+        elif isinstance(item, FitResult):
+            yield Moment(item.seconds, item.steps, item.scene)
+
+
+def recipes(first: bool) -> tuple[str, ...]:
+    """Those that a capture is fitted by. In a budget of minutes, gsplat's own 30,000 steps hardly
+    begin: only the `first` capture shows it."""
+    return (OURS, SCALED, PLAIN) if first else (OURS, SCALED)
+
+
+def fits(
+    name: str,
+    data: Dataset,
+    recipe: str,
+    settings: BenchSettings,
+    read: Callable[[], float] = time.monotonic,
+) -> Iterator[FitMeasurement]:
+    """One fit, measured while its clock stands. `read`: seconds, of the wall or of a processor."""
+    held_out = data.split()[1]
+    clock, now = Clock(read), provenance()
+    if recipe == OURS:
+        steps = our_fit(data, settings, clock)
+    else:
+        steps = gsplat_fit(
+            data,
+            settings.seconds,
+            moments=settings.moments,
+            clock=clock,
+            generator=torch.Generator().manual_seed(settings.seed),
+            scaled=recipe == SCALED,
+            execution=settings.execution,
+        )
+    for moment in steps:
+        with clock.paused():
+            quality = measure(moment.scene, held_out, settings.execution)
+            yield FitMeasurement(
+                name, recipe, moment.seconds, moment.steps, len(moment.scene), *quality, now
+            )
+
+
+def load_captures(settings: BenchSettings, folder: Path) -> Iterator[tuple[str, Dataset]]:
+    """The datasets, then the synthetic captures, whose photos are kept in the folder."""
+    for path in settings.datasets:
+        yield path.name, load_dataset(path, size=settings.size)
+    for scene in captures.rooms()[: settings.synthetic]:
+        kept = folder / f"{scene.name} {settings.views}x{settings.size}".replace(" ", "-")
+        if not (kept / "transforms.json").is_file():
+            data = captures.photographed(scene, settings.views, settings.size)
+            captures.write_dataset(data, kept)
+        yield scene.name, load_dataset(kept)
+
+
+def to_folder(
+    settings: BenchSettings, folder: Path, read: Callable[[], float] = time.monotonic
+) -> Iterator[Event | FitMeasurement]:
+    """All fits, written to a folder: ROWS meanwhile, then TABLE and PLOT."""
+    rows: list[FitMeasurement] = []
+    yield from write_measurements(_all(settings, folder, read), folder / ROWS, rows)
+    write_text(folder / TABLE, table(rows) + "\n")
+    error_against_seconds(rows, folder / PLOT)
+
+
+def _all(
+    settings: BenchSettings, folder: Path, read: Callable[[], float]
+) -> Iterator[Event | FitMeasurement]:
+    began = time.monotonic()
+    yield Event("photos", 0.0, note="synthetic photos are traced where they are not there yet")
+    for i, (name, data) in enumerate(load_captures(settings, folder / "captures")):
+        for recipe in recipes(first=i == 0):
+            for row in fits(name, data, recipe, settings, read):
+                yield row
+                note = f"{name}, {recipe}: {row.psnr:.2f} dB at {row.seconds:.0f} s"
+                yield Event("fit", time.monotonic() - began, note=note)
+
+
+def table(rows: Sequence[FitMeasurement]) -> str:
+    """Markdown: a line a moment."""
+    head = ("capture, recipe", "s", "steps", "Gaussians", "PSNR, dB", "SSIM", "perceptual")
+    lines = [
+        (
+            f"{row.capture}, {row.recipe}",
+            f"{row.seconds:.0f}",
+            f"{row.steps:,}",
+            f"{row.gaussians:,}",
+            f"{row.psnr:.2f}",
+            f"{row.ssim:.3f}",
+            "" if row.perceptual is None else f"{row.perceptual:.3f}",
+        )
+        for row in rows
+    ]
+    return markdown_table(head, lines)
