@@ -54,6 +54,7 @@ BENCHMARKS = (
     "stability",
     "targets",
     "sampler",
+    "fit",
     "paper",
     "scale",
     "ranks",

@@ -1,9 +1,11 @@
-"""What a fit has reached at a moment: what both recipes give to be measured."""
+"""What a fit has reached at a moment: the scene that both recipes give, and its measurement."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
+from gsedit.bench.provenance import Provenance
 from rasterizer.scene import Gaussians
 
 
@@ -14,3 +16,18 @@ class Moment(NamedTuple):
     """That the fit took so far."""
     steps: int
     scene: Gaussians
+
+
+@dataclass(frozen=True)
+class FitMeasurement:
+    """What a recipe has reached on a capture at a moment."""
+
+    capture: str
+    recipe: str
+    seconds: float
+    steps: int
+    gaussians: int
+    psnr: float
+    ssim: float
+    perceptual: float | None
+    provenance: Provenance

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gsedit.bench.figures import frame, save_png
-
-if TYPE_CHECKING:
-    from gsedit.bench.fit.run import FitMeasurement
+from gsedit.bench.fit.moments import FitMeasurement
 
 MEASURES = (("psnr", "PSNR, dB"), ("ssim", "SSIM"), ("perceptual", "perceptual distance"))
 COLORS = ("#0072B2", "#D55E00", "#888888")  # Okabe and Ito's, which colour-blind readers tell apart

@@ -17,10 +17,10 @@ import torch
 from gsedit.bench.fit import captures
 from gsedit.bench.fit.clock import Clock
 from gsedit.bench.fit.gsplat_recipe import gsplat_fit
-from gsedit.bench.fit.moments import Moment
+from gsedit.bench.fit.moments import FitMeasurement, Moment
 from gsedit.bench.fit.plot import error_against_seconds
 from gsedit.bench.markdown import markdown_table
-from gsedit.bench.provenance import Provenance, provenance
+from gsedit.bench.provenance import provenance
 from gsedit.bench.results import write_measurements, write_text
 from gsedit.files import load_dataset
 from gsedit.fitting.fit import FitResult, fit_steps
@@ -47,21 +47,6 @@ class Quality(NamedTuple):
     ssim: float
     perceptual: float | None
     """None: the package is not installed, or the pictures are too small."""
-
-
-@dataclass(frozen=True)
-class FitMeasurement:
-    """What a recipe has reached on a capture at a moment."""
-
-    capture: str
-    recipe: str
-    seconds: float
-    steps: int
-    gaussians: int
-    psnr: float
-    ssim: float
-    perceptual: float | None
-    provenance: Provenance
 
 
 @dataclass(frozen=True)
@@ -123,10 +108,10 @@ def our_fit(data: Dataset, settings: BenchSettings, clock: Callable[[], float]) 
     )
     generator = torch.Generator().manual_seed(settings.seed)
     for item in fit_steps(data, own, generator=generator, clock=clock):
-        if isinstance(item, Checkpoint):
+        if isinstance(item, Checkpoint) and clock() < settings.seconds:
             yield Moment(clock(), item.step, item.scene)
         elif isinstance(item, FitResult):
-            yield Moment(item.seconds, item.steps, item.scene)
+            yield Moment(clock(), item.steps, item.scene)
 
 
 def recipes(first: bool) -> tuple[str, ...]:
