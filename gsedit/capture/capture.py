@@ -82,14 +82,15 @@ def capture_steps(source: Path, out: Path, settings: CaptureSettings) -> Progres
     cameras.json, capture.json, capture.png, and work/ (the stages). World: y down, in no known
     unit. Raises InputError, with the cause and the next move, where the photos cannot be posed.
     """
+    files = photo_files(source) if source.is_dir() else ()
     stages = Stages(out / WORK, settings.threads)
-    files = yield from _files(source, stages, settings)
+    files = files or (yield from _frames(source, stages, settings))
     prepared, key = yield from _prepared(files, stages, settings)
-    if prepared.unreadable:
-        yield Line(_left_out(prepared.unreadable))
     if fault := before_features(prepared, source):
         raise InputError(fault)
-    work = _Mapping(stages, settings, prepared, key)
+    if prepared.unreadable:
+        yield Line(_left_out(prepared.unreadable))
+    work = _Mapping(source, stages, settings, prepared, key)
     yield from work.climb()
     count, posed = len(prepared.photos), work.posed
     if posed < max(FEWEST, LEAST * count):
@@ -105,10 +106,8 @@ def capture_steps(source: Path, out: Path, settings: CaptureSettings) -> Progres
     yield result
 
 
-def _files(source: Path, stages: Stages, settings: CaptureSettings) -> Working:
-    """The photos: those of the folder, or the frames of the video."""
-    if source.is_dir():
-        return photo_files(source)
+def _frames(source: Path, stages: Stages, settings: CaptureSettings) -> Working:
+    """The files of the frames of a video."""
     folder = stages.place("frames")
     folder.mkdir(exist_ok=True)
     for item in extract_steps(source, folder, settings.frames):
@@ -144,8 +143,9 @@ class _Mapping:
     """Features, matches and mapping of prepared photos: the attempts, and the best of them."""
 
     def __init__(
-        self, stages: Stages, settings: CaptureSettings, prepared: Prepared, key: str
+        self, source: Path, stages: Stages, settings: CaptureSettings, prepared: Prepared, key: str
     ) -> None:
+        self.source = source
         self.stages, self.settings, self.prepared, self.key = stages, settings, prepared, key
         self.images = stages.folder / f"photos-{key}"
         self.groups = groups_of(prepared.photos, settings)
@@ -170,12 +170,14 @@ class _Mapping:
         """The attempts of the ladder, until enough photos have a pose or nothing can help."""
         count = len(self.prepared.photos)
         for name, attempt in ladder(self.settings, count):
-            if self.evidence is not None:
-                if self.posed >= ENOUGH * count or hopeless(self.evidence):
+            if name:
+                if self.posed >= ENOUGH * count:
                     return
                 posed = self.posed or "none"
                 yield Line(f"{posed} of {count} photos posed: trying again with {name}")
             database, key = yield from self._match(attempt)
+            if self.evidence and (fault := hopeless(self.evidence)):
+                raise InputError(f"{self.source}: {fault}")
             models, key = yield from self._map(database, key, attempt)
             if models and len(models[0]["poses"]) > self.posed:
                 self.models, self.database, self.best = models, database, key
@@ -241,12 +243,13 @@ class _Mapping:
         answer = yield from self.stages.run("refinement", key, request)
         return answer, folder, key
 
-    def focals(self, found: Sequence[Sequence[float]]) -> tuple[tuple[float, str], ...]:
+    def focals(self, cameras: Sequence[dict[str, Any]]) -> tuple[tuple[float, str], ...]:
         """Of each camera of the model: its focal length in 35 mm equivalents, and its source."""
         focals = []
-        for focal, width, height in found:
-            equivalent = focal / np.hypot(width, height) * FULL_FRAME_DIAGONAL
-            sources = [g.source for g in self.groups if (g.width, g.height) == (width, height)]
+        for each in cameras:
+            size = each["width"], each["height"]
+            equivalent = each["focal"] / np.hypot(*size) * FULL_FRAME_DIAGONAL
+            sources = [group.source for group in self.groups if (group.width, group.height) == size]
             focals.append((round(float(equivalent), 1), sources[0] if sources else "guessed"))
         return tuple(focals)
 
@@ -270,7 +273,7 @@ def _finish(work: _Mapping, out: Path) -> Working:
         islands=tuple(len(each["poses"]) for each in work.models),
         error=model["error"],
         points=model["points"],
-        focals=work.focals(model["focals"]),
+        focals=work.focals(model["cameras"]),
         upright=upright.source,
         missing=tuple(photo.name for photo in photos if photo.name not in model["poses"]),
         unreadable=work.prepared.unreadable,

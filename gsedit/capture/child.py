@@ -15,11 +15,11 @@ import sqlite3
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import gsedit
 from gsedit.errors import GseditError
@@ -73,8 +73,6 @@ def run(
                 case "error":
                     raise GseditError(f"{task}: {record['message']} (COLMAP's log: {log})")
                 case "done":
-                    if look is not None:
-                        yield look()
                     return record
         raise GseditError(_died(task, process.wait(), log))
     except BrokenPipeError:
@@ -87,7 +85,7 @@ def run(
             process.stdin.close()
 
 
-def _lines(stream: IO[str]) -> Iterator[str]:
+def _lines(stream: Iterable[str]) -> Iterator[str]:
     """The lines of a stream; "" where none came for POLL seconds. Ctrl-C is heard meanwhile."""
     lines: queue.Queue[str | None] = queue.Queue()
 

@@ -88,12 +88,17 @@ class Stages:
         yield self.event(stage)
         request = {**request, "threads": self.threads}
         steps = child.run(task or stage, request, self.log, look)
+        last = Step(0, 0)
         try:
             while True:
                 step = next(steps)
-                yield self.event(stage, step.step, step.steps, step.note)
+                if step != last:
+                    yield self.event(stage, step.step, step.steps, step.note)
+                last = step
         except StopIteration as end:
             self.keep(stage, key, end.value)
+            if last.step < last.steps or not last.steps:
+                yield self.event(stage, last.steps or 1, last.steps or 1)
             return end.value
         finally:
             steps.close()  # ends the child where the work was interrupted

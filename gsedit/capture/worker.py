@@ -133,7 +133,7 @@ def map_incrementally(say: Say, database: str, images: str, output: str, count: 
     def place(number: int) -> None:
         nonlocal placed
         placed += number
-        say("step", step=min(placed, count), steps=count)
+        say("step", step=min(placed, count - 1), steps=count)  # photos may be in several models
 
     Path(output).mkdir(parents=True)
     models = pycolmap.incremental_mapping(
@@ -187,9 +187,10 @@ def refine(say: Say, model: str, database: str, images: str, output: str, seed: 
     reconstruction.write(folder)
     say("step", step=2, steps=2)
     cameras = reconstruction.cameras.values()
+    keys = ("focal", "width", "height")
     return {
         **_model(0, output, reconstruction),
-        "focals": [(camera.mean_focal_length(), camera.width, camera.height) for camera in cameras],
+        "cameras": [dict(zip(keys, (c.mean_focal_length(), c.width, c.height))) for c in cameras],
     }
 
 

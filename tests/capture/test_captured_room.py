@@ -1,0 +1,108 @@
+"""Photos through a real lens, without poses: what a capture finds, writes and keeps."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+from command_line import files, gsedit
+from PIL import Image
+from pose_error import pose_error, poses
+
+from gsedit.capture import child
+from gsedit.files import load_dataset
+from gsedit.files.cameras import read_cameras
+
+FEW = "--features", 1000
+
+
+def test_all_photos_are_posed_where_they_were_taken(captured):
+    assert captured.record["posed"] == captured.record["photos"] == 16
+    error = pose_error(poses(captured.scene), captured.known)
+    assert error.posed == 16
+    assert error.centre < 0.005
+    assert error.degrees < 0.3
+    ((focal, source),) = captured.record["focals"]
+    assert focal == pytest.approx(0.8 * 43.267 / np.sqrt(2), rel=0.01)
+    assert source == "guessed"
+    assert captured.record["error"] < 0.5
+
+
+def test_the_world_is_upright(captured):
+    found = poses(captured.scene)
+    up = [np.linalg.inv(captured.known[name])[:3, :3] for name in found]
+    world_up = [np.linalg.inv(found[name])[:3, :3] @ known.T @ (0, 0, 1)
+                for name, known in zip(found, up)]  # fmt: skip
+    assert np.median(np.array(world_up) @ (0, -1, 0)) > np.cos(np.radians(2))
+
+
+def test_the_folder_is_a_dataset_with_cameras_and_a_picture(captured):
+    data = load_dataset(captured.scene, size=64)
+    assert len(data) == 16
+    assert data.points is not None
+    assert len(data.points) == captured.record["points"] > 2000
+    cameras = read_cameras(captured.scene / "cameras.json")
+    assert [camera.name for camera in cameras] == [view.name for view in data.views]
+    with Image.open(captured.scene / "capture.png") as picture:
+        assert np.asarray(picture).std() > 10
+    record = json.loads((captured.scene / "capture.json").read_text())
+    assert record == {k: v for k, v in captured.record.items() if k != "type"}
+
+
+def test_the_last_lines_say_what_was_posed_and_what_to_do_next(captured):
+    assert "1 file is no usable photo: notes.jpg (no picture inside)" in captured.messages
+    *_, posed, focal, look, then = captured.messages.splitlines()
+    assert posed.startswith("16 of 16 photos posed, reprojection error 0.")
+    assert focal.startswith("focal length in 35 mm equivalents: 24.")
+    assert str(captured.scene / "capture.png") in look
+    assert then.endswith(f"gsedit fit {captured.scene} -o scene.ply")
+    assert captured.stages == [
+        "photos", "features", "matches", "mapping", "refinement", "undistortion", "picture",
+    ]  # fmt: skip
+
+
+def test_a_second_run_does_nothing_again(captured, monkeypatch):
+    before = files(captured.scene)
+    monkeypatch.setattr(child, "run", None)  # would raise
+    again = gsedit("capture", captured.photos, "-o", captured.scene, *FEW)
+    assert again.exit_code == 0, again.stderr
+    after = files(captured.scene)
+    assert {p for p in after if after[p] != before.get(p)} <= {captured.scene / "capture.json"}
+    assert set(after) == set(before)
+
+
+def test_what_changes_is_done_again_and_no_more(captured, monkeypatch, tmp_path):
+    scene, photos = tmp_path / "scene", tmp_path / "photos"
+    shutil.copytree(captured.scene, scene)
+    asked = []
+
+    def run(task, *_):
+        asked.append(task)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(child, "run", run)
+    for words in (["--mapper", "global"], ["--seed", 1], ["--lens", "opencv"]):
+        result = gsedit("capture", captured.photos, "-o", scene, *FEW, *words)
+        assert result.exit_code == 130
+        assert f"kept in {scene / 'work'}: go on with the same command" in result.stderr
+    shutil.copytree(captured.photos, photos)
+    (photos / "photo_03.jpg").unlink()
+    gsedit("capture", photos, "-o", scene, *FEW)
+    gsedit("capture", captured.photos, "-o", scene, *FEW, "-f")
+    assert asked == ["global mapping", "matches", "features", "features", "features"]
+    assert not (scene / "images").exists()  # -f began anew
+
+
+def test_fit_and_edit_go_on_from_it(captured, tmp_path):
+    scene, out = tmp_path / "scene.ply", tmp_path / "out"
+    fit = gsedit("fit", captured.scene, "-o", scene, "--size", 32, "--steps", 3)
+    assert fit.exit_code == 0, fit.stderr
+    edit = gsedit(
+        "edit", scene, "as bronze", "-o", out, "--data", captured.scene, "--editor", "closed-form",
+        "--size", 32, "--rounds", 1, "--views", 3, "--update-steps", 3, "--steps", 3,
+        "--patch", 16, "--overlap", 1, "--coverage", 1,
+    )  # fmt: skip
+    assert edit.exit_code == 0, edit.stderr
+    assert (out / "scene.ply").is_file()
