@@ -80,7 +80,7 @@ def capture(scene: SyntheticScene, seed: int) -> Dataset:
 def main(folder: Path, seed: int) -> None:
     scene = room(torch.Generator().manual_seed(seed))
     photos = capture(scene, seed)
-    settings = FitSettings(steps=1200, seconds=None, opacity_reset=None)
+    settings = FitSettings(steps=1200, seconds=None)
     fitted = fit(photos, settings, generator=torch.Generator().manual_seed(seed)).scene
     held_out = cameras(scene, 10, -1.0, 50.0, torch.Generator().manual_seed(seed + 2))
     truth, used = traced_dataset(scene, held_out).views, photos.split()[0]

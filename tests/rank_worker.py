@@ -85,7 +85,14 @@ def run_edit(ranks: Ranks, editor, views: int, rounds: int = 1):
 def run_fit(ranks: Ranks, **more):
     """Steps of 3 photos: 2 on one rank and 1 on the other."""
     settings = FitSettings(
-        steps=16, seconds=None, batch=3, densify_every=6, sh_degree=0, evaluations=1, coarse=()
+        steps=16,
+        seconds=None,
+        dense_start=60,
+        batch=3,
+        densify_every=6,
+        sh_degree=0,
+        evaluations=1,
+        coarse=(),
     )
     *events, result = fit_steps(
         captured()[1], replace(settings, **more), generator=generator(), ranks=ranks

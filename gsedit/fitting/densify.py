@@ -15,8 +15,6 @@ from rasterizer.camera import Camera
 from rasterizer.project import rotation_matrices
 from rasterizer.scene import Gaussians, concatenate
 
-RESET_OPACITY = 0.1
-"""The opacity to which all are lowered once, so that floaters die."""
 SPLIT_SHRINK = 1.6
 """The two halves of a Gaussian are this many times smaller (Kerbl et al. 2023, section 5.2)."""
 
@@ -102,9 +100,3 @@ def _half(parents: Gaussians, generator: torch.Generator) -> Gaussians:
         log_scales=parents.log_scales - torch.log(torch.tensor(SPLIT_SHRINK)),
         logit_opacities=torch.logit(opacity),
     )
-
-
-def reset_opacities(scene: Gaussians) -> Gaussians:
-    """No opacity above RESET_OPACITY."""
-    limit = torch.logit(torch.tensor(RESET_OPACITY))
-    return replace(scene, logit_opacities=scene.logit_opacities.clamp_max(limit))

@@ -20,7 +20,7 @@ from torch import Tensor
 from gsedit.errors import UsageError
 from gsedit.files.state import State, check_same, digest
 from gsedit.fitting.budget import Budget
-from gsedit.fitting.densify import ScreenGradients, densify, reset_opacities
+from gsedit.fitting.densify import ScreenGradients, densify
 from gsedit.fitting.initial import initial_scene
 from gsedit.fitting.optimiser import SceneOptimiser, optimised_scene
 from gsedit.fitting.settings import FitSettings
@@ -39,19 +39,20 @@ from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
 RATES = {
-    "means": 3.2e-4,
-    "quats": 2e-3,
-    "log_scales": 1e-2,
-    "logit_opacities": 5e-2,
-    "sh": 1e-2,
+    "means": 6.4e-4,
+    "quats": 4e-3,
+    "log_scales": 4e-2,
+    "logit_opacities": 1e-1,
+    "sh": 4e-2,
 }
 """Learning rates by field; that of positions times the scene's radius. Colours, opacities and
-scales move faster than in 3D Gaussian splatting: a fit here has 3,000 steps and not 30,000."""
+scales move faster than in 3D Gaussian splatting: a fit here has a few thousand steps and not
+30,000."""
 FINAL_RATE = {"means": 0.02, "sh": 0.2, "log_scales": 0.3, "logit_opacities": 0.3, "quats": 0.3}
 """Each rate decays exponentially to this fraction at the end of the budget."""
 FREE = ("checkpoint_seconds", "execution", "report_every")
 """Settings that may change when a fit goes on: they do not change the scene."""
-PLAIN = ("order", "curve", "loss", "next_evaluation", "last_checkpoint", "opacities_reset")
+PLAIN = ("order", "curve", "loss", "next_evaluation", "last_checkpoint")
 """What changes of a fit and is no tensor."""
 LOSS_DECAY = 0.95
 """Of the running mean of the loss that events report, per step."""
@@ -118,7 +119,7 @@ def fit_steps(
         check_same(asked, resume.record["request"], "fit")
         start = optimised_scene(resume.within("optimiser"))
     if start is None:
-        start = initial_scene(dataset, settings.sh_degree, generator)
+        start = _start(dataset, settings, generator, ranks)
     extent = _camera_extent(dataset.views)
     work = _Fit(start, train, held_out, extent, settings, generator, asked, ranks, clock)
     del start  # the optimiser has copies
@@ -193,7 +194,6 @@ class _Fit:
         self.curve: list[tuple[float, float]] = []
         self.loss: float | None = None
         self.next_evaluation, self.last_checkpoint = 0.0, 0.0
-        self.opacities_reset = settings.opacity_reset is None
 
     def state(self) -> State:
         """All that changes during a fit; the tensors are the fit's own."""
@@ -272,18 +272,13 @@ class _Fit:
         return views[self.order.pop()]
 
     def densify_if_due(self) -> None:
-        """Densify every so many steps; lower all opacities once."""
+        """Densify every so many steps."""
         settings, budget, optimiser = self.settings, self.budget, self.optimiser
         due = budget.step % settings.densify_every == 0
         if due and budget.progress < settings.densify_until:
             grown = densify(optimiser.scene.detach(), self.gradients.mean, settings, self.generator)
             optimiser.replace(*grown)
             self.gradients = ScreenGradients(len(grown.scene))
-        if not self.opacities_reset and budget.progress >= (settings.opacity_reset or 0):
-            self.opacities_reset = True
-            scene = reset_opacities(optimiser.scene.detach())
-            rows = torch.arange(len(scene))
-            optimiser.replace(scene, rows, torch.zeros(len(scene), dtype=torch.bool))
 
     def report(self) -> Iterator[Event]:
         """A measurement on the held-out views if one is due, otherwise the loss now and then."""
@@ -329,6 +324,20 @@ def _shrunk(view: View, factor: int) -> View:
     camera = view.camera
     small = camera.resized(max(16, camera.width // factor), max(16, camera.height // factor))
     return view.resized(small.width, small.height)
+
+
+def _start(
+    dataset: Dataset, settings: FitSettings, generator: torch.Generator, ranks: Ranks
+) -> Gaussians:
+    """Where a fit starts that is given no scene."""
+    return initial_scene(
+        dataset,
+        settings.sh_degree,
+        generator,
+        swept=settings.dense_start,
+        at_most=settings.max_gaussians,
+        ranks=ranks,
+    )
 
 
 def requested(

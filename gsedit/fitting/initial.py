@@ -1,32 +1,58 @@
-"""Where a fit starts: Gaussians at the sparse points of a dataset, or at random ones."""
+"""Where a fit starts: Gaussians at a dataset's sparse points and where its photos agree."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.files import mesh
+from gsedit.fitting.sweep import swept_points
+from gsedit.ranks import ALONE, Ranks
 from gsedit.views.dataset import Dataset, View
 from rasterizer.numerics import SH_DC
 from rasterizer.scene import Gaussians
 
 RANDOM_POINTS = 20_000
-"""Gaussians of a fit whose dataset has no points."""
+"""Gaussians of a fit whose dataset has no points, and whose photos agree on none."""
 INITIAL_OPACITY = 0.2
+FEW = 4
+"""Points below this number show no scene."""
+
+Points = tuple[Float[Tensor, "m 3"], Float[Tensor, "m 3"]]
+"""World positions and RGB colours in [0, 1]."""
 
 
-def initial_scene(dataset: Dataset, sh_degree: int, generator: torch.Generator) -> Gaussians:
+def initial_scene(
+    dataset: Dataset,
+    sh_degree: int,
+    generator: torch.Generator,
+    *,
+    swept: int = 0,
+    at_most: int | None = None,
+    ranks: Ranks = ALONE,
+) -> Gaussians:
     """Round Gaussians at the sparse points, as wide as their neighbours are far.
 
-    With fewer than 4 points, at random places where the cameras look. Colours are the points', or
-    grey where they have none.
+    `swept` patches of the photos that are not held out are looked for in space besides (see
+    fitting.sweep). With fewer than 4 points of both kinds, at random places where the cameras
+    look. Colours are the points', or grey where they have none. Of more points than `at_most`,
+    a random choice is taken.
     """
-    points, colors = dataset.points, dataset.point_colors
-    if points is None or len(points) < 4:
-        points, colors = _random_points(dataset.views, RANDOM_POINTS, generator), None
-    points = points.float()
-    colors = torch.full_like(points, 0.5) if colors is None else colors.float()
+    points = torch.zeros(0, 3) if dataset.points is None else dataset.points.float()
+    grey = torch.full_like(points, 0.5)
+    colors = grey if dataset.point_colors is None else dataset.point_colors.float()
+    if swept:
+        more, theirs = _swept(dataset.split()[0], points, swept, generator, ranks)
+        points, colors = torch.cat((points, more)), torch.cat((colors, theirs))
+    if len(points) < FEW:
+        points = _random_points(dataset.views, RANDOM_POINTS, generator)
+        colors = torch.full_like(points, 0.5)
+    if at_most is not None and len(points) > at_most:
+        chosen = torch.randperm(len(points), generator=generator)[:at_most].sort().values
+        points, colors = points[chosen], colors[chosen]
     spacing = neighbour_distance(points).clamp_min(1e-7)
     # wide enough to close the surface at once: holes are what a short fit never fills
     log_scales = spacing.log()[:, None].expand(-1, 3)
@@ -36,6 +62,54 @@ def initial_scene(dataset: Dataset, sh_degree: int, generator: torch.Generator) 
     quats[:, 0] = 1
     logits = torch.full((len(points),), float(torch.logit(torch.tensor(INITIAL_OPACITY))))
     return Gaussians(points.contiguous(), quats, log_scales.clone(), logits, sh)
+
+
+def _swept(
+    views: Sequence[View],
+    points: Float[Tensor, "n 3"],
+    count: int,
+    generator: torch.Generator,
+    ranks: Ranks,
+) -> Points:
+    """Of rank 0, for all: another machine's rounding might find one point more."""
+    seed = int(torch.randint(2**31, (), generator=generator))
+    found = None
+    if ranks.rank == 0:
+        inverse_depths = _inverse_depths(views, points)
+        found = swept_points(views, count, inverse_depths, torch.Generator().manual_seed(seed))
+    shared = ranks.first(found)
+    assert shared is not None
+    return shared
+
+
+def _inverse_depths(views: Sequence[View], points: Float[Tensor, "n 3"]) -> tuple[float, float]:
+    """The smallest and the largest inverse depth at which a photo may show something.
+
+    Those of the sparse points in the photos, and somewhat beyond; without points from a hundredth
+    to three times that of the place that the cameras look at.
+    """
+    inverse = []
+    for view in views[:: max(1, len(views) // 16)]:
+        xy, depth = view.camera.project(points.double())
+        size = xy.new_tensor((view.camera.width, view.camera.height))
+        inverse.append(1 / depth[(depth > 0) & (xy > 0).all(-1) & (xy < size).all(-1)])
+    if sum(map(len, inverse)) < FEW:
+        near = 1 / _distance_to_focus(views)
+        return near / 100, 3 * near
+    # three points of a thousand may be wrong
+    bounds = torch.tensor([0.003, 0.997], dtype=torch.float64)
+    low, high = torch.cat(inverse).quantile(bounds).tolist()
+    return low / 2, 1.1 * high
+
+
+def _distance_to_focus(views: Sequence[View]) -> float:
+    """The cameras' median distance from the place that is nearest to all their axes."""
+    centres = torch.stack([view.camera.centre for view in views]).double()
+    axes = torch.stack([view.camera.forward for view in views]).double()
+    across = torch.eye(3, dtype=torch.float64) - axes[:, :, None] * axes[:, None, :]
+    right = (across @ centres[:, :, None]).sum(0)
+    focus = torch.linalg.lstsq(across.sum(0), right).solution[:, 0]
+    return max(1e-6, float((focus - centres).norm(dim=-1).median()))
 
 
 def neighbour_distance(points: Float[Tensor, "n 3"], neighbours: int = 3) -> Float[Tensor, " n"]:

@@ -87,6 +87,9 @@ class FitSettings:
     square root of their number. None: one a rank, which is 1 without torchrun."""
     sh_degree: int = 1
     """Degree of the spherical harmonics, 0 to 3; higher ones cost time and memorise exposure."""
+    dense_start: int = 40_000
+    """Patches of the photos that a plane sweep looks for in space; a Gaussian starts at each that
+    is found, beside those at the sparse points. 0: at the sparse points only."""
     coarse: tuple[tuple[float, int], ...] = ((0.08, 4), (0.3, 2))
     """(fraction, factor) pairs: until this fraction of the budget, train on pictures so many times
     smaller."""
@@ -102,9 +105,6 @@ class FitSettings:
     """Share of the Gaussians, of the largest positional gradients, that divide each time."""
     prune_opacity: float = 0.005
     """Gaussians below this opacity are removed when the scene is densified."""
-    opacity_reset: float | None = 0.3
-    """Fraction of the budget at which all opacities are lowered once, so that floaters die; None:
-    never."""
     report_every: int = 10
     """Steps between progress events."""
     evaluations: int = 10
@@ -125,13 +125,13 @@ class FitSettings:
             raise UsageError(f"batch is {self.batch}: give 1 or more")
         if not 0 <= self.sh_degree <= 3:
             raise UsageError(f"SH degree {self.sh_degree} is not in 0 to 3, what .ply files hold")
+        if not self.dense_start >= 0:
+            raise UsageError(f"dense_start is {self.dense_start}: give 0 or more")
         for name in ("max_gaussians", "densify_every", "report_every", "evaluations"):
             if not getattr(self, name) >= 1:
                 raise UsageError(f"{name} is {getattr(self, name)}: give 1 or more")
         for name in ("dssim_weight", "densify_until", "densify_fraction", "prune_opacity"):
             if not 0 <= getattr(self, name) <= 1:
                 raise UsageError(f"{name} is {getattr(self, name)}: give a number from 0 to 1")
-        if self.opacity_reset is not None and not 0 <= self.opacity_reset <= 1:
-            raise UsageError(f"opacity_reset is {self.opacity_reset}: give 0 to 1, or None")
         if not self.checkpoint_seconds >= 0:
             raise UsageError(f"checkpoint_seconds is {self.checkpoint_seconds}: give 0 or more")

@@ -35,11 +35,11 @@ def test_a_short_fit_gains_many_decibels_on_views_it_never_saw():
     before = evaluate(initial_scene(data, 0, generator()), data.split()[1])
     settings = FitSettings(
         steps=300,
+        dense_start=0,
         seconds=None,
         sh_degree=0,
         densify_every=40,
         checkpoint_seconds=0.0,
-        opacity_reset=None,
     )
     items = list(fit_steps(data, settings, generator=generator()))
     result = items[-1]
@@ -55,7 +55,7 @@ def test_a_short_fit_gains_many_decibels_on_views_it_never_saw():
 
 
 def test_the_same_seed_gives_the_same_scene():
-    settings = FitSettings(steps=12, seconds=None, densify_every=5)
+    settings = FitSettings(steps=12, seconds=None, densify_every=5, dense_start=50)
     one, two = (fit(photos(5, 32), settings, generator=generator(3)).scene for _ in range(2))
     assert torch.equal(one.means, two.means)
     assert torch.equal(one.sh, two.sh)
@@ -63,8 +63,10 @@ def test_the_same_seed_gives_the_same_scene():
 
 def test_a_fit_continues_from_a_scene():
     data = photos(5, 32)
-    first = fit(data, FitSettings(steps=30, seconds=None), generator=generator()).scene
-    more = FitSettings(steps=3, seconds=None, opacity_reset=None, coarse=())
+    first = fit(
+        data, FitSettings(steps=30, seconds=None, dense_start=0), generator=generator()
+    ).scene
+    more = FitSettings(steps=3, seconds=None, coarse=())
     again = fit(data, more, generator=generator(), start=first)
     assert abs(again.psnr - evaluate(first, data.split()[1])) < 2.0
 
@@ -85,7 +87,7 @@ def test_a_fit_without_budget_or_photos_is_refused():
         {"densify_fraction": 3.0},
         {"dssim_weight": float("nan")},
         {"prune_opacity": 2.0},
-        {"opacity_reset": -1.0},
+        {"dense_start": -1},
         {"checkpoint_seconds": float("nan")},
     ):
         with pytest.raises(UsageError, match="is"):

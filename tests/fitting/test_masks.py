@@ -131,7 +131,7 @@ def test_a_transparent_photo_asks_for_a_transparent_scene(scene, views):
     white = torch.ones(3)
     filled = [View(view.name, view.camera, view.over(white)) for view in cut_out]
     cloud = replace(scene, means=scene.means * 1.6, logit_opacities=torch.zeros(len(scene)))[::3]
-    settings = FitSettings(steps=40, seconds=None, densify_every=1000, opacity_reset=None)
+    settings = FitSettings(steps=40, seconds=None, densify_every=1000)
     haze = []
     for each in (cut_out, filled):
         fitted = fit(Dataset(tuple(each)), settings, start=cloud).scene

@@ -1,0 +1,163 @@
+"""Points on the surfaces of posed photos, by a plane sweep (Collins 1996).
+
+Every photo gets a grid of small patches. A patch is moved through a series of depths; where it
+agrees best with the neighbouring photos, there is the surface. This reaches what the sparse points
+of a reconstruction leave empty, and starts a fit to photos that have none.
+
+`p` patches of a photo, of `s` pixels each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import ceil, sqrt
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from gsedit.views.dataset import View
+from rasterizer.camera import Camera
+
+SIDE = 160
+"""Pixels on the longer side of the pictures that are compared."""
+RADIUS, SPACING = 2, 2
+"""A patch is a square of pixels that reach so far, so far apart: 3x3 of them."""
+PIXELS = 4
+"""Of a compared picture, at least so many for each patch."""
+DEPTHS = 32
+"""Of a sweep, evenly spaced in their inverse, as a patch's places in a neighbour then are."""
+NEIGHBOURS = 3
+"""Photos that one is compared with. The worst does not count: something may hide the place."""
+AGREEMENT = 0.6
+"""Smallest normalised correlation of a patch with the neighbours."""
+FLAT = 0.01
+"""The standard deviation of grey values below which a patch does not show its depth."""
+
+
+@torch.no_grad()
+def swept_points(
+    views: Sequence[View],
+    count: int,
+    inverse_depths: tuple[float, float],
+    generator: torch.Generator,
+) -> tuple[Float[Tensor, "n 3"], Float[Tensor, "n 3"]]:
+    """(places, colours) that photos agree on: of about `count` patches, the good ones.
+
+    `inverse_depths`: the smallest and the largest that are tried, above 0.
+    """
+    small = [_small(view) for view in views]
+    places, colours = [torch.zeros(0, 3)], [torch.zeros(0, 3)]
+    for i, view in enumerate(small):
+        others = [small[j] for j in _neighbours(small, i)]
+        if others:
+            most = view.camera.width * view.camera.height // PIXELS
+            centres = _grid(view, min(most, ceil(count / len(small))), generator)
+            depth, good = _sweep(view, others, centres, inverse_depths)
+            good &= _supervised(view, centres)
+            places.append(view.camera.unproject(centres[good], depth[good]))
+            colours.append(_sampled(view.image, view.camera, centres[good]))
+    return torch.cat(places), torch.cat(colours)
+
+
+def _small(view: View) -> View:
+    camera = view.camera.fitted(SIDE)
+    return view.resized(camera.width, camera.height)
+
+
+def _neighbours(views: Sequence[View], i: int) -> list[int]:
+    """The nearest cameras elsewhere that look about the same way, within 60 degrees."""
+    camera = views[i].camera
+    distances = [
+        (float((other.camera.centre - camera.centre).norm()), j)
+        for j, other in enumerate(views)
+        if float(other.camera.forward @ camera.forward) > 0.5
+    ]
+    return [j for distance, j in sorted(distances) if distance > 0][:NEIGHBOURS]
+
+
+def _grid(view: View, count: int, generator: torch.Generator) -> Float[Tensor, "p 2"]:
+    """About `count` pixel positions, one at a random place in each square of a grid."""
+    width, height = view.camera.width, view.camera.height
+    step = sqrt(width * height / count)
+    corners = torch.cartesian_prod(torch.arange(0, width, step), torch.arange(0, height, step))
+    places = corners + step * torch.rand(len(corners), 2, generator=generator)
+    return torch.minimum(places.clamp_min(RADIUS), places.new_tensor((width, height)) - RADIUS)
+
+
+def _sweep(
+    view: View,
+    others: Sequence[View],
+    centres: Float[Tensor, "p 2"],
+    inverse_depths: tuple[float, float],
+) -> tuple[Float[Tensor, " p"], Bool[Tensor, " p"]]:
+    """The best depth of each patch, to a fraction of a step, and whether photos agree on it."""
+    offsets = torch.arange(-RADIUS, RADIUS + 1, SPACING).float()
+    pixels = centres[:, None] + torch.cartesian_prod(offsets, offsets)
+    own, deviation = _normalised(_sampled(_grey(view), view.camera, pixels)[..., 0])
+    low, high = inverse_depths
+    step = (high - low) / DEPTHS
+    inverse = low + step * (torch.arange(DEPTHS) + 0.5)
+    match = torch.stack([_agreement(view, own, pixels, other, inverse) for other in others])
+    match = match.sort(0, descending=True).values[: max(1, len(others) - 1)].mean(0)
+    best, index = match.max(0)
+    inner = index.clamp(1, DEPTHS - 2)
+    before, at, after = (match.gather(0, (inner + k)[None])[0] for k in (-1, 0, 1))
+    peak = (after - before) / (2 * (2 * at - before - after).clamp_min(1e-6))  # of the parabola
+    shift = torch.where(inner == index, peak.clamp(-0.5, 0.5), 0.0)
+    return 1 / (inverse[index] + step * shift), (best > AGREEMENT) & (deviation > FLAT)
+
+
+def _agreement(
+    view: View,
+    own: Float[Tensor, "p s"],
+    pixels: Float[Tensor, "p s 2"],
+    other: View,
+    inverse: Float[Tensor, " k"],
+) -> Float[Tensor, "k p"]:
+    """Correlation of each patch with another photo at each depth; -1 where that cannot be."""
+    here, there, grey = view.camera, other.camera, _grey(other)
+    relative = there.world_to_camera.double() @ here.world_to_camera.double().inverse()
+    relative, size = relative.to(pixels), pixels.new_tensor((there.width, there.height))
+    x, y = (pixels[..., 0] - here.cx) / here.fx, (pixels[..., 1] - here.cy) / here.fy
+    turned = torch.stack((x, y, torch.ones_like(x)), -1) @ relative[:3, :3].T
+    rows = []
+    for one in inverse.tolist():
+        x, y, z = (turned + one * relative[:3, 3]).unbind(-1)  # the place over its depth
+        xy = torch.stack((there.fx * x / z + there.cx, there.fy * y / z + there.cy), -1)
+        inside = (z > 0) & (xy > 0).all(-1) & (xy < size).all(-1)
+        theirs, _ = _normalised(_sampled(grey, there, xy)[..., 0])
+        rows.append(torch.where(inside.all(-1), (own * theirs).mean(-1), -1.0))
+    return torch.stack(rows)
+
+
+def _grey(view: View) -> Float[Tensor, "h w 1"]:
+    return view.image.mean(-1, keepdim=True)
+
+
+def _supervised(view: View, xy: Float[Tensor, "p 2"]) -> Bool[Tensor, " p"]:
+    """Which pixel positions are neither masked nor transparent."""
+    shown = torch.ones(len(xy), dtype=torch.bool)
+    for kept in (view.mask, view.alpha):
+        if kept is not None:
+            shown &= _sampled(kept[..., None].float(), view.camera, xy)[:, 0] > 0.5
+    return shown
+
+
+def _sampled(
+    image: Float[Tensor, "h w c"], camera: Camera, xy: Float[Tensor, "*p 2"]
+) -> Float[Tensor, "*p c"]:
+    """The picture at pixel positions, linear in between; the border's value beyond it."""
+    size = xy.new_tensor((camera.width, camera.height))
+    grid = (2 * xy / size - 1).nan_to_num(0).reshape(1, 1, -1, 2)
+    values = torch.nn.functional.grid_sample(
+        image.movedim(-1, 0)[None], grid, align_corners=False, padding_mode="border"
+    )
+    return values[0, :, 0].T.reshape(*xy.shape[:-1], image.shape[-1])
+
+
+def _normalised(values: Float[Tensor, "p s"]) -> tuple[Float[Tensor, "p s"], Float[Tensor, " p"]]:
+    """With mean 0 and standard deviation 1; and what that was."""
+    centred = values - values.mean(-1, keepdim=True)
+    deviation = centred.square().mean(-1).sqrt()
+    return centred / deviation.clamp_min(1e-4)[:, None], deviation
