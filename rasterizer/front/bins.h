@@ -1,7 +1,8 @@
 // Which Gaussian touches which tile, in depth order: see tiles.py.
 //
 // An ellipse is FOOTPRINT numbers: x, y, the y of its rightmost point, its reach up and down, the
-// shear, the variance of x at a given y, one over the variance of y, and the radius squared.
+// shear, the variance of x at a given y, one over the variance of y, and the radius
+// squared, -1 where it is never visible.
 #pragma once
 
 #include <algorithm>
@@ -12,23 +13,23 @@
 constexpr int SIZES = 4;
 constexpr int TILE_SIZES[SIZES] = {4, 8, 16, 32};  // as in tiles.py
 
-template <typename T>
-inline void footprint(T x, T y, const T* covariance, T radius, T* out, int stride) {
-  const T xx = covariance[0], xy = covariance[1], yy = covariance[2], within = covariance[3];
+template <typename V, typename Mask, typename T>
+INLINE void footprint(V x, V y, V xx, V xy, V yy, V within, V radius, Mask hidden,
+                      T (*out)[LANES]) {
   // rounding must never lose a pair: a superset is harmless, each pixel tests its own alpha
   radius = radius * T(1.0005) + T(1e-3);
-  out[0 * stride] = x, out[1 * stride] = y;
-  out[2 * stride] = radius * xy / std::sqrt(xx);
-  out[3 * stride] = radius * std::sqrt(yy);
-  out[4 * stride] = xy / yy;
-  out[5 * stride] = within;
-  out[6 * stride] = 1 / yy;
-  out[7 * stride] = radius * radius;
+  store(x, out[0]), store(y, out[1]);
+  store(radius * xy / root(xx), out[2]);
+  store(radius * root(yy), out[3]);
+  store(xy / yy, out[4]);
+  store(within, out[5]);
+  store(1 / yy, out[6]);
+  store(hidden ? V{} - 1 : radius * radius, out[7]);
 }
 
 // The first tile, and the one behind the last, with a pixel centre in [low, high].
 template <typename T>
-inline void tile_range(T low, T high, T per_size, T tiles, int32_t& first, int32_t& behind) {
+INLINE void tile_range(T low, T high, T per_size, T tiles, int32_t& first, int32_t& behind) {
   const T from = std::ceil((low + T(0.5)) * per_size - 1);
   const T to = std::floor((high - T(0.5)) * per_size);
   const T least = from > 0 ? from : T(0);  // NaN: all tiles
@@ -120,7 +121,7 @@ inline void fill_spans(const Job<T>& job, const T* shapes, const int64_t* first_
 }
 
 // A number's bits, such that they are ordered as the numbers are.
-inline uint64_t ordered(double depth) {
+INLINE uint64_t ordered(double depth) {
   depth += 0.0;  // -0 is 0
   uint64_t bits;
   std::memcpy(&bits, &depth, sizeof bits);

@@ -31,41 +31,39 @@ bool finite(const T* values, int64_t count, bool below, bool above) {
 // Whether each of LANES Gaussians may touch the rectangle: its sphere's bound. What is not drawn
 // may be kept, what is drawn must be.
 template <typename T>
-void keep_near(const Job<T>& job, const View<T>& v, int64_t first, uint8_t* keep) {
-  T x[LANES], y[LANES], z[LANES], size[LANES], logit[LANES];
+INLINE typename Wide<T>::mask keep_near(const Job<T>& job, const View<T>& v, int64_t first) {
+  using V = typename Wide<T>::of;
+  using Mask = typename Wide<T>::mask;
+  T x[LANES], y[LANES], z[LANES], size[LANES], logits[LANES];
   for (int i = 0; i < LANES; i++) {
     const int64_t row = std::min(first + i, job.count - 1);
     const T *mean = job.means + 3 * row, *scale = job.log_scales + 3 * row;
-    x[i] = mean[0], y[i] = mean[1], z[i] = mean[2], logit[i] = job.logits[row];
+    x[i] = mean[0], y[i] = mean[1], z[i] = mean[2], logits[i] = job.logits[row];
     size[i] = std::max(std::max(scale[0], scale[1]), scale[2]);
   }
-  const T low_x = T(v.low_x), high_x = T(v.high_x), low_y = T(v.low_y), high_y = T(v.high_y);
-  const T near = T(job.near), floor = T(job.log_alpha_min);
-  const T shift_x = T(job.centre_x - job.left), shift_y = T(job.centre_y - job.top);
-  const T least_logit = T(job.least_logit), width = T(job.width), height = T(job.height);
-#pragma omp simd
-  for (int i = 0; i < LANES; i++) {
-    const double a = x[i], b = y[i], c = z[i];
-    const double depth = v.r[6] * a + v.r[7] * b + v.r[8] * c + v.t[2];
-    bool kept = depth > job.near && depth <= job.far && logit[i] >= least_logit;
-    const T at_x = T(v.r[0] * a + v.r[1] * b + v.r[2] * c + v.t[0]);
-    const T at_y = T(v.r[3] * a + v.r[4] * b + v.r[5] * c + v.t[1]);
-    const T per_distance = v.orthographic ? T(1) : T(1) / std::max(T(depth), near);
-    const T sigma = exponential(size[i]) * per_distance;
-    const T cutoff = std::sqrt(2 * std::max(std::min(logit[i], T(0)) - floor, T(0)));
-    const auto beside = [&](T at, T focal, T low, T high, T shift, T extent) {
-      const T slope = at * per_distance, inside = held(slope, low, high);
-      const T stretch = sigma * (std::sqrt(1 + inside * inside) * focal), position = slope * focal;
-      // float32 rounds a position by 1e-7 of it: much where a sensor is shifted by 1e7 pixels
-      const T rounding = 1 + T(1e-6) * std::min(std::abs(position), T(1e30));
-      const T reach = cutoff * std::sqrt(stretch * stretch + v.blur) * T(1.001) + rounding;
-      const T offset = position + shift;
-      return offset < -reach || offset > extent + reach;
-    };
-    kept = kept && !beside(at_x, v.fx, low_x, high_x, shift_x, width);
-    kept = kept && !beside(at_y, v.fy, low_y, high_y, shift_y, height);
-    keep[i] = kept;
-  }
+  const V one = V{} + 1, logit = load<V>(logits);
+  const Vec<doubles> at = v.in_camera({load<V>(x), load<V>(y), load<V>(z)});
+  Mask kept;
+  narrow((at.z > job.near) & (at.z <= job.far), kept);
+  kept &= logit >= T(job.least_logit);
+  V at_x, at_y, depth;
+  narrow(at.x, at_x), narrow(at.y, at_y), narrow(at.z, depth);
+  const V per_distance = v.orthographic ? one : 1 / most(depth, V{} + T(job.near));
+  const V sigma = exponential(load<V>(size)) * per_distance;
+  const V cutoff = root(2 * most(least(logit, V{}) - T(job.log_alpha_min), V{}));
+  const auto beside = [&](V position, T focal, double low, double high, double shift, T extent)
+      __attribute__((always_inline)) {
+    const V slope = position * per_distance, inside = held(slope, V{} + T(low), V{} + T(high));
+    const V stretch = sigma * (root(1 + inside * inside) * focal), place = slope * focal;
+    // float32 rounds a position by 1e-7 of it: much where a sensor is shifted by 1e7 pixels
+    const V rounding = 1 + T(1e-6) * least(magnitude(place), V{} + T(1e30));
+    const V reach = cutoff * root(stretch * stretch + v.blur) * T(1.001) + rounding;
+    const V offset = place + T(shift);
+    return (offset < -reach) | (offset > extent + reach);
+  };
+  kept &= ~beside(at_x, v.fx, v.low_x, v.high_x, v.centre_x - job.left, T(job.width));
+  kept &= ~beside(at_y, v.fy, v.low_y, v.high_y, v.centre_y - job.top, T(job.height));
+  return kept;
 }
 
 template <typename T>
@@ -85,11 +83,10 @@ int64_t cull(Job<T>& job) {
           !finite(job.logits + part, many, true, true))
         good = false;
       for (int64_t i = part; i < last; i += LANES) {
-        uint8_t keep[LANES];
-        keep_near(job, view, i, keep);
+        const auto keep = keep_near(job, view, i);
         for (int64_t row = i; row < std::min(last, i + LANES); row++) {
           rows[kept] = int32_t(row);
-          kept += keep[row - i];
+          kept -= keep[row - i];
         }
       }
     }
@@ -107,76 +104,77 @@ int64_t cull(Job<T>& job) {
 // LANES Gaussians of the table, a number of each side by side.
 template <typename T>
 struct Lanes {
-  T mean[3][LANES], quat[4][LANES], log_scale[3][LANES], logit[LANES];
+  using V = typename Wide<T>::of;
+  Vec<V> mean, log_scale;
+  V w, x, y, z, logit;
 
-  void load(const Job<T>& job, int64_t first, int64_t count) {
+  INLINE Lanes(const Job<T>& job, int64_t first, int64_t count) {
+    T values[11][LANES];
     for (int64_t i = 0; i < LANES; i++) {
       const int64_t row = job.rows[first + std::min(i, count - 1)];
-      for (int k = 0; k < 3; k++) mean[k][i] = job.means[3 * row + k];
-      for (int k = 0; k < 4; k++) quat[k][i] = job.quats[4 * row + k];
-      for (int k = 0; k < 3; k++) log_scale[k][i] = job.log_scales[3 * row + k];
-      logit[i] = job.logits[row];
+      for (int k = 0; k < 3; k++) values[k][i] = job.means[3 * row + k];
+      for (int k = 0; k < 3; k++) values[3 + k][i] = job.log_scales[3 * row + k];
+      for (int k = 0; k < 4; k++) values[6 + k][i] = job.quats[4 * row + k];
+      values[10][i] = job.logits[row];
     }
+    const auto at = [&](int k) __attribute__((always_inline)) { return load<V>(values[k]); };
+    mean = {at(0), at(1), at(2)}, log_scale = {at(3), at(4), at(5)};
+    w = at(6), x = at(7), y = at(8), z = at(9), logit = at(10);
   }
-  Vec<T> centre(int i) const { return {mean[0][i], mean[1][i], mean[2][i]}; }
-  Vec<T> scales(int i) const {
-    return {exponential(log_scale[0][i]), exponential(log_scale[1][i]),
-            exponential(log_scale[2][i])};
-  }
-  Rotation<T> turned(int i) const {
-    return rotation(quat[0][i], quat[1][i], quat[2][i], quat[3][i]);
+  INLINE Vec<V> scales() const {
+    return {exponential(log_scale.x), exponential(log_scale.y), exponential(log_scale.z)};
   }
 };
 
 // Unit vectors from the camera's centre, and what they were divided by: twice, as
 // view_directions and harmonics.colors do.
 struct Direction {
-  Vec<double> unit;
-  double first, second;
+  Vec<doubles> unit;
+  doubles first, second;
 };
 
-template <typename T>
-inline Direction direction(const View<T>& v, Vec<T> mean) {
-  const double a = v.r[0] * v.t[0] + v.r[3] * v.t[1] + v.r[6] * v.t[2],
-               b = v.r[1] * v.t[0] + v.r[4] * v.t[1] + v.r[7] * v.t[2],
-               c = v.r[2] * v.t[0] + v.r[5] * v.t[1] + v.r[8] * v.t[2];
-  const Vec<double> ray = {mean.x + a, mean.y + b, mean.z + c};
+template <typename T, typename V = typename Wide<T>::of>
+INLINE Direction direction(const View<T>& v, Vec<V> mean) {
+  const doubles smallest = doubles{} + 1e-12;
+  const Vec<doubles> ray = Vec<doubles>{widen(mean.x), widen(mean.y), widen(mean.z)} + v.eye;
   Direction d;
-  d.first = std::max(std::sqrt(dot(ray, ray)), 1e-12);
-  const Vec<double> once = (1 / d.first) * ray;
-  d.second = std::max(std::sqrt(dot(once, once)), 1e-12);
+  d.first = most(root(dot(ray, ray)), smallest);
+  const Vec<doubles> once = (1 / d.first) * ray;
+  d.second = most(root(dot(once, once)), smallest);
   d.unit = (1 / d.second) * once;
   return d;
 }
 
-// Harmonics at the directions of LANES Gaussians.
-template <typename T, int BANDS>
-void bases(const View<T>& v, const Lanes<T>& in, T (*out)[LANES]) {
-#pragma omp simd
-  for (int i = 0; i < LANES; i++) {
-    const Direction d = direction(v, in.centre(i));
-    basis(Vec<T>{T(d.unit.x), T(d.unit.y), T(d.unit.z)}, BANDS, &out[0][i], LANES);
-  }
+template <typename T, typename V = typename Wide<T>::of>
+INLINE Vec<V> narrowed(Vec<doubles> v) {
+  Vec<V> to;
+  narrow(v.x, to.x), narrow(v.y, to.y), narrow(v.z, to.z);
+  return to;
 }
 
 template <typename T, int BANDS>
 bool colors(const Job<T>& job, const View<T>& v, const Lanes<T>& in, int64_t first, int64_t count) {
-  T y[BANDS][LANES];
-  if (BANDS == 1) {
-    std::fill_n(y[0], LANES, T(C0));
-  } else {
-    bases<T, BANDS>(v, in, y);
-  }
+  using V = typename Wide<T>::of;
+  V basis_of[BANDS];
+  Vec<V> unit = in.mean;
+  if (BANDS > 1) unit = narrowed<T>(direction(v, in.mean).unit);
+  basis<T, BANDS>(unit, basis_of);
   const int64_t columns = GEOMETRY + 3 + job.with_depth;
   bool good = true;
   for (int64_t i = 0; i < count; i++) {
     const T* sh = job.sh + int64_t(job.rows[first + i]) * BANDS * 3;
-    T color[3] = {T(0), T(0), T(0)};
-    for (int k = 0; k < BANDS; k++)
-      for (int c = 0; c < 3; c++) color[c] += y[k][i] * sh[3 * k + c];
+    T color[3] = {T(0), T(0), T(0)}, odd[3] = {T(0), T(0), T(0)};
+    for (int c = 0; c < 3; c++) color[c] += basis_of[0][i] * sh[c];
+    for (int k = 1; k + 1 < BANDS; k += 2)
+      for (int c = 0; c < 3; c++) {
+        odd[c] += basis_of[k][i] * sh[3 * k + c];
+        color[c] += basis_of[k + 1][i] * sh[3 * k + 3 + c];
+      }
+    if (BANDS % 2 == 0)
+      for (int c = 0; c < 3; c++) odd[c] += basis_of[BANDS - 1][i] * sh[3 * BANDS - 3 + c];
     uint8_t shown = 0;
     for (int c = 0; c < 3; c++) {
-      const T value = T(0.5) + color[c];
+      const T value = T(0.5) + (color[c] + odd[c]);
       good &= std::isfinite(value);  // as it is not where a coefficient is not
       shown |= uint8_t(value >= 0) << c;
       job.table[(first + i) * columns + GEOMETRY + c] = std::max(value, T(0));
@@ -198,62 +196,64 @@ bool colors_of(const Job<T>& job, const View<T>& v, const Lanes<T>& in, int64_t 
   }
 }
 
+// Tiles of LANES Gaussians' bounding boxes, of each size, summed up.
+template <typename T>
+struct Taken {
+  typename Wide<T>::of of[SIZES] = {};
+};
+
 // What LANES Gaussians become on the picture: columns of the table, depths, ellipses, and the
-// number of tiles of each size that their bounding boxes take. Whether all of it is finite.
+// number of tiles that their bounding boxes take. Whether all of it is finite.
 template <typename T>
 bool project_lanes(const Job<T>& job, const View<T>& v, const Lanes<T>& in, int64_t first,
-                   int64_t count, double* depths, T* shapes, double* tiles) {
-  T out[GEOMETRY][LANES], shape[FOOTPRINT][LANES], taken[SIZES][LANES];
-  double depth[LANES];
-  int bad = 0;
-  const T floor = T(job.log_alpha_min), least = T(job.alpha_min), clip = T(job.radius_clip);
-  const T width = T(job.width), height = T(job.height);
-  const bool antialiased = job.antialiased;
-#pragma omp simd reduction(| : bad)
-  for (int i = 0; i < LANES; i++) {
-    const Linearised<T> l = linearise(v, in.centre(i));
-    const Ellipse<T> e = ellipse(v.blur, l, in.turned(i), in.scales(i));
-    const T x = T(v.focal_x * l.slope_x + v.centre_x) - v.left;
-    const T y = T(v.focal_y * l.slope_y + v.centre_y) - v.top;
-    const T covariance[4] = {e.xx, e.xy, e.yy, e.conditional * (e.xx / e.yy)};
-    const T none = T(0) * (x + y + e.xx + e.xy + e.yy + covariance[3] + e.root + e.w1 + e.w2);
-    bad |= !(none == 0);
-    T log_opacity = log_sigmoid(in.logit[i]);
-    if (antialiased) log_opacity += log_compensation(e);
-    T radius = std::sqrt(std::max(2 * (log_opacity - floor), T(0)));
-    const T wide = std::sqrt(e.xx), high = std::sqrt(e.yy);
-    const bool small = clip > 0 && std::ceil(radius * std::max(wide, high)) <= clip;
-    const bool faint = 1 / (1 + exponential(-in.logit[i])) < least;
-    const bool hidden = small || faint || log_opacity < floor - T(1e-3);
-    log_opacity = small || faint ? 2 * floor : log_opacity;
-    radius = hidden ? T(0) : radius;
-    depth[i] = l.z;
-    out[0][i] = x, out[1][i] = y, out[2][i] = e.root, out[3][i] = e.w1, out[4][i] = e.w2;
-    out[5][i] = log_opacity;
-    footprint(x, y, covariance, radius, &shape[0][i], LANES);
-    shape[7][i] = hidden ? T(-1) : shape[7][i];
-    const auto span = [&](T at, T half, T extent) {
-      const T low = held(at - half, T(0), extent);
-      return std::max(held(at + half, T(0), extent) - low, T(0));
-    };
-    const T across = span(x, radius * wide, width), down = span(y, radius * high, height);
-    for (int s = 0; s < SIZES; s++) {
-      const T per = T(1) / TILE_SIZES[s];
-      taken[s][i] = hidden ? T(0) : (across * per + 1) * (down * per + 1);
-    }
+                   int64_t count, double* depths, T* shapes, Taken<T>& taken) {
+  using V = typename Wide<T>::of;
+  const V none = V{};
+  const T floor = T(job.log_alpha_min), clip = T(job.radius_clip);
+  const Linearised<V> l = linearise(v, in.mean);
+  const Ellipse<V> e = ellipse(v.blur, l, rotation<T>(in.w, in.x, in.y, in.z), in.scales());
+  V x, y, depth;
+  narrow(v.focal_x * l.slope_x + v.centre_x, x), narrow(v.focal_y * l.slope_y + v.centre_y, y);
+  narrow(l.z, depth);
+  x -= v.left, y -= v.top;
+  const V within = e.conditional * (e.xx / e.yy);
+  const V zero = (x + y + e.xx + e.xy + e.yy + within + e.root + e.w1 + e.w2) * 0;
+  V log_opacity = log_sigmoid(in.logit);
+  if (job.antialiased) log_opacity += log_compensation<T>(e);
+  const V wide = root(e.xx), high = root(e.yy);
+  V radius = root(most(2 * (log_opacity - floor), none));
+  auto hidden = 1 / (1 + exponential(-in.logit)) < T(job.alpha_min);
+  if (clip > 0) hidden |= rounded_up(radius * most(wide, high)) <= clip;
+  log_opacity = hidden ? none + 2 * floor : log_opacity;
+  hidden |= log_opacity < floor - T(1e-3);
+  radius = hidden ? none : radius;
+
+  const auto span = [&](V at, V half, T extent) __attribute__((always_inline)) {
+    const V end = none + extent;
+    return most(held(at + half, none, end) - held(at - half, none, end), none);
+  };
+  V across = span(x, radius * wide, T(job.width)), down = span(y, radius * high, T(job.height));
+  const V counted = hidden ? none : none + 1;
+  for (int s = 0; s < SIZES; s++) {
+    const T per = T(1) / TILE_SIZES[s];
+    taken.of[s] += (across * per + 1) * (down * per + 1) * counted;
   }
-  if (bad) return false;
+  T out[GEOMETRY + 1][LANES], shape[FOOTPRINT][LANES], bad[LANES];
+  store(x, out[0]), store(y, out[1]), store(e.root, out[2]), store(e.w1, out[3]);
+  store(e.w2, out[4]), store(log_opacity, out[5]), store(depth, out[6]), store(zero, bad);
+  footprint(x, y, e.xx, e.xy, e.yy, within, radius, hidden, shape);
   const int64_t columns = GEOMETRY + 3 + job.with_depth;
+  bool good = true;
   for (int64_t i = 0; i < count; i++) {
     T* row = job.table + (first + i) * columns;
     for (int k = 0; k < GEOMETRY; k++) row[k] = out[k][i];
     for (int k = 0; k < FOOTPRINT; k++) shapes[(first + i) * FOOTPRINT + k] = shape[k][i];
-    if (job.with_depth) row[GEOMETRY + 3] = T(depth[i]);
-    if (job.depths) job.depths[first + i] = T(depth[i]);
-    depths[first + i] = depth[i];
-    for (int s = 0; s < SIZES; s++) tiles[s] += taken[s][i];
+    if (job.with_depth) row[GEOMETRY + 3] = out[GEOMETRY][i];
+    if (job.depths) job.depths[first + i] = out[GEOMETRY][i];
+    depths[first + i] = l.z[i];
+    good &= bad[i] == 0;
   }
-  return true;
+  return good;
 }
 
 template <typename T>
@@ -280,14 +280,16 @@ int64_t project(Job<T>& job) {
   std::vector<double> tiles(job.threads * SIZES, 0.0);
   std::atomic<bool> good{true};
   in_parallel(job.threads, job.drawn, LEAST / 4, [&](int64_t begin, int64_t end, int64_t thread) {
-    Lanes<T> lanes;
+    Taken<T> taken;
     for (int64_t i = begin; i < end; i += LANES) {
       const int64_t count = std::min<int64_t>(LANES, end - i);
-      lanes.load(job, i, count);
-      if (!project_lanes(job, view, lanes, i, count, depths, shapes, &tiles[thread * SIZES]) ||
+      const Lanes<T> lanes(job, i, count);
+      if (!project_lanes(job, view, lanes, i, count, depths, shapes, taken) ||
           !colors_of(job, view, lanes, i, count))
         good = false;
     }
+    for (int s = 0; s < SIZES; s++)
+      for (int i = 0; i < LANES; i++) tiles[thread * SIZES + s] += taken.of[s][i];
   });
   if (!good) return REFUSED;
   if (!job.tile_size) job.tile_size = choose_tile_size(job, tiles);
@@ -346,108 +348,105 @@ int64_t list(Job<T>& job) {
 // LANES Gaussians' rows of the table's gradient: sums over their pairs.
 template <typename T>
 struct Upstream {
-  T of[GEOMETRY + 4][LANES];
+  T of[GEOMETRY + 4][LANES] = {};
 
-  void load(const Job<T>& job, int64_t first, int64_t count) {
-    const int64_t columns = GEOMETRY + 3 + job.with_depth;
-    for (auto& row : of) std::fill_n(row, LANES, T(0));
+  template <int COLUMNS>
+  INLINE void sum(const Job<T>& job, int64_t first, int64_t count) {
     for (int64_t i = first; i < first + count; i++) {
       const int64_t end = i + 1 < job.drawn ? job.firsts[i + 1] : job.pairs;
-      T sum[GEOMETRY + 4] = {};
+      T sum[COLUMNS] = {};
       for (int64_t p = job.firsts[i]; p < end; p++)
-        for (int64_t k = 0; k < columns; k++) sum[k] += job.pair_gradients[p * columns + k];
-      for (int64_t k = 0; k < columns; k++) of[k][i - first] = sum[k];
+        for (int k = 0; k < COLUMNS; k++) sum[k] += job.pair_gradients[p * COLUMNS + k];
+      for (int k = 0; k < COLUMNS; k++) of[k][i - first] = sum[k];
       for (int c = 0; c < 3; c++)
         if (!(job.shown[i] >> c & 1)) of[GEOMETRY + c][i - first] = T(0);
     }
+  }
+  Upstream(const Job<T>& job, int64_t first, int64_t count) {
+    job.with_depth ? sum<GEOMETRY + 4>(job, first, count) : sum<GEOMETRY + 3>(job, first, count);
+  }
+  INLINE typename Wide<T>::of operator[](int k) const {
+    return load<typename Wide<T>::of>(of[k]);
   }
 };
 
 // Gradients of the harmonics; and of the centres in the world, by the directions.
 template <typename T, int BANDS>
-void color_gradients(const Job<T>& job, const View<T>& v, const Lanes<T>& in,
-                     const Upstream<T>& up, int64_t first, int64_t count, double (*mean)[LANES]) {
-  T y[BANDS][LANES], by_basis[BANDS][LANES];
-  if (BANDS == 1) {
-    std::fill_n(y[0], LANES, T(C0));
-  } else {
-    bases<T, BANDS>(v, in, y);
+Vec<doubles> color_gradients(const Job<T>& job, const View<T>& v, const Lanes<T>& in,
+                             const Upstream<T>& up, int64_t first, int64_t count) {
+  using V = typename Wide<T>::of;
+  const V red = up[GEOMETRY], green = up[GEOMETRY + 1], blue = up[GEOMETRY + 2];
+  Direction d;
+  Vec<V> unit = in.mean;
+  if (BANDS > 1) {
+    d = direction(v, in.mean);
+    unit = narrowed<T>(d.unit);
   }
+  V by_basis[BANDS];
+  if (job.grad_sh) {
+    basis<T, BANDS>(unit, by_basis);
+    for (int64_t i = 0; i < count; i++) {
+      T* out = job.grad_sh + int64_t(job.rows[first + i]) * BANDS * 3;
+      const T g[3] = {red[i], green[i], blue[i]};
+      for (int k = 0; k < BANDS; k++)
+        for (int c = 0; c < 3; c++) out[3 * k + c] = by_basis[k][i] * g[c];
+    }
+  }
+  if (BANDS == 1 || !job.grad_means) return {doubles{}, doubles{}, doubles{}};
+  T sums[BANDS][LANES] = {};
   for (int64_t i = 0; i < count; i++) {
-    const int64_t row = job.rows[first + i];
-    const T g[3] = {up.of[GEOMETRY][i], up.of[GEOMETRY + 1][i], up.of[GEOMETRY + 2][i]};
-    if (job.grad_sh) {
-      T* out = job.grad_sh + row * BANDS * 3;
-      for (int k = 0; k < BANDS; k++)
-        for (int c = 0; c < 3; c++) out[3 * k + c] = y[k][i] * g[c];
-    }
-    if (BANDS > 1 && job.grad_means) {
-      const T* sh = job.sh + row * BANDS * 3;
-      for (int k = 0; k < BANDS; k++)
-        by_basis[k][i] = sh[3 * k] * g[0] + sh[3 * k + 1] * g[1] + sh[3 * k + 2] * g[2];
-    }
+    const T* sh = job.sh + int64_t(job.rows[first + i]) * BANDS * 3;
+    const T r = red[i], g = green[i], b = blue[i];
+    for (int k = 1; k < BANDS; k++)
+      sums[k][i] = sh[3 * k] * r + sh[3 * k + 1] * g + sh[3 * k + 2] * b;
   }
-  if (BANDS == 1 || !job.grad_means) return;
-  for (int64_t i = count; i < LANES; i++)
-    for (int k = 0; k < BANDS; k++) by_basis[k][i] = T(0);
-#pragma omp simd
-  for (int i = 0; i < LANES; i++) {
-    const Direction d = direction(v, in.centre(i));
-    const Vec<T> unit = {T(d.unit.x), T(d.unit.y), T(d.unit.z)};
-    const Vec<T> g = basis_gradient(unit, BANDS, &by_basis[0][i], LANES);
-    Vec<double> by = {double(g.x), double(g.y), double(g.z)};
-    by = (1 / d.second) * (by - (d.second > 1e-12 ? dot(by, d.unit) : 0.0) * d.unit);
-    by = (1 / d.first) * (by - (d.first > 1e-12 ? dot(by, d.unit) : 0.0) * d.unit);
-    mean[0][i] = by.x, mean[1][i] = by.y, mean[2][i] = by.z;
-  }
+  for (int k = 0; k < BANDS; k++) by_basis[k] = load<V>(sums[k]);
+  const Vec<V> g = basis_gradient<T, BANDS>(unit, by_basis);
+  Vec<doubles> by = {widen(g.x), widen(g.y), widen(g.z)};
+  by = (1 / d.second) * (by - (d.second > 1e-12 ? dot(by, d.unit) : doubles{}) * d.unit);
+  return (1 / d.first) * (by - (d.first > 1e-12 ? dot(by, d.unit) : doubles{}) * d.unit);
 }
 
 template <typename T>
-void color_gradients_of(const Job<T>& job, const View<T>& v, const Lanes<T>& in,
-                        const Upstream<T>& up, int64_t first, int64_t count,
-                        double (*mean)[LANES]) {
+Vec<doubles> color_gradients_of(const Job<T>& job, const View<T>& v, const Lanes<T>& in,
+                                const Upstream<T>& up, int64_t first, int64_t count) {
   switch (job.bands) {
-    case 1: return color_gradients<T, 1>(job, v, in, up, first, count, mean);
-    case 4: return color_gradients<T, 4>(job, v, in, up, first, count, mean);
-    case 9: return color_gradients<T, 9>(job, v, in, up, first, count, mean);
-    case 16: return color_gradients<T, 16>(job, v, in, up, first, count, mean);
-    default: return color_gradients<T, 25>(job, v, in, up, first, count, mean);
+    case 1: return color_gradients<T, 1>(job, v, in, up, first, count);
+    case 4: return color_gradients<T, 4>(job, v, in, up, first, count);
+    case 9: return color_gradients<T, 9>(job, v, in, up, first, count);
+    case 16: return color_gradients<T, 16>(job, v, in, up, first, count);
+    default: return color_gradients<T, 25>(job, v, in, up, first, count);
   }
 }
 
-// Gradients of centres, rotations, scales and opacities; `mean` holds the directions' part.
+// Gradients of centres, rotations, scales and opacities; `mean` is the directions' part.
 template <typename T>
 void geometry_gradients(const Job<T>& job, const View<T>& v, const Lanes<T>& in,
-                        const Upstream<T>& up, int64_t first, int64_t count,
-                        double (*mean)[LANES]) {
-  T quat[4][LANES], scale[3][LANES], logit[LANES];
-  const bool antialiased = job.antialiased;
-#pragma omp simd
-  for (int i = 0; i < LANES; i++) {
-    const Linearised<T> l = linearise(v, in.centre(i));
-    const Rotation<T> q = in.turned(i);
-    const Vec<T> scales = in.scales(i);
-    const Ellipse<T> e = ellipse(v.blur, l, q, scales);
-    const T by_opacity = up.of[5][i];
-    const GeometryGradient<T> g = geometry_gradient(
-        v, l, q, scales, e, up.of[0][i], up.of[1][i], up.of[2][i], up.of[3][i], up.of[4][i],
-        antialiased ? by_opacity : T(0), up.of[GEOMETRY + 3][i]);
-    logit[i] = by_opacity / (1 + exponential(in.logit[i]));
-    quat[0][i] = g.w, quat[1][i] = g.x, quat[2][i] = g.y, quat[3][i] = g.z;
-    scale[0][i] = g.log_scales.x, scale[1][i] = g.log_scales.y, scale[2][i] = g.log_scales.z;
-    mean[0][i] += v.r[0] * g.mean_x + v.r[3] * g.mean_y + v.r[6] * g.mean_z;
-    mean[1][i] += v.r[1] * g.mean_x + v.r[4] * g.mean_y + v.r[7] * g.mean_z;
-    mean[2][i] += v.r[2] * g.mean_x + v.r[5] * g.mean_y + v.r[8] * g.mean_z;
-  }
+                        const Upstream<T>& up, int64_t first, int64_t count, Vec<doubles> mean) {
+  using V = typename Wide<T>::of;
+  const Linearised<V> l = linearise(v, in.mean);
+  const Rotation<V> q = rotation<T>(in.w, in.x, in.y, in.z);
+  const Vec<V> scales = in.scales();
+  const Ellipse<V> e = ellipse(v.blur, l, q, scales);
+  const V by_opacity = up[5];
+  const GeometryGradient<V> g = geometry_gradient<T>(
+      v, l, q, scales, e, up[0], up[1], up[2], up[3], up[4],
+      job.antialiased ? by_opacity : V{}, up[GEOMETRY + 3]);
+  const Vec<V> centre = narrowed<T>(mean + v.in_world(g.mean));
+  T out[11][LANES];
+  store(centre.x, out[0]), store(centre.y, out[1]), store(centre.z, out[2]);
+  store(g.log_scales.x, out[3]), store(g.log_scales.y, out[4]), store(g.log_scales.z, out[5]);
+  store(g.w, out[6]), store(g.x, out[7]), store(g.y, out[8]), store(g.z, out[9]);
+  store(by_opacity / (1 + exponential(in.logit)), out[10]);
   for (int64_t i = 0; i < count; i++) {
     const int64_t row = job.rows[first + i];
     if (job.grad_means)
-      for (int k = 0; k < 3; k++) job.grad_means[3 * row + k] = T(mean[k][i]);
-    if (job.grad_quats)
-      for (int k = 0; k < 4; k++) job.grad_quats[4 * row + k] = quat[k][i];
+      for (int k = 0; k < 3; k++) job.grad_means[3 * row + k] = out[k][i];
     if (job.grad_log_scales)
-      for (int k = 0; k < 3; k++) job.grad_log_scales[3 * row + k] = scale[k][i];
-    if (job.grad_logits) job.grad_logits[row] = logit[i];
+      for (int k = 0; k < 3; k++) job.grad_log_scales[3 * row + k] = out[3 + k][i];
+    if (job.grad_quats)
+      for (int k = 0; k < 4; k++) job.grad_quats[4 * row + k] = out[6 + k][i];
+    if (job.grad_logits) job.grad_logits[row] = out[10][i];
   }
 }
 
@@ -468,17 +467,14 @@ int64_t backward(Job<T>& job) {
       job.grad_means || job.grad_quats || job.grad_log_scales || job.grad_logits;
   if (!job.drawn) clear(job, 0, job.count);
   in_parallel(job.threads, job.drawn, LEAST / 4, [&](int64_t begin, int64_t end, int64_t) {
-    Lanes<T> lanes;
-    Upstream<T> upstream;
     int64_t written = begin == 0 ? 0 : job.rows[begin];
     for (int64_t i = begin; i < end; i += LANES) {
       const int64_t count = std::min<int64_t>(LANES, end - i);
       for (int64_t j = i; j < i + count; written = job.rows[j++] + 1)
         if (job.rows[j] > written) clear(job, written, job.rows[j]);
-      double mean[3][LANES] = {};
-      lanes.load(job, i, count);
-      upstream.load(job, i, count);
-      color_gradients_of(job, view, lanes, upstream, i, count, mean);
+      const Lanes<T> lanes(job, i, count);
+      const Upstream<T> upstream(job, i, count);
+      const Vec<doubles> mean = color_gradients_of(job, view, lanes, upstream, i, count);
       if (geometry) geometry_gradients(job, view, lanes, upstream, i, count, mean);
     }
     if (begin < end) clear(job, written, end < job.drawn ? job.rows[end] : job.count);

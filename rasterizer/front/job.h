@@ -10,8 +10,9 @@
 #include <thread>
 #include <vector>
 
+#include "numbers.h"
+
 constexpr int GEOMETRY = 6;  // columns of the table before the colour: x, y, w0, w1, w2, log opacity
-constexpr int LANES = 16;    // Gaussians computed at once
 constexpr int FOOTPRINT = 8; // numbers that describe an ellipse, see bins.h
 
 template <typename T>
