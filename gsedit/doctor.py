@@ -59,7 +59,8 @@ LIBRARIES = (
     Library("pycolmap", "reading COLMAP's folders and undistorting photos", "pycolmap"),
     Library("trimesh", "meshes and to_trimesh", "trimesh"),
     Library("OpenEXR", "gsedit render -o picture.exr", "OpenEXR"),
-    Library("av", "gsedit render -o video.mp4", "'gsedit[video]'"),
+    Library("av", "gsedit capture VIDEO, and render -o video.mp4", "'gsedit[video]'"),
+    Library("pi_heif", "HEIC photos of iPhones in gsedit capture", "pi-heif", ("pi-heif",)),
     Library("viser", "gsedit view", "'gsedit[web]'"),
     Library("pyvista", "gsedit preview", "pyvista", system="libegl1 libgl1 libx11-6"),
     Library(

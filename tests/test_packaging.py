@@ -58,7 +58,7 @@ def test_every_file_that_is_no_module_is_package_data(pyproject):
 
 
 def test_every_dependency_is_imported(pyproject):
-    modules = {"pillow": "PIL", "open3d-cpu": "open3d"}
+    modules = {"pillow": "PIL", "open3d-cpu": "open3d", "pi-heif": "pi_heif"}
     section = pyproject.split("dependencies = [")[1].split("\n]")[0]
     code = "\n".join(
         path.read_text()

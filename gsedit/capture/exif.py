@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float64
 from PIL import Image
 
+from gsedit.capture.heif import register_heif
 from gsedit.files.pictures import picture_size
 
 FocalSource = Literal["EXIF 35 mm", "EXIF and sensor", "guessed"]
@@ -92,12 +93,13 @@ def _group(members: Sequence[tuple[Path, Tags]]) -> CameraGroup:
 def read_tags(photo: Path) -> Tags:
     """What a photo's header says. Tags that are damaged count as absent; raises InputError for a
     file that is no picture."""
+    register_heif()
     width, height = picture_size(photo)
-    main, more = _directories(photo)
-    orientation = main.get(0x0112, 1)
+    main, more, turned = _directories(photo)
+    orientation = turned or main.get(0x0112, 1)
     orientation = orientation if orientation in range(1, 9) else 1
     focal, source = focal_length(more, width, height)
-    if orientation >= 5:
+    if orientation >= 5 and not turned:
         width, height = height, width
     named = (main.get(0x010F), main.get(0x0110), more.get(0xA434))
     camera = tuple(str(text).strip("\0 ") for text in named if text)
@@ -107,14 +109,16 @@ def read_tags(photo: Path) -> Tags:
     )  # fmt: skip
 
 
-def _directories(photo: Path) -> tuple[dict[int, Any], dict[int, Any]]:
-    """The main EXIF directory of a picture and that of its camera; empty where damaged."""
+def _directories(photo: Path) -> tuple[dict[int, Any], dict[int, Any], int | None]:
+    """The main EXIF directory of a picture and that of its camera, empty where damaged; and the
+    orientation that is applied already (HEIC)."""
     try:
         with Image.open(photo) as picture:
             exif = picture.getexif()
-            return dict(exif), dict(exif.get_ifd(0x8769))
+            turned = picture.info.get("original_orientation")
+            return dict(exif), dict(exif.get_ifd(0x8769)), turned
     except Exception:  # Pillow's readers raise a dozen kinds
-        return {}, {}
+        return {}, {}, None
 
 
 def focal_length(tags: dict[int, Any], width: int, height: int) -> tuple[float | None, FocalSource]:

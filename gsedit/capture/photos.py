@@ -13,6 +13,7 @@ import numpy as np
 from PIL import Image, ImageOps
 
 from gsedit.capture.child import Step
+from gsedit.capture.heif import register_heif
 from gsedit.errors import InputError
 
 PICTURES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp", ".heic", ".heif", ".avif")
@@ -93,6 +94,7 @@ def prepare(files: Sequence[Path], folder: Path, size: int) -> Iterator[Step | P
     """Write the photos into `folder`, with the longer side at most `size` pixels; yields steps,
     then what came out. A photo that is fine as it is gets a link or a copy."""
     folder.mkdir(parents=True)
+    register_heif()
     photos: list[Photo] = []
     unreadable: list[str] = []
     first: np.ndarray | None = None
@@ -116,7 +118,7 @@ def prepare(files: Sequence[Path], folder: Path, size: int) -> Iterator[Step | P
 def _prepared(file: Path, folder: Path, size: int, taken: set[str]) -> tuple[str, Image.Image]:
     """Write one photo; its name and its picture."""
     with Image.open(file) as opened:
-        if getattr(opened, "n_frames", 1) > 1 and opened.format not in ("MPO", "TIFF"):
+        if getattr(opened, "n_frames", 1) > 1 and opened.format not in ("MPO", "TIFF", "HEIF"):
             raise ValueError("an animation: name the video it was made from")
         opened.load()
         plain = (

@@ -10,6 +10,7 @@ import pytest
 from PIL import Image, ImageOps
 
 from gsedit.capture.exif import camera_groups, read_tags, shown, stacked
+from gsedit.capture.photos import prepare
 from gsedit.errors import InputError
 
 F35, FOCAL, RESOLUTION, UNIT, TAKEN, NOTE = 0xA405, 0x920A, 0xA20E, 0xA210, 0xA002, 0x927C
@@ -129,6 +130,22 @@ def test_photos_without_a_usable_acceleration_have_no_gravity(tmp_path, camera):
     path = photo(tmp_path / "a.jpg", main=PHONE, camera=camera)
     assert read_tags(path).gravity is None
     assert np.isnan(stacked(camera_groups([path]))).all()
+
+
+def test_the_photo_of_an_iphone_is_read_as_it_is_shown():
+    """phone.heic: 96x64 pixels, orientation 6, 26 mm, held upright."""
+    tags = read_tags(Path(__file__).parent / "phone.heic")
+    assert (tags.width, tags.height) == (64, 96)
+    assert tags.focal == pytest.approx(26 / 43.267 * np.hypot(64, 96))
+    assert tags.gravity == pytest.approx((0, 1, 0))
+    assert tags.camera == ("Apple", "iPhone 15")
+
+
+def test_the_photo_of_an_iphone_is_prepared_upright(tmp_path):
+    *_, prepared = prepare([Path(__file__).parent / "phone.heic"], tmp_path / "out", 1600)
+    (photo,) = prepared.photos
+    assert (photo.name, photo.width, photo.height) == ("phone.jpg", 64, 96)
+    assert not prepared.unreadable
 
 
 def test_a_file_that_is_no_picture_is_named(tmp_path):
