@@ -10,7 +10,7 @@ import torch
 from benchmarks import SameProcess, garden_points
 
 from gsedit.bench import measure
-from gsedit.bench.renderer import pairs, targets, workloads
+from gsedit.bench.renderer import pairs, speed, targets, workloads
 from gsedit.bench.renderer.targets import Target
 from gsedit.reports.events import Event
 from rasterizer.tiles import TILE_SIZES
@@ -30,19 +30,22 @@ def test_every_target_is_measured(points, tmp_path, monkeypatch):
     cage = workloads.cloud(80, 32, 24)
     monkeypatch.setattr(targets, "synthetic", lambda: [replace(cage, name="cage")])
     monkeypatch.setattr(targets, "Worker", SameProcess)
+    monkeypatch.setattr(speed, "TRAINED", 200)
+    monkeypatch.setattr(speed, "SIDE", 64)
+    monkeypatch.setattr(speed, "CROP", 32)
     size = targets.Size(runs=1, pieces=1, clouds=(100, 400))
     items = list(targets.measure_targets(size, points, [], tmp_path / "references"))
     events = [item for item in items if isinstance(item, Event)]
     measured = [item for item in items if isinstance(item, Target)]
     assert events[-1].step == events[-1].steps > 0
     names = " ".join(target.name for target in measured)
-    for part in ("compiled, forward", "no early stop: mean", "default stop: gradients",
-                 "cage: tile choice", "quarters as crops", "2 threads", "memory above the inputs",
-                 "time by pairs", "memory by pairs"):  # fmt: skip
+    for part in ("training step, torch", "crop, torch", "no early stop: mean",
+                 "default stop: gradients", "cage: tile choice", "quarters as crops", "2 threads",
+                 "memory above the inputs", "time by pairs", "memory by pairs"):  # fmt: skip
         assert part in names
     by_name = {target.name: target for target in measured}
     for scale in (1, 0.25):
-        label = f"garden x{scale}, float32, no early stop"
+        label = f"garden x{scale}, torch, no early stop"
         assert by_name[f"{label}: mean error"].reached
         assert by_name[f"{label}: 99.9 %"].reached
         assert by_name[f"{label}: gradients"].reached
@@ -52,6 +55,7 @@ def test_every_target_is_measured(points, tmp_path, monkeypatch):
 def test_without_its_points_the_garden_is_left_out_with_a_note(monkeypatch):
     monkeypatch.setattr(targets, "synthetic", list)
     monkeypatch.setattr(targets, "scaling_targets", lambda _: [])
+    monkeypatch.setattr(targets, "measure_speed", lambda *_: [])
     events = list(targets.measure_targets(targets.QUICK, None, []))
     assert "not given" in events[0].note
     assert not any(isinstance(item, Target) for item in events)
@@ -99,3 +103,25 @@ def test_the_table_shows_what_is_missed_and_not_measured():
     assert text.startswith("1 of 2 targets are reached on ")
     assert "| fast | 8 Y wall | 9.1 Y wall | **no** |" in text
     assert "| lean | 2.5 GB | no peak | not measured |" in text
+
+
+@pytest.mark.parametrize(
+    ("wall", "cpu", "reached"), [(16, 8, True), (15.9, 9, False), (20, 7, False)]
+)
+def test_a_speed_is_reached_in_wall_clock_and_in_processor_time(wall, cpu, reached):
+    goal = speed.Goal(16, 8)
+    row = speed.Speed("garden", "compiled", "peer", 0.1, float(wall), float(cpu), goal, 0.0, None)
+    assert row.reached is reached
+
+
+def test_a_peer_that_is_there_is_what_the_kernels_are_compared_with(tiny, monkeypatch):
+    case = speed._case("crop", tiny, 1, box=(4, 4, 8, 8))
+    peer = replace(speed.PEER_TABLE["gsplat"], prepare=lambda _: speed.reference_drawing)
+    monkeypatch.setattr(speed, "installed", lambda: ([replace(peer, name=speed.PEER)], []))
+    monkeypatch.setitem(speed.PEER_TABLE, speed.PEER, peer)
+    rows = list(speed._measured(case, 1, None))
+    assert {row.other for row in rows} == {speed.PEER}
+    assert rows[-1].kernel == "torch"
+    for row in rows:  # the crop is the picture that other renderers draw
+        assert row.error < 1e-6
+        assert row.gradient < 1e-4

@@ -18,6 +18,7 @@ from torch import Tensor
 
 from gsedit.files.atomic import atomic_path
 from rasterizer import Camera, Gaussians, harmonics, numerics, project, reference
+from rasterizer.project import Box
 
 FIELDS = ("means", "quats", "log_scales", "logit_opacities", "sh")
 POSE = "pose"
@@ -96,24 +97,28 @@ def cosine(value: Float[Tensor, "..."], expected: Float[Tensor, "..."]) -> float
     return min(1.0, float((value.flatten() / lengths[0]) @ (expected.flatten() / lengths[1])))
 
 
-def reference_of(scene: Gaussians, camera: Camera, cache: Path | None = None) -> Drawn:
+def reference_of(
+    scene: Gaussians, camera: Camera, cache: Path | None = None, crop: Box | None = None
+) -> Drawn:
     """Picture and gradients of the float64 reference; slow, so kept in the folder `cache`.
 
     A file's name is a hash of the scene, the camera and the reference's code, so it is never stale.
     """
-    path = None if cache is None else cache / f"{_fingerprint(scene, camera)}.pt"
+    path = None if cache is None else cache / f"{_fingerprint(scene, camera, crop)}.pt"
     if path is not None and path.is_file():
         stored = torch.load(path, weights_only=True)
         return Drawn(stored.pop("picture"), stored)
     scene = scene.to(torch.float64)
-    drawn = differentiate(lambda s, c: reference.render_reference(s, c).color, scene, camera)
+    left, top, width, height = crop or (0, 0, camera.width, camera.height)
+    here = slice(top, top + height), slice(left, left + width)
+    drawn = differentiate(lambda s, c: reference.render_reference(s, c).color[here], scene, camera)
     if path is not None:
         with atomic_path(path, overwrite=True) as temporary:
             torch.save({"picture": drawn.picture, **drawn.gradients}, temporary)
     return drawn
 
 
-def _fingerprint(scene: Gaussians, camera: Camera) -> str:
+def _fingerprint(scene: Gaussians, camera: Camera, crop: Box | None) -> str:
     parts = hashlib.sha256()
     for module in (reference, project, harmonics, numerics):
         parts.update(inspect.getsource(module).encode())
@@ -121,5 +126,5 @@ def _fingerprint(scene: Gaussians, camera: Camera) -> str:
         parts.update(str((tensor.dtype, tensor.shape)).encode())
         parts.update(tensor.detach().contiguous().numpy().tobytes())
     numbers = (camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height)
-    parts.update(repr(numbers).encode())
+    parts.update(repr((*numbers, crop)).encode())
     return parts.hexdigest()[:16]

@@ -21,7 +21,7 @@ from gsedit.bench.measure import Timing, timed
 from gsedit.bench.renderer.accuracy import Draw, Drawn, differentiate
 from gsedit.bench.renderer.workloads import Workload
 from rasterizer import Camera, Gaussians
-from rasterizer.numerics import DEFAULT
+from rasterizer.numerics import DEFAULT, SH_DC
 
 
 @dataclass(frozen=True)
@@ -106,6 +106,40 @@ def intrinsics(camera: Camera) -> Float[Tensor, "3 3"]:
     return torch.tensor(rows, dtype=torch.float64)
 
 
+def _opensplat(workload: Workload) -> Draw:
+    """OpenSplat's CPU rasteriser: a module that is built beside gsedit, see docs/renderer.md.
+
+    SH degree 0. Nothing behind the near plane is left out: it clamps what is behind the camera.
+    """
+    import opensplat_cpu  # pyright: ignore[reportMissingImports]
+
+    if workload.scene.degree:
+        raise NotImplementedError(f"SH degree {workload.scene.degree}: 0 only")
+
+    def draw(scene: Gaussians, camera: Camera) -> Float[Tensor, "h w 3"]:
+        in_front = (scene.means.detach() @ camera.rotation.T.to(scene.means))[:, 2] + float(
+            camera.world_to_camera[2, 3]
+        ) > DEFAULT.near
+        if not in_front.all():
+            scene = scene[in_front]
+        return opensplat_cpu.rasterize(
+            scene.means,
+            scene.scales,
+            scene.quats,
+            scene.opacities,
+            (0.5 + SH_DC * scene.sh[:, 0]).clamp_min(0),
+            camera.world_to_camera,
+            camera.fx,
+            camera.fy,
+            camera.cx,
+            camera.cy,
+            camera.width,
+            camera.height,
+        )
+
+    return draw
+
+
 def _mitsuba(workload: Workload) -> Draw:
     """Mitsuba's ellipsoids under its volprim_rf_basic integrator, one sample in a pixel's centre.
 
@@ -169,6 +203,7 @@ def mitsuba_scene(mi: Any, workload: Workload) -> dict[str, Any]:
 
 PEER_TABLE: dict[str, Peer] = {
     "gsplat": Peer("gsplat", _gsplat),
+    "opensplat_cpu": Peer("opensplat_cpu", _opensplat),
     "mitsuba": Peer(
         "mitsuba",
         _mitsuba,
