@@ -53,7 +53,8 @@ def test_every_file_that_is_no_module_is_package_data(pyproject):
         declared |= {f"{package.replace('.', '/')}/{file}" for file in files}
     assert declared == data
     assert {Path(name).name for name in data} >= {
-        "kernel.cpp", "photometric.cpp", "row_adam.cpp", "small.safetensors", "MODEL_CARD.md",
+        "chunk.h", "kernel.cpp", "simd.h", "photometric.cpp", "row_adam.cpp",
+        "small.safetensors", "MODEL_CARD.md",
     }  # fmt: skip
 
 

@@ -15,41 +15,29 @@ from rasterizer.blending.backend import GEOMETRY, Backend, Blended, BlendInputs,
 from rasterizer.numerics import Execution, Kernel
 
 SOURCE = Path(__file__).with_name("kernel.cpp")
-BLOCK = 16
-"""As in kernel.cpp."""
 
 
 class _Job(ctypes.Structure):
-    """`Job` of kernel.cpp."""
+    """`Job` of chunk.h."""
 
     _fields_ = (
         [(name, ctypes.c_void_p) for name in ("table", "members", "starts", "slots")]
         + [(name, ctypes.c_int64) for name in
            ("columns", "rows", "side", "width", "height", "depth", "threads")]
         + [(name, ctypes.c_double) for name in
-           ("log_alpha_min", "log_alpha_max", "alpha_min", "stop")]
+           ("log_alpha_min", "log_alpha_max", "stop")]
         + [(name, ctypes.c_void_p) for name in
-           ("features", "transmittance", "median_index", "visited", "blocks", "checkpoints",
-            "grad_features", "grad_transmittance", "gradients")]
+           ("features", "transmittance", "median_index", "ends", "grad_features",
+            "grad_transmittance", "gradients")]
     )  # fmt: skip
-
-
-class _Checkpoints(NamedTuple):
-    """How far each tile was blended."""
-
-    visited: Int[Tensor, " t"]
-    """Gaussians of each tile that were blended before it was opaque."""
-    blocks: Int[Tensor, " t"]
-    """Where each tile's blocks begin among all blocks."""
-    checkpoints: Float[Tensor, "n q"] | None
-    """Transmittance in front of each block; None: no gradient is wanted."""
 
 
 class _Saved(NamedTuple):
     """What the backward pass needs."""
 
     inputs: BlendInputs
-    checkpoints: _Checkpoints
+    ends: Int[Tensor, "h w"] | None
+    """Place in its tile's list at which each pixel was finished; None: no gradient is wanted."""
 
 
 def forward(inputs: BlendInputs, median: bool, differentiate: bool) -> ForwardPass:
@@ -58,13 +46,10 @@ def forward(inputs: BlendInputs, median: bool, differentiate: bool) -> ForwardPa
     features = table.new_empty(*shape, table.shape[1] - GEOMETRY)
     transmittance = table.new_empty(shape)
     median_index = bins.members.new_empty(shape) if median else None
-    blocks = (bins.starts.diff() + BLOCK - 1) // BLOCK
-    total, first = int(blocks.sum()), blocks.cumsum(0) - blocks
-    planes = table.new_empty(total, bins.size**2) if differentiate else None
-    checkpoints = _Checkpoints(torch.empty_like(first), first, planes)
+    ends = table.new_empty(shape, dtype=torch.int32) if differentiate else None
     blended = Blended(features, transmittance, median_index)
-    _run("forward", inputs, **blended._asdict(), **checkpoints._asdict())
-    return ForwardPass(blended, _Saved(inputs, checkpoints))
+    _run("forward", inputs, **blended._asdict(), ends=ends)
+    return ForwardPass(blended, _Saved(inputs, ends))
 
 
 def backward(
@@ -75,8 +60,8 @@ def backward(
 ) -> Float[Tensor, "p g"]:
     """`Backend.backward`."""
     inputs = saved.inputs
-    gradients = inputs.table.new_zeros(len(inputs.bins.members), inputs.table.shape[1])
-    _run("backward", inputs, transmittance=transmittance, **saved.checkpoints._asdict(),
+    gradients = inputs.table.new_empty(len(inputs.bins.members), inputs.table.shape[1])
+    _run("backward", inputs, transmittance=transmittance, ends=saved.ends,
          grad_features=grad_features, grad_transmittance=grad_transmittance,
          gradients=gradients)  # fmt: skip
     return gradients
@@ -99,7 +84,7 @@ def _run(name: str, inputs: BlendInputs, **arrays: Tensor | None) -> None:
         width=inputs.width, height=inputs.height,
         depth=table.shape[1] - GEOMETRY, threads=torch.get_num_threads(),
         log_alpha_min=numerics.log_alpha_min, log_alpha_max=numerics.log_alpha_max,
-        alpha_min=numerics.alpha_min, stop=numerics.transmittance_min,
+        stop=numerics.transmittance_min,
         **{key: value.data_ptr() for key, value in held.items() if value is not None},
     )  # fmt: skip
     run = getattr(kernel, f"{name}_{str(table.dtype).removeprefix('torch.')}")
@@ -123,6 +108,7 @@ BACKEND = Backend(
     accepts=accepts,
     forward=forward,
     backward=backward,
-    # as the torch backend's; more, for here a pixel costs a tenth of what it costs there
-    pair_overhead=120.0,
+    # a pixel costs next to nothing, for a tile's pixels are visited only where an ellipse is; but
+    # tiles above 16 pixels are blended in parts, each of which reads the whole list
+    pair_overhead=512.0,
 )

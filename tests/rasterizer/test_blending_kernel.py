@@ -1,0 +1,81 @@
+"""The blending kernel's own cases: widths of vectors, pixels that are finished, any features."""
+
+from __future__ import annotations
+
+import ctypes
+import subprocess
+
+import pytest
+import torch
+from closeness import leaves, relative, tensors, weights_like
+from scenes import camera, cloud, gaussian
+
+from rasterizer import Execution, Numerics, compiled, concatenate, render
+from rasterizer.blending import cpp_backend
+
+TORCH, COMPILED = Execution(kernel="torch"), Execution(kernel="compiled")
+WHOLE_SUM = Numerics(transmittance_min=0.0)
+pytestmark = pytest.mark.skipif(cpp_backend.load() is None, reason="no C++ compiler here")
+
+
+def gradients(scene, view, execution, numerics=WHOLE_SUM, *, depth=False):
+    inputs = leaves(scene)
+    drawn = render(inputs, view, execution=execution, numerics=numerics, depth=depth)
+    loss = (drawn.color * weights_like(drawn.color)).sum()
+    loss = loss + (drawn.alpha * weights_like(drawn.alpha, 1)).sum()
+    if drawn.depth is not None:
+        loss = loss + (drawn.depth * weights_like(drawn.depth, 2)).sum()
+    return drawn, torch.autograd.grad(loss, tensors(inputs))
+
+
+@pytest.mark.parametrize("flags", [(), ("-mavx2", "-mfma")], ids=["any processor", "AVX2"])
+def test_every_width_of_vectors_draws_the_same(flags, tmp_path, monkeypatch):
+    if flags and "avx2" not in compiled._processor():
+        pytest.skip("this processor has no AVX2")
+    library = tmp_path / "kernel.so"
+    compiler = compiled.make(cpp_backend.SOURCE).compiler
+    command = [compiler, *compiled.FLAGS, *flags, str(cpp_backend.SOURCE), "-o", str(library)]
+    subprocess.run(command, check=True)
+    monkeypatch.setattr(cpp_backend, "load", lambda kernel="auto": ctypes.CDLL(str(library)))
+    scene, view = cloud()
+    wanted, exact = gradients(scene, view, TORCH)
+    for dtype, bar in ((torch.float32, 2e-5), (torch.float64, 1e-12)):
+        found, close = gradients(scene.to(dtype), view, COMPILED)
+        assert (found.color - wanted.color).abs().max() < bar
+        for a, b in zip(close, exact):
+            assert relative(a, b) < bar
+
+
+@pytest.mark.parametrize("layers", [4, 40, 400])
+def test_what_lies_behind_a_wall_changes_no_gradient_in_front_of_it(layers):
+    """The transmittance behind 40 opaque layers is no float, and half of each block is open."""
+
+    def layer(i: int):
+        return gaussian((-0.12, 0.0, 2.0 + i / 100), (0.03, 0.03, 0.01), opacity=0.9999)
+
+    veil = gaussian((0.0, 0.1, 1.5), (1.0, 1.0, 0.1), opacity=0.5)
+    ground = gaussian((0.0, 0.0, 9.0), (9.0, 9.0, 0.1), opacity=0.7)
+    scene = concatenate(veil, *(layer(i) for i in range(layers)), ground)
+    wanted, exact = gradients(scene, camera(), TORCH)
+    for numerics, bar in ((WHOLE_SUM, 2e-5), (Numerics(), 1e-4)):
+        found, close = gradients(scene.to(torch.float32), camera(), COMPILED, numerics)
+        assert (found.color - wanted.color).abs().max() < 2e-5
+        for a, b in zip(close, exact):
+            assert relative(a, b) < bar
+
+
+def test_depth_is_one_more_feature():
+    scene, view = cloud()
+    wanted, exact = gradients(scene, view, TORCH, depth=True)
+    found, close = gradients(scene, view, COMPILED, depth=True)
+    assert found.depth is not None
+    assert wanted.depth is not None
+    assert (found.depth - wanted.depth).abs().max() < 1e-11
+    for a, b in zip(close, exact):
+        assert relative(a, b) < 1e-11
+
+
+def test_a_cap_that_lets_nothing_through_has_finite_gradients():
+    scene, view = cloud()
+    _, close = gradients(scene, view, COMPILED, Numerics(alpha_max=1.0))
+    assert all(gradient.isfinite().all() for gradient in close)
