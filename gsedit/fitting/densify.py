@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from math import log, sqrt
 from typing import NamedTuple
 
 import torch
@@ -15,8 +16,11 @@ from rasterizer.camera import Camera
 from rasterizer.project import rotation_matrices
 from rasterizer.scene import Gaussians, concatenate
 
-SPLIT_SHRINK = 1.6
-"""The two halves of a Gaussian are this many times smaller (Kerbl et al. 2023, section 5.2)."""
+SPLIT_OFFSET = 0.75
+"""The two halves of a Gaussian lie so many standard deviations off its centre, along its longest
+axis, and are shorter there by as much as leaves the second moment of both together what it was."""
+SPLIT_LENGTH = sqrt(1 - SPLIT_OFFSET**2)
+"""Of a half along that axis, in lengths of the whole."""
 
 
 class Densified(NamedTuple):
@@ -67,21 +71,21 @@ class ScreenGradients:
 
 @torch.no_grad()
 def densify(
-    scene: Gaussians,
-    gradients: Float[Tensor, " n"],
-    settings: FitSettings,
-    generator: torch.Generator,
+    scene: Gaussians, gradients: Float[Tensor, " n"], settings: FitSettings, target: int
 ) -> Densified:
     """Remove what is transparent and divide what has the largest positional gradients.
 
-    A dividing Gaussian becomes two, drawn from itself and 1.6 times smaller (Kerbl et al., split);
-    both have the opacity that together looks like the one: 1 - sqrt(1 - o).
+    So many divide that there are `target` Gaussians, if they are no more than the settings' share
+    of them and the limit allows it. A dividing Gaussian becomes two along its longest axis, which
+    together have its mass (the integral of its opacity), mean and covariance: the pictures change
+    little.
     """
     alive = scene.opacities > min(settings.prune_opacity, float(scene.opacities.max()) / 2)
-    room = max(0, settings.max_gaussians - int(alive.sum()))
-    count = min(room, int(settings.densify_fraction * int(alive.sum())))
+    before = int(alive.sum())
+    room = min(target, settings.max_gaussians) - before
+    count = max(0, min(room, int(settings.densify_fraction * before)))
     strongest = torch.where(alive, gradients, -1.0).topk(count).indices
-    halves = [_half(scene[strongest], generator) for _ in range(2)]
+    halves = _halves(scene[strongest])
     alive[strongest] = False
     kept = alive.nonzero().squeeze(-1)
     origin = torch.cat((kept, strongest, strongest))
@@ -89,14 +93,17 @@ def densify(
     return Densified(concatenate(scene[kept], *halves), origin, fresh)
 
 
-def _half(parents: Gaussians, generator: torch.Generator) -> Gaussians:
-    """One of the two that each becomes, drawn from it."""
+def _halves(parents: Gaussians) -> tuple[Gaussians, Gaussians]:
+    """The two that each becomes."""
+    longest, axis = parents.scales.max(-1)
     rotation = rotation_matrices(parents.quats)
-    draw = torch.randn(len(parents), 3, generator=generator) * parents.scales
-    opacity = 1 - (1 - parents.opacities.clamp_max(0.999)).sqrt()
-    return replace(
+    direction = rotation.gather(2, axis[:, None, None].expand(-1, 3, 1)).squeeze(-1)
+    offset = SPLIT_OFFSET * longest[:, None] * direction
+    shorter = torch.nn.functional.one_hot(axis, 3) * log(SPLIT_LENGTH)
+    opacity = parents.opacities / (2 * SPLIT_LENGTH)
+    half = replace(
         parents,
-        means=parents.means + (rotation @ draw[:, :, None]).squeeze(-1),
-        log_scales=parents.log_scales - torch.log(torch.tensor(SPLIT_SHRINK)),
+        log_scales=parents.log_scales + shorter,
         logit_opacities=torch.logit(opacity),
     )
+    return replace(half, means=half.means - offset), replace(half, means=half.means + offset)

@@ -52,7 +52,7 @@ FINAL_RATE = {"means": 0.02, "sh": 0.2, "log_scales": 0.3, "logit_opacities": 0.
 """Each rate decays exponentially to this fraction at the end of the budget."""
 FREE = ("checkpoint_seconds", "execution", "report_every")
 """Settings that may change when a fit goes on: they do not change the scene."""
-PLAIN = ("order", "curve", "loss", "next_evaluation", "last_checkpoint")
+PLAIN = ("order", "curve", "loss", "next_evaluation", "last_checkpoint", "started_with")
 """What changes of a fit and is no tensor."""
 LOSS_DECAY = 0.95
 """Of the running mean of the loss that events report, per step."""
@@ -190,6 +190,7 @@ class _Fit:
         factors = (1, *(factor for _, factor in settings.coarse))
         self.pyramid = {f: tuple(_shrunk(view, f) for view in train) for f in factors}
         self.gradients = ScreenGradients(len(scene))
+        self.started_with = len(scene)
         self.order: list[int] = []
         self.curve: list[tuple[float, float]] = []
         self.loss: float | None = None
@@ -276,9 +277,17 @@ class _Fit:
         settings, budget, optimiser = self.settings, self.budget, self.optimiser
         due = budget.step % settings.densify_every == 0
         if due and budget.progress < settings.densify_until:
-            grown = densify(optimiser.scene.detach(), self.gradients.mean, settings, self.generator)
+            grown = densify(
+                optimiser.scene.detach(), self.gradients.mean, settings, self._gaussians_due()
+            )
             optimiser.replace(*grown)
             self.gradients = ScreenGradients(len(grown.scene))
+
+    def _gaussians_due(self) -> int:
+        """How many there are to be by now: from the start's number evenly to the limit."""
+        settings = self.settings
+        grown = self.budget.progress / max(settings.densify_until, 1e-9)
+        return round(self.started_with + grown * (settings.max_gaussians - self.started_with))
 
     def report(self) -> Iterator[Event]:
         """A measurement on the held-out views if one is due, otherwise the loss now and then."""

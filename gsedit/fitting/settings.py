@@ -95,14 +95,15 @@ class FitSettings:
     smaller."""
     dssim_weight: float = 0.2
     """Share of the structural dissimilarity in the loss; the rest is the L1 error."""
-    max_gaussians: int = 120_000
-    """The number of Gaussians never grows beyond this."""
+    max_gaussians: int = 100_000
+    """The number of Gaussians grows to this, and never beyond."""
     densify_every: int = 100
     """Steps between densifications."""
     densify_until: float = 0.6
     """Fraction of the budget after which the number of Gaussians is left alone."""
-    densify_fraction: float = 0.05
-    """Share of the Gaussians, of the largest positional gradients, that divide each time."""
+    densify_fraction: float = 0.1
+    """Largest share of the Gaussians, those of the largest positional gradients, that divides each
+    time."""
     prune_opacity: float = 0.005
     """Gaussians below this opacity are removed when the scene is densified."""
     report_every: int = 10

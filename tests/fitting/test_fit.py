@@ -16,6 +16,7 @@ from gsedit.fitting.optimiser import SH_REST, SceneOptimiser
 from gsedit.fitting.settings import FitSettings
 from gsedit.reports.events import Checkpoint, Event
 from gsedit.synthetic import ring_cameras, scenes, traced_dataset
+from rasterizer.project import rotation_matrices
 from rasterizer.render import render
 
 
@@ -120,22 +121,41 @@ def test_densify_divides_the_strongest_and_drops_the_transparent():
     scene = replace(scene, logit_opacities=logits)
     pull = torch.zeros(100)
     pull[50:60] = 1.0
-    settings = FitSettings(densify_fraction=10 / 90)
-    grown, origin, fresh = densify(scene, pull, settings, generator())
+    grown, origin, fresh = densify(scene, pull, FitSettings(densify_fraction=10 / 90), 1000)
     assert len(grown) == 100 - 10 + 10
     assert sorted(origin[fresh].tolist()) == sorted([*range(50, 60)] * 2)
     assert not set(range(10)) & set(origin.tolist())
     kept = grown[~fresh]
     assert torch.equal(kept.means, scene.means[origin[~fresh]])
-    # two halves, one behind the other, hide as much as the one did
-    halves = grown[fresh].opacities
-    assert torch.allclose(1 - (1 - halves) ** 2, scene.opacities[origin[fresh]], atol=1e-6)
 
 
-def test_densify_stops_at_the_limit():
-    settings = FitSettings(max_gaussians=103, densify_fraction=0.5)
-    grown, _, _ = densify(ball(100), torch.rand(100, generator=generator()), settings, generator())
-    assert len(grown) == 103
+def test_two_halves_have_the_mass_the_mean_and_the_covariance_of_the_whole():
+    scene = ball(5)
+    longer = scene.log_scales + torch.tensor([0.0, 1.0, -0.5])
+    scene = replace(scene, log_scales=longer, quats=torch.randn(5, 4, generator=generator()))
+    halves, origin, fresh = densify(scene, torch.ones(5), FitSettings(densify_fraction=1.0), 10)
+    assert fresh.all()
+
+    def moments(part):
+        axes = rotation_matrices(part.quats) * part.scales[:, None]
+        mass = part.opacities * part.scales.prod(-1)
+        spread = axes @ axes.mT + part.means[:, :, None] * part.means[:, None]
+        return mass, mass[:, None] * part.means, mass[:, None, None] * spread
+
+    for whole, half in zip(moments(scene), moments(halves)):
+        together = torch.zeros_like(whole).index_add(0, origin, half)
+        torch.testing.assert_close(together, whole, rtol=1e-4, atol=1e-6)
+
+
+def test_densify_stops_at_the_limit_the_target_and_the_share():
+    pull = torch.rand(100, generator=generator())
+    for settings, target, number in (
+        (FitSettings(max_gaussians=103, densify_fraction=0.5), 200, 103),
+        (FitSettings(densify_fraction=0.5), 120, 120),
+        (FitSettings(densify_fraction=0.07), 120, 107),
+        (FitSettings(), 50, 100),
+    ):
+        assert len(densify(ball(100), pull, settings, target).scene) == number
 
 
 def test_unseen_gaussians_never_move():
@@ -190,5 +210,5 @@ def test_view_dependent_colour_learns_slower_than_base_colour():
 
 def test_a_fading_scene_keeps_its_most_opaque():
     scene = replace(ball(20), logit_opacities=torch.linspace(-20, -10, 20))
-    kept, _, _ = densify(scene, torch.zeros(20), FitSettings(), generator())
+    kept, _, _ = densify(scene, torch.zeros(20), FitSettings(), 20)
     assert len(kept) > 0
