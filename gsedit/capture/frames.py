@@ -46,6 +46,8 @@ MARGIN = 0.2
 sharpest frames of two neighbours could be one moment, with a gap beside them."""
 BLURRED = 0.35
 """Sharpness in the median of the neighbours, below which a frame is called blurred."""
+MANY_BLURRED = 0.1
+"""Share of the frames from which the user is told."""
 LEAST = 3
 """Different pictures: a video with fewer shows no scene from several sides."""
 CHOICE = "frames.json"
@@ -113,7 +115,8 @@ def extract_steps(
                     yield Event("video", seconds, len(measured), max(source.count, len(measured)))
             notes = source.notes()
         check_content(measured, video)
-        kept = choose(measured, count), notes
+        chosen = choose(measured, count)
+        kept = chosen, (*notes, *blur_notes(chosen, video))
         _keep(video, folder, count, *kept)
     chosen, notes = kept
     missing = {frame.name for frame in chosen if not (folder / frame.name).is_file()}
@@ -209,21 +212,34 @@ def _relative(sharpness: Sequence[float]) -> list[float]:
     return [float(each / max(median, 1e-9)) for each, median in zip(sharpness, medians)]
 
 
+def blur_notes(frames: Sequence[Frame], video: Path) -> tuple[str, ...]:
+    """What to say of frames that are blurred, where they are many. They are used all the same:
+    docs/capture.md has what leaving them out would lose."""
+    blurred = sum(frame.blurred for frame in frames)
+    if blurred <= MANY_BLURRED * len(frames):
+        return ()
+    return (
+        f"{video}: {blurred} of {len(frames)} frames are blurred, and no sharp one is near: walk "
+        "more slowly, or with more light",
+    )
+
+
 def _sharpest(bucket: Sequence[tuple[float, Measured]]) -> Measured:
     inner = [frame for place, frame in bucket if MARGIN <= place <= 1 - MARGIN]
     return max(inner or [frame for _, frame in bucket], key=lambda frame: frame.sharpness)
 
 
 def _moving_time(frames: Sequence[Measured]) -> tuple[list[float], float]:
-    """The time at each frame, and at the end, of a clock that stands while the picture does."""
-    at, clock, anchor = [], 0.0, 0
+    """The time in the middle of each frame, and at the end, of a clock that stands while the
+    picture does."""
     step = float(np.median(np.diff([frame.seconds for frame in frames])))
+    at, clock, anchor = [], 0.0, 0
     for i, frame in enumerate(frames):
         if i and _difference(frames[anchor].thumbnail, frame.thumbnail) >= SAME:
             # still for longer than a second: the clock stood
             clock += min(frame.seconds - frames[anchor].seconds, 1.0)
             anchor = i
-        at.append(clock)
+        at.append(clock + step / 2)
     return at, clock + step
 
 

@@ -33,8 +33,10 @@ def walk(tmp_path_factory):
 
 
 def test_each_stretch_gives_its_sharpest_frame(walk, tmp_path):
-    paths = extract(walk, tmp_path, 12)
+    found = extraction(walk, tmp_path, 12)
+    paths = found.paths
     assert len(paths) == 12
+    assert not found.notes
     assert list(paths) == sorted(paths)
     assert all(i % 5 in (1, 3) for i in indices(paths))
     assert set(np.array(indices(paths)) // 5) == set(range(12))
@@ -56,6 +58,7 @@ def test_a_stretch_of_blurred_frames_gives_one_too(tmp_path):
     assert len(found.frames) == 12
     assert any(frame.blurred for frame in found.frames)
     assert not all(frame.blurred for frame in found.frames)
+    assert "frames are blurred, and no sharp one is near: walk more slowly" in found.notes[0]
 
 
 def test_a_still_passage_is_taken_once(tmp_path):
