@@ -142,9 +142,11 @@ def cause(evidence: Evidence, count: int, posed: int) -> str:
     if groups[0] < count and groups[0] <= max(posed, 0.8 * count):
         parts = ", ".join(str(size) for size in groups[:4] if size > 1)
         shown = f"matches connect groups of {parts}" if parts else "no two photos match well"
+        neighbours_only = evidence.compared < count * (count - 1) // 2
+        every = ", or compare every pair with --matching exhaustive" if neighbours_only else ""
         return (
             f"too little overlap ({shown}): take photos in between, so that neighbours share two "
-            "thirds of the picture"
+            f"thirds of the picture{every}"
         )
     if posed < 0.8 * count and not evidence.focal_known:
         return (

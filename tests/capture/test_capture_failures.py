@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -118,6 +119,9 @@ def test_a_cause_by_what_the_matches_show():
     assert "too little texture (60 features" in cause(evidence(chain, features=60), 10, 0)
     assert "groups of 5, 5)" in cause(evidence(chain[:4] + chain[5:]), 10, 5)
     assert "no two photos match" in cause(evidence([]), 10, 0)
+    some = replace(evidence([]), compared=30)
+    assert "--matching exhaustive" in cause(some, 10, 0)
+    assert "--matching" not in cause(evidence([]), 10, 0)
     weak = [pair(i, i + 1, inliers=20) for i in range(9)]
     assert "no two photos match well" in cause(evidence(weak), 10, 0)
     assert "--focal" in cause(evidence(chain, focal_known=False), 10, 2)
