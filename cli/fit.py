@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,7 +11,7 @@ import typer
 from .checkpoints import Checkpoints, Resume, going_on, run_to_result
 from .console import print_message, print_result
 from .kernel import say_kernel
-from .options import DropInvalid, Force, Seeded, Size, check_scene_file, load_scene, output
+from .options import DropInvalid, Force, Seeded, check_scene_file, load_scene, output
 from .progress import progress
 from .ranks import follow, is_first, of_first, ranks
 from .setting_options import Layout, Setting, SettingsGroup, Values, settings_of, with_values
@@ -40,9 +41,39 @@ Minutes = Annotated[
     typer.Option(
         "--minutes",
         min=0.01,
-        show_default="10, or no limit with --steps",
+        show_default="that of --quality, or no limit with --steps",
         rich_help_panel=FITTING,
         help="Stop after this time.",
+    ),
+]
+
+
+class Level(str, Enum):
+    """The names of gsedit.fitting.settings.QUALITIES."""
+
+    DRAFT = "draft"
+    NORMAL = "normal"
+    HIGH = "high"
+
+
+Quality = Annotated[
+    Level,
+    typer.Option(
+        "--quality",
+        metavar="draft|normal|high",
+        rich_help_panel=FITTING,
+        help="draft: 1.5 minutes, 60,000 Gaussians. normal: 5 minutes, 100,000. high: 15 minutes, "
+        "200,000, SH degree 2, photos of 512 pixels. Options that are given win.",
+    ),
+]
+PhotoSize = Annotated[
+    int | None,
+    typer.Option(
+        "--size",
+        min=16,
+        metavar="PIXELS",
+        show_default="256, with --quality high 512",
+        help="Longer side of the photos.",
     ),
 ]
 
@@ -58,12 +89,13 @@ def fit_settings() -> list[Setting]:
 def fit(
     dataset: Dataset,
     out: Annotated[Path, output("Scene to write: .ply, .compressed.ply or .spz.")],
-    size: Size = 256,
+    size: PhotoSize = None,
     start: Start = None,
     drop_invalid: DropInvalid = False,
     force: Force = False,
     resume: Resume = False,
     *,
+    quality: Quality = Level.NORMAL,
     minutes: Minutes = None,
     values: Annotated[Values, SettingsGroup(fit_settings)],
     common: Seeded,
@@ -72,11 +104,14 @@ def fit(
 
     Every 8th photo is held out and measures the result.
 
-    gsedit fit photos/ -o scene.ply --size 256 --minutes 10
+    gsedit fit photos/ -o scene.ply --quality draft
     """
+    from gsedit.fitting.settings import QUALITIES
+
+    chosen = QUALITIES[quality.value]
     result = run_fit(
-        dataset, out, size, with_budget(values, minutes), start=start, drop_invalid=drop_invalid,
-        force=force, resume=resume, common=common,
+        dataset, out, size or chosen.size, with_budget(values, minutes, chosen.settings),
+        start=start, drop_invalid=drop_invalid, force=force, resume=resume, common=common,
     )  # fmt: skip
     if result is not None:
         print_fit(result, out, as_json=common.json)
@@ -122,14 +157,17 @@ def run_fit(
     return result
 
 
-def with_budget(values: Values, minutes: float | None) -> FitSettings:
-    """The settings of a fit. A budget of steps or of time lifts the default of the other."""
+def with_budget(
+    values: Values, minutes: float | None, settings: FitSettings | None = None
+) -> FitSettings:
+    """The settings of a fit, the defaults where None is given. A budget of steps or of time lifts
+    the other that they have."""
     from gsedit.fitting.settings import FitSettings
 
     budget = {}
     if minutes is not None or ("steps",) in values:
         budget = {("seconds",): minutes and 60 * minutes}
-    return with_values(FitSettings(), {**values, **budget})
+    return with_values(settings or FitSettings(), {**values, **budget})
 
 
 def print_fit(result: FitResult, out: Path, *, as_json: bool) -> None:

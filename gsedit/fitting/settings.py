@@ -80,7 +80,7 @@ class FitSettings:
 
     steps: int | None = None
     """Optimiser steps; None: as many as the time allows."""
-    seconds: float | None = 600.0
+    seconds: float | None = 300.0
     """Wall-clock seconds; None: until the steps are done."""
     batch: int | None = None
     """Photos in a step; their gradients are summed, and the learning rates are multiplied by the
@@ -136,3 +136,19 @@ class FitSettings:
                 raise UsageError(f"{name} is {getattr(self, name)}: give a number from 0 to 1")
         if not self.checkpoint_seconds >= 0:
             raise UsageError(f"checkpoint_seconds is {self.checkpoint_seconds}: give 0 or more")
+
+
+@dataclass(frozen=True)
+class Quality:
+    """How well a scene is to be fitted, and how long that takes on two cores."""
+
+    size: int
+    """Longer side of the photos, pixels."""
+    settings: FitSettings
+
+
+QUALITIES = {
+    "draft": Quality(256, FitSettings(seconds=90.0, max_gaussians=60_000)),
+    "normal": Quality(256, FitSettings()),
+    "high": Quality(512, FitSettings(seconds=900.0, max_gaussians=200_000, sh_degree=2)),
+}

@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -103,3 +104,29 @@ def test_a_fit_can_do_without_the_kernel(monkeypatch, photos, tmp_path):
     assert result.exit_code == 0, result.stderr
     assert given["settings"].execution.kernel == "torch"
     assert "renders with" not in result.stderr
+
+
+def test_quality_sets_budget_gaussians_degree_and_size_and_given_options_win(
+    monkeypatch, photos, tmp_path
+):
+    sizes = []
+    whole = import_module("gsedit.files").load_dataset
+    monkeypatch.setattr(
+        "gsedit.files.load_dataset", lambda path, size: sizes.append(size) or whole(path, size=size)
+    )
+
+    def asked(*options):
+        given = stub_fit(monkeypatch)
+        result = gsedit("fit", photos, "-o", tmp_path / "scene.ply", "-f", *options)
+        assert result.exit_code == 0, result.stderr
+        settings = given["settings"]
+        degree = settings.sh_degree
+        return settings.seconds, settings.steps, settings.max_gaussians, degree, sizes.pop()
+
+    assert asked() == asked("--quality", "normal") == (300.0, None, 100_000, 1, 256)
+    assert asked("--quality", "draft") == (90.0, None, 60_000, 1, 256)
+    assert asked("--quality", "high") == (900.0, None, 200_000, 2, 512)
+    own = ("--minutes", 2, "--max-gaussians", 7, "--sh-degree", 0, "--size", 32)
+    assert asked("--quality", "high", *own) == (120.0, None, 7, 0, 32)
+    assert asked("--quality", "draft", "--steps", 9) == (None, 9, 60_000, 1, 256)
+    assert gsedit("fit", photos, "-o", tmp_path / "b.ply", "--quality", "best").exit_code == 2
