@@ -178,7 +178,6 @@ def metrics(
     found = find_against(reference)
     check_views(found, listed)
     execution = with_values(Execution(), values)
-    say_kernel(execution)
     subject = gather(scene, found, region, listed, words, drop_invalid, execution)
     if listed.save_views is not None:
         write_view_list(subject.views, listed.save_views, overwrite=outputs.force)
@@ -288,9 +287,10 @@ def gather(
     unedited = None
     if against.unedited is not None:
         unedited = load_scene(against.unedited, drop_invalid=drop_invalid or against.drop_invalid)
-    views, targets = place_views(path, scene, against, unedited, listed, execution)
     named = region or (None if against.region is None else str(against.region))
     known = None if named is None or unedited is None else known_region(named, unedited)
+    say_kernel(execution)
+    views, targets = place_views(path, scene, against, unedited, listed, execution)
     if region is not None and unedited is None:
         print_message("--region is for the leakage, which needs the unedited scene: it is not used")
     return Subject(
