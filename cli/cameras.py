@@ -118,13 +118,30 @@ def load_photos(data: Path, size: int, scene: Path | None) -> Dataset:
     from gsedit.files.export_frame import in_export_frame
 
     photos = load_dataset(data, size=size)
+    say_notes(photos)
     say_if_smaller(photos, size)
     return photos if scene is None else in_export_frame(photos, data, scene)
 
 
+def say_notes(photos: Dataset) -> None:
+    """What a person should know of how photos were read, a line each."""
+    for note in photos.notes:
+        print_message(note)
+
+
+def framed_alike(dataset: Dataset) -> Dataset:
+    """The views in pictures of one size, with a line where they had several."""
+    from gsedit.views.kept import of_one_size
+
+    framed = of_one_size(dataset)
+    if framed is not dataset:
+        print_message(framed.notes[-1])
+    return framed
+
+
 def say_if_smaller(photos: Dataset, size: int) -> None:
     """A line where all photos have fewer pixels than were asked for: they are not made larger."""
-    width, height = max((view.image.shape[1::-1] for view in photos.views), key=max)
+    width, height = max(((v.camera.width, v.camera.height) for v in photos.views), key=max)
     if max(width, height) < size:
         print_message(
             f"the photos have {width}x{height} pixels: views are not made larger (--size {size})"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .cameras import ViewOptions, load_views
+from .cameras import ViewOptions, framed_alike, load_views
 from .checkpoints import NAME, Checkpoints, Resume, going_on, run_to_result
 from .command import own_flags
 from .console import print_message, print_result
@@ -148,7 +148,7 @@ def run_edit(
     extractor = load_features(features)
     gaussians = load_scene(scene, drop_invalid=drop_invalid)
     say_kernel(settings.execution)
-    dataset = load_views(scene, gaussians, views, settings.execution)
+    dataset = framed_alike(load_views(scene, gaussians, views, settings.execution))
     asked = {
         "dataset": dataset, "editor": editor_2d, "settings": settings, "strategy": strategy,
         "features": extractor, "generator": common.generator(),
@@ -191,6 +191,17 @@ def write_cameras_and_views(dataset: Dataset, result: EditResult, folder: Path) 
     edited = {view.name for view in result.originals}
     write_cameras(dataset.views, folder / "cameras.json", overwrite=True)
     write_view_list(by_edit(viewpoints_of(dataset), edited), folder / "views.json", overwrite=True)
+
+
+def copy_frame(scene: Path, folder: Path) -> None:
+    """What lies beside the scene and says which frame it is in: the edited scene is in the same."""
+    from gsedit.files.dataparser import NAME, dataparser_file, read_dataparser, write_dataparser
+
+    file = dataparser_file(scene)
+    if file is not None:
+        write_dataparser(read_dataparser(file), folder / NAME)
+    else:
+        (folder / NAME).unlink(missing_ok=True)  # an earlier run's
 
 
 def print_plan(decisions: tuple[Decision, ...], *, as_json: bool) -> None:
@@ -264,6 +275,7 @@ def run_and_write(
 
             result = run_to_result(steps, write_and_show, checkpoints)
         write_cameras_and_views(dataset, result, out)
+        copy_frame(request["scene"], out)
         write_edit(out, result, request=request, overwrite=True)
     print_message(table(journal.records))
     print_message(result.quality.describe())

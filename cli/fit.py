@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from .cameras import say_notes
 from .checkpoints import Checkpoints, Resume, going_on, run_to_result
 from .console import print_message, print_result
 from .kernel import say_kernel
@@ -19,6 +20,7 @@ from .setting_options import Layout, Setting, SettingsGroup, Values, settings_of
 if TYPE_CHECKING:
     from gsedit.fitting.fit import FitResult
     from gsedit.fitting.settings import FitSettings
+    from gsedit.views.dataset import Dataset as Photos
 
 FITTING = "Fitting"
 CHECKPOINT = ".checkpoint.safetensors"
@@ -137,11 +139,11 @@ def run_fit(
     common.apply()
 
     from gsedit.files import load_dataset, save
-    from gsedit.files.cameras import write_beside
     from gsedit.fitting.fit import fit_steps
 
     first = None if start is None else load_scene(start, drop_invalid=drop_invalid)
     photos = load_dataset(dataset, size=size)
+    say_notes(photos)
     say_kernel(settings.execution)
     steps = fit_steps(
         photos, settings, generator=common.generator(), start=first, resume=state, ranks=ranks()
@@ -152,9 +154,20 @@ def run_fit(
         with progress(as_json=common.json) as show:
             result = run_to_result(steps, show, checkpoints)
         save(result.scene, out, overwrite=force)
-        cameras = write_beside(out, photos.views)
-    print_message(f"the cameras are in {cameras}: edit, render and preview use them")
+        write_places(photos, dataset, out)
     return result
+
+
+def write_places(photos: Photos, dataset: Path, out: Path) -> None:
+    """Write the cameras beside the scene, and how its frame came from that of the photos."""
+    from gsedit.files.cameras import write_beside
+    from gsedit.files.export_frame import write_export_frame
+
+    cameras = write_beside(out, photos.views)
+    print_message(f"the cameras are in {cameras}: edit, render and preview use them")
+    frame = write_export_frame(photos, dataset, out)
+    if frame is not None:
+        print_message(f"{frame} says how to get back to the frame of the photos (docs/data.md)")
 
 
 def with_budget(

@@ -50,6 +50,7 @@ from gsedit.views.choose import find_views, view_names
 from gsedit.views.coarse import Coarse, coarsen
 from gsedit.views.dataset import Dataset, View, capture
 from gsedit.views.framing import bounds
+from gsedit.views.kept import of_one_size
 from gsedit.views.search import Wish
 from rasterizer.blending.choose import is_compiled
 from rasterizer.numerics import AUTO, Execution
@@ -77,13 +78,13 @@ def edit_steps(
 ) -> Iterator[Event | Checkpoint | EditResult]:
     """Edit a scene; yields what happens, a checkpoint now and then, and last the result.
 
-    Without a dataset, views are found (`around`). Every 8th view is never edited: there
-    the result is measured. `strategy` defaults to the single pass, `features` (of the Gram loss) to
-    a bank of oriented filters. With the state of a checkpoint, the same edit goes on from there:
-    only what happens after it is yielded, the result has all. Every one of several `ranks` is given
-    the same and yields the same. Raises UsageError for an instruction the editor cannot follow, an
-    empty scene, views of different sizes, a strategy that is no dataclass, or the state of another
-    edit.
+    Without a dataset, views are found (`around`); views of several sizes are framed in the most
+    frequent one. Every 8th view is never edited: there the result is measured. `strategy` defaults
+    to the single pass, `features` (of the Gram loss) to a bank of oriented filters. With the state
+    of a checkpoint, the same edit goes on from there: only what happens after it is yielded, the
+    result has all. Every one of several `ranks` is given the same and yields the same. Raises
+    UsageError for an instruction the editor cannot follow, an empty scene, a strategy that is no
+    dataclass, or the state of another edit.
     """
     editor = with_ranks(editor, ranks)
     request, strategy = _asked(
@@ -236,7 +237,7 @@ def _asked(
         edit_size=settings.edit_size or declared.best_size,
     )
     check_installed(settings.update)
-    views, held_out = _split(dataset or around(scene, execution=settings.execution))
+    views, held_out = _parts(dataset or around(scene, execution=settings.execution))
     coarse = _cells(scene.detach(), settings, strategy)
     request = Request(
         coarse.scene if coarse else scene.detach(), prompt, views, held_out, editor, settings,
@@ -251,18 +252,10 @@ def _cells(scene: Gaussians, settings: EditSettings, strategy: Strategy) -> Coar
     return coarsen(scene) if by_cells and fits_pictures(strategy) else None
 
 
-def _split(dataset: Dataset) -> tuple[tuple[View, ...], tuple[View, ...]]:
-    """(views that may be edited, views that are only measured at). Raises UsageError."""
-    sizes = {(v.camera.width, v.camera.height) for v in dataset.views}
-    if len(sizes) != 1:
-        listed = ", ".join(f"{w}x{h}" for w, h in sorted(sizes)) or "none"
-        raise UsageError(f"views must have one size to be edited together, these have {listed}")
-    return _parts(dataset)
-
-
 def _parts(dataset: Dataset) -> tuple[tuple[View, ...], tuple[View, ...]]:
-    """The dataset's split; of a single view, which would be held out, that one to be edited."""
-    views, held_out = dataset.split()
+    """The dataset's split, all of one size; of a single view, which would be held out, that one to
+    be edited."""
+    views, held_out = of_one_size(dataset).split()
     return (views, held_out) if views else (held_out, ())
 
 

@@ -49,7 +49,7 @@ def dataset(folder: Path, frames: int = 3, size: tuple[int, int] = (8, 6)) -> di
     (folder / "images").mkdir(parents=True)
     record: dict[str, Any] = {"w": size[0], "h": size[1], "fl_x": 9.0, "frames": []}
     for i in range(frames):
-        pixels = np.full((size[1], size[0], 3), 40 * i, np.uint8)
+        pixels = np.full((size[1], size[0], 3), 40 * i % 256, np.uint8)
         Image.fromarray(pixels).save(folder / "images" / f"{i}.png")
         frame = {"file_path": f"images/{i}.png", "transform_matrix": np.eye(4).tolist()}
         record["frames"].append(frame)
@@ -220,13 +220,13 @@ _DATASETS = [
         "missing_photo",
         _spoiled(lambda folder, record: (folder / "images" / "1.png").unlink()),
         "dataset",
-        ("frame 1", "1.png does not exist", "remove its entry"),
+        ("lists 3 photos", "images/1.png", "remove their entries"),
     ),
     BadFile(
         "wrong_size",
-        _spoiled(lambda folder, record: record.update(w=16, h=12)),
+        _spoiled(lambda folder, record: record.update(w=16, h=9)),
         "dataset",
-        ("8x6", "16x12", "use the photos"),
+        ("8x6", "16x9", "use the photos"),
     ),
     BadFile(
         "path_leaves", _spoiled(_outside), "dataset", ("frame 1", "leaves the dataset", "copy")
@@ -272,10 +272,10 @@ _DATASETS = [
         ("frame 1", "rigid", "correct"),
     ),
     BadFile(
-        "fisheye",
-        _spoiled(lambda folder, record: record.update(camera_model="OPENCV_FISHEYE")),
+        "all_around",
+        _spoiled(lambda folder, record: record.update(camera_model="EQUIRECTANGULAR")),
         "dataset",
-        ("OPENCV_FISHEYE", "image_undistorter"),
+        ("EQUIRECTANGULAR", "image_undistorter"),
     ),
     BadFile(
         "no_focal",

@@ -18,7 +18,7 @@ from torch import Tensor
 
 from gsedit.errors import InputError
 from gsedit.files.atomic import atomic_path
-from gsedit.files.inputs import existing_file
+from gsedit.files.inputs import beside, existing_file
 from gsedit.views.dataset import View
 from gsedit.views.viewpoints import Viewpoint
 from rasterizer.camera import Camera
@@ -41,9 +41,7 @@ def cameras_file(scene: str | Path) -> Path | None:
 
 def own_file(scene: Path) -> Path:
     """bear.cameras.json of bear.ply: where cameras.json belongs to another scene."""
-    name, packed = scene.name, ".compressed.ply"
-    stem = name[: -len(packed)] if name.lower().endswith(packed) else scene.stem
-    return scene.with_name(f"{stem}.{NAME}")
+    return beside(scene, NAME)
 
 
 def read_cameras(path: str | Path) -> tuple[Viewpoint, ...]:

@@ -11,9 +11,16 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.errors import InputError
-from gsedit.files.inputs import existing_file, file_inside
-from gsedit.files.photos import PosedPhoto, SparsePoints, missing_photo
-from gsedit.files.undistort import Lens
+from gsedit.files.inputs import existing_file
+from gsedit.files.photos import (
+    REDUCED,
+    Capture,
+    PosedPhoto,
+    SparsePoints,
+    find_mask,
+    find_photo,
+)
+from gsedit.files.undistort import ColmapLens, Lens
 
 _PARAMETERS = {
     "SIMPLE_PINHOLE": ("f", "cx", "cy"),
@@ -39,23 +46,37 @@ def model_folder(folder: Path) -> Path | None:
     return None
 
 
-def read_colmap(model: Path) -> tuple[tuple[PosedPhoto, ...], SparsePoints | None]:
-    """All registered photos of a reconstruction, sorted by name, and its points.
+def read_colmap(model: Path) -> Capture:
+    """All registered photos of a reconstruction, and its points.
 
-    Photos are looked for in `images/` beside the model or beside the `sparse` folder around it.
-    Raises InputError where the model or a photo is missing, cut off, or of another camera model.
+    Photos are looked for in `images/` beside the model or beside the `sparse` folder around it,
+    their masks in `masks/` beside `images/`. Raises InputError where the model or all photos are
+    missing, or the model is cut off or has a camera that is no lens.
     """
     reconstruction = _open(model)
     images = _images_folder(model)
-    posed = [
-        _photo(model, images, image) for image in reconstruction.images.values() if image.has_pose
-    ]
+    photos, missing = [], []
+    for image in reconstruction.images.values():
+        if image.has_pose:
+            photo = _photo(model, images, image)
+            (missing.append(image.name) if photo is None else photos.append(photo))
+    photos.sort(key=lambda photo: photo.name)
+    return Capture(tuple(photos), tuple(sorted(missing)), points_of(reconstruction))
+
+
+def read_colmap_points(model: Path) -> SparsePoints | None:
+    """The points of a reconstruction alone. Raises InputError for a model that cannot be read."""
+    return points_of(_open(model))
+
+
+def points_of(reconstruction: Any) -> SparsePoints | None:
+    """Its points; None if it has none."""
     points = list(reconstruction.points3D.values())
     if not points:
-        return tuple(sorted(posed, key=lambda photo: photo.name)), None
-    xyz = torch.tensor([p.xyz.tolist() for p in points], dtype=torch.float32)
+        return None
+    xyz = torch.tensor([p.xyz.tolist() for p in points], dtype=torch.float64)
     rgb = torch.tensor([p.color.tolist() for p in points], dtype=torch.float32) / 255
-    return tuple(sorted(posed, key=lambda photo: photo.name)), SparsePoints(xyz, rgb)
+    return SparsePoints(xyz, rgb)
 
 
 def _open(model: Path) -> Any:
@@ -148,19 +169,24 @@ def _check_cameras(path: Path, reconstruction: Any) -> None:
 
 
 def _images_folder(model: Path) -> Path:
-    for folder in (model / "images", model.parent / "images", model.parent.parent / "images"):
-        if folder.is_dir():
-            return folder
+    """The folder of the photos, or of their smaller copies where only these are there."""
+    names = ("images", *(f"images_{factor}" for factor in reversed(REDUCED)))
+    for name in names:
+        for around in (model, model.parent, model.parent.parent):
+            if (around / name).is_dir():
+                return around / name
     raise InputError(f"{model} has no images folder beside it: put the photos into one")
 
 
-def _photo(model: Path, images: Path, image: Any) -> PosedPhoto:
+def _photo(model: Path, images: Path, image: Any) -> PosedPhoto | None:
+    """None where the file is not there."""
     where = f"{model}: image {image.name}"
-    path = file_inside(images, image.name, where)
-    if not path.is_file():
-        raise missing_photo(path, where)
+    path = find_photo(images, image.name, where)
+    if path is None:
+        return None
     rows = torch.tensor(image.cam_from_world().matrix(), dtype=torch.float64)
-    return PosedPhoto(image.name, path, _to_4x4(rows, where), _lens(image.camera, where))
+    pose, lens = _to_4x4(rows, where), _lens(image.camera, where)
+    return PosedPhoto(image.name, path, pose, lens, find_mask(images.parent / "masks", image.name))
 
 
 def _to_4x4(rows: Float[Tensor, "3 4"], where: str) -> Float[Tensor, "4 4"]:
@@ -170,16 +196,29 @@ def _to_4x4(rows: Float[Tensor, "3 4"], where: str) -> Float[Tensor, "4 4"]:
 
 
 def _lens(camera: Any, where: str) -> Lens:
+    size = (camera.width, camera.height)
     names = _PARAMETERS.get(camera.model_name)
-    if names is None:
-        raise InputError(
-            f"{where}: camera model {camera.model_name} is not supported: run "
-            "`colmap image_undistorter` (or pycolmap.undistort_images) and load its folder"
-        )
-    values = dict(zip(names, camera.params.tolist()))
+    values = dict(zip(names, camera.params.tolist())) if names else _other(camera, where)
     focal = values.pop("f", None)
     if focal is not None:
         values["fx"] = values["fy"] = focal
-    if min(values["fx"], values["fy"], camera.width, camera.height) <= 0:
+    if min(values["fx"], values["fy"], *size) <= 0:
         raise InputError(f"{where}: no positive focal length or size: export the model again")
     return Lens(width=camera.width, height=camera.height, **values)
+
+
+def _other(camera: Any, where: str) -> dict[str, Any]:
+    """The fields of a `Lens` for a model that pycolmap undoes."""
+    if not camera.focal_length_idxs():  # asked for one, pycolmap ends the process
+        raise InputError(
+            f"{where}: camera model {camera.model_name} is not supported (its pictures show all "
+            "around): cut pinhole views out of them first"
+        )
+    lens = ColmapLens(camera.model_name, tuple(camera.params.tolist()), camera.width, camera.height)
+    return {
+        "fx": camera.focal_length_x,
+        "fy": camera.focal_length_y,
+        "cx": camera.principal_point_x,
+        "cy": camera.principal_point_y,
+        "other": lens,
+    }

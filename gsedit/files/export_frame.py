@@ -8,61 +8,67 @@ nerfstudio/data/dataparsers/nerfstudio_dataparser.py.
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import torch
 
-from gsedit.errors import InputError
-from gsedit.files.dataparser import NAME, read_dataparser
+from gsedit.files.dataparser import (
+    NAME,
+    applied_by,
+    dataparser_file,
+    read_dataparser,
+    write_dataparser,
+)
+from gsedit.files.inputs import beside
 from gsedit.files.moved_cameras import moved_camera
-from gsedit.files.similarity import IDENTITY, Similarity, similarity_of
+from gsedit.files.similarity import Similarity
 from gsedit.views.dataset import Dataset
-
-_LEGACY = ((0.0, 1.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, -1.0, 0.0))
-"""What files from COLMAP without `applied_transform` had applied (nerfstudio's own fallback)."""
 
 
 def in_export_frame(dataset: Dataset, data: Path, scene: Path) -> Dataset:
     """The dataset in the frame of a scene file with a dataparser_transforms.json beside it.
 
-    `data` is what the dataset was read from. Without that file the dataset is returned as it is.
-    Raises InputError for a file that is not nerfstudio's.
+    `data` is what the dataset was read from. Without that file the scene is taken to be in the
+    frame of the dataset's files. Raises InputError for a file that is not nerfstudio's.
     """
-    path = scene.with_name(NAME)
-    if not path.is_file():
-        return dataset
+    path = dataparser_file(scene)
+    back = Similarity(np.eye(3), 1.0, np.array(dataset.offset))
+    if path is None:
+        return moved(dataset, back) if any(dataset.offset) else dataset
     turned, factor = applied_by(data)
     # its own transform and scale hold those that were applied to the capture
     unscaled = Similarity(np.eye(3), 1 / factor, np.zeros(3))
-    change = unscaled.after(read_dataparser(path)).after(turned.inverse)
-    views = tuple(replace(view, camera=moved_camera(view.camera, change)) for view in dataset.views)
+    return moved(dataset, unscaled.after(read_dataparser(path)).after(turned.inverse).after(back))
+
+
+def moved(dataset: Dataset, change: Similarity) -> Dataset:
+    """The dataset in another frame, which no longer is that of its files less the offset."""
+    views = tuple(view.seen_by(moved_camera(view.camera, change)) for view in dataset.views)
     points = dataset.points
     if points is not None:
         points = torch.from_numpy(change.points(points.numpy())).to(points)
-    return replace(dataset, views=views, points=points)
+    return replace(dataset, views=views, points=points, offset=(0.0, 0.0, 0.0))
 
 
-def applied_by(data: Path) -> tuple[Similarity, float]:
-    """The transform and the scale that a dataset's file says were applied to its capture; none
-    were to a COLMAP folder.
+def write_export_frame(dataset: Dataset, data: Path, scene: Path) -> Path | None:
+    """Write how the frame of a scene that was fitted to a dataset came from that of its capture,
+    beside the scene; the path of the file.
 
-    Raises InputError for a file that is not nerfstudio's.
+    Nothing is written, and None returned, where the frame is that of the dataset's files and no
+    file beside the scene says otherwise. A dataparser_transforms.json of another frame stays as it
+    is: the file is SCENE.dataparser_transforms.json then, which `dataparser_file` prefers.
     """
-    file = data / "transforms.json" if data.is_dir() else data
-    if not file.is_file():
-        return IDENTITY, 1.0
-    try:
-        record = json.loads(file.read_bytes())
-        legacy = _LEGACY if (file.parent / "colmap/sparse/0").exists() else np.eye(4)[:3]
-        matrix = np.array(record.get("applied_transform", legacy), np.float64)
-        scale = float(record.get("applied_scale", 1.0))
-        if not 0 < scale < float("inf"):
-            raise ValueError("its applied_scale is not positive")
-        return similarity_of(matrix), scale
-    except (OSError, ValueError, TypeError, AttributeError, RecursionError) as error:
-        raise InputError(
-            f"{file}: applied_transform is no similarity ({error}): copy the file again"
-        ) from None
+    turned, factor = applied_by(data)
+    scaled = Similarity(np.eye(3), factor, np.zeros(3))
+    shift = Similarity(np.eye(3), 1.0, -np.array(dataset.offset))
+    change = scaled.after(shift).after(turned)
+    found = dataparser_file(scene)
+    if found is None and not any(dataset.offset):
+        return None
+    if found is not None and np.allclose(read_dataparser(found).matrix, change.matrix, rtol=1e-12):
+        return found
+    path = scene.with_name(NAME) if found is None else beside(scene, NAME)
+    write_dataparser(change, path)
+    return path

@@ -39,3 +39,10 @@ def file_inside(folder: Path, relative: str, where: str) -> Path:
             "copy the file into the folder and name it relative to it"
         )
     return path
+
+
+def beside(scene: Path, name: str) -> Path:
+    """bear.NAME of bear.ply: a file that belongs to one scene of a folder."""
+    packed = ".compressed.ply"
+    stem = scene.name[: -len(packed)] if scene.name.lower().endswith(packed) else scene.stem
+    return scene.with_name(f"{stem}.{name}")

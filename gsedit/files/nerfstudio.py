@@ -16,26 +16,45 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.errors import InputError
+from gsedit.files.colmap import read_colmap_points
+from gsedit.files.dataparser import applied_by
 from gsedit.files.inputs import existing_file, file_inside
-from gsedit.files.photos import PosedPhoto, SparsePoints, missing_photo, read_points
+from gsedit.files.photos import (
+    Capture,
+    PosedPhoto,
+    SparsePoints,
+    find_mask,
+    find_photo,
+    read_points,
+)
 from gsedit.files.pictures import picture_size
-from gsedit.files.undistort import Lens
+from gsedit.files.undistort import ColmapLens, Lens
 
 _PERSPECTIVE = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE")
-_SUFFIXES = (".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG")
+_FISHEYE = ("OPENCV_FISHEYE", "FISHEYE")
+_RATIONAL = "FULL_OPENCV"
+_OTHER = {
+    "OPENCV_FISHEYE": ("k1", "k2", "k3", "k4"),
+    _RATIONAL: ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
+}
+"""Parameters behind fx, fy, cx and cy, in COLMAP's order."""
 _POINTS = ("sparse_pc.ply", "points3D.ply", "points3d.ply")
 _ORTHONORMAL = 1e-4  # of R^T R: rounding to six decimals stays below 1e-5, a scaled pose does not
 
 
-def read_nerfstudio(path: Path) -> tuple[tuple[PosedPhoto, ...], SparsePoints | None]:
-    """All photos of a transforms.json, sorted by name, and its sparse points. Raises InputError."""
+def read_nerfstudio(path: Path) -> Capture:
+    """All photos of a transforms.json, and its sparse points. Raises InputError."""
     path = existing_file(path)
     record = parse_object(path)
     frames = record.get("frames")
     if not isinstance(frames, list):
         raise InputError(f"{path} has no list of frames: is it a transforms.json? Check the path")
-    photos = [_photo(path, record, i, frame) for i, frame in enumerate(frames)]
-    return tuple(sorted(photos, key=lambda photo: photo.name)), _points(path, record)
+    photos, missing = [], []
+    for i, frame in enumerate(frames):
+        found = _photo(path, record, i, frame)
+        (missing if isinstance(found, str) else photos).append(found)
+    photos.sort(key=lambda photo: photo.name)
+    return Capture(tuple(photos), tuple(sorted(missing)), _points(path, record))
 
 
 def parse_object(path: Path) -> dict[str, Any]:
@@ -52,25 +71,34 @@ def parse_object(path: Path) -> dict[str, Any]:
     return record
 
 
-def _photo(path: Path, record: dict[str, Any], index: int, frame: Any) -> PosedPhoto:
+def _photo(path: Path, record: dict[str, Any], index: int, frame: Any) -> PosedPhoto | str:
+    """Its file_path where the file is not there."""
     where = f"{path}: frame {index}"
     file_path = frame.get("file_path") if isinstance(frame, dict) else None
     if not isinstance(file_path, str) or not file_path:
         raise InputError(f"{where} has no file_path: add one or remove the frame")
     where = f"{where} ({file_path})"
-    file = _find(path.parent, file_path, where)
     values = {**record, **frame}
-    name = Path(os.path.relpath(file, path.parent)).as_posix()
     pose = world_to_camera(values.get("transform_matrix"), where)
-    return PosedPhoto(name, file, pose, _lens(values, file, where))
+    file = find_photo(path.parent, file_path, where)
+    if file is None:
+        return file_path
+    name = Path(os.path.relpath(file, path.parent)).as_posix()
+    mask = _mask(path.parent, frame.get("mask_path"), name, where)
+    return PosedPhoto(name, file, pose, _lens(values, file, where), mask)
 
 
-def _find(folder: Path, file_path: str, where: str) -> Path:
-    for suffix in ("", *_SUFFIXES):
-        file = file_inside(folder, file_path + suffix, where)
-        if file.is_file():
-            return file
-    raise missing_photo(folder / file_path, where)
+def _mask(folder: Path, named: Any, name: str, where: str) -> Path | None:
+    """The file of mask_path, or else one in masks/ that is named after the photo."""
+    if isinstance(named, str) and named:
+        file = file_inside(folder, named, where)
+        if not file.is_file():
+            raise InputError(
+                f"{where}: mask_path {named} does not exist: copy it there or remove mask_path"
+            )
+        return file
+    inner = name.partition("/")[2] or name  # images/a.jpg: masks/a.jpg.png
+    return find_mask(folder / "masks", inner)
 
 
 def world_to_camera(matrix: Any, where: str) -> Float[Tensor, "4 4"]:
@@ -104,11 +132,7 @@ def _pose_error(pose: Float[Tensor, "..."]) -> str:
 
 def _lens(values: dict[str, Any], file: Path, where: str) -> Lens:
     """Intrinsics of one frame: its own keys come before the file's."""
-    model = str(values.get("camera_model", "OPENCV")).upper()
-    if model not in _PERSPECTIVE or values.get("is_fisheye"):
-        name = model if model not in _PERSPECTIVE else "fisheye"
-        move = "run `colmap image_undistorter` and load its folder"
-        raise InputError(f"{where}: camera model {name} is not supported: {move}")
+    model = _model(values, where)
 
     def number(key: str) -> float | None:
         value = values.get(key)
@@ -126,19 +150,35 @@ def _lens(values: dict[str, Any], file: Path, where: str) -> Lens:
     fx = fx or fy
     if not fx or not fy or min(fx, fy, width, height) <= 0:
         raise InputError(f"{where}: no positive focal length or size: add fl_x, w and h")
+    width, height = int(width), int(height)
+    cx, cy = number("cx"), number("cy")
+    cx, cy = width / 2 if cx is None else cx, height / 2 if cy is None else cy
+    if model in _OTHER:
+        params = (fx, fy, cx, cy, *(number(key) or 0.0 for key in _OTHER[model]))
+        other = ColmapLens(model, params, width, height)
+        return Lens(fx, fy, cx, cy, width, height, other=other)
     if number("k4"):
         # a fourth polynomial term in nerfstudio, a denominator in OpenCV: nobody undoes it there
-        raise InputError(f"{where}: k4 has two meanings: run `colmap image_undistorter` first")
-    cx, cy = number("cx"), number("cy")
-    return Lens(
-        fx,
-        fy,
-        width / 2 if cx is None else cx,
-        height / 2 if cy is None else cy,
-        int(width),
-        int(height),
-        **{key: number(key) or 0.0 for key in ("k1", "k2", "k3", "p1", "p2")},
-    )
+        raise InputError(
+            f"{where}: k4 has two meanings: set camera_model to FULL_OPENCV where it is OpenCV's "
+            "rational model, to OPENCV_FISHEYE where the lens is a fisheye, or run "
+            "`colmap image_undistorter` first"
+        )
+    k1, k2, k3, p1, p2 = (number(key) or 0.0 for key in ("k1", "k2", "k3", "p1", "p2"))
+    return Lens(fx, fy, cx, cy, width, height, k1, k2, k3, p1, p2)
+
+
+def _model(values: dict[str, Any], where: str) -> str:
+    """Of the camera, as COLMAP names it: OPENCV stands for all that are its special cases."""
+    model = str(values.get("camera_model", "OPENCV")).upper()
+    if values.get("is_fisheye") or model in _FISHEYE:
+        return "OPENCV_FISHEYE"
+    if model == _RATIONAL or any(values.get(key) for key in ("k5", "k6")):
+        return _RATIONAL
+    if model not in _PERSPECTIVE:
+        move = "run `colmap image_undistorter` and load its folder"
+        raise InputError(f"{where}: camera model {model} is not supported: {move}")
+    return "OPENCV"
 
 
 def _focal(angle: float | None, side: float) -> float | None:
@@ -146,9 +186,20 @@ def _focal(angle: float | None, side: float) -> float | None:
 
 
 def _points(path: Path, record: dict[str, Any]) -> SparsePoints | None:
+    """From the file that is named or lies beside, which is in the frame of the poses; or from the
+    reconstruction in colmap/, to which the poses say what was applied."""
     named = record.get("ply_file_path")
     if isinstance(named, str) and named:
         return read_points(file_inside(path.parent, named, f"{path}: ply_file_path"))
     beside = (path.parent / name for name in _POINTS)
     file = next((file for file in beside if file.is_file()), None)
-    return read_points(file) if file else None
+    if file is not None:
+        return read_points(file)
+    model = path.parent / "colmap" / "sparse" / "0"
+    if not any((model / f"points3D.{end}").is_file() for end in ("bin", "txt")):
+        return None
+    points = read_colmap_points(model)
+    if points is None:
+        return None
+    turned, factor = applied_by(path)
+    return points._replace(xyz=torch.from_numpy(turned.points(points.xyz.numpy()) * factor))

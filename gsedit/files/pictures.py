@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import torch
 from jaxtyping import Float
-from PIL import Image
+from PIL import ExifTags, Image, ImageOps
 from torch import Tensor
 
 from gsedit.errors import InputError
@@ -19,7 +19,7 @@ def picture_size(path: Path) -> tuple[int, int]:
     try:
         with Image.open(path) as picture:
             return picture.size
-    except Exception as error:  # see read_picture
+    except Exception as error:  # see read_photo
         raise _unreadable(path, error) from None
 
 
@@ -32,11 +32,16 @@ def read_picture(path: Path) -> Float[Tensor, "h w 3"]:
     return rgba if rgba.shape[2] == 3 else rgba[..., :3] + (1 - rgba[..., 3:])
 
 
-def read_photo(path: Path) -> Float[Tensor, "h w c"]:
-    """A picture as float32 in [0, 1], its pixels as stored: three channels, or, where it is
-    transparent anywhere, four, the colours multiplied by the fourth (laid over black)."""
+def read_photo(path: Path, *, turn: bool = False) -> Float[Tensor, "h w c"]:
+    """A picture as float32 in [0, 1]: three channels, or, where it is transparent anywhere, four,
+    the colours multiplied by the fourth (laid over black).
+
+    Its pixels are as stored, or turned as its EXIF data say.
+    """
     try:
         with Image.open(path) as picture:
+            if turn:
+                picture = ImageOps.exif_transpose(picture)
             if not picture.has_transparency_data:
                 return _unit(np.array(picture.convert("RGB")))
             rgba = _unit(np.array(picture.convert("RGBA")))
@@ -46,6 +51,29 @@ def read_photo(path: Path) -> Float[Tensor, "h w c"]:
     if (alpha == 1).all():
         return rgba[..., :3].contiguous()
     return torch.cat((rgba[..., :3] * alpha, alpha), -1)
+
+
+def turned_size(path: Path) -> tuple[int, int]:
+    """(width, height) after the turn that the EXIF data say, if any."""
+    try:
+        with Image.open(path) as picture:
+            width, height = picture.size
+            orientation = picture.getexif().get(ExifTags.Base.Orientation, 1)
+    except Exception as error:  # see read_photo
+        raise _unreadable(path, error) from None
+    return (height, width) if orientation in (5, 6, 7, 8) else (width, height)
+
+
+def read_mask(path: Path, width: int, height: int) -> Float[Tensor, "{height} {width}"]:
+    """A grey picture of any size at that size, its brightest value 1, nothing between the values
+    that it has: files hold 0 and 255, or 0 and 1."""
+    try:
+        with Image.open(path) as picture:
+            levels = picture.convert("I" if picture.mode.startswith("I") else "L")
+            values = np.array(levels.resize((width, height), Image.Resampling.NEAREST))
+    except Exception as error:  # see read_photo
+        raise _unreadable(path, error) from None
+    return torch.from_numpy(values / max(1, values.max())).float()
 
 
 def fitted_size(width: int, height: int, size: int | None) -> tuple[int, int]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -77,6 +77,11 @@ def load_state(path: Path) -> State:
 
 def digest(*tensors: Tensor) -> str:
     """A short text that is another for other numbers."""
+    return digest_of(tensors)
+
+
+def digest_of(tensors: Iterable[Tensor]) -> str:
+    """`digest`, of tensors that need not be there at once."""
     total = hashlib.sha256()
     for tensor in tensors:
         total.update(f"{tensor.dtype}{tuple(tensor.shape)}".encode())

@@ -5,6 +5,9 @@ Brown-Conrady model as in OpenCV and COLMAP's OPENCV. On the plane z = 1, r^2 = 
 Every pixel centre (u + 0.5, v + 0.5) of the pinhole picture looks up its distorted position in the
 photo: the forward model, which is a formula; its inverse, an iteration, is never needed.
 
+Other lenses (fisheyes, FULL_OPENCV, ...) go through pycolmap's `Camera.img_from_cam`, which maps
+rays to pixels and starts no threads.
+
 kornia computes the formula. Its `undistort_image` keeps the focal length, so that borders become
 black; pycolmap's `undistort_image` takes and returns 8-bit pictures, and changes their size. Both
 compute their map for every photo anew and take three to six times as long as `undistort`.
@@ -12,7 +15,7 @@ compute their map for every photo anew and take three to six times as long as `u
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import torch
@@ -23,12 +26,25 @@ from gsedit.errors import InputError
 from rasterizer.camera import Camera
 
 _ZOOM_MAX = 8.0  # a lens that needs more keeps less than 1/64 of the photo: a fisheye, or nonsense
+_STEPS, _EVERY = 65, 16  # along lines from the centre to every 16th border pixel: 65 positions
 _BISECTIONS = 40  # of [1, 8]: far below the last digit of a float32 pixel position
+
+
+class ColmapLens(NamedTuple):
+    """A camera model of COLMAP with its parameters, for photos of the size of the calibration."""
+
+    model: str
+    params: tuple[float, ...]
+    width: int
+    height: int
 
 
 @dataclass(frozen=True)
 class Lens:
-    """Intrinsics of a photo: pixels, the corner of the first one at (0, 0)."""
+    """Intrinsics of a photo: pixels, the corner of the first one at (0, 0).
+
+    Its distortion is k1 to p2 (Brown-Conrady), or that of `other`.
+    """
 
     fx: float
     fy: float
@@ -41,10 +57,17 @@ class Lens:
     k3: float = 0.0
     p1: float = 0.0
     p2: float = 0.0
+    other: ColmapLens | None = None
 
     @property
     def is_pinhole(self) -> bool:
-        return not any((self.k1, self.k2, self.k3, self.p1, self.p2))
+        return self.other is None and not any((self.k1, self.k2, self.k3, self.p1, self.p2))
+
+    def scaled(self, width: int, height: int) -> Lens:
+        """The lens of the same photo on another number of pixels."""
+        x, y = width / self.width, height / self.height
+        focal = {"fx": self.fx * x, "fy": self.fy * y}
+        return replace(self, **focal, cx=self.cx * x, cy=self.cy * y, width=width, height=height)
 
     def camera(self, world_to_camera: Float[Tensor, "4 4"]) -> Camera:
         """The pinhole camera with these intrinsics: the distortion must be undone already."""
@@ -73,10 +96,15 @@ def undistortion(lens: Lens) -> Undistortion:
     zoom is the smallest one >= 1 (to bisection accuracy), the same for x and y. Raises InputError
     where no zoom up to 8 will do.
     """
-    if lens.is_pinhole:
+    ideal = ideal_lens(lens)
+    if ideal is lens:
         return Undistortion(lens, None)
-    ideal = lens.zoomed(_smallest_zoom(lens))
     return Undistortion(ideal, distort(ideal.camera(torch.eye(4)).pixel_centres(), ideal, lens))
+
+
+def ideal_lens(lens: Lens) -> Lens:
+    """The lens of the undistorted pictures, see `undistortion`; `lens` itself if a pinhole."""
+    return lens if lens.is_pinhole else lens.zoomed(_smallest_zoom(lens))
 
 
 def undistort(photo: Float[Tensor, "h w c"], undo: Undistortion) -> Float[Tensor, "h w c"]:
@@ -93,7 +121,12 @@ def undistort(photo: Float[Tensor, "h w c"], undo: Undistortion) -> Float[Tensor
 
 
 def distort(xy: Float[Tensor, "*b 2"], ideal: Lens, lens: Lens) -> Float[Tensor, "*b 2"]:
-    """From positions in the ideal lens's picture to positions in the photo of `lens`, pixels."""
+    """From positions in the ideal lens's picture to positions in the photo of `lens`, pixels.
+
+    Of a lens of COLMAP, NaN where it shows no such direction.
+    """
+    if lens.other is not None:
+        return _distorted_by(lens.other, xy, ideal, lens)
     from kornia.geometry.calibration import distort_points
 
     coefficients = torch.tensor([lens.k1, lens.k2, lens.p1, lens.p2, lens.k3], dtype=xy.dtype)
@@ -103,6 +136,24 @@ def distort(xy: Float[Tensor, "*b 2"], ideal: Lens, lens: Lens) -> Float[Tensor,
     return flat.reshape(xy.shape)
 
 
+def _distorted_by(
+    other: ColmapLens, xy: Float[Tensor, "*b 2"], ideal: Lens, lens: Lens
+) -> Float[Tensor, "*b 2"]:
+    """Through pycolmap, whose pixels begin at the corner as ours do."""
+    import pycolmap
+
+    camera = pycolmap.Camera(
+        model=other.model, width=other.width, height=other.height, params=list(other.params)
+    )
+    centre = torch.tensor([ideal.cx, ideal.cy], dtype=torch.float64)
+    focal = torch.tensor([ideal.fx, ideal.fy], dtype=torch.float64)
+    rays = ((xy.double() - centre) / focal).reshape(-1, 2)
+    rays = torch.cat((rays, torch.ones(len(rays), 1, dtype=torch.float64)), 1)
+    found = torch.from_numpy(camera.img_from_cam(rays.numpy()))
+    size = torch.tensor([lens.width / other.width, lens.height / other.height]).double()
+    return (found * size).reshape(xy.shape).to(xy.dtype)
+
+
 def _smallest_zoom(lens: Lens) -> float:
     """By bisection, in [1, 8]. Raises InputError where 8 is not enough."""
     low, high = 1.0, _ZOOM_MAX
@@ -110,8 +161,8 @@ def _smallest_zoom(lens: Lens) -> float:
         return low
     if not _stays_inside(lens, high):
         raise InputError(
-            f"lens distortion k1 {lens.k1:g}, k2 {lens.k2:g}, k3 {lens.k3:g}, p1 {lens.p1:g}, "
-            f"p2 {lens.p2:g} leaves no picture: calibrate again, or undistort with COLMAP"
+            f"lens distortion {_described(lens)} leaves no picture: calibrate again, or undistort "
+            "with COLMAP"
         )
     for _ in range(_BISECTIONS):
         middle = (low + high) / 2
@@ -131,10 +182,28 @@ def _stays_inside(lens: Lens, zoom: float) -> bool:
     last = torch.tensor([lens.width - 0.5, lens.height - 0.5], dtype=distorted.dtype)
     # centres map to themselves only to rounding: allow 1e-9 pixels
     inside = bool(((distorted >= 0.5 - 1e-9) & (distorted <= last + 1e-9)).all())
+    return inside and _grows(lens, ideal, border)
+
+
+def _grows(lens: Lens, ideal: Lens, border: Float[Tensor, "n 2"]) -> bool:
+    """Whether what is further from the centre of the ideal picture is so in the photo too."""
+    if lens.other is not None:
+        centre = torch.tensor([ideal.cx, ideal.cy], dtype=torch.float64)
+        steps = torch.linspace(0, 1, _STEPS, dtype=torch.float64)[:, None, None]
+        found = distort(centre + steps * (border[::_EVERY] - centre), ideal, lens)
+        radius = (found - found[0]).norm(dim=-1)
+        return bool((radius.diff(dim=0) > 0).all())
     offset = (border - torch.tensor([lens.cx, lens.cy])) / torch.tensor([ideal.fx, ideal.fy])
     r2 = torch.linspace(0, float(offset.square().sum(-1).max()), 257, dtype=torch.float64)
     slope = 1 + r2 * (3 * lens.k1 + r2 * (5 * lens.k2 + r2 * 7 * lens.k3))
-    return inside and bool((slope > 0).all())
+    return bool((slope > 0).all())
+
+
+def _described(lens: Lens) -> str:
+    if lens.other is not None:
+        return f"{lens.other.model} {', '.join(f'{value:g}' for value in lens.other.params)}"
+    names = ("k1", "k2", "k3", "p1", "p2")
+    return ", ".join(f"{name} {getattr(lens, name):g}" for name in names)
 
 
 def _border_centres(width: int, height: int) -> Float[Tensor, "n 2"]:

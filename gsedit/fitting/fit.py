@@ -10,6 +10,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import chain
 from math import sqrt
 from typing import Any
 
@@ -18,7 +19,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from gsedit.errors import UsageError
-from gsedit.files.state import State, check_same, digest
+from gsedit.files.state import State, check_same, digest, digest_of
 from gsedit.fitting.budget import Budget
 from gsedit.fitting.densify import ScreenGradients, densify
 from gsedit.fitting.initial import initial_scene
@@ -33,6 +34,7 @@ from gsedit.reports import notebook
 from gsedit.reports.events import Checkpoint, Event
 from gsedit.reports.json_lines import plain
 from gsedit.views.dataset import Dataset, View
+from gsedit.views.kept import Kept
 from rasterizer.blending.choose import is_compiled
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import render
@@ -188,7 +190,8 @@ class _Fit:
         rates = {name: rate * sqrt(self.batch) for name, rate in rates.items()}
         self.optimiser = SceneOptimiser(scene, rates, compiled=is_compiled(settings.execution))
         factors = (1, *(factor for _, factor in settings.coarse))
-        self.pyramid = {f: tuple(_shrunk(view, f) for view in train) for f in factors}
+        kept = Kept()
+        self.pyramid = {f: tuple(_shrunk(view, f, kept) for view in train) for f in factors}
         self.gradients = ScreenGradients(len(scene))
         self.started_with = len(scene)
         self.order: list[int] = []
@@ -326,13 +329,13 @@ class _Fit:
         return Event(stage, budget.seconds, budget.step, budget.steps, self.loss, error, note)
 
 
-def _shrunk(view: View, factor: int) -> View:
-    """The picture area-averaged to a grid `factor` times coarser."""
+def _shrunk(view: View, factor: int, kept: Kept) -> View:
+    """The picture area-averaged to a grid `factor` times coarser, when it is first needed."""
     if factor == 1:
         return view
     camera = view.camera
     small = camera.resized(max(16, camera.width // factor), max(16, camera.height // factor))
-    return view.resized(small.width, small.height)
+    return kept.resized(view, small.width, small.height)
 
 
 def _start(
@@ -359,13 +362,21 @@ def requested(
     cameras = [view.camera.world_to_camera for view in dataset.views]
     camera = dataset.views[0].camera
     fields = () if start is None else vars(start).values()
+    pixels = chain.from_iterable(_levels(view) for view in dataset.views)
     return {
         "photos": f"{len(dataset)}, the first of {camera.width}x{camera.height}, "
-        + digest(torch.stack(cameras), *((255 * v.image).round().byte() for v in dataset.views)),
+        + digest_of(chain([torch.stack(cameras)], pixels)),
         "settings": {name: v for name, v in plain(settings).items() if name not in FREE},
         "from": None if start is None else f"{len(start)} Gaussians, {digest(*fields)}",
         "seed": generator.initial_seed(),
     }
+
+
+def _levels(view: View) -> list[Tensor]:
+    """All that a photo says, in 8 bits."""
+    given = (view.image, view.alpha)
+    levels = [(255 * each).round().byte() for each in given if each is not None]
+    return levels if (mask := view.mask) is None else [*levels, mask]
 
 
 def _camera_extent(views: tuple[View, ...]) -> float:

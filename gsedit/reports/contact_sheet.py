@@ -71,7 +71,8 @@ def contact_sheet(
 
 def _cell_size(views: Sequence[View]) -> tuple[int, int]:
     """Width and height that the largest picture gets, its longer side within CELL."""
-    width, height = (max(view.image.shape[axis] for view in views) for axis in (1, 0))
+    width = max(view.camera.width for view in views)
+    height = max(view.camera.height for view in views)
     longest = max(width, height)
     scale = min(max(longest, CELL[0]), CELL[1]) / longest
     return round(width * scale), round(height * scale)

@@ -19,6 +19,7 @@ from gsedit.savings.gaussians import faint_gaussians
 from gsedit.savings.pictures import LOST, RESOLVED, footprint, lost
 from gsedit.session.request import Request
 from gsedit.views.dataset import View
+from gsedit.views.kept import Kept
 from gsedit.views.plan import ViewPlan
 from rasterizer.camera import Camera
 from rasterizer.numerics import Execution
@@ -101,7 +102,7 @@ def _smaller(
     reduction = replace(reduction, lost=error)
     if factor == 1:
         return request, reduction
-    shrink = partial(_shrunk, factor=factor)
+    shrink = partial(_shrunk, factor=factor, kept=Kept())
     views, held_out = (tuple(map(shrink, each)) for each in (request.views, request.held_out))
     return replace(request, views=views, held_out=held_out), reduction
 
@@ -118,9 +119,9 @@ def _divided(camera: Camera, factor: int) -> Camera:
     return camera.resized(*(max(1, round(side / factor)) for side in (camera.width, camera.height)))
 
 
-def _shrunk(view: View, factor: int) -> View:
+def _shrunk(view: View, factor: int, kept: Kept) -> View:
     camera = _divided(view.camera, factor)
-    return view.resized(camera.width, camera.height)
+    return kept.resized(view, camera.width, camera.height)
 
 
 @torch.no_grad()

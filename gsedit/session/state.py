@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, astuple, replace
+from itertools import chain
 from typing import Any
 
 import torch
 from torch import Tensor
 
-from gsedit.files.state import State, digest
+from gsedit.files.state import State, digest, digest_of
 from gsedit.fitting.crops import ListedCrops
 from gsedit.regions.region import Region, everything
 from gsedit.reports.json_lines import plain
@@ -45,8 +46,9 @@ def _described(views: Sequence[View], condition: str) -> str:
     cameras = [view.camera for view in views]
     poses = torch.stack([camera.world_to_camera.double() for camera in cameras])
     lenses = torch.tensor([[c.fx, c.fy, c.cx, c.cy] for c in cameras], dtype=torch.float64)
-    levels = [(255 * view.image).round().byte() for view in views if condition == "photo"]
-    found = digest(poses.round(decimals=PLACES), lenses.round(decimals=PLACES), *levels)
+    levels = ((255 * view.image).round().byte() for view in views if condition == "photo")
+    rounded = [each.round(decimals=PLACES) for each in (poses, lenses)]
+    found = digest_of(chain(rounded, levels))
     return f"{len(views)} of {cameras[0].width}x{cameras[0].height}, {found}"
 
 

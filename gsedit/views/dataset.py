@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import torch
 from jaxtyping import Bool, Float
@@ -20,21 +22,62 @@ LEAST_SHARE = 1e-4
 """Of a pixel that is hidden by a mask for the pixel to be hidden: above what rounding leaves."""
 
 
-@dataclass(frozen=True, eq=False)
+class _Pixels:
+    """A field that holds a tensor, or a function that is asked for it each time it is read."""
+
+    def __init__(self, *, optional: bool) -> None:
+        self.optional = optional
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = f"_{name}"
+
+    def __get__(self, view: object | None, owner: type) -> Any:
+        if view is not None:
+            value = view.__dict__[self.name]
+            return value() if callable(value) else value
+        if self.optional:  # a dataclass asks for the default in this way
+            return None
+        raise AttributeError(self.name)
+
+    def __set__(self, view: object, value: Any) -> None:
+        view.__dict__[self.name] = value
+
+
+_IMAGE: Any = _Pixels(optional=False)
+_MASK: Any = _Pixels(optional=True)
+_ALPHA: Any = _Pixels(optional=True)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class View:
-    """One picture and the camera that took it."""
+    """One picture and the camera that took it.
+
+    The pixels of a dataset's photo are read from its file when `image`, `mask` or `alpha` are (see
+    gsedit.views.kept): read each once.
+    """
+
+    __no_type_check__ = True  # a check of the fields would read all files
 
     name: str
     camera: Camera
-    image: Float[Tensor, "h w 3"]
+    image: Float[Tensor, "h w 3"] = _IMAGE
     """sRGB in [0, 1]; as many pixels as the camera has. What is transparent is laid over black, as
     renders are."""
-    mask: Bool[Tensor, "h w"] | None = None
+    mask: Bool[Tensor, "h w"] | None = _MASK
     """True where the photo says what the scene looks like; None: everywhere. A fit takes nothing
     from the other pixels, and measures nothing there."""
-    alpha: Float[Tensor, "h w"] | None = None
+    alpha: Float[Tensor, "h w"] | None = _ALPHA
     """Opacity of the photo, in [0, 1]; None: opaque. Where it is below 1 the scene is to be as
     transparent."""
+
+    def __repr__(self) -> str:
+        return f"View({self.name!r}, {self.camera.width}x{self.camera.height})"
+
+    def seen_by(self, camera: Camera) -> View:
+        """The same picture with another camera; `replace` would read it."""
+        view = copy(self)
+        object.__setattr__(view, "camera", camera)
+        return view
 
     def over(self, background: Float[Tensor, "3"]) -> Float[Tensor, "h w 3"]:
         """The picture in front of a colour, which shows where the photo is transparent."""
@@ -66,6 +109,11 @@ class Dataset:
     """RGB in [0, 1]."""
     source: Path | None = None
     """The folder or file that it was read from."""
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """What was subtracted from the files' world coordinates, because they are far from the origin
+    (georeferenced): the files' frame is this one plus the offset."""
+    notes: tuple[str, ...] = ()
+    """What a person should know of how it was read: photos that are not there, sizes, masks."""
 
     def __len__(self) -> int:
         return len(self.views)

@@ -14,7 +14,7 @@ def test_bad_input_is_one_line_with_place_and_next_move(bad: BadFile, tmp_path):
     path = bad.build(tmp_path)
     before = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
     with pytest.raises(GseditError) as raised:
-        (load if bad.kind == "scene" else load_dataset)(path)
+        load(path) if bad.kind == "scene" else [view.image for view in load_dataset(path).views]
     message = str(raised.value)
     assert "\n" not in message
     assert str(path) in message
