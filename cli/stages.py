@@ -55,11 +55,14 @@ class Ledger:
 
     def is_begun(self, stage: Stage) -> bool:
         """Whether the stage was begun, asked for the same, and did not end."""
-        return self.is_same(stage) and self.entries[stage.name]["result"] is None
+        return self.is_same(stage) and not self.ended(stage)
 
     def is_done(self, stage: Stage) -> bool:
-        same = self.is_same(stage) and stage.last.is_file()
-        return same and self.entries[stage.name]["result"] is not None
+        return self.is_same(stage) and self.ended(stage) and stage.last.is_file()
+
+    def ended(self, stage: Stage) -> bool:
+        """Whether there is a result, of this request or another."""
+        return stage.name in self.entries and self.entries[stage.name]["result"] is not None
 
     def is_same(self, stage: Stage) -> bool:
         """Whether the stage was asked for the same."""
@@ -86,14 +89,14 @@ class Ledger:
 
 def check_stages(stages: Sequence[Stage], ledger: Ledger, *, force: bool) -> None:
     """Raise UsageError, before any work, where the folder holds something else: files that are not
-    of these stages, or stages that were asked otherwise; unless `force`."""
+    of these stages, or stages that ended and were asked otherwise; unless `force`."""
     from gsedit.errors import UsageError
 
     folder = ledger.path.parent
     check_folder(folder, force or bool(ledger.entries))
     for stage in stages:
         changed = ledger.changes(stage)
-        if changed and not force:
+        if changed and ledger.ended(stage) and not force:
             raise UsageError(
                 f"{folder} holds the {stage.name} of another request (other {', '.join(changed)}): "
                 f"add -f to replace it and what follows from it, or {stage.instead or OTHER_FOLDER}"

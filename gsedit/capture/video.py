@@ -148,7 +148,8 @@ def _not_opened(path: Path, error: Exception) -> str:
     mp4 = path.suffix.lower() in (".mp4", ".mov", ".m4v", ".3gp")
     if not path.stat().st_size:
         return f"{path} is empty: copy it again"
-    if mp4 and b"moov" not in _ends(path):
+    ends = _ends(path)
+    if mp4 and b"ftyp" in ends[:64] and b"moov" not in ends:
         return (
             f"{path} is cut off: its index, which comes last, is missing; copy it again from the "
             "camera, or repair it with a tool such as untrunc"

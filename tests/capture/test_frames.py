@@ -167,7 +167,7 @@ def test_videos_that_show_nothing_are_refused_by_cause(tmp_path, frames, message
         (None, "does not exist"),
         (b"", "is empty: copy it again"),
         (b"\0\0\0\x18ftypmp42", "is cut off: its index"),
-        (b"moov" + b"no video" * 100, "is no video that can be read"),
+        (b"no video" * 100, "is no video that can be read"),
     ],
 )
 def test_files_that_are_no_videos_are_named(tmp_path, content, message):

@@ -95,6 +95,13 @@ def test_a_failing_stage_ends_in_its_own_line(photos, out, stages):
     assert make(photos, out).exit_code == 0  # nothing needs to be removed first
 
 
+def test_photos_may_be_added_after_a_capture_that_failed(photos, out, stages):
+    stages.end["capture"] = InputError("too little overlap: take photos in between")
+    make(photos, out)
+    Image.new("RGB", (8, 8)).save(photos / "3.jpg")
+    assert make(photos, out).exit_code == 0
+
+
 def test_another_instruction_replaces_only_the_edit_and_only_with_force(photos, out, stages):
     make(photos, out)
     refused = make(photos, out, instruction="make it snow")
