@@ -9,12 +9,14 @@ from shlex import quote
 from time import monotonic
 from typing import TYPE_CHECKING, Annotated, Any
 
+import typer
+
 from .cameras import ViewOptions
 from .capture import Source, capture_summary, run_capture, settings_from
 from .console import print_message, print_result
 from .edit import Instruction, run_edit
 from .edit_options import EditorOptions
-from .fit import Minutes, run_fit, with_budget
+from .fit import FITTING, run_fit, with_budget
 from .options import Force, Seeded, Size, output
 from .setting_options import Layout, Setting, SettingsGroup, Values, settings_of
 from .stages import Ledger, Stage, check_stages, run_stages
@@ -26,6 +28,17 @@ RECORD = "make.json"
 """In the folder: what each stage was asked for, and what it came to."""
 POSING = ("frames", "lens", "focal")
 """Settings of a capture that have an option here; `gsedit capture` has all."""
+
+Minutes = Annotated[
+    float | None,
+    typer.Option(
+        "--minutes",
+        min=0.01,
+        show_default="10",
+        rich_help_panel=FITTING,
+        help="Time for the fit.",
+    ),
+]
 
 
 def posing_settings() -> list[Setting]:
