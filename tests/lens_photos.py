@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-SIZE = 224
+SIZE = 192
 ROOM, BOX = 2.6, 0.5  # half sides
 TEXTURE = 256  # texels on a side of a wall
 

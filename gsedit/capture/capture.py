@@ -174,7 +174,9 @@ class _Mapping:
                 if self.posed >= ENOUGH * count:
                     return
                 posed = self.posed or "none"
-                yield Line(f"{posed} of {count} photos posed: trying again with {name}")
+                yield Line(
+                    f"{posed} of {count} photos posed: trying again with {name} (--no-retries: not)"
+                )
             database, key = yield from self._match(attempt)
             if self.evidence and (fault := hopeless(self.evidence)):
                 raise InputError(f"{self.source}: {fault}")

@@ -28,7 +28,7 @@ class Captured:
 
 @pytest.fixture(scope="session")
 def captured(tmp_path_factory) -> Captured:
-    """Sixteen photos of 224x224 pixels, without poses or EXIF, and a file that is none."""
+    """Sixteen photos of 192x192 pixels, without poses or EXIF, and a file that is none."""
     folder = tmp_path_factory.mktemp("capture")
     known = take(folder / "photos", walk(16))
     (folder / "photos" / "notes.jpg").write_text("no picture")

@@ -15,7 +15,7 @@ from gsedit.capture import child
 from gsedit.files import load_dataset
 from gsedit.files.cameras import read_cameras
 
-FEW = "--features", 1000
+FEW = "--features", 800
 
 
 def test_all_photos_are_posed_where_they_were_taken(captured):
