@@ -231,6 +231,8 @@ void backward(const Job<T>& job, const Cell<T>& cell, Buffers<T>& b, bool is_fir
   for (int64_t end = visited; end > 0;) {
     const int64_t start = (end - 1) / CHUNK * CHUNK;
     chunk.fill(cell, start, start - CHUNK);
+    for (int64_t i = start; i < end; i++)  // written below; without this, that is a fifth of the time
+      __builtin_prefetch(gradient(i), 1), __builtin_prefetch(gradient(i) + columns - 1, 1);
     Mask open = 0;
     for (int k = 0; k < S::BLOCKS; k++) open |= Mask(last[k] > start) << k;
     for (int64_t i = end - 1; i >= start; i--) {
