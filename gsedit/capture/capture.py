@@ -325,14 +325,15 @@ def describe(out: Path) -> str:
     from gsedit.files.colmap import read_colmap
     from gsedit.views.viewpoints import Viewpoint
 
-    photos, points = read_colmap(out / "sparse" / "0")
-    cameras = [photo.lens.camera(photo.world_to_camera) for photo in photos]
-    views = [Viewpoint(photo.name, camera) for photo, camera in zip(photos, cameras)]
+    found = read_colmap(out / "sparse" / "0")
+    cameras = [photo.lens.camera(photo.world_to_camera) for photo in found.photos]
+    views = [Viewpoint(photo.name, camera) for photo, camera in zip(found.photos, cameras)]
     write_cameras(views, out / "cameras.json", overwrite=True)
-    if points is None or points.rgb is None:
+    if found.points is None or found.points.rgb is None:
         return ""
+    xyz, rgb = found.points.xyz.numpy(), found.points.rgb.numpy()
     try:
-        save_picture(points.xyz.numpy(), points.rgb.numpy(), cameras, out / "capture.png")
+        save_picture(xyz, rgb, cameras, out / "capture.png")
     except GseditError as error:
         return f"{out / 'capture.png'} is not drawn: {error}"
     return ""

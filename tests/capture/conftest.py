@@ -41,7 +41,7 @@ def captured(tmp_path_factory) -> Captured:
         "--threads",
         2,
         "--features",
-        1000,
+        800,
     )
     assert result.exit_code == 0, result.stderr
     *events, record = (json.loads(line) for line in result.stdout.splitlines())
