@@ -66,7 +66,7 @@ struct Block {
 template <typename T>
 inline void count_rows(const Job<T>& job, const T* shapes, int64_t* first_span, int32_t* top_row) {
   const T per_size = T(1) / T(job.tile_size), rows = T(job.tile_rows);
-  in_parallel(job.threads, job.drawn, 1 << 13, [&](int64_t begin, int64_t end, int64_t) {
+  in_parallel(job.threads, job.drawn, 1 << 13, 1, [&](int64_t begin, int64_t end, int64_t) {
     for (int64_t i = begin; i < end; i++) {
       const T* s = shapes + i * FOOTPRINT;
       int32_t first, behind;

@@ -16,6 +16,7 @@ namespace {
 
 constexpr int64_t REFUSED = -1, NO_MEMORY = -2;
 constexpr int64_t LEAST = 1 << 12;  // Gaussians that are worth a thread
+constexpr int64_t PART = 64;        // of them that fit into the fastest cache
 
 // Whether all are finite; `below`, `above`: whether -inf, and inf, are allowed.
 template <typename T>
@@ -28,18 +29,17 @@ bool finite(const T* values, int64_t count, bool below, bool above) {
   return !bad;
 }
 
-// Whether each of LANES Gaussians may touch the rectangle: its sphere's bound. What is not drawn
-// may be kept, what is drawn must be.
+// Whether each of LANES Gaussians, from a row on, may touch the rectangle: its sphere's bound. What
+// is not drawn may be kept, what is drawn must be.
 template <typename T>
-INLINE typename Wide<T>::mask keep_near(const Job<T>& job, const View<T>& v, int64_t first) {
+INLINE typename Wide<T>::mask keep_near(
+    const Job<T>& job, const View<T>& v, const T* means, const T* scales, const T* logits) {
   using V = typename Wide<T>::of;
   using Mask = typename Wide<T>::mask;
-  T x[LANES], y[LANES], z[LANES], size[LANES], logits[LANES];
+  T x[LANES], y[LANES], z[LANES], size[LANES];
   for (int i = 0; i < LANES; i++) {
-    const int64_t row = std::min(first + i, job.count - 1);
-    const T *mean = job.means + 3 * row, *scale = job.log_scales + 3 * row;
-    x[i] = mean[0], y[i] = mean[1], z[i] = mean[2], logits[i] = job.logits[row];
-    size[i] = std::max(std::max(scale[0], scale[1]), scale[2]);
+    x[i] = means[3 * i], y[i] = means[3 * i + 1], z[i] = means[3 * i + 2];
+    size[i] = std::max(std::max(scales[3 * i], scales[3 * i + 1]), scales[3 * i + 2]);
   }
   const V one = V{} + 1, logit = load<V>(logits);
   const Vec<doubles> at = v.in_camera({load<V>(x), load<V>(y), load<V>(z)});
@@ -73,7 +73,7 @@ int64_t cull(Job<T>& job) {
   const View<T> view(job);
   std::vector<int64_t> begins(job.threads, 0), found(job.threads, 0);
   std::atomic<bool> good{true};
-  in_parallel(job.threads, job.count, LEAST, [&](int64_t begin, int64_t end, int64_t thread) {
+  in_parallel(job.threads, job.count, LEAST, PART, [&](int64_t begin, int64_t end, int64_t thread) {
     int64_t kept = begin;
     for (int64_t part = begin; part < end; part += 1024) {  // stays in the cache between the two
       const int64_t last = std::min(end, part + 1024), many = last - part;
@@ -83,7 +83,16 @@ int64_t cull(Job<T>& job) {
           !finite(job.logits + part, many, true, true))
         good = false;
       for (int64_t i = part; i < last; i += LANES) {
-        const auto keep = keep_near(job, view, i);
+        T means[3 * LANES] = {}, scales[3 * LANES] = {}, logits[LANES] = {};
+        const bool whole = i + LANES <= last;
+        if (!whole) {
+          std::copy_n(job.means + 3 * i, 3 * (last - i), means);
+          std::copy_n(job.log_scales + 3 * i, 3 * (last - i), scales);
+          std::copy_n(job.logits + i, last - i, logits);
+        }
+        const auto keep = whole ? keep_near(job, view, job.means + 3 * i, job.log_scales + 3 * i,
+                                            job.logits + i)
+                                : keep_near(job, view, means, scales, logits);
         for (int64_t row = i; row < std::min(last, i + LANES); row++) {
           rows[kept] = int32_t(row);
           kept -= keep[row - i];
@@ -279,7 +288,7 @@ int64_t project(Job<T>& job) {
   std::copy_n(scratch.rows.data(), job.drawn, job.rows);
   std::vector<double> tiles(job.threads * SIZES, 0.0);
   std::atomic<bool> good{true};
-  in_parallel(job.threads, job.drawn, LEAST / 4, [&](int64_t begin, int64_t end, int64_t thread) {
+  in_parallel(job.threads, job.drawn, LEAST / 4, PART, [&](int64_t begin, int64_t end, int64_t thread) {
     Taken<T> taken;
     for (int64_t i = begin; i < end; i += LANES) {
       const int64_t count = std::min<int64_t>(LANES, end - i);
@@ -304,7 +313,7 @@ int64_t project(Job<T>& job) {
   const int64_t every = job.columns * job.tile_rows + 1;
   int64_t* counts = scratch.counts.at_least(every * job.threads);
   std::fill_n(counts, every * job.threads, 0);
-  in_parallel(job.threads, job.drawn, LEAST / 4, [&](int64_t begin, int64_t end, int64_t thread) {
+  in_parallel(job.threads, job.drawn, LEAST / 4, PART, [&](int64_t begin, int64_t end, int64_t thread) {
     fill_spans(job, shapes, first_span, top_row, spans, begin, end, counts + thread * every);
   });
   job.pairs = 0;
@@ -333,15 +342,31 @@ int64_t list(Job<T>& job) {
   int64_t visible;
   const uint64_t* order =
       depth_order(scratch, scratch.depths.data(), first_span, job.drawn, visible);
-  for (int64_t rank = 0; rank < visible; rank++) {
-    const int64_t i = uint32_t(order[rank]);
-    int64_t slot = job.firsts[i];
-    for (int64_t s = first_span[i]; s < first_span[i + 1]; s++)
-      for (int64_t tile = spans[s].tile; tile < spans[s].tile + spans[s].count; tile++) {
-        const int64_t at = counts[tile]++;
-        job.members[at] = i, job.slots[at] = slot++;
+  // each thread fills the lists of its rows of tiles, which hold about as many pairs
+  std::vector<int64_t> bands = {0};
+  const int64_t threads = std::max<int64_t>(1, std::min(job.threads, job.pairs / (1 << 14)));
+  for (int64_t row = 1; row < job.tile_rows; row++)
+    if (job.starts[row * job.columns] >= job.pairs * int64_t(bands.size()) / threads)
+      bands.push_back(row * job.columns);
+  bands.push_back(tiles);
+  in_parallel(threads, int64_t(bands.size()) - 1, 1, 1, [&](int64_t first, int64_t last, int64_t) {
+    if (first == last) return;
+    const int64_t low = bands[first], high = bands[last];
+    for (int64_t rank = 0; rank < visible; rank++) {
+      const int64_t i = uint32_t(order[rank]);
+      int64_t slot = job.firsts[i];
+      for (int64_t s = first_span[i]; s < first_span[i + 1]; s++) {
+        const int64_t tile = spans[s].tile, count = spans[s].count;
+        if (tile >= high) break;
+        if (tile >= low)
+          for (int64_t k = 0; k < count; k++) {
+            const int64_t at = counts[tile + k]++;
+            job.members[at] = i, job.slots[at] = slot + k;
+          }
+        slot += count;
       }
-  }
+    }
+  });
   return 0;
 }
 
@@ -354,10 +379,15 @@ struct Upstream {
   INLINE void sum(const Job<T>& job, int64_t first, int64_t count) {
     for (int64_t i = first; i < first + count; i++) {
       const int64_t end = i + 1 < job.drawn ? job.firsts[i + 1] : job.pairs;
-      T sum[COLUMNS] = {};
-      for (int64_t p = job.firsts[i]; p < end; p++)
-        for (int k = 0; k < COLUMNS; k++) sum[k] += job.pair_gradients[p * COLUMNS + k];
-      for (int k = 0; k < COLUMNS; k++) of[k][i - first] = sum[k];
+      typename Wide<T>::of sum = {};
+      T more[COLUMNS - LANES] = {};
+      for (int64_t p = job.firsts[i]; p < end; p++) {
+        const T* row = job.pair_gradients + p * COLUMNS;
+        sum += load<typename Wide<T>::of>(row);
+        for (int k = LANES; k < COLUMNS; k++) more[k - LANES] += row[k];
+      }
+      for (int k = 0; k < COLUMNS; k++)
+        of[k][i - first] = k < LANES ? sum[k] : more[k - LANES];
       for (int c = 0; c < 3; c++)
         if (!(job.shown[i] >> c & 1)) of[GEOMETRY + c][i - first] = T(0);
     }
@@ -466,18 +496,17 @@ int64_t backward(Job<T>& job) {
   const bool geometry =
       job.grad_means || job.grad_quats || job.grad_log_scales || job.grad_logits;
   if (!job.drawn) clear(job, 0, job.count);
-  in_parallel(job.threads, job.drawn, LEAST / 4, [&](int64_t begin, int64_t end, int64_t) {
-    int64_t written = begin == 0 ? 0 : job.rows[begin];
+  in_parallel(job.threads, job.drawn, LEAST / 4, PART, [&](int64_t begin, int64_t end, int64_t) {
     for (int64_t i = begin; i < end; i += LANES) {
       const int64_t count = std::min<int64_t>(LANES, end - i);
-      for (int64_t j = i; j < i + count; written = job.rows[j++] + 1)
-        if (job.rows[j] > written) clear(job, written, job.rows[j]);
+      // few calls, and what they clear is in the cache when its rows are written
+      if ((i - begin) % PART == 0)
+        clear(job, i ? job.rows[i] : 0, i + PART < job.drawn ? job.rows[i + PART] : job.count);
       const Lanes<T> lanes(job, i, count);
       const Upstream<T> upstream(job, i, count);
       const Vec<doubles> mean = color_gradients_of(job, view, lanes, upstream, i, count);
       if (geometry) geometry_gradients(job, view, lanes, upstream, i, count, mean);
     }
-    if (begin < end) clear(job, written, end < job.drawn ? job.rows[end] : job.count);
   });
   return 0;
 }

@@ -86,11 +86,12 @@ struct Scratch {
   Buffer<int64_t> counts;
 };
 
-// work(begin, end, thread) over parts of [0, count), which do not depend on timing.
+// work(begin, end, thread) over parts of [0, count), which do not depend on timing: multiples of
+// `step` but for the last, worth a thread from `least` on.
 template <typename Work>
-void in_parallel(int64_t threads, int64_t count, int64_t least, Work work) {
+void in_parallel(int64_t threads, int64_t count, int64_t least, int64_t step, Work work) {
   threads = std::max<int64_t>(1, std::min(threads, count / least));
-  const int64_t part = ((count + threads - 1) / threads + LANES - 1) / LANES * LANES;
+  const int64_t part = ((count + threads - 1) / threads + step - 1) / step * step;
   std::vector<std::thread> others;
   std::atomic<int> failed{0};
   const auto one = [&](int64_t t) {
