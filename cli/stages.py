@@ -83,6 +83,9 @@ class Ledger:
         """Write that the stage was begun (None), or what it came to."""
         from gsedit.reports.json_lines import write_record
 
+        names = [*self.entries, stage.name]
+        for follows in names[names.index(stage.name) + 1 :]:  # from what is no longer there
+            self.entries.pop(follows, None)
         self.entries[stage.name] = {"asked": stage.asked, "result": result}
         write_record(self.entries, self.path, overwrite=True)
 

@@ -12,6 +12,7 @@ from torch import Tensor
 
 from gsedit.errors import InputError
 from gsedit.files.inputs import existing_file
+from gsedit.files.libraries import import_pycolmap
 from gsedit.files.photos import (
     REDUCED,
     Capture,
@@ -80,7 +81,7 @@ def points_of(reconstruction: Any) -> SparsePoints | None:
 
 
 def _open(model: Path) -> Any:
-    import pycolmap
+    pycolmap = import_pycolmap()
 
     if (model / "cameras.bin").is_file():
         for name in _ROWS:

@@ -23,6 +23,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.errors import InputError
+from gsedit.files.libraries import import_pycolmap
 from rasterizer.camera import Camera
 
 _ZOOM_MAX = 8.0  # a lens that needs more keeps less than 1/64 of the photo: a fisheye, or nonsense
@@ -140,7 +141,7 @@ def _distorted_by(
     other: ColmapLens, xy: Float[Tensor, "*b 2"], ideal: Lens, lens: Lens
 ) -> Float[Tensor, "*b 2"]:
     """Through pycolmap, whose pixels begin at the corner as ours do."""
-    import pycolmap
+    pycolmap = import_pycolmap()
 
     camera = pycolmap.Camera(
         model=other.model, width=other.width, height=other.height, params=list(other.params)

@@ -113,6 +113,14 @@ def test_another_instruction_replaces_only_the_edit_and_only_with_force(photos, 
     assert stages.ran[3:] == [("edit", False)]
 
 
+def test_a_replacement_that_was_interrupted_goes_on_without_force(photos, out, stages):
+    make(photos, out)
+    stages.end["fit"] = KeyboardInterrupt()
+    make(photos, out, "--size", 128, "-f", instruction="make it snow")
+    assert make(photos, out, "--size", 128, instruction="make it snow").exit_code == 0
+    assert stages.ran[3:] == [("fit", False), ("fit", True), ("edit", False)]
+
+
 def test_other_photos_or_sizes_replace_what_follows_from_them(photos, out, stages):
     make(photos, out)
     refused = make(photos, out, "--size", 128)
