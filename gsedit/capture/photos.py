@@ -18,7 +18,7 @@ from gsedit.errors import InputError
 
 PICTURES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp", ".heic", ".heif", ".avif")
 VIDEOS = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".mts", ".3gp")
-HEIC = "convert HEIC photos to JPEG first (iPhone: Settings > Camera > Formats > Most Compatible)"
+HEIC = "HEIC needs pi-heif, which this machine lacks: pip install pi-heif, or convert them to JPEG"
 QUALITY = 95
 """Of JPEG, where a photo is written anew."""
 SMALLEST = 64
@@ -181,7 +181,7 @@ def _link(file: Path, place: Path) -> None:
 
 
 def _reason(file: Path, error: Exception) -> str:
-    if file.suffix.lower() in (".heic", ".heif"):
+    if file.suffix.lower() in (".heic", ".heif") and not register_heif():
         return "HEIC"
     text = str(error).split("\n")[0].replace(repr(str(file)), "it")
     if "cannot identify image file" in text:

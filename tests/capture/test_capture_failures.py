@@ -11,16 +11,17 @@ from command_line import gsedit, one_line
 from lens_photos import RealLens, take, turn, walk
 from PIL import Image
 
+from gsedit.capture import photos
 from gsedit.capture.causes import Evidence, cause, hopeless
 
 
-def failure(photos, out, *words):
+def failure(folder, out, *words):
     """The last line on stderr of a capture that fails as unreadable input does."""
-    result = gsedit("capture", photos, "-o", out, "--threads", 2, *words)
+    result = gsedit("capture", folder, "-o", out, "--threads", 2, *words)
     assert result.exit_code == 3, result.stderr
     assert "Traceback" not in result.stderr
     line = result.stderr.splitlines()[-1]
-    assert line.startswith(f"gsedit: {photos}")
+    assert line.startswith(f"gsedit: {folder}")
     return line
 
 
@@ -56,7 +57,10 @@ def photo(tmp_path_factory):
         (lambda folder, photo: copies(folder, photo, 2), "2 photos cannot make a scene: walk"),
         (lambda folder, _: grey_photos(folder, 96, range(5)), "5 of 5 photos are black or of one"),
         (lambda folder, _: grey_photos(folder, 1, range(5)), "1x1 pixels, 64 are needed"),
-        (lambda folder, _: heic_photos(folder), "convert HEIC photos to JPEG first"),
+        (
+            lambda folder, _: heic_photos(folder),
+            "left out): copy or export these files again",
+        ),
         (lambda folder, _: folder.mkdir(), "holds no photos"),
         (lambda folder, _: (folder / "inner").mkdir(parents=True), "name the folder that holds"),
         (lambda folder, _: (folder.mkdir(), (folder / "a.mov").touch()), "a.mov itself"),
@@ -66,6 +70,13 @@ def photo(tmp_path_factory):
 def test_photos_that_can_make_no_scene(make, said, photo, tmp_path):
     make(tmp_path / "photos", photo)
     assert said in failure(tmp_path / "photos", tmp_path / "scene")
+
+
+def test_heic_without_its_library(tmp_path, monkeypatch):
+    monkeypatch.setattr(photos, "register_heif", lambda: False)
+    heic_photos(tmp_path / "photos")
+    line = failure(tmp_path / "photos", tmp_path / "scene")
+    assert "pip install pi-heif, or convert them to JPEG" in line
 
 
 def test_a_camera_that_turned_on_the_spot(tmp_path):
