@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -11,6 +12,7 @@ from .bench import Folder, Quick, collect
 from .bench_refinement import bench
 from .command import as_command
 from .console import print_message, print_result
+from .fit import Level
 from .options import Common, Force, Size, check_folder
 
 Datasets = Annotated[
@@ -27,6 +29,12 @@ Seconds = Annotated[
 Synthetic = Annotated[
     int, typer.Option("--synthetic", min=0, max=2, help="Number of synthetic captures.")
 ]
+Preset = Annotated[
+    Level,
+    typer.Option(
+        "--quality", metavar="draft|normal|high", help="Of gsedit's recipe, but its budget."
+    ),
+]
 Moments = Annotated[
     int, typer.Option("--moments", min=1, help="How many times each fit is measured.")
 ]
@@ -39,6 +47,7 @@ def fit(
     size: Size = 256,
     synthetic: Synthetic = 2,
     moments: Moments = 5,
+    quality: Preset = Level.DRAFT,
     quick: Quick = False,
     force: Force = False,
     *,
@@ -55,10 +64,19 @@ def fit(
     common.apply()
 
     from gsedit.bench.fit.run import PLOT, ROWS, BenchSettings, table, to_folder
+    from gsedit.fitting.settings import QUALITIES
 
-    settings = BenchSettings(tuple(datasets or ()), synthetic, seconds, moments, size)
+    settings = BenchSettings(
+        tuple(datasets or ()),
+        synthetic,
+        seconds,
+        moments,
+        size,
+        fit=QUALITIES[quality.value].settings,
+    )
     if quick:
-        settings = BenchSettings(settings.datasets, min(1, synthetic), 5.0, 2, min(size, 64), 16)
+        short = {"synthetic": min(1, synthetic), "seconds": 5.0, "moments": 2, "views": 16}
+        settings = replace(settings, **short, size=min(size, 64))
     rows = collect(to_folder(settings, out), common, out / ROWS)
     print_message(f"{len(rows)} measurements are in {out}; look at {out / PLOT}")
     print_result({"folder": out, "rows": rows}, table(rows), as_json=common.json)

@@ -22,6 +22,7 @@ from gsedit.errors import UsageError
 from gsedit.files.state import State, check_same, digest, digest_of
 from gsedit.fitting.budget import Budget
 from gsedit.fitting.densify import ScreenGradients, densify
+from gsedit.fitting.exposure import Exposures
 from gsedit.fitting.initial import initial_scene
 from gsedit.fitting.optimiser import SceneOptimiser, optimised_scene
 from gsedit.fitting.settings import FitSettings
@@ -194,6 +195,7 @@ class _Fit:
         self.pyramid = {f: tuple(_shrunk(view, f, kept) for view in train) for f in factors}
         self.gradients = ScreenGradients(len(scene))
         self.started_with = len(scene)
+        self.exposures = Exposures(train, settings.exposure)
         self.order: list[int] = []
         self.curve: list[tuple[float, float]] = []
         self.loss: float | None = None
@@ -203,6 +205,7 @@ class _Fit:
         """All that changes during a fit; the tensors are the fit's own."""
         tensors = {f"optimiser.{name}": each for name, each in self.optimiser.state().items()}
         tensors |= {f"gradients.{name}": each for name, each in self.gradients.state().items()}
+        tensors |= {f"exposures.{name}": each for name, each in self.exposures.state().items()}
         tensors["generator"] = self.generator.get_state()
         record = {
             "request": self.asked,
@@ -217,6 +220,7 @@ class _Fit:
         settings, record = self.settings, state.record
         self.optimiser.load_state(state.within("optimiser"))
         self.gradients.load_state(state.within("gradients"))
+        self.exposures.load_state(state.within("exposures"))
         self.generator.set_state(state.tensors["generator"])
         step, spent = record["step"], record["seconds"]
         self.budget = Budget(
@@ -244,7 +248,8 @@ class _Fit:
             sum_so_far = optimiser.gradient("means")
             seen.add(sum_so_far - before, scene, view.camera)
             before = sum_so_far.clone()
-        optimiser.add_up(ranks, seen.total, seen.pictures, loss)
+        optimiser.add_up(ranks, seen.total, seen.pictures, loss, *self.exposures.of_step)
+        self.exposures.move()
         self.gradients.include(seen)
         optimiser.step({k: v**self.budget.progress for k, v in FINAL_RATE.items()})
         self.budget.count_step()
@@ -256,7 +261,9 @@ class _Fit:
         picture = render(
             scene, view.camera, background=background, execution=settings.execution
         ).color
-        picture, photo = supervised(picture, view.over(background), view.mask)
+        photo = view.over(background)
+        picture = self.exposures.compensated(picture, view, photo)
+        picture, photo = supervised(picture, photo, view.mask)
         compiled = is_compiled(settings.execution)
         return photometric(picture, photo, settings.dssim_weight, compiled=compiled)
 

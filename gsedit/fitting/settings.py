@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal, get_args
 
 from gsedit.errors import UsageError
 from gsedit.fitting.loss_terms import LossTerm, parse_loss
 from rasterizer.numerics import AUTO, Execution
+
+Exposure = Literal["auto", "on", "off"]
 
 SMALLEST_PATCH = 16
 """Pixels a side: the coarsest filters under the Gram matrix reach this far."""
@@ -95,6 +98,9 @@ class FitSettings:
     smaller."""
     dssim_weight: float = 0.2
     """Share of the structural dissimilarity in the loss; the rest is the L1 error."""
+    exposure: Exposure = "auto"
+    """Whether each photo is compared after an affine change of colour of its own, so that the scene
+    need not explain exposure and white balance. auto: where the photos differ in them."""
     max_gaussians: int = 100_000
     """The number of Gaussians grows to this, and never beyond."""
     densify_every: int = 100
@@ -124,6 +130,8 @@ class FitSettings:
                 raise UsageError(f"the budget in {name} is {value}: give a number above 0")
         if self.batch is not None and self.batch < 1:
             raise UsageError(f"batch is {self.batch}: give 1 or more")
+        if self.exposure not in get_args(Exposure):
+            raise UsageError(f"exposure is {self.exposure!r}: {', '.join(get_args(Exposure))}")
         if not 0 <= self.sh_degree <= 3:
             raise UsageError(f"SH degree {self.sh_degree} is not in 0 to 3, what .ply files hold")
         if not self.dense_start >= 0:

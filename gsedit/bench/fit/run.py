@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,7 +24,7 @@ from gsedit.bench.provenance import provenance
 from gsedit.bench.results import write_measurements, write_text
 from gsedit.files import load_dataset
 from gsedit.fitting.fit import FitResult, fit_steps
-from gsedit.fitting.settings import FitSettings
+from gsedit.fitting.settings import QUALITIES, FitSettings
 from gsedit.measures import losses
 from gsedit.measures.metrics import psnr
 from gsedit.measures.perceptual import SMALLEST, perceptual_distance
@@ -66,7 +66,7 @@ class BenchSettings:
     views: int = 40
     """Photos of a synthetic capture."""
     seed: int = 0
-    fit: FitSettings = field(default_factory=FitSettings)
+    fit: FitSettings = QUALITIES["draft"].settings
     """Of our recipe; its budget is `seconds`."""
 
     @property
