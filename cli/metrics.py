@@ -25,6 +25,10 @@ from .render import render_settings
 from .setting_options import SettingsGroup, Values, with_values
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from torch import Tensor
+
     from gsedit.measures.against import Against
     from gsedit.measures.agreement import Pictures
     from gsedit.measures.subject import Subject
@@ -290,7 +294,7 @@ def gather(
     named = region or (None if against.region is None else str(against.region))
     known = None if named is None or unedited is None else known_region(named, unedited)
     say_kernel(execution)
-    views, targets = place_views(path, scene, against, unedited, listed, execution)
+    views, targets, masks = place_views(path, scene, against, unedited, listed, execution)
     if region is not None and unedited is None:
         print_message("--region is for the leakage, which needs the unedited scene: it is not used")
     return Subject(
@@ -304,6 +308,7 @@ def gather(
         clip,
         load_conse(),
         execution,
+        masks,
     )
 
 
@@ -314,8 +319,8 @@ def place_views(
     unedited: Gaussians | None,
     listed: ListedViews,
     execution: Execution,
-) -> tuple[ViewList, Pictures]:
-    """The views, and the pictures that the scene should show at them."""
+) -> tuple[ViewList, Pictures, Mapping[int, Tensor]]:
+    """The views, the pictures that the scene should show at them, and the masks of these."""
     from gsedit.files.cameras import cameras_file
     from gsedit.files.view_lists import read_view_list
     from gsedit.measures.against import find_pictures, resized
@@ -326,7 +331,7 @@ def place_views(
     size = listed.size or DEFAULT_SIZE
     if given is not None and against.kind != "photos":
         views = resized(given, listed.size)
-        return views, find_pictures(against, views)
+        return views, find_pictures(against, views), {}
     of_photos = against.path if against.kind == "photos" else listed.data
     # cameras beside the unedited scene: those of edited ones may differ from edit to edit
     beside_own = against.kind != "scene" or (cameras_file(path) and not cameras_file(against.path))
@@ -334,6 +339,7 @@ def place_views(
     dataset = load_views(place, seen, ViewOptions(of_photos, size), execution)
     views = by_capture(viewpoints_of(dataset))
     if against.kind != "photos":
-        return views, find_pictures(against, views)
+        return views, find_pictures(against, views), {}
     photos = {i: view.image for i, view in enumerate(dataset.views)}
-    return (views if given is None else with_roles_of(given, views)), photos
+    masks = {i: mask for i, view in enumerate(dataset.views) if (mask := view.mask) is not None}
+    return (views if given is None else with_roles_of(given, views)), photos, masks

@@ -90,8 +90,9 @@ def _measure_view(subject: Subject, i: int, words: Mapping[str, Tensor]) -> _Mea
     camera = subject.views.viewpoints[i].camera
     final = picture_of(subject.scene, camera, subject.execution)
     values: dict[str, float] = {}
-    if i in subject.targets:
-        values |= _named(fidelity(final, subject.targets[i]), "targets")
+    mask = subject.masks.get(i)
+    if i in subject.targets and (mask is None or mask.any()):
+        values |= _named(fidelity(final, subject.targets[i], mask), "targets")
     outside, vectors = None, {}
     unedited = None
     if subject.unedited is not None:

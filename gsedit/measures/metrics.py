@@ -129,11 +129,20 @@ class Fidelity:
     """None without its weights."""
 
 
-def fidelity(image: Float[Tensor, "h w 3"], expected: Float[Tensor, "h w 3"]) -> Fidelity:
-    """Of one picture of 6 pixels or more a side."""
-    return Fidelity(
-        min(psnr(image, expected), NEAREST), ssim(image, expected), perceptual(image, expected)
-    )
+def fidelity(
+    image: Float[Tensor, "h w 3"],
+    expected: Float[Tensor, "h w 3"],
+    mask: Bool[Tensor, "h w"] | None = None,
+) -> Fidelity:
+    """Of one picture of 6 pixels or more a side.
+
+    Where the mask is False nothing is expected: the PSNR is that of the other pixels, and what has
+    windows takes the picture for both there. UsageError for a mask without True.
+    """
+    decibels = min(psnr(image, expected, mask), NEAREST)
+    if mask is not None:
+        expected = torch.where(mask[..., None], expected, image)
+    return Fidelity(decibels, ssim(image, expected), perceptual(image, expected))
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from jaxtyping import Bool
+from torch import Tensor
+
 from gsedit.measures.agreement import Pictures, WarpComparison
 from gsedit.measures.clip import Clip
 from gsedit.measures.conse import Conse
@@ -50,6 +53,8 @@ class Subject:
     clip: Clip | None = None
     conse: Conse | None = None
     execution: Execution = AUTO
+    masks: Mapping[int, Bool[Tensor, "h w"]] = field(default_factory=dict)
+    """Of targets: where they are False, nothing is compared. By the index of the view."""
 
 
 @dataclass(frozen=True)

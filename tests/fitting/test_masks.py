@@ -138,3 +138,24 @@ def test_a_transparent_photo_asks_for_a_transparent_scene(scene, views):
         alphas = [render(fitted, v.camera).alpha[d.alpha < 0.01] for v, d in zip(views, drawn)]
         haze.append(float(torch.cat(alphas).mean()))
     assert haze[0] < 0.8 * haze[1]
+
+
+def test_metrics_leave_out_masked_pixels(scene, views):
+    from gsedit.measures.evaluation import evaluate as evaluation
+    from gsedit.measures.metrics import NEAREST
+    from gsedit.measures.subject import Subject
+    from gsedit.views.view_list import by_capture
+    from gsedit.views.viewpoints import viewpoints_of
+
+    photos = painted(views[:3], 0)
+    hidden = torch.zeros(SIZE, SIZE, dtype=torch.bool)
+    subject = Subject(
+        scene,
+        by_capture(viewpoints_of(Dataset(photos))),
+        {i: photo.image for i, photo in enumerate(photos)},
+        masks={0: photos[0].mask, 1: photos[1].mask, 2: hidden},
+    )
+    measured = evaluation(subject).measured
+    assert measured["psnr_to_targets"]["held_out"].value == NEAREST
+    assert measured["ssim_to_targets"]["edited"].value > 0.9999
+    assert measured["psnr_to_targets"]["edited"].views == 1  # the third shows nothing
