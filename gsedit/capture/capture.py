@@ -235,7 +235,7 @@ class _Mapping:
 
     def refine(self) -> Working:
         """The largest model, refined: its answer, its folder, and the key of the stage."""
-        key = fingerprint(self.best, "refined")
+        key = fingerprint(self.best, "principal points, more points")
         folder = self.stages.place(f"refined-{key}")
         places = {
             "model": self.models[0]["folder"], "database": self.database, "images": self.images,

@@ -176,8 +176,7 @@ def refine(say: Say, model: str, database: str, images: str, output: str, seed: 
     """The model with the principal points of cameras that took many photos, and with points that
     only two photos see where that gives more good ones."""
     say("step", step=0, steps=2, note="principal point")
-    reconstruction = pycolmap.Reconstruction(model)
-    _refine_centres(reconstruction)
+    reconstruction = _with_centres(pycolmap.Reconstruction(model))
     say("step", step=1, steps=2, note="points")
     reconstruction = _with_more_points(reconstruction, database, images, output, seed, threads)
     reconstruction.extract_colors_for_all_images(images, threads)
@@ -194,33 +193,32 @@ def refine(say: Say, model: str, database: str, images: str, output: str, seed: 
     }
 
 
-def _refine_centres(reconstruction: pycolmap.Reconstruction) -> None:
-    """Bundle adjustment with principal points free, for cameras with enough photos; kept where the
-    points of these cameras come out near their middles."""
+def _with_centres(reconstruction: pycolmap.Reconstruction) -> pycolmap.Reconstruction:
+    """Adjusted with the principal points of cameras free that took enough photos, the intrinsics of
+    others held; as it was, where a point comes out far from the middle or the error is not less."""
     uses: dict[int, int] = {}
+    adjusted = pycolmap.BundleAdjustmentConfig()
     for image in reconstruction.images.values():
-        uses[image.camera_id] = uses.get(image.camera_id, 0) + bool(image.has_pose)
-    if min(uses.values()) < ENOUGH_FOR_CENTRE:
-        return
-    tried = pycolmap.Reconstruction(reconstruction)
+        if image.has_pose:
+            uses[image.camera_id] = uses.get(image.camera_id, 0) + 1
+            adjusted.add_image(image.image_id)
+    if max(uses.values()) < ENOUGH_FOR_CENTRE:
+        return reconstruction
+    for camera, number in uses.items():
+        if number < ENOUGH_FOR_CENTRE:
+            adjusted.set_constant_cam_intrinsics(camera)
+    adjusted.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
     options = pycolmap.BundleAdjustmentOptions()
     options.refine_principal_point, options.print_summary = True, False
-    pycolmap.bundle_adjustment(tried, options)
+    tried = pycolmap.Reconstruction(reconstruction)
+    pycolmap.create_default_bundle_adjuster(options, adjusted, tried).solve()
     for camera in tried.cameras.values():
         size = np.array([camera.width, camera.height])
         off = np.abs([camera.principal_point_x, camera.principal_point_y] - size / 2)
         if (off > FARTHEST_CENTRE * size).any():
-            return
+            return reconstruction
     tried.update_point_3d_errors()
-    if tried.compute_mean_reprojection_error() < reconstruction.compute_mean_reprojection_error():
-        for each in reconstruction.cameras.values():
-            each.params = tried.cameras[each.camera_id].params
-        for frame_id, frame in tried.frames.items():
-            if frame.has_pose:
-                reconstruction.frames[frame_id].rig_from_world = frame.rig_from_world
-        for point_id, point in tried.points3D.items():
-            reconstruction.points3D[point_id].xyz = point.xyz
-        reconstruction.update_point_3d_errors()
+    return min(tried, reconstruction, key=lambda each: each.compute_mean_reprojection_error())
 
 
 def _with_more_points(reconstruction: pycolmap.Reconstruction, database: str, images: str,
