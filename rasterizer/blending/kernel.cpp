@@ -177,7 +177,7 @@ inline void blend_back(Buffers<T>& b, const Bounds<T>& bounds, int g, int32_t pl
     const V<T> x = load<T>(b.x.at + p), y = load<T>(b.y.at + p);
     const V<T> u = w0 * x + u0, v = w1 * x + (w2 * y + v0), e = (c - u * u) - v * v;
     const V<T> value = exp2<T>(e < bounds.high ? e : bounds.high);
-    const V<T> alpha = (e >= bounds.low) & (b.end[k] > place) ? value : V<T>{};
+    const V<T> alpha = ((e >= bounds.low) & (b.end[k] > place)) ? value : V<T>{};
     const V<T> inverse = T(1) / (T(1) - alpha);
     const V<T> in_front = load<T>(b.transmittance.at + p) * inverse, weight = alpha * in_front;
     V<T> gain = {};
