@@ -8,7 +8,7 @@ from importlib import import_module
 
 import pytest
 import torch
-from closeness import leaves, tensors, weights_like
+from closeness import leaves, relative, tensors, weights_like
 from scenes import EDGE_CASES, cloud
 
 from gsedit.bench.renderer import edge_cases
@@ -120,15 +120,17 @@ def test_parallel_rays(near, by_front, by_python):
     compare(found, wanted)
 
 
-DRAWN = [case for case in edge_cases.EDGE_CASES if case.refused is None]
+DRAWN = [
+    case
+    for case in edge_cases.EDGE_CASES
+    if case.refused is None and case.name != "100,000 layers"  # takes seconds
+]
 REFUSED = [case for case in edge_cases.EDGE_CASES if case.refused is not None]
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64], ids=str)
 @pytest.mark.parametrize("case", DRAWN, ids=lambda case: case.name)
 def test_extremes_stay_drawn(case, dtype, by_front, by_python):
-    if case.name == "100,000 layers" and dtype == torch.float64:
-        pytest.skip("takes seconds")
     scene, camera, background = case.make(dtype)
     options = {"background": background, "median_depth": False}
     found, wanted = (all_of(each, scene, camera, **options) for each in (by_front, by_python))
@@ -147,3 +149,48 @@ def test_errors_are_the_same(case, dtype, by_python):
             each(scene, camera, background=background, execution=COMPILED)
         texts.append(str(error.value))
     assert texts[0] == texts[1]
+
+
+def test_the_number_of_threads_changes_no_bit():
+    scene, camera = random_cloud(6000, seed=5, degree=1).to(torch.float32), cloud()[1]
+    before = torch.get_num_threads()
+    drawn = []
+    try:
+        for threads in (1, 3):
+            torch.set_num_threads(threads)
+            drawn.append(all_of(render, scene, camera, numerics=Numerics(), crop=(2, 3, 30, 20)))
+    finally:
+        torch.set_num_threads(before)
+    for one, three in zip(drawn[0][0] + list(drawn[0][1]), drawn[1][0] + list(drawn[1][1])):
+        assert torch.equal(one, three)
+
+
+@pytest.mark.parametrize("wanted", ["means", "sh", "logit_opacities"])
+def test_only_what_is_asked_for_has_a_gradient(wanted, by_front, by_python):
+    scene, camera = random_cloud(100, seed=4, degree=3), cloud()[1]
+    found = []
+    for drawing in (by_front, by_python):
+        leaf = getattr(scene, wanted).clone().requires_grad_()
+        drawn = drawing(replace(scene, **{wanted: leaf}), camera, execution=COMPILED).color
+        found += torch.autograd.grad((drawn * weights_like(drawn)).sum(), leaf)
+    assert relative(*found) < 1e-12
+
+
+def test_poses_and_marks_are_left_to_the_python_files(by_python):
+    scene, camera = cloud()
+    pose = camera.world_to_camera.clone().requires_grad_()
+    color = render(scene, replace(camera, world_to_camera=pose), execution=COMPILED).color
+    assert torch.autograd.grad(color.sum(), pose)[0].norm() > 0
+    marked = torch.arange(len(scene)) % 3 == 0
+    found, wanted = (
+        each(scene, camera, marked=marked, execution=COMPILED).marked
+        for each in (render, by_python)
+    )
+    assert torch.equal(found, wanted)
+
+
+def test_without_the_front_end_the_python_files_go_on(monkeypatch):
+    scene, camera = cloud()
+    wanted = render(scene, camera).color
+    monkeypatch.setattr(kernel, "load", lambda *_: None)
+    assert (render(scene, camera).color - wanted).abs().max() < 1e-12
