@@ -16,13 +16,14 @@ from .capture import Source, capture_summary, run_capture, settings_from
 from .console import print_message, print_result
 from .edit import Instruction, run_edit
 from .edit_options import EditorOptions
-from .fit import FITTING, run_fit, with_budget
-from .options import Force, Seeded, Size, output
+from .fit import FITTING, Level, PhotoSize, Quality, run_fit, with_budget
+from .options import Force, Seeded, output
 from .setting_options import Layout, Setting, SettingsGroup, Values, settings_of
 from .stages import Ledger, Stage, check_stages, run_stages
 
 if TYPE_CHECKING:
     from gsedit.capture.settings import CaptureSettings
+    from gsedit.fitting.settings import Quality as QualityRecord
 
 RECORD = "make.json"
 """In the folder: what each stage was asked for, and what it came to."""
@@ -34,7 +35,7 @@ Minutes = Annotated[
     typer.Option(
         "--minutes",
         min=0.01,
-        show_default="10",
+        show_default="that of --quality",
         rich_help_panel=FITTING,
         help="Time for the fit.",
     ),
@@ -53,10 +54,11 @@ def make(
     photos: Source,
     instruction: Instruction,
     out: Annotated[Path, output("Folder for the posed photos, the scene and the edit.")],
-    size: Size = 256,
+    size: PhotoSize = None,
     force: Force = False,
     *,
     posing: Annotated[Values, SettingsGroup(posing_settings)],
+    quality: Quality = Level.NORMAL,
     minutes: Minutes = None,
     editor: EditorOptions,
     common: Seeded,
@@ -73,7 +75,10 @@ def make(
     """
     begun = monotonic()
     settings = settings_from(posing, common)
-    work = Work(photos, instruction, out, size, settings, minutes, editor, common)
+    work = Work(
+        photos, instruction, out, size or quality_of(quality).size, settings, quality, minutes,
+        editor, common,
+    )  # fmt: skip
     work.check()
     stages, ledger = work.stages(), Ledger(out / RECORD)
     check_stages(stages, ledger, force=force)
@@ -93,6 +98,7 @@ class Work:
     out: Path
     size: int
     posing: CaptureSettings
+    quality: Level
     minutes: float | None
     editor: EditorOptions
     common: Seeded
@@ -133,7 +139,8 @@ class Work:
             asked |= {name: getattr(self.posing, name) for name in POSING}
             what, last = "where each photo was taken from", self.dataset / "capture.json"
             stages.append(Stage("capture", what, dict(asked), last, self.capture_photos))
-        asked |= {"size": self.size, "minutes": self.minutes, "seed": self.common.seed}
+        asked |= {"size": self.size, "quality": self.quality.value, "minutes": self.minutes}
+        asked["seed"] = self.common.seed
         stages.append(Stage("fit", "the scene", dict(asked), self.scene, self.fit_scene))
         asked |= {"instruction": self.instruction, "editor": plain(self.editor)}
         last = self.edit / "edit.json"
@@ -155,7 +162,7 @@ class Work:
         return summary
 
     def fit_scene(self, same: bool) -> str:
-        settings = with_budget({}, self.minutes)
+        settings = with_budget({}, self.minutes, quality_of(self.quality).settings)
         result = run_fit(
             self.dataset, self.scene, self.size, settings,
             force=True, resume=same, common=self.common,
@@ -187,6 +194,13 @@ class Work:
             f"         {self.another_edit('make it snow')}",
         ]
         return "\n".join([f"done in {seconds:.0f} s", *lines])
+
+
+def quality_of(level: Level) -> QualityRecord:
+    """What a name of --quality stands for."""
+    from gsedit.fitting.settings import QUALITIES
+
+    return QUALITIES[level.value]
 
 
 def has_poses(photos: Path) -> bool:
