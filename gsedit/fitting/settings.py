@@ -101,7 +101,7 @@ class FitSettings:
     exposure: Exposure = "auto"
     """Whether each photo is compared after an affine change of colour of its own, so that the scene
     need not explain exposure and white balance. auto: where the photos differ in them."""
-    max_gaussians: int = 100_000
+    max_gaussians: int = 150_000
     """The number of Gaussians grows to this, and never beyond."""
     densify_every: int = 100
     """Steps between densifications."""
@@ -156,7 +156,10 @@ class Quality:
 
 
 QUALITIES = {
-    "draft": Quality(256, FitSettings(seconds=90.0, max_gaussians=60_000)),
+    "draft": Quality(256, FitSettings(seconds=90.0, max_gaussians=80_000)),
     "normal": Quality(256, FitSettings()),
-    "high": Quality(512, FitSettings(seconds=900.0, max_gaussians=200_000, sh_degree=2)),
+    "high": Quality(
+        512,
+        FitSettings(seconds=900.0, max_gaussians=300_000, dense_start=80_000, sh_degree=2),
+    ),
 }
