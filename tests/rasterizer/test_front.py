@@ -186,6 +186,8 @@ def test_poses_and_marks_are_left_to_the_python_files(by_python):
         each(scene, camera, marked=marked, execution=COMPILED).marked
         for each in (render, by_python)
     )
+    assert found is not None
+    assert wanted is not None
     assert torch.equal(found, wanted)
 
 
