@@ -25,6 +25,9 @@ from gsedit.fitting.fit import fit
 from gsedit.fitting.settings import FitSettings
 from gsedit.synthetic import demo_scene, ring_cameras
 
+DIFFERENT = 6
+"""Photos; the others are links to them."""
+
 
 def write_photos(folder: Path, count: int, width: int, height: int, lens: bool) -> None:
     """A nerfstudio dataset."""
@@ -32,12 +35,16 @@ def write_photos(folder: Path, count: int, width: int, height: int, lens: bool) 
     y, x = np.mgrid[:height, :width] / height
     draw, frames = np.random.default_rng(0), []
     for i, camera in enumerate(ring_cameras(demo_scene(), count, width)):
-        waves = np.stack([np.sin(x * (5 + c) + i) + np.cos(y * (7 - c) - i) for c in range(3)], -1)
-        picture = 127 + 50 * waves + 8 * draw.random((height, width, 1))
-        Image.fromarray(picture.astype(np.uint8)).save(folder / f"images/{i:03d}.jpg", quality=90)
+        file = folder / f"images/{i:03d}.jpg"
+        if i < DIFFERENT:
+            waves = np.stack([np.sin(x * (5 + c) + i) + np.cos(y * c - i) for c in range(3)], -1)
+            picture = 127 + 50 * waves + 8 * draw.random((height, width, 1))
+            Image.fromarray(picture.astype(np.uint8)).save(file, quality=90)
+        else:
+            file.hardlink_to(folder / f"images/{i % DIFFERENT:03d}.jpg")
         pose = torch.linalg.inv(camera.world_to_camera)
         pose[:3, 1:3] *= -1
-        frames.append({"file_path": f"images/{i:03d}.jpg", "transform_matrix": pose.tolist()})
+        frames.append({"file_path": f"images/{file.name}", "transform_matrix": pose.tolist()})
     record = {"w": width, "h": height, "fl_x": 0.9 * width, "k1": 0.05 * lens, "frames": frames}
     (folder / "transforms.json").write_text(json.dumps(record))
 
@@ -63,7 +70,7 @@ if __name__ == "__main__":
         measure(Path(words[1]), int(words[2]))
     else:
         given = [int(word) for word in words]
-        count, width, height, steps = given + [300, 1920, 1080, 8][len(given) :]
+        count, width, height, steps = given + [300, 1920, 1080, 4][len(given) :]
         with tempfile.TemporaryDirectory() as made:
             write_photos(Path(made) / "photos", count, width, height, "--lens" in sys.argv)
             child = [sys.executable, __file__, "--child", f"{made}/photos", str(steps)]
