@@ -18,10 +18,15 @@ def say_kernel(execution: Execution) -> None:
     from gsedit.errors import UsageError
     from rasterizer import compiled
     from rasterizer.blending import cpp_backend
+    from rasterizer.front import kernel as front
 
-    library, compiler, failure = compiled.make(cpp_backend.SOURCE)
-    if library is not None:
-        print_message(f"renders with the compiled kernel ({compiler})")
+    sources = (cpp_backend.SOURCE, front.SOURCE)
+    if any(map(compiled.takes_seconds, sources)):
+        print_message("compiling the kernel for this machine, once: about ten seconds")
+    made = [compiled.make(source) for source in sources]
+    failure = next((each.failure for each in made if each.failure), "")
+    if not failure:
+        print_message(f"renders with the compiled kernel ({made[0].compiler})")
     elif execution.kernel == "compiled":
         raise UsageError(f"--kernel compiled: {failure}; {compiled.MOVE}, or use --kernel torch")
     else:

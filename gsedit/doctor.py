@@ -166,13 +166,17 @@ def check_memory() -> Check:
 
 
 def check_compiler() -> Check:
-    """Whether the rasteriser's kernel compiles here; compiles it the first time."""
+    """Whether the C++ files of all packages compile here; compiles them the first time."""
+    import gsedit
+    import rasterizer
     from rasterizer import compiled
-    from rasterizer.blending import cpp_backend
 
-    library, compiler, failure = compiled.make(cpp_backend.SOURCE)
-    if library is not None:
-        return Check("compiled kernel", f"ready ({compiler})")
+    folders = (Path(package.__path__[0]) for package in (rasterizer, gsedit))
+    sources = (source for folder in folders for source in sorted(folder.rglob("*.cpp")))
+    made = [compiled.make(source) for source in sources]
+    failure = next((each.failure for each in made if each.failure), "")
+    if not failure:
+        return Check("compiled kernel", f"ready ({made[0].compiler})")
     advice = f"{failure}: {compiled.MOVE}"
     return Check("compiled kernel", "none: torch renders, slower", advice)
 

@@ -57,8 +57,7 @@ def load(source: Path, kernel: Kernel = "auto") -> ctypes.CDLL | None:
 @functools.cache
 def make(source: Path) -> Made:
     """The library of a C++ file, from the cache or compiled; tried once in a process."""
-    names = (os.environ.get("CXX"),) if "CXX" in os.environ else ("c++", "g++", "clang++")
-    compiler = next((path for name in names if name and (path := shutil.which(name))), None)
+    names, compiler = _compiler()
     if compiler is None:
         return Made(None, "", f"no C++ compiler was found ({', '.join(map(str, names))})")
     name = Path(compiler).name
@@ -77,8 +76,33 @@ class _Failed(Exception):
     """Why there is no kernel."""
 
 
+def takes_seconds(source: Path) -> bool:
+    """Whether `make` will compile: there is a compiler, and nothing in the cache."""
+    _, compiler = _compiler()
+    try:
+        return compiler is not None and not _place(compiler, source).exists()
+    except OSError:
+        return True
+
+
+def _compiler() -> tuple[tuple[str, ...], str | None]:
+    """Names of compilers, and the path of the first that there is."""
+    names = (os.environ["CXX"],) if "CXX" in os.environ else ("c++", "g++", "clang++")
+    return names, next((path for name in names if name and (path := shutil.which(name))), None)
+
+
 def _cached(compiler: str, source: Path) -> Path:
     """The library's file in the cache, compiled if it was not there. Raises OSError, _Failed."""
+    path = _place(compiler, source)
+    if path.exists():
+        return path
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=path.parent) as folder:  # so that it appears whole
+        return _compile(compiler, source, Path(folder) / path.name).replace(path)
+
+
+def _place(compiler: str, source: Path) -> Path:
+    """The library's file in the cache. Raises OSError."""
     try:
         base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     except RuntimeError as error:  # the user has no home folder
@@ -95,12 +119,7 @@ def _cached(compiler: str, source: Path) -> Path:
         )
     )
     name = f"{source.stem}-{hashlib.sha256(key.encode()).hexdigest()[:16]}.so"
-    path = Path(base) / "gsedit" / name
-    if path.exists():
-        return path
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=path.parent) as folder:  # so that it appears whole
-        return _compile(compiler, source, Path(folder) / path.name).replace(path)
+    return Path(base) / "gsedit" / name
 
 
 def _processor() -> str:
