@@ -18,7 +18,7 @@ from gsedit.appearance.style_settings import StyleSettings
 from gsedit.errors import UsageError
 from gsedit.files.pictures import fitted_size
 from gsedit.files.table import gaussians_of, table_of
-from gsedit.fitting.crops import FEW, ExactCrops, ListedCrops
+from gsedit.fitting.crops import FEW, FEW_CELLS, ExactCrops, ListedCrops
 from gsedit.fitting.optimiser import SceneOptimiser
 from gsedit.points.color_maps import as_table
 from gsedit.points.recolor import recolored
@@ -158,7 +158,7 @@ class Studio:
     def _crops(self, scene: Gaussians, small: Gaussians) -> ExactCrops:
         """Draws the scene that is fitted, of which only colours move."""
         execution = self.settings.execution
-        if is_compiled(execution) and len(small) < FEW:
+        if is_compiled(execution) and len(small) < (FEW if small is scene else FEW_CELLS):
             return ExactCrops(execution)
         if small is scene:
             return ListedCrops(scene, None, execution)

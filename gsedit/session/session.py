@@ -13,7 +13,7 @@ from torch import Tensor
 from gsedit.editors.protocol import GroundTruth
 from gsedit.errors import UsageError
 from gsedit.files.pictures import fitted_size
-from gsedit.fitting.crops import FEW, ExactCrops, ListedCrops
+from gsedit.fitting.crops import FEW, FEW_CELLS, ExactCrops, ListedCrops
 from gsedit.fitting.optimiser import SceneOptimiser
 from gsedit.fitting.random_crops import SHOWN
 from gsedit.fitting.update import Target
@@ -131,7 +131,8 @@ class Session:
         settings, scene = self.settings, self.request.scene
         is_coarse = self.request.coarse is not None
         moves = settings.geometry == "full" or not settings.leaves_out("geometry")
-        if moves or (is_compiled(settings.execution) and len(scene) < FEW):
+        few = len(scene) < (FEW_CELLS if is_coarse else FEW)
+        if moves or (few and is_compiled(settings.execution)):
             return ExactCrops(settings.execution, depth=not settings.leaves_out("depth"))
         transparent = scene.logit_opacities.masked_fill(self.surveyed.reduction.left, -torch.inf)
         drawn = replace(scene, logit_opacities=transparent)
