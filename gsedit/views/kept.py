@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, cast
 
 import torch
 import torch.nn.functional as F
-from jaxtyping import Bool, Float, Shaped, UInt8
+from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
 from gsedit.views.dataset import Dataset, View
@@ -38,12 +38,16 @@ class Kept:
 
     def __init__(self, most_bytes: int = MOST_BYTES) -> None:
         self.room = most_bytes
+        self._planned = 0
         self._last: tuple[_Picture, _Levels] | None = None
 
     def view(self, name: str, camera: Camera, make: Callable[[], Pixels]) -> View:
         """A view of which `make` returns the pixels, of the size of the camera. They are rounded to
         8 bits, whether they are kept or not."""
-        picture = _Picture(make)
+        size = 3 * camera.width * camera.height
+        self._planned += size
+        fits = self._planned <= self.room
+        picture = _Picture(make, _pages(camera.height, camera.width) if fits else None)
         return View(
             name,
             camera,
@@ -96,9 +100,9 @@ class Kept:
             return self._last[1]
         levels = _levels(picture.make())
         size = sum(each.nbytes for each in levels if each is not None)
-        if size <= self.room:
-            levels = _Levels(*(None if each is None else _outside_heap(each) for each in levels))
-            picture.levels, self.room = levels, self.room - size
+        if size <= self.room and picture.pages is not None:
+            image = picture.pages.copy_(levels.image)
+            picture.levels, self.room = levels._replace(image=image), self.room - size
         else:
             self._last = picture, levels
         return levels
@@ -134,16 +138,15 @@ class _Levels(NamedTuple):
 @dataclass(eq=False)
 class _Picture:
     make: Callable[[], Pixels]
+    pages: UInt8[Tensor, "h w 3"] | None
     levels: _Levels | None = None
 
 
-def _outside_heap(kept: Shaped[Tensor, "*s"]) -> Shaped[Tensor, "*s"]:
-    """A copy in pages of its own: kept among the larger temporary arrays of reading, pictures hold
-    holes of their size open, and take 2.5 times as much memory."""
-    if not kept.numel():
-        return kept
-    pages = mmap(-1, kept.nbytes)
-    return torch.frombuffer(pages, dtype=kept.dtype).reshape(kept.shape).copy_(kept)
+def _pages(height: int, width: int) -> UInt8[Tensor, "{height} {width} 3"]:
+    """Room for a picture in pages of its own, which take memory once they are written to. Made
+    before pictures are read: what is allocated between the large temporary arrays of reading and
+    stays keeps holes of their size open."""
+    return torch.frombuffer(mmap(-1, height * width * 3), dtype=torch.uint8).view(height, width, 3)
 
 
 def _levels(pixels: Pixels) -> _Levels:
