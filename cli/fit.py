@@ -64,7 +64,7 @@ Quality = Annotated[
         "--quality",
         metavar="draft|normal|high",
         rich_help_panel=FITTING,
-        help="draft: 1.5 minutes, 80,000 Gaussians. normal: 5 minutes, 150,000. high: 15 minutes, "
+        help="draft: 1.5 minutes, 120,000 Gaussians. normal: 5 minutes, 150,000. high: 15 minutes, "
         "300,000, SH degree 2, photos of 512 pixels. Options that are given win.",
     ),
 ]

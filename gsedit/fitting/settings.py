@@ -156,10 +156,10 @@ class Quality:
 
 
 QUALITIES = {
-    "draft": Quality(256, FitSettings(seconds=90.0, max_gaussians=80_000)),
+    "draft": Quality(256, FitSettings(seconds=90.0, max_gaussians=120_000)),
     "normal": Quality(256, FitSettings()),
     "high": Quality(
         512,
-        FitSettings(seconds=900.0, max_gaussians=300_000, dense_start=80_000, sh_degree=2),
+        FitSettings(seconds=900.0, max_gaussians=300_000, sh_degree=2),
     ),
 }

@@ -124,9 +124,9 @@ def test_quality_sets_budget_gaussians_degree_and_size_and_given_options_win(
         return settings.seconds, settings.steps, settings.max_gaussians, degree, sizes.pop()
 
     assert asked() == asked("--quality", "normal") == (300.0, None, 150_000, 1, 256)
-    assert asked("--quality", "draft") == (90.0, None, 80_000, 1, 256)
+    assert asked("--quality", "draft") == (90.0, None, 120_000, 1, 256)
     assert asked("--quality", "high") == (900.0, None, 300_000, 2, 512)
     own = ("--minutes", 2, "--max-gaussians", 7, "--sh-degree", 0, "--size", 32)
     assert asked("--quality", "high", *own) == (120.0, None, 7, 0, 32)
-    assert asked("--quality", "draft", "--steps", 9) == (None, 9, 80_000, 1, 256)
+    assert asked("--quality", "draft", "--steps", 9) == (None, 9, 120_000, 1, 256)
     assert gsedit("fit", photos, "-o", tmp_path / "b.ply", "--quality", "best").exit_code == 2
