@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -75,12 +76,12 @@ def run_capture(
         Line,
         capture_steps,
         check_places,
+        is_begun,
         start_anew,
     )  # fmt: skip
 
     check_places(photos, out)
-    ours = (out / WORK).is_dir()
-    check_folder(out, force or ours)
+    check_folder(out, force or is_begun(out))
     if force:
         start_anew(out)
     result = None
@@ -106,24 +107,24 @@ def run_capture(
 
 def print_capture(result: CaptureResult, out: Path) -> None:
     """The one screen at the end: what was posed, how well, and what to do next."""
-    lines = [
-        capture_summary(result),
-        f"look:  {out / 'capture.png'}",
-        f"next:  gsedit fit {out} -o {out.with_suffix('.ply').name}",
-    ]
+    lines = [capture_summary(result)]
+    if (picture := out / "capture.png").is_file():  # it needs OpenGL
+        lines.append(f"look:  {picture}")
+    scene = f"{out.resolve().name or 'scene'}.ply"
+    lines.append(f"next:  gsedit fit {quote(str(out))} -o {quote(scene)}")
     print_message("\n".join(lines))
 
 
 def capture_summary(result: CaptureResult) -> str:
     """Two lines: what was posed and how well; the cameras."""
-    found = ", ".join(
-        dict.fromkeys(f"{mm:g} mm ({source}, refined)" for mm, source in result.focals)
-    )
+    from gsedit.capture.causes import listed
+
+    focals = dict.fromkeys(f"{mm:g} mm ({source}, refined)" for mm, source in result.focals)
     return (
         f"{result.posed} of {result.photos} photos posed{_islands(result.islands)}, "
         f"reprojection error {result.error:.2f} px, {result.points:,} points, "
         f"{result.seconds:.0f} s\n"
-        f"focal length in 35 mm equivalents: {found}; upright by {result.upright}"
+        f"focal length in 35 mm equivalents: {listed(list(focals))}; upright by {result.upright}"
     )
 
 

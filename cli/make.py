@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from pathlib import Path
 from shlex import quote
@@ -125,6 +126,8 @@ class Work:
 
         if not self.instruction.strip():
             raise UsageError("the instruction is empty: say what should change: 'make it snow'")
+        if self.photos.resolve() == self.out.resolve():
+            raise UsageError(f"-o {self.out} is where the photos are: choose another folder")
         if not has_poses(self.photos):
             check_places(self.photos, self.out / "capture")
         self.editor.make(self.edit, self.instruction)
@@ -134,13 +137,13 @@ class Work:
         from gsedit.reports.json_lines import plain
 
         asked: dict[str, Any] = {"photos": state_of(self.photos, self.out)}
+        asked["seed"] = self.common.seed
         stages = []
         if not has_poses(self.photos):
             asked |= {name: getattr(self.posing, name) for name in POSING}
             what, last = "where each photo was taken from", self.dataset / "capture.json"
             stages.append(Stage("capture", what, dict(asked), last, self.capture_photos))
         asked |= {"size": self.size, "quality": self.quality.value, "minutes": self.minutes}
-        asked["seed"] = self.common.seed
         stages.append(Stage("fit", "the scene", dict(asked), self.scene, self.fit_scene))
         asked |= {"instruction": self.instruction, "editor": plain(self.editor)}
         last = self.edit / "edit.json"
@@ -154,9 +157,11 @@ class Work:
 
     def capture_photos(self, same: bool) -> str:
         """Its own stages know what is left of them: nothing is done again that need not be."""
-        settled = (self.dataset / "work").is_dir()
+        from gsedit.capture.capture import is_begun
+
+        force = not is_begun(self.dataset)
         result = run_capture(
-            self.photos, self.dataset, self.posing, force=not settled, as_json=self.common.json
+            self.photos, self.dataset, self.posing, force=force, as_json=self.common.json
         )
         print_message(summary := capture_summary(result))
         return summary
@@ -209,16 +214,32 @@ def has_poses(photos: Path) -> bool:
 
     if photos.is_dir():
         return (photos / "transforms.json").is_file() or model_folder(photos) is not None
-    return photos.suffix.lower() == ".json"
+    return photos.suffix.lower() == ".json" and photos.is_file()
 
 
 def state_of(photos: Path, out: Path) -> str:
-    """The place of photos or a video, and a fingerprint of the files' names, sizes and times; what
-    is in `out` does not count."""
-    files = sorted(photos.rglob("*")) if photos.is_dir() else [photos]
+    """The place of photos or a video, and a fingerprint of the names, sizes and times of its files.
+
+    Hidden files do not count: file managers leave them. Nor does what is in `out`, a folder inside.
+    Raises InputError for a folder without photos.
+    """
+    from gsedit.capture.photos import photo_files
+
+    place, out = photos.resolve(), out.resolve()
+    files: Iterable[Path] = [place]
+    if place.is_dir() and has_poses(place):
+        inside = place in out.parents
+        files = sorted(
+            each
+            for each in place.rglob("*")
+            if each.is_file()
+            and not (inside and out in each.parents)
+            and not any(part[0] == "." for part in each.relative_to(place).parts)
+        )
+    elif place.is_dir():
+        files = photo_files(place)
     digest = hashlib.sha256()
     for file in files:
-        if file.is_file() and out not in file.parents:
-            stat = file.stat()
-            digest.update(f"{file.name} {stat.st_size} {stat.st_mtime_ns}\n".encode())
-    return f"{photos.absolute()} {digest.hexdigest()[:12]}"
+        stat = file.stat()
+        digest.update(f"{file.name} {stat.st_size} {stat.st_mtime_ns}\n".encode(errors="replace"))
+    return f"{place} {digest.hexdigest()[:12]}"

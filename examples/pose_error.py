@@ -31,6 +31,8 @@ class PoseError:
 def pose_error(found: dict[str, np.ndarray], known: dict[str, np.ndarray]) -> PoseError:
     """`found` and `known`: world-to-camera matrices (4x4, OpenCV axes) by name."""
     names = sorted(set(found) & set(known))
+    if len(names) < 3:
+        raise SystemExit(f"{len(names)} photos have the same name in both: 3 are needed")
     a, b = (np.stack([np.linalg.inv(poses[name]) for name in names]) for poses in (found, known))
     from_a, from_b = (x[:, :3, 3] - x[:, :3, 3].mean(0) for x in (a, b))
     u, s, vt = np.linalg.svd(from_b.T @ from_a)  # Umeyama 1991

@@ -17,7 +17,7 @@ from gsedit.capture.groups import FULL_FRAME_DIAGONAL, groups_of
 from gsedit.capture.pairs import exhaustive, sequential
 from gsedit.capture.photos import HEIC, Prepared, photo_files, prepare, state_of
 from gsedit.capture.settings import FEWEST, Attempt, CaptureSettings, ladder
-from gsedit.capture.stages import Line, Stages, Working, fingerprint, remove
+from gsedit.capture.stages import LOG, Line, Stages, Working, fingerprint, remove
 from gsedit.capture.upright import find_upright
 from gsedit.errors import GseditError, InputError, UsageError
 from gsedit.files.atomic import atomic_path
@@ -59,18 +59,36 @@ Progress: TypeAlias = Iterator[Event | Line | CaptureResult]
 
 
 def check_places(source: Path, out: Path) -> None:
-    """Raise InputError where `source` does not exist, UsageError where `out` would harm it."""
+    """Raise InputError where `source` does not exist, UsageError where the work would remove it."""
     if not source.exists():
         raise InputError(f"{source} does not exist: name a folder of photos or a video")
     if source.is_file() and not is_video(source):
         raise InputError(f"{source} is neither a folder of photos nor a video: name one")
-    harmed = {(out / name).resolve() for name in (".", WORK, *RESULTS)}
-    if source.is_dir() and source.resolve() in harmed:
-        raise UsageError(f"-o {out} would replace the photos in {source}: choose another folder")
+    place = source.resolve()
+    removed = [(out / name).resolve() for name in (WORK, *RESULTS)]
+    if place == out.resolve() or any(each in (place, *place.parents) for each in removed):
+        what = f"the photos in {source}" if source.is_dir() else str(source)
+        raise UsageError(f"-o {out} would replace {what}: choose another folder")
+
+
+def is_begun(out: Path) -> bool:
+    """Whether a folder holds the stages of a capture."""
+    return (out / WORK / LOG).is_file()
 
 
 def start_anew(out: Path) -> None:
-    """Remove what an earlier capture left in a folder."""
+    """Remove what an earlier capture left in a folder.
+
+    Raises UsageError, and removes nothing, where the folder has folders of those names that no
+    capture made.
+    """
+    if not is_begun(out) and not (out / "capture.json").is_file():
+        others = [name for name in (WORK, *RESULTS) if (out / name).is_dir()]
+        if others:
+            raise UsageError(
+                f"-o {out} holds {listed(others)}, which no capture made, and -f would remove it: "
+                "choose another folder"
+            )
     for name in (*RESULTS, WORK):
         remove(out / name)
 
@@ -235,7 +253,7 @@ class _Mapping:
 
     def refine(self) -> Working:
         """The largest model, refined: its answer, its folder, and the key of the stage."""
-        key = fingerprint(self.best, "principal points, more points")
+        key = fingerprint(self.best, "principal points, more points, a photo of each camera")
         folder = self.stages.place(f"refined-{key}")
         places = {
             "model": self.models[0]["folder"], "database": self.database, "images": self.images,
@@ -249,10 +267,10 @@ class _Mapping:
         """Of each camera of the model: its focal length in 35 mm equivalents, and its source."""
         focals = []
         for each in cameras:
-            size = each["width"], each["height"]
-            equivalent = each["focal"] / np.hypot(*size) * FULL_FRAME_DIAGONAL
-            sources = [group.source for group in self.groups if (group.width, group.height) == size]
-            focals.append((round(float(equivalent), 1), sources[0] if sources else "guessed"))
+            diagonal = np.hypot(each["width"], each["height"])
+            equivalent = float(each["focal"] / diagonal * FULL_FRAME_DIAGONAL)
+            source = next(group.source for group in self.groups if each["photo"] in group.names)
+            focals.append((round(equivalent, 1), source))
         return tuple(focals)
 
 
@@ -291,21 +309,23 @@ def _undistort(
 ) -> Working:
     """images/ and sparse/0 of the result, and what shows them: whole, or as they were."""
     stages = work.stages
-    done = stages.answer("undistortion", key)
+    undistorted, done = stages.answer("undistortion", key), stages.answer("results", key)
     if not all((out / name).exists() for name in ("images", "sparse", "cameras.json")):
         done.unlink(missing_ok=True)
     if done.exists():
         yield stages.event("undistortion", 1, 1, "done before")
         return
     place = stages.folder / "undistorted"
+    remove(undistorted)
     remove(place)
     place.mkdir()
     request = {
         "model": str(model), "images": str(work.images), "output": str(place), "rotation": rotation,
+        "size": work.settings.size,
     }  # fmt: skip
     look = lambda: Step(len(list(place.glob("images/*"))), count)  # noqa: E731
     yield from stages.run("undistortion", key, request, look=look)
-    for each in (*stages.folder.glob("undistortion-*.json"), *(out / name for name in RESULTS)):
+    for each in (*stages.folder.glob("results-*.json"), *(out / name for name in RESULTS)):
         remove(each)
     for name in ("sparse", "images"):
         (place / name).rename(out / name)
@@ -313,7 +333,7 @@ def _undistort(
     yield stages.event("picture")
     if fault := describe(out):
         yield Line(fault)
-    stages.keep("undistortion", key, {})
+    stages.keep("results", key, {})
     yield stages.event("picture", 1, 1)
 
 

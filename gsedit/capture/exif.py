@@ -12,8 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
-from jaxtyping import Float64
 from PIL import Image
 
 from gsedit.capture.heif import register_heif
@@ -65,8 +63,6 @@ class CameraGroup:
     focal_source: FocalSource
     gravity: tuple[tuple[float, float, float] | None, ...]
     """A photo: see `Tags.gravity`."""
-    name: str = ""
-    """Make and model, where the photos tell."""
 
 
 def camera_groups(photos: Sequence[Path]) -> tuple[CameraGroup, ...]:
@@ -86,7 +82,7 @@ def _group(members: Sequence[tuple[Path, Tags]]) -> CameraGroup:
     first = tags[0]
     return CameraGroup(
         paths, first.width, first.height, first.focal, first.focal_source,
-        tuple(each.gravity for each in tags), " ".join(first.camera[:2]),
+        tuple(each.gravity for each in tags),
     )  # fmt: skip
 
 
@@ -171,13 +167,6 @@ def shown(x: float, y: float, orientation: int) -> tuple[float, float]:
     for _ in range(TURNS.get(orientation, 0)):
         x, y = y, -x
     return x, y
-
-
-def stacked(groups: Sequence[CameraGroup]) -> Float64[np.ndarray, "n 3"]:
-    """The gravities of all photos of the groups in turn; NaN where unknown."""
-    unknown = (math.nan,) * 3
-    rows = [each or unknown for group in groups for each in group.gravity]
-    return np.array(rows, dtype=np.float64).reshape(-1, 3)
 
 
 def _acceleration(note: bytes) -> tuple[float, ...] | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
 from collections.abc import Iterator, Sequence
@@ -13,11 +14,11 @@ import numpy as np
 from PIL import Image, ImageOps
 
 from gsedit.capture.child import Step
+from gsedit.capture.frames import is_video
 from gsedit.capture.heif import register_heif
 from gsedit.errors import InputError
 
 PICTURES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp", ".heic", ".heif", ".avif")
-VIDEOS = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".mts", ".3gp")
 HEIC = "HEIC needs pi-heif, which this machine lacks: pip install pi-heif, or convert them to JPEG"
 QUALITY = 95
 """Of JPEG, where a photo is written anew."""
@@ -34,7 +35,7 @@ class Photo:
     source: str
     """The user's file."""
     name: str
-    """Of the prepared file: no spaces, which COLMAP's list of pairs cannot hold."""
+    """Of the prepared file: without what COLMAP's list of pairs cannot hold."""
     width: int
     """Of the prepared file, pixels."""
     height: int
@@ -67,8 +68,8 @@ def photo_files(folder: Path) -> tuple[Path, ...]:
     files = [each for each in folder.iterdir() if each.is_file() and each.name[0] != "."]
     photos = [each for each in files if each.suffix.lower() in PICTURES]
     if photos:
-        return tuple(sorted(photos, key=lambda path: natural(path.name)))
-    videos = sorted(each.name for each in files if each.suffix.lower() in VIDEOS)
+        return tuple(sorted(photos, key=lambda path: (natural(path.name), path.name)))
+    videos = sorted(each.name for each in files if is_video(each))
     if videos:
         raise InputError(f"{folder} holds no photos but a video: name {folder / videos[0]} itself")
     inner = sorted(each.name for each in folder.iterdir() if each.is_dir() and each.name[0] != ".")
@@ -81,7 +82,7 @@ def photo_files(folder: Path) -> tuple[Path, ...]:
 def natural(name: str) -> list[tuple[int, str]]:
     """A key that sorts numbers within names by their value."""
     parts = re.findall(r"\d+|\D+", name.lower())
-    return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts]
 
 
 def state_of(files: Sequence[Path]) -> list[tuple[str, int, int]]:
@@ -92,7 +93,10 @@ def state_of(files: Sequence[Path]) -> list[tuple[str, int, int]]:
 
 def prepare(files: Sequence[Path], folder: Path, size: int) -> Iterator[Step | Prepared]:
     """Write the photos into `folder`, with the longer side at most `size` pixels; yields steps,
-    then what came out. A photo that is fine as it is gets a link or a copy."""
+    then what came out. A photo that is fine as it is gets a link or a copy.
+
+    Raises OSError where a photo cannot be written; one that cannot be read is left out.
+    """
     folder.mkdir(parents=True)
     register_heif()
     photos: list[Photo] = []
@@ -102,10 +106,18 @@ def prepare(files: Sequence[Path], folder: Path, size: int) -> Iterator[Step | P
     for i, file in enumerate(files):
         yield Step(i, len(files))
         try:
-            name, picture = _prepared(file, folder, size, taken)
+            picture, fine, suffix = _read(file, size)
+        except MemoryError:
+            raise
         except Exception as error:  # Pillow's decoders raise a dozen kinds
             unreadable.append(f"{file.name} ({_reason(file, error)})")
             continue
+        name = _name(file, suffix, taken)
+        if fine:
+            _link(file, folder / name)
+        else:
+            # no EXIF: its orientation is applied, and COLMAP gets the focal length from us
+            picture.save(folder / name, quality=QUALITY, subsampling=0)  # PNG ignores both
         grey = np.asarray(picture.convert("L").resize((THUMBNAIL, THUMBNAIL)), dtype=np.float32)
         first = grey if first is None else first
         change = float(np.abs(grey - first).max())
@@ -115,8 +127,8 @@ def prepare(files: Sequence[Path], folder: Path, size: int) -> Iterator[Step | P
     yield Prepared(tuple(photos), tuple(unreadable))
 
 
-def _prepared(file: Path, folder: Path, size: int, taken: set[str]) -> tuple[str, Image.Image]:
-    """Write one photo; its name and its picture."""
+def _read(file: Path, size: int) -> tuple[Image.Image, bool, str]:
+    """The picture of one photo; whether its file is fine as it is; and the suffix to write."""
     with Image.open(file) as opened:
         if getattr(opened, "n_frames", 1) > 1 and opened.format not in ("MPO", "TIFF", "HEIF"):
             raise ValueError("an animation: name the video it was made from")
@@ -127,22 +139,18 @@ def _prepared(file: Path, folder: Path, size: int, taken: set[str]) -> tuple[str
             and opened.getexif().get(0x0112, 1) == 1
             and max(opened.size) <= size
         )
-        lossless = opened.format in ("PNG", "BMP")
+        suffix = ".png" if opened.format in ("PNG", "BMP") else ".jpg"
         upright = ImageOps.exif_transpose(opened)
     if min(upright.size) < SMALLEST:
         raise ValueError(f"{upright.width}x{upright.height} pixels, {SMALLEST} are needed")
-    name = _name(file, ".png" if lossless else ".jpg", taken)
     if plain:
-        _link(file, folder / name)
-        return name, upright.convert("RGB")
+        return upright.convert("RGB"), True, suffix
     picture = _rgb(upright)
     if max(picture.size) > size:
         scale = size / max(picture.size)
         width, height = (max(1, round(side * scale)) for side in picture.size)
         picture = picture.resize((width, height), Image.Resampling.LANCZOS, reducing_gap=3)
-    # no EXIF: its orientation is applied, and COLMAP gets the focal length from us
-    picture.save(folder / name, quality=QUALITY, subsampling=0)  # PNG ignores both
-    return name, picture
+    return picture, False, suffix
 
 
 def _rgb(picture: Image.Image) -> Image.Image:
@@ -160,9 +168,10 @@ def _rgb(picture: Image.Image) -> Image.Image:
 
 
 def _name(file: Path, suffix: str, taken: set[str]) -> str:
-    """The name without spaces and with the suffix of what is written, unlike those taken."""
+    """The name with the suffix of what is written, unlike those taken, and without spaces and #,
+    which part and comment out the lines of COLMAP's list of pairs."""
     own = {".jpeg": ".jpg"}.get(file.suffix.lower(), file.suffix.lower())
-    stem = re.sub(r"\s+", "_", file.stem)
+    stem = re.sub(r"[\s#]+", "_", os.fsencode(file.stem).decode(errors="replace"))
     name = stem + (file.suffix if own == suffix else suffix)
     if name.lower() in taken:
         name = f"{stem}_{file.suffix[1:]}{suffix}"

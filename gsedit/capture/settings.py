@@ -25,7 +25,7 @@ FEWEST = 3
 
 @dataclass(frozen=True)
 class CaptureSettings:
-    """How photos are posed. Every field but the last two changes what is computed."""
+    """How photos are posed. Every field but the last changes what is computed."""
 
     frames: int | None = None
     """Frames to take of a video. None: as its length and motion ask for."""

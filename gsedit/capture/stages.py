@@ -29,6 +29,9 @@ class Line:
     text: str
 
 
+LOG = "colmap.log"
+"""What COLMAP says; in the folder of the stages from the beginning, and a sign that it is one."""
+
 Working: TypeAlias = Generator[Event | Line, None, Any]
 """Work that yields what to show, and returns what it came to."""
 
@@ -45,7 +48,8 @@ class Stages:
         folder.mkdir(parents=True, exist_ok=True)
         # the child process has another working directory
         self.folder, self.threads = folder.absolute(), threads
-        self.log = self.folder / "colmap.log"
+        self.log = self.folder / LOG
+        self.log.touch()
         self.used = {self.log.name}
         self.began = time.monotonic()
 
@@ -105,14 +109,16 @@ class Stages:
 
     def clean(self) -> None:
         """Remove the stages that this run did not use: those of other photos or options."""
+        # a database whose last reader was not its last writer still has files of SQLite beside it
+        used = {name + suffix for name in self.used for suffix in ("", "-wal", "-shm")}
         for each in self.folder.iterdir():
-            if each.name not in self.used:
+            if each.name not in used:
                 remove(each)
 
 
 def remove(path: Path) -> None:
     """Remove a file or a folder, if it is there."""
-    if path.is_dir():
+    if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path)
     else:
         path.unlink(missing_ok=True)

@@ -31,13 +31,6 @@ class Upright:
     """"gravity" or "the cameras"."""
 
 
-def rotation(
-    world_to_cameras: Float64[np.ndarray, "n 4 4"], gravities: Float64[np.ndarray, "n 3"]
-) -> Float64[np.ndarray, "3 3"]:
-    """`find_upright(...).rotation`."""
-    return find_upright(world_to_cameras, gravities).rotation
-
-
 def find_upright(
     world_to_cameras: Float64[np.ndarray, "n 4 4"], gravities: Float64[np.ndarray, "n 3"]
 ) -> Upright:

@@ -12,6 +12,7 @@ import shutil
 import sys
 import threading
 import time
+import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -148,6 +149,8 @@ def map_globally(say: Say, database: str, images: str, output: str, count: int, 
     """Global mapping, on a copy of the database whose focal lengths are calibrated first."""
     Path(output).mkdir(parents=True)
     calibrated = Path(output) / "calibrated.db"
+    with pycolmap.Database.open(database):
+        pass  # whoever closes it last merges its write-ahead log, which the copy would lack
     shutil.copyfile(database, calibrated)
     say("step", step=0, steps=0, note="focal lengths from the matches")
     calibration = pycolmap.ViewGraphCalibrationOptions()
@@ -176,7 +179,7 @@ def refine(say: Say, model: str, database: str, images: str, output: str, seed: 
     """The model with the principal points of cameras that took many photos, and with points that
     only two photos see where that gives more good ones."""
     say("step", step=0, steps=2, note="principal point")
-    reconstruction = _with_centres(pycolmap.Reconstruction(model))
+    reconstruction = _with_centres(pycolmap.Reconstruction(model), threads)
     say("step", step=1, steps=2, note="points")
     reconstruction = _with_more_points(reconstruction, database, images, output, seed, threads)
     reconstruction.extract_colors_for_all_images(images, threads)
@@ -185,15 +188,16 @@ def refine(say: Say, model: str, database: str, images: str, output: str, seed: 
     folder.mkdir(parents=True)
     reconstruction.write(folder)
     say("step", step=2, steps=2)
-    cameras = reconstruction.cameras.values()
-    keys = ("focal", "width", "height")
-    return {
-        **_model(0, output, reconstruction),
-        "cameras": [dict(zip(keys, (c.mean_focal_length(), c.width, c.height))) for c in cameras],
-    }
+    posed = [image for image in reconstruction.images.values() if image.has_pose]
+    cameras = []
+    for number, name in {image.camera_id: image.name for image in posed}.items():
+        camera = reconstruction.cameras[number]
+        focal, width, height = camera.mean_focal_length(), camera.width, camera.height
+        cameras.append({"photo": name, "focal": focal, "width": width, "height": height})
+    return {**_model(0, output, reconstruction), "cameras": cameras}
 
 
-def _with_centres(reconstruction: pycolmap.Reconstruction) -> pycolmap.Reconstruction:
+def _with_centres(reconstruction: pycolmap.Reconstruction, threads: int) -> pycolmap.Reconstruction:
     """Adjusted with the principal points of cameras free that took enough photos, the intrinsics of
     others held; as it was, where a point comes out far from the middle or the error is not less."""
     uses: dict[int, int] = {}
@@ -210,6 +214,7 @@ def _with_centres(reconstruction: pycolmap.Reconstruction) -> pycolmap.Reconstru
     adjusted.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
     options = pycolmap.BundleAdjustmentOptions()
     options.refine_principal_point, options.print_summary = True, False
+    options.ceres.solver_options.num_threads = threads
     tried = pycolmap.Reconstruction(reconstruction)
     pycolmap.create_default_bundle_adjuster(options, adjusted, tried).solve()
     for camera in tried.cameras.values():
@@ -237,8 +242,9 @@ def _with_more_points(reconstruction: pycolmap.Reconstruction, database: str, im
 
 
 def undistort(say: Say, model: str, images: str, output: str, rotation: list[list[float]],
-              threads: int) -> dict[str, Any]:  # fmt: skip
-    """A COLMAP folder: images/ of pinhole cameras and sparse/0, in a world that is turned."""
+              size: int, threads: int) -> dict[str, Any]:  # fmt: skip
+    """A COLMAP folder: images/ of pinhole cameras, at most `size` pixels, and sparse/0, in a world
+    that is turned."""
     reconstruction = pycolmap.Reconstruction(model)
     turn = pycolmap.Sim3d(1.0, pycolmap.Rotation3d(np.array(rotation)), np.zeros(3))
     reconstruction.transform(turn)
@@ -247,6 +253,7 @@ def undistort(say: Say, model: str, images: str, output: str, rotation: list[lis
     turned.mkdir(parents=True)
     reconstruction.write(turned)
     options = pycolmap.UndistortCameraOptions()
+    options.max_image_size = size  # a barrel's corners reach farther out than the photo did
     pycolmap.undistort_images(
         folder, turned, images, undistort_options=options, jpeg_quality=95, num_threads=threads
     )
@@ -289,7 +296,8 @@ def main() -> None:
     try:
         answer = TASKS[task](say, **request)
     except Exception as error:  # of any kind: the parent names it
-        say("error", message=str(error).split("\n")[0])
+        traceback.print_exc()  # into the log
+        say("error", message=str(error).split("\n")[0] or type(error).__name__)
     else:
         say("done", **answer)
     answers.flush()

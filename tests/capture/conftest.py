@@ -42,6 +42,8 @@ def captured(tmp_path_factory) -> Captured:
         2,
         "--features",
         800,
+        "--size",
+        192,
     )
     assert result.exit_code == 0, result.stderr
     *events, record = (json.loads(line) for line in result.stdout.splitlines())

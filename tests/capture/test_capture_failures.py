@@ -146,6 +146,10 @@ def test_a_cause_by_what_the_matches_show():
         (("nothing", "-o", "scene"), 3, "nothing does not exist"),
         (("photos", "-o", "photos"), 2, "would replace the photos"),
         (("scene/images", "-o", "scene"), 2, "would replace the photos"),
+        (("scene/images/inner", "-o", "scene", "-f"), 2, "would replace the photos"),
+        (("scene/images/a.mov", "-o", "scene", "-f"), 2, "would replace scene/images/a.mov"),
+        (("photos", "-o", "."), 2, "has files in it already"),
+        (("photos", "-o", ".", "-f"), 2, "holds work, which no capture made"),
         (("photos", "-o", "full"), 2, "has files in it already"),
         (("a.txt", "-o", "scene"), 3, "neither a folder of photos nor a video"),
         (("photos", "-o", "new", "--size", "5"), 2, "--size is 5"),
@@ -155,10 +159,11 @@ def test_a_cause_by_what_the_matches_show():
 )
 def test_requests_that_would_do_harm(words, code, said, photo, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for name in ("photos", "scene/images", "full"):
+    for name in ("photos", "scene/images/inner", "full", "work"):
         (tmp_path / name).mkdir(parents=True)
         shutil.copy(photo, tmp_path / name)
     (tmp_path / "a.txt").touch()
+    (tmp_path / "scene" / "images" / "a.mov").touch()
     before = sorted(tmp_path.rglob("*"))
     result = gsedit("capture", *words)
     assert result.exit_code == code

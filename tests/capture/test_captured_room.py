@@ -15,7 +15,7 @@ from gsedit.capture import child
 from gsedit.files import load_dataset
 from gsedit.files.cameras import read_cameras
 
-FEW = "--features", 800
+FEW = "--features", 800, "--size", 192
 
 
 def test_all_photos_are_posed_where_they_were_taken(captured):
@@ -45,6 +45,9 @@ def test_the_folder_is_a_dataset_with_cameras_and_a_picture(captured):
     assert len(data.points) == captured.record["points"] > 2000
     cameras = read_cameras(captured.scene / "cameras.json")
     assert [camera.name for camera in cameras] == [view.name for view in data.views]
+    for path in (captured.scene / "images").iterdir():  # undistorted, the corners reach outwards
+        with Image.open(path) as picture:
+            assert max(picture.size) <= 192
     with Image.open(captured.scene / "capture.png") as picture:
         assert np.asarray(picture).std() > 10
     record = json.loads((captured.scene / "capture.json").read_text())
@@ -83,7 +86,9 @@ def test_what_changes_is_done_again_and_no_more(captured, monkeypatch, tmp_path)
         raise KeyboardInterrupt
 
     monkeypatch.setattr(child, "run", run)
-    for words in (["--mapper", "global"], ["--seed", 1], ["--lens", "opencv"]):
+    for each in (scene / "work").glob("results-*.json"):  # as where their writing was interrupted
+        each.unlink()
+    for words in ([], ["--mapper", "global"], ["--seed", 1], ["--lens", "opencv"]):
         result = gsedit("capture", captured.photos, "-o", scene, *FEW, *words)
         assert result.exit_code == 130
         assert f"kept in {scene / 'work'}: go on with the same command" in result.stderr
@@ -91,7 +96,9 @@ def test_what_changes_is_done_again_and_no_more(captured, monkeypatch, tmp_path)
     (photos / "photo_03.jpg").unlink()
     gsedit("capture", photos, "-o", scene, *FEW)
     gsedit("capture", captured.photos, "-o", scene, *FEW, "-f")
-    assert asked == ["global mapping", "matches", "features", "features", "features"]
+    assert asked == [
+        "undistortion", "global mapping", "matches", "features", "features", "features",
+    ]  # fmt: skip
     assert not (scene / "images").exists()  # -f began anew
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gsedit.capture.upright import find_upright, rotation
+from gsedit.capture.upright import find_upright
 
 
 def held(yaw, pitch, roll=0.0, quarter=0):
@@ -35,7 +35,8 @@ def tilt(poses, gravities=None) -> float:
     """Degrees between true down and what is found, the world being turned at random."""
     world = Rotation.random(random_state=3).as_matrix()
     unknown = np.full((len(poses), 3), np.nan)
-    found = rotation(seen_from(world, poses), unknown if gravities is None else gravities)
+    gravities = unknown if gravities is None else gravities
+    found = find_upright(seen_from(world, poses), gravities).rotation
     assert np.allclose(found @ found.T, np.eye(3))
     assert np.linalg.det(found) == pytest.approx(1)
     down = found @ world @ np.array([0, 1.0, 0])
@@ -95,13 +96,14 @@ def test_gravity_that_contradicts_itself_is_not_believed():
 def test_the_first_camera_looks_along_z():
     world = Rotation.random(random_state=5).as_matrix()
     poses = seen_from(world, cameras([held(yaw, 20) for yaw in range(40, 300, 20)]))
-    turned = rotation(poses, np.full((len(poses), 3), np.nan)) @ poses[0, 2, :3]
+    found = find_upright(poses, np.full((len(poses), 3), np.nan)).rotation
+    turned = found @ poses[0, 2, :3]
     assert turned[0] == pytest.approx(0, abs=1e-2)
     assert turned[2] > 0.9
 
 
 def test_cameras_that_look_straight_down_have_a_frame_too():
     poses = cameras([held(yaw, 90) for yaw in range(0, 90, 10)])
-    found = rotation(poses, gravity_of(poses))
+    found = find_upright(poses, gravity_of(poses)).rotation
     assert np.linalg.det(found) == pytest.approx(1)
     assert found[1] == pytest.approx([0, 1, 0], abs=1e-6)

@@ -171,6 +171,25 @@ def test_missing_photos_and_folders_of_others_are_refused(photos, out, stages, t
     assert not stages.ran
 
 
+def test_the_folder_of_the_photos_is_refused(photos, out, stages):
+    refused = make(photos, photos, "-f")
+    assert refused.exit_code == 2
+    assert f"-o {photos} is where the photos are" in refused.stderr
+    assert not stages.ran
+
+
+@pytest.mark.parametrize("posed", [False, True])
+def test_only_what_is_read_of_the_photos_counts(photos, out, stages, tmp_path, monkeypatch, posed):
+    monkeypatch.chdir(tmp_path)
+    if posed:
+        (photos / "transforms.json").write_text("{}")
+    make("photos", ".", "-f")
+    (photos / ".DS_Store").touch()
+    assert make("photos", ".").exit_code == 0
+    Image.new("RGB", (8, 8)).save(photos / "3.jpg")  # it is below the output too
+    assert "of another request (other photos)" in make("photos", ".").stderr
+
+
 def test_a_damaged_record_is_named(photos, out, stages):
     make(photos, out)
     (out / "make.json").write_text("[1")
