@@ -62,7 +62,8 @@ def settings_from(values: Values, common: Seeded) -> CaptureSettings:
     """The settings that options ask for."""
     from gsedit.capture.settings import CaptureSettings
 
-    everyday = {("seed",): common.seed, ("threads",): common.threads or -1}
+    seed = common.seed % 2**31  # COLMAP takes 32 bits, and -1 as no seed
+    everyday = {("seed",): seed, ("threads",): common.threads or -1}
     return with_values(CaptureSettings(), {**values, **everyday})
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gsedit_cli.capture import print_capture
+import pytest
+from gsedit_cli.capture import print_capture, settings_from
+from gsedit_cli.options import Seeded
 
 from gsedit.capture.capture import CaptureResult
 
@@ -28,3 +30,8 @@ def test_the_next_command_can_be_typed_as_it_is(tmp_path, monkeypatch, capsys):
     *_, look, then = capsys.readouterr().err.splitlines()
     assert look == f"look:  {folder / 'capture.png'}"
     assert then == f"next:  gsedit fit '{folder}' -o 'my scene.ply'"
+
+
+@pytest.mark.parametrize("seed", [0, 7, -1, 2**40 + 7])
+def test_any_seed_is_one_that_colmap_takes(seed):
+    assert settings_from({}, Seeded(seed=seed)).seed == seed % 2**31
