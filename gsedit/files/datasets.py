@@ -35,10 +35,11 @@ def load_dataset(path: str | Path, *, size: int | None = None, limit: int | None
     """Read a nerfstudio folder (or its transforms.json) or a COLMAP folder.
 
     `size`: the longest side of the pictures, pixels; they are never made larger. `limit`: at most
-    this many views, spread evenly over the sorted names. Distortion is undone at full resolution
-    first. World coordinates are those of the files, less `Dataset.offset`. Photos that are listed
-    and not there are left out, with a note in `Dataset.notes`; they are an error where fewer than
-    half or fewer than 8 remain. A photo that cannot be decoded is an InputError when it is read.
+    this many views, spread evenly over the sorted names. Distortion is undone before a photo is
+    made smaller. World coordinates are those of the files, less `Dataset.offset`. Photos that are
+    listed and not there are left out, with a note in `Dataset.notes`; they are an error where fewer
+    than half or fewer than 8 remain. A photo that cannot be decoded is an InputError when it is
+    read.
 
     Raises InputError for what cannot be read, and UsageError for a `size` or `limit` below 1.
     """

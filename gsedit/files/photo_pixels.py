@@ -40,26 +40,30 @@ def matched(path: Path, lens: Lens, mask: Path | None, where: str) -> Source:
     """The photo of a file with its lens: scaled where the photo has more or fewer pixels than the
     calibration, and turned as its EXIF data say where only then the proportions are the same.
 
-    Raises InputError for a photo of other proportions.
+    Raises InputError for a photo or a mask of other proportions.
     """
-    size = picture_size(path)
-    if _fits(size, lens):
-        return Source(path, size, lens.scaled(*size), mask, turn=False)
-    turned = turned_size(path)
-    if _fits(turned, lens):
-        return Source(path, turned, lens.scaled(*turned), mask, turn=True)
-    raise InputError(
-        f"{where}: {path} is {size[0]}x{size[1]} pixels, its camera {lens.width}x{lens.height}: "
-        "the proportions differ; use the photos that the poses were made from"
-    )
+    size, calibrated = picture_size(path), (lens.width, lens.height)
+    turn = not _fits(size, calibrated)
+    shown = turned_size(path) if turn else size
+    if not _fits(shown, calibrated):
+        raise InputError(
+            f"{where}: {path} is {size[0]}x{size[1]} pixels, its camera "
+            f"{lens.width}x{lens.height}: the proportions differ; use the photos that the poses "
+            "were made from"
+        )
+    if mask is not None and not _fits(masked := picture_size(mask), shown):
+        raise InputError(
+            f"{where}: the mask {mask} is {masked[0]}x{masked[1]} pixels, its photo "
+            f"{shown[0]}x{shown[1]}: the proportions differ; turn or cut the mask as the photo is"
+        )
+    return Source(path, shown, lens.scaled(*shown), mask, turn)
 
 
-def _fits(size: tuple[int, int], lens: Lens) -> bool:
-    """Whether a picture of that size is the calibrated one, larger or smaller."""
-    scale = max(size) / max(lens.width, lens.height)
+def _fits(size: tuple[int, int], other: tuple[int, int]) -> bool:
+    """Whether a picture of that size is one of the other size, made larger or smaller."""
+    scale = max(size) / max(other)
     return all(
-        abs(side - calibrated * scale) <= PROPORTIONS * max(1.0, scale)
-        for side, calibrated in zip(size, (lens.width, lens.height))
+        abs(side - its * scale) <= PROPORTIONS * max(1.0, scale) for side, its in zip(size, other)
     )
 
 

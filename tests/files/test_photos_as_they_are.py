@@ -167,6 +167,14 @@ def test_a_mask_is_undistorted_with_its_photo(tmp_path):
         assert 0.05 < float((~view.mask).float().mean()) < 0.3
 
 
+def test_a_mask_of_other_proportions_is_refused(tmp_path):
+    """As programs make them that turn photos by their EXIF data, which the poses do not."""
+    record = dataset(tmp_path)
+    picture(tmp_path / "masks/1.png", (6, 8), 255)
+    with pytest.raises(InputError, match=r"mask .*masks/1\.png is 6x8 pixels, its photo 8x6: the"):
+        load_dataset(write(tmp_path, record))
+
+
 def test_a_mask_that_is_named_must_be_there(tmp_path):
     record = dataset(tmp_path)
     record["frames"][1]["mask_path"] = "masks/none.png"
