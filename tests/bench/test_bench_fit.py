@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 from collections import Counter
 from dataclasses import replace
 
@@ -12,9 +13,11 @@ import torch
 from gsedit.bench.fit import captures, gsplat_recipe, run
 from gsedit.bench.fit.clock import Clock
 from gsedit.bench.fit.gsplat_recipe import GsplatSettings, gsplat_fit
+from gsedit.errors import UsageError
 from gsedit.files import load_dataset
 from gsedit.fitting.settings import FitSettings
 from gsedit.synthetic.gallery import globe
+from rasterizer.numerics import AUTO
 
 SIZE, VIEWS, POINTS = 32, 9, 200
 
@@ -115,3 +118,27 @@ def test_a_bench_measures_all_recipes_and_writes_a_folder(photos, tmp_path):
     assert all(row.psnr > 5 and row.gaussians > POINTS for row in rows)
     assert {path.name for path in (tmp_path / "out").iterdir()} == set(run.FILES)
     assert "gsplat, its own steps" in (tmp_path / "out" / run.TABLE).read_text()
+
+
+def test_masked_pixels_are_not_measured(photos):
+    scene = gsplat_recipe._initial(photos, GsplatSettings())
+    (view,) = photos.views[:1]
+    mask = torch.zeros(SIZE, SIZE, dtype=torch.bool)
+    mask[: SIZE // 2] = True
+    found = []
+    for seed in (0, 1):
+        noise = torch.rand(SIZE, SIZE, 3, generator=torch.Generator().manual_seed(seed))
+        image = torch.where(mask[..., None], view.image, noise)
+        hidden = replace(view, mask=mask & ~mask)
+        found.append(run.measure(scene, [replace(view, image=image, mask=mask), hidden], AUTO))
+    assert found[0] == found[1] != run.measure(scene, [view], AUTO)
+
+
+def test_a_capture_without_points_is_refused_before_anything_is_fitted(photos, tmp_path):
+    captures.write_dataset(photos, tmp_path / "room")
+    record = json.loads((tmp_path / "room/transforms.json").read_text())
+    del record["ply_file_path"]
+    (tmp_path / "room/transforms.json").write_text(json.dumps(record))
+    settings = run.BenchSettings((tmp_path / "room",), synthetic=0)
+    with pytest.raises(UsageError, match=r"room has no sparse points, .* leave it out"):
+        next(run.load_captures(settings, tmp_path))
