@@ -139,11 +139,14 @@ def run_fit(
     common.apply()
 
     from gsedit.files import load_dataset, save
+    from gsedit.files.export_frame import in_export_frame
     from gsedit.fitting.fit import fit_steps
 
     first = None if start is None else load_scene(start, drop_invalid=drop_invalid)
     photos = load_dataset(dataset, size=size)
     say_notes(photos)
+    if start is not None:
+        photos = in_export_frame(photos, dataset, start)
     say_kernel(settings.execution)
     steps = fit_steps(
         photos, settings, generator=common.generator(), start=first, resume=state, ranks=ranks()
@@ -154,18 +157,20 @@ def run_fit(
         with progress(as_json=common.json) as show:
             result = run_to_result(steps, show, checkpoints)
         save(result.scene, out, overwrite=force)
-        write_places(photos, dataset, out)
+        write_places(photos, dataset, out, start)
     return result
 
 
-def write_places(photos: Photos, dataset: Path, out: Path) -> None:
-    """Write the cameras beside the scene, and how its frame came from that of the photos."""
+def write_places(photos: Photos, dataset: Path, out: Path, start: Path | None) -> None:
+    """Write the cameras beside the scene, and how its frame came from that of the photos: it is in
+    the frame of the scene that it started from, if there was one."""
     from gsedit.files.cameras import write_beside
-    from gsedit.files.export_frame import write_export_frame
+    from gsedit.files.export_frame import copy_export_frame, write_export_frame
 
     cameras = write_beside(out, photos.views)
     print_message(f"the cameras are in {cameras}: edit, render and preview use them")
-    frame = write_export_frame(photos, dataset, out)
+    frame = None if start is None else copy_export_frame(start, out)
+    frame = frame or write_export_frame(photos, dataset, out)
     if frame is not None:
         print_message(f"{frame} says how to get back to the frame of the photos (docs/data.md)")
 

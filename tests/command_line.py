@@ -33,7 +33,8 @@ def stub_fit(monkeypatch, *, end: BaseException | None = None, checkpoints: int 
     given = {}
 
     def fit_steps(dataset, settings, *, generator, start=None, resume=None, ranks=None):
-        given.update(settings=settings, start=start, seed=generator.initial_seed(), resume=resume)
+        given.update(dataset=dataset, settings=settings, start=start, resume=resume)
+        given["seed"] = generator.initial_seed()
         result = stub_scene()
         yield Event("fit", 1.0, 1, 2, 0.5, 0.1)
         for step in range(1, checkpoints + 1):

@@ -64,9 +64,21 @@ def write_export_frame(dataset: Dataset, data: Path, scene: Path) -> Path | None
     scaled = Similarity(np.eye(3), factor, np.zeros(3))
     shift = Similarity(np.eye(3), 1.0, -np.array(dataset.offset))
     change = scaled.after(shift).after(turned)
-    found = dataparser_file(scene)
-    if found is None and not any(dataset.offset):
+    if dataparser_file(scene) is None and not any(dataset.offset):
         return None
+    return _written(change, scene)
+
+
+def copy_export_frame(source: Path, scene: Path) -> Path | None:
+    """Write the frame of another scene, if a file beside it says which it is, beside a scene in the
+    same frame; the path of the file, see `write_export_frame`."""
+    file = dataparser_file(source)
+    return None if file is None else _written(read_dataparser(file), scene)
+
+
+def _written(change: Similarity, scene: Path) -> Path:
+    """The file beside a scene that says how its frame came about: one that is there, or new."""
+    found = dataparser_file(scene)
     if found is not None and np.allclose(read_dataparser(found).matrix, change.matrix, rtol=1e-12):
         return found
     path = scene.with_name(NAME) if found is None else beside(scene, NAME)

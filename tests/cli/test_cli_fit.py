@@ -10,10 +10,14 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
+import numpy as np
 import pytest
-from command_line import files, gsedit, stub_fit
+import torch
+from command_line import files, gsedit, stub_fit, stub_scene
 
-from gsedit.files import load
+from gsedit.files import load, load_dataset, save
+from gsedit.files.dataparser import NAME, read_dataparser, write_dataparser
+from gsedit.files.similarity import similarity_of
 from gsedit.files.state import load_state
 
 
@@ -130,3 +134,23 @@ def test_quality_sets_budget_gaussians_degree_and_size_and_given_options_win(
     assert asked("--quality", "high", *own) == (120.0, None, 7, 0, 32)
     assert asked("--quality", "draft", "--steps", 9) == (None, 9, 120_000, 1, 256)
     assert gsedit("fit", photos, "-o", tmp_path / "b.ply", "--quality", "best").exit_code == 2
+
+
+def test_a_fit_from_a_scene_is_in_the_frame_of_that_scene(monkeypatch, photos, tmp_path):
+    given = stub_fit(monkeypatch)
+    start, out = tmp_path / "start/scene.ply", tmp_path / "out/scene.ply"
+    for each in (start, out):
+        each.parent.mkdir()
+    save(stub_scene(), start)
+    change = similarity_of(np.array([[0, -2.0, 0, 1], [2, 0, 0, 0], [0, 0, 2, 3], [0, 0, 0, 1]]))
+    write_dataparser(change, start.with_name(NAME))
+    assert gsedit("fit", photos, "-o", out, "--from", start).exit_code == 0
+    before, after = load_dataset(photos, size=256).views[1], given["dataset"].views[1]
+    expected = change.points(before.camera.centre[None].numpy())[0]
+    assert after.camera.centre.tolist() == pytest.approx(expected.tolist())
+    assert np.allclose(read_dataparser(out.with_name(NAME)).matrix, change.matrix)
+    assert gsedit("fit", photos, "-o", tmp_path / "own.ply").exit_code == 0
+    assert torch.equal(
+        given["dataset"].views[1].camera.world_to_camera, before.camera.world_to_camera
+    )
+    assert not (tmp_path / NAME).exists()
