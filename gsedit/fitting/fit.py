@@ -25,6 +25,7 @@ from gsedit.fitting.densify import ScreenGradients, densify
 from gsedit.fitting.exposure import Exposures
 from gsedit.fitting.initial import initial_scene
 from gsedit.fitting.optimiser import SceneOptimiser, optimised_scene
+from gsedit.fitting.pyramid import check_sizes, pyramid
 from gsedit.fitting.settings import FitSettings
 from gsedit.fitting.supervision import supervised
 from gsedit.measures.decibels import rmse_from_psnr
@@ -35,7 +36,6 @@ from gsedit.reports import notebook
 from gsedit.reports.events import Checkpoint, Event
 from gsedit.reports.json_lines import plain
 from gsedit.views.dataset import Dataset, View
-from gsedit.views.kept import Kept
 from rasterizer.blending.choose import is_compiled
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import render
@@ -107,7 +107,7 @@ def fit_steps(
     Every 8th view is never trained on. The budget's seconds are the clock's. With the state of a
     checkpoint, the same fit goes on from there, with what is left of its budget. Every one of
     several `ranks` is given the same and yields the same. Raises UsageError if there is nothing to
-    train on, or for the state of another fit.
+    train on, for photos that are too small, and for the state of another fit.
     """
     settings = settings or FitSettings()
     train, held_out = dataset.split()
@@ -115,16 +115,18 @@ def fit_steps(
         raise UsageError(
             f"{len(dataset)} view(s) are too few to fit: every 8th is held out; add photos"
         )
+    check_sizes(dataset.views, settings)
     settings = replace(settings, batch=settings.batch or ranks.size)
     asked = requested(dataset, settings, generator, start)
     ranks.check_same("what is fitted", [asked])
     if resume is not None:
         check_same(asked, resume.record["request"], "fit")
         start = optimised_scene(resume.within("optimiser"))
+    budget = _budget(settings, resume, ranks, clock)
     if start is None:
         start = _start(dataset, settings, generator, ranks)
     extent = _camera_extent(dataset.views)
-    work = _Fit(start, train, held_out, extent, settings, generator, asked, ranks, clock)
+    work = _Fit(start, train, held_out, extent, settings, generator, asked, ranks, budget)
     del start  # the optimiser has copies
     if resume is not None:
         work.load_state(resume)
@@ -181,18 +183,15 @@ class _Fit:
     def __init__(
         self, scene: Gaussians, train: tuple[View, ...], held_out: tuple[View, ...],
         extent: float, settings: FitSettings, generator: torch.Generator, asked: dict[str, Any],
-        ranks: Ranks, clock: Callable[[], float],
+        ranks: Ranks, budget: Budget,
     ) -> None:  # fmt: skip
-        self.asked, self.ranks, self.clock = asked, ranks, clock
-        self.budget = Budget(settings.steps, settings.seconds, ranks=ranks, clock=clock)
+        self.asked, self.ranks, self.budget = asked, ranks, budget
         self.settings, self.generator, self.held_out = settings, generator, held_out
         self.batch = settings.batch or 1
         rates = {**RATES, "means": RATES["means"] * extent}
         rates = {name: rate * sqrt(self.batch) for name, rate in rates.items()}
         self.optimiser = SceneOptimiser(scene, rates, compiled=is_compiled(settings.execution))
-        factors = (1, *(factor for _, factor in settings.coarse))
-        kept = Kept()
-        self.pyramid = {f: tuple(_shrunk(view, f, kept) for view in train) for f in factors}
+        self.pyramid = pyramid(train, (factor for _, factor in settings.coarse))
         self.gradients = ScreenGradients(len(scene))
         self.started_with = len(scene)
         self.exposures = Exposures(train, settings.exposure)
@@ -217,16 +216,11 @@ class _Fit:
 
     def load_state(self, state: State) -> None:
         """Go on where the fit was that was interrupted."""
-        settings, record = self.settings, state.record
+        record = state.record
         self.optimiser.load_state(state.within("optimiser"))
         self.gradients.load_state(state.within("gradients"))
         self.exposures.load_state(state.within("exposures"))
         self.generator.set_state(state.tensors["generator"])
-        step, spent = record["step"], record["seconds"]
-        self.budget = Budget(
-            settings.steps, settings.seconds, step=step, spent=spent, ranks=self.ranks,
-            clock=self.clock,
-        )  # fmt: skip
         for name in PLAIN:
             setattr(self, name, record[name])
         self.curve = [(seconds, decibels) for seconds, decibels in record["curve"]]
@@ -336,13 +330,14 @@ class _Fit:
         return Event(stage, budget.seconds, budget.step, budget.steps, self.loss, error, note)
 
 
-def _shrunk(view: View, factor: int, kept: Kept) -> View:
-    """The picture area-averaged to a grid `factor` times coarser, when it is first needed."""
-    if factor == 1:
-        return view
-    camera = view.camera
-    small = camera.resized(max(16, camera.width // factor), max(16, camera.height // factor))
-    return kept.resized(view, small.width, small.height)
+def _budget(
+    settings: FitSettings, resume: State | None, ranks: Ranks, clock: Callable[[], float]
+) -> Budget:
+    """It runs from here on: the start from the photos is part of it."""
+    step, spent = (0, 0.0) if resume is None else (resume.record["step"], resume.record["seconds"])
+    return Budget(
+        settings.steps, settings.seconds, step=step, spent=spent, ranks=ranks, clock=clock
+    )
 
 
 def _start(
@@ -366,13 +361,14 @@ def requested(
     start: Gaussians | None,
 ) -> dict[str, Any]:
     """What was asked for, as JSON has it: a fit goes on where this is the same."""
-    cameras = [view.camera.world_to_camera for view in dataset.views]
-    camera = dataset.views[0].camera
+    cameras = [view.camera for view in dataset.views]
+    poses = torch.stack([camera.world_to_camera.double() for camera in cameras])
+    lenses = torch.tensor([[c.fx, c.fy, c.cx, c.cy] for c in cameras], dtype=torch.float64)
     fields = () if start is None else vars(start).values()
     pixels = chain.from_iterable(_levels(view) for view in dataset.views)
     return {
-        "photos": f"{len(dataset)}, the first of {camera.width}x{camera.height}, "
-        + digest_of(chain([torch.stack(cameras)], pixels)),
+        "photos": f"{len(dataset)}, the first of {cameras[0].width}x{cameras[0].height}, "
+        + digest_of(chain([poses, lenses.round(decimals=6)], pixels)),
         "settings": {name: v for name, v in plain(settings).items() if name not in FREE},
         "from": None if start is None else f"{len(start)} Gaussians, {digest(*fields)}",
         "seed": generator.initial_seed(),

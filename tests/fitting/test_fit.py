@@ -62,6 +62,23 @@ def test_the_same_seed_gives_the_same_scene():
     assert torch.equal(one.sh, two.sh)
 
 
+def test_the_start_from_the_photos_is_part_of_the_budget(monkeypatch):
+    now = 0.0
+
+    def slow_start(*asked, **more):
+        nonlocal now
+        now += 9.0
+        return initial_scene(*asked, **more)
+
+    monkeypatch.setattr("gsedit.fitting.fit.initial_scene", slow_start)
+    settings = FitSettings(steps=5, seconds=10.0, dense_start=0, coarse=())
+    *_, result = fit_steps(photos(3, 16), settings, generator=generator(), clock=lambda: now)
+    assert (result.steps, result.seconds) == (5, 9.0)
+    more = replace(settings, seconds=8.0)  # the start is measured all the same
+    *_, result = fit_steps(photos(3, 16), more, generator=generator(), clock=lambda: now)
+    assert (result.steps, result.seconds) == (0, 9.0)
+
+
 def test_a_fit_continues_from_a_scene():
     data = photos(5, 32)
     first = fit(

@@ -78,3 +78,15 @@ def test_another_fit_does_not_go_on(photos):
         next(fit_steps(photos, replace(SETTINGS, steps=25), generator=generator(), resume=state))
     with pytest.raises(UsageError, match=r"not the fit that was interrupted: seed is 4, was 3"):
         next(fit_steps(photos, SETTINGS, generator=generator(4), resume=state))
+
+
+def test_photos_of_another_lens_do_not_go_on(photos):
+    state = next(
+        item
+        for item in fit_steps(photos, SETTINGS, generator=generator())
+        if isinstance(item, Checkpoint)
+    ).state
+    views = [view.seen_by(replace(view.camera, fx=1.01 * view.camera.fx)) for view in photos.views]
+    other = replace(photos, views=tuple(views))
+    with pytest.raises(UsageError, match="not the fit that was interrupted: photos"):
+        next(fit_steps(other, SETTINGS, generator=generator(), resume=state))
