@@ -20,6 +20,8 @@ RANDOM_POINTS = 20_000
 INITIAL_OPACITY = 0.2
 FEW = 4
 """Points below this number show no scene."""
+MEASURED_POINTS = 50_000
+"""Points, at most, whose depths in the photos are measured: captures have millions."""
 
 Points = tuple[Float[Tensor, "m 3"], Float[Tensor, "m 3"]]
 """World positions and RGB colours in [0, 1]."""
@@ -89,6 +91,7 @@ def _inverse_depths(views: Sequence[View], points: Float[Tensor, "n 3"]) -> tupl
     to three times that of the place that the cameras look at.
     """
     inverse = []
+    points = points[:: -(-len(points) // MEASURED_POINTS) or 1]
     for view in views[:: max(1, len(views) // 16)]:
         xy, depth = view.camera.project(points.double())
         size = xy.new_tensor((view.camera.width, view.camera.height))

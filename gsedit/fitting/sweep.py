@@ -47,16 +47,18 @@ def swept_points(
     `inverse_depths`: the smallest and the largest that are tried, above 0.
     """
     small = [_small(view) for view in views]
+    centres = torch.stack([view.camera.centre for view in small])
+    axes = torch.stack([view.camera.forward for view in small])
     places, colours = [torch.zeros(0, 3)], [torch.zeros(0, 3)]
     for i, view in enumerate(small):
-        others = [small[j] for j in _neighbours(small, i)]
+        others = [small[j] for j in _neighbours(centres, axes, i)]
         if others:
             most = view.camera.width * view.camera.height // PIXELS
-            centres = _grid(view, min(most, ceil(count / len(small))), generator)
-            depth, good = _sweep(view, others, centres, inverse_depths)
-            good &= _supervised(view, centres)
-            places.append(view.camera.unproject(centres[good], depth[good]))
-            colours.append(_sampled(view.image, view.camera, centres[good]))
+            patches = _grid(view, min(most, ceil(count / len(small))), generator)
+            depth, good = _sweep(view, others, patches, inverse_depths)
+            good &= _supervised(view, patches)
+            places.append(view.camera.unproject(patches[good], depth[good]))
+            colours.append(_sampled(view.image, view.camera, patches[good]))
     return torch.cat(places), torch.cat(colours)
 
 
@@ -65,15 +67,15 @@ def _small(view: View) -> View:
     return view.resized(camera.width, camera.height)
 
 
-def _neighbours(views: Sequence[View], i: int) -> list[int]:
-    """The nearest cameras elsewhere that look about the same way, within 60 degrees."""
-    camera = views[i].camera
-    distances = [
-        (float((other.camera.centre - camera.centre).norm()), j)
-        for j, other in enumerate(views)
-        if float(other.camera.forward @ camera.forward) > 0.5
-    ]
-    return [j for distance, j in sorted(distances) if distance > 0][:NEIGHBOURS]
+def _neighbours(centres: Float[Tensor, "v 3"], axes: Float[Tensor, "v 3"], i: int) -> list[int]:
+    """The cameras nearest to camera i, elsewhere, that look about the same way: within 60 degrees.
+
+    `axes`: along which they look, of length 1.
+    """
+    distances = (centres - centres[i]).norm(dim=-1)
+    candidates = ((axes @ axes[i] > 0.5) & (distances > 0)).nonzero().squeeze(-1)
+    order = distances[candidates].argsort(stable=True)[:NEIGHBOURS]
+    return candidates[order].tolist()
 
 
 def _grid(view: View, count: int, generator: torch.Generator) -> Float[Tensor, "p 2"]:

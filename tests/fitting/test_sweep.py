@@ -8,6 +8,7 @@ import pytest
 import torch
 from scipy.spatial import KDTree
 
+from gsedit.fitting import initial, sweep
 from gsedit.fitting.initial import initial_scene
 from gsedit.fitting.sweep import swept_points
 from gsedit.synthetic import ring_cameras, scenes, traced_dataset
@@ -73,3 +74,19 @@ def test_a_start_without_points_is_where_the_photos_agree(photos):
 def test_a_start_keeps_to_its_limit(photos):
     assert len(initial_scene(photos, 0, generator(), swept=500, at_most=300)) == 300
     assert len(initial_scene(photos, 0, generator(), swept=500)) > 5000
+
+
+def test_depths_are_measured_of_some_of_very_many_points(photos, monkeypatch):
+    whole = initial._inverse_depths(photos.views, photos.points)
+    monkeypatch.setattr(initial, "MEASURED_POINTS", 500)
+    few = initial._inverse_depths(photos.views, photos.points)
+    assert few == pytest.approx(whole, rel=0.05)
+    assert few != whole
+
+
+def test_neighbours_are_near_elsewhere_and_look_the_same_way():
+    centres = torch.tensor([[0.0, 0, 0], [3, 0, 0], [1, 0, 0], [0, 0, 0], [0, 1, 0], [2, 0, 0]])
+    axes = torch.tensor([[0.0, 0, 1]]).repeat(6, 1)
+    axes[4] = torch.tensor([0.0, 1, 0])
+    assert sweep._neighbours(centres, axes, 0) == [2, 5, 1]
+    assert sweep._neighbours(centres, axes, 4) == []
