@@ -105,7 +105,7 @@ class _Job(ctypes.Structure):
 
 
 def load() -> ctypes.CDLL | None:
-    """The kernel; None, with one warning, where it cannot be compiled."""
+    """The kernel; None where it cannot be compiled."""
     return load_library(SOURCE)
 
 

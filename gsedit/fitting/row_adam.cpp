@@ -1,5 +1,5 @@
-// Steps of Adam in one pass over rows of values and their moments, in place: row_adam.py says what
-// each means, and has the same in torch. Compiled and called by compiled_adam.py.
+// Steps of Adam in one pass over rows of values and their moments, in place: adam_rows.py says what
+// each means, and has the same in torch. Compiled and called by adam_rows.py.
 
 #include <algorithm>
 #include <cmath>

@@ -69,7 +69,7 @@ def _accepts(image: Tensor, target: Tensor) -> bool:
 
 
 def load() -> ctypes.CDLL | None:
-    """The kernel; None, with one warning, where it cannot be compiled."""
+    """The kernel; None where it cannot be compiled."""
     return load_library(SOURCE)
 
 

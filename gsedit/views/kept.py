@@ -96,8 +96,9 @@ class Kept:
     def _levels(self, picture: _Picture) -> _Levels:
         if picture.levels is not None:
             return picture.levels
-        if self._last is not None and self._last[0] is picture:  # its image, then its mask
-            return self._last[1]
+        last = self._last
+        if last is not None and last[0] is picture:  # its image, then its mask
+            return last[1]
         levels = _levels(picture.make())
         size = sum(each.nbytes for each in levels if each is not None)
         if size <= self.room and picture.pages is not None:
