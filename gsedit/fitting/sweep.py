@@ -23,8 +23,9 @@ SIDE = 160
 """Pixels on the longer side of the pictures that are compared."""
 RADIUS, SPACING = 2, 2
 """A patch is a square of pixels that reach so far, so far apart: 3x3 of them."""
-PIXELS = 4
-"""Of a compared picture, at least so many for each patch."""
+PIXELS = 25
+"""Of a compared picture, at least so many for each patch: they do not overlap. With 4, 40 photos of
+64 pixels give three times the Gaussians, and a fit of 5 CPU seconds 2.5 dB less."""
 DEPTHS = 32
 """Of a sweep, evenly spaced in their inverse, as a patch's places in a neighbour then are."""
 NEIGHBOURS = 3

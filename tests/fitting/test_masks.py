@@ -62,7 +62,8 @@ def test_a_masked_pixel_has_no_gradient_and_no_say(loss, views):
     assert supervised(picture, first.image, None)[1] is first.image
 
 
-def test_a_fit_takes_nothing_from_masked_pixels(scene, views):
+def test_a_fit_takes_nothing_from_masked_pixels(scene, views, monkeypatch):
+    monkeypatch.setattr("gsedit.fitting.pyramid.SMALLEST_COARSE", 16)
     settings = FitSettings(steps=12, seconds=None, densify_every=5, coarse=((0.5, 2),))
     start = scene[::3]
     results = [fit(Dataset(painted(views, seed)), settings, start=start) for seed in (0, 1)]

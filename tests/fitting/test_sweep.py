@@ -90,3 +90,9 @@ def test_neighbours_are_near_elsewhere_and_look_the_same_way():
     axes[4] = torch.tensor([0.0, 1, 0])
     assert sweep._neighbours(centres, axes, 0) == [2, 5, 1]
     assert sweep._neighbours(centres, axes, 4) == []
+
+
+def test_small_photos_give_fewer_patches_than_are_asked_for(photos):
+    small = [view.resized(40, 40) for view in photos.views]
+    places, _ = swept_points(small, 10**6, (0.2, 0.7), generator())
+    assert 50 < len(places) <= len(small) * 8 * 8  # 5x5 pixels each
