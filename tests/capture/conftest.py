@@ -28,9 +28,9 @@ class Captured:
 
 @pytest.fixture(scope="session")
 def captured(tmp_path_factory) -> Captured:
-    """Sixteen photos of 192x192 pixels, without poses or EXIF, and a file that is none."""
+    """Twelve photos of 192x192 pixels, without poses or EXIF, and a file that is none."""
     folder = tmp_path_factory.mktemp("capture")
-    known = take(folder / "photos", walk(16))
+    known = take(folder / "photos", walk(12))
     (folder / "photos" / "notes.jpg").write_text("no picture")
     result = gsedit(
         "capture",
@@ -41,7 +41,7 @@ def captured(tmp_path_factory) -> Captured:
         "--threads",
         2,
         "--features",
-        800,
+        600,
         "--size",
         192,
     )
