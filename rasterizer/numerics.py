@@ -19,8 +19,9 @@ class Numerics:
     alpha_min: float = 1 / 255
     """Below it, one step of an 8-bit picture, alpha is 0; it bounds every footprint."""
     transmittance_min: float = 1e-5
-    """The stop: a tile is finished when at most this passes each of its pixels, which is also the
-    largest error of a colour in [0, 1]. 0: every Gaussian is summed. At gsplat's 1e-4 the gradients
+    """The stop: a tile is finished when at most this passes each of its pixels (the C++ kernel's
+    blocks of pixels, when a fifth of it does), which is also the largest error of a colour in
+    [0, 1]. 0: every Gaussian is summed. At gsplat's 1e-4 the gradients
     of opacities behind a nearly opaque splat, which divide what is left out by 1 - alpha, were
     wrong by 1.5e-3; at 1e-5 by 6e-5, for 5 % more time."""
     blur: float = 0.3

@@ -3,7 +3,8 @@
 //
 // A tile is cut into cells of CELL * CELL pixels, a cell into blocks of as many pixels as a vector
 // has lanes. Of each Gaussian in the tile's list only those blocks are visited that its ellipse
-// reaches, and of those the open ones: a block is closed once at most `stop` passes its pixels.
+// reaches, and of those the open ones: a block is closed once at most a share of `stop` passes its
+// pixels.
 //
 // The backward pass goes from the last Gaussian to the first and divides what is left of the
 // transmittance by what each lets through. So that this is possible, a pixel is finished where its
@@ -16,6 +17,11 @@
 #include "chunk.h"
 
 namespace {
+
+// Of the stop, which is meant for tiles: most pixels of those let less than it through when the last
+// one does. Those of a block, a tenth as many, let more through: closed at the whole stop, gradients
+// of opacities were wrong by 4.5e-4 on opaque discs (here by 8e-5, tiles 1.9e-4), for 2.5 % less time.
+constexpr double CLOSED = 0.2;
 
 template <typename T>
 constexpr T FINISHED = T(sizeof(T) == 4 ? 1e-20 : 1e-200);
@@ -102,6 +108,7 @@ void forward(const Job<T>& job, const Cell<T>& cell, Buffers<T>& b) {
   cell.each_pixel([&](int p, int64_t) { b.transmittance.at[p] = 1; });  // none off the picture
 
   const int period = safe_count(job);
+  const T stop = T(CLOSED * job.stop);
   Mask open = cell.blocks();
   int64_t place = 0;
   Chunk<T>& chunk = b.chunk;
@@ -127,10 +134,10 @@ void forward(const Job<T>& job, const Cell<T>& cell, Buffers<T>& b) {
           b.index[k] = falls ? I<T>{} + int32_t(place) : b.index[k];
         }
       }
-      if (++place % period == 0) close_blocks(b, T(job.stop), int32_t(place), open);
+      if (++place % period == 0) close_blocks(b, stop, int32_t(place), open);
     }
   }
-  close_blocks(b, T(job.stop), int32_t(place), open);
+  close_blocks(b, stop, int32_t(place), open);
   cell.each_pixel([&](int p, int64_t at) {
     job.transmittance[at] = b.transmittance.at[p] + b.finished.at[p];
     for (int64_t f = 0; f < depth; f++) job.features[at * depth + f] = features[f].at[p];
