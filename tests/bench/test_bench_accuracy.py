@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from importlib import import_module
 
 import pytest
 import torch
 
 from gsedit.bench.renderer import accuracy, workloads
+from rasterizer.blending.choose import is_compiled
+from rasterizer.front import picture
+from rasterizer.numerics import AUTO
+from rasterizer.render import render
 
 
 @pytest.fixture
@@ -57,3 +62,28 @@ def test_the_reference_is_stored_and_never_stale(tiny, tmp_path, monkeypatch):
     moved = replace(tiny.camera, cx=tiny.camera.cx + 1)
     with pytest.raises(TypeError):
         accuracy.reference_of(tiny.scene, moved, tmp_path)
+
+
+def test_what_is_measured_is_what_renders_by_default(tiny, monkeypatch):
+    """The compiled front end, where there is one: not what stands in for it."""
+    if not is_compiled(AUTO):
+        pytest.skip("no C++ compiler on this machine")
+    drawn = []
+
+    def spy(*args, **kwargs):
+        drawn.append(picture.draw(*args, **kwargs) is not None)
+        return picture.draw(*args, **kwargs)
+
+    monkeypatch.setattr(import_module("rasterizer.render"), "draw", spy)
+
+    def colors(scene, camera):
+        return render(scene, camera).color
+
+    found = accuracy.differentiate(colors, tiny.scene, tiny.camera)
+    assert drawn == [True]
+    assert set(found.gradients) == set(accuracy.FIELDS)
+    both = accuracy.with_pose(found, colors, tiny.scene, tiny.camera)
+    assert drawn == [True, False]
+    assert set(both.gradients) == {*accuracy.FIELDS, accuracy.POSE}
+    assert all(both.gradients[name] is found.gradients[name] for name in accuracy.FIELDS)
+    assert both.gradients[accuracy.POSE].norm() > 0

@@ -9,7 +9,7 @@ import pytest
 import torch
 from shared_data import DATA
 
-from gsedit.bench.renderer.accuracy import differentiate, relative
+from gsedit.bench.renderer.accuracy import differentiate, relative, with_pose
 from gsedit.bench.renderer.workloads import garden
 from gsedit.consistency.correspond import match
 from gsedit.synthetic import ring_cameras, scenes, surface_gaussians
@@ -42,10 +42,11 @@ def fewer_splats():
 
 def check_against_reference(scene, camera, *executions):
     wanted = differentiate(
-        lambda s, c: render_reference(s, c).color, scene.to(torch.float64), camera
+        lambda s, c: render_reference(s, c).color, scene.to(torch.float64), camera, pose=True
     )
     for execution in executions:
-        found = differentiate(partial(colors, execution=execution), scene, camera)
+        drawing = partial(colors, execution=execution)
+        found = with_pose(differentiate(drawing, scene, camera), drawing, scene, camera)
         assert (found.picture.double() - wanted.picture).abs().mean() < 1e-5
         for name, exact in wanted.gradients.items():
             assert relative(found.gradients[name].double(), exact) < 1e-3, name

@@ -28,7 +28,7 @@ Draw = Callable[[Gaussians, Camera], Float[Tensor, "h w 3"]]
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """A picture, and the gradient by every input: `FIELDS` of the scene, and `POSE`."""
+    """A picture, and its gradients: of `FIELDS` of the scene, perhaps of `POSE`."""
 
     picture: Float[Tensor, "h w 3"]
     gradients: dict[str, Tensor]
@@ -48,17 +48,30 @@ class Errors:
     """Of the worst input: between its gradient and the reference's."""
 
 
-def differentiate(draw: Draw, scene: Gaussians, camera: Camera) -> Drawn:
-    """Draw a picture and its gradients, in the scene's dtype."""
+def differentiate(draw: Draw, scene: Gaussians, camera: Camera, *, pose: bool = False) -> Drawn:
+    """Draw a picture and its gradients, in the scene's dtype; `pose`: by the camera's pose too.
+
+    The compiled front end does not draw what a pose takes gradients of: with `pose` it is not what
+    is measured.
+    """
     leaves = scene.map(lambda t: t.detach().requires_grad_())
-    pose = camera.world_to_camera.detach().requires_grad_()
-    picture = draw(leaves, replace(camera, world_to_camera=pose))
+    inputs = {field: getattr(leaves, field) for field in FIELDS}
+    if pose:
+        inputs[POSE] = camera.world_to_camera.detach().requires_grad_()
+        camera = replace(camera, world_to_camera=inputs[POSE])
+    picture = draw(leaves, camera)
     weights = torch.randn(picture.shape, generator=torch.Generator().manual_seed(0))
-    inputs = [*(getattr(leaves, field) for field in FIELDS), pose]
     loss = (picture * weights.to(picture)).sum()
-    gradients = torch.autograd.grad(loss, inputs, allow_unused=True)
-    gradients = [torch.zeros_like(x) if g is None else g for g, x in zip(gradients, inputs)]
-    return Drawn(picture.detach(), dict(zip((*FIELDS, POSE), gradients)))
+    gradients = torch.autograd.grad(
+        loss, tuple(inputs.values()), allow_unused=True, materialize_grads=True
+    )
+    return Drawn(picture.detach(), dict(zip(inputs, gradients)))
+
+
+def with_pose(drawn: Drawn, draw: Draw, scene: Gaussians, camera: Camera) -> Drawn:
+    """The same, and the gradient of the pose, from a second picture."""
+    second = differentiate(draw, scene, camera, pose=True)
+    return replace(drawn, gradients={**drawn.gradients, POSE: second.gradients[POSE]})
 
 
 def picture_errors(
@@ -111,7 +124,9 @@ def reference_of(
     scene = scene.to(torch.float64)
     left, top, width, height = crop or (0, 0, camera.width, camera.height)
     here = slice(top, top + height), slice(left, left + width)
-    drawn = differentiate(lambda s, c: reference.render_reference(s, c).color[here], scene, camera)
+    drawn = differentiate(
+        lambda s, c: reference.render_reference(s, c).color[here], scene, camera, pose=True
+    )
     if path is not None:
         with atomic_path(path, overwrite=True) as temporary:
             torch.save({"picture": drawn.picture, **drawn.gradients}, temporary)

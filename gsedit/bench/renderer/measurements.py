@@ -44,7 +44,7 @@ class RenderMeasurement:
     forward_cpu: float | None
     """Seconds of all threads together."""
     both_wall: float | None
-    """Forward and backward, to the gradients of every input."""
+    """Forward and backward, to the gradients of the scene."""
     both_cpu: float | None
     yardstick: float | None
     """Seconds of a pass of the yardstick (see measure.py), between the same runs."""
@@ -54,9 +54,9 @@ class RenderMeasurement:
     """99.9 % of the errors are at most this."""
     error_max: float | None
     gradient_error: float | None
-    """Of the worst input: |difference| / |reference|."""
+    """Of the scene's worst field: |difference| / |reference|."""
     gradient_cosine: float | None
-    """Of the worst input, between its gradient and the reference's."""
+    """Of the scene's worst field, between its gradient and the reference's."""
     peak_bytes: int | None
     """Memory of forward and backward, above the inputs."""
     note: str

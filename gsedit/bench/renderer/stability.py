@@ -16,7 +16,7 @@ import torch
 from torch import Tensor
 
 from gsedit.bench.markdown import markdown_table
-from gsedit.bench.renderer.accuracy import Draw, Drawn, differentiate, errors
+from gsedit.bench.renderer.accuracy import Draw, Drawn, differentiate, errors, with_pose
 from gsedit.bench.renderer.edge_cases import EDGE_CASES, EdgeCase, RenderInput
 from gsedit.reports.stopwatch import Stopwatch
 from rasterizer.numerics import AUTO, Execution, Numerics
@@ -68,14 +68,16 @@ def measure_edge_case(
     with gradients.
     """
     given = case.make(dtype)
-    drawn, message, seconds = _timed(_rasteriser(given, execution), given, runs)
+    draw = _rasteriser(given, execution)
+    drawn, message, seconds = _timed(draw, given, runs)
     image = gradient = textbook = textbook_image = textbook_gradient = None
     if drawn is not None:
+        drawn = with_pose(drawn, draw, given.scene, given.camera)
         exact = RenderInput(given.scene.to(torch.float64), given.camera, given.background.double())
-        reference = differentiate(_textbook(exact), exact.scene, exact.camera)
+        reference = differentiate(_textbook(exact), exact.scene, exact.camera, pose=True)
         image, gradient = _errors(drawn, reference)
         if dtype != torch.float64:
-            plain = differentiate(_textbook(given), given.scene, given.camera)
+            plain = differentiate(_textbook(given), given.scene, given.camera, pose=True)
             textbook = _outcome(plain)
             textbook_image, textbook_gradient = _errors(plain, reference)
     return EdgeCaseMeasurement(

@@ -19,7 +19,13 @@ from gsedit.bench.curves import slope
 from gsedit.bench.markdown import markdown_table
 from gsedit.bench.measure import PIECES, QUICK_PIECES, Timing, timed, timed_together, yardstick
 from gsedit.bench.provenance import commit, machine
-from gsedit.bench.renderer.accuracy import Drawn, differentiate, errors, reference_of
+from gsedit.bench.renderer.accuracy import (
+    Drawn,
+    differentiate,
+    errors,
+    reference_of,
+    with_pose,
+)
 from gsedit.bench.renderer.pairs import listed_pairs, nearest_to_floor
 from gsedit.bench.renderer.settings import Setting, draw
 from gsedit.bench.renderer.speed import GARDEN_SCALES, kernels, measure_speed
@@ -139,6 +145,7 @@ def accuracy_targets(workload: Workload, cache: Path | None) -> list[Target]:
     for (name, (numerics, mean, tail)), kernel in product(limits.items(), kernels()):
         drawing = partial(draw, Setting(numerics=numerics, execution=replace(AUTO, kernel=kernel)))
         drawn = differentiate(drawing, workload.scene, workload.camera)
+        drawn = with_pose(drawn, drawing, workload.scene, workload.camera)
         wrong = errors(drawn, reference)
         label = f"{workload.name}, {kernel}, {name}"
         targets += [
