@@ -107,7 +107,7 @@ def _place(compiler: str, source: Path) -> Path:
         base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     except RuntimeError as error:  # the user has no home folder
         raise OSError(*error.args) from error
-    version = subprocess.run([compiler, "--version"], capture_output=True, text=True, check=False)
+    version = _ran(compiler, "--version")
     key = "\n".join(
         (
             *(file.read_text() for file in (source, *sorted(source.parent.glob("*.h")))),
@@ -120,6 +120,11 @@ def _place(compiler: str, source: Path) -> Path:
     )
     name = f"{source.stem}-{hashlib.sha256(key.encode()).hexdigest()[:16]}.so"
     return Path(base) / "gsedit" / name
+
+
+def _ran(*command: str) -> subprocess.CompletedProcess[str]:
+    """A command that has ended; what it wrote may be in any encoding. Raises OSError."""
+    return subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
 
 
 def _processor() -> str:
@@ -136,8 +141,7 @@ def _compile(compiler: str, source: Path, target: Path) -> Path:
     """`target`, made from the source. Raises _Failed with the compiler's first line."""
     complaint = ""
     for tuning in FOR_THIS_PROCESSOR:
-        command = [compiler, *FLAGS, *tuning, str(source), "-o", str(target)]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        done = _ran(compiler, *FLAGS, *tuning, str(source), "-o", str(target))
         if done.returncode == 0:
             return target
         complaint = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[0]

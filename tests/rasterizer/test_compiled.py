@@ -169,7 +169,8 @@ def test_without_a_compiler_torch_renders_where_none_is_asked_for(
 
 def test_a_compiler_that_complains_is_quoted(empty_cache, tmp_path, monkeypatch):
     script = tmp_path / "cxx"
-    script.write_text("#!/bin/sh\necho 'kernel.cpp:1: no such luck' >&2\nexit 1\n")
+    # in an encoding that is not this process's
+    script.write_text("#!/bin/sh\nprintf 'kernel.cpp:1: no such luck, \\351' >&2\nexit 1\n")
     script.chmod(0o755)
     assert subprocess.run([script], check=False, capture_output=True).returncode == 1
     monkeypatch.setenv("CXX", str(script))
