@@ -345,7 +345,7 @@ int64_t list(Job<T>& job) {
   // each thread fills the lists of its rows of tiles, which hold about as many pairs
   std::vector<int64_t> bands = {0};
   const int64_t threads = std::max<int64_t>(1, std::min(job.threads, job.pairs / (1 << 14)));
-  for (int64_t row = 1; row < job.tile_rows; row++)
+  for (int64_t row = 1; row < job.tile_rows && int64_t(bands.size()) < threads; row++)
     if (job.starts[row * job.columns] >= job.pairs * int64_t(bands.size()) / threads)
       bands.push_back(row * job.columns);
   bands.push_back(tiles);

@@ -103,7 +103,10 @@ def list_gaussians(scene: Gaussians, request: Request) -> Listed | None:
     The scene's tensors are contiguous and of one dtype, float32 or float64. Raises MemoryError.
     """
     job = _job(scene, request)
-    scratch = _scratch.pop() if _scratch else _library().new_scratch()
+    try:  # another thread may take the last one
+        scratch = _scratch.pop()
+    except IndexError:
+        scratch = _library().new_scratch()
     if not scratch:
         raise MemoryError("no memory for a picture's lists")
     try:

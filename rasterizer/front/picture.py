@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import torch
@@ -49,6 +50,8 @@ def draw(
     checks.settings(numerics)
     checks.camera(camera)
     checks.crop(box, camera)
+    # the backward pass reads the pose again, which may have been changed in place by then
+    camera = replace(camera, world_to_camera=camera.world_to_camera.detach().clone())
     request = kernel.Request(camera, box, numerics, execution, backend.pair_overhead, depth, median)
     fields = [getattr(scene, name) for name in kernel.FIELDS]
     drawn = _Picture.apply(request, backend, *fields)
@@ -60,10 +63,13 @@ def _fits(scene: Gaussians, camera: Camera, numerics: Numerics, execution: Execu
     means, count = scene.means, len(scene)
     fields = [getattr(scene, name) for name in kernel.FIELDS]
     alike = all(f.dtype == means.dtype and f.device == means.device for f in fields)
+    bands = scene.sh.shape[1] if scene.sh.ndim == 3 else 0
+    shapes = [(count, 3), (count, 4), (count, 3), (count,), (count, bands, 3)]
     return (
         alike
-        and all(len(f) == count for f in fields)
-        and scene.sh.shape[1] in (1, 4, 9, 16, 25)
+        and [tuple(f.shape) for f in fields] == shapes  # it reads addresses
+        and camera.world_to_camera.shape == (4, 4)
+        and bands in (1, 4, 9, 16, 25)
         and count < 1 << 31
         and not (torch.is_grad_enabled() and camera.world_to_camera.requires_grad)
         and execution.cull == "ellipse"

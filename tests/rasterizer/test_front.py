@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from importlib import import_module
 
@@ -196,3 +197,69 @@ def test_without_the_front_end_the_python_files_go_on(monkeypatch):
     wanted = render(scene, camera).color
     monkeypatch.setattr(kernel, "load", lambda *_: None)
     assert (render(scene, camera).color - wanted).abs().max() < 1e-12
+
+
+def test_pictures_share_nothing_that_a_backward_pass_reads():
+    """Three sizes are drawn, then go back in another order, one of them twice."""
+    clouds = [(random_cloud(n, seed=n, degree=1), cloud()[1]) for n in (300, 40, 90)]
+    alone = [all_of(render, *each)[1] for each in clouds]
+    drawn = []
+    for scene, camera in clouds:
+        inputs = leaves(scene)
+        seen = render(inputs, camera, execution=COMPILED, depth=True, numerics=WHOLE_SUM)
+        parts = [seen.color, seen.alpha, seen.depth]
+        products = [(part * weights_like(part, i)).sum() for i, part in enumerate(parts)]
+        drawn.append((torch.stack(products).sum(), tensors(inputs)))
+    for i in (1, 0, 2, 0):
+        found = torch.autograd.grad(*drawn[i], retain_graph=True)
+        assert all(torch.equal(a, b) for a, b in zip(found, alone[i]))
+
+
+def test_threads_may_draw_at_the_same_time():
+    clouds = [(random_cloud(100 + n, seed=n), cloud()[1]) for n in range(6)]
+    wanted = [all_of(render, *each) for each in clouds]
+    with ThreadPoolExecutor(3) as pool:
+        for _ in range(3):
+            found = list(pool.map(lambda each: all_of(render, *each), clouds))
+            for a, b in zip(found, wanted):
+                assert all(map(torch.equal, a[0] + list(a[1]), b[0] + list(b[1])))
+
+
+def test_a_pose_may_move_on_before_the_backward_pass():
+    scene, camera = random_cloud(50, seed=2), cloud()[1]
+    wanted = all_of(render, scene, camera)[1]
+    moving = replace(camera, world_to_camera=camera.world_to_camera.clone())
+
+    def draw_and_move(*args, **kwargs):
+        drawn = render(*args, **kwargs)
+        moving.world_to_camera[0, 3] += 0.3
+        return drawn
+
+    found = all_of(draw_and_move, scene, moving)[1]
+    assert all(map(torch.equal, found, wanted))
+
+
+@pytest.mark.parametrize("field", kernel.FIELDS)
+def test_shapes_that_do_not_fit_are_not_read(field):
+    """The kernel gets addresses: a column that is missing is another array's memory."""
+    scene, camera = cloud()
+    object.__setattr__(scene, field, getattr(scene, field)[..., None])  # past the tests' checks
+    box = (0, 0, camera.width, camera.height)
+    assert picture.draw(scene, camera, box, Numerics(), COMPILED) is None
+
+
+@pytest.mark.parametrize("threads", [1, 2, 5])
+def test_lists_are_the_same_whoever_fills_them(threads, by_front, by_python):
+    """So many pairs that several threads fill the lists; most of them in the upper rows."""
+    scene, camera = random_cloud(6000, seed=6), cloud()[1]
+    camera = replace(camera, cy=0.1 * camera.height)
+    execution = replace(COMPILED, tile_size=2)
+    before = torch.get_num_threads()
+    try:
+        torch.set_num_threads(threads)
+        found, wanted = (
+            each(scene, camera, execution=execution).color for each in (by_front, by_python)
+        )
+    finally:
+        torch.set_num_threads(before)
+    assert (found - wanted).abs().max() < 1e-12
