@@ -90,7 +90,7 @@ GAINS = (1.0, 0.6, 1.4, 0.6, 1.4, 0.6, 1.4, 1.0, 1.0)
 
 @pytest.fixture(scope="module")
 def exposed():
-    taken = captures.photographed(captures.room(globe()), len(GAINS), 24, points=200)
+    taken = captures.photographed(captures.room(globe()), len(GAINS), 48, points=200)
     views = tuple(replace(v, image=0.7 * g * v.image) for v, g in zip(taken.views, GAINS))
     return replace(taken, views=views)
 
