@@ -110,5 +110,5 @@ BACKEND = Backend(
     backward=backward,
     # a pixel costs next to nothing, for a tile's pixels are visited only where an ellipse is; but
     # tiles above 16 pixels are blended in parts, each of which reads the whole list
-    pair_overhead=512.0,
+    pair_overhead=320.0,
 )
