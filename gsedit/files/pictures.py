@@ -42,6 +42,11 @@ def read_photo(path: Path, *, turn: bool = False) -> Float[Tensor, "h w c"]:
         with Image.open(path) as picture:
             if turn:
                 picture = ImageOps.exif_transpose(picture)
+            if picture.mode.startswith(
+                "I"
+            ):  # 16 bits of grey, which Pillow's conversion cuts at 255
+                grey = torch.from_numpy(np.array(picture).astype(np.float32) / 65535).clamp(0, 1)
+                return grey[..., None].repeat(1, 1, 3)
             if not picture.has_transparency_data:
                 return _unit(np.array(picture.convert("RGB")))
             rgba = _unit(np.array(picture.convert("RGBA")))

@@ -201,3 +201,10 @@ def test_photos_are_read_when_they_are_asked_for(tmp_path, monkeypatch):
     (tmp_path / "images/2.png").unlink()
     with pytest.raises(InputError, match=r"2\.png is no readable picture"):
         _ = moved.image
+
+
+def test_grey_photos_of_16_bits_keep_their_levels(tmp_path):
+    levels = np.arange(48, dtype=np.uint16).reshape(6, 8) * 1300
+    Image.fromarray(levels).save(tmp_path / "grey.png")
+    expected = torch.from_numpy(levels.astype(np.float32) / 65535)[..., None].expand(6, 8, 3)
+    torch.testing.assert_close(read_photo(tmp_path / "grey.png"), expected)
