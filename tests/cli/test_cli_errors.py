@@ -52,7 +52,7 @@ def test_bad_input_is_one_line_3_and_nothing_written(bad: BadFile, tmp_path):
     if bad.kind == "scene":
         result = gsedit("edit", path, "make it snow", "-o", out)
     else:
-        result = gsedit("fit", path, "-o", out / "scene.ply")
+        result = gsedit("fit", path, "-o", out / "scene.ply", "--kernel", "torch")
     assert result.exit_code in (2, 3)
     assert one_line(result.stderr)
     for words in bad.words:
