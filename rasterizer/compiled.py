@@ -24,7 +24,8 @@ FLAGS = ("-std=c++17", "-shared", "-fPIC", "-pthread", "-O3", "-fno-math-errno",
 # No -ffast-math: linking with it would make the whole process flush denormals to zero.
 FOR_THIS_PROCESSOR = (("-march=native", "-mprefer-vector-width=512"), ("-march=native",), ())
 """Tried in this order: not every compiler knows every one."""
-
+HEADERS = Path(__file__).parent
+"""Where `threads.h` is, which all sources may include."""
 
 MOVE = "install g++ or clang++, or name a C++17 compiler in CXX"
 """What helps where there is no library."""
@@ -63,13 +64,28 @@ def make(source: Path) -> Made:
     name = Path(compiler).name
     try:
         try:
-            return Made(ctypes.CDLL(str(_cached(compiler, source))), name)
+            return Made(_opened(_cached(compiler, source)), name)
         except OSError:  # the cache cannot be written, or what is in it does not load
             with tempfile.TemporaryDirectory() as folder:
                 path = _compile(compiler, source, Path(folder) / "kernel.so")
-                return Made(ctypes.CDLL(str(path)), name)
+                return Made(_opened(path), name)
     except (_Failed, OSError) as error:
         return Made(None, name, str(error))
+
+
+def _opened(path: Path) -> ctypes.CDLL:
+    """A library, which works on torch's threads where OpenMP runs them. Raises OSError."""
+    library = ctypes.CDLL(str(path))
+    library.use_team(_team())
+    return library
+
+
+def _team() -> ctypes.c_void_p | None:
+    """GOMP_parallel of the OpenMP library that torch has loaded for all; None where it has not."""
+    try:
+        return ctypes.cast(ctypes.CDLL(None).GOMP_parallel, ctypes.c_void_p)
+    except (AttributeError, OSError, TypeError):  # other OpenMP libraries; Windows
+        return None
 
 
 class _Failed(Exception):
@@ -108,9 +124,10 @@ def _place(compiler: str, source: Path) -> Path:
     except RuntimeError as error:  # the user has no home folder
         raise OSError(*error.args) from error
     version = _ran(compiler, "--version")
+    headers = sorted({*source.parent.glob("*.h"), *HEADERS.glob("*.h")})
     key = "\n".join(
         (
-            *(file.read_text() for file in (source, *sorted(source.parent.glob("*.h")))),
+            *(file.read_text() for file in (source, *headers)),
             compiler,
             version.stdout,
             *FLAGS,
@@ -141,7 +158,7 @@ def _compile(compiler: str, source: Path, target: Path) -> Path:
     """`target`, made from the source. Raises _Failed with the compiler's first line."""
     complaint = ""
     for tuning in FOR_THIS_PROCESSOR:
-        done = _ran(compiler, *FLAGS, *tuning, str(source), "-o", str(target))
+        done = _ran(compiler, *FLAGS, *tuning, f"-I{HEADERS}", str(source), "-o", str(target))
         if done.returncode == 0:
             return target
         complaint = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[0]

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <thread>
-#include <vector>
+
+#include "threads.h"
 
 namespace {
 
@@ -73,18 +73,10 @@ template <typename T>
 int run(const Job<T>& job, void (*work)(const Job<T>&, int64_t, int64_t)) {
   // a thread costs as much as a few thousand rows
   const int64_t wanted = std::min<int64_t>(job.threads, job.count * job.columns / 16384);
-  const int64_t threads = std::max<int64_t>(1, wanted);
-  auto part = [&](int64_t t) { work(job, t * job.count / threads, (t + 1) * job.count / threads); };
-  std::vector<std::thread> others;
-  int64_t started = 1;
-  try {
-    for (; started < threads; started++) others.emplace_back(part, started);
-  } catch (...) {
-  }  // this thread does what no other does
-  part(0);
-  for (int64_t t = started; t < threads; t++) part(t);
-  for (auto& thread : others) thread.join();
-  return 0;
+  const int64_t parts = std::max<int64_t>(1, wanted);
+  return !over_threads(job.threads, parts, [&](int64_t part) {
+    work(job, part * job.count / parts, (part + 1) * job.count / parts);
+  });
 }
 
 }  // namespace

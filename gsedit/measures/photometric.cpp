@@ -6,11 +6,11 @@
 // Compiled and called by photometric.py.
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <cstdint>
-#include <thread>
 #include <vector>
+
+#include "threads.h"
 
 namespace {
 
@@ -227,32 +227,16 @@ struct Strip {
   }
 };
 
-// 0, or 1 where there was no memory: an exception must not leave, Python would not see it.
+// 0, or 1 where there was no memory.
 template <typename T>
 int run(const Job<T>& job) {
   const int64_t threads = std::max<int64_t>(1, std::min(job.threads, job.height));
   const int64_t parts = std::max<int64_t>(1, (threads + job.pictures - 1) / job.pictures);
-  std::atomic<int64_t> next{0};
-  std::atomic<int> failed{0};
-  auto loop = [&] {
-    try {
-      for (int64_t t; (t = next.fetch_add(1)) < job.pictures * parts;) {
-        const int64_t picture = t / parts, part = t % parts;
-        Strip<T>(job, picture)
-            .work(picture, part * job.height / parts, (part + 1) * job.height / parts);
-      }
-    } catch (...) {
-      failed = 1;
-    }
-  };
-  std::vector<std::thread> others;
-  try {
-    for (int64_t i = 1; i < threads; i++) others.emplace_back(loop);
-  } catch (...) {
-  }  // the threads that did start will do
-  loop();
-  for (auto& thread : others) thread.join();
-  return failed;
+  return !over_threads(job.threads, job.pictures * parts, [&](int64_t t) {
+    const int64_t picture = t / parts, part = t % parts;
+    Strip<T>(job, picture)
+        .work(picture, part * job.height / parts, (part + 1) * job.height / parts);
+  });
 }
 
 }  // namespace

@@ -11,10 +11,10 @@
 // transmittance is FINISHED: what lies behind is not blended, and `ends` says where that was.
 
 #include <atomic>
-#include <thread>
 #include <vector>
 
 #include "chunk.h"
+#include "threads.h"
 
 namespace {
 
@@ -261,35 +261,22 @@ void backward(const Job<T>& job, const Cell<T>& cell, Buffers<T>& b, bool is_fir
   }
 }
 
-// 0, or 1 where there was no memory: an exception must not leave, Python would not see it.
+// 0, or 1 where there was no memory. Threads take tiles from a counter.
 template <typename T, typename Work>
 int each_cell(const Job<T>& job, Work work) {
   std::atomic<int64_t> next{0};
   const int64_t tiles = job.columns * job.rows;
-  std::atomic<int> failed{0};
-  auto loop = [&] {
-    try {
-      Buffers<T> buffers(job);
-      for (int64_t t; (t = next.fetch_add(1)) < tiles;) {
-        const int64_t left = t % job.columns * job.side, top = t / job.columns * job.side;
-        const int64_t right = std::min(left + job.side, job.width);
-        const int64_t bottom = std::min(top + job.side, job.height);
-        for (int64_t y = top; y < bottom; y += Shape<T>::CELL)
-          for (int64_t x = left; x < right; x += Shape<T>::CELL)
-            work(Cell<T>(job, t, x, y, right, bottom), buffers, x == left && y == top);
-      }
-    } catch (...) {
-      failed = 1;
+  return !over_threads(job.threads, std::min(job.threads, tiles), [&](int64_t) {
+    Buffers<T> buffers(job);
+    for (int64_t t; (t = next.fetch_add(1)) < tiles;) {
+      const int64_t left = t % job.columns * job.side, top = t / job.columns * job.side;
+      const int64_t right = std::min(left + job.side, job.width);
+      const int64_t bottom = std::min(top + job.side, job.height);
+      for (int64_t y = top; y < bottom; y += Shape<T>::CELL)
+        for (int64_t x = left; x < right; x += Shape<T>::CELL)
+          work(Cell<T>(job, t, x, y, right, bottom), buffers, x == left && y == top);
     }
-  };
-  std::vector<std::thread> others;
-  try {
-    for (int64_t i = 1; i < std::min(job.threads, tiles); i++) others.emplace_back(loop);
-  } catch (...) {
-  }  // the threads that did start will do
-  loop();
-  for (auto& thread : others) thread.join();
-  return failed;
+  });
 }
 
 template <typename T, int DEPTH>

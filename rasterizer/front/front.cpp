@@ -4,6 +4,7 @@
 // where a number is not finite (the caller lets the Python files find it and name it), NO_MEMORY.
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 
 #include "bins.h"

@@ -2,15 +2,15 @@
 // next.
 #pragma once
 
-#include <atomic>
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
 #include <new>
-#include <thread>
 #include <vector>
 
 #include "numbers.h"
+#include "threads.h"
 
 constexpr int GEOMETRY = 6;  // columns of the table before the colour: x, y, w0, w1, w2, log opacity
 constexpr int FOOTPRINT = 8; // numbers that describe an ellipse, see bins.h
@@ -86,28 +86,14 @@ struct Scratch {
   Buffer<int64_t> counts;
 };
 
-// work(begin, end, thread) over parts of [0, count), which do not depend on timing: multiples of
+// work(begin, end, part) over parts of [0, count), which do not depend on timing: multiples of
 // `step` but for the last, worth a thread from `least` on.
 template <typename Work>
 void in_parallel(int64_t threads, int64_t count, int64_t least, int64_t step, Work work) {
-  threads = std::max<int64_t>(1, std::min(threads, count / least));
-  const int64_t part = ((count + threads - 1) / threads + step - 1) / step * step;
-  std::vector<std::thread> others;
-  std::atomic<int> failed{0};
-  const auto one = [&](int64_t t) {
-    try {
-      work(std::min(t * part, count), std::min((t + 1) * part, count), t);
-    } catch (...) {
-      failed = 1;
-    }
-  };
-  int64_t started = 1;
-  try {
-    for (; started < threads; started++) others.emplace_back(one, started);
-  } catch (...) {
-  }
-  one(0);
-  for (int64_t t = started; t < threads; t++) one(t);  // those that did not start
-  for (auto& thread : others) thread.join();
-  if (failed) throw std::bad_alloc();
+  const int64_t parts = std::max<int64_t>(1, std::min(threads, count / least));
+  const int64_t size = ((count + parts - 1) / parts + step - 1) / step * step;
+  if (!over_threads(threads, parts, [&](int64_t part) {
+        work(std::min(part * size, count), std::min((part + 1) * size, count), part);
+      }))
+    throw std::bad_alloc();
 }

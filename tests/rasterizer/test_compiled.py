@@ -90,7 +90,21 @@ def test_stopping_early_costs_less_than_the_threshold(kernel):
     assert 1e-3 < difference <= 0.1  # colours here are below 1
 
 
-def test_the_number_of_threads_changes_no_bit(kernel):
+@pytest.fixture(params=["torch's threads", "new threads"])
+def whose_threads(request, kernel):
+    """Threads of OpenMP, where torch has such that can be found, and those of the kernel itself."""
+    team = library._team()
+    if request.param == "torch's threads" and team is None:
+        pytest.skip("torch has no libgomp on this machine")
+    libraries = [compiled.load(), front.load()]
+    for each in libraries:
+        each.use_team(team if request.param == "torch's threads" else None)
+    yield
+    for each in libraries:
+        each.use_team(team)
+
+
+def test_the_number_of_threads_changes_no_bit(whose_threads):
     scene, camera = cloud()
     before = torch.get_num_threads()
     try:
