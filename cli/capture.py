@@ -76,12 +76,14 @@ def run_capture(
         CaptureResult,
         Line,
         capture_steps,
+        check_frames,
         check_places,
         is_begun,
         start_anew,
     )  # fmt: skip
 
     check_places(photos, out)
+    check_frames(photos, settings)
     check_folder(out, force or is_begun(out))
     if force:
         start_anew(out)

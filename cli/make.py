@@ -121,16 +121,32 @@ class Work:
     def check(self) -> None:
         """Raise UsageError or InputError for what can be known before the long work: photos that
         are not there, an instruction that the editor cannot follow."""
-        from gsedit.capture.capture import check_places
+        from gsedit.capture.capture import check_frames, check_places
         from gsedit.errors import UsageError
 
         if not self.instruction.strip():
             raise UsageError("the instruction is empty: say what should change: 'make it snow'")
         if self.photos.resolve() == self.out.resolve():
             raise UsageError(f"-o {self.out} is where the photos are: choose another folder")
-        if not has_poses(self.photos):
+        if has_poses(self.photos):
+            self.check_no_posing()
+        else:
             check_places(self.photos, self.out / "capture")
+            check_frames(self.photos, self.posing)
         self.editor.make(self.edit, self.instruction)
+
+    def check_no_posing(self) -> None:
+        """Raise UsageError where photos that have poses are to be posed in some way."""
+        from gsedit.capture.settings import CaptureSettings
+        from gsedit.errors import UsageError
+
+        usual = CaptureSettings()
+        given = [f"--{name}" for name in POSING if getattr(self.posing, name) != getattr(usual, name)]
+        if given:
+            raise UsageError(
+                f"{self.photos} has poses already, and {' and '.join(given)} would change nothing: "
+                "leave that out, or name a folder of the photos alone to pose them anew"
+            )
 
     def stages(self) -> list[Stage]:
         """The stages in order. Photos that have poses are not captured."""

@@ -71,6 +71,15 @@ def check_places(source: Path, out: Path) -> None:
         raise UsageError(f"-o {out} would replace {what}: choose another folder")
 
 
+def check_frames(source: Path, settings: CaptureSettings) -> None:
+    """Raise UsageError where a number of frames is asked of a folder of photos."""
+    if settings.frames is not None and source.is_dir():
+        raise UsageError(
+            f"--frames {settings.frames} is for a video, and {source} is a folder of photos, of "
+            "which all are used: leave --frames out"
+        )
+
+
 def is_begun(out: Path) -> bool:
     """Whether a folder holds the stages of a capture."""
     return (out / WORK / LOG).is_file()

@@ -28,7 +28,8 @@ class CaptureSettings:
     """How photos are posed. Every field but the last changes what is computed."""
 
     frames: int | None = None
-    """Frames to take of a video. None: as its length and motion ask for."""
+    """Frames to take of a video; an error for photos, which are all used. None: as its length and
+    motion ask for."""
     size: int = 1600
     """Longer side of the photos that are written, pixels; they are never made larger."""
     features: int = 2048

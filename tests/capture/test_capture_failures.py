@@ -154,6 +154,7 @@ def test_a_cause_by_what_the_matches_show():
         (("a.txt", "-o", "scene"), 3, "neither a folder of photos nor a video"),
         (("photos", "-o", "new", "--size", "5"), 2, "--size is 5"),
         (("photos", "-o", "new", "--focal", "0"), 2, "--focal is 0"),
+        (("photos", "-o", "new", "--frames", "9"), 2, "--frames 9 is for a video, and photos is"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )

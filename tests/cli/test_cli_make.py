@@ -203,3 +203,15 @@ def test_the_result_as_json(photos, out, stages):
     assert last["type"] == "result"
     assert last["edited"] == str(out / "edit" / "scene.ply")
     assert last["dataset"] == str(out / "capture")
+
+
+def test_options_that_would_change_nothing_are_refused(photos, out, stages):
+    frames = make(photos, out, "--frames", 9)
+    assert frames.exit_code == 2
+    assert f"{photos} is a folder of photos, of which all are used" in frames.stderr
+    (photos / "transforms.json").write_text("{}")
+    posed = make(photos, out, "--focal", 26, "--lens", "fisheye")
+    assert posed.exit_code == 2
+    assert one_line(posed.stderr)
+    assert "has poses already, and --lens and --focal would change nothing" in posed.stderr
+    assert not stages.ran
