@@ -23,7 +23,9 @@ NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight",
 Source = Annotated[
     Path,
     typer.Argument(
-        metavar="PHOTOS", show_default=False, help="A folder of photos of one scene, or a video."
+        metavar="PHOTOS",
+        show_default=False,
+        help="A folder of photos of one scene (folders in it too), or a video.",
     ),
 ]
 

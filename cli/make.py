@@ -141,7 +141,9 @@ class Work:
         from gsedit.errors import UsageError
 
         usual = CaptureSettings()
-        given = [f"--{name}" for name in POSING if getattr(self.posing, name) != getattr(usual, name)]
+        given = [
+            f"--{name}" for name in POSING if getattr(self.posing, name) != getattr(usual, name)
+        ]
         if given:
             raise UsageError(
                 f"{self.photos} has poses already, and {' and '.join(given)} would change nothing: "
@@ -239,7 +241,7 @@ def state_of(photos: Path, out: Path) -> str:
     Hidden files do not count: file managers leave them. Nor does what is in `out`, a folder inside.
     Raises InputError for a folder without photos.
     """
-    from gsedit.capture.photos import photo_files
+    from gsedit.capture.folder import find_photos
 
     place, out = photos.resolve(), out.resolve()
     files: Iterable[Path] = [place]
@@ -253,9 +255,13 @@ def state_of(photos: Path, out: Path) -> str:
             and not any(part[0] == "." for part in each.relative_to(place).parts)
         )
     elif place.is_dir():
-        files = photo_files(place)
+        files = find_photos(place, out).files
     digest = hashlib.sha256()
     for file in files:
         stat = file.stat()
-        digest.update(f"{file.name} {stat.st_size} {stat.st_mtime_ns}\n".encode(errors="replace"))
+        digest.update(
+            f"{file.relative_to(place.parent)} {stat.st_size} {stat.st_mtime_ns}\n".encode(
+                errors="replace"
+            )
+        )
     return f"{place} {digest.hexdigest()[:12]}"

@@ -12,10 +12,11 @@ import numpy as np
 
 from gsedit.capture.causes import Evidence, before_features, cause, hopeless, listed
 from gsedit.capture.child import Step, copy_database, rows
+from gsedit.capture.folder import Found, find_photos
 from gsedit.capture.frames import Extraction, extract_steps, is_video
 from gsedit.capture.groups import FULL_FRAME_DIAGONAL, groups_of
 from gsedit.capture.pairs import exhaustive, sequential
-from gsedit.capture.photos import HEIC, Prepared, photo_files, prepare, state_of
+from gsedit.capture.photos import HEIC, Prepared, prepare, state_of
 from gsedit.capture.settings import FEWEST, Attempt, CaptureSettings, ladder
 from gsedit.capture.stages import LOG, Line, Stages, Working, fingerprint, remove
 from gsedit.capture.upright import find_upright
@@ -109,10 +110,12 @@ def capture_steps(source: Path, out: Path, settings: CaptureSettings) -> Progres
     cameras.json, capture.json, capture.png, and work/ (the stages). World: y down, in no known
     unit. Raises InputError, with the cause and the next move, where the photos cannot be posed.
     """
-    files = photo_files(source) if source.is_dir() else ()
+    found = find_photos(source, out) if source.is_dir() else None
     stages = Stages(out / WORK, settings.threads)
-    files = files or (yield from _frames(source, stages, settings))
-    prepared, key = yield from _prepared(files, stages, settings)
+    found = found or (yield from _frames(source, stages, settings))
+    for note in found.notes:
+        yield Line(note)
+    prepared, key = yield from _prepared(found, source, stages, settings)
     if fault := before_features(prepared, source):
         raise InputError(fault)
     if prepared.unreadable:
@@ -134,25 +137,23 @@ def capture_steps(source: Path, out: Path, settings: CaptureSettings) -> Progres
 
 
 def _frames(source: Path, stages: Stages, settings: CaptureSettings) -> Working:
-    """The files of the frames of a video."""
+    """The frames of a video."""
     folder = stages.place("frames")
     folder.mkdir(exist_ok=True)
     for item in extract_steps(source, folder, settings.frames):
         if isinstance(item, Extraction):
-            for note in item.notes:
-                yield Line(note)
-            return item.paths
+            return Found(item.paths, item.notes)
         yield replace(item, seconds=stages.seconds)
     raise RuntimeError("the frames ended without a result")
 
 
-def _prepared(files: Sequence[Path], stages: Stages, settings: CaptureSettings) -> Working:
+def _prepared(found: Found, source: Path, stages: Stages, settings: CaptureSettings) -> Working:
     """The prepared photos, and the key of their stage."""
-    key = fingerprint(state_of(files), settings.size)
+    key = fingerprint(state_of(found.files), settings.size)
     answer, folder = stages.answer("photos", key), stages.place(f"photos-{key}")
     if not answer.exists():
         remove(folder)
-        for item in prepare(files, folder, settings.size):
+        for item in prepare(found.files, folder, settings.size, source):
             if isinstance(item, Prepared):
                 stages.keep("photos", key, asdict(item))
             else:

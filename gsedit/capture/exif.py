@@ -66,13 +66,13 @@ class CameraGroup:
 
 
 def camera_groups(photos: Sequence[Path]) -> tuple[CameraGroup, ...]:
-    """The photos by camera, in the order of their first photos. Raises InputError for a file that
-    is no picture."""
+    """The photos by camera, in the order of their first photos; where they name no camera, each
+    folder has its own. Raises InputError for a file that is no picture."""
     groups: dict[tuple[Any, ...], list[tuple[Path, Tags]]] = {}
     for photo in photos:
         tags = read_tags(photo)
         focal = None if tags.focal is None else round(tags.focal, 1)
-        key = (tags.camera, tags.width, tags.height, focal)
+        key = (tags.camera or photo.parent, tags.width, tags.height, focal)
         groups.setdefault(key, []).append((photo, tags))
     return tuple(_group(members) for members in groups.values())
 

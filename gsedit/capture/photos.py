@@ -14,11 +14,8 @@ import numpy as np
 from PIL import Image, ImageOps
 
 from gsedit.capture.child import Step
-from gsedit.capture.frames import is_video
 from gsedit.capture.heif import register_heif
-from gsedit.errors import InputError
 
-PICTURES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp", ".heic", ".heif", ".avif")
 HEIC = "HEIC needs pi-heif, which this machine lacks: pip install pi-heif, or convert them to JPEG"
 QUALITY = 95
 """Of JPEG, where a photo is written anew."""
@@ -60,40 +57,16 @@ class Prepared:
                         tuple(record["unreadable"]))  # fmt: skip
 
 
-def photo_files(folder: Path) -> tuple[Path, ...]:
-    """The files of a folder that should be photos, in the order of their names: 2 before 10.
-
-    Raises InputError where there is none.
-    """
-    files = [each for each in folder.iterdir() if each.is_file() and each.name[0] != "."]
-    photos = [each for each in files if each.suffix.lower() in PICTURES]
-    if photos:
-        return tuple(sorted(photos, key=lambda path: (natural(path.name), path.name)))
-    videos = sorted(each.name for each in files if is_video(each))
-    if videos:
-        raise InputError(f"{folder} holds no photos but a video: name {folder / videos[0]} itself")
-    inner = sorted(each.name for each in folder.iterdir() if each.is_dir() and each.name[0] != ".")
-    move = "check the folder"
-    if inner:
-        move = f"name the folder that holds them, perhaps {folder / inner[0]}"
-    raise InputError(f"{folder} holds no photos ({', '.join(PICTURES[:6])}): {move}")
-
-
-def natural(name: str) -> list[tuple[int, str]]:
-    """A key that sorts numbers within names by their value."""
-    parts = re.findall(r"\d+|\D+", name.lower())
-    return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts]
-
-
 def state_of(files: Sequence[Path]) -> list[tuple[str, int, int]]:
     """What changes when a file does: name, bytes, time of its last change."""
     stats = [(each, each.stat()) for each in files]
     return [(str(each), stat.st_size, stat.st_mtime_ns) for each, stat in stats]
 
 
-def prepare(files: Sequence[Path], folder: Path, size: int) -> Iterator[Step | Prepared]:
+def prepare(files: Sequence[Path], folder: Path, size: int, top: Path) -> Iterator[Step | Prepared]:
     """Write the photos into `folder`, with the longer side at most `size` pixels; yields steps,
-    then what came out. A photo that is fine as it is gets a link or a copy.
+    then what came out. A photo that is fine as it is gets a link or a copy. `top`: the folder that
+    all are in; the folders between it and a photo are part of the photo's new name.
 
     Raises OSError where a photo cannot be written; one that cannot be read is left out.
     """
@@ -110,9 +83,9 @@ def prepare(files: Sequence[Path], folder: Path, size: int) -> Iterator[Step | P
         except MemoryError:
             raise
         except Exception as error:  # Pillow's decoders raise a dozen kinds
-            unreadable.append(f"{file.name} ({_reason(file, error)})")
+            unreadable.append(f"{_inside(file, top)} ({_reason(file, error)})")
             continue
-        name = _name(file, suffix, taken)
+        name = _name(_inside(file, top), suffix, taken)
         if fine:
             _link(file, folder / name)
         else:
@@ -167,11 +140,19 @@ def _rgb(picture: Image.Image) -> Image.Image:
     return picture.convert("RGB")
 
 
+def _inside(file: Path, top: Path) -> Path:
+    return file.relative_to(top) if file.is_relative_to(top) else Path(file.name)
+
+
 def _name(file: Path, suffix: str, taken: set[str]) -> str:
-    """The name with the suffix of what is written, unlike those taken, and without spaces and #,
-    which part and comment out the lines of COLMAP's list of pairs."""
+    """The name with the suffix of what is written, unlike those taken, with its folders, and
+    without spaces and #, which part and comment out the lines of COLMAP's list of pairs."""
     own = {".jpeg": ".jpg"}.get(file.suffix.lower(), file.suffix.lower())
-    stem = re.sub(r"[\s#]+", "_", os.fsencode(file.stem).decode(errors="replace"))
+    stem = re.sub(
+        r"[\s#]+",
+        "_",
+        os.fsencode("_".join((*file.parts[:-1], file.stem))).decode(errors="replace"),
+    )
     name = stem + (file.suffix if own == suffix else suffix)
     if name.lower() in taken:
         name = f"{stem}_{file.suffix[1:]}{suffix}"

@@ -26,7 +26,7 @@ def failure(folder, out, *words):
 
 
 def copies(folder, photo, count):
-    folder.mkdir()
+    folder.mkdir(parents=True)
     for i in range(count):
         shutil.copy(photo, folder / f"{i}.jpg")
 
@@ -35,6 +35,11 @@ def grey_photos(folder, size, levels):
     folder.mkdir()
     for i, level in enumerate(levels):
         Image.new("L", (size, size), level).save(folder / f"{i}.png")
+
+
+def made_before(folder):
+    folder.mkdir()
+    (folder / "capture.json").write_text("{}")
 
 
 def heic_photos(folder):
@@ -62,10 +67,11 @@ def photo(tmp_path_factory):
             "left out): copy or export these files again",
         ),
         (lambda folder, _: folder.mkdir(), "holds no photos"),
-        (lambda folder, _: (folder / "inner").mkdir(parents=True), "name the folder that holds"),
+        (lambda folder, photo: copies(folder / "masks", photo, 2), "but in "),
+        (lambda folder, _: made_before(folder), "is what gsedit capture wrote: name it for gsedit"),
         (lambda folder, _: (folder.mkdir(), (folder / "a.mov").touch()), "a.mov itself"),
     ],
-    ids=["same", "two", "black", "tiny", "heic", "empty", "inner", "video inside"],
+    ids=["same", "two", "black", "tiny", "heic", "empty", "masks", "captured", "video inside"],
 )
 def test_photos_that_can_make_no_scene(make, said, photo, tmp_path):
     make(tmp_path / "photos", photo)

@@ -16,8 +16,9 @@ from PIL import Image
 
 from gsedit.capture import child
 from gsedit.capture.child import Step
+from gsedit.capture.folder import find_photos
 from gsedit.capture.pairs import exhaustive, sequential
-from gsedit.capture.photos import Prepared, _name, photo_files, prepare
+from gsedit.capture.photos import Prepared, _name, prepare
 from gsedit.capture.settings import CaptureSettings, ladder
 from gsedit.capture.stages import Stages
 
@@ -45,7 +46,7 @@ def test_the_ladder_grows_step_by_step():
 
 
 def prepared(folder, place, size=1600) -> Prepared:
-    (*_, last) = prepare(photo_files(folder), place, size)
+    (*_, last) = prepare(find_photos(folder, place).files, place, size, folder)
     assert isinstance(last, Prepared)
     return last
 

@@ -1,0 +1,122 @@
+"""The photos that a folder holds, in whatever folders a phone or several cameras left them."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from gsedit.capture.frames import is_video
+from gsedit.errors import InputError
+
+PICTURES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp", ".heic", ".heif", ".avif")
+OTHER = re.compile(r"masks?|(images|photos)_[0-9]+|thumbnails?|thumbs")
+"""Names of folders that hold masks, or the photos made smaller (INRIA's trainer, nerfstudio)."""
+RECORDS = ("capture.json", "make.json", "edit.json")
+"""Files in the folders that gsedit writes."""
+SHOWN = 4
+"""Folders that a message names."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a folder of photos holds."""
+
+    files: tuple[Path, ...]
+    """Those that should be photos, in the order of their folders, then of their names: 2 before
+    10."""
+    notes: tuple[str, ...]
+    """For a person: how many are in which folder, and what was left out."""
+
+
+def find_photos(folder: Path, out: Path) -> Found:
+    """The photos of a folder and of those in it, without `out`, where the capture goes.
+
+    Left out besides, with a note: masks, smaller copies (images_2, ...), what gsedit made, and
+    videos. Hidden folders are not looked into. Raises InputError where there is no photo.
+    """
+    if (folder / RECORDS[0]).is_file():
+        raise InputError(
+            f"{folder} is what gsedit capture wrote: name it for gsedit fit, or "
+            f"{folder / 'images'} to pose its photos again"
+        )
+    found, videos, others = [], [], []
+    for here, files in _walk(folder, {out.resolve()}, others):
+        found += [here / name for name in files if Path(name).suffix.lower() in PICTURES]
+        videos += [here / name for name in files if is_video(Path(name))]
+    if not found:
+        raise InputError(f"{folder} holds no photos{_instead(sorted(videos), sorted(others))}")
+    found.sort(key=lambda path: _order(path.relative_to(folder)))
+    notes = [_by_folder(found)] if len({each.parent for each in found}) > 1 else []
+    if others:
+        listed = ", ".join(
+            f"{each} ({_counted(_pictures(each), 'picture')})" for each in sorted(others)
+        )
+        notes.append(
+            f"left out: {listed}: by name or content masks, smaller copies or results of gsedit; "
+            "name one itself to use it"
+        )
+    if videos:
+        notes.append(f"left out: {_counted(len(videos), 'video')} ({min(videos)}): name one itself")
+    return Found(tuple(found), tuple(notes))
+
+
+def _walk(folder: Path, seen: set[Path], others: list[Path]) -> Iterator[tuple[Path, list[str]]]:
+    """The folders and their files, nothing hidden, no folder twice; those that hold pictures that
+    are no photos of their own go to `others`."""
+
+    def refuse(error: OSError) -> None:
+        raise InputError(
+            f"{error.filename} cannot be read ({error.strerror}): give yourself access"
+        )
+
+    for place, inner, files in os.walk(folder, onerror=refuse, followlinks=True):
+        here = Path(place)
+        if (real := here.resolve()) in seen:
+            inner.clear()
+            continue
+        seen.add(real)
+        made = any(record in files for record in RECORDS)
+        if here != folder and (made or OTHER.fullmatch(here.name.lower())):
+            inner.clear()
+            if made or _pictures(here):
+                others.append(here)
+            continue
+        inner[:] = (name for name in inner if name[0] != ".")
+        yield here, [name for name in files if name[0] != "."]
+
+
+def _pictures(folder: Path) -> int:
+    return sum(each.suffix.lower() in PICTURES for each in folder.rglob("*"))
+
+
+def _counted(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+
+
+def _instead(videos: Sequence[Path], others: Sequence[Path]) -> str:
+    if videos:
+        return f" but a video: name {videos[0]} itself"
+    if others:
+        return f" but in {others[0]}: name it itself"
+    return f" ({', '.join(PICTURES[:6])}): check the folder"
+
+
+def _by_folder(files: Sequence[Path]) -> str:
+    counts = Counter(each.parent for each in files)
+    parts = [f"{count} in {place}" for place, count in counts.items()]
+    shown = ", ".join(parts[:SHOWN]) + (f", and {len(parts) - SHOWN} more" * (len(parts) > SHOWN))
+    return f"{len(files)} photos of {len(counts)} folders: {shown}"
+
+
+def _order(path: Path) -> tuple[list[list[tuple[int, str]]], list[tuple[int, str]], str]:
+    return [natural(part) for part in path.parts[:-1]], natural(path.name), str(path)
+
+
+def natural(name: str) -> list[tuple[int, str]]:
+    """A key that sorts numbers within names by their value."""
+    parts = re.findall(r"\d+|\D+", name.lower())
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts]

@@ -1,0 +1,78 @@
+"""Which photos a folder holds: those of its folders too, and a line about what is left out."""
+
+from __future__ import annotations
+
+import pytest
+from PIL import Image
+
+from gsedit.capture.exif import camera_groups
+from gsedit.capture.folder import find_photos
+from gsedit.capture.photos import prepare
+from gsedit.errors import InputError
+
+
+def photos(folder, *names, suffix=".jpg"):
+    folder.mkdir(parents=True)
+    for name in names:
+        Image.new("RGB", (80, 64)).save(folder / (name + suffix))
+
+
+@pytest.fixture
+def phones(tmp_path):
+    """Two phones of which each wrote its own folder, and one photo beside them."""
+    top = tmp_path / "photos"
+    photos(top, "first")
+    photos(top / "phone 10", "IMG_1", "IMG_2")
+    photos(top / "phone 2" / "DCIM", "IMG_1", "IMG_10", "IMG_9")
+    return top
+
+
+def test_photos_in_folders_are_read_in_the_order_of_the_folders(phones, tmp_path):
+    found = find_photos(phones, tmp_path / "out")
+    assert [each.relative_to(phones).as_posix() for each in found.files] == [
+        "first.jpg", "phone 2/DCIM/IMG_1.jpg", "phone 2/DCIM/IMG_9.jpg",
+        "phone 2/DCIM/IMG_10.jpg", "phone 10/IMG_1.jpg", "phone 10/IMG_2.jpg",
+    ]  # fmt: skip
+    (note,) = found.notes
+    assert note == (
+        f"6 photos of 3 folders: 1 in {phones}, 3 in {phones / 'phone 2' / 'DCIM'}, "
+        f"2 in {phones / 'phone 10'}"
+    )
+    *_, last = prepare(found.files, tmp_path / "prepared", 1600, phones)
+    names = [photo.name for photo in last.photos]
+    assert names[:2] == ["first.jpg", "phone_2_DCIM_IMG_1.jpg"]
+    assert len({name.lower() for name in names}) == 6
+    assert not any(" " in name for name in names)
+
+
+def test_folders_are_cameras_where_no_photo_names_its_own(phones, tmp_path):
+    groups = camera_groups(find_photos(phones, tmp_path / "out").files)
+    assert [len(group.photos) for group in groups] == [1, 3, 2]
+
+
+def test_what_is_left_out_is_named_with_counts(phones, tmp_path):
+    photos(phones / "masks", "a", "b", suffix=".png")
+    photos(phones / "images_4", "a")
+    photos(phones / ".thumbnails", "a")
+    photos(phones / "bronze", "before_after")
+    (phones / "bronze" / "edit.json").write_text("{}")
+    (phones / "a.mov").touch()
+    photos(phones / "out" / "images", "a")
+    (phones / "again").symlink_to(phones, target_is_directory=True)
+    found = find_photos(phones, phones / "out")
+    assert len(found.files) == 6
+    _, left, videos = found.notes
+    for words in ("bronze (1 picture)", "images_4 (1 picture)", "masks (2 pictures)", "itself"):
+        assert words in left
+    assert "thumbnails" not in left
+    assert videos.startswith("left out: 1 video (")
+
+
+def test_a_folder_that_cannot_be_read_is_an_error(phones, tmp_path, monkeypatch):
+    def refuse(top, onerror, followlinks):
+        onerror(PermissionError(13, "Permission denied", str(phones / "phone 2")))
+        return iter(())
+
+    monkeypatch.setattr("os.walk", refuse)
+    with pytest.raises(InputError, match=r"phone 2 cannot be read .Permission denied"):
+        find_photos(phones, tmp_path / "out")
