@@ -59,6 +59,8 @@ class Frame:
 
     name: str
     """Its file in the folder; names sort by time."""
+    stamp: int
+    """See `Decoded.stamp`."""
     seconds: float
     sharpness: float
     """Variance of the Laplacian at the measuring size, in the median of its neighbours'."""
@@ -80,13 +82,6 @@ class Extraction:
 def is_video(path: Path) -> bool:
     """By the suffix of its name."""
     return path.suffix.lower() in SUFFIXES
-
-
-def extract(video: Path, folder: Path, count: int | None = None) -> tuple[Path, ...]:
-    """`extract_steps` to its end; the files."""
-    *_, last = extract_steps(video, folder, count)
-    assert isinstance(last, Extraction)
-    return last.paths
 
 
 def extract_steps(
@@ -119,13 +114,16 @@ def extract_steps(
         kept = chosen, (*notes, *blur_notes(chosen, video))
         _keep(video, folder, count, *kept)
     chosen, notes = kept
-    missing = {frame.name for frame in chosen if not (folder / frame.name).is_file()}
+    missing = {frame.stamp: frame.name for frame in chosen if not (folder / frame.name).is_file()}
     if missing:
         with open_video(video) as source:
             for done, name in enumerate(_write(source, folder, missing), 1):
                 note = f"the sharpest of each stretch: {name}"
                 yield Event("frames", time.monotonic() - begun, done, len(missing), note=note)
-    yield Extraction(chosen, tuple(folder / frame.name for frame in chosen), notes)
+    written = tuple(frame for frame in chosen if (folder / frame.name).is_file())
+    if lost := len(chosen) - len(written):  # damage is not decoded alike each time
+        notes = (*notes, f"{video}: {lost} of {len(chosen)} frames could not be decoded again")
+    yield Extraction(written, tuple(folder / frame.name for frame in written), notes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +131,7 @@ class Measured:
     """A frame of which only what is needed for the choice is kept."""
 
     index: int
+    stamp: int
     seconds: float
     sharpness: float
     thumbnail: UInt8[np.ndarray, "h w"]
@@ -147,7 +146,7 @@ def measure(frame: Decoded) -> Measured:
     sharpness = float(np.var(around - 4 * inner)) if inner.size else 0.0
     picture = Image.fromarray(small)
     picture.thumbnail((64, 64), Image.Resampling.BOX)
-    return Measured(frame.index, frame.seconds, sharpness, np.asarray(picture))
+    return Measured(frame.index, frame.stamp, frame.seconds, sharpness, np.asarray(picture))
 
 
 def check_content(measured: Sequence[Measured], video: Path) -> None:
@@ -201,7 +200,9 @@ def choose(measured: Sequence[Measured], count: int | None) -> tuple[Frame, ...]
     best = [_sharpest(frames) for _, frames in sorted(buckets.items())]
     best = distinct(best)
     return tuple(
-        Frame(f"frame_{frame.index:06d}.jpg", round(frame.seconds, 3), round(relative, 3))
+        Frame(
+            f"frame_{frame.index:06d}.jpg", frame.stamp, round(frame.seconds, 3), round(relative, 3)
+        )
         for frame, relative in zip(best, _relative([frame.sharpness for frame in best]))
     )
 
@@ -270,17 +271,16 @@ def _difference(a: UInt8[np.ndarray, "h w"], b: UInt8[np.ndarray, "h w"]) -> flo
     return float(np.abs(a.astype(np.int16) - b).mean())
 
 
-def _write(source: Video, folder: Path, names: set[str]) -> Iterator[str]:
-    """Write the frames of these names; each name once its file is there."""
+def _write(source: Video, folder: Path, names: dict[int, str]) -> Iterator[str]:
+    """Write the frames of these stamps; the name of each once its file is there."""
     last = max(names)
     for frame in source.frames():
-        name = f"frame_{frame.index:06d}.jpg"
-        if name in names:
+        if (name := names.get(frame.stamp)) is not None:
             picture = Image.fromarray(frame.rgb(LONGEST_SIDE))
-            with atomic_path(folder / name) as temporary:
+            with atomic_path(folder / name, overwrite=True) as temporary:
                 picture.save(temporary, "JPEG", quality=QUALITY, subsampling=0)
             yield name
-        if name >= last:
+        if frame.stamp >= last:
             return
 
 

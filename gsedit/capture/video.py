@@ -27,6 +27,9 @@ class Decoded:
 
     index: int
     """From 0, of the frames that could be decoded."""
+    stamp: int
+    """Its time in the file's own units, the same whenever it is decoded; where the file has none,
+    the index."""
     seconds: float
     picture: Any
     aspect: float = 1.0
@@ -87,7 +90,8 @@ class Video:
             at = picture.time if picture.time is not None else self.last
             start = at if start is None else start
             self.last = max(self.last, at - start)
-            yield Decoded(index, self.last, picture, aspect)
+            stamp = index if picture.pts is None else picture.pts
+            yield Decoded(index, stamp, self.last, picture, aspect)
 
     def notes(self) -> tuple[str, ...]:
         """What there is to say of the video once its frames were read."""
