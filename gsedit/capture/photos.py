@@ -127,12 +127,13 @@ def _read(file: Path, size: int) -> tuple[Image.Image, bool, str]:
 
 
 def _rgb(picture: Image.Image) -> Image.Image:
-    """8-bit RGB; transparent pixels are laid over white, 16-bit ones are scaled."""
-    if picture.mode.startswith("I") or picture.mode == "F":
-        values = np.asarray(picture, dtype=np.float32)
-        return Image.fromarray((values / max(values.max(), 1) * 255).astype(np.uint8)).convert(
-            "RGB"
-        )
+    """8-bit RGB; transparent pixels are laid over white. 16 bits keep their levels: photos that are
+    each stretched to their own brightest pixel do not fit together."""
+    if picture.mode.startswith("I"):
+        levels = np.asarray(picture).astype(np.float32) / 257
+        return Image.fromarray(levels.round().clip(0, 255).astype(np.uint8)).convert("RGB")
+    if picture.mode == "F":
+        raise ValueError("floating-point pixels: export it with 8 or 16 bits")
     if picture.has_transparency_data:
         rgba = picture.convert("RGBA")
         white = Image.new("RGBA", rgba.size, "white")

@@ -61,12 +61,13 @@ def test_photos_are_made_upright_small_and_8_bit(tmp_path):
     exif[0x0112] = 6  # shown a quarter turn clockwise
     picture.save(folder / "img 2.jpg", exif=exif, quality=95)
     Image.fromarray(ramp.astype(np.uint16) * 257).save(folder / "img 3.png")
+    Image.fromarray(ramp.astype(np.uint16) * 128).save(folder / "img 5.png")
     clear = Image.new("RGBA", (200, 100), (255, 0, 0, 0))
     clear.save(folder / "img 4.png")
     picture.convert("CMYK").save(folder / "img_2.tif")
     found = prepared(folder, tmp_path / "out")
     assert [photo.name for photo in found.photos] == [
-        "img_2.jpg", "img_3.png", "img_4.png", "img_10.JPG", "img_2_tif.jpg",
+        "img_2.jpg", "img_3.png", "img_4.png", "img_5.png", "img_10.JPG", "img_2_tif.jpg",
     ]  # fmt: skip
     assert (found.photos[0].width, found.photos[0].height) == (100, 200)
     for photo in found.photos:
@@ -77,6 +78,8 @@ def test_photos_are_made_upright_small_and_8_bit(tmp_path):
         if photo.name == "img_2.jpg":
             values = np.rot90(values)
         expected = np.full((100, 200), 255.0) if photo.name == "img_4.png" else ramp
+        if photo.name == "img_5.png":  # half as bright
+            expected = ramp * (128 / 257)
         assert np.abs(values - expected[..., None]).max() < 12
     small = prepared(folder, tmp_path / "small", size=100)
     assert {max(photo.width, photo.height) for photo in small.photos} == {100}
