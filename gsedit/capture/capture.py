@@ -123,7 +123,7 @@ def capture_steps(source: Path, out: Path, settings: CaptureSettings) -> Progres
     work = _Mapping(source, stages, settings, prepared, key)
     yield from work.climb()
     count, posed = len(prepared.photos), work.posed
-    if posed < max(FEWEST, LEAST * count):
+    if not work.is_usable:
         raise InputError(
             f"{source}: {posed or 'none'} of {count} photos could be posed: {work.cause()}"
         )
@@ -189,6 +189,11 @@ class _Mapping:
     def posed(self) -> int:
         return len(self.models[0]["poses"]) if self.models else 0
 
+    @property
+    def is_usable(self) -> bool:
+        """Whether the best attempt posed enough photos to speak of a scene."""
+        return self.posed >= max(FEWEST, LEAST * len(self.prepared.photos))
+
     def cause(self) -> str:
         """Why not all photos have a pose."""
         assert self.evidence is not None
@@ -205,9 +210,16 @@ class _Mapping:
                 yield Line(
                     f"{posed} of {count} photos posed: trying again with {name} (--no-retries: not)"
                 )
+            before = self.evidence
             database, key = yield from self._match(attempt)
             if self.evidence and (fault := hopeless(self.evidence)):
-                raise InputError(f"{self.source}: {fault}")
+                if not self.is_usable:
+                    raise InputError(f"{self.source}: {fault}")
+                self.evidence = before
+                yield Line(
+                    f"with {name} it looks as if {fault}; going on with what was posed before"
+                )
+                return
             models, key = yield from self._map(database, key, attempt)
             if models and len(models[0]["poses"]) > self.posed:
                 self.models, self.database, self.best = models, database, key
