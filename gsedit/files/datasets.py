@@ -119,8 +119,9 @@ def _source(photo: PosedPhoto, size: int | None, where: str) -> Source:
 
 
 def _images_folder(photo: PosedPhoto) -> Path | None:
-    """The folder `images` that a photo is in, if it is in one."""
-    return next((folder for folder in photo.path.parents if folder.name == "images"), None)
+    """The folder `images` of the dataset that a photo is in, if it is in one."""
+    inside = photo.path.parents[: len(Path(photo.name).parts)]  # the last holds all photos
+    return next((folder for folder in inside if folder.name == "images"), None)
 
 
 def _notes(photos: list[PosedPhoto] | tuple[PosedPhoto, ...], sources: list[Source]) -> list[str]:

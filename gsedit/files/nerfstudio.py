@@ -26,6 +26,7 @@ from gsedit.files.photos import (
     find_mask,
     find_photo,
     read_points,
+    reduction,
 )
 from gsedit.files.pictures import picture_size
 from gsedit.files.undistort import ColmapLens, Lens
@@ -85,7 +86,8 @@ def _photo(path: Path, record: dict[str, Any], index: int, frame: Any) -> PosedP
         return file_path
     name = Path(os.path.relpath(file, path.parent)).as_posix()
     mask = _mask(path.parent, frame.get("mask_path"), name, where)
-    return PosedPhoto(name, file, pose, _lens(values, file, where), mask)
+    lens = _lens(values, file, reduction(file_path, name), where)
+    return PosedPhoto(name, file, pose, lens, mask)
 
 
 def _mask(folder: Path, named: Any, name: str, where: str) -> Path | None:
@@ -130,8 +132,9 @@ def _pose_error(pose: Float[Tensor, "..."]) -> str:
     return ""
 
 
-def _lens(values: dict[str, Any], file: Path, where: str) -> Lens:
-    """Intrinsics of one frame: its own keys come before the file's."""
+def _lens(values: dict[str, Any], file: Path, reduced: int, where: str) -> Lens:
+    """Intrinsics of one frame: its own keys come before the file's. `reduced`: how many times
+    smaller the photo is than the one that is listed."""
     model = _model(values, where)
 
     def number(key: str) -> float | None:
@@ -144,7 +147,13 @@ def _lens(values: dict[str, Any], file: Path, where: str) -> Lens:
 
     width, height = number("w"), number("h")
     if width is None or height is None:
-        width, height = map(float, picture_size(file))
+        width, height = (float(reduced * side) for side in picture_size(file))
+        cx, cy = number("cx") or 0.0, number("cy") or 0.0
+        if cx >= width or cy >= height:
+            raise InputError(
+                f"{where}: cx, cy ({cx:g}, {cy:g}) are outside of its {width:.0f}x{height:.0f} "
+                "pixels, and w and h are missing: add those of the photos that were calibrated"
+            )
     fx = number("fl_x") or _focal(number("camera_angle_x"), width)
     fy = number("fl_y") or _focal(number("camera_angle_y"), height) or fx
     fx = fx or fy

@@ -14,13 +14,12 @@ from torch import Tensor
 from gsedit.errors import InputError
 from gsedit.files.pictures import picture_size, read_mask, read_photo, turned_size
 from gsedit.files.undistort import Lens, Undistortion, undistort
+from gsedit.views.dataset import LEAST_SHARE
 from gsedit.views.image_ops import downscale
 from gsedit.views.kept import Pixels
 
 PROPORTIONS = 1.0
 """Pixels by which a side may differ from that of the calibrated photo made smaller: rounding."""
-HIDDEN = 1e-3
-"""Least share of a pixel that is hidden for the pixel to be hidden: above what rounding leaves."""
 
 
 class Source(NamedTuple):
@@ -87,7 +86,7 @@ def _read(
     photo = downscale(undistort(photo, undo), width, height)
     return Pixels(
         photo[..., :3].clamp(0, 1),
-        None if source.mask is None else photo[..., -1] < HIDDEN,
+        None if source.mask is None else photo[..., -1] < LEAST_SHARE,
         _alpha(photo) if channels == 4 else None,
     )
 

@@ -73,6 +73,13 @@ def find_photo(folder: Path, relative: str, where: str) -> Path | None:
     return None
 
 
+def reduction(listed: str, found: str) -> int:
+    """How many times smaller a photo is than the one that is listed, by their folders: 4 for
+    images_4/a.jpg in place of images/a.jpg."""
+    first, its = (name.removeprefix("./").partition("/")[0] for name in (listed, found))
+    return next((factor for factor in REDUCED if its == f"{first}_{factor}"), 1)
+
+
 def reduced_copy(photo: Path, images: Path, longest: int) -> Path:
     """The smallest copy of a photo below `images`, in images_8, _4 or _2, whose longer side has at
     least that many pixels; the photo itself where there is none."""

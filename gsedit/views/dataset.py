@@ -19,7 +19,8 @@ from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
 LEAST_SHARE = 1e-4
-"""Of a pixel that is hidden by a mask for the pixel to be hidden: above what rounding leaves."""
+"""Of a pixel that is hidden by a mask for the pixel to be hidden: above what rounding leaves, and
+below one masked pixel of a photo that is made 100 times smaller."""
 
 
 class _Pixels:

@@ -105,6 +105,42 @@ def test_only_smaller_copies_are_there(kind, tmp_path):
     assert (camera.width, camera.height, camera.cx) == (4, 3, 2)
 
 
+def test_smaller_copies_of_a_calibration_without_its_size(tmp_path):
+    record = dataset(tmp_path, size=(32, 24))
+    del record["w"], record["h"]
+    whole = load_dataset(write(tmp_path, record)).views[0].camera
+    (tmp_path / "images").rename(tmp_path / "images_4")
+    for i in range(3):
+        picture(tmp_path / f"images_4/{i}.png", (8, 6))
+    data = load_dataset(tmp_path)
+    camera = data.views[0].camera
+    assert (camera.width, camera.height) == (8, 6)
+    assert (camera.fx, camera.cx) == pytest.approx((whole.fx / 4, 4))
+    assert "intrinsics are scaled by 0.25" in data.notes[0]
+
+
+def test_a_calibration_of_more_pixels_than_the_photo_has_needs_its_size(tmp_path):
+    record = dataset(tmp_path) | {"cx": 16.0, "cy": 12.0}
+    del record["w"], record["h"]
+    with pytest.raises(InputError, match=r"frame 0 .*outside of its 8x6 pixels, .*: add those of"):
+        load_dataset(write(tmp_path, record))
+
+
+def test_a_folder_of_images_above_the_dataset_is_not_the_datasets(tmp_path):
+    folder = tmp_path / "images" / "bear"
+    write(folder, dataset(folder))
+    for name in ("bear/images/1.png", "bear/1.png"):
+        picture(tmp_path / "images_2" / name, (4, 3), 200)
+    for photo in (folder / "images").iterdir():
+        photo.rename(folder / photo.name)
+    record = dataset(tmp_path / "other")
+    for i, frame in enumerate(record["frames"]):
+        frame["file_path"] = f"{i}.png"
+    data = load_dataset(write(folder, record), size=4)
+    assert float(data.views[1].image.mean()) == pytest.approx(40 / 255)
+    assert not data.notes
+
+
 def test_a_photo_is_turned_by_exif_where_only_that_fits(tmp_path):
     record = dataset(tmp_path)
     stored = np.zeros((8, 6, 3), np.uint8)
@@ -208,3 +244,14 @@ def test_grey_photos_of_16_bits_keep_their_levels(tmp_path):
     Image.fromarray(levels).save(tmp_path / "grey.png")
     expected = torch.from_numpy(levels.astype(np.float32) / 65535)[..., None].expand(6, 8, 3)
     torch.testing.assert_close(read_photo(tmp_path / "grey.png"), expected)
+
+
+def test_one_masked_pixel_hides_the_pixel_of_a_much_smaller_picture(tmp_path):
+    record = dataset(tmp_path, size=(320, 240))
+    mask = np.full((240, 320), 255, np.uint8)
+    mask[5, 5] = 0
+    (tmp_path / "masks").mkdir()
+    Image.fromarray(mask).save(tmp_path / "masks/1.png")
+    view = load_dataset(write(tmp_path, record), size=8).views[1]
+    assert not view.mask[0, 0]
+    assert int((~view.mask).sum()) == 1
