@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+from functools import partial
 from math import isfinite, tan
 from pathlib import Path
 from typing import Any
@@ -137,23 +138,8 @@ def _lens(values: dict[str, Any], file: Path, reduced: int, where: str) -> Lens:
     smaller the photo is than the one that is listed."""
     model = _model(values, where)
 
-    def number(key: str) -> float | None:
-        value = values.get(key)
-        if value is None:
-            return None
-        if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
-            raise InputError(f"{where}: {key} is {value!r}, not a number: correct it")
-        return float(value)
-
-    width, height = number("w"), number("h")
-    if width is None or height is None:
-        width, height = (float(reduced * side) for side in picture_size(file))
-        cx, cy = number("cx") or 0.0, number("cy") or 0.0
-        if cx >= width or cy >= height:
-            raise InputError(
-                f"{where}: cx, cy ({cx:g}, {cy:g}) are outside of its {width:.0f}x{height:.0f} "
-                "pixels, and w and h are missing: add those of the photos that were calibrated"
-            )
+    number = partial(_number, values, where)
+    width, height = _calibrated_size(values, file, reduced, where)
     fx = number("fl_x") or _focal(number("camera_angle_x"), width)
     fy = number("fl_y") or _focal(number("camera_angle_y"), height) or fx
     fx = fx or fy
@@ -175,6 +161,34 @@ def _lens(values: dict[str, Any], file: Path, reduced: int, where: str) -> Lens:
         )
     k1, k2, k3, p1, p2 = (number(key) or 0.0 for key in ("k1", "k2", "k3", "p1", "p2"))
     return Lens(fx, fy, cx, cy, width, height, k1, k2, k3, p1, p2)
+
+
+def _number(values: dict[str, Any], where: str, key: str) -> float | None:
+    """A finite number, None where there is none. Raises InputError for anything else."""
+    value = values.get(key)
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+        raise InputError(f"{where}: {key} is {value!r}, not a number: correct it")
+    return float(value)
+
+
+def _calibrated_size(
+    values: dict[str, Any], file: Path, reduced: int, where: str
+) -> tuple[float, float]:
+    """(width, height) that the intrinsics are for: w and h, else of the photo that is listed."""
+    number = partial(_number, values, where)
+    width, height = number("w"), number("h")
+    if width is not None and height is not None:
+        return width, height
+    width, height = (float(reduced * side) for side in picture_size(file))
+    cx, cy = number("cx") or 0.0, number("cy") or 0.0
+    if cx >= width or cy >= height:
+        raise InputError(
+            f"{where}: cx, cy ({cx:g}, {cy:g}) are outside of its {width:.0f}x{height:.0f} pixels, "
+            "and w and h are missing: add those of the photos that were calibrated"
+        )
+    return width, height
 
 
 def _model(values: dict[str, Any], where: str) -> str:
