@@ -22,7 +22,7 @@ from .edit_options import (
     what_it_understood,
 )
 from .features import load_features
-from .kernel import say_kernel
+from .kernel import UPDATES, say_kernel
 from .options import DropInvalid, Force, Scene, Seeded, check_folder, load_scene, output
 from .progress import progress
 from .ranks import follow, is_first, of_first, ranks
@@ -147,7 +147,7 @@ def run_edit(
     editor_2d = editor.make(folder, followed)
     extractor = load_features(features)
     gaussians = load_scene(scene, drop_invalid=drop_invalid)
-    say_kernel(settings.execution)
+    say_kernel(settings.execution, UPDATES)
     dataset = framed_alike(load_views(scene, gaussians, views, settings.execution))
     asked = {
         "dataset": dataset, "editor": editor_2d, "settings": settings, "strategy": strategy,

@@ -11,7 +11,7 @@ import typer
 from .cameras import say_notes
 from .checkpoints import Checkpoints, Resume, going_on, run_to_result
 from .console import print_message, print_result
-from .kernel import say_kernel
+from .kernel import FITS, say_kernel
 from .options import DropInvalid, Force, Seeded, check_scene_file, load_scene, output
 from .progress import progress
 from .ranks import follow, is_first, of_first, ranks
@@ -147,7 +147,7 @@ def run_fit(
     say_notes(photos)
     if start is not None:
         photos = in_export_frame(photos, dataset, start)
-    say_kernel(settings.execution)
+    say_kernel(settings.execution, FITS)
     steps = fit_steps(
         photos, settings, generator=common.generator(), start=first, resume=state, ranks=ranks()
     )

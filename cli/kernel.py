@@ -2,32 +2,66 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
 from .console import print_message
 
 if TYPE_CHECKING:
     from rasterizer.numerics import Execution
 
+Part = Literal["blending", "projection", "optimiser", "loss"]
+RENDERS: tuple[Part, ...] = ("blending", "projection")
+UPDATES: tuple[Part, ...] = (*RENDERS, "optimiser")
+FITS: tuple[Part, ...] = (*UPDATES, "loss")
+SECONDS = 3
+"""To compile one file: 0.5 to 3.7 on a Xeon core."""
 
-def say_kernel(execution: Execution) -> None:
-    """Print whether the compiled kernel renders; it is compiled where it is not yet. Raises
-    UsageError where it is asked for and cannot be made."""
+
+def say_kernel(execution: Execution, parts: tuple[Part, ...] = RENDERS) -> None:
+    """Print whether compiled kernels do the parts of a command; they are compiled where they are
+    not yet. Raises UsageError where they are asked for and cannot render."""
     if execution.kernel == "torch":
         return
     from gsedit.errors import UsageError
     from rasterizer import compiled
+
+    files = sources(parts)
+    if missing := sum(map(compiled.takes_seconds, files.values())):
+        print_message(
+            f"compiling {missing} C++ file{'s' if missing > 1 else ''} for this machine, once: "
+            f"about {SECONDS * missing} seconds"
+        )
+    made = {part: compiled.make(file) for part, file in files.items()}
+    failed = [part for part in parts if made[part].failure]
+    if note := next((each.note for each in made.values() if each.note), ""):
+        print_message(note)
+    if not failed:
+        print_message(f"renders with the compiled kernel ({made['blending'].compiler})")
+        return
+    failure = made[failed[0]].failure
+    if execution.kernel == "compiled" and failed[0] in RENDERS:
+        raise UsageError(f"--kernel compiled: {failure}; {compiled.MOVE}, or use --kernel torch")
+    if "blending" in failed:
+        print_message(f"{failure}: renders with torch, slower; {compiled.MOVE}")
+    else:
+        print_message(
+            f"{failure}: torch does the {' and the '.join(failed)}, slower; the compiled kernel "
+            f"({made['blending'].compiler}) does the rest; {compiled.MOVE}"
+        )
+
+
+def sources(parts: tuple[Part, ...]) -> dict[Part, Path]:
+    """The C++ files of parts."""
+    from gsedit.fitting import adam_rows
+    from gsedit.measures import photometric
     from rasterizer.blending import cpp_backend
     from rasterizer.front import kernel as front
 
-    sources = (cpp_backend.SOURCE, front.SOURCE)
-    if any(map(compiled.takes_seconds, sources)):
-        print_message("compiling the kernel for this machine, once: about ten seconds")
-    made = [compiled.make(source) for source in sources]
-    failure = next((each.failure for each in made if each.failure), "")
-    if not failure:
-        print_message(f"renders with the compiled kernel ({made[0].compiler})")
-    elif execution.kernel == "compiled":
-        raise UsageError(f"--kernel compiled: {failure}; {compiled.MOVE}, or use --kernel torch")
-    else:
-        print_message(f"{failure}: renders with torch, slower; {compiled.MOVE}")
+    files: dict[Part, Path] = {
+        "blending": cpp_backend.SOURCE,
+        "projection": front.SOURCE,
+        "optimiser": adam_rows.SOURCE,
+        "loss": photometric.SOURCE,
+    }
+    return {part: files[part] for part in parts}

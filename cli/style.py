@@ -12,7 +12,7 @@ import typer
 from .cameras import ViewOptions, load_views
 from .console import print_message, print_result
 from .features import load_features
-from .kernel import say_kernel
+from .kernel import UPDATES, say_kernel
 from .operations import fitted
 from .options import DropInvalid, Force, Scene, Seeded, check_scene_file, load_file, output
 from .progress import progress
@@ -96,7 +96,7 @@ def style(
     settings = with_values(StyleSettings(), values)
     image, extractor = read_picture(picture), load_features(features)
     file = load_file(scene, drop_invalid=drop_invalid)
-    say_kernel(settings.execution)
+    say_kernel(settings.execution, UPDATES)
     steps = style_steps(
         file.scene,
         image,

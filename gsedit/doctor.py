@@ -174,11 +174,16 @@ def check_compiler() -> Check:
     folders = (Path(package.__path__[0]) for package in (rasterizer, gsedit))
     sources = (source for folder in folders for source in sorted(folder.rglob("*.cpp")))
     made = [compiled.make(source) for source in sources]
-    failure = next((each.failure for each in made if each.failure), "")
-    if not failure:
-        return Check("compiled kernel", f"ready ({made[0].compiler})")
-    advice = f"{failure}: {compiled.MOVE}"
-    return Check("compiled kernel", "none: torch renders, slower", advice)
+    failures = [each.failure for each in made if each.failure]
+    if not failures:
+        note = next((each.note for each in made if each.note), "")
+        return Check("compiled kernel", f"ready ({made[0].compiler})", note)
+    found = "none: torch renders, slower"
+    if len(failures) < len(made):
+        found = (
+            f"{len(failures)} of {len(made)} files do not compile: torch does their part, slower"
+        )
+    return Check("compiled kernel", found, f"{failures[0]}: {compiled.MOVE}")
 
 
 def check_libraries(failures: dict[Library, Future[str]]) -> Iterator[Check]:

@@ -6,6 +6,7 @@ processor, under $XDG_CACHE_HOME/gsedit or ~/.cache/gsedit.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import functools
 import hashlib
@@ -39,6 +40,8 @@ class Made(NamedTuple):
     """Its name, as in `g++`; empty where none was found."""
     failure: str = ""
     """Why there is no library."""
+    note: str = ""
+    """Why it could not be kept, and the next move."""
 
 
 def load(source: Path, kernel: Kernel = "auto") -> ctypes.CDLL | None:
@@ -49,10 +52,12 @@ def load(source: Path, kernel: Kernel = "auto") -> ctypes.CDLL | None:
     """
     if kernel == "torch":
         return None
-    library, _, failure = make(source)
-    if library is None and kernel == "compiled":
-        raise RuntimeError(f"kernel 'compiled': {failure}; {MOVE}, or choose 'auto' or 'torch'")
-    return library
+    made = make(source)
+    if made.library is None and kernel == "compiled":
+        raise RuntimeError(
+            f"kernel 'compiled': {made.failure}; {MOVE}, or choose 'auto' or 'torch'"
+        )
+    return made.library
 
 
 @functools.cache
@@ -64,11 +69,11 @@ def make(source: Path) -> Made:
     name = Path(compiler).name
     try:
         try:
-            return Made(_opened(_cached(compiler, source)), name)
-        except OSError:  # the cache cannot be written, or what is in it does not load
+            return Made(_cached(compiler, source), name)
+        except OSError as error:
             with tempfile.TemporaryDirectory() as folder:
                 path = _compile(compiler, source, Path(folder) / "kernel.so")
-                return Made(_opened(path), name)
+                return Made(_opened(path), name, note=_not_kept(error))
     except (_Failed, OSError) as error:
         return Made(None, name, str(error))
 
@@ -88,15 +93,23 @@ def _team() -> ctypes.c_void_p | None:
         return None
 
 
+def _not_kept(error: OSError) -> str:
+    why = f"{error.filename}: {error.strerror}" if error.strerror else str(error)
+    return (
+        f"the compiled kernel cannot be kept ({why}), and is compiled each time: set "
+        "XDG_CACHE_HOME to a folder that can be written"
+    )
+
+
 class _Failed(Exception):
     """Why there is no kernel."""
 
 
 def takes_seconds(source: Path) -> bool:
-    """Whether `make` will compile: there is a compiler, and nothing in the cache."""
+    """Whether `make` will compile: there is a compiler, and nothing in the cache that loads."""
     _, compiler = _compiler()
     try:
-        return compiler is not None and not _place(compiler, source).exists()
+        return compiler is not None and _kept(_place(compiler, source)) is None
     except OSError:
         return True
 
@@ -107,18 +120,43 @@ def _compiler() -> tuple[tuple[str, ...], str | None]:
     return names, next((path for name in names if name and (path := shutil.which(name))), None)
 
 
-def _cached(compiler: str, source: Path) -> Path:
-    """The library's file in the cache, compiled if it was not there. Raises OSError, _Failed."""
-    path = _place(compiler, source)
-    if path.exists():
-        return path
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=path.parent) as folder:  # so that it appears whole
-        return _compile(compiler, source, Path(folder) / path.name).replace(path)
+def _cached(compiler: str, source: Path) -> ctypes.CDLL:
+    """The library in the cache, compiled if it was not there or did not load. Raises OSError where
+    the cache cannot be used, and _Failed."""
+    place = _place(compiler, source)
+    library = _kept(place)
+    if library is None:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=place.parent) as folder:  # so that it appears whole
+            made = _compile(compiler, source, Path(folder) / "kernel.so")
+            for useless in _copies(place):
+                useless.unlink()
+            made = made.replace(place.with_name(f"{place.name}-{_digest(made)}.so"))
+        library = _opened(made)
+    return library
+
+
+def _kept(place: Path) -> ctypes.CDLL | None:
+    """The library at a place of the cache; None where there is none that loads: it may come from
+    another machine with the user's files. One that is cut off would end the process."""
+    for path in _copies(place):
+        with contextlib.suppress(OSError, AttributeError):
+            if path.stem.endswith(_digest(path)):
+                return _opened(path)
+    return None
+
+
+def _copies(place: Path) -> list[Path]:
+    return sorted(place.parent.glob(f"{place.name}-*.so"))
+
+
+def _digest(path: Path) -> str:
+    """Of what a file holds: the end of its name in the cache."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
 
 
 def _place(compiler: str, source: Path) -> Path:
-    """The library's file in the cache. Raises OSError."""
+    """The library's file in the cache, without the digest and suffix. Raises OSError."""
     try:
         base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     except RuntimeError as error:  # the user has no home folder
@@ -135,7 +173,7 @@ def _place(compiler: str, source: Path) -> Path:
             _processor(),
         )
     )
-    name = f"{source.stem}-{hashlib.sha256(key.encode()).hexdigest()[:16]}.so"
+    name = f"{source.stem}-{hashlib.sha256(key.encode()).hexdigest()[:16]}"
     return Path(base) / "gsedit" / name
 
 

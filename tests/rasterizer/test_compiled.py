@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import gc
 import subprocess
 import weakref
@@ -153,18 +152,46 @@ def test_it_is_compiled_once(kernel, empty_cache, monkeypatch):
     assert list(empty_cache.iterdir()) == [made]
 
 
-def test_what_does_not_load_is_made_anew(kernel, empty_cache):
-    assert compiled.load() is not None
-    (made,) = empty_cache.iterdir()
-    made.unlink()  # truncating it in place would pull it from under this process
-    made.write_bytes(b"cut off")
+@pytest.fixture
+def source(tmp_path):
+    """A C++ file that compiles in no time."""
+    path = tmp_path / "answer.cpp"
+    path.write_text('extern "C" void use_team(void*) {}\nextern "C" int answer() { return 42; }\n')
+    return path
+
+
+@pytest.mark.parametrize(
+    "damaged",
+    [lambda _: b"cut off", lambda whole: whole[: len(whole) // 2]],
+    ids=["start", "half"],
+)
+def test_what_does_not_load_is_made_anew_and_kept(
+    damaged, kernel, empty_cache, source, tmp_path, monkeypatch
+):
+    _, compiler = library._compiler()
+    whole = library._compile(compiler, source, tmp_path / "whole.so").read_bytes()
+    place = library._place(compiler, source)
+    kept = place.with_name(f"{place.name}-{library._digest(tmp_path / 'whole.so')}.so")
+    kept.parent.mkdir(parents=True)
+    kept.write_bytes(damaged(whole))  # opening half a library ends the process
+    assert library.takes_seconds(source)
+    made = library.make(source)
+    assert made.library.answer() == 42
+    assert made.note == ""
+    (kept,) = empty_cache.iterdir()
+    assert len(kept.read_bytes()) == len(whole)
     library.make.cache_clear()
-    assert isinstance(compiled.load(), ctypes.CDLL)
+    monkeypatch.setattr(library, "_compile", None)  # the next process does not compile it
+    assert not library.takes_seconds(source)
+    assert library.make(source).library.answer() == 42
 
 
-def test_without_a_folder_to_keep_it_in(kernel, empty_cache):
+def test_without_a_folder_to_keep_it_in(kernel, empty_cache, source):
     empty_cache.parent.write_text("a file where the cache should be")
-    assert isinstance(compiled.load(), ctypes.CDLL)
+    made = library.make(source)
+    assert made.library.answer() == 42
+    assert f"cannot be kept ({empty_cache}: " in made.note
+    assert "set XDG_CACHE_HOME to a folder that can be written" in made.note
 
 
 @pytest.mark.parametrize(
