@@ -35,17 +35,18 @@ def step(
     rows: Int[Tensor, " m"] | None,
     rate: float,
     bias_2: float,
+    shares: Float[Tensor, "..."] | None = None,
     *,
     compiled: bool = False,
 ) -> None:
     """One step; `rate` over the bias of the first moments, root of that of the second. Without a
-    gradient it is zero."""
+    gradient it is zero. `shares`: of the rate, that each of a row's values has."""
     if compiled and _accepts(moving, gradient):
-        return _run("step", moving, gradient, rows, rate=rate, bias_2=bias_2)
+        return _run("step", moving, gradient, rows, shares, rate=rate, bias_2=bias_2)
     if rows is None:
-        return _step(moving, gradient, rate, bias_2)
+        return _step(moving, gradient, rate, bias_2, shares)
     few = Moving(*(each.index_select(0, rows) for each in moving))
-    _step(few, gradient, rate, bias_2)
+    _step(few, gradient, rate, bias_2, shares)
     _copy(few, moving, rows)
 
 
@@ -54,26 +55,31 @@ def settle(
     rows: Int[Tensor, " m"],
     missed: Float[Tensor, " m"],
     steps: Int[Tensor, " m"],
+    shares: Float[Tensor, "..."] | None = None,
     *,
     compiled: bool = False,
 ) -> None:
-    """Move rows by `missed` times their m / sqrt(v), and fade their moments by so many steps."""
+    """Move rows by `missed` times their m / sqrt(v), and fade their moments by so many steps.
+    `shares`: of `missed`, that each of a row's values has."""
     like = moving.value
     missed = missed.to(like)
     fade_1, fade_2 = (torch.pow(beta, steps).to(like) for beta in (BETA_1, BETA_2))
     if compiled and _accepts(moving, None):
         fading = {"fade_1": fade_1, "fade_2": fade_2}
-        return _run("settle", moving, None, rows, missed=missed, **fading)
+        return _run("settle", moving, None, rows, shares, missed=missed, **fading)
     few = Moving(*(each.index_select(0, rows) for each in moving))
     shape = (-1, *(1,) * (like.ndim - 1))
     missed, fade_1, fade_2 = (each.view(shape) for each in (missed, fade_1, fade_2))
+    missed = missed if shares is None else missed * shares.to(like)
     few.value.sub_(few.first / (few.second.sqrt() + EPSILON) * missed)
     few.first.mul_(fade_1)
     few.second.mul_(fade_2)
     _copy(few, moving, rows)
 
 
-def _step(moving: Moving, gradient: Tensor | None, rate: float, bias_2: float) -> None:
+def _step(
+    moving: Moving, gradient: Tensor | None, rate: float, bias_2: float, shares: Tensor | None
+) -> None:
     value, first, second = moving
     if gradient is None:
         first *= BETA_1
@@ -81,7 +87,8 @@ def _step(moving: Moving, gradient: Tensor | None, rate: float, bias_2: float) -
     else:
         first.lerp_(gradient, 1 - BETA_1)
         second.mul_(BETA_2).addcmul_(gradient, gradient, value=1 - BETA_2)
-    value.addcdiv_(first, second.sqrt().div_(bias_2).add_(EPSILON), value=-rate)
+    change = first if shares is None else first * shares.to(first)
+    value.addcdiv_(change, second.sqrt().div_(bias_2).add_(EPSILON), value=-rate)
 
 
 def _copy(few: Moving, moving: Moving, rows: Tensor) -> None:
@@ -98,7 +105,7 @@ class _Job(ctypes.Structure):
     _fields_ = (
         [(name, ctypes.c_void_p)
          for name in ("value", "first", "second", "gradient", "rows",
-                      "missed", "fade_1", "fade_2")]
+                      "missed", "fade_1", "fade_2", "shares")]
         + [(name, ctypes.c_int64) for name in ("count", "columns", "threads")]
         + [(name, ctypes.c_double) for name in ("beta_1", "beta_2", "epsilon", "rate", "bias_2")]
     )  # fmt: skip
@@ -121,13 +128,20 @@ def _accepts(moving: Moving, gradient: Tensor | None) -> bool:
 
 
 def _run(
-    name: str, moving: Moving, gradient: Tensor | None, rows: Tensor | None, **more: Any
+    name: str,
+    moving: Moving,
+    gradient: Tensor | None,
+    rows: Tensor | None,
+    shares: Tensor | None,
+    **more: Any,
 ) -> None:
     kernel = load()
     assert kernel is not None, "ask _accepts() first"
     count = len(moving.value) if rows is None else len(rows)
     # held until the kernel returns: it gets addresses only
-    held = {**moving._asdict(), "gradient": gradient, "rows": rows, **more}
+    if shares is not None:
+        shares = shares.to(moving.value).expand(moving.value.shape[1:])
+    held = {**moving._asdict(), "gradient": gradient, "rows": rows, "shares": shares, **more}
     held = {k: v.contiguous() for k, v in held.items() if isinstance(v, Tensor)}
     job = _Job(
         count=count, columns=moving.value.numel() // max(1, len(moving.value)),

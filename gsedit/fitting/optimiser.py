@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
 
 import torch
 from jaxtyping import Bool, Int
@@ -47,24 +46,21 @@ class SceneOptimiser:
         """`anchor_weight`: how strongly every step draws back to `scene`, see fitting.anchors.
         `compiled`: steps by a C++ kernel, where there is one; equal to rounding."""
         self._rates = dict(rates)
-        if "sh" in rates:
-            self._rates |= {"sh": rates["sh"], "sh_rest": rates["sh"] * SH_REST}
-        values = _parts(scene)
-        self._constant = {k: v.detach() for k, v in values.items() if k not in self._rates}
-        self._leaves = {k: values[k].detach().clone().requires_grad_() for k in self._rates}
-        self._adam = RowAdam(len(scene), compiled=compiled)
-        self._anchors = (
-            Anchors(anchor_weight, {k: values[k].detach() for k in self._rates})
-            if anchor_weight
-            else None
-        )
+        values = vars(scene.detach())
+        self._constant = {k: v for k, v in values.items() if k not in self._rates}
+        self._leaves = {k: values[k].clone().requires_grad_() for k in self._rates}
+        slow = torch.full((scene.sh.shape[1], 1), SH_REST)
+        slow[0] = 1
+        self._adam = RowAdam(len(scene), shares={"sh": slow}, compiled=compiled)
+        moving = {k: values[k] for k in self._rates}
+        self._anchors = Anchors(anchor_weight, _parts(moving)) if anchor_weight else None
         self._drawn: tuple[Int[Tensor, " m"], dict[str, Tensor]] | None = None
 
     @property
     def scene(self) -> Gaussians:
         """The scene as leaves: gradients of anything computed from it reach the optimiser."""
         self._adam.settle(self._leaves)
-        return _joined({**self._constant, **self._leaves})
+        return Gaussians(**self._constant, **self._leaves)
 
     def __len__(self) -> int:
         return next(iter({**self._constant, **self._leaves}.values())).shape[0]
@@ -78,7 +74,7 @@ class SceneOptimiser:
         leaves = {k: v.requires_grad_() for k, v in few.items()}
         self._drawn = rows, leaves
         constant = {k: v.index_select(0, rows) for k, v in self._constant.items()}
-        return _joined({**constant, **leaves})
+        return Gaussians(**constant, **leaves)
 
     def gradient(self, name: str) -> Tensor:
         """Gradient of one field after a backward pass; zeros if there is none."""
@@ -119,8 +115,7 @@ class SceneOptimiser:
         Rows outside `only` are taken to have no gradient.
         """
         rates = {
-            name: rate
-            * (scale if isinstance(scale, (int, float)) else scale.get(_field(name), 1.0))
+            name: rate * (scale if isinstance(scale, (int, float)) else scale.get(name, 1.0))
             for name, rate in self._rates.items()
         }
         rows, leaves = self._drawn or (None, self._leaves)
@@ -134,7 +129,8 @@ class SceneOptimiser:
             self._adam.settle(self._leaves)
         if self._anchors:
             moving = len(self) if only is None else int(only.sum())
-            self._anchors.add_gradient(gradients, leaves, rows, moving, self._adam.steps)
+            parts, present = _parts(gradients), _parts(leaves)
+            self._anchors.add_gradient(parts, present, rows, moving, self._adam.steps)
         self._adam.step(self._leaves, gradients, rates, rows)
         for leaf in self._leaves.values():
             leaf.grad = None
@@ -147,9 +143,10 @@ class SceneOptimiser:
         negative would stay yellow whatever the pictures show. Captured scenes have many (10 % of
         the bear's Gaussians in blue). Does nothing where colours do not move.
         """
-        base = self._leaves.get("sh")
-        if base is not None:
+        sh = self._leaves.get("sh")
+        if sh is not None:
             self._adam.settle(self._leaves)
+            base = sh[:, :1]
             lowest = (LOWEST_COLOUR - 0.5) / SH_DC
             base.copy_(torch.where(only[:, None, None], base.clamp_min(lowest), base))
 
@@ -158,9 +155,9 @@ class SceneOptimiser:
     ) -> None:
         """Continue with another scene: row i keeps row origin[i]'s moments unless it is fresh."""
         self._adam.settle(self._leaves)
-        values = _parts(scene)
-        self._constant = {name: values[name].detach() for name in self._constant}
-        self._leaves = {k: values[k].detach().clone().requires_grad_() for k in self._rates}
+        values = vars(scene.detach())
+        self._constant = {name: values[name] for name in self._constant}
+        self._leaves = {k: values[k].clone().requires_grad_() for k in self._rates}
         self._adam = self._adam.selected(origin, fresh)
         self._anchors = self._anchors and self._anchors.selected(origin)
 
@@ -184,18 +181,12 @@ class SceneOptimiser:
         self._adam.load_state(state)
 
 
-def _parts(scene: Gaussians) -> dict[str, Tensor]:
-    """The scene's fields, with the view-dependent coefficients apart."""
-    parts = {field.name: getattr(scene, field.name) for field in fields(scene)}
-    return {**parts, "sh": scene.sh[:, :1], "sh_rest": scene.sh[:, 1:]}
-
-
-def _joined(parts: Mapping[str, Tensor]) -> Gaussians:
-    """The scene of these parts."""
-    both = dict(parts)
-    rest = both.pop("sh_rest")
-    sh = torch.cat((both.pop("sh"), rest), 1) if rest.shape[1] else both.pop("sh")
-    return Gaussians(**both, sh=sh)
+def _parts(values: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """A scene's fields, with the view-dependent coefficients, if there are any, apart; views."""
+    sh = values.get("sh")
+    if sh is None or sh.shape[1] == 1:
+        return dict(values)
+    return {**values, "sh": sh[:, :1], "sh_rest": sh[:, 1:]}
 
 
 def optimised_scene(state: Mapping[str, Tensor], start: Gaussians | None = None) -> Gaussians:
@@ -203,10 +194,6 @@ def optimised_scene(state: Mapping[str, Tensor], start: Gaussians | None = None)
 
     None for `start` where everything moves.
     """
-    parts = {} if start is None else _parts(start)
+    still = {} if start is None else vars(start)
     moved = {k.removeprefix("value."): v for k, v in state.items() if k.startswith("value.")}
-    return _joined({**parts, **moved})
-
-
-def _field(part: str) -> str:
-    return "sh" if part == "sh_rest" else part
+    return Gaussians(**{**still, **moved})

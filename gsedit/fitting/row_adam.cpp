@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <vector>
 
 #include "threads.h"
 
@@ -16,14 +17,16 @@ struct Job {
   const int64_t* rows;        // [count] that move; null: the first `count`
   const T* missed;            // [count] what each has to move by; only to settle
   const T *fade_1, *fade_2;   // [count] by which the moments of each are less; only to settle
+  const T* shares;            // [columns] of the rate; null: 1
   int64_t count, columns, threads;
   double beta_1, beta_2, epsilon, rate, bias_2;  // the rate is over the bias of first moments
 };
 
+// A few rows' numbers, `to` in all rows and `from` in the gradient; `rates` as many.
 template <typename T>
-inline void move(const Job<T>& job, int64_t to, int64_t from, int64_t length) {
+inline void move(const Job<T>& job, int64_t to, int64_t from, int64_t length, const T* rates) {
   const T beta_2 = T(job.beta_2), blend_1 = T(1 - job.beta_1), blend_2 = T(1 - job.beta_2);
-  const T epsilon = T(job.epsilon), rate = T(job.rate), bias = T(job.bias_2);
+  const T epsilon = T(job.epsilon), bias = T(job.bias_2);
   T *value = job.value + to, *first = job.first + to, *second = job.second + to;
   if (!job.gradient) {
     const T beta_1 = T(job.beta_1);
@@ -31,7 +34,7 @@ inline void move(const Job<T>& job, int64_t to, int64_t from, int64_t length) {
     for (int64_t i = 0; i < length; i++) {
       first[i] *= beta_1;
       second[i] *= beta_2;
-      value[i] -= rate * first[i] / (std::sqrt(second[i]) / bias + epsilon);
+      value[i] -= rates[i] * first[i] / (std::sqrt(second[i]) / bias + epsilon);
     }
     return;
   }
@@ -41,18 +44,22 @@ inline void move(const Job<T>& job, int64_t to, int64_t from, int64_t length) {
     const T g = gradient[i];
     first[i] += blend_1 * (g - first[i]);
     second[i] = beta_2 * second[i] + blend_2 * g * g;
-    value[i] -= rate * first[i] / (std::sqrt(second[i]) / bias + epsilon);
+    value[i] -= rates[i] * first[i] / (std::sqrt(second[i]) / bias + epsilon);
   }
 }
 
 template <typename T>
 void step(const Job<T>& job, int64_t from, int64_t to) {
+  constexpr int64_t ROWS = 64;  // at once, at most
   const int64_t c = job.columns;
-  if (!job.rows) return move(job, from * c, from * c, (to - from) * c);
+  std::vector<T> rates(ROWS * c);
+  for (int64_t i = 0; i < ROWS * c; i++)
+    rates[i] = T(job.rate) * (job.shares ? job.shares[i % c] : T(1));
   for (int64_t i = from; i < to;) {  // neighbours at once
-    const int64_t start = i++;
-    while (i < to && job.rows[i] == job.rows[i - 1] + 1) i++;
-    move(job, job.rows[start] * c, start * c, (i - start) * c);
+    const int64_t start = i++, end = std::min(to, start + ROWS);
+    if (!job.rows) i = end;
+    else while (i < end && job.rows[i] == job.rows[i - 1] + 1) i++;
+    move(job, (job.rows ? job.rows[start] : start) * c, start * c, (i - start) * c, rates.data());
   }
 }
 
@@ -62,7 +69,8 @@ void settle(const Job<T>& job, int64_t from, int64_t to) {
   for (int64_t i = from; i < to; i++) {
     const int64_t at = (job.rows ? job.rows[i] : i) * job.columns;
     for (int64_t k = at; k < at + job.columns; k++) {
-      job.value[k] -= job.first[k] / (std::sqrt(job.second[k]) + epsilon) * job.missed[i];
+      const T distance = job.missed[i] * (job.shares ? job.shares[k - at] : T(1));
+      job.value[k] -= job.first[k] / (std::sqrt(job.second[k]) + epsilon) * distance;
       job.first[k] *= job.fade_1[i];
       job.second[k] *= job.fade_2[i];
     }

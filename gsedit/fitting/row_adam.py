@@ -31,8 +31,13 @@ FADING = BETA_1 / sqrt(BETA_2)
 class RowAdam:
     """The moments of `n` rows of named tensors, and the step at which each row was last moved."""
 
-    def __init__(self, count: int, *, compiled: bool = False) -> None:
-        """`compiled`: steps by the C++ kernel, where there is one; equal to rounding."""
+    def __init__(
+        self, count: int, *, shares: Mapping[str, Tensor] | None = None, compiled: bool = False
+    ) -> None:
+        """`shares`, by name: what the rate of each of a row's values is multiplied by, in a shape
+        that broadcasts to a row's; 1 for names that are not there. `compiled`: steps by the C++
+        kernel, where there is one; equal to rounding."""
+        self.shares = shares or {}
         self.compiled = compiled
         self.steps = 0
         self._moments: dict[str, tuple[Tensor, Tensor]] = {}
@@ -67,7 +72,8 @@ class RowAdam:
                 zeros = torch.zeros_like(values[name])
                 self._moments[name] = zeros, torch.zeros_like(zeros)
             moving = Moving(values[name].detach(), *self._moments[name])
-            step(moving, gradient, rows, rate / bias_1, bias_2, compiled=self.compiled)
+            shares = self.shares.get(name)
+            step(moving, gradient, rows, rate / bias_1, bias_2, shares, compiled=self.compiled)
         if rows is None:
             self._settle_all()
         else:
@@ -95,7 +101,8 @@ class RowAdam:
         for name, moments in self._moments.items():
             missed = torch.from_numpy(self._missed[name])[since - self._settled]
             moving = Moving(values[name].detach(), *moments)
-            settle(moving, late, missed, self.steps - since, compiled=self.compiled)
+            steps, shares = self.steps - since, self.shares.get(name)
+            settle(moving, late, missed, steps, shares, compiled=self.compiled)
         if rows is None:
             self._settle_all()
         else:
@@ -104,7 +111,7 @@ class RowAdam:
     def selected(self, origin: Int[Tensor, " m"], fresh: Bool[Tensor, " m"]) -> RowAdam:
         """For other rows: row i has row origin[i]'s moments, zero where it is fresh. All rows must
         be settled."""
-        other = RowAdam(len(origin), compiled=self.compiled)
+        other = RowAdam(len(origin), shares=self.shares, compiled=self.compiled)
         other.steps = self.steps
         other._settle_all()
         for name, moments in self._moments.items():
