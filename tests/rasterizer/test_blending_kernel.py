@@ -35,7 +35,15 @@ def test_every_width_of_vectors_draws_the_same(flags, tmp_path, monkeypatch):
         pytest.skip("this processor has no AVX2")
     library = tmp_path / "kernel.so"
     compiler = compiled.make(cpp_backend.SOURCE).compiler
-    command = [compiler, *compiled.FLAGS, *flags, str(cpp_backend.SOURCE), "-o", str(library)]
+    command = [
+        compiler,
+        *compiled.FLAGS,
+        *flags,
+        f"-I{compiled.HEADERS}",
+        str(cpp_backend.SOURCE),
+        "-o",
+        str(library),
+    ]
     subprocess.run(command, check=True)
     monkeypatch.setattr(cpp_backend, "load", lambda kernel="auto": ctypes.CDLL(str(library)))
     scene, view = cloud()
