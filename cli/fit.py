@@ -156,9 +156,22 @@ def run_fit(
     with checkpoints:
         with progress(as_json=common.json) as show:
             result = run_to_result(steps, show, checkpoints)
+        say_too_short(result, settings)
         save(result.scene, out, overwrite=force)
         write_places(photos, dataset, out, start)
     return result
+
+
+def say_too_short(result: FitResult, settings: FitSettings) -> None:
+    """Print a line where the time allowed no more than the least steps."""
+    from gsedit.fitting.budget import LEAST_STEPS
+
+    if settings.seconds and result.steps <= LEAST_STEPS and result.seconds > settings.seconds:
+        print_message(
+            f"{settings.seconds:g} s are too short for these photos: reading them and the start "
+            f"left time for {result.steps} steps, and the scene is hardly fitted: give --minutes "
+            f"{max(1.0, 10 * result.seconds / 60):.2g} or more, or fewer photos"
+        )
 
 
 def write_places(photos: Photos, dataset: Path, out: Path, start: Path | None) -> None:

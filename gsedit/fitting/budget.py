@@ -8,6 +8,9 @@ from collections.abc import Callable
 from gsedit.ranks import ALONE, Ranks
 from gsedit.reports.stopwatch import Stopwatch
 
+LEAST_STEPS = 10
+"""Steps that are made after the seconds too: reading the photos may take all of a short budget."""
+
 
 class Budget:
     """Counts `step` and runs from its construction; None: no limit of that kind.
@@ -44,7 +47,8 @@ class Budget:
 
     @property
     def progress(self) -> float:
-        """Fraction of the budget that is spent: of the steps or of the seconds, the larger."""
+        """Fraction of the budget that is spent: of the steps or of the seconds, the larger; more
+        than 1 where the last step, or LEAST_STEPS, took longer."""
         by_step = 0.0 if self._steps is None else self.step / self._steps
         seconds = self.seconds if self._ranks.size == 1 else self._read
         by_time = 0.0 if self._seconds is None else seconds / self._seconds
@@ -52,8 +56,9 @@ class Budget:
 
     @property
     def finished(self) -> bool:
-        """Whether all of it is spent."""
-        return self.progress >= 1
+        """Whether all of it is spent, and LEAST_STEPS are done where there may be so many."""
+        least = LEAST_STEPS if self._steps is None else min(LEAST_STEPS, self._steps)
+        return self.progress >= 1 and self.step >= least
 
     @property
     def steps(self) -> int:

@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import chain
-from math import sqrt
+from math import inf, sqrt
 from typing import Any
 
 import torch
@@ -57,6 +57,9 @@ FREE = ("checkpoint_seconds", "execution", "report_every")
 """Settings that may change when a fit goes on: they do not change the scene."""
 PLAIN = ("order", "curve", "loss", "next_evaluation", "last_checkpoint", "started_with")
 """What changes of a fit and is no tensor."""
+SWEEP_SHARE = 0.25
+"""Of the budget's seconds, after which the plane sweep of the start ends: 84 photos at 256 pixels
+take 3."""
 LOSS_DECAY = 0.95
 """Of the running mean of the loss that events report, per step."""
 
@@ -124,7 +127,7 @@ def fit_steps(
         start = optimised_scene(resume.within("optimiser"))
     budget = _budget(settings, resume, ranks, clock)
     if start is None:
-        start = _start(dataset, settings, generator, ranks)
+        start = _start(dataset, settings, generator, ranks, budget)
     extent = _camera_extent(dataset.views)
     work = _Fit(start, train, held_out, extent, settings, generator, asked, ranks, budget)
     del start  # the optimiser has copies
@@ -341,8 +344,9 @@ def _budget(
 
 
 def _start(
-    dataset: Dataset, settings: FitSettings, generator: torch.Generator, ranks: Ranks
-) -> Gaussians:
+    dataset: Dataset, settings: FitSettings, generator: torch.Generator, ranks: Ranks,
+    budget: Budget,
+) -> Gaussians:  # fmt: skip
     """Where a fit starts that is given no scene."""
     return initial_scene(
         dataset,
@@ -351,6 +355,7 @@ def _start(
         swept=settings.dense_start,
         at_most=settings.max_gaussians,
         ranks=ranks,
+        out_of_time=lambda: budget.seconds > SWEEP_SHARE * (settings.seconds or inf),
     )
 
 

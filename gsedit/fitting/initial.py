@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import torch
 from jaxtyping import Float
@@ -35,19 +35,20 @@ def initial_scene(
     swept: int = 0,
     at_most: int | None = None,
     ranks: Ranks = ALONE,
+    out_of_time: Callable[[], bool] = lambda: False,
 ) -> Gaussians:
     """Round Gaussians at the sparse points, as wide as their neighbours are far.
 
     `swept` patches of the photos that are not held out are looked for in space besides (see
-    fitting.sweep). With fewer than 4 points of both kinds, at random places where the cameras
-    look. Colours are the points', or grey where they have none. Of more points than `at_most`,
-    a random choice is taken.
+    fitting.sweep), until `out_of_time`. With fewer than 4 points of both kinds, at random places
+    where the cameras look. Colours are the points', or grey where they have none. Of more points
+    than `at_most`, a random choice is taken.
     """
     points = torch.zeros(0, 3) if dataset.points is None else dataset.points.float()
     grey = torch.full_like(points, 0.5)
     colors = grey if dataset.point_colors is None else dataset.point_colors.float()
     if swept:
-        more, theirs = _swept(dataset.split()[0], points, swept, generator, ranks)
+        more, theirs = _swept(dataset.split()[0], points, swept, generator, ranks, out_of_time)
         points, colors = torch.cat((points, more)), torch.cat((colors, theirs))
     if len(points) < FEW:
         points = _random_points(dataset.views, RANDOM_POINTS, generator)
@@ -72,13 +73,15 @@ def _swept(
     count: int,
     generator: torch.Generator,
     ranks: Ranks,
+    out_of_time: Callable[[], bool],
 ) -> Points:
     """Of rank 0, for all: another machine's rounding might find one point more."""
     seed = int(torch.randint(2**31, (), generator=generator))
     found = None
     if ranks.rank == 0:
         inverse_depths = _inverse_depths(views, points)
-        found = swept_points(views, count, inverse_depths, torch.Generator().manual_seed(seed))
+        own = torch.Generator().manual_seed(seed)
+        found = swept_points(views, count, inverse_depths, own, out_of_time)
     shared = ranks.first(found)
     assert shared is not None
     return shared

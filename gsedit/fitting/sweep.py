@@ -9,8 +9,8 @@ of a reconstruction leave empty, and starts a fit to photos that have none.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from math import ceil, sqrt
+from collections.abc import Callable, Sequence
+from math import ceil, gcd, sqrt
 
 import torch
 from jaxtyping import Bool, Float
@@ -42,16 +42,21 @@ def swept_points(
     count: int,
     inverse_depths: tuple[float, float],
     generator: torch.Generator,
+    out_of_time: Callable[[], bool] = lambda: False,
 ) -> tuple[Float[Tensor, "n 3"], Float[Tensor, "n 3"]]:
     """(places, colours) that photos agree on: of about `count` patches, the good ones.
 
-    `inverse_depths`: the smallest and the largest that are tried, above 0.
+    `inverse_depths`: the smallest and the largest that are tried, above 0. `out_of_time` is asked
+    before each photo: the rest give none.
     """
     small = [_small(view) for view in views]
     centres = torch.stack([view.camera.centre for view in small])
     axes = torch.stack([view.camera.forward for view in small])
     places, colours = [torch.zeros(0, 3)], [torch.zeros(0, 3)]
-    for i, view in enumerate(small):
+    for i in _spread(len(small)):
+        if out_of_time():
+            break
+        view = small[i]
         others = [small[j] for j in _neighbours(centres, axes, i)]
         if others:
             most = view.camera.width * view.camera.height // PIXELS
@@ -61,6 +66,14 @@ def swept_points(
             places.append(view.camera.unproject(patches[good], depth[good]))
             colours.append(_sampled(view.image, view.camera, patches[good]))
     return torch.cat(places), torch.cat(colours)
+
+
+def _spread(count: int) -> list[int]:
+    """0 to `count` - 1 such that the first few are spread over all: neighbours come in turn."""
+    stride = next(
+        step for step in range(round(0.38 * count) or 1, count + 1) if gcd(step, count) == 1
+    )
+    return [i * stride % count for i in range(count)]
 
 
 def _small(view: View) -> View:

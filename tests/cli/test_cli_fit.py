@@ -14,11 +14,15 @@ import numpy as np
 import pytest
 import torch
 from command_line import files, gsedit, stub_fit, stub_scene
+from gsedit_cli.fit import say_too_short
+from scenes import cloud
 
 from gsedit.files import load, load_dataset, save
 from gsedit.files.dataparser import NAME, read_dataparser, write_dataparser
 from gsedit.files.similarity import similarity_of
 from gsedit.files.state import load_state
+from gsedit.fitting.fit import FitResult
+from gsedit.fitting.settings import FitSettings
 
 
 def test_fit_writes_the_scene_and_removes_its_checkpoint(monkeypatch, photos, tmp_path):
@@ -91,13 +95,24 @@ def test_a_signal_ends_a_real_process_as_ctrl_c_does(photos, tmp_path, stop):
     )
     process = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, text=True)
     assert process.stderr is not None
-    assert process.stderr.readline().startswith(("renders with", "no C++ compiler"))
+    while (line := process.stderr.readline()).startswith("compiling"):  # where none was yet
+        pass
+    assert line.startswith(("renders with", "no C++ compiler"))
     assert "fit 5/10" in process.stderr.readline()
     process.send_signal(stop)
     messages = process.communicate(timeout=30)[1]
     assert process.returncode == 130
     assert "(step 5)" in messages
     assert load_state(tmp_path / "s.checkpoint.safetensors").within("optimiser")
+
+
+@pytest.mark.parametrize(("steps", "seconds", "told"), [(10, 30.0, 1), (10, 5.0, 0), (99, 30.0, 0)])
+def test_a_budget_that_the_photos_use_up_is_told(steps, seconds, told, capsys):
+    result = FitResult(cloud()[0], 9.0, steps, seconds, ())
+    say_too_short(result, FitSettings(seconds=6.0))
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == told
+    assert all("6 s are too short" in line and "--minutes 5 or more" in line for line in lines)
 
 
 def test_a_fit_can_do_without_the_kernel(monkeypatch, photos, tmp_path):

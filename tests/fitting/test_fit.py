@@ -9,6 +9,8 @@ import torch
 from point_clouds import ball
 
 from gsedit.errors import UsageError
+from gsedit.fitting import sweep
+from gsedit.fitting.budget import LEAST_STEPS
 from gsedit.fitting.densify import densify
 from gsedit.fitting.fit import evaluate, fit, fit_steps
 from gsedit.fitting.initial import initial_scene, neighbour_distance
@@ -62,6 +64,34 @@ def test_the_same_seed_gives_the_same_scene():
     assert torch.equal(one.sh, two.sh)
 
 
+def test_a_budget_that_the_photos_use_up_still_makes_a_few_steps():
+    settings = FitSettings(seconds=1e-9, dense_start=50, coarse=())
+    *_, result = fit_steps(photos(5, 16), settings, generator=generator())
+    assert result.steps == LEAST_STEPS
+    *_, result = fit_steps(photos(5, 16), replace(settings, steps=3), generator=generator())
+    assert result.steps == 3
+
+
+def test_the_sweep_takes_no_more_than_its_share_of_the_budget(monkeypatch):
+    now, swept = 0.0, []
+
+    def slow_sweep(view, *rest):
+        nonlocal now
+        now += 1.0
+        swept.append(view.name)
+        return sweep_one(view, *rest)
+
+    sweep_one = sweep._sweep
+    monkeypatch.setattr(sweep, "_sweep", slow_sweep)
+    settings = FitSettings(steps=2, seconds=12.0, dense_start=500, coarse=())
+    data = photos(16, 32)
+    *_, result = fit_steps(data, settings, generator=generator(), clock=lambda: now)
+    assert result.steps == 2
+    assert len(swept) == 4  # 3 s are not more than a quarter
+    rows = sorted(int("".join(filter(str.isdigit, name))) for name in swept)
+    assert rows[-1] - rows[0] >= 8  # spread over all photos
+
+
 def test_the_start_from_the_photos_is_part_of_the_budget(monkeypatch):
     now = 0.0
 
@@ -74,9 +104,9 @@ def test_the_start_from_the_photos_is_part_of_the_budget(monkeypatch):
     settings = FitSettings(steps=5, seconds=10.0, dense_start=0, coarse=())
     *_, result = fit_steps(photos(3, 16), settings, generator=generator(), clock=lambda: now)
     assert (result.steps, result.seconds) == (5, 9.0)
-    more = replace(settings, seconds=8.0)  # the start is measured all the same
+    more = replace(settings, seconds=8.0, steps=50)
     *_, result = fit_steps(photos(3, 16), more, generator=generator(), clock=lambda: now)
-    assert (result.steps, result.seconds) == (0, 9.0)
+    assert (result.steps, result.seconds) == (LEAST_STEPS, 9.0)
 
 
 def test_a_fit_continues_from_a_scene():
