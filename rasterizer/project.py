@@ -123,8 +123,9 @@ def cull(
 
 def project(scene: Gaussians, camera: Camera, numerics: Numerics) -> Projected:
     """Project Gaussians that lie in front of the camera; differentiable in scene and pose."""
-    axes = rotation_matrices(scene.quats) * scene.scales[:, None, :]
-    return project_axes(scene.means, axes, camera, numerics)
+    # numbers of one kind beside each other: steps from row to row are long ones
+    axes = rotation_matrices(scene.quats).permute(1, 2, 0) * scene.log_scales.T.exp()
+    return project_axes(scene.means, axes.permute(2, 0, 1), camera, numerics)
 
 
 def project_axes(
@@ -132,8 +133,10 @@ def project_axes(
 ) -> Projected:
     """Project Gaussians of covariance A A^T; the columns of A are their axes in the world."""
     linear = _linearise(means, camera, numerics)
-    rows = axes.permute(1, 2, 0)
-    m1, m2 = ((line[:, None] * rows).sum(0) for line in (linear.to_x, linear.to_y))
+    first, second, third = axes.permute(1, 2, 0)
+    m1, m2 = (
+        (x * first).addcmul(y, second).addcmul(z, third) for x, y, z in (linear.to_x, linear.to_y)
+    )
     xx = m1.square().sum(0)
     # divided before it is squared: the determinant overflows where the moments do not
     cross = torch.linalg.cross(m1 * (xx + numerics.blur).rsqrt(), m2, dim=0)

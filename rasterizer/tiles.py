@@ -55,16 +55,25 @@ def choose_tile_size(footprints: Footprints, width: int, height: int, pair_overh
 
     `pair_overhead` is what a pair costs beside its pixels, in units of one pixel of one pair.
     """
-    half = footprints.radius[:, None] * footprints.covariance[:, ::2].sqrt()
-    extent = half.new_tensor((width, height))
-    low = (footprints.xy - half).clamp_min(0).minimum(extent)
-    span = ((footprints.xy + half).minimum(extent) - low).clamp_min(0)
+    x, y = (
+        _overlap(*each, footprints.radius, size)
+        for *each, size in zip(footprints.xy.T, footprints.covariance.T[::2], (width, height))
+    )
 
     def cost(size: int) -> float:
-        tiles = (span / size + 1).prod(-1).sum().item()
+        tiles = ((x / size).add_(1) * (y / size).add_(1)).sum().item()
         return tiles * (size * size + pair_overhead)
 
     return min(TILE_SIZES, key=cost)
+
+
+def _overlap(
+    at: Float[Tensor, " m"], variance: Float[Tensor, " m"], radius: Float[Tensor, " m"], size: int
+) -> Float[Tensor, " m"]:
+    """How many of the picture's pixels along one axis each footprint covers."""
+    half = variance.sqrt().mul_(radius)
+    low = (at - half).clamp_(0, size)
+    return half.add_(at).clamp_max_(size).sub_(low).clamp_min_(0)
 
 
 def _span(

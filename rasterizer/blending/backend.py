@@ -5,7 +5,7 @@ before the torch backend's; a third one touches nothing else where device, dtype
 `Execution` tell when it is wanted. (A choice that they cannot tell is a new field of `Execution`.)
 The steps around it make their tensors on the Gaussians' device; none has run on a GPU yet.
 
-`m` Gaussians with `d` features, `p` (tile, Gaussian) pairs, a picture of `h w` pixels; `g` = 6 + d.
+`m` Gaussians with `d` features, a picture of `h w` pixels; `g` = 6 + d.
 """
 
 from __future__ import annotations
@@ -70,10 +70,10 @@ class Backend:
     has no gradients here."""
     backward: Callable[
         [Any, Float[Tensor, "h w"], Float[Tensor, "h w d"], Float[Tensor, "h w"]],
-        Float[Tensor, "p g"],
+        Float[Tensor, "m g"],
     ]
     """(saved, transmittance, gradients of the loss by features and by transmittance) to the
-    gradients by every pair's row of the table, each at its slot (see `Bins.slots`)."""
+    gradient by the table."""
     pair_overhead: float
     """The cost model, from which the tile's size is chosen: what a pair costs before any pixel is
     looked at (list, gather, gradient row), in units of one pixel of one pair."""

@@ -1,14 +1,14 @@
-"""The lists of a group of tiles laid out in batches, for the torch backend. Nothing here blends.
+"""Lists of tiles laid out in batches, for the torch backend. Nothing here blends.
 
-A block is up to `k` consecutive Gaussians of one tile's list; batch j holds the j-th block of every
-list that is long enough. `b` tiles of `q` pixels, longest lists first; `n` blocks in all, ordered
-by batch and, within a batch, by tile: batch j is the blocks first[j] : first[j] + active[j].
+A group of tiles has `p` (tile, Gaussian) pairs; a batch of it is `k` consecutive Gaussians of each
+of its `c` tiles of `q` pixels whose lists are long enough. It is small enough that the arrays of
+[k, c, q] elements that a step touches stay in cache, and large enough that Python's part is small:
+few tiles are blended in deep batches, many in shallow ones.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import prod
 from typing import NamedTuple
 
 import torch
@@ -17,25 +17,27 @@ from torch import Tensor
 
 from rasterizer.blending.backend import GEOMETRY, BlendInputs
 
-BLOCK = 16
-"""Gaussians of a block; up to MAX_BLOCK where few tiles leave room."""
-MAX_BLOCK = 64
-ELEMENTS = 1 << 20
-"""Elements of a batch: enough that Python's part is small, few enough that buffers are reused."""
+BLOCK, MAX_BLOCK = 16, 64
+"""Gaussians of a tile in a batch: at least, and at most."""
+ELEMENTS = 1 << 18
+"""Elements of a batch: four arrays of them are 4 MB, the second caches of two cores. With a
+million, operations that read two arrays and write one take up to three times as long."""
 
 
 class TileGrid:
-    """What all tiles share: pixel monomials, tile centres, the table of Gaussians."""
+    """What all tiles share: pixel monomials, tile centres, the table of Gaussians, buffers."""
 
     def __init__(self, inputs: BlendInputs) -> None:
         table, bins, numerics = inputs.table, inputs.bins, inputs.numerics
         side = bins.size
         local = torch.arange(side, dtype=table.dtype, device=table.device) + (0.5 - side / 2)
         y, x = (c.flatten() for c in torch.meshgrid(local, local, indexing="ij"))
-        self.monomials: Float[Tensor, "6 q"] = torch.stack(
-            (torch.ones_like(x), x, y, x * x, x * y, y * y)
-        )
-        """1, x, y, xx, xy, yy of the pixels' centres, from the tile's centre."""
+        ones, minus = torch.ones_like(x), torch.stack((-x * x, -x * y, -y * y))
+        halves = minus * minus.new_tensor((0.5, 1.0, 0.5))[:, None]
+        self.monomials: Float[Tensor, "6 q"] = torch.cat((torch.stack((ones, x, y)), halves))
+        """1, x, y, -xx/2, -xy, -yy/2 of the pixels' centres, from the tile's centre."""
+        self.slopes: Float[Tensor, "6 q"] = torch.cat((self.monomials[:3], minus))
+        """The same without the halves: they leave when squares are differentiated."""
         tile = torch.arange(bins.rows * bins.columns, device=table.device)
         corners = torch.stack((tile % bins.columns, tile // bins.columns)) * side
         self.centres: Float[Tensor, "2 t"] = (corners + side / 2).to(table)
@@ -52,141 +54,181 @@ class TileGrid:
         self.capped = len(table) > 0 and bool(table[:, 5].max() > numerics.log_alpha_max)
         """Whether some alpha may be held at its cap."""
         self.lengths: Int[Tensor, " t"] = bins.starts.diff()
-        self.occupied = int((self.lengths > 0).sum())
-        fitting = ELEMENTS // (self.pixels * max(1, self.occupied))
-        self.block = inputs.block or min(max(fitting, BLOCK), MAX_BLOCK)
-        self.group_size = max(1, ELEMENTS // (self.block * self.pixels))
-        """Largest number of tiles of a group."""
-        self.buffers: list[Tensor] = []
+        self.block = inputs.block
+        self._buffers: dict[int, Tensor] = {}
+        self._sums: dict[int, Tensor] = {}
 
     def groups(self) -> Iterator[TileGroup]:
-        """All tiles that are not empty, as many at once as make a batch of ELEMENTS."""
-        order = torch.argsort(self.lengths, descending=True, stable=True)[: self.occupied]
-        if self.occupied:
-            for tiles in order.split(self.group_size):
+        """All tiles that are not empty, those with long lists first, as many as a batch holds."""
+        order = torch.argsort(self.lengths, descending=True, stable=True)
+        occupied = int((self.lengths > 0).sum())
+        if occupied:
+            for tiles in order[:occupied].split(self._fitting(self.block or BLOCK)):
                 yield TileGroup(self, tiles)
 
-    def buffer(self, number: int, tiles: int) -> Float[Tensor, "k b q"]:
+    def _fitting(self, count: int) -> int:
+        """How many times `count` pixels of all tiles make a batch; at least 1."""
+        return max(1, ELEMENTS // (count * self.pixels))
+
+    def depth(self, tiles: int) -> int:
+        """Gaussians of each tile in a batch of so many tiles."""
+        return self.block or min(max(BLOCK, self._fitting(tiles)), MAX_BLOCK)
+
+    def buffer(self, number: int, *shape: int) -> Float[Tensor, "..."]:
         """Memory for a batch, the same each time: new memory costs more than what is done in it."""
-        shape = self.block, tiles, self.pixels
-        while len(self.buffers) <= number:
-            largest = self.block * min(self.group_size, self.occupied) * self.pixels
-            self.buffers.append(self.monomials.new_empty(largest))
-        return self.buffers[number][: prod(shape)].view(shape)
+        size = torch.Size(shape).numel()
+        if number not in self._buffers or self._buffers[number].numel() < size:
+            self._buffers[number] = self.monomials.new_empty(max(size, ELEMENTS))
+        return self._buffers[number][:size].view(shape)
+
+    def suffix_sums(self, count: int) -> Float[Tensor, "k k"]:
+        """The matrix whose product with `count` rows is the sum of each and of those after it."""
+        if count not in self._sums:
+            self._sums[count] = self.monomials.new_ones(count, count).triu()
+        return self._sums[count]
 
 
 class Batch(NamedTuple):
-    """One block of each of the group's first `count` tiles, or only of those in `open_tiles`."""
+    """Some places of the lists of a group's first `count` tiles, or only of those in `chosen`."""
 
     start: int
-    """The first of its blocks among all blocks."""
+    """The first place."""
+    depth: int
     count: int
-    open_tiles: Int[Tensor, " b"] | None = None
+    offset: int
+    """The first of its pairs among the group's: row by row of [depth, count]."""
+    chosen: Int[Tensor, " c"] | None = None
     """Ascending positions among the group's tiles; None: 0 .. count - 1."""
 
-    def select(self, values: Shaped[Tensor, "..."], axis: int) -> Shaped[Tensor, "..."]:
-        """Its part of an array of all blocks, which are counted along `axis`."""
-        if self.open_tiles is None:
-            return values.narrow(axis, self.start, self.count)
-        chosen = self.open_tiles + self.start
-        if axis == values.ndim - 1:  # on all threads
-            return values.gather(axis, chosen.expand(*values.shape[:-1], -1))
-        return values.index_select(axis, chosen)
+    def select(self, values: Shaped[Tensor, "... p"]) -> Shaped[Tensor, "... kc"]:
+        """Its part of an array of the group's pairs; a view where no tiles are chosen."""
+        part = values.narrow(-1, self.offset, self.depth * self.count)
+        if self.chosen is None:
+            return part
+        return part.unflatten(-1, (-1, self.count)).index_select(-1, self.chosen).flatten(-2)
 
-    def select_tiles(self, values: Shaped[Tensor, "t ..."]) -> Shaped[Tensor, "b ..."]:
-        """Its part (a view, if it is the first tiles) of an array of all the group's tiles."""
-        if self.open_tiles is None:
-            return values[: self.count]
-        return values.index_select(0, self.open_tiles)
-
-    def store_tiles(self, values: Float[Tensor, "t ..."], rows: Float[Tensor, "b ..."]) -> None:
-        """Write its part of an array of all the group's tiles."""
-        if self.open_tiles is None:
-            values[: self.count] = rows
+    def store(self, values: Float[Tensor, "f p"], part: Float[Tensor, "f k c"]) -> None:
+        """Write its part of an array of the group's pairs."""
+        there = values.narrow(-1, self.offset, self.depth * self.count)
+        there = there.unflatten(-1, (-1, self.count))
+        if self.chosen is None:
+            there.copy_(part)
         else:
-            values[self.open_tiles] = rows
+            there.index_copy_(-1, self.chosen, part)
 
-    def store(self, values: Float[Tensor, "k n ..."], rows: Float[Tensor, "k b ..."]) -> None:
-        """Write its part of an array of all blocks, which are counted along the second axis."""
-        if self.open_tiles is None:
-            values[:, self.start : self.start + self.count] = rows
+    def select_tiles(self, values: Shaped[Tensor, "t ..."]) -> Shaped[Tensor, "c ..."]:
+        """Its part of an array of the group's tiles; a view where no tiles are chosen."""
+        return values[: self.count] if self.chosen is None else values.index_select(0, self.chosen)
+
+    def store_tiles(self, values: Float[Tensor, "t ..."], part: Float[Tensor, "c ..."]) -> None:
+        """Write its part of an array of the group's tiles."""
+        if self.chosen is None:
+            values[: self.count] = part
         else:
-            values[:, self.open_tiles + self.start] = rows
+            values.index_copy_(0, self.chosen, part)
 
 
 class Whitened(NamedTuple):
-    """Offset from the mean to the tile's centre, and the same in standard deviations (u, v)."""
+    """Means from the tile's centre (dx, dy), the same in standard deviations (u), and w0 to w2."""
 
-    dx: Float[Tensor, "k n"]
-    dy: Float[Tensor, "k n"]
-    w0: Float[Tensor, "k n"]
-    w1: Float[Tensor, "k n"]
-    w2: Float[Tensor, "k n"]
-    u: Float[Tensor, "k n"]
-    v: Float[Tensor, "k n"]
+    dx: Float[Tensor, " p"]
+    dy: Float[Tensor, " p"]
+    u: Float[Tensor, "2 p"]
+    w01: Float[Tensor, "2 p"]
+    w2: Float[Tensor, " p"]
 
 
 class TileGroup:
-    """Some tiles, their Gaussians in batches, and the quadratic that is each one's exponent."""
+    """Some tiles, their pairs in batches, and the quadratic that is each pair's exponent."""
 
-    def __init__(self, grid: TileGrid, tiles: Int[Tensor, " b"]) -> None:
+    def __init__(self, grid: TileGrid, tiles: Int[Tensor, " t"]) -> None:
         self.grid, self.tiles = grid, tiles
-        block, bins = grid.block, grid.bins
-        blocks = (grid.lengths[tiles] + block - 1) // block
-        batch = torch.arange(int(blocks[0]), device=tiles.device)
-        active = len(tiles) - torch.searchsorted(blocks.flip(0), batch, right=True)
-        first = active.cumsum(0) - active
-        self.active: list[int] = active.tolist()
-        """Tiles of each batch: a prefix of `tiles`."""
-        self.first: list[int] = first.tolist()
-        batch = torch.repeat_interleave(active)
-        owner = tiles[torch.arange(len(batch), device=tiles.device) - first[batch]]
-        inside = torch.arange(block, device=tiles.device)[:, None]
-        at = bins.starts[owner] + batch * block + inside
-        self.pairs: Int[Tensor, "k n"] = torch.where(
-            at < bins.starts[owner + 1], at, len(bins.members)
-        )
-        """Positions in the bins' members; one past the last: the empty Gaussian."""
-        self.members = grid.members.index_select(0, self.pairs.flatten()).view_as(self.pairs)
-        flat = self.members.flatten()
-        columns = grid.geometry.gather(1, flat.expand(GEOMETRY, -1))  # on all threads
-        x, y, w0, w1, w2, log_opacity = columns.view(GEOMETRY, *self.members.shape)
-        centre_x, centre_y = grid.centres[:, owner]
-        dx, dy = centre_x - x, centre_y - y
-        u, v = w0 * dx, w1 * dx + w2 * dy
-        self.whitened = Whitened(dx, dy, w0, w1, w2, u, v)
-        self.quadratic: Float[Tensor, "6 k n"] = torch.stack(
-            (
-                log_opacity - 0.5 * (u * u + v * v), -(u * w0 + v * w1), -(v * w2),
-                -0.5 * (w0 * w0 + w1 * w1), -(w1 * w2), -0.5 * (w2 * w2),
-            )
-        )  # fmt: skip
-        """The coefficients of 1, x, y, xx, xy, yy."""
-        features = grid.features.index_select(0, flat)
-        self.features: Float[Tensor, "k n d"] = features.view(*self.members.shape, -1)
+        self.lengths: list[int] = grid.lengths.index_select(0, tiles).tolist()
+        self.batches = self._batches()
+        members, owner = self._pairs()
+        self.members: Int[Tensor, " p"] = members
+        columns = grid.geometry.gather(1, members.expand(GEOMETRY, -1))  # on all threads
+        columns[:2] -= grid.centres.gather(1, owner.expand(2, -1))
+        dx, dy, w01, w2, log_opacity = columns[0], columns[1], columns[2:4], columns[4], columns[5]
+        u = w01 * dx
+        u[1].addcmul_(w2, dy)
+        self.whitened = Whitened(dx, dy, u, w01, w2)
+        quadratic = torch.empty_like(columns)
+        constant, linear, _, square, mixed, _ = quadratic
+        torch.mul(u, u, out=quadratic[1:3])
+        torch.add(linear, quadratic[2], out=constant).mul_(-0.5).add_(log_opacity)
+        torch.mul(u, w01, out=quadratic[1:3])
+        linear.add_(quadratic[2])
+        torch.mul(u[1], w2, out=quadratic[2])
+        torch.mul(w01, w01, out=quadratic[3:5])
+        square.add_(mixed)
+        torch.mul(columns[3:5], w2, out=quadratic[4:6])  # w1 w2 and w2 w2
+        self.quadratic: Float[Tensor, "6 p"] = quadratic
+        """The coefficients of the grid's monomials."""
+        self.features: Float[Tensor, "p d"] = grid.features.index_select(0, members)
 
-    def alpha(self, batch: Batch) -> Float[Tensor, "k b q"]:
+    def _batches(self) -> list[Batch]:
+        """To the end of the longest list."""
+        found, start, offset, count = [], 0, 0, len(self.lengths)
+        while start < self.lengths[0]:
+            while self.lengths[count - 1] <= start:
+                count -= 1
+            depth = min(self.grid.depth(count), self.lengths[0] - start)
+            found.append(Batch(start, depth, count, offset))
+            start, offset = start + depth, offset + depth * count
+        return found
+
+    def _pairs(self) -> tuple[Int[Tensor, " p"], Int[Tensor, " p"]]:
+        """Gaussian and tile of every pair; where a list has ended, the empty Gaussian."""
+        grid, tiles = self.grid, self.tiles
+        starts = grid.bins.starts.index_select(0, tiles)
+        lengths = grid.lengths.index_select(0, tiles)
+        places = torch.arange(self.lengths[0], device=tiles.device)[:, None]
+        positions, owners = [], []
+        for start, depth, count, *_ in self.batches:
+            inside = places[start : start + depth]
+            at = inside + starts[:count]
+            if self.lengths[count - 1] < start + depth:
+                at.masked_fill_(inside >= lengths[:count], len(grid.members) - 1)
+            positions.append(at.flatten())
+            owners.append(tiles[:count].expand(depth, -1).flatten())
+        return grid.members.index_select(0, torch.cat(positions)), torch.cat(owners)
+
+    def alpha(self, batch: Batch) -> Float[Tensor, "k c q"]:
         """Of a batch at every pixel, in buffer 0.
 
         One clamp covers the cap and the floor: exp is slow where it underflows.
         """
-        numerics = self.grid.numerics
-        alpha = self.grid.buffer(0, batch.count)
-        quadratic = batch.select(self.quadratic, 2).reshape(6, -1)
-        torch.mm(quadratic.T, self.grid.monomials, out=alpha.flatten(0, 1))
+        grid, numerics = self.grid, self.grid.numerics
+        quadratic = batch.select(self.quadratic)
+        alpha = grid.buffer(0, quadratic.shape[1], grid.pixels)
+        torch.mm(quadratic.T, grid.monomials, out=alpha)
         alpha.clamp_(numerics.log_alpha_min - 1e-3, numerics.log_alpha_max).exp_()
         # threshold keeps what is greater: one ulp less, so that alpha == alpha_min stays
-        return torch.threshold_(alpha, numerics.alpha_min * (1 - torch.finfo(alpha.dtype).eps), 0.0)
+        torch.threshold_(alpha, numerics.alpha_min * (1 - torch.finfo(alpha.dtype).eps), 0.0)
+        return alpha.view(batch.depth, -1, grid.pixels)
 
-    def chain(self, rows: Float[Tensor, "k n g"]) -> None:
-        """In place, gradients by the quadratic to those by x, y, w0, w1, w2, log opacity."""
-        g1, gx, gy, gxx, gxy, gyy = (rows[..., i].clone() for i in range(GEOMETRY))
-        dx, dy, w0, w1, w2, u, v = self.whitened
-        gu = -(u * g1 + w0 * gx)
-        gv = -(v * g1 + w1 * gx + w2 * gy)
-        rows[..., 0] = -(w0 * gu + w1 * gv)
-        rows[..., 1] = -(w2 * gv)
-        rows[..., 2] = gu * dx - u * gx - w0 * gxx
-        rows[..., 3] = gv * dx - v * gx - w1 * gxx - w2 * gxy
-        rows[..., 4] = gv * dy - v * gy - w1 * gxy - w2 * gyy
-        rows[..., 5] = g1
+    def features_of(self, batch: Batch) -> Float[Tensor, "k c d"]:
+        """Of a batch's Gaussians."""
+        _, depth, count, offset, chosen = batch
+        part = self.features[offset : offset + depth * count].unflatten(0, (depth, count))
+        return part if chosen is None else part.index_select(1, chosen)
+
+    def chain(self, moments: Float[Tensor, "6 p"]) -> None:
+        """In place, gradients by the quadratic to those by x, y, w0, w1, w2, log opacity.
+
+        `moments` are sums over pixels of the gradient by the exponent times the grid's `slopes`.
+        """
+        dx, dy, u, w01, w2 = self.whitened
+        g1, gx, gy, gxx, gxy, gyy = moments
+        by_u = (w01 * gx).addcmul_(u, g1, value=-1)
+        by_u[1].addcmul_(w2, gy)
+        by_w2 = (by_u[1] * dy).addcmul_(u[1], gy).addcmul_(w01[1], gxy).addcmul_(w2, gyy)
+        by_w01 = (by_u * dx).addcmul_(u, gx).addcmul_(w01, gxx)
+        by_w01[1].addcmul_(w2, gxy)
+        moments[5] = g1
+        torch.mul(by_u[1], w2, out=moments[1])
+        by_u.mul_(w01)
+        torch.add(by_u[0], by_u[1], out=moments[0])
+        moments[2:4] = by_w01
+        moments[4] = by_w2

@@ -20,7 +20,6 @@ from typing import Any
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
-from torch.nn.functional import embedding_bag
 
 from rasterizer.blending.backend import Backend, Blended, BlendInputs
 
@@ -46,7 +45,7 @@ class _Composite(torch.autograd.Function):
     ) -> tuple[Float[Tensor, "h w d"], Float[Tensor, "h w"], Int[Tensor, "h w"] | None]:
         inputs = inputs._replace(table=table.detach())
         blended, ctx.saved = backend.forward(inputs, median, ctx.needs_input_grad[0])
-        ctx.backend, ctx.bins = backend, inputs.bins
+        ctx.backend = backend
         # an output: an attribute of ctx that holds it would make a cycle, which is never freed
         ctx.save_for_backward(blended.transmittance)
         if blended.median_index is not None:
@@ -64,10 +63,7 @@ class _Composite(torch.autograd.Function):
         if torch.is_grad_enabled():  # the gradients of these gradients would be silently wrong
             raise RuntimeError("a picture has first derivatives only: leave out create_graph=True")
         (transmittance,) = ctx.saved_tensors
-        pairs = ctx.backend.backward(
+        by_table = ctx.backend.backward(
             ctx.saved, transmittance, grad_features.contiguous(), grad_transmittance.contiguous()
         )
-        # each Gaussian's pairs, tile by tile: the same sum on every run
-        every = torch.arange(len(pairs), device=pairs.device)
-        by_rank = embedding_bag(every, pairs, ctx.bins.firsts, mode="sum")
-        return by_rank.index_select(0, ctx.bins.rank), None, None, None
+        return by_table, None, None, None

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
+from torch.nn.functional import embedding_bag
 
 from rasterizer import compiled
 from rasterizer.blending.backend import GEOMETRY, Backend, Blended, BlendInputs, ForwardPass
@@ -57,8 +58,25 @@ def backward(
     transmittance: Float[Tensor, "h w"],
     grad_features: Float[Tensor, "h w d"],
     grad_transmittance: Float[Tensor, "h w"],
-) -> Float[Tensor, "p g"]:
+) -> Float[Tensor, "m g"]:
     """`Backend.backward`."""
+    bins = saved.inputs.bins
+    pairs = pair_gradients(saved, transmittance, grad_features, grad_transmittance)
+    # each Gaussian's pairs, tile by tile: the same sum on every run
+    by_rank = embedding_bag(torch.arange(len(pairs)), pairs, bins.firsts, mode="sum")
+    return by_rank.index_select(0, bins.rank)
+
+
+def pair_gradients(
+    saved: _Saved,
+    transmittance: Float[Tensor, "h w"],
+    grad_features: Float[Tensor, "h w d"],
+    grad_transmittance: Float[Tensor, "h w"],
+) -> Float[Tensor, "p g"]:
+    """The loss's gradients by every pair's row of the table, each at its slot (see `Bins.slots`).
+
+    `saved` is `forward`'s; see `Backend.backward`.
+    """
     inputs = saved.inputs
     gradients = inputs.table.new_empty(len(inputs.bins.members), inputs.table.shape[1])
     _run("backward", inputs, transmittance=transmittance, ends=saved.ends,

@@ -1,7 +1,8 @@
 """Blending in torch, forward and backward, in the batches of `batches.py`.
 
-`m` Gaussians with `d` features, `t` tiles of `q` pixels, of which a group holds `b`. Every step is
-one operation on a [k, b, q] block in cache; see `composite.py` for the equations.
+`m` Gaussians with `d` features, `t` tiles of `q` pixels, of which a group holds `b`; a batch has
+`k` Gaussians of each of `c` of them. Every step is one operation on a [k, c, q] block in cache; see
+`composite.py` for the equations.
 """
 
 from __future__ import annotations
@@ -18,16 +19,16 @@ from rasterizer.blending.batches import Batch, TileGrid, TileGroup
 from rasterizer.tiles import Bins
 
 SAVED_PAIRS = 1 << 22
-"""Up to so many, what the backward pass needs of each pair (80 bytes) is saved: 8 % faster."""
+"""Up to so many, what the backward pass needs of each pair (80 bytes) is saved, not made again."""
 OPEN_SHARE = 0.8
-"""Opaque tiles leave a batch where fewer than this share of its tiles stays: leaving copies."""
+"""Opaque tiles leave where fewer than this share of a batch's tiles stays: leaving copies."""
 
 
 class _SavedBatch(NamedTuple):
     """A batch that was blended, and the transmittance in front of it."""
 
     batch: Batch
-    transmittance: Float[Tensor, "b q"]
+    transmittance: Float[Tensor, "c q"]
 
 
 class _Saved(NamedTuple):
@@ -41,7 +42,7 @@ class _Saved(NamedTuple):
 
 
 class _TiledPicture(NamedTuple):
-    """A picture in tiles."""
+    """A picture in tiles, or some tiles of it."""
 
     features: Float[Tensor, "t d q"]
     transmittance: Float[Tensor, "t q"]
@@ -56,6 +57,16 @@ class _TiledPicture(NamedTuple):
         transmittance = _to_tiles(like.new_ones(height, width, 1), bins).view(tiles, grid.pixels)
         features = like.new_zeros(tiles, grid.features.shape[1], grid.pixels)
         return cls(features, transmittance, torch.zeros_like(transmittance) if median else None)
+
+    def part(self, rows: Int[Tensor, " b"] | slice) -> _TiledPicture:
+        """Some of the tiles: views for a slice, copies for rows."""
+        return _TiledPicture(*(each if each is None else each[rows] for each in self))
+
+    def store(self, rows: Int[Tensor, " b"], part: _TiledPicture) -> None:
+        """Write some of the tiles."""
+        for each, values in zip(self, part):
+            if each is not None:
+                each.index_copy_(0, rows, values)
 
 
 def forward(inputs: BlendInputs, median: bool, differentiate: bool) -> ForwardPass:
@@ -96,9 +107,8 @@ def pixel_entries(inputs: BlendInputs, least: float) -> Entries:
     def watch(group: TileGroup, batch: Batch, alpha: Tensor, weight: Tensor) -> None:
         shown = (weight.flatten() > least).nonzero().squeeze(-1)
         slot, q = shown // grid.pixels, shown % grid.pixels
-        place = slot % batch.count
-        member = batch.select(group.members, 1).flatten().index_select(0, slot)
-        tile = batch.select_tiles(group.tiles).index_select(0, place)
+        member = batch.select(group.members).index_select(0, slot)
+        tile = batch.select_tiles(group.tiles).index_select(0, slot % weight.shape[1])
         x = tile % bins.columns * bins.size + q % bins.size
         y = tile // bins.columns * bins.size + q // bins.size
         taken = alpha.flatten().index_select(0, shown)
@@ -113,68 +123,47 @@ def pixel_entries(inputs: BlendInputs, least: float) -> Entries:
     return Entries(*(torch.cat(parts) for parts in zip(*found)))
 
 
-def backward(
-    saved: _Saved,
-    transmittance: Float[Tensor, "h w"],
-    grad_features: Float[Tensor, "h w d"],
-    grad_transmittance: Float[Tensor, "h w"],
-) -> Float[Tensor, "p g"]:
-    """`Backend.backward`."""
-    grid, bins = saved.grid, saved.grid.bins
-    from_background = grad_transmittance * transmittance
-    upstream = _to_tiles(torch.cat((grad_features, from_background[..., None]), -1), bins)
-    upstream, behind = upstream[:, :-1], upstream[:, -1]
-    pairs = len(bins.members)
-    gradients = upstream.new_zeros(pairs + 1, GEOMETRY + grad_features.shape[-1])
-    # the last row takes what belongs to the empty Gaussian
-    slots = torch.cat((bins.slots, bins.slots.new_tensor([pairs])))
-    for group, batches in zip(saved.groups or grid.groups(), saved.batches):
-        rows = _blend_backward(group, batches, upstream[group.tiles], behind[group.tiles])
-        gradients.index_copy_(0, slots[group.pairs.flatten()], rows.flatten(0, 1))
-    return gradients[:-1]
-
-
 class _OpenTiles:
-    """The tiles of a group that are not opaque, and what was blended so far."""
+    """The tiles of a group whose lists go on and that are not opaque."""
 
     def __init__(self, group: TileGroup, out: _TiledPicture) -> None:
-        self.group, self.out = group, out
-        self.kept: Int[Tensor, " b"] | None = None
-        """Ascending positions among the group's tiles; None: all."""
-        self.transmittance = out.transmittance[group.tiles]
-        self.features = out.features.new_zeros(len(group.tiles), *out.features.shape[1:])
-        self.above_half = (
-            torch.zeros_like(self.transmittance) if out.above_half is not None else None
-        )
+        self._group, self._out = group, out
+        self._kept: Int[Tensor, " c"] | None = None
+        """Ascending positions among the group's tiles; None: the first ones."""
+        self.picture = out.part(group.tiles)
+        """What was blended so far of each."""
 
-    def store(self) -> None:
-        """Write what was blended so far into the picture."""
-        tiles = self.group.tiles if self.kept is None else self.group.tiles[self.kept]
-        self.out.features[tiles] = self.features
-        self.out.transmittance[tiles] = self.transmittance
-        if self.out.above_half is not None and self.above_half is not None:
-            self.out.above_half[tiles] = self.above_half
+    def at(self, batch: Batch, stop: float) -> Batch:
+        """The batch of the open tiles. Those whose lists have ended are closed; the opaque ones
+        too, if they are many."""
+        kept = self._kept
+        count = batch.count if kept is None else int((kept < batch.count).sum())
+        self.close(count)
+        if stop and batch.start and count:
+            is_open = self.picture.transmittance.amax(-1) > stop
+            if int(is_open.sum()) < OPEN_SHARE * count:
+                self._store((~is_open).nonzero().squeeze(-1))
+                rows = is_open.nonzero().squeeze(-1)
+                self._kept = rows if self._kept is None else self._kept[rows]
+                self.picture = self.picture.part(rows)
+        return batch._replace(chosen=self._kept)
 
-    def close_opaque(self, count: int, stop: float) -> int:
-        """Of the first `count` tiles drop the opaque ones, if there are many; how many remain.
+    def close(self, first: int = 0) -> None:
+        """Those from the `first` on."""
+        if first < len(self.picture.transmittance):
+            self._store(slice(first, None))
+            self.picture = self.picture.part(slice(first))
+            self._kept = None if self._kept is None else self._kept[:first]
 
-        The tiles after them, whose lists have ended, leave with them.
-        """
-        is_open = self.transmittance[:count].amax(-1) > stop
-        remaining = int(is_open.sum())
-        if remaining >= OPEN_SHARE * count:
-            return count
-        self.store()
-        rows = is_open.nonzero().squeeze(-1)
-        self.kept = rows if self.kept is None else self.kept[rows]
-        self.transmittance, self.features = self.transmittance[rows], self.features[rows]
-        if self.above_half is not None:
-            self.above_half = self.above_half[rows]
-        return remaining
+    def _store(self, rows: Int[Tensor, " c"] | slice) -> None:
+        """Write what was blended into the picture."""
+        part = self.picture.part(rows)
+        tiles = self._group.tiles if self._kept is None else self._group.tiles[self._kept]
+        self._out.store(tiles[: len(self.picture.transmittance)][rows], part)
 
 
 Watch = Callable[[TileGroup, Batch, Tensor, Tensor], None]
-"""Is shown each batch that was blended: its alphas and its weights, [k b q] each."""
+"""Is shown each batch that was blended: its alphas and its weights, [k c q] each."""
 
 
 def _blend(
@@ -186,77 +175,113 @@ def _blend(
     """Blend a group's tiles to the end of their lists, or until they are opaque."""
     tiles = _OpenTiles(group, out)
     stop = group.grid.numerics.transmittance_min
-    limits = torch.finfo(tiles.transmittance.dtype)
+    limits = torch.finfo(out.transmittance.dtype)
     least = limits.tiny / limits.eps  # arithmetic on smaller numbers is 10 times slower
-    for start, count in zip(group.first, group.active):
-        if tiles.kept is not None:
-            count = int((tiles.kept < count).sum())
-        if count and stop and start:
-            count = tiles.close_opaque(count, stop)
-        if not count:
-            break
-        batch = Batch(start, count, None if tiles.kept is None else tiles.kept[:count])
-        transmittance, features = tiles.transmittance[:count], tiles.features[:count]
+    for each in group.batches:
+        batch = tiles.at(each, stop)
+        features, transmittance, above_half = tiles.picture
+        if not len(transmittance):
+            return
         torch.threshold_(transmittance, least, 0.0)
         if saved is not None:
             saved.append(_SavedBatch(batch, transmittance.clone()))
         alpha = group.alpha(batch)
         unweighted = None if watch is None else alpha.clone()
-        for weight in alpha.unbind(0):
-            weight.mul_(transmittance)
-            transmittance.sub_(weight)
-            if tiles.above_half is not None:
-                tiles.above_half[:count].add_(transmittance > 0.5)
-        colors = batch.select(group.features, 1).permute(1, 2, 0)
-        features.baddbmm_(colors, alpha.transpose(0, 1))
+        passing = group.grid.buffer(1, *alpha.shape)
+        passing[0] = transmittance
+        torch.sub(1, alpha[:-1], out=passing[1:])
+        multiply_up(passing)
+        weight = alpha.mul_(passing)
+        torch.sub(passing[-1], weight[-1], out=transmittance)
+        if above_half is not None:
+            above_half += (passing[1:] > 0.5).sum(0)
+            above_half += transmittance > 0.5
+        colors = group.features_of(batch).permute(1, 2, 0)
+        features.baddbmm_(colors, weight.transpose(0, 1))
         if watch is not None and unweighted is not None:
-            watch(group, batch, unweighted, alpha)
-    tiles.store()
+            watch(group, batch, unweighted, weight)
+    tiles.close()
+
+
+def multiply_up(rows: Float[Tensor, "k c q"]) -> None:
+    """Each row times all before it, in place: log2(k) operations on half of the elements each
+    (Sklansky 1960). As views of the memory: slices of slices take as long as the products."""
+    count, step, first = len(rows), rows[0].numel(), rows.storage_offset()
+    span = 1
+    while span < count:
+        whole = count // (2 * span)
+        strides = (2 * span * step, step, 1)
+        if whole:
+            last = rows.as_strided((whole, 1, step), strides, first + (span - 1) * step)
+            rows.as_strided((whole, span, step), strides, first + span * step).mul_(last)
+        rest = (2 * whole + 1) * span
+        if rest < count:
+            rows[rest:].mul_(rows[rest - 1])
+        span *= 2
+
+
+def backward(
+    saved: _Saved,
+    transmittance: Float[Tensor, "h w"],
+    grad_features: Float[Tensor, "h w d"],
+    grad_transmittance: Float[Tensor, "h w"],
+) -> Float[Tensor, "m g"]:
+    """`Backend.backward`."""
+    grid = saved.grid
+    from_background = grad_transmittance * transmittance
+    upstream = _to_tiles(torch.cat((grad_features, from_background[..., None]), -1), grid.bins)
+    upstream, behind = upstream[:, :-1], upstream[:, -1]
+    gradients = upstream.new_zeros(grad_features.shape[-1] + GEOMETRY, len(grid.features))
+    for group, batches in zip(saved.groups or grid.groups(), saved.batches):
+        rows = _blend_backward(group, batches, upstream[group.tiles], behind[group.tiles])
+        gradients.index_add_(1, group.members, rows)
+    return gradients[:, :-1].T
 
 
 def _blend_backward(
     group: TileGroup, saved: list[_SavedBatch], upstream: Float[Tensor, "b d q"],
     behind: Float[Tensor, "b q"],
-) -> Float[Tensor, "k n g"]:  # fmt: skip
+) -> Float[Tensor, "g p"]:  # fmt: skip
     """Gradients of a group's pairs. `behind` is what lies behind each pixel's last Gaussian adds
     to the loss, at first the background; it is overwritten.
 
     Of the exponent it is alpha_i dL/dalpha_i = gain_i - rest_i alpha_i / (1 - alpha_i), with
     gain_i = T_i alpha_i (c_i . g) and rest_i the sum of the gains behind, and of the background.
     """
-    grid, depth = group.grid, group.features.shape[-1]
+    grid = group.grid
     capped = grid.numerics.alpha_max * (1 - 4 * torch.finfo(upstream.dtype).eps)
-    gradients = upstream.new_zeros(*group.members.shape, GEOMETRY + depth)
+    gradients = upstream.new_zeros(GEOMETRY + upstream.shape[1], len(group.members))
     for batch, transmittance in reversed(saved):
         alpha = group.alpha(batch)
-        weight, gain, rest = (grid.buffer(number, batch.count) for number in (1, 2, 3))
-        passing = transmittance.clone()
-        for a, w in zip(alpha.unbind(0), weight.unbind(0)):
-            torch.mul(a, passing, out=w)
-            passing.sub_(w)
+        depth, count, pixels = alpha.shape
+        # four buffers: each is used again as soon as what is in it was read
+        gains = grid.buffer(1, depth + 1, count, pixels)
+        passing = gains[:-1]
+        torch.sub(1, alpha, out=gains[1:])
+        odds = torch.div(alpha, gains[1:], out=grid.buffer(2, *alpha.shape))
+        passing[0] = transmittance
+        multiply_up(passing)
+        weight = alpha.mul_(passing)
 
         g = batch.select_tiles(upstream)
-        features = batch.select(group.features, 1)
-        # by way of `rest`: a strided result of bmm would take 8 times longer
-        value = rest.view(batch.count, grid.block, grid.pixels)
-        torch.bmm(features.transpose(0, 1), g, out=value)
-        torch.mul(value.transpose(0, 1), weight, out=gain)
-        from_features = torch.bmm(weight.transpose(0, 1), g.transpose(1, 2)).transpose(0, 1)
-        after = rest.unbind(0)
-        after[-1].copy_(batch.select_tiles(behind))
-        gains = gain.unbind(0)
-        for i in range(len(after) - 1, 0, -1):
-            torch.add(after[i], gains[i], out=after[i - 1])
-        batch.store_tiles(behind, torch.add(after[0], gains[0]))
+        rests = grid.buffer(3, depth + 1, count, pixels)
+        # by way of `rests`: a strided result of bmm would take 8 times longer
+        value = rests[:-1].view(count, depth, pixels)
+        torch.bmm(group.features_of(batch).transpose(0, 1), g, out=value)
+        torch.mul(value.transpose(0, 1), weight, out=gains[:-1])
+        from_features = torch.bmm(weight.transpose(0, 1), g.transpose(1, 2))
+        batch.store(gradients[GEOMETRY:], from_features.permute(2, 1, 0))
+        gains[-1] = batch.select_tiles(behind)
+        torch.mm(grid.suffix_sums(depth + 1), gains.flatten(1), out=rests.flatten(1))
+        batch.store_tiles(behind, rests[0])
 
-        odds = torch.div(alpha, torch.sub(1, alpha, out=weight), out=weight)
-        grad = gain.addcmul_(rest, odds, value=-1)
+        grad = gains[:-1].addcmul_(rests[1:], odds, value=-1)
         if grid.capped:  # no gradient where alpha is held at its cap
-            torch.ops.aten.hardtanh_backward(grad, alpha, -torch.inf, capped, grad_input=grad)
-        from_quadratic = (grad.flatten(0, 1) @ grid.monomials.T).view(*grad.shape[:2], 6)
-        batch.store(gradients[..., :GEOMETRY], from_quadratic)
-        batch.store(gradients[..., GEOMETRY:], from_features)
-    group.chain(gradients)
+            limit = capped / (1 - capped)
+            torch.ops.aten.hardtanh_backward(grad, odds, -torch.inf, limit, grad_input=grad)
+        moments = torch.mm(grid.slopes, grad.flatten(0, 1).T).unflatten(1, (depth, count))
+        batch.store(gradients[:GEOMETRY], moments)
+    group.chain(gradients[:GEOMETRY])
     return gradients
 
 

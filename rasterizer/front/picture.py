@@ -12,6 +12,7 @@ from torch import Tensor
 from rasterizer import checks
 from rasterizer.blending.backend import Backend, BlendInputs
 from rasterizer.blending.choose import choose_backend
+from rasterizer.blending.cpp_backend import pair_gradients
 from rasterizer.camera import Camera
 from rasterizer.front import kernel
 from rasterizer.numerics import Execution, Numerics
@@ -94,7 +95,7 @@ class _Picture(torch.autograd.Function):
         inputs = BlendInputs(listed.table, listed.bins, width, height, request.numerics, block)
         differentiate = any(ctx.needs_input_grad[2:])
         blended, ctx.blending = backend.forward(inputs, request.median, differentiate)
-        ctx.listed, ctx.backend = listed, backend
+        ctx.listed = listed
         ctx.save_for_backward(blended.transmittance, *fields)
         median = None
         if blended.median_index is not None and listed.depths is not None:
@@ -114,7 +115,7 @@ class _Picture(torch.autograd.Function):
         if torch.is_grad_enabled():  # the gradients of these gradients would be silently wrong
             raise RuntimeError("a picture has first derivatives only: leave out create_graph=True")
         transmittance, *fields = ctx.saved_tensors
-        pairs = ctx.backend.backward(
+        pairs = pair_gradients(
             ctx.blending, transmittance, grad_features.contiguous(), grad_transmittance.contiguous()
         )
         wanted = ctx.needs_input_grad[2:]

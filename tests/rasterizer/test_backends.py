@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import pytest
 import torch
-from closeness import leaves, tensors, weights_like
+from closeness import leaves, relative, tensors, weights_like
 from scenes import cloud
 
 from rasterizer import Execution, compiled, render
-from rasterizer.blending import choose, cpp_backend, torch_backend
+from rasterizer.blending import batches, choose, cpp_backend, torch_backend
 
 
 def gradients(execution):
@@ -102,3 +102,21 @@ def test_a_pair_that_costs_more_makes_tiles_larger(monkeypatch):
         monkeypatch.setattr(choose, "BACKENDS", (own,))
         render(scene, camera)
     assert sizes[0] < sizes[1] == 32
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 7, 16, 21, 64])
+def test_running_products_are_those_of_cumprod(count):
+    factors = torch.rand(count, 3, 5, generator=torch.Generator().manual_seed(0)).double()
+    found = torch.cat((torch.zeros_like(factors[:1]), factors))[1:]  # a view that begins later
+    torch_backend.multiply_up(found)
+    torch.testing.assert_close(found, factors.cumprod(0), rtol=1e-14, atol=0.0)
+
+
+@pytest.mark.parametrize("elements", [1, 500, 1 << 12, 1 << 20])
+def test_the_size_of_a_batch_changes_nothing(elements, monkeypatch):
+    execution = Execution(kernel="torch", tile_size=5)
+    wanted, exact = gradients(execution)
+    monkeypatch.setattr(batches, "ELEMENTS", elements)
+    picture, found = gradients(execution)
+    assert (picture - wanted).abs().max() < 1e-12
+    assert all(relative(a, b) < 1e-11 for a, b in zip(found, exact))
