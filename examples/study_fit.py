@@ -33,6 +33,7 @@ ARMS: dict[str, dict[str, Any]] = {
     "sparse points only": {"dense_start": 0},
     "no growth": {"densify_until": 0.0},
     "full size from the first step": {"coarse": ()},
+    "opacities are not lowered": {"opacity_decay": 0.0},
     "SH degree 0": {"sh_degree": 0},
     "SH degree 2": {"sh_degree": 2},
     "L1 alone": {"dssim_weight": 0.0},

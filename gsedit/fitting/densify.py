@@ -73,13 +73,14 @@ class ScreenGradients:
 def densify(
     scene: Gaussians, gradients: Float[Tensor, " n"], settings: FitSettings, target: int
 ) -> Densified:
-    """Remove what is transparent and divide what has the largest positional gradients.
+    """Lower all opacities, remove what is transparent, divide what has the largest gradients.
 
-    So many divide that there are `target` Gaussians, if they are no more than the settings' share
-    of them and the limit allows it. A dividing Gaussian becomes two along its longest axis, which
-    together have its mass (the integral of its opacity), mean and covariance: the pictures change
-    little.
+    Opacities fall by the settings' decay, and by half at most (`faded`). So many divide that there
+    are `target` Gaussians, if they are no more than the settings' share of them and the limit
+    allows it. A dividing Gaussian becomes two along its longest axis, which together have its mass
+    (the integral of its lowered opacity), mean and covariance: the pictures change little.
     """
+    scene = faded(scene, settings.opacity_decay)
     alive = scene.opacities > min(settings.prune_opacity, float(scene.opacities.max()) / 2)
     before = int(alive.sum())
     room = min(target, settings.max_gaussians) - before
@@ -91,6 +92,18 @@ def densify(
     origin = torch.cat((kept, strongest, strongest))
     fresh = torch.arange(len(origin)) >= len(kept)
     return Densified(concatenate(scene[kept], *halves), origin, fresh)
+
+
+def faded(scene: Gaussians, decay: float) -> Gaussians:
+    """The scene with every opacity lower by `decay`, or by half where that is less.
+
+    What no photo raises again becomes transparent, and what is removed makes room for more where
+    the pictures disagree: as brush does, and instead of the resets of Kerbl et al.
+    """
+    if not decay:
+        return scene
+    opacities = torch.maximum(scene.opacities - decay, scene.opacities / 2)
+    return replace(scene, logit_opacities=torch.logit(opacities))
 
 
 def _halves(parents: Gaussians) -> tuple[Gaussians, Gaussians]:

@@ -112,6 +112,9 @@ class FitSettings:
     time."""
     prune_opacity: float = 0.005
     """Gaussians below this opacity are removed when the scene is densified."""
+    opacity_decay: float = 0.004
+    """By how much every opacity falls when the scene is densified; the photos raise those that they
+    need again, and the others are removed."""
     report_every: int = 10
     """Steps between progress events."""
     evaluations: int = 10
@@ -139,7 +142,8 @@ class FitSettings:
         for name in ("max_gaussians", "densify_every", "report_every", "evaluations"):
             if not getattr(self, name) >= 1:
                 raise UsageError(f"{name} is {getattr(self, name)}: give 1 or more")
-        for name in ("dssim_weight", "densify_until", "densify_fraction", "prune_opacity"):
+        fractions = ("dssim_weight", "densify_until", "densify_fraction", "prune_opacity")
+        for name in (*fractions, "opacity_decay"):
             if not 0 <= getattr(self, name) <= 1:
                 raise UsageError(f"{name} is {getattr(self, name)}: give a number from 0 to 1")
         if not self.checkpoint_seconds >= 0:

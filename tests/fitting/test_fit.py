@@ -11,7 +11,7 @@ from point_clouds import ball
 from gsedit.errors import UsageError
 from gsedit.fitting import sweep
 from gsedit.fitting.budget import LEAST_STEPS
-from gsedit.fitting.densify import densify
+from gsedit.fitting.densify import densify, faded
 from gsedit.fitting.fit import evaluate, fit, fit_steps
 from gsedit.fitting.initial import initial_scene, neighbour_distance
 from gsedit.fitting.optimiser import SH_REST, SceneOptimiser
@@ -135,6 +135,7 @@ def test_a_fit_without_budget_or_photos_is_refused():
         {"densify_fraction": 3.0},
         {"dssim_weight": float("nan")},
         {"prune_opacity": 2.0},
+        {"opacity_decay": -0.1},
         {"dense_start": -1},
         {"checkpoint_seconds": float("nan")},
     ):
@@ -180,7 +181,9 @@ def test_two_halves_have_the_mass_the_mean_and_the_covariance_of_the_whole():
     scene = ball(5)
     longer = scene.log_scales + torch.tensor([0.0, 1.0, -0.5])
     scene = replace(scene, log_scales=longer, quats=torch.randn(5, 4, generator=generator()))
-    halves, origin, fresh = densify(scene, torch.ones(5), FitSettings(densify_fraction=1.0), 10)
+    settings = FitSettings(densify_fraction=1.0)
+    halves, origin, fresh = densify(scene, torch.ones(5), settings, 10)
+    scene = faded(scene, settings.opacity_decay)
     assert fresh.all()
 
     def moments(part):
@@ -253,6 +256,18 @@ def test_view_dependent_colour_learns_slower_than_base_colour():
     # Adam's first steps are of the size of the rate, whatever the gradient
     assert moved[1:].max() < 1.2 * SH_REST * moved[0]
     assert moved[1:].max() > 0
+
+
+def test_densify_lowers_opacities_by_the_decay_and_by_half_at_most():
+    opacities = torch.tensor([0.003, 0.006, 0.02, 0.5, 1.0])
+    scene = replace(ball(5), logit_opacities=torch.logit(opacities))
+    lower = torch.tensor([0.0015, 0.003, 0.016, 0.496, 0.996])
+    assert torch.allclose(faded(scene, 0.004).opacities, lower, atol=1e-6)
+    grown, origin, _ = densify(scene, torch.zeros(5), FitSettings(opacity_decay=0.004), 5)
+    assert origin.tolist() == [2, 3, 4]
+    assert torch.allclose(grown.opacities, lower[2:], atol=1e-6)
+    kept = densify(scene, torch.zeros(5), FitSettings(opacity_decay=0.0), 5).scene
+    assert torch.equal(kept.logit_opacities, scene.logit_opacities[1:])
 
 
 def test_a_fading_scene_keeps_its_most_opaque():
