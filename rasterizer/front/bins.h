@@ -128,11 +128,27 @@ INLINE uint64_t ordered(double depth) {
   return bits >> 63 ? ~bits : bits | uint64_t(1) << 63;
 }
 
+// Front to back; equal depths keep their order.
+inline void sort_few(uint64_t* begin, uint64_t* end, const double* depths) {
+  const auto depth = [&](uint64_t key) { return depths[uint32_t(key)]; };
+  if (end - begin > 16) {
+    std::stable_sort(begin, end, [&](uint64_t a, uint64_t b) { return depth(a) < depth(b); });
+    return;
+  }
+  for (uint64_t* at = begin + 1; at < end; at++) {  // stable_sort would allocate
+    const uint64_t key = *at;
+    uint64_t* to = at;
+    for (; to > begin && depth(key) < depth(to[-1]); to--) *to = to[-1];
+    *to = key;
+  }
+}
+
 // Indices of those Gaussians that have spans, front to back, in the low halves of what is returned;
-// equal depths keep their order. A radix sort by the 32 bits in which the depths differ most, and
-// then of the few that agree in those.
-inline uint64_t* depth_order(Scratch& scratch, const double* depths, const int64_t* first_span,
-                             int64_t drawn, int64_t& visible) {
+// equal depths keep their order. A radix sort by the bits in which the depths differ most, and then
+// of the few that agree in those.
+inline uint64_t* depth_order(Scratch& scratch, int64_t threads, const double* depths,
+                             const int64_t* first_span, int64_t drawn, int64_t& visible) {
+  constexpr int64_t LEAST = 1 << 13;  // that are worth a thread
   uint64_t* keys = scratch.keys.at_least(drawn + 1);
   uint64_t* moved = scratch.keys_moved.at_least(drawn + 1);
   uint64_t least = ~uint64_t(0), most = 0;
@@ -144,35 +160,41 @@ inline uint64_t* depth_order(Scratch& scratch, const double* depths, const int64
     keys[visible++] = uint64_t(i);
   }
   if (!visible) return keys;
+  // few that agree are sorted sooner than all are moved once more
+  const int passes = visible < 1 << 17 ? 2 : 3, digit = passes == 2 ? 12 : 11, values = 1 << digit;
+  const int most_bits = std::min(32, passes * digit);
   int bits = 0;  // in which they differ
   while (bits < 64 && (most - least) >> bits) bits++;
-  const int shift = std::max(0, bits - 32);
-  for (int64_t i = 0; i < visible; i++)
-    keys[i] |= (ordered(depths[keys[i]]) - least) >> shift << 32;
-  constexpr int DIGIT = 11, VALUES = 1 << DIGIT;
-  int64_t counts[3][VALUES] = {};
-  for (int64_t i = 0; i < visible; i++)
-    for (int pass = 0; pass < 3; pass++) counts[pass][keys[i] >> (32 + DIGIT * pass) & (VALUES - 1)]++;
-  for (int pass = 0; pass < 3; pass++) {
-    int64_t* count = counts[pass];
-    const int digit = 32 + DIGIT * pass;
-    if (count[keys[0] >> digit & (VALUES - 1)] == visible) continue;  // all have the same
-    int64_t sum = 0;
-    for (int v = 0; v < VALUES; v++) {
-      const int64_t here = count[v];
-      count[v] = sum, sum += here;
-    }
-    for (int64_t i = 0; i < visible; i++) moved[count[keys[i] >> digit & (VALUES - 1)]++] = keys[i];
+  const int shift = std::max(0, bits - most_bits);
+  in_parallel(threads, visible, LEAST, 1, [&](int64_t begin, int64_t end, int64_t) {
+    for (int64_t i = begin; i < end; i++)
+      keys[i] |= (ordered(depths[keys[i]]) - least) >> shift << 32;
+  });
+  int32_t* counts = scratch.digits.at_least(threads << digit);
+  for (int pass = 0; pass < passes; pass++) {
+    const auto value = [&, at = 32 + digit * pass](uint64_t key) { return key >> at & (values - 1); };
+    std::fill_n(counts, threads << digit, 0);
+    in_parallel(threads, visible, LEAST, 1, [&](int64_t begin, int64_t end, int64_t part) {
+      int32_t* count = counts + (part << digit);
+      for (int64_t i = begin; i < end; i++) count[value(keys[i])]++;
+    });
+    int32_t sum = 0;
+    for (int v = 0; v < values; v++)
+      for (int64_t part = 0; part < threads; part++) {
+        int32_t& count = counts[(part << digit) + v];
+        const int32_t here = count;
+        count = sum, sum += here;
+      }
+    in_parallel(threads, visible, LEAST, 1, [&](int64_t begin, int64_t end, int64_t part) {
+      int32_t* next = counts + (part << digit);
+      for (int64_t i = begin; i < end; i++) moved[next[value(keys[i])]++] = keys[i];
+    });
     std::swap(keys, moved);
   }
-  for (int64_t i = 0; shift && i + 1 < visible;) {
-    int64_t end = i + 1;
-    while (end < visible && keys[end] >> 32 == keys[i] >> 32) end++;
-    if (end - i > 1)
-      std::stable_sort(keys + i, keys + end, [&](uint64_t a, uint64_t b) {
-        return depths[uint32_t(a)] < depths[uint32_t(b)];
-      });
-    i = end;
+  for (int64_t i = 0; shift && i < visible;) {
+    const int64_t first = i++;
+    while (i < visible && keys[i] >> 32 == keys[first] >> 32) i++;
+    if (i > first + 1) sort_few(keys + first, keys + i, depths);
   }
   return keys;
 }

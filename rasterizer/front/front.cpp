@@ -37,28 +37,25 @@ INLINE typename Wide<T>::mask keep_near(
     const Job<T>& job, const View<T>& v, const T* means, const T* scales, const T* logits) {
   using V = typename Wide<T>::of;
   using Mask = typename Wide<T>::mask;
-  T x[LANES], y[LANES], z[LANES], size[LANES];
-  for (int i = 0; i < LANES; i++) {
-    x[i] = means[3 * i], y[i] = means[3 * i + 1], z[i] = means[3 * i + 2];
-    size[i] = std::max(std::max(scales[3 * i], scales[3 * i + 1]), scales[3 * i + 2]);
-  }
+  const Vec<V> sizes = load_rows(scales);
   const V one = V{} + 1, logit = load<V>(logits);
-  const Vec<doubles> at = v.in_camera({load<V>(x), load<V>(y), load<V>(z)});
+  const Vec<doubles> at = v.in_camera(load_rows(means));
   Mask kept;
   narrow((at.z > job.near) & (at.z <= job.far), kept);
   kept &= logit >= T(job.least_logit);
   V at_x, at_y, depth;
   narrow(at.x, at_x), narrow(at.y, at_y), narrow(at.z, depth);
   const V per_distance = v.orthographic ? one : 1 / most(depth, V{} + T(job.near));
-  const V sigma = exponential(load<V>(size)) * per_distance;
-  const V cutoff = root(2 * most(least(logit, V{}) - T(job.log_alpha_min), V{}));
+  const V sigma = exponential(most(most(sizes.x, sizes.y), sizes.z)) * per_distance;
+  const V cutoff = 2 * most(least(logit, V{}) - T(job.log_alpha_min), V{});  // squared
   const auto beside = [&](V position, T focal, double low, double high, double shift, T extent)
       __attribute__((always_inline)) {
     const V slope = position * per_distance, inside = held(slope, V{} + T(low), V{} + T(high));
-    const V stretch = sigma * (root(1 + inside * inside) * focal), place = slope * focal;
+    const V stretch = sigma * focal, place = slope * focal;
+    const V variance = stretch * stretch * (1 + inside * inside) + v.blur;
     // float32 rounds a position by 1e-7 of it: much where a sensor is shifted by 1e7 pixels
     const V rounding = 1 + T(1e-6) * least(magnitude(place), V{} + T(1e30));
-    const V reach = cutoff * root(stretch * stretch + v.blur) * T(1.001) + rounding;
+    const V reach = root(cutoff * variance) * T(1.001) + rounding;
     const V offset = place + T(shift);
     return (offset < -reach) | (offset > extent + reach);
   };
@@ -94,9 +91,11 @@ int64_t cull(Job<T>& job) {
         const auto keep = whole ? keep_near(job, view, job.means + 3 * i, job.log_scales + 3 * i,
                                             job.logits + i)
                                 : keep_near(job, view, means, scales, logits);
+        decltype(keep[0] + 0) flags[LANES];  // -1 or 0
+        store(keep, flags);
         for (int64_t row = i; row < std::min(last, i + LANES); row++) {
           rows[kept] = int32_t(row);
-          kept -= keep[row - i];
+          kept -= flags[row - i];
         }
       }
     }
@@ -342,10 +341,10 @@ int64_t list(Job<T>& job) {
   const Span* spans = scratch.spans.data();
   int64_t visible;
   const uint64_t* order =
-      depth_order(scratch, scratch.depths.data(), first_span, job.drawn, visible);
+      depth_order(scratch, job.threads, scratch.depths.data(), first_span, job.drawn, visible);
   // each thread fills the lists of its rows of tiles, which hold about as many pairs
   std::vector<int64_t> bands = {0};
-  const int64_t threads = std::max<int64_t>(1, std::min(job.threads, job.pairs / (1 << 14)));
+  const int64_t threads = std::max<int64_t>(1, std::min(job.threads, job.pairs / LEAST));
   for (int64_t row = 1; row < job.tile_rows && int64_t(bands.size()) < threads; row++)
     if (job.starts[row * job.columns] >= job.pairs * int64_t(bands.size()) / threads)
       bands.push_back(row * job.columns);
@@ -354,6 +353,11 @@ int64_t list(Job<T>& job) {
     if (first == last) return;
     const int64_t low = bands[first], high = bands[last];
     for (int64_t rank = 0; rank < visible; rank++) {
+      // in the order of depths, every Gaussian is somewhere else in memory
+      const int64_t soon = uint32_t(order[std::min(rank + 8, visible - 1)]);
+      const int64_t later = uint32_t(order[std::min(rank + 16, visible - 1)]);
+      __builtin_prefetch(spans + first_span[soon]);
+      __builtin_prefetch(first_span + later), __builtin_prefetch(job.firsts + later);
       const int64_t i = uint32_t(order[rank]);
       int64_t slot = job.firsts[i];
       for (int64_t s = first_span[i]; s < first_span[i + 1]; s++) {

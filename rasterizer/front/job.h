@@ -84,6 +84,7 @@ struct Scratch {
   Buffer<Span> spans;
   Buffer<uint64_t> keys, keys_moved;
   Buffer<int64_t> counts;
+  Buffer<int32_t> digits;
 };
 
 // work(begin, end, part) over parts of [0, count), which do not depend on timing: multiples of

@@ -123,6 +123,27 @@ template <typename V>
 struct Vec {
   V x, y, z;
 };
+
+#ifdef __clang__
+#define PICK(M, a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+#else
+#define PICK(M, a, b, ...) __builtin_shuffle(a, b, M{__VA_ARGS__})
+#endif
+
+// LANES rows of three numbers, which lie one after another. Numbers that are stored one by one and
+// loaded as a vector would wait for the stores.
+template <typename T>
+INLINE Vec<typename Wide<T>::of> load_rows(const T* from) {
+  static_assert(LANES == 8, "places of the numbers");
+  using V = typename Wide<T>::of;
+  using M = typename Wide<T>::mask;
+  const V a = load<V>(from), b = load<V>(from + LANES), c = load<V>(from + 2 * LANES);
+  const V x = PICK(M, a, b, 0, 3, 6, 9, 12, 15, 0, 0), y = PICK(M, a, b, 1, 4, 7, 10, 13, 0, 0, 0);
+  const V z = PICK(M, a, b, 2, 5, 8, 11, 14, 0, 0, 0);
+  return {PICK(M, x, c, 0, 1, 2, 3, 4, 5, 10, 13), PICK(M, y, c, 0, 1, 2, 3, 4, 8, 11, 14),
+          PICK(M, z, c, 0, 1, 2, 3, 4, 9, 12, 15)};
+}
+#undef PICK
 template <typename V>
 INLINE Vec<V> operator+(Vec<V> a, Vec<V> b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
 template <typename V>

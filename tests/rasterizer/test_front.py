@@ -14,7 +14,7 @@ from scenes import EDGE_CASES, cloud
 
 from gsedit.bench.renderer import edge_cases
 from gsedit.bench.renderer.edge_cases import random_cloud
-from rasterizer import Execution, Numerics, render
+from rasterizer import Camera, Execution, Gaussians, Numerics, render
 from rasterizer.blending import cpp_backend
 from rasterizer.front import kernel, picture
 
@@ -263,3 +263,30 @@ def test_lists_are_the_same_whoever_fills_them(threads, by_front, by_python):
     finally:
         torch.set_num_threads(before)
     assert (found - wanted).abs().max() < 1e-12
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+@pytest.mark.parametrize("count", [1, 20_000, 140_000])
+def test_a_tile_is_in_the_order_of_depths(count, threads):
+    """Near and equal depths too, more than 16 of a kind: those keep the order of the file."""
+    random = torch.Generator().manual_seed(0)
+    depth = 2 + torch.randint(1000, (count,), generator=random).double() / 1000
+    depth += torch.randint(40, (count,), generator=random) * 1e-12
+    zeros = torch.zeros(count, dtype=torch.float64)
+    scene = Gaussians(
+        torch.stack((zeros, zeros, depth), -1),
+        torch.ones(count, 4, dtype=torch.float64),
+        torch.full((count, 3), -5.0, dtype=torch.float64),
+        zeros,
+        torch.zeros(count, 1, 3, dtype=torch.float64),
+    )
+    camera = Camera(torch.eye(4, dtype=torch.float64), 4.0, 4.0, 2.0, 2.0, 4, 4)
+    request = kernel.Request(camera, (0, 0, 4, 4), Numerics(), COMPILED, 0.0, False, False)
+    before = torch.get_num_threads()
+    try:
+        torch.set_num_threads(threads)
+        listed = kernel.list_gaussians(scene, request)
+    finally:
+        torch.set_num_threads(before)
+    assert listed is not None
+    assert torch.equal(listed.bins.members, depth.argsort(stable=True))
