@@ -15,6 +15,7 @@ import platform
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -58,6 +59,11 @@ def load(source: Path, kernel: Kernel = "auto") -> ctypes.CDLL | None:
             f"kernel 'compiled': {made.failure}; {MOVE}, or choose 'auto' or 'torch'"
         )
     return made.library
+
+
+def function(library: ctypes.CDLL, name: str, dtype: object) -> Callable[..., int]:
+    """The library's `name` for a torch dtype, as `name_float32`."""
+    return getattr(library, f"{name}_{str(dtype).removeprefix('torch.')}")
 
 
 @functools.cache

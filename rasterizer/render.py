@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from rasterizer import checks
+from rasterizer.blending.backend import median_depths
 from rasterizer.camera import Camera
 from rasterizer.front.picture import draw
 from rasterizer.numerics import AUTO, DEFAULT, SH_DC, Execution, Numerics
@@ -73,9 +74,7 @@ def render(
     blended = splat(splats, features, box, numerics, execution=execution, median=median_depth)
     median = None
     if blended.median_index is not None:
-        centres = splats.projected.depth.detach()
-        centres = torch.cat((centres, centres.new_zeros(1)))
-        median = centres[blended.median_index]  # -1, no Gaussian, reads the zero at the end
+        median = median_depths(splats.projected.depth.detach(), blended.median_index)
     picture = _composed(blended.features, blended.transmittance, median, background, depth)
     return picture if marked is None else replace(picture, marked=blended.features[..., -1])
 

@@ -13,6 +13,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from rasterizer.compiled import function
 from rasterizer.compiled import load as load_library
 
 BETA_1, BETA_2 = 0.9, 0.999
@@ -149,5 +150,4 @@ def _run(
         **{k: v for k, v in more.items() if not isinstance(v, Tensor)},
         **{k: v.data_ptr() for k, v in held.items()},
     )  # fmt: skip
-    dtype = str(moving.value.dtype).removeprefix("torch.")
-    getattr(kernel, f"{name}_{dtype}")(ctypes.byref(job))
+    function(kernel, name, moving.value.dtype)(ctypes.byref(job))

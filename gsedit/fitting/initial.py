@@ -56,15 +56,23 @@ def initial_scene(
     if at_most is not None and len(points) > at_most:
         chosen = torch.randperm(len(points), generator=generator)[:at_most].sort().values
         points, colors = points[chosen], colors[chosen]
+    return round_gaussians(points, colors, INITIAL_OPACITY, sh_degree)
+
+
+def round_gaussians(
+    points: Float[Tensor, "n 3"], colors: Float[Tensor, "n 3"], opacity: float, sh_degree: int
+) -> Gaussians:
+    """Round Gaussians, as wide as their three nearest neighbours are far: wide enough to close the
+    surface at once, for holes are what a short fit never fills. RGB colours in [0, 1]."""
+    count = len(points)
     spacing = neighbour_distance(points).clamp_min(1e-7)
-    # wide enough to close the surface at once: holes are what a short fit never fills
-    log_scales = spacing.log()[:, None].expand(-1, 3)
-    sh = torch.zeros(len(points), (sh_degree + 1) ** 2, 3)
+    sh = torch.zeros(count, (sh_degree + 1) ** 2, 3)
     sh[:, 0] = (colors - 0.5) / SH_DC
-    quats = torch.zeros(len(points), 4)
+    quats = torch.zeros(count, 4)
     quats[:, 0] = 1
-    logits = torch.full((len(points),), float(torch.logit(torch.tensor(INITIAL_OPACITY))))
-    return Gaussians(points.contiguous(), quats, log_scales.clone(), logits, sh)
+    log_scales = spacing.log()[:, None].repeat(1, 3)
+    logit = float(torch.logit(torch.tensor(opacity)))
+    return Gaussians(points.contiguous(), quats, log_scales, torch.full((count,), logit), sh)
 
 
 def _swept(

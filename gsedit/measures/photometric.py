@@ -17,6 +17,7 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from gsedit.measures import losses
+from rasterizer.compiled import function
 from rasterizer.compiled import load as load_library
 
 SOURCE = Path(__file__).with_suffix(".cpp")
@@ -104,8 +105,7 @@ def _by_kernel(image: Tensor, target: Tensor, weight: float, gradient: Tensor | 
         width=width, channels=channels, threads=torch.get_num_threads(), weight=weight,
         sums=sums.data_ptr(), gradient=None if gradient is None else gradient.data_ptr(),
     )  # fmt: skip
-    run = getattr(kernel, f"photometric_{str(image.dtype).removeprefix('torch.')}")
-    if run(ctypes.byref(job)):
+    if function(kernel, "photometric", image.dtype)(ctypes.byref(job)):
         raise MemoryError(f"no memory to compare pictures of {width}x{height}")
     l1, ssim = (sums.sum(0) / image.numel()).tolist()
     return image.new_tensor((1 - weight) * l1 + weight * (1 - ssim))

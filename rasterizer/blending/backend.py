@@ -50,6 +50,18 @@ class Blended(NamedTuple):
     computed."""
 
 
+def median_depths(depths: Float[Tensor, " m"], index: Int[Tensor, "h w"]) -> Float[Tensor, "h w"]:
+    """The depths of the table's rows that a median index names; 0 where it is -1."""
+    return torch.cat((depths, depths.new_zeros(1)))[index]
+
+
+def refuse_second_derivatives() -> None:
+    """Raise RuntimeError in a backward pass whose own gradients are wanted: they would be silently
+    wrong."""
+    if torch.is_grad_enabled():
+        raise RuntimeError("a picture has first derivatives only: leave out create_graph=True")
+
+
 class ForwardPass(NamedTuple):
     """A blended picture, and whatever the backend's backward pass needs beside it."""
 

@@ -21,7 +21,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from rasterizer.blending.backend import Backend, Blended, BlendInputs
+from rasterizer.blending.backend import Backend, Blended, BlendInputs, refuse_second_derivatives
 
 
 def composite(inputs: BlendInputs, backend: Backend, *, median: bool = False) -> Blended:
@@ -60,8 +60,7 @@ class _Composite(torch.autograd.Function):
         grad_transmittance: Float[Tensor, "h w"],
         _: Any,
     ) -> tuple[Float[Tensor, "m g"] | None, ...]:
-        if torch.is_grad_enabled():  # the gradients of these gradients would be silently wrong
-            raise RuntimeError("a picture has first derivatives only: leave out create_graph=True")
+        refuse_second_derivatives()
         (transmittance,) = ctx.saved_tensors
         by_table = ctx.backend.backward(
             ctx.saved, transmittance, grad_features.contiguous(), grad_transmittance.contiguous()

@@ -105,8 +105,7 @@ def _run(name: str, inputs: BlendInputs, **arrays: Tensor | None) -> None:
         stop=numerics.transmittance_min,
         **{key: value.data_ptr() for key, value in held.items() if value is not None},
     )  # fmt: skip
-    run = getattr(kernel, f"{name}_{str(table.dtype).removeprefix('torch.')}")
-    if run(ctypes.byref(job)):
+    if compiled.function(kernel, name, table.dtype)(ctypes.byref(job)):
         raise MemoryError(f"no memory for tiles of {bins.size} pixels on {job.threads} threads")
 
 

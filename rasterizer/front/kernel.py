@@ -193,8 +193,7 @@ def _library() -> ctypes.CDLL:
 
 def _call(name: str, job: _Job, dtype: torch.dtype) -> int:
     """Call the kernel's `name` for a dtype. Raises MemoryError."""
-    run = getattr(_library(), f"{name}_{str(dtype).removeprefix('torch.')}")
-    result = run(ctypes.byref(job))
+    result = compiled.function(_library(), name, dtype)(ctypes.byref(job))
     if result < REFUSED:
         raise MemoryError(f"no memory to draw {job.count} Gaussians on {job.threads} threads")
     return result

@@ -10,7 +10,12 @@ from jaxtyping import Float
 from torch import Tensor
 
 from rasterizer import checks
-from rasterizer.blending.backend import Backend, BlendInputs
+from rasterizer.blending.backend import (
+    Backend,
+    BlendInputs,
+    median_depths,
+    refuse_second_derivatives,
+)
 from rasterizer.blending.choose import choose_backend
 from rasterizer.blending.cpp_backend import pair_gradients
 from rasterizer.camera import Camera
@@ -99,8 +104,7 @@ class _Picture(torch.autograd.Function):
         ctx.save_for_backward(blended.transmittance, *fields)
         median = None
         if blended.median_index is not None and listed.depths is not None:
-            centres = torch.cat((listed.depths, listed.depths.new_zeros(1)))
-            median = centres[blended.median_index]  # -1, no Gaussian, reads the zero at the end
+            median = median_depths(listed.depths, blended.median_index)
             ctx.mark_non_differentiable(median)
         return blended.features, blended.transmittance, median
 
@@ -112,8 +116,7 @@ class _Picture(torch.autograd.Function):
         grad_transmittance: Float[Tensor, "h w"],
         _: Any,
     ) -> tuple[Tensor | None, ...]:
-        if torch.is_grad_enabled():  # the gradients of these gradients would be silently wrong
-            raise RuntimeError("a picture has first derivatives only: leave out create_graph=True")
+        refuse_second_derivatives()
         transmittance, *fields = ctx.saved_tensors
         pairs = pair_gradients(
             ctx.blending, transmittance, grad_features.contiguous(), grad_transmittance.contiguous()

@@ -17,14 +17,15 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.bench.fit.moments import Moment
-from gsedit.fitting.initial import neighbour_distance
+from gsedit.fitting.densify import ScreenGradients
+from gsedit.fitting.initial import round_gaussians
 from gsedit.fitting.optimiser import SceneOptimiser
 from gsedit.fitting.supervision import supervised
 from gsedit.measures.photometric import photometric
 from gsedit.views.dataset import Dataset
 from rasterizer.blending.choose import is_compiled
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, SH_DC, Execution
+from rasterizer.numerics import AUTO, Execution
 from rasterizer.project import rotation_matrices
 from rasterizer.render import render
 from rasterizer.scene import Gaussians, concatenate
@@ -58,11 +59,8 @@ class GsplatSettings:
     reset_opacity: float = 0.01
 
 
-class _Counted:
-    """Sums of the gradients of centres on the screen, and in how many pictures there was one."""
-
-    def __init__(self, count: int) -> None:
-        self.total, self.pictures = torch.zeros(count), torch.zeros(count)
+class _Counted(ScreenGradients):
+    """On a screen of [-1, 1] a side."""
 
     @torch.no_grad()
     def add(self, gradient: Float[Tensor, "n 3"], scene: Gaussians, camera: Camera) -> None:
@@ -75,10 +73,6 @@ class _Counted:
         )
         self.total += size
         self.pictures += size > 0
-
-    @property
-    def mean(self) -> Float[Tensor, " n"]:
-        return self.total / self.pictures.clamp_min(1)
 
 
 def gsplat_fit(
@@ -178,17 +172,11 @@ class _Run:
 
 
 def _initial(data: Dataset, settings: GsplatSettings) -> Gaussians:
-    """Round Gaussians at the sparse points, as wide as their three nearest neighbours are far."""
+    """Round Gaussians at the sparse points."""
     assert data.points is not None, "the recipe starts at points"
     points = data.points.float()
     colors = torch.full_like(points, 0.5) if data.point_colors is None else data.point_colors
-    sh = torch.zeros(len(points), (settings.sh_degree + 1) ** 2, 3)
-    sh[:, 0] = (colors.float() - 0.5) / SH_DC
-    quats = torch.zeros(len(points), 4)
-    quats[:, 0] = 1
-    logit = float(torch.logit(torch.tensor(settings.initial_opacity)))
-    scales = neighbour_distance(points).clamp_min(1e-7).log()[:, None].repeat(1, 3)
-    return Gaussians(points, quats, scales, torch.full((len(points),), logit), sh)
+    return round_gaussians(points, colors.float(), settings.initial_opacity, settings.sh_degree)
 
 
 def _grown(
