@@ -219,6 +219,25 @@ def kind_of(out: Path) -> Kind:
     return "still" if suffix in STILLS else "animation" if suffix in ANIMATIONS else "folder"
 
 
+def check_path(path: PathOptions, kind: Kind, out: Path) -> None:
+    """Raise UsageError for options of a path that would change nothing."""
+    from gsedit.errors import UsageError
+
+    usual = PathOptions()
+    given = {name for name in vars(usual) if getattr(path, name) != getattr(usual, name)}
+    taken = path.path or (PathKind.turntable if kind == "animation" else None)
+    if taken is None and (unused := given & {"frames", "arc", "elevation"}):
+        raise UsageError(
+            f"--{min(unused)} is for a path of cameras: add --path, or name an .mp4 or a .gif"
+        )
+    if "arc" in given and taken != PathKind.orbit:
+        raise UsageError("--arc is for --path orbit: add it, or leave --arc out")
+    if "elevation" in given and taken == PathKind.spline:
+        raise UsageError("--elevation is for turntable and orbit: a spline keeps to the cameras")
+    if "fps" in given and kind != "animation":
+        raise UsageError(f"--fps is for .mp4 and .gif, not for -o {out}")
+
+
 def check_pictures(out: Path, options: PictureOptions, path: PathOptions) -> None:
     """Raise UsageError for options that do not go together, and GseditError for a missing encoder:
     before a large file is read.
@@ -229,6 +248,7 @@ def check_pictures(out: Path, options: PictureOptions, path: PathOptions) -> Non
     _ = options.background_color(), options.size  # they raise
     if kind == "still" and path.path is not None:
         raise UsageError(f"-o {out} is one picture: name an .mp4, a .gif or a folder for --path")
+    check_path(path, kind, out)
     if kind != "folder" and options.format != FolderFormat.png:
         raise UsageError(f"--format is for folders: -o {out} says it by its suffix")
     if suffix == ".npy" and len(maps) > 1:
