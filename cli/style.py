@@ -96,6 +96,8 @@ def style(
     settings = with_values(StyleSettings(), values)
     image, extractor = read_picture(picture), load_features(features)
     file = load_file(scene, drop_invalid=drop_invalid)
+    if file.header.antialiased:
+        print_message(f"{scene} is marked as antialiased: style draws it with the default filter")
     say_kernel(settings.execution, UPDATES)
     steps = style_steps(
         file.scene,

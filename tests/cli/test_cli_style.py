@@ -55,5 +55,6 @@ def test_columns_of_the_file_stay_and_too_much_sh_is_told(scene, tmp_path):
     assert "holds no SH" in done.stderr
     assert "holds no extra columns: label" in done.stderr
     kept = open_scene(tmp_path / "out.npz")
+    assert "marked as antialiased: style draws it with the default filter" in done.stderr
     assert kept.header.antialiased
     assert kept.table().extra["label"].tolist() == list(range(len(table)))
