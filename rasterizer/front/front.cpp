@@ -495,11 +495,19 @@ void clear(const Job<T>& job, int64_t from, int64_t to) {
   zero(job.grad_logits, 1), zero(job.grad_sh, 3 * job.bands);
 }
 
+// Gradients of opacities alone, as an edit of colours asks for them.
+template <typename T>
+void opacity_gradients(const Job<T>& job, const Lanes<T>& in, const Upstream<T>& up, int64_t first,
+                       int64_t count) {
+  T out[LANES];
+  store(up[5] / (1 + exponential(in.logit)), out);
+  for (int64_t i = 0; i < count; i++) job.grad_logits[job.rows[first + i]] = out[i];
+}
+
 template <typename T>
 int64_t backward(Job<T>& job) {
   const View<T> view(job);
-  const bool geometry =
-      job.grad_means || job.grad_quats || job.grad_log_scales || job.grad_logits;
+  const bool geometry = job.grad_means || job.grad_quats || job.grad_log_scales;
   if (!job.drawn) clear(job, 0, job.count);
   in_parallel(job.threads, job.drawn, LEAST / 4, PART, [&](int64_t begin, int64_t end, int64_t) {
     for (int64_t i = begin; i < end; i += LANES) {
@@ -511,6 +519,7 @@ int64_t backward(Job<T>& job) {
       const Upstream<T> upstream(job, i, count);
       const Vec<doubles> mean = color_gradients_of(job, view, lanes, upstream, i, count);
       if (geometry) geometry_gradients(job, view, lanes, upstream, i, count, mean);
+      else if (job.grad_logits) opacity_gradients(job, lanes, upstream, i, count);
     }
   });
   return 0;
