@@ -24,6 +24,10 @@ class Numerics:
     [0, 1]. 0: every Gaussian is summed. At gsplat's 1e-4 the gradients
     of opacities behind a nearly opaque splat, which divide what is left out by 1 - alpha, were
     wrong by 1.5e-3; at 1e-5 by 6e-5, for 5 % more time."""
+    gradient_min: float = 0.0
+    """A Gaussian that carries less than this of a pixel gets no gradient from it; the picture is
+    the same. 0, the default: gradients are the picture's. Adam moves a Gaussian as far for a tiny
+    gradient as for a large one, so that a fit colours hidden ones at random."""
     blur: float = 0.3
     """Variance added to each projected covariance, square pixels (EWA low-pass)."""
     antialiased: bool = False

@@ -66,7 +66,7 @@ def decide_gaussians(
         "gaussians",
         True,
         f"No edited view sees {unseen:,} of them, and the others carry at most {FAINT:.2%} of a "
-        "picture together: the update neither moves nor draws them",
+        "picture together: the update does not move them",
         (LeftOut(number, len(left), "Gaussians"),),
         number / len(left),
         "the Gaussians of the update",

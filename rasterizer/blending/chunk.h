@@ -18,7 +18,7 @@ struct Job {
   const int64_t* starts;       // [columns * rows + 1]
   const int64_t* slots;        // [pairs]
   int64_t columns, rows, side, width, height, depth, threads;
-  double log_alpha_min, log_alpha_max, stop;
+  double log_alpha_min, log_alpha_max, stop, least;
   T* features;                 // [height, width, depth]
   T* transmittance;            // [height, width]
   int64_t* median_index;       // [height, width], or null

@@ -26,7 +26,7 @@ class _Job(ctypes.Structure):
         + [(name, ctypes.c_int64) for name in
            ("columns", "rows", "side", "width", "height", "depth", "threads")]
         + [(name, ctypes.c_double) for name in
-           ("log_alpha_min", "log_alpha_max", "stop")]
+           ("log_alpha_min", "log_alpha_max", "stop", "least")]
         + [(name, ctypes.c_void_p) for name in
            ("features", "transmittance", "median_index", "ends", "grad_features",
             "grad_transmittance", "gradients")]
@@ -102,7 +102,7 @@ def _run(name: str, inputs: BlendInputs, **arrays: Tensor | None) -> None:
         width=inputs.width, height=inputs.height,
         depth=table.shape[1] - GEOMETRY, threads=torch.get_num_threads(),
         log_alpha_min=numerics.log_alpha_min, log_alpha_max=numerics.log_alpha_max,
-        stop=numerics.transmittance_min,
+        stop=numerics.transmittance_min, least=numerics.gradient_min,
         **{key: value.data_ptr() for key, value in held.items() if value is not None},
     )  # fmt: skip
     if compiled.function(kernel, name, table.dtype)(ctypes.byref(job)):

@@ -26,17 +26,19 @@ constexpr double CLOSED = 0.2;
 template <typename T>
 constexpr T FINISHED = T(sizeof(T) == 4 ? 1e-20 : 1e-200);
 
-// The exponents of two, of the floor and of the cap, that bound alpha.
+// The exponents of two, of the floor and of the cap, that bound alpha; the least weight that gets a
+// gradient.
 template <typename T>
 struct Bounds {
-  V<T> low, high;
+  V<T> low, high, least;
 
   explicit Bounds(const Job<T>& job) {
     // what lets nothing through cannot be divided by
     const double most = std::log1p(-16.0 * std::numeric_limits<T>::epsilon());
-    const double least = std::numeric_limits<T>::min_exponent + 2;  // where exp2 is a normal number
-    low = V<T>{} + T(std::max(job.log_alpha_min * 1.4426950408889634, least));
+    const double normal = std::numeric_limits<T>::min_exponent + 2;  // where exp2 is a normal number
+    low = V<T>{} + T(std::max(job.log_alpha_min * 1.4426950408889634, normal));
     high = V<T>{} + T(std::min(job.log_alpha_max, most) * 1.4426950408889634);
+    least = V<T>{} + T(job.least);
   }
 };
 
@@ -187,16 +189,17 @@ inline void blend_back(Buffers<T>& b, const Bounds<T>& bounds, int g, int32_t pl
     const V<T> alpha = ((e >= bounds.low) & (b.end[k] > place)) ? value : V<T>{};
     const V<T> inverse = T(1) / (T(1) - alpha);
     const V<T> in_front = load<T>(b.transmittance.at + p) * inverse, weight = alpha * in_front;
+    const V<T> felt = weight < bounds.least ? V<T>{} : weight;
     V<T> gain = {};
     for (int64_t f = 0; f < depth; f++) {
       const V<T> up = load<T>(upstream[f].at + p);
       gain = gain + feature[f] * up;
       V<T>& sum = DEPTH ? sums[GEOMETRY + f] : kept[(GEOMETRY + f) * CHUNK];
-      sum = sum + weight * up;
+      sum = sum + felt * up;
     }
     const V<T> behind = load<T>(b.behind.at + p);
-    // no gradient where alpha is held at its cap
-    const V<T> slope = e > bounds.high ? V<T>{} : alpha;
+    // no gradient where alpha is held at its cap, or carries too little
+    const V<T> slope = ((e > bounds.high) | (weight < bounds.least)) ? V<T>{} : alpha;
     const V<T> grad = (gain * in_front - behind * inverse) * slope;
     store<T>(b.transmittance.at + p, in_front);
     store<T>(b.behind.at + p, behind + gain * weight);

@@ -248,7 +248,7 @@ def _blend_backward(
     Of the exponent it is alpha_i dL/dalpha_i = gain_i - rest_i alpha_i / (1 - alpha_i), with
     gain_i = T_i alpha_i (c_i . g) and rest_i the sum of the gains behind, and of the background.
     """
-    grid = group.grid
+    grid, least = group.grid, group.grid.numerics.gradient_min
     capped = grid.numerics.alpha_max * (1 - 4 * torch.finfo(upstream.dtype).eps)
     gradients = upstream.new_zeros(GEOMETRY + upstream.shape[1], len(group.members))
     for batch, transmittance in reversed(saved):
@@ -269,7 +269,9 @@ def _blend_backward(
         value = rests[:-1].view(count, depth, pixels)
         torch.bmm(group.features_of(batch).transpose(0, 1), g, out=value)
         torch.mul(value.transpose(0, 1), weight, out=gains[:-1])
-        from_features = torch.bmm(weight.transpose(0, 1), g.transpose(1, 2))
+        unfelt = weight < least if least else None
+        felt = weight if unfelt is None else weight.masked_fill(unfelt, 0)
+        from_features = torch.bmm(felt.transpose(0, 1), g.transpose(1, 2))
         batch.store(gradients[GEOMETRY:], from_features.permute(2, 1, 0))
         gains[-1] = batch.select_tiles(behind)
         torch.mm(grid.suffix_sums(depth + 1), gains.flatten(1), out=rests.flatten(1))
@@ -279,6 +281,8 @@ def _blend_backward(
         if grid.capped:  # no gradient where alpha is held at its cap
             limit = capped / (1 - capped)
             torch.ops.aten.hardtanh_backward(grad, odds, -torch.inf, limit, grad_input=grad)
+        if unfelt is not None:
+            grad.masked_fill_(unfelt, 0)
         moments = torch.mm(grid.slopes, grad.flatten(0, 1).T).unflatten(1, (depth, count))
         batch.store(gradients[:GEOMETRY], moments)
     group.chain(gradients[:GEOMETRY])

@@ -100,3 +100,35 @@ def test_stopping_early_keeps_the_gradients_of_opaque_discs():
     assert (found.color - wanted.color).abs().max() < Numerics().transmittance_min
     for a, b in zip(close, exact):
         assert relative(a, b) < 2e-4
+
+
+def behind_a_wall():
+    """A red disc of which a hundredth and some shows, behind an opaque one, and one beside them."""
+    wall = gaussian((0.0, 0.0, 2.0), (0.5, 0.5, 0.01), opacity=0.99)
+    hidden = gaussian((0.0, 0.0, 3.0), (0.1, 0.1, 0.01), opacity=0.9)
+    return concatenate(wall, hidden, gaussian((0.6, 0.0, 2.5), (0.1, 0.1, 0.1), opacity=0.8))
+
+
+@pytest.mark.parametrize("execution", [TORCH, COMPILED], ids=["torch", "compiled"])
+def test_what_carries_too_little_gets_no_gradient_and_shows_all_the_same(execution):
+    """Adam would move it as far as what is seen."""
+    scene = behind_a_wall()
+    whole, every = gradients(scene, camera(), execution)
+    felt = Numerics(transmittance_min=0.0, gradient_min=0.02)
+    drawn, few = gradients(scene, camera(), execution, felt)
+    assert torch.equal(drawn.color, whole.color)
+    assert all((gradient[1] != 0).any() for gradient in every[2:])
+    assert all((gradient[1] == 0).all() for gradient in few)
+    assert all((gradient[0] != 0).any() and (gradient[2] != 0).any() for gradient in few[2:])
+
+
+@pytest.mark.parametrize("least", [1 / 1024, 1 / 16])
+def test_both_kernels_leave_out_the_same_gradients(least):
+    scene, view = cloud()
+    numerics = Numerics(transmittance_min=0.0, gradient_min=least)
+    _, wanted = gradients(scene, view, TORCH, numerics, depth=True)
+    _, found = gradients(scene, view, COMPILED, numerics, depth=True)
+    _, whole = gradients(scene, view, TORCH, depth=True)
+    for a, b, c in zip(found, wanted, whole):
+        assert relative(a, b) < 1e-11
+        assert relative(b, c) > 1e-6
