@@ -55,10 +55,9 @@ def choose_tile_size(footprints: Footprints, width: int, height: int, pair_overh
 
     `pair_overhead` is what a pair costs beside its pixels, in units of one pixel of one pair.
     """
-    x, y = (
-        _overlap(*each, footprints.radius, size)
-        for *each, size in zip(footprints.xy.T, footprints.covariance.T[::2], (width, height))
-    )
+    xy, variances, radius = footprints.xy.T, footprints.covariance.T[::2], footprints.radius
+    x = _overlap(xy[0], variances[0], radius, width)
+    y = _overlap(xy[1], variances[1], radius, height)
 
     def cost(size: int) -> float:
         tiles = ((x / size).add_(1) * (y / size).add_(1)).sum().item()

@@ -60,12 +60,13 @@ class _TiledPicture(NamedTuple):
 
     def part(self, rows: Int[Tensor, " b"] | slice) -> _TiledPicture:
         """Some of the tiles: views for a slice, copies for rows."""
-        return _TiledPicture(*(each if each is None else each[rows] for each in self))
+        above = None if self.above_half is None else self.above_half[rows]
+        return _TiledPicture(self.features[rows], self.transmittance[rows], above)
 
     def store(self, rows: Int[Tensor, " b"], part: _TiledPicture) -> None:
         """Write some of the tiles."""
         for each, values in zip(self, part):
-            if each is not None:
+            if each is not None and values is not None:
                 each.index_copy_(0, rows, values)
 
 
@@ -263,20 +264,12 @@ def _blend_backward(
         multiply_up(passing)
         weight = alpha.mul_(passing)
 
-        g = batch.select_tiles(upstream)
-        rests = grid.buffer(3, depth + 1, count, pixels)
-        # by way of `rests`: a strided result of bmm would take 8 times longer
-        value = rests[:-1].view(count, depth, pixels)
-        torch.bmm(group.features_of(batch).transpose(0, 1), g, out=value)
-        torch.mul(value.transpose(0, 1), weight, out=gains[:-1])
         unfelt = weight < least if least else None
         felt = weight if unfelt is None else weight.masked_fill(unfelt, 0)
+        g = batch.select_tiles(upstream)
         from_features = torch.bmm(felt.transpose(0, 1), g.transpose(1, 2))
         batch.store(gradients[GEOMETRY:], from_features.permute(2, 1, 0))
-        gains[-1] = batch.select_tiles(behind)
-        torch.mm(grid.suffix_sums(depth + 1), gains.flatten(1), out=rests.flatten(1))
-        batch.store_tiles(behind, rests[0])
-
+        rests = _rests(group, batch, weight, gains, g, behind)
         grad = gains[:-1].addcmul_(rests[1:], odds, value=-1)
         if grid.capped:  # no gradient where alpha is held at its cap
             limit = capped / (1 - capped)
@@ -287,6 +280,30 @@ def _blend_backward(
         batch.store(gradients[:GEOMETRY], moments)
     group.chain(gradients[:GEOMETRY])
     return gradients
+
+
+def _rests(
+    group: TileGroup,
+    batch: Batch,
+    weight: Float[Tensor, "k c q"],
+    gains: Float[Tensor, "k1 c q"],
+    g: Float[Tensor, "c d q"],
+    behind: Float[Tensor, "b q"],
+) -> Float[Tensor, "k1 c q"]:
+    """Sums of what a batch's Gaussians, from each on, add to the loss, and all behind them.
+
+    Fills `gains`; `behind` is from then on what the batch adds too.
+    """
+    depth, count, pixels = weight.shape
+    rests = group.grid.buffer(3, *gains.shape)
+    # by way of `rests`: a strided result of bmm would take 8 times longer
+    value = rests[:-1].view(count, depth, pixels)
+    torch.bmm(group.features_of(batch).transpose(0, 1), g, out=value)
+    torch.mul(value.transpose(0, 1), weight, out=gains[:-1])
+    gains[-1] = batch.select_tiles(behind)
+    torch.mm(group.grid.suffix_sums(depth + 1), gains.flatten(1), out=rests.flatten(1))
+    batch.store_tiles(behind, rests[0])
+    return rests
 
 
 def _to_picture(
