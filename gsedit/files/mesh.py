@@ -6,14 +6,15 @@ point cloud becomes round Gaussians as wide as their neighbours are far.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
 
 from gsedit.errors import InputError
+from gsedit.files.exr import to_linear, to_srgb
 from gsedit.files.streams import ReadOptions, SceneHeader, SceneSource, in_blocks
 from gsedit.files.table import SplatTable, concatenate_tables
 from rasterizer.numerics import SH_DC
@@ -29,6 +30,9 @@ LOGIT = 4.0
 """Of the opacity, 0.98: surfaces are opaque."""
 GREY = 0.6
 """The colour of a surface that has none."""
+Colors: TypeAlias = Callable[[Any, np.ndarray, np.ndarray], np.ndarray]
+"""Of places on a mesh, n 3: from the mesh, the face of each place, and the weights of its corners,
+n 3."""
 
 
 def open_source(path: Path, options: ReadOptions) -> SceneSource:
@@ -43,10 +47,12 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
     total = sum(surface.area for surface in surfaces)
     rng = np.random.default_rng(options.seed)
     shares = [max(1, round(options.samples * s.area / total)) for s in surfaces]
-    tables = [_disks(s, n, rng) for s, n in zip(surfaces, shares)]
-    tables += [_balls(path, cloud) for cloud in clouds]
+    gltf = path.suffix.lower() in (".glb", ".gltf")
+    colors = _gltf_colors if gltf else _colors
+    tables = [_disks(s, n, rng, colors) for s, n in zip(surfaces, shares)]
+    tables += [_balls(path, cloud, linear=gltf) for cloud in clouds]
     table = concatenate_tables(tables)
-    if path.suffix.lower() in (".glb", ".gltf"):  # as splats in glTF: +y is up there
+    if gltf:  # as splats in glTF: +y is up there
         table = _half_turn(table)
     notes = [f"a mesh: {sum(shares):,} Gaussians sampled on its surface"] * bool(surfaces)
     notes += [f"a point cloud: {sum(len(c.vertices) for c in clouds):,} round Gaussians"] * bool(
@@ -81,7 +87,12 @@ def _geometries(path: Path) -> Iterator[Any]:
         scene: Any = trimesh.load(path, force="scene", process=False)
         for node in scene.graph.nodes_geometry:
             matrix, name = scene.graph[node]
-            yield scene.geometry[name].copy().apply_transform(matrix)
+            part = scene.geometry[name]
+            placed = part.copy().apply_transform(matrix)
+            beside = getattr(getattr(part, "visual", None), "vertex_attributes", {})
+            if (colors := beside.get("color")) is not None:  # which a copy of textures leaves out
+                placed.visual.vertex_attributes["color"] = colors
+            yield placed
     except MemoryError:
         raise
     except Exception as error:  # trimesh's readers raise whatever comes
@@ -89,7 +100,7 @@ def _geometries(path: Path) -> Iterator[Any]:
         raise InputError(f"{path} cannot be read as a mesh ({reason}): export it again") from None
 
 
-def _disks(mesh: Any, count: int, rng: np.random.Generator) -> SplatTable:
+def _disks(mesh: Any, count: int, rng: np.random.Generator, colors: Colors) -> SplatTable:
     """Flat Gaussians spread evenly over the surface of a mesh."""
     areas = np.asarray(mesh.area_faces, np.float64)
     # one sample in each of `count` equal parts of the area: faces get their share to within one
@@ -106,18 +117,21 @@ def _disks(mesh: Any, count: int, rng: np.random.Generator) -> SplatTable:
     sizes = np.array([DISK, DISK, DISK * THICKNESS]) * np.sqrt(ends[-1] / count)
     return _table(
         points, _turned_to(np.asarray(mesh.face_normals)[faces]), sizes,
-        _colors(mesh, faces, weights),
+        colors(mesh, faces, weights),
     )  # fmt: skip
 
 
-def _balls(path: Path, cloud: Any) -> SplatTable:
-    """Round Gaussians at points, which may have colours."""
+def _balls(path: Path, cloud: Any, *, linear: bool) -> SplatTable:
+    """Round Gaussians at points, which may have colours: display colours, or linear light."""
     points = np.asarray(cloud.vertices, np.float64)
     if not np.isfinite(points).all():
         raise InputError(f"{path} has points that are NaN or Inf: remove them")
     sizes = BALL * np.maximum(neighbour_distance(points), 1e-7)[:, None].repeat(3, 1)
     colors = np.asarray(getattr(cloud, "colors", ()))
-    colors = colors[:, :3] / 255 if colors.shape[:1] == points.shape[:1] else GREY
+    if colors.shape[:1] != points.shape[:1]:
+        colors = GREY
+    else:
+        colors = to_srgb(colors[:, :3] / 255) if linear else colors[:, :3] / 255
     identity = np.broadcast_to([1.0, 0, 0, 0], (len(points), 4))
     return _table(points, identity, sizes, np.broadcast_to(colors, points.shape))
 
@@ -143,20 +157,44 @@ def _colors(
     material = getattr(visual, "material", None)
     uv = getattr(visual, "uv", None)
     if material is not None:
-        picture = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
+        picture = getattr(material, "image", None)
         factor = np.asarray(material.main_color, np.float64)[:3] / 255
         if picture is None or uv is None or len(uv) != len(mesh.vertices):
             return np.broadcast_to(factor, (len(faces), 3))
         at = (np.asarray(uv, np.float64)[corners] * weights[:, :, None]).sum(1)
-        tint = getattr(material, "baseColorFactor", None)
-        tint = 1.0 if tint is None else np.asarray(tint, np.float64)[:3] / 255
-        return _texels(picture, at) * tint
+        return _texels(picture, at)
     if visual.kind == "vertex":
         values = np.asarray(visual.vertex_colors, np.float64)[corners, :3] / 255
         return (values * weights[:, :, None]).sum(1)
     if visual.kind == "face":
         return np.asarray(visual.face_colors, np.float64)[faces, :3] / 255
     return np.full((len(faces), 3), GREY)
+
+
+def _gltf_colors(
+    mesh: Any, faces: np.ndarray, weights: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, "n 3"]:
+    """`_colors` of a glTF: the product, in linear light, of the base colour's factor and its
+    texture and of the colours of the vertices. The texture alone is stored as display colours.
+    Source: glTF 2.0, 3.7.2.1 (meshes) and 3.9.2 (metallic-roughness material)."""
+    visual, corners = mesh.visual, np.asarray(mesh.faces)[faces]
+    material = getattr(visual, "material", None)
+    of_vertices = visual.vertex_attributes.get("color") if material is not None else None
+    if material is None:
+        if visual.kind != "vertex":
+            return np.full((len(faces), 3), GREY)
+        of_vertices = visual.vertex_colors
+    factor = getattr(material, "baseColorFactor", None)
+    light = np.ones((len(faces), 3)) if factor is None else np.asarray(factor, float)[:3] / 255
+    picture, uv = getattr(material, "baseColorTexture", None), getattr(visual, "uv", None)
+    if picture is not None and uv is not None and len(uv) == len(mesh.vertices):
+        at = (np.asarray(uv, np.float64)[corners] * weights[:, :, None]).sum(1)
+        light = light * to_linear(_texels(picture, at))
+    if of_vertices is not None and len(of_vertices) == len(mesh.vertices):
+        levels = np.asarray(of_vertices)
+        most = np.iinfo(levels.dtype).max if levels.dtype.kind == "u" else 1
+        light = light * (levels[corners, :3] / most * weights[:, :, None]).sum(1)
+    return to_srgb(np.broadcast_to(light, (len(faces), 3)))
 
 
 def _texels(picture: Any, uv: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:

@@ -79,6 +79,44 @@ def test_colours_of_vertices_are_mixed(tmp_path):
     np.testing.assert_allclose(table.colors[:, :2], table.means[:, :2], atol=0.01)
 
 
+def of_material(colors=None, **values) -> trimesh.Trimesh:
+    """The quad with a material, and with colours of its vertices beside it."""
+    material = trimesh.visual.material.PBRMaterial(**values)
+    visual = trimesh.visual.TextureVisuals(uv=np.full((4, 2), 0.5), material=material)
+    if colors is not None:
+        visual.vertex_attributes["color"] = np.uint8([colors] * 4)
+    return quad(visual=visual)
+
+
+LINEAR = [55, 255, 0, 255]
+"""0.214 of linear light is half of what a screen can show."""
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        quad(vertex_colors=[LINEAR] * 4),
+        trimesh.PointCloud([[0, 0, 0], [1, 0, 0]], [LINEAR] * 2),
+        of_material(baseColorFactor=[0.214, 1.0, 0.0, 1.0]),
+        of_material([109, 255, 0, 255], baseColorFactor=[0.5, 1.0, 0.0, 1.0]),
+        of_material(
+            baseColorFactor=[0.428, 1.0, 0.0, 1.0],
+            baseColorTexture=Image.new("RGB", (4, 4), (188, 255, 0)),  # 0.5 of linear light
+        ),
+    ],
+    ids=["vertices", "points", "factor", "both", "texture"],
+)
+def test_colours_of_a_gltf_are_linear_light(shape, tmp_path):
+    table = open_scene(export(shape, tmp_path / "a.glb"), FEW).table()
+    expected = np.broadcast_to([0.5, 1.0, 0.0], (len(table), 3))
+    np.testing.assert_allclose(table.colors, expected, atol=0.01)
+
+
+def test_a_gltf_without_a_factor_is_as_bright_as_its_texture(tmp_path):
+    table = open_scene(export(of_material(), tmp_path / "a.glb"), FEW).table()
+    np.testing.assert_allclose(table.colors, 1, atol=0.01)
+
+
 def test_a_surface_without_colours_is_grey_and_has_no_holes(tmp_path):
     table = open_scene(export(quad(), tmp_path / "a.stl"), FEW).table()
     np.testing.assert_allclose(table.colors, 0.6, atol=0.01)
