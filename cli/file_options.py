@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from .console import print_message
 
 if TYPE_CHECKING:
     from gsedit.files.streams import ReadOptions, WriteOptions
@@ -47,7 +50,12 @@ class FileOptions:
 
         return ReadOptions(spz_frame=self.spz_frame.value, samples=self.samples)
 
-    def write(self) -> WriteOptions:
+    def write(self, out: Path) -> WriteOptions:
+        """For a scene at `out`: what its format rounds more than usual is printed."""
         from gsedit.files.streams import WriteOptions
 
-        return WriteOptions(spz_version=self.spz_version, spz_frame=self.spz_frame.value)
+        return WriteOptions(
+            spz_version=self.spz_version,
+            spz_frame=self.spz_frame.value,
+            say=lambda text: print_message(f"{out}: {text}"),
+        )

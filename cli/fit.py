@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import Enum
+from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +12,7 @@ import typer
 from .cameras import say_notes
 from .checkpoints import Checkpoints, Resume, going_on, run_to_result
 from .console import print_message, print_result
+from .file_options import FileOptions
 from .kernel import FITS, say_kernel
 from .options import DropInvalid, Force, Seeded, check_scene_file, load_scene, output
 from .progress import progress
@@ -157,7 +159,7 @@ def run_fit(
         with progress(as_json=common.json) as show:
             result = run_to_result(steps, show, checkpoints)
         say_too_short(result, settings)
-        save(result.scene, out, overwrite=force)
+        save(result.scene, out, overwrite=force, options=FileOptions().write(out))
         write_places(photos, dataset, out, start)
     return result
 
@@ -170,7 +172,7 @@ def say_too_short(result: FitResult, settings: FitSettings) -> None:
         print_message(
             f"{settings.seconds:g} s are too short for these photos: reading them and the start "
             f"left time for {result.steps} steps, and the scene is hardly fitted: give --minutes "
-            f"{max(1.0, 10 * result.seconds / 60):.2g} or more, or fewer photos"
+            f"{max(1, ceil(10 * result.seconds / 60))} or more, or fewer photos"
         )
 
 

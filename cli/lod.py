@@ -117,7 +117,7 @@ def _write(
             print_message(f"{file}: {sentence}")
     reduce = ReduceSH(format.max_degree)
     rows = in_blocks(reduce.apply(table))
-    write_scene(file, reduce.header(header), rows, options=files.write(), overwrite=force)
+    write_scene(file, reduce.header(header), rows, options=files.write(file), overwrite=force)
     record: dict[str, Any] = {"file": file.name, "gaussians": len(table)}
     text = f"{file}: {len(table):,} Gaussians"
     if measure:

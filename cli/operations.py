@@ -249,7 +249,9 @@ def process(
         for _ in blocks:
             pass
     else:
-        write_scene(output.out, header, blocks, options=files.write(), overwrite=output.force)
+        write_scene(
+            output.out, header, blocks, options=files.write(output.out), overwrite=output.force
+        )
     write_companions()
     if dropped and dropped.invalid:
         print_message(f"{path}: rows left out by --drop-invalid: {dropped.invalid:,}")

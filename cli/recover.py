@@ -9,6 +9,7 @@ import typer
 
 from .checkpoints import NAME
 from .console import print_message, print_result
+from .file_options import FileOptions
 from .options import Common, Force, check_scene_file, load_scene, output
 
 Left = Annotated[
@@ -46,6 +47,6 @@ def recover(
         path = Path(source["scene"])
         unedited = load_scene(path, drop_invalid=source["drop_invalid"])
     scene = optimised_scene(state.within("optimiser"), unedited)
-    save(scene, out, overwrite=force)
+    save(scene, out, overwrite=force, options=FileOptions().write(out))
     print_message(f"{len(scene)} Gaussians; look: gsedit preview {out}")
     print_result({"scene": out, "gaussians": len(scene)}, str(out), as_json=common.json)

@@ -12,6 +12,7 @@ import typer
 from .cameras import ViewOptions, load_views
 from .console import print_message, print_result
 from .features import load_features
+from .file_options import FileOptions
 from .kernel import UPDATES, say_kernel
 from .operations import fitted
 from .options import DropInvalid, Force, Scene, Seeded, check_scene_file, load_file, output
@@ -123,7 +124,7 @@ def write(scene: Gaussians, file: SceneFile, out: Path, force: bool) -> None:
 
     table = table_of(scene).replace(extra=file.extra)
     header, blocks = fitted(file.header, in_blocks(table), out)
-    write_scene(out, header, blocks, overwrite=force)
+    write_scene(out, header, blocks, options=FileOptions().write(out), overwrite=force)
 
 
 def shown(steps: Iterator[Event | StyleResult], *, as_json: bool) -> StyleResult:

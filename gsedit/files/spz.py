@@ -37,6 +37,10 @@ MAGIC = 0x5053474E
 """`NGSP`."""
 FRACTIONAL_BITS = 12
 """Of a position at most: Niantic's default."""
+MOST = 0.999
+"""Share of the rows that are not far out."""
+_LARGEST = (1 << (POSITION_BITS - 1)) - 1
+"""Of a coordinate, in its steps."""
 FRAMES = {"rub": RUB, "rdf": RDF}
 """What --spz-frame may name."""
 _HEADER = struct.Struct("<IIIBBBB")
@@ -124,6 +128,8 @@ def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions
     if not count:
         return 0
     bits = _fractional_bits(path, means)
+    if bits < FRACTIONAL_BITS and options.say is not None and (why := _coarse(means, bits)):
+        options.say(why)
     flags = _ANTIALIASED * header.antialiased
     made = _Header(options.spz_version, count, header.degree, bits, flags)
     streams = {name: iter(parts) for name, parts in packed.items()}
@@ -134,13 +140,28 @@ def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions
 
 def _fractional_bits(path: Path, means: list[np.ndarray]) -> int:
     """As many as leave room for the farthest coordinate."""
-    limit = (1 << (POSITION_BITS - 1)) - 1
     parts = (np.abs(part[np.isfinite(part)]) for part in means)
     extent = max(max((float(part.max(initial=0)) for part in parts), default=0), 1e-6)
-    bits = min(FRACTIONAL_BITS, floor(log2(limit / extent)))
+    bits = min(FRACTIONAL_BITS, floor(log2(_LARGEST / extent)))
     if bits < 1:
         raise UsageError(f"{path}: .spz holds positions up to 4e6, not {extent:.3g}: save a .ply")
     return bits
+
+
+def _coarse(means: list[np.ndarray], bits: int) -> str:
+    """A sentence where a few rows far out cost the others the fineness of their positions."""
+    sizes = (np.abs(np.where(np.isfinite(part), part, 0)) for part in means)
+    far = np.concatenate([size.max(1) for size in sizes])
+    inner = float(np.quantile(far, MOST, method="lower"))
+    finer = min(FRACTIONAL_BITS, floor(log2(_LARGEST / max(inner, 1e-6))))
+    if finer <= bits:
+        return ""
+    row = int(far.argmax())
+    return (
+        f"positions are in steps of {2.0**-bits:g}, as row {row:,} (from 0) is {far[row]:.3g} from "
+        f"the origin and nearly all are within {inner:.3g}: without such rows they are in steps of "
+        f"{2.0**-finer:g} (gsedit filter --box leaves them out)"
+    )
 
 
 def _write_3(

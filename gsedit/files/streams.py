@@ -85,6 +85,8 @@ class WriteOptions:
     """3 (read by most) or 4."""
     spz_frame: str = "rub"
     """Axes to store: rub (the specification) or rdf."""
+    say: Callable[[str], None] | None = None
+    """Receives what a format rounds more than usual: one sentence, without the name of the file."""
 
 
 AS_SPECIFIED = ReadOptions()

@@ -156,6 +156,14 @@ def test_positions_are_as_fine_as_the_extent_allows(tmp_path):
         far = table.replace(means=table.means * np.float32(extent / np.abs(table.means).max()))
         again = open_scene(write(tmp_path / f"{extent}.spz", far)).table()
         assert np.abs(again.means - far.means).max() <= step / 2 * 1.01
+    said: list[str] = []
+    write(tmp_path / "c.spz", far, say=said.append)
+    assert not said  # it is as wide as that
+    table.means[7, 1] = 1e6
+    write(tmp_path / "d.spz", table, say=said.append)
+    (told,) = said
+    assert told.startswith("positions are in steps of 0.125, as row 7 (from 0) is 1e+06 from the")
+    assert "without such rows they are in steps of 0.000244141" in told
     with pytest.raises(UsageError, match=r"/b\.spz: .*save a \.ply"):  # not its temporary name
         write(tmp_path / "b.spz", table.replace(means=table.means * 1e8))
     with pytest.raises(UsageError, match="writes 3 and 4"):
