@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
+from gsedit.errors import UsageError
 from gsedit.files.streams import Blocks, SceneHeader, in_blocks
 from gsedit.files.table import (
     SplatTable,
@@ -16,6 +17,7 @@ from gsedit.files.table import (
     gaussians_of,
     table_of,
 )
+from gsedit.points.selection.saved import saved_flags
 
 Say = Callable[[str], None]
 """Receives what an operation has to tell a person: one sentence, without the name of a file."""
@@ -34,6 +36,8 @@ class Operation(ABC):
 
     removes: ClassVar[bool] = False
     """Whether it can leave out rows: then how many were kept is told."""
+    sorts: ClassVar[bool] = False
+    """Whether rows change places: saved flags do not fit afterwards."""
 
     @property
     def moves(self) -> bool:
@@ -98,8 +102,9 @@ def run(
     """One operation after the other: the header and the rows afterwards.
 
     Nothing is read until the rows are. The counts of every operation are whole when the last row
-    has passed.
+    has passed. Raises UsageError where saved flags are asked of rows that were sorted before.
     """
+    check_saved_flags(operations)
     counts = []
     for operation in operations:
         kept = Kept()
@@ -108,6 +113,19 @@ def run(
         header = operation.header(header)
         counts.append((operation, kept))
     return header, blocks, counts
+
+
+def check_saved_flags(operations: Sequence[Operation]) -> None:
+    """Raise UsageError where an operation asks saved flags after another one sorted the rows."""
+    is_sorted = False
+    for operation in operations:
+        flags = next(saved_flags(operation), None)
+        if is_sorted and flags is not None:
+            raise UsageError(
+                f"{flags.path} says which rows of the scene's file are meant, and they are in "
+                "another order by then: put order after what uses it"
+            )
+        is_sorted = is_sorted or operation.sorts
 
 
 def apply(scene: Scene, *operations: Operation, say: Say = silent) -> Scene:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Float
@@ -17,6 +18,7 @@ from gsedit.points.operation import Say, Scene, Whole, apply
 class Order(Whole):
     """Sort the rows along Morton's curve, or by importance: opacity times projected area."""
 
+    sorts: ClassVar[bool] = True
     by: str = "morton"
 
     def __post_init__(self) -> None:

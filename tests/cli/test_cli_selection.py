@@ -69,6 +69,13 @@ def test_a_selection_is_saved_and_read(scene, tmp_path):
         assert gsedit("filter", scene, *words, "-o", out, "-f").exit_code == 0
         np.testing.assert_array_equal(load(out).means, load(scene).means[flags])
     assert gsedit("select", scene, "--box", "-,-,-,-,-,-", "-o", region).exit_code == 2
+    asked = ("filter", "--where", f"grow(flags('{region}'), 1) or x > 9")
+    done = gsedit("order", scene, "then", *asked, "--dry-run")
+    assert done.exit_code == 2
+    assert one_line(done.stderr)
+    assert f"{region} says which rows" in done.stderr
+    assert "put order after" in done.stderr
+    assert gsedit(asked[0], scene, *asked[1:], "then", "order", "--dry-run").exit_code == 0
 
 
 def test_clusters_grown_and_shrunk(scene):

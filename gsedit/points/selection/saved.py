@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 
 import numpy as np
@@ -25,3 +26,15 @@ class Flags(Selection):
 
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
         return read_flags(self.path, len(table))
+
+
+def saved_flags(asked: object) -> Iterator[Flags]:
+    """The saved flags that an operation or a selection asks, in its fields and theirs."""
+    if isinstance(asked, Flags):
+        yield asked
+    elif isinstance(asked, tuple):
+        for each in asked:
+            yield from saved_flags(each)
+    elif is_dataclass(asked) and not isinstance(asked, type):
+        for field in fields(asked):
+            yield from saved_flags(getattr(asked, field.name))
