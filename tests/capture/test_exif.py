@@ -141,7 +141,8 @@ def test_the_photo_of_an_iphone_is_read_as_it_is_shown():
 
 
 def test_the_photo_of_an_iphone_is_prepared_upright(tmp_path):
-    *_, prepared = prepare([Path(__file__).parent / "phone.heic"], tmp_path / "out", 1600)
+    here = Path(__file__).parent
+    *_, prepared = prepare([here / "phone.heic"], tmp_path / "out", 1600, here)
     (photo,) = prepared.photos
     assert (photo.name, photo.width, photo.height) == ("phone.jpg", 64, 96)
     assert not prepared.unreadable
