@@ -27,7 +27,17 @@ from .options import (
 )
 from .placed import Placed, place
 from .render_files import write
-from .render_options import Kind, PathKind, PathOptions, PictureOptions, check_pictures, kind_of
+from .render_options import (
+    ARC,
+    FPS,
+    FRAMES,
+    Kind,
+    PathKind,
+    PathOptions,
+    PictureOptions,
+    check_pictures,
+    kind_of,
+)
 from .setting_options import Layout, Setting, SettingsGroup, Values, settings_of, with_values
 
 if TYPE_CHECKING:
@@ -139,7 +149,7 @@ def render(
     shots = tuple(sized(camera, pictures, out) for camera in named.values())
     seen = pictures.maps, second, moving is not None, pictures.background_color()
     animation = Animation(gaussians, shots, *seen, execution, numerics)
-    write(animation, list(named), out, path.fps, pictures, force, common)
+    write(animation, list(named), out, path.fps or FPS, pictures, force, common)
 
 
 def check(
@@ -203,10 +213,10 @@ def follow(
     along = camera_path(
         kind.value,
         cameras,
-        path.frames,
+        path.frames or FRAMES,
         up=up_vector(options.up),
         elevation=path.elevation,
-        arc=path.arc,
+        arc=path.arc or ARC,
         fallback=bounds(scene),
     )
     return {f"frame_{index:04d}": camera for index, camera in enumerate(along)}

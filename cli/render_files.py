@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 from .console import print_message, print_result
 from .options import Common
 from .progress import Show, progress
-from .render_options import PictureOptions, kind_of
+from .render_options import CRF, PictureOptions, kind_of
 
 if TYPE_CHECKING:
     from gsedit.reports.frames import Animation
@@ -46,7 +46,8 @@ def write(
             if out.suffix.lower() == ".gif":
                 write_gif(frames, out, fps, overwrite=force)
             else:
-                write_mp4(frames, out, fps, crf=pictures.crf, overwrite=force)
+                crf = CRF if pictures.crf is None else pictures.crf
+                write_mp4(frames, out, fps, crf=crf, overwrite=force)
             record = {"animation": out, "frames": count, "fps": fps, "bytes": out.stat().st_size}
             print_result(record, str(out), as_json=as_json)
             print_message(f"{count} frames, {count / fps:.1f} s, {out.stat().st_size / 1e6:.1f} MB")

@@ -33,6 +33,9 @@ OTHERS = (
 NAMES = ("color", "depth", "normals", "alpha")
 """Of gsedit.views.maps.MAPS, which imports torch; a test compares them."""
 MOST_PIXELS = 1 << 26
+FRAMES, FPS, ARC, CRF = 120, 30.0, 60.0, 18
+"""Defaults of the options of these names, which are None: one that is given where it would change
+nothing is refused."""
 
 
 class PathKind(str, Enum):
@@ -69,13 +72,30 @@ class PathOptions:
             show_default="turntable for .mp4 and .gif, else none",
         ),
     ] = None
-    frames: Annotated[int, path_option("--frames", "Pictures along the path.", min=1)] = 120
+    frames: Annotated[
+        int | None,
+        path_option("--frames", "Pictures along the path.", min=1, show_default=str(FRAMES)),
+    ] = None
     fps: Annotated[
-        float, path_option("--fps", "Frames a second of .mp4 and .gif.", min=0.1, max=240)
-    ] = 30.0
+        float | None,
+        path_option(
+            "--fps",
+            "Frames a second of .mp4 and .gif.",
+            min=0.1,
+            max=240,
+            show_default=str(FPS),
+        ),
+    ] = None
     arc: Annotated[
-        float, path_option("--arc", "Degrees between the ends of an orbit.", min=1, max=360)
-    ] = 60.0
+        float | None,
+        path_option(
+            "--arc",
+            "Degrees between the ends of an orbit.",
+            min=1,
+            max=360,
+            show_default=str(ARC),
+        ),
+    ] = None
     elevation: Annotated[
         float | None,
         path_option(
@@ -150,11 +170,15 @@ class PictureOptions:
         ),
     ] = None
     crf: Annotated[
-        int,
+        int | None,
         picture_option(
-            "--crf", "Quality of .mp4: 0 is the best and largest, 51 the worst.", min=0, max=51
+            "--crf",
+            "Quality of .mp4: 0 is the best and largest, 51 the worst.",
+            min=0,
+            max=51,
+            show_default=str(CRF),
         ),
-    ] = 18
+    ] = None
 
     @property
     def maps(self) -> tuple[MapName, ...]:
@@ -223,8 +247,7 @@ def check_path(path: PathOptions, kind: Kind, out: Path) -> None:
     """Raise UsageError for options of a path that would change nothing."""
     from gsedit.errors import UsageError
 
-    usual = PathOptions()
-    given = {name for name in vars(usual) if getattr(path, name) != getattr(usual, name)}
+    given = {name for name, value in vars(path).items() if value is not None}
     taken = path.path or (PathKind.turntable if kind == "animation" else None)
     if taken is None and (unused := given & {"frames", "arc", "elevation"}):
         raise UsageError(
@@ -268,9 +291,11 @@ def check_pictures(out: Path, options: PictureOptions, path: PathOptions) -> Non
             raise UsageError("--wipe shows colours: leave out --show, --depth and transparent")
         if suffix in (".exr", ".npy") or options.format != FolderFormat.png:
             raise UsageError("--wipe is written as .png, .mp4, .gif or a folder of PNG files")
+    if options.crf is not None and suffix != ".mp4":
+        raise UsageError(f"--crf is for .mp4, not for -o {out}: leave it out")
     if kind == "animation":
         from gsedit.files.animations import check_fps, check_video
 
-        check_fps(out, path.fps)
+        check_fps(out, path.fps or FPS)
         if suffix == ".mp4":
             check_video()

@@ -184,6 +184,8 @@ def test_an_interrupted_animation_leaves_no_file(shot, tmp_path, monkeypatch):
         (["-o", "a.gif", "--arc", "90"], "--arc is for --path orbit"),
         (["-o", "a.gif", "--path", "spline", "--elevation", "9"], "a spline keeps to the cameras"),
         (["-o", "out", "--path", "orbit", "--fps", "9"], "--fps is for .mp4 and .gif"),
+        (["-o", "a.png", "--frames", "120"], "--frames is for a path of cameras"),
+        (["-o", "a.gif", "--crf", "18"], "--crf is for .mp4"),
         (["-o", "out", "--wipe", "b.ply", "--depth"], "--wipe shows colours"),
         (["-o", "a.exr", "--wipe", "b.ply"], "--wipe is written as"),
         (["-o", "out", "--wipe", "b.ply", "--region", "all"], "leave out --wipe"),
