@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -236,12 +235,14 @@ def has_poses(photos: Path) -> bool:
 
 
 def state_of(photos: Path, out: Path) -> str:
-    """The place of photos or a video, and a fingerprint of the names, sizes and times of its files.
+    """The place of photos or a video, and a fingerprint of the paths, sizes and times of its files.
 
     Hidden files do not count: file managers leave them. Nor does what is in `out`, a folder inside.
     Raises InputError for a folder without photos.
     """
     from gsedit.capture.folder import find_photos
+    from gsedit.capture.photos import state_of as states
+    from gsedit.capture.stages import fingerprint
 
     place, out = photos.resolve(), out.resolve()
     files: Iterable[Path] = [place]
@@ -256,12 +257,4 @@ def state_of(photos: Path, out: Path) -> str:
         )
     elif place.is_dir():
         files = find_photos(place, out).files
-    digest = hashlib.sha256()
-    for file in files:
-        stat = file.stat()
-        digest.update(
-            f"{file.relative_to(place.parent)} {stat.st_size} {stat.st_mtime_ns}\n".encode(
-                errors="replace"
-            )
-        )
-    return f"{place} {digest.hexdigest()[:12]}"
+    return f"{place} {fingerprint(states(list(files)))}"

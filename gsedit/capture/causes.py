@@ -92,7 +92,7 @@ def before_features(prepared: Prepared, source: object) -> str | None:
     if len(photos) < FEWEST:
         if left_out:
             heic = any("(HEIC)" in each for each in left_out)
-            small = all("pixels" in each for each in left_out)
+            small = all("are needed)" in each for each in left_out)
             move = "use the original files" if small else "copy or export these files again"
             lost = f"{_counted(len(photos), 'usable photo')} ({listed(left_out)} left out)"
             return f"{source}: {lost}: {HEIC if heic else move}"

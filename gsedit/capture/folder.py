@@ -10,13 +10,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gsedit.capture.frames import is_video
+from gsedit.capture.stages import LOG
 from gsedit.errors import InputError
 
 PICTURES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp", ".heic", ".heif", ".avif")
-OTHER = re.compile(r"masks?|(images|photos)_[0-9]+|thumbnails?|thumbs")
-"""Names of folders that hold masks, or the photos made smaller (INRIA's trainer, nerfstudio)."""
-RECORDS = ("capture.json", "make.json", "edit.json")
-"""Files in the folders that gsedit writes."""
+OTHER = re.compile(r"masks?|depths?|normals|thumbnails?|thumbs|@eadir")
+"""Names of folders whose pictures are no photos (@eaDir: thumbnails of a network drive)."""
+SMALLER = re.compile(r"(images|photos)_[0-9]+")
+"""Names of folders that hold the photos made smaller, where the photos are in one beside them that
+has no number (INRIA's trainer, nerfstudio)."""
+RECORDS = ("capture.json", "make.json", "edit.json", LOG)
+"""Files in the folders that gsedit writes; the last is there before a capture has a result."""
 SHOWN = 4
 """Folders that a message names."""
 
@@ -35,8 +39,8 @@ class Found:
 def find_photos(folder: Path, out: Path) -> Found:
     """The photos of a folder and of those in it, without `out`, where the capture goes.
 
-    Left out besides, with a note: masks, smaller copies (images_2, ...), what gsedit made, and
-    videos. Hidden folders are not looked into. Raises InputError where there is no photo.
+    Left out besides, with a note: masks, smaller copies (images_2 beside images, ...), what gsedit
+    made, and videos. Hidden folders are not looked into. Raises InputError where there is no photo.
     """
     if (folder / RECORDS[0]).is_file():
         raise InputError(
@@ -50,14 +54,12 @@ def find_photos(folder: Path, out: Path) -> Found:
     if not found:
         raise InputError(f"{folder} holds no photos{_instead(sorted(videos), sorted(others))}")
     found.sort(key=lambda path: _order(path.relative_to(folder)))
-    notes = [_by_folder(found)] if len({each.parent for each in found}) > 1 else []
+    notes = [_by_folder(found)] if {each.parent for each in found} != {folder} else []
     if others:
-        listed = ", ".join(
-            f"{each} ({_counted(_pictures(each), 'picture')})" for each in sorted(others)
-        )
+        parts = [f"{each} ({_counted(_pictures(each), 'picture')})" for each in sorted(others)]
         notes.append(
-            f"left out: {listed}: by name or content masks, smaller copies or results of gsedit; "
-            "name one itself to use it"
+            f"left out: {_some(parts)}: by name or content masks, smaller copies or results of "
+            "gsedit; name one itself if it holds photos"
         )
     if videos:
         notes.append(f"left out: {_counted(len(videos), 'video')} ({min(videos)}): name one itself")
@@ -70,7 +72,8 @@ def _walk(folder: Path, seen: set[Path], others: list[Path]) -> Iterator[tuple[P
 
     def refuse(error: OSError) -> None:
         raise InputError(
-            f"{error.filename} cannot be read ({error.strerror}): give yourself access"
+            f"{error.filename} cannot be read ({error.strerror}): change its "
+            "permissions, or move the photos into another folder"
         )
 
     for place, inner, files in os.walk(folder, onerror=refuse, followlinks=True):
@@ -80,13 +83,21 @@ def _walk(folder: Path, seen: set[Path], others: list[Path]) -> Iterator[tuple[P
             continue
         seen.add(real)
         made = any(record in files for record in RECORDS)
-        if here != folder and (made or OTHER.fullmatch(here.name.lower())):
+        if here != folder and (made or _is_other(here)):
             inner.clear()
-            if made or _pictures(here):
+            if _pictures(here):
                 others.append(here)
             continue
         inner[:] = (name for name in inner if name[0] != ".")
         yield here, [name for name in files if name[0] != "."]
+
+
+def _is_other(folder: Path) -> bool:
+    """Whether a folder holds pictures that are no photos of their own, by its name."""
+    smaller = SMALLER.fullmatch(folder.name.lower())
+    if smaller is None:
+        return OTHER.fullmatch(folder.name.lower()) is not None
+    return folder.with_name(folder.name[: smaller.end(1)]).is_dir()
 
 
 def _pictures(folder: Path) -> int:
@@ -108,8 +119,14 @@ def _instead(videos: Sequence[Path], others: Sequence[Path]) -> str:
 def _by_folder(files: Sequence[Path]) -> str:
     counts = Counter(each.parent for each in files)
     parts = [f"{count} in {place}" for place, count in counts.items()]
-    shown = ", ".join(parts[:SHOWN]) + (f", and {len(parts) - SHOWN} more" * (len(parts) > SHOWN))
-    return f"{len(files)} photos of {len(counts)} folders: {shown}"
+    if len(parts) == 1:
+        return f"{_counted(len(files), 'photo')} in {files[0].parent}"
+    return f"{len(files)} photos of {len(counts)} folders: {_some(parts)}"
+
+
+def _some(parts: Sequence[str]) -> str:
+    more = len(parts) - SHOWN
+    return ", ".join(parts[:SHOWN]) + (f", and {more} more" if more > 0 else "")
 
 
 def _order(path: Path) -> tuple[list[list[tuple[int, str]]], list[tuple[int, str]], str]:

@@ -21,6 +21,8 @@ QUALITY = 95
 """Of JPEG, where a photo is written anew."""
 SMALLEST = 64
 """Pixels of the shorter side: SIFT finds next to nothing in less."""
+LONGEST = 200
+"""Bytes of a name without its suffix: file systems take 255 with it."""
 THUMBNAIL = 32
 """Pixels on a side, for comparing photos."""
 
@@ -58,9 +60,17 @@ class Prepared:
 
 
 def state_of(files: Sequence[Path]) -> list[tuple[str, int, int]]:
-    """What changes when a file does: name, bytes, time of its last change."""
-    stats = [(each, each.stat()) for each in files]
-    return [(str(each), stat.st_size, stat.st_mtime_ns) for each, stat in stats]
+    """What changes when a file does: name, bytes, time of its last change; zeros for a link to a
+    file that is not there."""
+    return [(str(each), *_stat(each)) for each in files]
+
+
+def _stat(file: Path) -> tuple[int, int]:
+    try:
+        stat = file.stat()
+    except OSError:
+        return 0, 0
+    return stat.st_size, stat.st_mtime_ns
 
 
 def prepare(files: Sequence[Path], folder: Path, size: int, top: Path) -> Iterator[Step | Prepared]:
@@ -146,14 +156,12 @@ def _inside(file: Path, top: Path) -> Path:
 
 
 def _name(file: Path, suffix: str, taken: set[str]) -> str:
-    """The name with the suffix of what is written, unlike those taken, with its folders, and
-    without spaces and #, which part and comment out the lines of COLMAP's list of pairs."""
+    """The name with its folders and the suffix of what is written: unlike those taken, not too
+    long, without spaces and #, which part and comment out the lines of COLMAP's list of pairs."""
     own = {".jpeg": ".jpg"}.get(file.suffix.lower(), file.suffix.lower())
-    stem = re.sub(
-        r"[\s#]+",
-        "_",
-        os.fsencode("_".join((*file.parts[:-1], file.stem))).decode(errors="replace"),
-    )
+    whole = os.fsencode("_".join((*file.parts[:-1], file.stem))).decode(errors="replace")
+    # the end of a name tells more than its beginning: that is a folder's
+    stem = re.sub(r"[\s#]+", "_", whole).encode()[-LONGEST:].decode(errors="ignore")
     name = stem + (file.suffix if own == suffix else suffix)
     if name.lower() in taken:
         name = f"{stem}_{file.suffix[1:]}{suffix}"
@@ -174,6 +182,8 @@ def _link(file: Path, place: Path) -> None:
 def _reason(file: Path, error: Exception) -> str:
     if file.suffix.lower() in (".heic", ".heif") and not register_heif():
         return "HEIC"
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
     text = str(error).split("\n")[0].replace(repr(str(file)), "it")
     if "cannot identify image file" in text:
         return "no picture inside" if file.stat().st_size else "an empty file"

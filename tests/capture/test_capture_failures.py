@@ -42,6 +42,12 @@ def grey_photos(folder, size, levels):
         Image.new("L", (size, size), level).save(folder / f"{i}.png")
 
 
+def floating_photos(folder):
+    folder.mkdir()
+    for i in range(2):
+        Image.new("F", (96, 96)).save(folder / f"{i}.tif")
+
+
 def made_before(folder):
     folder.mkdir()
     (folder / "capture.json").write_text("{}")
@@ -71,12 +77,27 @@ def photo(tmp_path_factory):
             lambda folder, _: heic_photos(folder),
             "left out): copy or export these files again",
         ),
+        (
+            lambda folder, _: floating_photos(folder),
+            "export it with 8 or 16 bits) left out): copy or export these files again",
+        ),
         (lambda folder, _: folder.mkdir(), "holds no photos"),
         (lambda folder, photo: copies(folder / "masks", photo, 2), "but in "),
         (lambda folder, _: made_before(folder), "is what gsedit capture wrote: name it for gsedit"),
         (lambda folder, _: (folder.mkdir(), (folder / "a.mov").touch()), "a.mov itself"),
     ],
-    ids=["same", "two", "black", "tiny", "heic", "empty", "masks", "captured", "video inside"],
+    ids=[
+        "same",
+        "two",
+        "black",
+        "tiny",
+        "heic",
+        "floats",
+        "empty",
+        "masks",
+        "captured",
+        "video inside",
+    ],
 )
 def test_photos_that_can_make_no_scene(make, said, photo, tmp_path):
     make(tmp_path / "photos", photo)

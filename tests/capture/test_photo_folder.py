@@ -7,12 +7,12 @@ from PIL import Image
 
 from gsedit.capture.exif import camera_groups
 from gsedit.capture.folder import find_photos
-from gsedit.capture.photos import prepare
+from gsedit.capture.photos import prepare, state_of
 from gsedit.errors import InputError
 
 
 def photos(folder, *names, suffix=".jpg"):
-    folder.mkdir(parents=True)
+    folder.mkdir(parents=True, exist_ok=True)
     for name in names:
         Image.new("RGB", (80, 64)).save(folder / (name + suffix))
 
@@ -52,17 +52,21 @@ def test_folders_are_cameras_where_no_photo_names_its_own(phones, tmp_path):
 
 def test_what_is_left_out_is_named_with_counts(phones, tmp_path):
     photos(phones / "masks", "a", "b", suffix=".png")
+    photos(phones / "images", "a")
     photos(phones / "images_4", "a")
     photos(phones / ".thumbnails", "a")
     photos(phones / "bronze", "before_after")
     (phones / "bronze" / "edit.json").write_text("{}")
+    photos(phones / "interrupted" / "work" / "photos-1", "a")
+    (phones / "interrupted" / "work" / "colmap.log").touch()
     (phones / "a.mov").touch()
     photos(phones / "out" / "images", "a")
     (phones / "again").symlink_to(phones, target_is_directory=True)
     found = find_photos(phones, phones / "out")
-    assert len(found.files) == 6
+    assert len(found.files) == 7
     _, left, videos = found.notes
-    for words in ("bronze (1 picture)", "images_4 (1 picture)", "masks (2 pictures)", "itself"):
+    for words in ("bronze (1 picture)", "images_4 (1 picture)", "masks (2 pictures)",
+                  "work (1 picture)", "itself"):  # fmt: skip
         assert words in left
     assert "thumbnails" not in left
     assert videos.startswith("left out: 1 video (")
@@ -76,3 +80,44 @@ def test_a_folder_that_cannot_be_read_is_an_error(phones, tmp_path, monkeypatch)
     monkeypatch.setattr("os.walk", refuse)
     with pytest.raises(InputError, match=r"phone 2 cannot be read .Permission denied"):
         find_photos(phones, tmp_path / "out")
+
+
+def test_numbered_folders_are_smaller_copies_only_beside_the_photos(tmp_path):
+    for day in ("photos_1", "photos_2"):
+        photos(tmp_path / "walk" / day, "a", "b")
+    found = find_photos(tmp_path / "walk", tmp_path / "out")
+    assert len(found.files) == 4
+    photos(tmp_path / "walk" / "photos", "a", "b")
+    found = find_photos(tmp_path / "walk", tmp_path / "out")
+    assert {each.parent.name for each in found.files} == {"photos"}
+
+
+def test_photos_in_one_folder_of_a_card_are_counted(tmp_path):
+    photos(tmp_path / "DCIM" / "100APPLE", "a", "b")
+    found = find_photos(tmp_path, tmp_path / "out")
+    assert found.notes == (f"2 photos in {tmp_path / 'DCIM' / '100APPLE'}",)
+
+
+def test_of_many_folders_that_are_left_out_some_are_named(tmp_path):
+    photos(tmp_path, "a")
+    for i in range(9):
+        photos(tmp_path / str(i) / "thumbs", "a")
+    (left,) = find_photos(tmp_path, tmp_path / "out").notes
+    assert left.count("(1 picture)") == 4
+    assert "and 5 more: by name" in left
+
+
+def test_a_link_to_nothing_and_long_names_of_folders(tmp_path):
+    top = tmp_path / "photos"
+    deep = top / ("long " * 30) / ("länger " * 20)
+    photos(deep, "a", "b")
+    (top / "gone.jpg").symlink_to(tmp_path / "nowhere.jpg")
+    (top / "itself.jpg").symlink_to(top / "itself.jpg")
+    found = find_photos(top, tmp_path / "out")
+    assert len(state_of(found.files)) == 4
+    *_, last = prepare(found.files, tmp_path / "prepared", 1600, top)
+    assert [photo.name[-5:] for photo in last.photos] == ["a.jpg", "b.jpg"]
+    assert all(len(photo.name.encode()) <= 204 for photo in last.photos)
+    assert all((tmp_path / "prepared" / photo.name).is_file() for photo in last.photos)
+    assert last.unreadable[0] == "gone.jpg (No such file or directory)"
+    assert last.unreadable[1].startswith("itself.jpg (Too many levels")
