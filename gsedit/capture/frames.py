@@ -273,14 +273,14 @@ def _difference(a: UInt8[np.ndarray, "h w"], b: UInt8[np.ndarray, "h w"]) -> flo
 
 def _write(source: Video, folder: Path, names: dict[int, str]) -> Iterator[str]:
     """Write the frames of these stamps; the name of each once its file is there."""
-    last = max(names)
+    left = dict(names)
     for frame in source.frames():
-        if (name := names.get(frame.stamp)) is not None:
+        if (name := left.pop(frame.stamp, None)) is not None:
             picture = Image.fromarray(frame.rgb(LONGEST_SIDE))
             with atomic_path(folder / name, overwrite=True) as temporary:
                 picture.save(temporary, "JPEG", quality=QUALITY, subsampling=0)
             yield name
-        if frame.stamp >= last:
+        if not left:  # not by the stamps: those of a damaged file may go back
             return
 
 
