@@ -20,7 +20,7 @@ from rasterizer.scene import Gaussians
 
 LEAST_SHARE = 1e-4
 """Of a pixel that is hidden by a mask for the pixel to be hidden: above what rounding leaves, and
-below one masked pixel of a photo that is made 100 times smaller."""
+below one masked pixel of a photo that is made 90 times smaller."""
 
 
 class _Pixels:
