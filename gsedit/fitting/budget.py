@@ -47,12 +47,12 @@ class Budget:
 
     @property
     def progress(self) -> float:
-        """Fraction of the budget that is spent: of the steps or of the seconds, the larger; more
-        than 1 where the last step, or LEAST_STEPS, took longer."""
+        """Fraction of the budget that is spent: of the steps or of the seconds, the larger; 1 where
+        the last step, or LEAST_STEPS, took longer."""
         by_step = 0.0 if self._steps is None else self.step / self._steps
         seconds = self.seconds if self._ranks.size == 1 else self._read
         by_time = 0.0 if self._seconds is None else seconds / self._seconds
-        return max(by_step, by_time)
+        return min(1.0, max(by_step, by_time))
 
     @property
     def finished(self) -> bool:

@@ -103,7 +103,9 @@ def faded(scene: Gaussians, decay: float) -> Gaussians:
     if not decay:
         return scene
     opacities = torch.maximum(scene.opacities - decay, scene.opacities / 2)
-    return replace(scene, logit_opacities=torch.logit(opacities))
+    # an opacity of 1, which a tiny decay rounds to, has no finite logit
+    logits = torch.minimum(scene.logit_opacities, torch.logit(opacities))
+    return replace(scene, logit_opacities=logits)
 
 
 def _halves(parents: Gaussians) -> tuple[Gaussians, Gaussians]:

@@ -30,11 +30,10 @@ differ. The bear's, taken in one light, have at most 0.04 while the scene is unf
 the end; gains of 0.15 have 0.15."""
 ENOUGH = 2
 """Times that every photo was drawn, before their maps say whether exposures differ."""
-
 FEW = 10
-"""Photos, below which maps say nothing of whether exposures differ: of 7 equally exposed ones, in 4
-of 12 short fits they spread by more than SPREAD for some steps; of 4, in 4 of 6, and by up to 0.19;
-of 10, in none of 6."""
+"""Photos that are trained on, below which maps do not say whether exposures differ: of 7 equally
+exposed ones, in 4 of 12 short fits they spread by more than SPREAD for some steps; of 4, in 4 of 6,
+and by up to 0.19; of 10, in none of 6."""
 
 
 class Exposures:

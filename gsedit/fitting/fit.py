@@ -10,6 +10,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain
 from math import inf, sqrt
 from typing import Any
@@ -237,14 +238,13 @@ class _Fit:
             (self._next_view(), torch.rand(3, generator=self.generator)) for _ in range(self.batch)
         ]
         seen, loss = ScreenGradients(len(scene)), torch.zeros(())
-        before = torch.zeros_like(scene.means)
         for view, background in photos[ranks.share(self.batch)]:
             one = self._loss(scene, view, background)
+            # called with the gradient of this photo alone, before it is added to that of the others
+            hook = scene.means.register_hook(partial(seen.add, scene=scene, camera=view.camera))
             one.backward()
+            hook.remove()
             loss += one.detach()
-            sum_so_far = optimiser.gradient("means")
-            seen.add(sum_so_far - before, scene, view.camera)
-            before = sum_so_far.clone()
         optimiser.add_up(ranks, seen.total, seen.pictures, loss, *self.exposures.of_step)
         self.exposures.move()
         self.gradients.include(seen)
@@ -298,9 +298,9 @@ class _Fit:
 
     def report(self) -> Iterator[Event]:
         """A measurement on the held-out views if one is due, otherwise the loss now and then."""
-        budget = self.budget
+        budget, every = self.budget, self.settings.evaluations
         if budget.progress >= self.next_evaluation and not budget.finished:
-            self.next_evaluation += 1 / self.settings.evaluations
+            self.next_evaluation = (int(budget.progress * every) + 1) / every
             yield self._measure(self.optimiser.scene.detach())
         elif budget.step % self.settings.report_every == 0:
             yield self._event("fit", f"{len(self.optimiser.scene):,} Gaussians")

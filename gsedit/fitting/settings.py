@@ -100,7 +100,7 @@ class FitSettings:
     """Share of the structural dissimilarity in the loss; the rest is the L1 error."""
     exposure: Exposure = "auto"
     """Whether each photo is compared after an affine change of colour of its own, so that the scene
-    need not explain exposure and white balance. auto: where the photos differ in them."""
+    need not explain exposure and white balance. auto: where 10 or more photos differ in them."""
     max_gaussians: int = 150_000
     """The number of Gaussians grows to this, and never beyond."""
     densify_every: int = 100
@@ -113,8 +113,8 @@ class FitSettings:
     prune_opacity: float = 0.005
     """Gaussians below this opacity are removed when the scene is densified."""
     opacity_decay: float = 0.004
-    """By how much every opacity falls when the scene is densified; the photos raise those that they
-    need again, and the others are removed."""
+    """By how much every opacity falls when the scene is densified, by half at most; the photos
+    raise those that they need again, and the others are removed."""
     report_every: int = 10
     """Steps between progress events."""
     evaluations: int = 10
@@ -142,8 +142,9 @@ class FitSettings:
         for name in ("max_gaussians", "densify_every", "report_every", "evaluations"):
             if not getattr(self, name) >= 1:
                 raise UsageError(f"{name} is {getattr(self, name)}: give 1 or more")
-        fractions = ("dssim_weight", "densify_until", "densify_fraction", "prune_opacity")
-        for name in (*fractions, "opacity_decay"):
+        for name in (
+            "dssim_weight", "densify_until", "densify_fraction", "prune_opacity", "opacity_decay"
+        ):  # fmt: skip
             if not 0 <= getattr(self, name) <= 1:
                 raise UsageError(f"{name} is {getattr(self, name)}: give a number from 0 to 1")
         if not self.checkpoint_seconds >= 0:

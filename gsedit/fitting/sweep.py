@@ -10,6 +10,7 @@ of a reconstruction leave empty, and starts a fit to photos that have none.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cache
 from math import ceil, gcd, sqrt
 
 import torch
@@ -49,18 +50,18 @@ def swept_points(
     `inverse_depths`: the smallest and the largest that are tried, above 0. `out_of_time` is asked
     before each photo: the rest give none.
     """
-    small = [_small(view) for view in views]
-    centres = torch.stack([view.camera.centre for view in small])
-    axes = torch.stack([view.camera.forward for view in small])
+    small = cache(lambda row: _small(views[row]))  # read when it is needed
+    centres = torch.stack([view.camera.centre for view in views])
+    axes = torch.stack([view.camera.forward for view in views])
     places, colours = [torch.zeros(0, 3)], [torch.zeros(0, 3)]
-    for i in _spread(len(small)):
+    for i in _spread(len(views)):
         if out_of_time():
             break
-        view = small[i]
-        others = [small[j] for j in _neighbours(centres, axes, i)]
-        if others:
+        if neighbours := _neighbours(centres, axes, i):
+            view, others = small(i), [small(j) for j in neighbours]
             most = view.camera.width * view.camera.height // PIXELS
-            patches = _grid(view, min(most, ceil(count / len(small))), generator)
+            wanted = min(ceil(count / len(views)), most)
+            patches = _grid(view, max(1, wanted), generator)
             depth, good = _sweep(view, others, patches, inverse_depths)
             good &= _supervised(view, patches)
             places.append(view.camera.unproject(patches[good], depth[good]))

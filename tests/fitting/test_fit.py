@@ -12,7 +12,7 @@ from gsedit.errors import UsageError
 from gsedit.fitting import sweep
 from gsedit.fitting.budget import LEAST_STEPS
 from gsedit.fitting.densify import densify, faded
-from gsedit.fitting.fit import evaluate, fit, fit_steps
+from gsedit.fitting.fit import _Fit, evaluate, fit, fit_steps
 from gsedit.fitting.initial import initial_scene, neighbour_distance
 from gsedit.fitting.optimiser import SH_REST, SceneOptimiser
 from gsedit.fitting.settings import FitSettings
@@ -66,9 +66,13 @@ def test_the_same_seed_gives_the_same_scene():
 
 def test_a_budget_that_the_photos_use_up_still_makes_a_few_steps():
     settings = FitSettings(seconds=1e-9, dense_start=50, coarse=())
-    *_, result = fit_steps(photos(5, 16), settings, generator=generator())
+    data = photos(5, 16)
+    start = initial_scene(data, 1, generator())
+    *_, result = fit_steps(data, settings, generator=generator(), start=start)
     assert result.steps == LEAST_STEPS
-    *_, result = fit_steps(photos(5, 16), replace(settings, steps=3), generator=generator())
+    assert len(result.curve) <= 2  # at the first step, and at the end
+    assert (result.scene.sh - start.sh).abs().max() > 1e-3  # the rates are the budget's last
+    *_, result = fit_steps(data, replace(settings, steps=3), generator=generator())
     assert result.steps == 3
 
 
@@ -107,6 +111,18 @@ def test_the_start_from_the_photos_is_part_of_the_budget(monkeypatch):
     more = replace(settings, seconds=8.0, steps=50)
     *_, result = fit_steps(photos(3, 16), more, generator=generator(), clock=lambda: now)
     assert (result.steps, result.seconds) == (LEAST_STEPS, 9.0)
+
+
+def test_a_batch_counts_the_gradient_of_each_photo(monkeypatch):
+    signs = iter((1.0, -1.0))  # their sum has no gradient
+    monkeypatch.setattr(_Fit, "_loss", lambda self, scene, *_: next(signs) * scene.means.sum())
+    settings = FitSettings(steps=1, seconds=None, coarse=(), batch=2, checkpoint_seconds=0.0)
+    data = photos(3, 32)  # two of them are trained on
+    start = initial_scene(data, 0, generator())
+    items = list(fit_steps(data, settings, generator=generator(), start=start))
+    (state,) = [item.state.within("gradients") for item in items if isinstance(item, Checkpoint)]
+    assert (state["pictures"] == 2).all()
+    assert (state["total"] > 0).all()
 
 
 def test_a_fit_continues_from_a_scene():
@@ -268,6 +284,8 @@ def test_densify_lowers_opacities_by_the_decay_and_by_half_at_most():
     assert torch.allclose(grown.opacities, lower[2:], atol=1e-6)
     kept = densify(scene, torch.zeros(5), FitSettings(opacity_decay=0.0), 5).scene
     assert torch.equal(kept.logit_opacities, scene.logit_opacities[1:])
+    full = replace(scene, logit_opacities=torch.full((5,), 20.0))
+    assert faded(full, 1e-9).logit_opacities.isfinite().all()
 
 
 def test_a_fading_scene_keeps_its_most_opaque():

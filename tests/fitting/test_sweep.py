@@ -96,3 +96,17 @@ def test_small_photos_give_fewer_patches_than_are_asked_for(photos):
     small = [view.resized(40, 40) for view in photos.views]
     places, _ = swept_points(small, 10**6, (0.2, 0.7), generator())
     assert 50 < len(places) <= len(small) * 8 * 8  # 5x5 pixels each
+
+
+def test_photos_are_read_when_they_are_swept(photos, monkeypatch):
+    read = []
+    small = sweep._small
+    monkeypatch.setattr(sweep, "_small", lambda view: read.append(view.name) or small(view))
+    swept_points(photos.views, 500, (0.2, 0.7), generator(), lambda: bool(read))
+    assert len(read) == len(set(read)) == 1 + sweep.NEIGHBOURS
+
+
+def test_photos_smaller_than_a_patch_are_no_fault(photos):
+    tiny = [view.resized(3, 1) for view in photos.views]
+    places, _ = swept_points(tiny, 500, (0.2, 0.7), generator())
+    assert places.isfinite().all()
