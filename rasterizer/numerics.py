@@ -27,7 +27,7 @@ class Numerics:
     gradient_min: float = 0.0
     """A Gaussian that carries less than this of a pixel gets no gradient from it; the picture is
     the same. 0, the default: gradients are the picture's. Adam moves a Gaussian as far for a tiny
-    gradient as for a large one, so that a fit colours hidden ones at random."""
+    gradient as for a large one, so that an edit colours hidden ones at random."""
     blur: float = 0.3
     """Variance added to each projected covariance, square pixels (EWA low-pass)."""
     antialiased: bool = False

@@ -16,8 +16,8 @@ def decide_geometry(appearance: bool, coefficients: int) -> Decision:
     return Decision(
         "geometry",
         True,
-        "Positions, rotations and scales stay (--geometry appearance): the update projects each "
-        "view once, and computes no gradient of them",
+        "Positions, rotations and scales stay (--geometry appearance): the update computes no "
+        "gradient of them",
         (LeftOut(GEOMETRY, held, "numbers a Gaussian"),),
         GEOMETRY / held,
         "what the optimiser holds",
