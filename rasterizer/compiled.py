@@ -88,6 +88,8 @@ def _opened(path: Path) -> ctypes.CDLL:
     """A library, which works on torch's threads where OpenMP runs them. Raises OSError."""
     library = ctypes.CDLL(str(path))
     library.use_team(_team())
+    if hasattr(os, "register_at_fork"):  # OpenMP would wait for threads that a child does not have
+        os.register_at_fork(after_in_child=lambda: library.use_team(None))
     return library
 
 
@@ -135,10 +137,10 @@ def _cached(compiler: str, source: Path) -> ctypes.CDLL:
         place.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=place.parent) as folder:  # so that it appears whole
             made = _compile(compiler, source, Path(folder) / "kernel.so")
-            for useless in _copies(place):
-                useless.unlink()
-            made = made.replace(place.with_name(f"{place.name}-{_digest(made)}.so"))
-        library = _opened(made)
+            library = _opened(made)  # first: another process may remove it from its place
+            kept = made.replace(place.with_name(f"{place.name}-{_digest(made)}.so"))
+        for useless in set(_copies(place)) - {kept}:
+            useless.unlink(missing_ok=True)
     return library
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import gc
+import os
+import signal
 import subprocess
 import weakref
 from dataclasses import replace
@@ -117,6 +119,25 @@ def test_the_number_of_threads_changes_no_bit(whose_threads):
     assert all(torch.equal(a, b) for a, b in zip(one[1], three[1]))
 
 
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
+def test_a_forked_process_draws_too(kernel):
+    """The threads of OpenMP stay with the parent."""
+    scene, camera = cloud()
+    before = torch.get_num_threads()
+    try:
+        torch.set_num_threads(2)
+        wanted = render(scene, camera, execution=COMPILED).color
+        child = os.fork()
+        if not child:
+            signal.alarm(20)  # ends it where it waits
+            found = render(scene, camera, execution=COMPILED).color
+            os._exit(not torch.equal(found, wanted))
+        assert os.waitpid(child, 0)[1] == 0
+    finally:
+        torch.set_num_threads(before)
+
+
 @pytest.mark.parametrize(
     ("execution", "module", "maker"),
     [(TORCH, tiles, "bin_tiles"), (COMPILED, front, "Bins")],
@@ -184,6 +205,23 @@ def test_what_does_not_load_is_made_anew_and_kept(
     monkeypatch.setattr(library, "_compile", None)  # the next process does not compile it
     assert not library.takes_seconds(source)
     assert library.make(source).library.answer() == 42
+
+
+def test_two_processes_may_make_it_at_once(kernel, empty_cache, source, monkeypatch):
+    """Another one removes what it finds, whenever this one is about to open or to remove it."""
+    opened, copies = library._opened, library._copies
+
+    def opened_late(path):
+        for kept in empty_cache.glob("*.so"):
+            kept.unlink()
+        return opened(path)
+
+    monkeypatch.setattr(library, "_opened", opened_late)
+    monkeypatch.setattr(library, "_copies", lambda place: [*copies(place), place / "removed"])
+    made = library.make(source)
+    assert made.library.answer() == 42
+    assert made.note == ""
+    assert len(list(empty_cache.iterdir())) == 1
 
 
 def test_without_a_folder_to_keep_it_in(kernel, empty_cache, source):
