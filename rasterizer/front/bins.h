@@ -170,17 +170,18 @@ inline uint64_t* depth_order(Scratch& scratch, int64_t threads, const double* de
     for (int64_t i = begin; i < end; i++)
       keys[i] |= (ordered(depths[keys[i]]) - least) >> shift << 32;
   });
-  int32_t* counts = scratch.digits.at_least(threads << digit);
+  const int64_t parts = parts_of(threads, visible, LEAST);
+  int32_t* counts = scratch.digits.at_least(parts << digit);
   for (int pass = 0; pass < passes; pass++) {
     const auto value = [&, at = 32 + digit * pass](uint64_t key) { return key >> at & (values - 1); };
-    std::fill_n(counts, threads << digit, 0);
+    std::fill_n(counts, parts << digit, 0);
     in_parallel(threads, visible, LEAST, 1, [&](int64_t begin, int64_t end, int64_t part) {
       int32_t* count = counts + (part << digit);
       for (int64_t i = begin; i < end; i++) count[value(keys[i])]++;
     });
     int32_t sum = 0;
     for (int v = 0; v < values; v++)
-      for (int64_t part = 0; part < threads; part++) {
+      for (int64_t part = 0; part < parts; part++) {
         int32_t& count = counts[(part << digit) + v];
         const int32_t here = count;
         count = sum, sum += here;

@@ -349,7 +349,8 @@ int64_t list(Job<T>& job) {
     if (job.starts[row * job.columns] >= job.pairs * int64_t(bands.size()) / threads)
       bands.push_back(row * job.columns);
   bands.push_back(tiles);
-  in_parallel(threads, int64_t(bands.size()) - 1, 1, 1, [&](int64_t first, int64_t last, int64_t) {
+  const int64_t parts = int64_t(bands.size()) - 1;  // at most so many as there are threads
+  in_parallel(job.threads, parts, 1, 1, [&](int64_t first, int64_t last, int64_t) {
     if (first == last) return;
     const int64_t low = bands[first], high = bands[last];
     for (int64_t rank = 0; rank < visible; rank++) {

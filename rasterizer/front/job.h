@@ -87,11 +87,16 @@ struct Scratch {
   Buffer<int32_t> digits;
 };
 
+// How many parts in_parallel makes.
+inline int64_t parts_of(int64_t threads, int64_t count, int64_t least) {
+  return std::max<int64_t>(1, std::min(threads, count / least));
+}
+
 // work(begin, end, part) over parts of [0, count), which do not depend on timing: multiples of
 // `step` but for the last, worth a thread from `least` on.
 template <typename Work>
 void in_parallel(int64_t threads, int64_t count, int64_t least, int64_t step, Work work) {
-  const int64_t parts = std::max<int64_t>(1, std::min(threads, count / least));
+  const int64_t parts = parts_of(threads, count, least);
   const int64_t size = ((count + parts - 1) / parts + step - 1) / step * step;
   if (!over_threads(threads, parts, [&](int64_t part) {
         work(std::min(part * size, count), std::min((part + 1) * size, count), part);
