@@ -150,4 +150,5 @@ def _run(
         **{k: v for k, v in more.items() if not isinstance(v, Tensor)},
         **{k: v.data_ptr() for k, v in held.items()},
     )  # fmt: skip
-    function(kernel, name, moving.value.dtype)(ctypes.byref(job))
+    if function(kernel, name, moving.value.dtype)(ctypes.byref(job)):
+        raise MemoryError(f"no memory to move {count} rows on {job.threads} threads")

@@ -54,15 +54,17 @@ def photometric(
     if image.dtype != target.dtype or image.shape != target.shape or target.requires_grad:
         l1, dssim = losses.l1(image, target), losses.dssim(image, target)
         return (1 - dssim_weight) * l1 + dssim_weight * dssim
+    if not image.numel():
+        raise ValueError(f"pictures of {tuple(image.shape)}: there is none to compare")
     if min(image.shape[-3:-1]) < SMALLEST:
         raise ValueError(f"pictures of {tuple(image.shape)}: SSIM needs sides of {SMALLEST} pixels")
-    by = _by_kernel if compiled and _accepts(image) else _by_torch
+    by = _by_kernel if compiled and _accepts(image, target) else _by_torch
     return _Photometric.apply(image, target, dssim_weight, by)
 
 
-def _accepts(image: Tensor) -> bool:
+def _accepts(image: Tensor, target: Tensor) -> bool:
     known = image.dtype in (torch.float32, torch.float64)
-    return known and image.device.type == "cpu" and load() is not None
+    return known and image.device.type == target.device.type == "cpu" and load() is not None
 
 
 def load() -> ctypes.CDLL | None:

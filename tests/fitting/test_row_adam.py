@@ -125,3 +125,13 @@ def test_the_kernel_does_what_torch_does(few, dtype):
         torch.testing.assert_close(
             state[name], value, rtol=bar, atol=bar * float(value.abs().max())
         )
+
+
+def test_a_step_that_the_kernel_cannot_take_is_an_error(monkeypatch):
+    if adam_rows.load() is None:
+        pytest.skip("no C++ compiler on this machine")
+    monkeypatch.setattr(adam_rows, "function", lambda *_: lambda _: 1)  # as it returns then
+    optimiser = SceneOptimiser(cloud(), RATES, compiled=True)
+    optimiser.scene.sh.sum().backward()
+    with pytest.raises(MemoryError, match="no memory to move 12 rows"):
+        optimiser.step()

@@ -106,6 +106,12 @@ def test_pictures_below_the_window_are_refused(compiled):
         photometric.photometric(image, target, 0.2, compiled=compiled)
 
 
+def test_no_pictures_are_refused(compiled):
+    image, target = pictures((0, 9, 9, 3))
+    with pytest.raises(ValueError, match="there is none to compare"):
+        photometric.photometric(image, target, 0.2, compiled=compiled)
+
+
 def test_it_has_first_derivatives_only(compiled):
     image, target = pictures((9, 9, 3))
     leaf = image.requires_grad_()
