@@ -21,7 +21,7 @@ from gsedit.files.inputs import existing_file
 
 KEY = "gsedit"
 """Of the JSON in the metadata."""
-FORMAT = 1
+FORMAT = 2
 """Of the record: raised when an older state can no longer be read."""
 
 

@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import pytest
 import torch
+from safetensors.torch import save_file
 
-from gsedit.errors import UsageError
-from gsedit.files.state import load_state, save_state
+from gsedit.errors import InputError, UsageError
+from gsedit.files.state import KEY, load_state, save_state
 from gsedit.fitting.fit import fit_steps
 from gsedit.fitting.settings import FitSettings
 from gsedit.reports.events import Checkpoint, Event
@@ -90,3 +91,11 @@ def test_photos_of_another_lens_do_not_go_on(photos):
     other = replace(photos, views=tuple(views))
     with pytest.raises(UsageError, match="not the fit that was interrupted: photos"):
         next(fit_steps(other, SETTINGS, generator=generator(), resume=state))
+
+
+def test_a_checkpoint_of_before_is_refused(tmp_path):
+    """Format 1 had harmonics in two tensors."""
+    tensors = {"optimiser.value.sh": torch.zeros(1, 1, 3)}
+    save_file(tensors, tmp_path / "state", metadata={KEY: '{"format": 1}'})
+    with pytest.raises(InputError, match="another version of gsedit"):
+        load_state(tmp_path / "state")
