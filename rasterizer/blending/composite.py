@@ -1,4 +1,4 @@
-"""Front-to-back blending of tiles, with its gradient: the only autograd.Function.
+"""Front-to-back blending of tiles, with its gradient, as an autograd.Function.
 
 `m` Gaussians with `d` features, each listed by the tiles it touches. Per pixel, front to back,
 
