@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import torch
 from jaxtyping import Float, Int
@@ -68,10 +67,14 @@ class ExactCrops:
         self, optimiser: SceneOptimiser, patches: Sequence[tuple[View, Box]]
     ) -> Float[Tensor, "b y x 3"]:
         """The patches of the optimiser's scene; their gradients reach its next step."""
-        draw = partial(
-            render, optimiser.scene, depth=self.depth, numerics=FELT, execution=self.execution
-        )
-        return torch.stack([draw(view.camera, crop=box).color for view, box in patches])
+        scene = optimiser.scene
+        return torch.stack([self._rendered(scene, view.camera, box) for view, box in patches])
+
+    def _rendered(self, scene: Gaussians, camera: Camera, box: Box) -> Float[Tensor, "y x 3"]:
+        execution, depth = self.execution, self.depth
+        return render(
+            scene, camera, crop=box, depth=depth, numerics=FELT, execution=execution
+        ).color
 
 
 class ListedCrops(ExactCrops):
@@ -116,9 +119,7 @@ class ListedCrops(ExactCrops):
         pictures = []
         for each, crop, (view, box) in zip(kept, crops, patches):
             if crop is None:
-                drawing = render(
-                    scene, view.camera, crop=box, numerics=FELT, execution=self.execution
-                ).color
+                drawing = self._rendered(scene, view.camera, box)
             else:
                 drawing = self._blend(scene, drawn, crop, view.camera)
             left, top, width, height = box

@@ -29,6 +29,12 @@ def generator(seed: int = 3) -> torch.Generator:
     return torch.Generator().manual_seed(seed)
 
 
+def first_state(photos, settings):
+    """Of the first checkpoint."""
+    items = fit_steps(photos, settings, generator=generator())
+    return next(item for item in items if isinstance(item, Checkpoint)).state
+
+
 def write(items, folder):
     """Checkpoints as files, by their step; the other items."""
     others = []
@@ -58,11 +64,7 @@ def test_a_fit_stopped_at_any_checkpoint_ends_as_the_whole_one(photos, tmp_path)
 
 def test_a_fit_spends_what_is_left_of_its_time(photos, tmp_path):
     timed = replace(SETTINGS, steps=None, seconds=1000.0)
-    state = next(
-        item
-        for item in fit_steps(photos, timed, generator=generator())
-        if isinstance(item, Checkpoint)
-    ).state.along_with(seconds=999.9)
+    state = first_state(photos, timed).along_with(seconds=999.9)
     save_state(state, tmp_path / "state")
     items = fit_steps(photos, timed, generator=generator(), resume=load_state(tmp_path / "state"))
     *_, result = items
@@ -70,11 +72,7 @@ def test_a_fit_spends_what_is_left_of_its_time(photos, tmp_path):
 
 
 def test_another_fit_does_not_go_on(photos):
-    state = next(
-        item
-        for item in fit_steps(photos, SETTINGS, generator=generator())
-        if isinstance(item, Checkpoint)
-    ).state
+    state = first_state(photos, SETTINGS)
     with pytest.raises(UsageError, match=r"settings.steps is 25, was 24"):
         next(fit_steps(photos, replace(SETTINGS, steps=25), generator=generator(), resume=state))
     with pytest.raises(UsageError, match=r"not the fit that was interrupted: seed is 4, was 3"):
@@ -82,11 +80,7 @@ def test_another_fit_does_not_go_on(photos):
 
 
 def test_photos_of_another_lens_do_not_go_on(photos):
-    state = next(
-        item
-        for item in fit_steps(photos, SETTINGS, generator=generator())
-        if isinstance(item, Checkpoint)
-    ).state
+    state = first_state(photos, SETTINGS)
     views = [view.seen_by(replace(view.camera, fx=1.01 * view.camera.fx)) for view in photos.views]
     other = replace(photos, views=tuple(views))
     with pytest.raises(UsageError, match="not the fit that was interrupted: photos"):
