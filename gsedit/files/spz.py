@@ -141,11 +141,17 @@ def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions
 def _fractional_bits(path: Path, means: list[np.ndarray]) -> int:
     """As many as leave room for the farthest coordinate."""
     parts = (np.abs(part[np.isfinite(part)]) for part in means)
-    extent = max(max((float(part.max(initial=0)) for part in parts), default=0), 1e-6)
-    bits = min(FRACTIONAL_BITS, floor(log2(_LARGEST / extent)))
+    extent = max((float(part.max(initial=0)) for part in parts), default=0.0)
+    bits = _bits_within(extent)
     if bits < 1:
         raise UsageError(f"{path}: .spz holds positions up to 4e6, not {extent:.3g}: save a .ply")
     return bits
+
+
+def _bits_within(extent: float) -> int:
+    """Of fraction, that a coordinate so far from the origin leaves; negative where it does not
+    fit."""
+    return min(FRACTIONAL_BITS, floor(log2(_LARGEST / max(extent, 1e-6))))
 
 
 def _coarse(means: list[np.ndarray], bits: int) -> str:
@@ -153,7 +159,7 @@ def _coarse(means: list[np.ndarray], bits: int) -> str:
     sizes = (np.abs(np.where(np.isfinite(part), part, 0)) for part in means)
     far = np.concatenate([size.max(1) for size in sizes])
     inner = float(np.quantile(far, MOST, method="lower"))
-    finer = min(FRACTIONAL_BITS, floor(log2(_LARGEST / max(inner, 1e-6))))
+    finer = _bits_within(inner)
     if finer <= bits:
         return ""
     row = int(far.argmax())
