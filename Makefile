@@ -1,9 +1,11 @@
 # make demo   edit the built-in scene and leave pictures in out/demo
 # make test   run the tests
 # Both start from a fresh clone: they make .venv and install everything first (make setup).
-# make check (lint, format, types) and make bench (targets) are for those who change the code.
-# make fuzz damages 2,000 files of every scene format and reads them.
-# make paper repeats the paper's experiments in full (hours) and writes out/paper/report.html; with
+# make check (lint, format, types, documentation) and make bench (targets) are for those who change the code.
+# make docs builds the documentation as a site in site/, strictly: a broken link fails.
+# make fuzz damages 2,000 files of every kind and reads them, and runs commands on hostile input.
+# make sanitize runs the C++ files under ASan, UBSan and TSan; make bench does so too.
+# make paper repeats the paper's experiments (examples/research) in full (hours) and writes out/paper/report.html; with
 # SCENE=bear.ply DATA=photos/ on that capture too. An interrupted one goes on.
 
 PYTHON ?= python3
@@ -16,37 +18,46 @@ LIBRARIES := libusb-1.0-0 libegl1 libgl1 libgl1-mesa-dri libx11-6 libudev1 libid
 # The benchmark scene's points (gsplat's garden.npz); without them make bench leaves its targets out.
 GARDEN ?= $(or $(GSEDIT_GARDEN),../shared/data/garden_points.npz)
 
-.PHONY: setup demo test check bench fuzz paper
+.PHONY: setup demo test check docs bench sanitize fuzz paper
 
 setup: $(STAMP)
 
 $(STAMP): pyproject.toml constraints.txt
 	@$(system_packages)
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear .venv
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev,diffusers,perceptual,video,web]'
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev,docs,diffusers,perceptual,video,web]'
 	@touch $@
 
 demo: setup
 	$(BIN)/python examples/demo.py out/demo
+	@echo 'next: source .venv/bin/activate, then gsedit --help (or: $(BIN)/gsedit --help)'
 
 # Up to four files of tests at a time, a thread each: two processes of two threads stall each other.
 # (numba, which gsply imports in tests, would set OpenMP's threads to all processors.)
 test: setup
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
-check: setup
+check: docs
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/basedpyright
+	$(BIN)/python tests/docstrings.py gsedit rasterizer cli
 
-bench: setup
-	$(BIN)/gsedit bench targets $(if $(wildcard $(GARDEN)),--points $(GARDEN)) $(SCENES)
+docs: setup
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+bench: setup sanitize
+	PYTHONPATH=examples $(BIN)/python -m research.renderer.targets $(if $(wildcard $(GARDEN)),--points $(GARDEN)) $(SCENES)
+
+sanitize: setup
+	PYTHONPATH=tests $(BIN)/python tests/sanitizers.py
 
 fuzz: setup
 	PYTHONPATH=tests $(BIN)/python tests/fuzzing.py 2000
+	PYTHONPATH=tests $(BIN)/python tests/hostile.py
 
 paper: setup
-	$(BIN)/gsedit bench paper $(SCENE) $(if $(DATA),--data $(DATA)) -o out/paper
+	PYTHONPATH=examples $(BIN)/python -m research.paper $(SCENE) $(if $(DATA),--data $(DATA)) -o out/paper
 
 # Debian and its children: install what is missing if we may, else say how. Never a reason to stop:
 # without the libraries only the viewers are missing, and without venv the next line says so itself.

@@ -1,4 +1,4 @@
-"""The `gsedit` program: its verbs, and how every one of them ends."""
+"""Entry point of the `gsedit` program: its verbs, its help and its exit codes."""
 
 from __future__ import annotations
 
@@ -6,97 +6,92 @@ import os
 import signal
 import sys
 import traceback
+import warnings
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
+from typer.main import get_command
 
-from .align import align
-from .bench import describe as bench_summary
-from .bench_fit import bench
-from .capture import capture
-from .check import check
-from .clean import clean
-from .command import LazyCommand, lazy_verb, paragraphs
-from .console import print_message
-from .convert import convert
-from .crop import crop
-from .decimate import decimate
-from .diff import diff
-from .doctor import doctor
-from .edit import edit
-from .editors import editors
-from .exits import FAILED, OK, USAGE, Interrupted, explain, one_line
-from .filter import filter_
-from .fit import fit
-from .info import info
-from .lod import lod
-from .looks import looks
-from .make import make
-from .merge import merge
-from .metrics import metrics
-from .operations import THEN, operation_verb
-from .order import order
-from .preview import preview
-from .ranks import cause, end, leave, meet
-from .recolor import recolor
-from .recover import recover
-from .reduce_sh import reduce_sh
-from .remove_background import remove_background
-from .render import render
-from .repair import repair
-from .select import select
-from .style import style
-from .transform import transform
-from .view import view
+from .chain import THEN, operation_verb
+from .core.command import LazyCommand, lazy_verb, paragraphs
+from .core.console import print_message
+from .core.exits import FAILED, OK, USAGE, Interrupted, explain, one_line
+from .core.ranks import cause, end, leave, meet
+from .core.renamed import new_command
+from .verbs.align import align
+from .verbs.bench import bench
+from .verbs.capture import capture
+from .verbs.clean import clean
+from .verbs.convert import convert
+from .verbs.decimate import decimate
+from .verbs.diff import diff
+from .verbs.doctor import doctor
+from .verbs.edit import edit
+from .verbs.filter import filter_
+from .verbs.fit import fit
+from .verbs.info import info
+from .verbs.list import list_
+from .verbs.make import make
+from .verbs.merge import merge
+from .verbs.metrics import metrics
+from .verbs.recolor import recolor
+from .verbs.render import render
+from .verbs.select import select
+from .verbs.style import style
+from .verbs.transform import transform
+from .verbs.view import view
 
-EDIT = (edit, make, style, capture, fit, recover, metrics, editors, looks)
-OPERATIONS = (
-    convert,
-    filter_,
-    crop,
-    clean,
-    repair,
-    transform,
-    align,
-    recolor,
-    remove_background,
-    merge,
-    decimate,
-    order,
-    reduce_sh,
-)
+EDITING = (edit, make, style)
+CAPTURING = (capture, fit)
+LOOKING = (info, select, view, render, diff, metrics)
+CHANGING = (
+    convert, filter_, clean, decimate, merge, transform, align, recolor,
+)  # fmt: skip
 """Verbs that change a scene, and can follow each other in one command."""
-LOOK = (info, check, select, render, preview, view, diff)
 
 
 def in_panel(command: LazyCommand, panel: str) -> LazyCommand:
-    """The verb, listed under a heading of its own in `gsedit --help`."""
+    """Put a verb under a heading of `gsedit --help`."""
     command.rich_help_panel = panel
     return command
 
 
 class Verbs(TyperGroup):
-    """The group of commands: each is made when it is asked for, and ends as `explain` says."""
+    """Group of commands, each made when it is asked for."""
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
-        for panel, bodies in (("Edit from a sentence", EDIT), ("Look", LOOK)):
-            for body in bodies:
-                self.add_command(in_panel(lazy_verb(body), panel))
-        panel = f"Change a scene (one after another with the word {THEN})"
-        for body in OPERATIONS:
-            self.add_command(in_panel(operation_verb(body), panel))
-        self.add_command(in_panel(lazy_verb(lod), "Change a scene (into several files)"))
-        machine = (
-            lazy_verb(doctor),
-            LazyCommand("bench", bench_summary.__doc__ or "", lambda: bench),
-        )
-        for command in machine:
-            self.add_command(in_panel(command, "This machine"))
+        panels = {
+            "Edit from a sentence or a picture": map(lazy_verb, EDITING),
+            "Make a scene from photos": map(lazy_verb, CAPTURING),
+            "Look and measure": map(lazy_verb, LOOKING),
+            f"Change a scene (chain verbs with the word {THEN})": map(operation_verb, CHANGING),
+            "Help": (
+                lazy_verb(list_),
+                lazy_verb(doctor),
+                LazyCommand("bench", "Measure gsedit on this machine.", lambda: get_command(bench)),
+            ),
+        }
+        for panel, commands in panels.items():
+            for command in commands:
+                self.add_command(in_panel(command, panel))
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the verbs, a line each, by panel."""
+        panels: dict[str, list[tuple[str, str]]] = {}
+        for name, command in self.commands.items():
+            panel = command.rich_help_panel  # pyright: ignore[reportAttributeAccessIssue]
+            panels.setdefault(panel, []).append((name, command.help or ""))
+        for panel, verbs in panels.items():
+            with formatter.section(panel):
+                formatter.write_dl(verbs, col_max=12)
 
     def main(self, args: Any = None, *rest: Any, **options: Any) -> Any:
         arguments = sys.argv[1:] if args is None else list(args)
+        if line := new_command(arguments, THEN):
+            print_message(one_line(f"gsedit: the command line has changed; the new one: {line}"))
+            end(USAGE)
         try:
             # not standalone: typer would print its own boxes and tracebacks
             code = super().main(arguments, *rest, **{**options, "standalone_mode": False})
@@ -121,7 +116,7 @@ class Verbs(TyperGroup):
             raise Interrupted(explain(interruption)[0]) from None
 
     def end(self, error: Exception, *, debug: bool) -> int:
-        """Print one line about an error; the exit code."""
+        """Print one line about an error; return the exit code."""
         if debug:
             traceback.print_exception(error)
         if hasattr(error, "format_message"):  # typer could not parse the command line
@@ -131,7 +126,7 @@ class Verbs(TyperGroup):
         return code
 
     def end_usage_error(self, error: Any) -> int:
-        """Print typer's complaint about the command line on one line; the exit code."""
+        """Print typer's message about the command line on one line; return the exit code."""
         if not error.format_message().strip() or type(error).__name__ == "NoArgsIsHelpError":
             error.show()
         else:
@@ -148,6 +143,7 @@ app = typer.Typer(
     cls=Verbs,
     add_completion=False,
     no_args_is_help=True,
+    rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -171,8 +167,8 @@ def gsedit(
 ) -> None:
     """Edit captured 3D scenes (Gaussian splats) from a sentence, on a machine without a GPU.
 
-    Messages go to stderr, results to stdout. Exit codes: 0 done, 1 failed, 2 wrong request (an
-    option, an instruction), 3 unreadable input, 130 interrupted.
+    gsedit VERB --help explains a verb. Exit codes: 0 done, 1 failed, 2 wrong request, 3 unreadable
+    input, 130 interrupted. Results go to stdout, messages to stderr.
     """
 
 
@@ -184,6 +180,12 @@ def _interrupt(*_: Any) -> None:
 
 
 def main() -> None:
-    """The entry point. SIGTERM ends the work as Ctrl-C does, with its checkpoint kept."""
+    """Run the program. SIGTERM ends the work as Ctrl-C does, with its checkpoint kept.
+
+    Python's warnings, which libraries raise about hostile files and print with a line of their
+    source, are not shown: messages tell what a user can act on.
+    """
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
     signal.signal(signal.SIGTERM, _interrupt)
     app()

@@ -12,7 +12,7 @@ from itertools import product
 import torch
 
 import gsedit
-from gsedit.diffusion import SamplerSettings
+from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editors import make_editor
 
 
@@ -32,13 +32,13 @@ def run(path: str, data: str, prompt: str, seeds: int = 3) -> None:
                 settings=settings,
                 generator=torch.Generator().manual_seed(seed),
             )
-            quality = result.quality
+            quality = result.metrics
             sys.stdout.write(
                 f"seed {seed} {noise:11s} noise, consensus {consensus!s:5s} "
                 f"{quality.psnr_to_ground_truth:.2f} dB to the truth, "
-                f"{quality.residual_to_targets_db:.2f} dB to the targets, "
-                f"strength {quality.strength:.3f}, {result.timings['total']:.0f} s, "
-                f"{len(result.targets)} views, covering {quality.coverage:.0%}, "
+                f"{quality.psnr_to_targets:.2f} dB to the targets, "
+                f"changed by {quality.rmse_to_unedited:.3f}, {result.timings['total']:.0f} s, "
+                f"{len(result.targets)} views, covering {result.view_plan.coverage[-1]:.0%}, "
                 f"{quality.matched:.0%} matched\n"
             )
             sys.stdout.flush()

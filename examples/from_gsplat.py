@@ -12,15 +12,15 @@ import torch
 from PIL import Image
 
 import gsedit
+from gsedit.cameras.orbit import orbit
 from gsedit.synthetic import demo_scene, surface_gaussians
-from gsedit.views.orbit import orbit
 
 # from gsplat import rasterization
 from rasterizer import rasterization
 
 
 def turn(folder: Path, path: str | None = None, count: int = 12, size: int = 256) -> None:
-    """Write colour beside depth, as brightness, of `count` views; no path: the built-in bear."""
+    """Write color beside depth, as brightness, of `count` views; no path: the built-in bear."""
     if path is not None:
         scene = gsedit.load(path)
     else:

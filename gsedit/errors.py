@@ -1,4 +1,4 @@
-"""What goes wrong for a user, by kind. A message names the file, the place and the next move."""
+"""Errors that a user can cause, by kind. A message names the file, the place and the next move."""
 
 
 class GseditError(Exception):

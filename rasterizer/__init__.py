@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rasterizer.lazy import make_lazy
+from rasterizer.waiting import wait_briefly
 
 if TYPE_CHECKING:
     from rasterizer.camera import Camera, look_at
@@ -16,26 +17,5 @@ if TYPE_CHECKING:
     from rasterizer.render import Rendering, contributions, render
     from rasterizer.scene import Gaussians, concatenate
 
-__all__ = [
-    "Camera",
-    "Execution",
-    "Gaussians",
-    "Numerics",
-    "Rendering",
-    "concatenate",
-    "contributions",
-    "look_at",
-    "rasterization",
-    "render",
-]
-
-make_lazy(
-    __name__,
-    {
-        "camera": ("Camera", "look_at"),
-        "numerics": ("Execution", "Numerics"),
-        "rasterization": ("rasterization",),
-        "render": ("Rendering", "contributions", "render"),
-        "scene": ("Gaussians", "concatenate"),
-    },
-)
+wait_briefly()  # torch, which reads the variable when it is loaded, is imported later
+make_lazy(__name__)

@@ -1,4 +1,4 @@
-"""A camera: OpenCV axes (x right, y down, z forward), pixel centres at +0.5."""
+"""A camera: OpenCV axes (x right, y down, z forward), pixel centers at +0.5."""
 
 from __future__ import annotations
 
@@ -23,18 +23,21 @@ class Camera:
     cx: float
     cy: float
     width: int
-    """Of the picture, pixels."""
+    """Picture width, pixels; its height is below."""
     height: int
     model: Literal["pinhole", "ortho"] = "pinhole"
     """ortho: parallel rays. The pixel's x is fx x + cx at any depth; fx is pixels per world
     unit."""
+    near: float | None = None
+    """Splats are drawn whose center is farther than this, world units; None: `Numerics.near`. A
+    camera that is made for a scene knows how small its units are."""
 
     @property
     def rotation(self) -> Float[Tensor, "3 3"]:
         return self.world_to_camera[:3, :3]
 
     @property
-    def centre(self) -> Float[Tensor, "3"]:
+    def center(self) -> Float[Tensor, "3"]:
         """The camera's position in the world."""
         return -self.rotation.T @ self.world_to_camera[:3, 3]
 
@@ -44,7 +47,7 @@ class Camera:
         return self.world_to_camera[2, :3]
 
     def resized(self, width: int, height: int) -> Camera:
-        """The same view on another pixel grid."""
+        """View from here on another pixel grid."""
         x, y = width / self.width, height / self.height
         return replace(
             self,
@@ -57,7 +60,7 @@ class Camera:
         )
 
     def fitted(self, size: int) -> Camera:
-        """The same view with `size` pixels on its longer side; no larger than it is."""
+        """View from here with `size` pixels on its longer side; no larger than it is."""
         scale = min(1.0, size / max(self.width, self.height))
         return self.resized(*(max(1, round(side * scale)) for side in (self.width, self.height)))
 
@@ -80,8 +83,8 @@ class Camera:
         y = (xy[..., 1] - self.cy) / self.fy * scale
         return (torch.stack((x, y, depth), -1) - pose[:3, 3]) @ pose[:3, :3]
 
-    def pixel_centres(self) -> Float[Tensor, "h w 2"]:
-        """Positions of all pixel centres, float64."""
+    def pixel_centers(self) -> Float[Tensor, "h w 2"]:
+        """Positions of all pixel centers, float64."""
         y, x = torch.meshgrid(
             torch.arange(self.height, dtype=torch.float64) + 0.5,
             torch.arange(self.width, dtype=torch.float64) + 0.5,

@@ -112,8 +112,8 @@ def footprints(
     """ValueError unless positions and sizes on the picture are finite in the dtype.
 
     Of finite inputs two overflow: footprints wider than the root of the largest number (1e19 pixels
-    in float32), and centres within 1e-38 of the camera's plane where `near` is 0. `rows` are their
-    row numbers in the input, `names` what the caller calls their centres and their sizes.
+    in float32), and centers within 1e-38 of the camera's plane where `near` is 0. `rows` are their
+    row numbers in the input, `names` what the caller calls their centers and their sizes.
     """
     shape = (projected.whitening, projected.covariance)
     if isfinite(projected.xy.sum() + sum(part.sum() for part in shape)):

@@ -1,40 +1,144 @@
 """C++ files without dependencies, compiled once per machine and kept.
 
 Any C++17 compiler makes one in seconds. The result is cached by the source, the compiler and the
-processor, under $XDG_CACHE_HOME/gsedit or ~/.cache/gsedit.
+processor, under $XDG_CACHE_HOME/gsedit or ~/.cache/gsedit, where only the user can write.
 """
 
 from __future__ import annotations
 
-import contextlib
 import ctypes
+import errno
 import functools
 import hashlib
 import os
-import platform
 import shutil
-import subprocess
+import stat
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
+from rasterizer.compiler import (
+    INSTALL,
+    Compiler,
+    CompilerError,
+    compilation_key,
+    compile_library,
+    find_compiler,
+)
 from rasterizer.numerics import Kernel
 
-FLAGS = ("-std=c++17", "-shared", "-fPIC", "-pthread", "-O3", "-fno-math-errno",
-         "-fno-trapping-math", "-fopenmp-simd")  # fmt: skip
-# No -ffast-math: linking with it would make the whole process flush denormals to zero.
-FOR_THIS_PROCESSOR = (("-march=native", "-mprefer-vector-width=512"), ("-march=native",), ())
-"""Tried in this order: not every compiler knows every one."""
-HEADERS = Path(__file__).parent
-"""Where `threads.h` is, which all sources may include."""
+Library = TypeVar("Library")
 
-MOVE = "install g++ or clang++, or name a C++17 compiler in CXX"
-"""What helps where there is no library."""
+OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
+OTHERS_ENTER = stat.S_IRWXG | stat.S_IRWXO
+
+
+def cache_folder() -> Path:
+    """Return `$XDG_CACHE_HOME/gsedit` or `~/.cache/gsedit`, made if it was not there.
+
+    A relative XDG_CACHE_HOME is ignored, as the XDG Base Directory Specification says. Raises
+    OSError where there is no home folder, or others can change the folder.
+    """
+    base = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    if not base.is_absolute():
+        home = os.environ.get("HOME", "~")
+        base = Path(os.path.expanduser(home)) / ".cache"
+        if not home or not base.is_absolute():
+            raise OSError(0, "HOME names no folder", home)
+    folder = base / "gsedit"
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    folder = folder.resolve()  # a link is not followed again
+    _check_private(folder)
+    return folder
+
+
+def find_library(
+    folder: Path, name: str, open_library: Callable[[Path], Library]
+) -> Library | None:
+    """Open the library `name` of the cache; None where there is none that loads.
+
+    It may come from another machine with the user's files. One that is cut off would end the
+    process: its digest, the end of its name, shows that.
+    """
+    for path in kept_files(folder, name):
+        try:
+            _check_owner(path, path.lstat())
+            if stat.S_ISREG(path.lstat().st_mode) and path.stem.endswith(digest(path)):
+                return open_library(path)
+        except (OSError, AttributeError):
+            continue
+    return None
+
+
+def keep_library(
+    folder: Path, name: str, made: Path, open_library: Callable[[Path], Library]
+) -> Library:
+    """Copy a library into the cache, instead of older ones of that name, and open it.
+
+    Raises OSError where it cannot be written or opened there.
+    """
+    with tempfile.TemporaryDirectory(dir=folder) as private:  # so that it appears whole
+        copy = Path(shutil.copyfile(made, Path(private) / made.name))
+        copy.chmod(0o700)
+        library = open_library(copy)  # first: another process may remove it from its place
+        kept = copy.replace(folder / f"{name}-{digest(copy)}.so")
+    for useless in set(kept_files(folder, name)) - {kept}:
+        useless.unlink(missing_ok=True)
+    return library
+
+
+def kept_files(folder: Path, name: str) -> list[Path]:
+    """List the files of a library in the cache, whatever they hold."""
+    return sorted(folder.glob(f"{name}-*.so"))
+
+
+def digest(path: Path) -> str:
+    """Digest the bytes of a file: the end of its name in the cache."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+
+
+def text_digest(text: str) -> str:
+    """Digest a text: the middle of a library's name in the cache."""
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _check_private(folder: Path) -> None:
+    """Raise OSError where other users can change what is in a folder.
+
+    Its parents count too, down from the root: who can rename one can put another in its place.
+    Below a folder that only the user can enter, nothing can be reached by others.
+    """
+    if not hasattr(os, "geteuid"):  # Windows: profiles are private
+        return
+    if folder.stat().st_uid == os.geteuid():
+        folder.chmod(0o700)
+    _check_owner(folder, folder.stat())
+    for each in [*reversed(folder.parents)][1:]:  # whoever has the root has everything
+        status = each.stat()
+        if status.st_uid == os.geteuid() and not status.st_mode & OTHERS_ENTER:
+            return
+        _check_owner(each, status)
+
+
+def _check_owner(path: Path, status: os.stat_result) -> None:
+    """Raise OSError where a file is not the user's or root's, or others can write it.
+
+    Others may write a sticky folder, as /tmp is: there they can change only what is theirs.
+    """
+    if not hasattr(os, "geteuid"):
+        return
+    if status.st_uid not in (os.geteuid(), 0):
+        raise OSError(0, "it belongs to another user", str(path))
+    if status.st_mode & OTHERS_WRITE and not status.st_mode & stat.S_ISVTX:
+        raise OSError(0, "other users can write it", str(path))
+
+
+MAY_RUN = "set TMPDIR to a folder that can be written and where programs may run"
 
 
 class Made(NamedTuple):
-    """What came of a C++ file."""
+    """The library of a C++ file, or the reason why there is none."""
 
     library: ctypes.CDLL | None
     compiler: str
@@ -43,6 +147,8 @@ class Made(NamedTuple):
     """Why there is no library."""
     note: str = ""
     """Why it could not be kept, and the next move."""
+    move: str = INSTALL
+    """The next move where there is no library."""
 
 
 def load(source: Path, kernel: Kernel = "auto") -> ctypes.CDLL | None:
@@ -56,7 +162,7 @@ def load(source: Path, kernel: Kernel = "auto") -> ctypes.CDLL | None:
     made = make(source)
     if made.library is None and kernel == "compiled":
         raise RuntimeError(
-            f"kernel 'compiled': {made.failure}; {MOVE}, or choose 'auto' or 'torch'"
+            f"kernel 'compiled': {made.failure}; {made.move}, or choose 'auto' or 'torch'"
         )
     return made.library
 
@@ -69,19 +175,70 @@ def function(library: ctypes.CDLL, name: str, dtype: object) -> Callable[..., in
 @functools.cache
 def make(source: Path) -> Made:
     """The library of a C++ file, from the cache or compiled; tried once in a process."""
-    names, compiler = _compiler()
-    if compiler is None:
-        return Made(None, "", f"no C++ compiler was found ({', '.join(map(str, names))})")
-    name = Path(compiler).name
+    name = ""
     try:
+        compiler = find_compiler()
+        name = compiler.name
+        library, note = _cached_or_compiled(compiler, source)
+    except CompilerError as error:
+        return Made(None, name, str(error), move=error.move)
+    except OSError as error:
+        return Made(None, name, str(error), move=MAY_RUN)
+    return Made(library, name, note=note)
+
+
+def takes_seconds(source: Path) -> bool:
+    """Whether `make` will compile: there is a compiler, and nothing in the cache that loads."""
+    try:
+        key = _name(find_compiler(), source)
+        return find_library(cache_folder(), key, _opened) is None
+    except CompilerError:
+        return False
+    except OSError:
+        return True
+
+
+def _cached_or_compiled(compiler: Compiler, source: Path) -> tuple[ctypes.CDLL, str]:
+    """The library, and why it could not be kept: empty where it is.
+
+    Raises CompilerError; OSError where there is no folder to compile in, or nothing there runs.
+    """
+    name, folder, refusal = _name(compiler, source), None, None
+    try:
+        folder = cache_folder()
+        if (found := find_library(folder, name, _opened)) is not None:
+            return found, ""
+    except OSError as error:
+        refusal = error
+    with tempfile.TemporaryDirectory() as private:
+        made = Path(private) / "kernel.so"
+        compile_library(compiler, source, made)
         try:
-            return Made(_cached(compiler, source), name)
+            if folder is not None:
+                return keep_library(folder, name, made, _opened), ""
         except OSError as error:
-            with tempfile.TemporaryDirectory() as folder:
-                path = _compile(compiler, source, Path(folder) / "kernel.so")
-                return Made(_opened(path), name, note=_not_kept(error))
-    except (_Failed, OSError) as error:
-        return Made(None, name, str(error))
+            refusal = error
+        return _opened(made), _not_kept(refusal)
+
+
+def _name(compiler: Compiler, source: Path) -> str:
+    return f"{source.stem}-{text_digest(compilation_key(compiler, source))}"
+
+
+def _not_kept(error: OSError | None) -> str:
+    """Say why a library is not in the cache, and what helps."""
+    where, code = "that can be written", error and error.errno
+    if code in (errno.ENOSPC, errno.EDQUOT):
+        where = "that has room"
+    elif code == 0:
+        where = "that only you can write"
+    elif code is None:  # it was written, but did not load
+        where = "where programs may run"
+    why = f"{error.filename}: {error.strerror}" if error and error.strerror else str(error)
+    return (
+        f"the compiled kernel cannot be kept ({why}), and is compiled each time: set "
+        f"XDG_CACHE_HOME to a folder {where}"
+    )
 
 
 def _opened(path: Path) -> ctypes.CDLL:
@@ -99,113 +256,3 @@ def _team() -> ctypes.c_void_p | None:
         return ctypes.cast(ctypes.CDLL(None).GOMP_parallel, ctypes.c_void_p)
     except (AttributeError, OSError, TypeError):  # other OpenMP libraries; Windows
         return None
-
-
-def _not_kept(error: OSError) -> str:
-    why = f"{error.filename}: {error.strerror}" if error.strerror else str(error)
-    return (
-        f"the compiled kernel cannot be kept ({why}), and is compiled each time: set "
-        "XDG_CACHE_HOME to a folder that can be written"
-    )
-
-
-class _Failed(Exception):
-    """Why there is no kernel."""
-
-
-def takes_seconds(source: Path) -> bool:
-    """Whether `make` will compile: there is a compiler, and nothing in the cache that loads."""
-    _, compiler = _compiler()
-    try:
-        return compiler is not None and _kept(_place(compiler, source)) is None
-    except OSError:
-        return True
-
-
-def _compiler() -> tuple[tuple[str, ...], str | None]:
-    """Names of compilers, and the path of the first that there is."""
-    names = (os.environ["CXX"],) if "CXX" in os.environ else ("c++", "g++", "clang++")
-    return names, next((path for name in names if name and (path := shutil.which(name))), None)
-
-
-def _cached(compiler: str, source: Path) -> ctypes.CDLL:
-    """The library in the cache, compiled if it was not there or did not load. Raises OSError where
-    the cache cannot be used, and _Failed."""
-    place = _place(compiler, source)
-    library = _kept(place)
-    if library is None:
-        place.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=place.parent) as folder:  # so that it appears whole
-            made = _compile(compiler, source, Path(folder) / "kernel.so")
-            library = _opened(made)  # first: another process may remove it from its place
-            kept = made.replace(place.with_name(f"{place.name}-{_digest(made)}.so"))
-        for useless in set(_copies(place)) - {kept}:
-            useless.unlink(missing_ok=True)
-    return library
-
-
-def _kept(place: Path) -> ctypes.CDLL | None:
-    """The library at a place of the cache; None where there is none that loads: it may come from
-    another machine with the user's files. One that is cut off would end the process."""
-    for path in _copies(place):
-        with contextlib.suppress(OSError, AttributeError):
-            if path.stem.endswith(_digest(path)):
-                return _opened(path)
-    return None
-
-
-def _copies(place: Path) -> list[Path]:
-    return sorted(place.parent.glob(f"{place.name}-*.so"))
-
-
-def _digest(path: Path) -> str:
-    """Of what a file holds: the end of its name in the cache."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
-
-
-def _place(compiler: str, source: Path) -> Path:
-    """The library's file in the cache, without the digest and suffix. Raises OSError."""
-    try:
-        base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    except RuntimeError as error:  # the user has no home folder
-        raise OSError(*error.args) from error
-    version = _ran(compiler, "--version")
-    headers = sorted({*source.parent.glob("*.h"), *HEADERS.glob("*.h")})
-    key = "\n".join(
-        (
-            *(file.read_text() for file in (source, *headers)),
-            compiler,
-            version.stdout,
-            *FLAGS,
-            str(FOR_THIS_PROCESSOR),
-            _processor(),
-        )
-    )
-    name = f"{source.stem}-{hashlib.sha256(key.encode()).hexdigest()[:16]}"
-    return Path(base) / "gsedit" / name
-
-
-def _ran(*command: str) -> subprocess.CompletedProcess[str]:
-    """A command that has ended; what it wrote may be in any encoding. Raises OSError."""
-    return subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
-
-
-def _processor() -> str:
-    """What -march=native depends on."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        lines = []
-    model = {line for line in lines if line.startswith(("model name", "flags", "Features"))}
-    return "\n".join((*sorted(model), platform.platform(), platform.processor()))
-
-
-def _compile(compiler: str, source: Path, target: Path) -> Path:
-    """`target`, made from the source. Raises _Failed with the compiler's first line."""
-    complaint = ""
-    for tuning in FOR_THIS_PROCESSOR:
-        done = _ran(compiler, *FLAGS, *tuning, f"-I{HEADERS}", str(source), "-o", str(target))
-        if done.returncode == 0:
-            return target
-        complaint = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[0]
-    raise _Failed(f"{compiler} could not compile {source.name} ({complaint})")

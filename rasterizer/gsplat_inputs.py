@@ -18,6 +18,7 @@ from rasterizer.camera import Camera
 from rasterizer.numerics import Numerics
 from rasterizer.preprocess import InputNames
 from rasterizer.project import Projected, project_axes, project_covariances, rotation_matrices
+from rasterizer.scene import Gaussians
 
 UPPER = ((0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2))  # rows and columns of covars' six numbers
 SYMMETRIC = (0, 1, 2, 1, 3, 4, 2, 4, 5)  # and back to 3x3
@@ -51,6 +52,15 @@ class AxesCloud(_Cloud):
 
     def extents(self) -> Float[Tensor, " n"]:
         return self.scales.detach().abs().amax(-1)
+
+    def gaussians(self, *, color: bool) -> Gaussians:
+        """Scales and opacities in the places of logarithms and logits, for `front.prepare`.
+
+        Harmonics only where they are asked for: features, and depth alone, need none.
+        """
+        harmonic = color and self.color.ndim == 3
+        sh = self.color.to(self.means) if harmonic else self.means.new_empty(len(self.means), 0, 3)
+        return Gaussians(self.means, self.quats, self.scales, self.opacity, sh)
 
     def project(self, rows: Int[Tensor, " m"], camera: Camera, numerics: Numerics) -> Projected:
         axes = rotation_matrices(self.quats[rows]) * self.scales[rows][:, None, :]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import ast
 import sys
-from collections.abc import Mapping
 from importlib import import_module
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -12,10 +13,9 @@ from typing import Any
 class LazyPackage(ModuleType):
     """A package whose public names, and whose modules, are imported when they are first used.
 
-    A public name may be that of a module too (`gsedit.edit` is a function of gsedit/edit.py). The
+    A public name may be that of a module too (`rasterizer.render` is a function of render.py). The
     import system sets an imported module as an attribute of its package, which would hide the name:
-    here the name wins. The module stays in `sys.modules`, where `from gsedit.edit import ...` finds
-    it.
+    here the name wins. The module stays in `sys.modules`, where its full name finds it.
     """
 
     _homes: dict[str, str]
@@ -24,7 +24,7 @@ class LazyPackage(ModuleType):
     def __getattr__(self, name: str) -> Any:
         homes = self.__dict__["_homes"]
         if name in homes:
-            return getattr(import_module(f"{self.__name__}.{homes[name]}"), name)
+            return getattr(import_module(homes[name]), name)
         module = f"{self.__name__}.{name}"
         if not name.startswith("_"):
             try:
@@ -43,12 +43,15 @@ class LazyPackage(ModuleType):
         return sorted({*super().__dir__(), *self._homes})
 
 
-def make_lazy(package: str, modules: Mapping[str, tuple[str, ...]]) -> None:
-    """Make a package lazy; `modules` lists the names that each of its modules defines.
+def make_lazy(package: str) -> None:
+    """Make a package lazy; its public names are those that it imports under `if TYPE_CHECKING`.
 
-    Call it from the package's __init__.py, with `__name__`. Type checkers see the names if they are
-    imported there under `if TYPE_CHECKING`.
+    Call it from the package's __init__.py, with `__name__`.
     """
     module = sys.modules[package]
-    vars(module)["_homes"] = {name: home for home, names in modules.items() for name in names}
+    code = ast.parse(Path(str(module.__file__)).read_text("utf-8"))
+    (block,) = (each for each in code.body if isinstance(each, ast.If))
+    imports = [each for each in block.body if isinstance(each, ast.ImportFrom)]
+    homes = {alias.name: str(each.module) for each in imports for alias in each.names}
+    vars(module).update(_homes=homes, __all__=sorted(homes))
     module.__class__ = LazyPackage

@@ -1,4 +1,4 @@
-"""What every pixel of a view shows, kept: pictures of other colours and opacities in no time.
+"""Lists of the Gaussians that each pixel of a view shows, for pictures of other colors at once.
 
 While no Gaussian moves, a pixel shows the same ones in the same order, and each one's alpha is its
 opacity times a constant. A list of them a pixel is made once a view; a picture, or any crop of it,
@@ -28,22 +28,22 @@ from rasterizer.scene import Gaussians
 from rasterizer.splat import list_tiles
 from rasterizer.tiles import stable_argsort
 
-LEAST = 1 / 1024
+MIN_LISTED_WEIGHT = 1 / 1024
 """Weight in a pixel, of 1: what shows less is not listed. All of it is 0.1 to 0.2 % of the bear's
 pictures, and half of the entries."""
 
 
 @dataclass(frozen=True, eq=False)
 class PixelLists:
-    """What pixels show, front to back, at the opacities with which the lists were made."""
+    """Gaussians that pixels show, front to back, at the opacities that the lists were made with."""
 
     rows: Int[Tensor, " e"]
-    """Of the scene. int32."""
+    """Row numbers in the scene; int32."""
     alphas: Float[Tensor, " e"]
     starts: Int[Tensor, " p1"]
     """Pixel i shows the entries starts[i] : starts[i + 1]; pixels are row by row."""
     width: int
-    """Of the picture, pixels."""
+    """Picture width, pixels; its height is below."""
     height: int
 
     def crop(self, box: Box) -> PixelLists:
@@ -63,17 +63,23 @@ class PixelLists:
 
 
 @torch.no_grad()
-def pixel_lists(scene: Gaussians, camera: Camera, numerics: Numerics = DEFAULT) -> PixelLists:
-    """The lists of a view, from the scene's geometry and opacities.
+def pixel_lists(
+    scene: Gaussians,
+    camera: Camera,
+    numerics: Numerics = DEFAULT,
+    *,
+    least: float = MIN_LISTED_WEIGHT,
+) -> PixelLists:
+    """The lists of a view, from the scene's geometry and opacities; weights below `least` are out.
 
-    Raises ValueError as `render` does, but for colours, which are not read.
+    Raises ValueError as `render` does, but for colors, which are not read.
     """
     box = (0, 0, camera.width, camera.height)
     splats = preprocess(stored_scene(scene), camera, box, numerics)
     xy, bins = list_tiles(splats, box, numerics, AUTO, BACKEND)
     table = torch.cat((xy, splats.projected.whitening, splats.log_opacities[:, None]), -1)
     inputs = BlendInputs(table, bins, camera.width, camera.height, numerics, None)
-    entries = pixel_entries(inputs, LEAST)
+    entries = pixel_entries(inputs, least)
     pixels = camera.width * camera.height
     order = stable_argsort(entries.pixel, pixels)  # front to back stays front to back
     counts = torch.bincount(entries.pixel, minlength=pixels)

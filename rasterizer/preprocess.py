@@ -1,4 +1,4 @@
-"""From 3D Gaussians to what is blended of each: cull, check, project, colour.
+"""From 3D Gaussians to what is blended of each: cull, check, project, color.
 
 `n` Gaussians, of which `m` may touch a box of pixels.
 """
@@ -25,6 +25,7 @@ from rasterizer.project import (
     view_dependent_colors,
 )
 from rasterizer.scene import Gaussians
+from rasterizer.tiles import Bins
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,14 +33,18 @@ class Splats:
     """2D Gaussians that may touch a box of pixels; `features_of` gives what they show."""
 
     rows: Int[Tensor, " m"]
-    """Which Gaussians of the source these are, ascending."""
+    """Row numbers in the source, ascending."""
     projected: Projected
     log_opacities: Float[Tensor, " m"]
     """Natural logarithms, with antialiasing; below the floor where `radius_clip` drops."""
+    colors: Float[Tensor, "m 3"] | None = None
+    """Colors, where they are known already."""
+    bins: Bins | None = None
+    """Lists of tiles, where they are known already."""
 
 
 class InputNames(NamedTuple):
-    """What a caller of the library calls the inputs, for error messages."""
+    """Names that a caller has for the inputs, for error messages."""
 
     means: str
     sizes: str
@@ -54,7 +59,7 @@ class Source(Protocol):
 
     @property
     def means(self) -> Float[Tensor, "n 3"]:
-        """Centres, world units."""
+        """Positions of the centers, world units."""
         ...
 
     def extents(self) -> Float[Tensor, " n"]:
@@ -62,11 +67,11 @@ class Source(Protocol):
         ...
 
     def opacities(self) -> Float[Tensor, " n"]:
-        """In [0, 1]."""
+        """Opacities, each in [0, 1]."""
         ...
 
     def log_opacities(self, rows: Int[Tensor, " m"]) -> Float[Tensor, " m"]:
-        """Natural logarithms."""
+        """Natural logarithms of the opacities."""
         ...
 
     def colors(self, rows: Int[Tensor, " m"]) -> Float[Tensor, "m ..."]:
@@ -132,21 +137,22 @@ def preprocess(source: Source, camera: Camera, box: Box, numerics: Numerics) -> 
 def features_of(
     source: Source, splats: Splats, camera: Camera, *, color: bool = True, depth: bool = False
 ) -> Float[Tensor, "m d"]:
-    """What is blended of each splat: its colour, then its depth, each only if asked for.
+    """Compute the blended features of each splat: color, then depth, each only if asked for.
 
     A step of its own, for features may be most of the memory: of several images, one at a time
-    needs them. Differentiable. Raises ValueError for colours in sight that are not finite.
+    needs them. Differentiable. Raises ValueError for colors in sight that are not finite.
     """
     features = [splats.log_opacities.new_empty(len(splats.rows), 0)]
     if color:
-        features.append(_colors(source, splats.rows, camera))
+        known = splats.colors
+        features.append(_colors(source, splats.rows, camera) if known is None else known)
     if depth:
         features.append(splats.projected.depth[:, None])
-    return torch.cat(features, -1)
+    return features[1] if len(features) == 2 else torch.cat(features, -1)
 
 
 def _colors(source: Source, rows: Int[Tensor, " m"], camera: Camera) -> Float[Tensor, "m d"]:
-    """Features as they are, harmonics as colours; ValueError unless they are finite."""
+    """Features as they are, harmonics as colors; ValueError unless they are finite."""
     values = source.colors(rows)
     checks.finite(source.names.colors, values, rows)
     if values.ndim == 2:

@@ -2,7 +2,7 @@
 
 The 2D covariance M M^T + blur I, with M = J R_camera R S (2 x 3), is never inverted: its Cholesky
 factor is, and the variance of y at a given x is summed from squares (Lagrange's identity
-|m1|^2 |m2|^2 - (m1 m2)^2 = |m1 x m2|^2), so that nothing cancels on a needle. Centres are moved to
+|m1|^2 |m2|^2 - (m1 m2)^2 = |m1 x m2|^2), so that nothing cancels on a needle. Centers are moved to
 the camera in float64: 1e7 from the origin, float32 would lose what is left of them.
 """
 
@@ -32,9 +32,9 @@ class Projected:
     whitening: Float[Tensor, "n 3"]
     """w0, w1, w2: the inverse of the covariance's lower Cholesky factor, 1/pixels."""
     depth: Float[Tensor, " n"]
-    """Of the centre, along the view."""
+    """Depth of the center along the view, world units."""
     sort_depth: Float[Tensor, " n"]
-    """The same in float64, to sort by: float32 puts two of 10,000 in the wrong order,
+    """Depth in float64, to sort by: float32 puts two of 10,000 in the wrong order,
     and a pixel then jumps. Without gradients."""
     covariance: Float[Tensor, "n 4"]
     """xx, xy, yy, and the variance of x at a given y; for choosing tiles only, without
@@ -67,6 +67,11 @@ def rotation_matrices(quats: Float[Tensor, "n 4"]) -> Float[Tensor, "n 3 3"]:
     return torch.stack(rows).T.unflatten(-1, (3, 3))
 
 
+def near_plane(camera: Camera, numerics: Numerics) -> float:
+    """Distance of the near plane, world units: the camera's own, or else that of the settings."""
+    return numerics.near if camera.near is None else camera.near
+
+
 def slope_limits(camera: Camera, numerics: Numerics) -> tuple[float, float, float, float]:
     """Bounds (low x, high x, low y, high y) of x/z and y/z at which the Jacobian is taken: the
     picture plus a margin, as gsplat has it.
@@ -95,18 +100,19 @@ def cull(
     units, so none that contributes is dropped. `opacities` are in [0, 1]. The rows ascend.
     Raises ValueError for a near plane behind a pinhole.
     """
-    if camera.model == "pinhole" and numerics.near < 0:
-        raise ValueError(f"near is {numerics.near}: below 0 only for an orthographic camera")
-    centres = _in_camera(means, camera)
-    keep = (centres[2] > numerics.near) & (centres[2] <= numerics.far)
+    near = near_plane(camera, numerics)
+    if camera.model == "pinhole" and near < 0:
+        raise ValueError(f"near is {near}: below 0 only for an orthographic camera")
+    centers = _in_camera(means, camera)
+    keep = (centers[2] > near) & (centers[2] <= numerics.far)
     keep &= opacities >= numerics.alpha_min
-    x, y, z = centres.to(means)
-    distance = z.clamp_min(numerics.near) if camera.model == "pinhole" else torch.ones_like(z)
+    x, y, z = centers.to(means)
+    distance = z.clamp_min(near) if camera.model == "pinhole" else torch.ones_like(z)
     low_x, high_x, low_y, high_y = slope_limits(camera, numerics)
     sigma = extents / distance
     cutoff = (2 * (opacities / numerics.alpha_min).log().clamp_min(0)).sqrt()
     left, top, width, height = box
-    for at, focal, centre, low, high, start, size in (
+    for at, focal, center, low, high, start, size in (
         (x, camera.fx, camera.cx, low_x, high_x, left, width),
         (y, camera.fy, camera.cy, low_y, high_y, top, height),
     ):
@@ -116,7 +122,7 @@ def cull(
         # float32 rounds a position by 1e-7 of it: much where a sensor is shifted by 1e7 pixels
         rounding = 1 + 1e-6 * position.abs().clamp_max(1e30)
         reach = cutoff * ((sigma * stretch).square() + numerics.blur).sqrt() * 1.001 + rounding
-        offset = position + (centre - start)
+        offset = position + (center - start)
         keep &= ~((offset < -reach) | (offset > size + reach))  # NaN is kept, to be refused
     return keep.nonzero().squeeze(-1)
 
@@ -166,33 +172,33 @@ def project_covariances(
 
 
 class _Linearised(NamedTuple):
-    """The projection to first order about each centre."""
+    """The projection to first order about each center."""
 
     xy: Float[Tensor, "n 2"]
     depth: Float[Tensor, " n"]
-    """float64."""
+    """Depth along the view, float64."""
     to_x: Float[Tensor, "3 n"]
     """Rows of J R_camera: how far a step in the world moves x, and y, on the picture."""
     to_y: Float[Tensor, "3 n"]
 
 
 def _in_camera(means: Float[Tensor, "n 3"], camera: Camera) -> Float[Tensor, "3 n"]:
-    """Centres in the camera's axes, float64."""
+    """Centers in the camera's axes, float64."""
     pose = camera.world_to_camera.double()
     return pose[:3, :3] @ means.double().T + pose[:3, 3:]
 
 
 def view_directions(means: Float[Tensor, "n 3"], camera: Camera) -> Float[Tensor, "n 3"]:
-    """Unit vectors from the camera's centre to each Gaussian's, taken in float64."""
+    """Unit vectors from the camera's center to each Gaussian's, taken in float64."""
     pose = camera.world_to_camera.double()
-    centre = -pose[:3, :3].T @ pose[:3, 3]
-    return torch.nn.functional.normalize(means.double() - centre, dim=-1).to(means)
+    center = -pose[:3, :3].T @ pose[:3, 3]
+    return torch.nn.functional.normalize(means.double() - center, dim=-1).to(means)
 
 
 def view_dependent_colors(
     sh: Float[Tensor, "n k 3"], means: Float[Tensor, "n 3"], camera: Camera
 ) -> Float[Tensor, "n 3"]:
-    """Colours from the camera's position, not below 0; degree 0 needs no directions."""
+    """Colors from the camera's position, not below 0; degree 0 needs no directions."""
     directions = means if sh.shape[1] == 1 else view_directions(means, camera)
     return harmonics.colors(sh, directions)
 
@@ -245,6 +251,17 @@ def _whiten(
     )
 
 
+@torch.no_grad()
+def covariance_of(whitening: Float[Tensor, "n 3"]) -> Float[Tensor, "n 4"]:
+    """`Projected.covariance` of whitenings: the inverse of W^T W."""
+    w0, w1, w2 = whitening.unbind(-1)
+    xx = w0.square().reciprocal()
+    xy = -w1 / w2 * xx
+    conditional = w2.square().reciprocal()  # the variance of y at a given x
+    yy = conditional + xy * xy / xx
+    return torch.stack((xx, xy, yy, conditional * (xx / yy)), -1)
+
+
 def _stack(like: Float[Tensor, "..."], *columns: Float[Tensor, " n"]) -> Float[Tensor, "n k"]:
     return torch.stack([column.to(like) for column in columns], -1)
 
@@ -252,7 +269,7 @@ def _stack(like: Float[Tensor, "..."], *columns: Float[Tensor, " n"]) -> Float[T
 def effective_log_opacities(
     projected: Projected, log_opacities: Float[Tensor, " n"], numerics: Numerics
 ) -> Float[Tensor, " n"]:
-    """What is blended: with antialiasing; below the floor where `radius_clip` drops."""
+    """Log opacities to blend: with antialiasing; below the floor where `radius_clip` drops."""
     if projected.log_compensation is not None:
         log_opacities = log_opacities + projected.log_compensation
     if numerics.radius_clip > 0:

@@ -17,7 +17,9 @@ from torch import Tensor
 
 from rasterizer import checks
 from rasterizer.camera import Camera
+from rasterizer.cpp_projection.picture import prepare
 from rasterizer.gsplat_inputs import (
+    AxesCloud,
     Cloud,
     expect_one_of,
     expect_shape,
@@ -27,7 +29,7 @@ from rasterizer.gsplat_inputs import (
 )
 from rasterizer.numerics import AUTO, DEFAULT, Execution, Numerics
 from rasterizer.preprocess import Splats, features_of, preprocess
-from rasterizer.project import footprint_radii
+from rasterizer.project import Box, footprint_radii
 from rasterizer.splat import Splatted, splat
 
 RenderMode = Literal["RGB", "D", "ED", "RGB+D", "RGB+ED"]
@@ -80,7 +82,7 @@ def rasterization(
     Arguments
     - `quats` wxyz, any norm; `scales` standard deviations (not logarithms); `opacities` in [0, 1].
     - `colors`: features [..., (C,) N, D], any D; with `sh_degree` (0 to 4) harmonics
-      [..., (C,) N, K, 3], of which the first (sh_degree + 1)^2 are used, and colour + 0.5 is not
+      [..., (C,) N, K, 3], of which the first (sh_degree + 1)^2 are used, and color + 0.5 is not
       below 0.
     - `covars` [..., N, 3, 3], of which the upper triangle is read, or that triangle [..., N, 6],
       row by row: instead of `quats` and `scales`, which may be None.
@@ -95,9 +97,9 @@ def rasterization(
     - `packed`, `channel_chunk`, `segmented` are ignored: in gsplat they trade memory for time.
 
     Returns
-    - colours [..., C, h, w, X]: X is D, then depth as the last channel with +D (the sum of
-      weights times z) or +ED (that over alpha); depth alone for D and ED, which blend no colours.
-      `backgrounds` lie behind the colours, 0 behind depth.
+    - colors [..., C, h, w, X]: X is D, then depth as the last channel with +D (the sum of
+      weights times z) or +ED (that over alpha); depth alone for D and ED, which blend no colors.
+      `backgrounds` lie behind the colors, 0 behind depth.
     - alphas [..., C, h, w, 1].
     - meta, shaped as with packed=False and zero for what is not drawn: means2d [..., C, N, 2]
       (`.grad` is there after a backward pass), radii [..., C, N, 2] int32 pixels, depths,
@@ -105,9 +107,12 @@ def rasterization(
       height, tile_size, tile_width, tile_height (of the first image), n_batches, n_cameras;
       batch_ids, camera_ids, gaussian_ids are None. gsplat's lists of tiles are not in it.
 
+    The compiled front end prepares what `quats` and `scales` describe, as for `render`; torch does
+    for `covars`, for gradients of `viewmats`, and where `execution` rules the kernel out.
+
     Differentiable in all tensors but `Ks` (as in gsplat). Float32 or float64, as `means` is.
     The stop differs: gsplat leaves out the Gaussian after which less than 1e-4 would pass a pixel,
-    and all behind it; here the image is wrong by at most 1e-5 of a colour.
+    and all behind it; here the image is wrong by at most 1e-5 of a color.
 
     Raises NotImplementedError for an option of gsplat's that is not implemented, and ValueError for
     shapes that do not fit together and for NaN or infinity in an input, with its name and the first
@@ -151,15 +156,19 @@ def rasterization(
 
     box = (0, 0, width, height)
     parts = {"color": "RGB" in render_mode, "depth": _has_depth(render_mode)}
-    splats = [preprocess(*one, box, numerics) for one in zip(clouds, cameras)]
-    meta = _meta(clouds, splats, leading, width, height)
+    splats = [
+        _splats(*one, box, numerics, execution, color=parts["color"])
+        for one in zip(clouds, cameras)
+    ]
+    meta = _meta(clouds, splats, leading, numerics, width, height)
     # splatted at meta["means2d"], so that it takes the gradient of the positions
-    centres = meta["means2d"].reshape(images, -1, 2)
+    centers = meta["means2d"].reshape(images, -1, 2)
     # features, which may be larger than all else, live for one image at a time
     pictures = [
-        splat(_moved(one, xy[one.rows]), features_of(cloud, one, camera, **parts), box, numerics,
+        splat(_moved(one, xy.index_select(0, one.rows)), features_of(cloud, one, camera, **parts),
+              box, numerics,
               execution=execution)
-        for cloud, camera, one, xy in zip(clouds, cameras, splats, centres)
+        for cloud, camera, one, xy in zip(clouds, cameras, splats, centers)
     ]  # fmt: skip
     size = pictures[0].tile_size
     meta |= {"tile_size": size, "tile_width": -(-width // size), "tile_height": -(-height // size)}
@@ -175,15 +184,31 @@ def _template(width: int, height: int, model: str) -> Camera:
     return replace(camera, model="ortho" if model == "ortho" else "pinhole")
 
 
+def _splats(
+    cloud: Cloud,
+    camera: Camera,
+    box: Box,
+    numerics: Numerics,
+    execution: Execution,
+    *,
+    color: bool,
+) -> Splats:
+    """Splats that may touch the box, by the compiled front end unless there are only covars."""
+    found = None
+    if isinstance(cloud, AxesCloud):
+        found = prepare(cloud.gaussians(color=color), camera, box, numerics, execution)
+    return preprocess(cloud, camera, box, numerics) if found is None else found
+
+
 def _moved(splats: Splats, xy: Float[Tensor, "m 2"]) -> Splats:
-    """The same at other positions, pixels."""
+    """Move splats to other positions, pixels."""
     return replace(splats, projected=replace(splats.projected, xy=xy))
 
 
 def _composed(
     pictures: list[Splatted], render_mode: RenderMode, backgrounds: Float[Tensor, "i d"] | None
 ) -> tuple[Float[Tensor, "i h w x"], Float[Tensor, "i h w 1"]]:
-    """Colours over their backgrounds, then depth; and alphas, of all images."""
+    """Colors over their backgrounds, then depth; and alphas, of all images."""
     picture = torch.stack([one.features for one in pictures])
     transmittance = torch.stack([one.transmittance for one in pictures])[..., None]
     alphas = 1 - transmittance
@@ -202,7 +227,12 @@ def _has_depth(render_mode: RenderMode) -> bool:
 
 
 def _meta(
-    clouds: list[Cloud], splats: list[Splats], leading: tuple[int, ...], width: int, height: int
+    clouds: list[Cloud],
+    splats: list[Splats],
+    leading: tuple[int, ...],
+    numerics: Numerics,
+    width: int,
+    height: int,
 ) -> dict[str, Any]:
     """gsplat's numbers about the Gaussians, for all rows; zero for those that are not drawn."""
     count = len(clouds[0].means)
@@ -226,7 +256,7 @@ def _meta(
         "means2d": means2d,
         "depths": all_rows([one.projected.depth for one in splats]),
         "conics": all_rows([_conics(one.projected.whitening) for one in splats]),
-        "opacities": all_rows([_opacities(*one) for one in zip(clouds, splats)]),
+        "opacities": all_rows([_opacities(*one, numerics) for one in zip(clouds, splats)]),
         "width": width,
         "height": height,
         "n_batches": prod(leading[:-1]),
@@ -234,11 +264,11 @@ def _meta(
     }
 
 
-def _opacities(cloud: Cloud, splats: Splats) -> Float[Tensor, " m"]:
-    """Of the Gaussians in sight, with antialiasing."""
-    opacities = cloud.opacity[splats.rows].to(cloud.means)
-    compensation = splats.projected.log_compensation
-    return opacities if compensation is None else opacities * compensation.exp()
+def _opacities(cloud: Cloud, splats: Splats, numerics: Numerics) -> Float[Tensor, " m"]:
+    """Opacities of the Gaussians in sight, with antialiasing."""
+    if numerics.antialiased:
+        return splats.log_opacities.exp()
+    return cloud.opacity.index_select(0, splats.rows).to(cloud.means)
 
 
 def _conics(whitening: Float[Tensor, "m 3"]) -> Float[Tensor, "m 3"]:

@@ -1,4 +1,4 @@
-"""The same picture by the textbook, in float64: the definition of correct; slow.
+"""Picture of a scene by the textbook, in float64: the definition of correct; slow.
 
 Every pixel sums all Gaussians, front to back, by the plain formula: conic (inverse covariance),
 alpha capped and floored, no early stop. Blocks of pixels only skip Gaussians whose alpha there is
@@ -18,7 +18,7 @@ from torch.utils.checkpoint import checkpoint
 from rasterizer import harmonics
 from rasterizer.camera import Camera
 from rasterizer.numerics import DEFAULT, Numerics
-from rasterizer.project import rotation_matrices, slope_limits
+from rasterizer.project import near_plane, rotation_matrices, slope_limits
 from rasterizer.render import Rendering
 from rasterizer.scene import Gaussians
 
@@ -33,7 +33,7 @@ def render_reference(
     numerics: Numerics = DEFAULT,
     dtype: torch.dtype = torch.float64,
 ) -> Rendering:
-    """Colour, alpha and both depths of a scene, as `render` defines them.
+    """Color, alpha and both depths of a scene, as `render` defines them.
 
     In float64 it is the ground truth. In another `dtype` it shows what the textbook's formula loses
     at that precision, and may be infinite or NaN.
@@ -52,9 +52,9 @@ class _Flat(NamedTuple):
 
     xy: Float[Tensor, "n 2"]
     covariance: Float[Tensor, "n 2 2"]
-    """Blurred."""
+    """Covariances on the picture, blurred."""
     features: Float[Tensor, "n 4"]
-    """Colour and depth."""
+    """Color, then depth along the view."""
     opacities: Float[Tensor, " n"]
     """Antialiased; 0 where `radius_clip` drops."""
 
@@ -62,18 +62,18 @@ class _Flat(NamedTuple):
 def _project(scene: Gaussians, camera: Camera, numerics: Numerics) -> _Flat:
     dtype = scene.means.dtype
     pose = camera.world_to_camera.to(dtype)
-    centres = scene.means @ pose[:3, :3].T + pose[:3, 3]
-    depth = centres[:, 2].detach()
-    front = (depth > numerics.near) & (depth <= numerics.far)
+    centers = scene.means @ pose[:3, :3].T + pose[:3, 3]
+    depth = centers[:, 2].detach()
+    front = (depth > near_plane(camera, numerics)) & (depth <= numerics.far)
     order = front.nonzero().squeeze(-1)
-    order = order[torch.argsort(centres[order, 2].detach(), stable=True)]
+    order = order[torch.argsort(centers[order, 2].detach(), stable=True)]
     scene = scene[order]
-    x, y, z = centres[order].unbind(-1)
+    x, y, z = centers[order].unbind(-1)
     jacobian = _jacobian(x, y, z, camera, numerics)
     factor = jacobian @ pose[:3, :3] @ rotation_matrices(scene.quats) * scene.scales[:, None, :]
     covariance = factor @ factor.mT + numerics.blur * torch.eye(2, dtype=dtype)
     xy, _ = camera.project(scene.means)
-    directions = scene.means - camera.centre.to(scene.means)
+    directions = scene.means - camera.center.to(scene.means)
     features = torch.cat((harmonics.colors(scene.sh, directions), z[:, None]), -1)
     opacities = scene.opacities
     if numerics.antialiased:
@@ -93,7 +93,7 @@ def _jacobian(
     camera: Camera,
     numerics: Numerics,
 ) -> Float[Tensor, "n 2 3"]:
-    """Of pixel positions by positions in the camera's axes."""
+    """Derivatives of pixel positions by positions in the camera's axes."""
     jacobian = z.new_zeros(len(z), 2, 3)
     if camera.model == "ortho":
         jacobian[:, 0, 0], jacobian[:, 1, 1] = camera.fx, camera.fy
@@ -106,7 +106,7 @@ def _jacobian(
 
 
 def _reach(flat: _Flat, numerics: Numerics) -> Float[Tensor, "n 2"]:
-    """Pixels, across and down, from each centre to where alpha is at its floor."""
+    """Pixels, across and down, from each center to where alpha is at its floor."""
     radius = (2 * (flat.opacities / numerics.alpha_min).log().clamp_min(0)).sqrt()
     return (radius[:, None] * flat.covariance.diagonal(dim1=-2, dim2=-1).sqrt()).detach()
 
@@ -122,7 +122,7 @@ def _draw(
         low = xy.new_tensor((left, top))
         high = low + xy.new_tensor((width, height))
         near = ((xy.detach() > low - reach) & (xy.detach() < high + reach)).all(-1)
-        pixels = camera.pixel_centres()[top : top + height, left : left + width]
+        pixels = camera.pixel_centers()[top : top + height, left : left + width]
         pixels = pixels.to(xy).reshape(-1, 2)
         return _blend(pixels, _Flat(*(field[near] for field in flat)), numerics)
 

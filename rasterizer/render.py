@@ -11,7 +11,7 @@ from torch import Tensor
 from rasterizer import checks
 from rasterizer.blending.backend import median_depths
 from rasterizer.camera import Camera
-from rasterizer.front.picture import draw
+from rasterizer.cpp_projection.picture import draw
 from rasterizer.numerics import AUTO, DEFAULT, SH_DC, Execution, Numerics
 from rasterizer.preprocess import features_of, preprocess, stored_scene
 from rasterizer.project import Box
@@ -21,16 +21,16 @@ from rasterizer.splat import splat
 
 @dataclass(frozen=True, eq=False)
 class Rendering:
-    """What a camera sees. Pixel [0, 0] is the top left."""
+    """Picture that a camera sees. Pixel [0, 0] is the top left."""
 
     color: Float[Tensor, "h w 3"]
     """Not clamped above; over the background."""
     alpha: Float[Tensor, "h w"]
-    """1 - transmittance."""
+    """Opacity of each pixel: 1 - transmittance."""
     depth: Float[Tensor, "h w"] | None = None
-    """Expected depth of the centres along the view, divided by alpha; 0 where alpha is 0."""
+    """Expected depth of the centers along the view, divided by alpha; 0 where alpha is 0."""
     median_depth: Float[Tensor, "h w"] | None = None
-    """Depth of the centre at which the transmittance falls to one half; 0 where it does not. No
+    """Depth of the center at which the transmittance falls to one half; 0 where it does not. No
     gradient."""
     marked: Float[Tensor, "h w"] | None = None
     """Sum of the blending weights of the Gaussians that were marked."""
@@ -86,7 +86,7 @@ def _composed(
     background: Float[Tensor, "3"] | None,
     depth: bool,
 ) -> Rendering:
-    """Colours over the background, and the fourth feature over alpha where there is depth."""
+    """Colors over the background, and the fourth feature over alpha where there is depth."""
     alpha = 1 - transmittance
     color = features[..., :3]
     if background is not None:
@@ -107,9 +107,9 @@ def backproject(
 ) -> Float[Tensor, "n 3"]:
     """Sums over the picture of three maps' values, times each Gaussian's blending weight there.
 
-    The adjoint of rendering colours. `maps` have the camera's size.
+    The adjoint of rendering colors. `maps` have the camera's size.
     """
-    # the picture is linear in colour, so this is the gradient of its product with the maps
+    # the picture is linear in color, so this is the gradient of its product with the maps
     with torch.inference_mode(False), torch.enable_grad():
         flat = scene.map(lambda field: field.detach().clone())
         dc = torch.zeros(len(scene), 1, 3, dtype=flat.means.dtype, requires_grad=True)

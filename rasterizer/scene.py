@@ -16,10 +16,10 @@ from rasterizer.notebook import scene_png
 
 @dataclass(frozen=True, eq=False)
 class Gaussians:
-    """A 3D Gaussian splat scene, in the parameters that are stored and optimised."""
+    """A 3D Gaussian splat scene, in the parameters that are stored and optimized."""
 
     means: Float[Tensor, "n 3"]
-    """Centres, world units."""
+    """Positions of the centers, world units."""
     quats: Float[Tensor, "n 4"]
     """Rotations, wxyz, any non-zero norm."""
     log_scales: Float[Tensor, "n 3"]
@@ -36,12 +36,12 @@ class Gaussians:
 
     @property
     def opacities(self) -> Float[Tensor, " n"]:
-        """In [0, 1]."""
+        """Opacities, each in [0, 1]."""
         return self.logit_opacities.sigmoid()
 
     @property
     def degree(self) -> int:
-        """Of the spherical harmonics."""
+        """Degree of the spherical harmonics."""
         return isqrt(self.sh.shape[1]) - 1
 
     def __len__(self) -> int:
@@ -52,7 +52,7 @@ class Gaussians:
         return f"Gaussians({len(self):,}, SH degree {self.degree}, {kind})"
 
     def _repr_png_(self) -> bytes | None:
-        """What a notebook shows."""
+        """Picture that a notebook shows."""
         return scene_png(self)
 
     def __getitem__(self, index: Any) -> Gaussians:

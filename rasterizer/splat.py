@@ -2,28 +2,28 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
 from rasterizer import tiles
-from rasterizer.blending.backend import Backend, BlendInputs
+from rasterizer.blending.backend import Backend, Blended, BlendInputs, refuse_second_derivatives
 from rasterizer.blending.choose import choose_backend
-from rasterizer.blending.composite import composite
 from rasterizer.numerics import AUTO, Execution, Numerics
 from rasterizer.preprocess import Splats
 from rasterizer.project import Box, cutoff_radii
 
 
 class Splatted(NamedTuple):
-    """What a rectangle of pixels receives, over black."""
+    """Blended rectangle of pixels, over black."""
 
     features: Float[Tensor, "h w d"]
     transmittance: Float[Tensor, "h w"]
     median_index: Int[Tensor, "h w"] | None
-    """Which splat takes the transmittance to one half; -1: none. None: not asked for."""
+    """Index of the splat at which the transmittance falls to one half; -1: none. None where it is
+    not asked for."""
     tile_size: int
     """Side of the tiles, pixels."""
 
@@ -58,6 +58,8 @@ def list_tiles(
     left, top, width, height = box
     projected = splats.projected
     xy = projected.xy - projected.xy.new_tensor((left, top))
+    if splats.bins is not None:
+        return xy, splats.bins
     with torch.no_grad():
         radius = cutoff_radii(splats.log_opacities, numerics)
         footprints = tiles.Footprints(xy.detach(), projected.covariance, radius)
@@ -68,3 +70,47 @@ def list_tiles(
         order = tiles.depth_order(projected.sort_depth)
         boxes = execution.cull == "box"
         return xy, tiles.bin_tiles(footprints, order, size, width, height, boxes=boxes)
+
+
+def composite(inputs: BlendInputs, backend: Backend, *, median: bool = False) -> Blended:
+    """Blend Gaussians over their tiles; differentiable in `inputs.table`.
+
+    `median` asks for the median index. Raises RuntimeError in a backward pass with
+    create_graph=True.
+    """
+    return Blended(*_Composite.apply(inputs.table, inputs, backend, median))
+
+
+class _Composite(torch.autograd.Function):
+    @staticmethod
+    @torch.autocast("cpu", enabled=False)
+    def forward(  # type: ignore[override]
+        ctx: Any,
+        table: Float[Tensor, "m g"],
+        inputs: BlendInputs,
+        backend: Backend,
+        median: bool,
+    ) -> tuple[Float[Tensor, "h w d"], Float[Tensor, "h w"], Int[Tensor, "h w"] | None]:
+        inputs = inputs._replace(table=table.detach())
+        blended, ctx.saved = backend.forward(inputs, median, ctx.needs_input_grad[0])
+        ctx.backend = backend
+        # an output: an attribute of ctx that holds it would make a cycle, which is never freed
+        ctx.save_for_backward(blended.transmittance)
+        if blended.median_index is not None:
+            ctx.mark_non_differentiable(blended.median_index)
+        return blended.features, blended.transmittance, blended.median_index
+
+    @staticmethod
+    @torch.autocast("cpu", enabled=False)
+    def backward(  # type: ignore[override]
+        ctx: Any,
+        grad_features: Float[Tensor, "h w d"],
+        grad_transmittance: Float[Tensor, "h w"],
+        _: Any,
+    ) -> tuple[Float[Tensor, "m g"] | None, ...]:
+        refuse_second_derivatives()
+        (transmittance,) = ctx.saved_tensors
+        by_table = ctx.backend.backward(
+            ctx.saved, transmittance, grad_features.contiguous(), grad_transmittance.contiguous()
+        )
+        return by_table, None, None, None

@@ -1,4 +1,4 @@
-"""Which Gaussian touches which tile, in depth order. Integers: nothing here has a gradient.
+"""Lists of the Gaussians that touch each tile, in depth order. Nothing here has a gradient.
 
 `m` Gaussians, `t` tiles, `p` (tile, Gaussian) pairs. Positions are pixels from the box's corner.
 A Gaussian's rank is its place in the order of depth, 0 in front.
@@ -31,7 +31,7 @@ class Bins:
     firsts: Int[Tensor, " m"]
     """Slot at which each rank's pairs begin."""
     rank: Int[Tensor, " m"]
-    """Of each Gaussian."""
+    """Rank of each Gaussian."""
     size: int
     """Side of a tile, pixels."""
     columns: int
@@ -78,7 +78,7 @@ def _overlap(
 def _span(
     low: Float[Tensor, " m"], high: Float[Tensor, " m"], size: int, count: int
 ) -> tuple[Int[Tensor, " m"], Int[Tensor, " m"]]:
-    """First tile and number of tiles with a pixel centre in [low, high]."""
+    """First tile and number of tiles with a pixel center in [low, high]."""
     first = ((low + 0.5) / size - 1).ceil().clamp(0, count)
     last = ((high - 0.5) / size).floor().clamp(-1, count - 1)
     return first.long(), (last - first + 1).clamp_min(0).long()
@@ -122,11 +122,11 @@ class _RowSpans(NamedTuple):
     """Every row of tiles that an ellipse reaches, for each ellipse: `r` in all, by rank."""
 
     row: Int[Tensor, " r"]
-    """Of tiles."""
+    """Row among the rows of tiles."""
     owner: Int[Tensor, " r"]
-    """The ellipse's rank."""
+    """Rank of the row's ellipse."""
     firsts: Int[Tensor, " m"]
-    """Where each rank's spans begin."""
+    """Index at which each rank's spans begin."""
     ellipses: tuple[Tensor, ...]
     """x, y, xx, xy, yy, variance of x at a given y, radius and vertical reach by rank [m]."""
 

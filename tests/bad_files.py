@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from PIL import Image
 
-from gsedit.files.inria import columns
+from gsedit.formats.ply.inria import columns
 
 PLY_COLUMNS = columns(4)  # SH degree 1: small, and every kind of column is there
 
@@ -214,7 +214,7 @@ _DATASETS = [
     BadFile("empty_folder", _empty_folder, "dataset", ("transforms.json", "check the path")),
     BadFile("empty_json", _text(""), "dataset", ("transforms.json", "0 bytes", "again")),
     BadFile("bad_json", _text('{"w": 8,\n "h" 6}'), "dataset", ("line 2, column 6", "repair")),
-    BadFile("json_list", _text("[]"), "dataset", ("no object", "check the path")),
+    BadFile("json_list", _text("[]"), "dataset", ("no object", "again")),
     BadFile("deep_json", _text("[" * 10**5), "dataset", ("transforms.json", "again")),
     BadFile(
         "missing_photo",
@@ -229,12 +229,18 @@ _DATASETS = [
         ("8x6", "16x9", "use the photos"),
     ),
     BadFile(
-        "path_leaves", _spoiled(_outside), "dataset", ("frame 1", "leaves the dataset", "copy")
+        "path_leaves", _spoiled(_outside), "dataset", ("frames[1]", "leaves the dataset", "copy")
     ),
     BadFile(
-        "absolute_path", _frame(file_path="/etc/hostname"), "dataset", ("frame 1", "leaves", "copy")
+        "absolute_path",
+        _frame(file_path="/etc/hostname"),
+        "dataset",
+        ("frames[1]", "leaves", "copy"),
     ),
-    BadFile("link_leaves", _spoiled(_link_outside), "dataset", ("frame 1", "leaves", "copy")),
+    BadFile(
+        "long_name", _frame(file_path="a" * 300), "dataset", ("frames[1]", "is no name", "copy")
+    ),
+    BadFile("link_leaves", _spoiled(_link_outside), "dataset", ("frames[1]", "leaves", "copy")),
     BadFile(
         "zero_views",
         _spoiled(lambda folder, record: record["frames"].clear()),
@@ -245,9 +251,11 @@ _DATASETS = [
         "no_frames",
         _spoiled(lambda folder, record: record.pop("frames")),
         "dataset",
-        ("no list of frames", "Check the path"),
+        ("no frames", "again"),
     ),
-    BadFile("no_file_path", _frame(file_path=None), "dataset", ("frame 1", "remove the frame")),
+    BadFile(
+        "no_file_path", _frame(file_path=None), "dataset", ("frames[1] has no file_path", "again")
+    ),
     BadFile("corrupt_photo", _spoiled(_cut_photo), "dataset", ("1.png", "export it again")),
     BadFile(
         "photo_is_text",
@@ -255,21 +263,26 @@ _DATASETS = [
         "dataset",
         ("1.png", "no readable picture", "again"),
     ),
-    BadFile("pose_3x3", _frame(transform_matrix=[[1]]), "dataset", ("frame 1", "4x4", "correct")),
+    BadFile(
+        "pose_3x3",
+        _frame(transform_matrix=[[1]]),
+        "dataset",
+        ("frames[1].transform_matrix", "4x4", "again"),
+    ),
     BadFile(
         "pose_nan",
         _frame(transform_matrix=np.full((4, 4), np.nan).tolist()),
         "dataset",
-        ("frame 1", "not finite", "remove the frame"),
+        ("frames[1].transform_matrix", "not finite", "again"),
     ),
     BadFile(
-        "pose_shear", _frame(transform_matrix=_SHEAR), "dataset", ("frame 1", "rigid", "correct")
+        "pose_shear", _frame(transform_matrix=_SHEAR), "dataset", ("frames[1]", "rigid", "correct")
     ),
     BadFile(
         "pose_mirror",
         _frame(transform_matrix=np.diag([1, 1, -1, 1]).tolist()),
         "dataset",
-        ("frame 1", "rigid", "correct"),
+        ("frames[1]", "rigid", "correct"),
     ),
     BadFile(
         "all_around",
@@ -287,7 +300,7 @@ _DATASETS = [
         "focal_is_a_word",
         _spoiled(lambda folder, record: record.update(fl_x="wide")),
         "dataset",
-        ("fl_x is 'wide'", "correct it"),
+        ("fl_x is 'wide'", "repair it"),
     ),
     BadFile(
         "impossible_lens",

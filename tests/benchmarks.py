@@ -1,4 +1,4 @@
-"""What several tests of the benchmarks need: a measurement, a worker, a garden, colours."""
+"""Fixtures of several benchmark tests: a measurement, a worker, a garden, colors."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image
-
-from gsedit.bench.renderer.measurements import RenderMeasurement
-from gsedit.bench.renderer.worker import Worker
+from research.renderer.measurements import RenderMeasurement
+from research.renderer.worker import Worker
 
 
 def render_measurement(**fields) -> RenderMeasurement:
@@ -48,6 +47,6 @@ def rgb(path: Path) -> np.ndarray:
 
 
 def count_near(pixels: np.ndarray, color: str) -> int:
-    """How many pixels have a colour, up to what compression and blending change."""
+    """How many pixels have a color, up to what compression and blending change."""
     wanted = np.array([int(color[i : i + 2], 16) for i in (1, 3, 5)])
     return int((np.abs(pixels - wanted).max(1) <= 6).sum())

@@ -6,8 +6,7 @@ from math import cos, pi, sin
 
 import torch
 
-from rasterizer.camera import Camera, look_at
-from rasterizer.scene import Gaussians
+from rasterizer import Camera, Gaussians, look_at
 
 UP = torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64)
 ORIGIN = torch.zeros(3, dtype=torch.float64)

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from rasterizer.scene import Gaussians
+from rasterizer import Gaussians
 
 EPS32 = float(np.finfo(np.float32).eps)
 

@@ -9,11 +9,11 @@ import torch
 from gsedit_cli import main as cli
 from typer.testing import CliRunner
 
-from gsedit.files.state import State
-from gsedit.fitting.fit import RATES, FitResult
-from gsedit.fitting.optimiser import SceneOptimiser
-from gsedit.reports.events import Checkpoint, Event
-from rasterizer.scene import Gaussians
+from gsedit import Checkpoint, Event, FitResult
+from gsedit.fitting.fit import RATES
+from gsedit.fitting.optimizer import SceneOptimizer
+from gsedit.runs.state import State
+from rasterizer import Gaussians
 
 
 def gsedit(*words: object):
@@ -50,8 +50,8 @@ def stub_fit(monkeypatch, *, end: BaseException | None = None, checkpoints: int 
 
 def stub_checkpoint(step: int) -> Checkpoint:
     """Of a fit: all of `stub_scene` moves."""
-    state = SceneOptimiser(stub_scene(), RATES).state()
-    tensors = {f"optimiser.{name}": each for name, each in state.items()}
+    state = SceneOptimizer(stub_scene(), RATES).state()
+    tensors = {f"optimizer.{name}": each for name, each in state.items()}
     return Checkpoint(State({"events": []}, tensors), step, 1.5, stub_scene)
 
 

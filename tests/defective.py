@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from gsedit.files.table import SplatTable, concatenate_tables
+from gsedit.scene.table import SplatTable, concatenate_tables
 
 SPACING = 0.05
 
 
 def plane(side: int = 40, degree: int = 1) -> SplatTable:
-    """Opaque discs on a square in the plane z = 0, from -1 to 1 in x and y; random colours."""
+    """Opaque discs on a square in the plane z = 0, from -1 to 1 in x and y; random colors."""
     draw = np.random.default_rng(0)
     ticks = (np.arange(side) + 0.5) / side * 2 - 1
     x, y = (each.ravel() for each in np.meshgrid(ticks, ticks))

@@ -25,7 +25,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import zstandard
@@ -33,11 +33,11 @@ from ksplat_files import ksplat, near_grey
 from PIL import Image
 
 from gsedit.errors import GseditError
-from gsedit.files.formats import open_scene, write_scene
-from gsedit.files.ply import read_ply_header
-from gsedit.files.streams import SceneHeader, WriteOptions, in_blocks
-from gsedit.files.table import SplatTable
-from gsedit.files.validity import Guard
+from gsedit.formats.ply.records import read_ply_header
+from gsedit.formats.registry import open_scene, write_scene
+from gsedit.formats.streams import SceneHeader, WriteOptions, in_blocks
+from gsedit.formats.validity import Guard
+from gsedit.scene.table import SplatTable
 
 ROWS, DEGREE = 24, 1
 BASE = 64 << 20
@@ -302,18 +302,27 @@ def fuzz(subject: Subject, times: int, folder: Path, seed: int = 0) -> Outcome:
         rng = np.random.default_rng((seed, index))
         inner = subject.inner is not None and rng.random() < 0.6
         path.write_bytes((subject.inner if inner else any_bytes)(raw, rng))  # pyright: ignore[reportOptionalCall]
-        _judge(path, outcome, f"{subject.name} {seed} {index}", 2 * (BASE + honest))
+        judge(path, outcome, f"{subject.name} {seed} {index}", 2 * (BASE + honest))
     return outcome
 
 
-def _judge(path: Path, outcome: Outcome, name: str, limit: int) -> None:
+def judge(
+    path: Path,
+    outcome: Outcome,
+    name: str,
+    limit: int,
+    read: Callable[[Path], object] | None = None,
+    warned: Literal["error", "ignore"] = "error",
+) -> None:
+    """Read what is at a path and count how that ended: a message must name the path. Failures are
+    other errors, and more than `limit` bytes or SECONDS. `warned`: what becomes of warnings."""
     tracemalloc.reset_peak()
     before = tracemalloc.get_traced_memory()[0]
     start = time.process_time()
     try:
         with warnings.catch_warnings(), _at_most(SECONDS):
-            warnings.simplefilter("error")
-            read_through(path)
+            warnings.simplefilter(warned)
+            (read or read_through)(path)
         outcome.valid += 1
     except GseditError as error:
         outcome.refused += 1
@@ -362,13 +371,16 @@ def _at_most(seconds: float) -> Iterator[None]:
 
 
 def main(times: int, seed: int) -> int:
-    """Fuzz all formats, say what happened; 1 if anything failed."""
+    """Fuzz all formats and other inputs, say what happened; 1 if anything failed."""
+    from fuzz_inputs import INPUTS, fuzz_input  # which imports from here
+
     failed = 0
     tracemalloc.start()
-    for subject in SUBJECTS:
+    for subject in (*SUBJECTS, *INPUTS):
         folder = Path(tempfile.mkdtemp())
         start = time.process_time()
-        outcome = fuzz(subject, times, folder, seed)
+        run = fuzz if isinstance(subject, Subject) else fuzz_input
+        outcome = run(subject, times, folder, seed)  # pyright: ignore[reportArgumentType]
         shutil.rmtree(folder)
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss >> 10
         sys.stdout.write(

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from splat_tables import random_table
 
-from gsedit.files.table import SplatTable
+from gsedit.scene.table import SplatTable
 from rasterizer.numerics import SH_DC
 
 
@@ -22,22 +22,22 @@ def section(
 ) -> tuple[bytes, bytes]:
     """Its header and its data: full buckets of `capacity` rows, then two that are not full.
 
-    A bucket's centre is its first row's, so that its rows lie within block / 2 of it.
+    A bucket's center is its first row's, so that its rows lie within block / 2 of it.
     """
     n, degree = len(table), table.degree
     full = max((n - 2) // capacity, 0) if level else 0
     sizes = [n - full * capacity - 1, 1] if level else []
     starts = [*range(0, full * capacity, capacity), full * capacity, n - 1] if level else []
-    centres = table.means[starts]
+    centers = table.means[starts]
     head = struct.pack("<4IfH2xIIIIH", n, n + 3, capacity, len(starts), block, 12, 32767, 0, full,
                        len(sizes), degree)  # fmt: skip
-    body = np.uint32(sizes).tobytes() + centres.tobytes()
+    body = np.uint32(sizes).tobytes() + centers.tobytes()
     bucket = np.minimum(np.arange(n) // capacity, full) + (np.arange(n) == n - 1) if level else None
     for i in range(n):
         if bucket is None:
             body += table.means[i].tobytes()
         else:
-            offset = (table.means[i] - centres[bucket[i]]) / (block / 2 / 32767)
+            offset = (table.means[i] - centers[bucket[i]]) / (block / 2 / 32767)
             body += np.rint(offset + 32767).astype("<u2").tobytes()
         number = "<f2" if level else "<f4"
         body += table.scales[i].astype(number).tobytes() + table.quats[i].astype(number).tobytes()
@@ -61,7 +61,7 @@ def ksplat(path: Path, level: int, *tables: SplatTable) -> Path:
 
 
 def near_grey(n: int, degree: int, seed: int = 0) -> SplatTable:
-    """Colours in [0, 1], which is what the format holds, in one place of space."""
+    """Colors in [0, 1], which is what the format holds, in one place of space."""
     table = random_table(n, degree, seed)
     sh = np.concatenate((table.sh[:, :1].clip(-1.7, 1.7), table.sh[:, 1:]), 1)
     return table.replace(sh=sh, means=table.means.clip(-1.5, 1.5))

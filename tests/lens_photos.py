@@ -26,7 +26,7 @@ class RealLens:
     k2: float = 0.03
 
     def rays(self) -> np.ndarray:
-        """Directions of unit depth through the pixels' centres, [h, w, 3]."""
+        """Directions of unit depth through the pixels' centers, [h, w, 3]."""
         x = (np.arange(self.width) + 0.5 - self.width / 2) / self.focal
         y = (np.arange(self.height) + 0.5 - self.height / 2) / self.focal
         distorted = np.stack(np.meshgrid(x, y), -1)

@@ -9,11 +9,11 @@ import numpy as np
 import torch
 from bad_files import dataset
 
-from gsedit.files.undistort import Lens
-from rasterizer.camera import look_at
+from gsedit.datasets.undistort import Lens
+from rasterizer import look_at
 
 
-def colour(rays: torch.Tensor) -> torch.Tensor:
+def color(rays: torch.Tensor) -> torch.Tensor:
     """A smooth picture as a function of the direction (x / z, y / z): slow waves in [0, 1]."""
     x, y = rays.unbind(-1)
     waves = (torch.sin(3 * x + 1), torch.cos(4 * y - x), torch.sin(2 * x * y + 3 * y))
@@ -21,10 +21,10 @@ def colour(rays: torch.Tensor) -> torch.Tensor:
 
 
 def rays_of(lens: Lens) -> torch.Tensor:
-    """The direction of each pixel centre of an ideal lens."""
-    centres = lens.camera(torch.eye(4)).pixel_centres()
+    """The direction of each pixel center of an ideal lens."""
+    centers = lens.camera(torch.eye(4)).pixel_centers()
     focal = torch.tensor([lens.fx, lens.fy], dtype=torch.float64)
-    return (centres - torch.tensor([lens.cx, lens.cy], dtype=torch.float64)) / focal
+    return (centers - torch.tensor([lens.cx, lens.cy], dtype=torch.float64)) / focal
 
 
 def opengl_camera_to_world(camera) -> list[list[float]]:
@@ -65,8 +65,8 @@ def colmap_dataset(folder: Path, model: str = "PINHOLE", text: bool = False) -> 
         image = pycolmap.Image(name=f"{i}.png", camera_id=1, image_id=i + 1)
         matrix = view.world_to_camera[:3].numpy()
         made.add_image_with_trivial_frame(image, pycolmap.Rigid3d(matrix))
-    colour = np.array([255, 0, 51], np.uint8)
-    made.add_point3D(np.array([1.0, 2, 3]), pycolmap.Track(), colour)
+    color = np.array([255, 0, 51], np.uint8)
+    made.add_point3D(np.array([1.0, 2, 3]), pycolmap.Track(), color)
     (folder / "sparse" / "0").mkdir(parents=True)
     (made.write_text if text else made.write)(folder / "sparse" / "0")
     return folder

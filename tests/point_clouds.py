@@ -6,12 +6,12 @@ import math
 
 import torch
 
+from rasterizer import Gaussians
 from rasterizer.numerics import SH_DC
-from rasterizer.scene import Gaussians
 
 
 def cloud(means: torch.Tensor, color=(1.0, 0.0, 0.0), degree: int = 0) -> Gaussians:
-    """Opaque round Gaussians of one colour."""
+    """Opaque round Gaussians of one color."""
     n = len(means)
     sh = torch.zeros(n, (degree + 1) ** 2, 3)
     sh[:, 0] = (torch.tensor(color) - 0.5) / SH_DC

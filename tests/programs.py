@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from gsedit.diffusion import SamplerSettings
+from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editors import EditBatch
 from gsedit.editors.command.editor import Command
 

@@ -8,19 +8,16 @@ from functools import lru_cache
 
 import torch
 
-from gsedit.diffusion import SamplerSettings
-from gsedit.edit import edit_steps
-from gsedit.editors import make_editor
-from gsedit.editors.protocol import Capabilities, EditProgress
+from gsedit import Dataset, EditSettings, FitSettings, edit_steps, fit_steps
+from gsedit.cameras.orbit import circle
+from gsedit.datasets.dataset import capture
+from gsedit.diffusion.settings import SamplerSettings
+from gsedit.editing.strategies.single_pass import SinglePass
+from gsedit.editors import Capabilities, EditProgress, make_editor
 from gsedit.errors import GseditError
-from gsedit.fitting.fit import fit_steps
-from gsedit.fitting.settings import FitSettings, UpdateSettings
-from gsedit.ranks import Ranks, join
-from gsedit.session.settings import EditSettings
-from gsedit.strategies.single_pass import SinglePass
-from gsedit.synthetic.labelled import statue
-from gsedit.views.dataset import Dataset, capture
-from gsedit.views.orbit import circle
+from gsedit.fitting.settings import UpdateSettings
+from gsedit.runs.ranks import Ranks, join
+from gsedit.synthetic import demo_scene, surface_gaussians
 
 SIZE = 32
 
@@ -31,12 +28,13 @@ def generator() -> torch.Generator:
 
 @lru_cache(maxsize=1)
 def captured():
-    """A statue, and pictures of it from 9 sides."""
-    labelled = statue(1, 600)
+    """The demo scene, and pictures of it from 9 sides."""
+    solid = demo_scene()
+    scene = surface_gaussians(solid, 600, torch.Generator().manual_seed(1))
     middle = torch.zeros(3, dtype=torch.float64)
-    cameras = circle(middle, 0.7, labelled.scene.up, 9, SIZE, elevation=20.0, fov=45.0)
-    views = capture(labelled.gaussians, cameras, [f"view_{i}" for i in range(9)])
-    return labelled.gaussians, Dataset(views, labelled.gaussians.means[:200].double())
+    cameras = circle(middle, 0.7, solid.up, 9, SIZE, elevation=20.0, fov=45.0)
+    views = capture(scene, cameras, [f"view_{i}" for i in range(9)])
+    return scene, Dataset(views, scene.means[:200].double())
 
 
 @dataclass(frozen=True)
@@ -61,7 +59,7 @@ def run_edit(ranks: Ranks, editor, views: int, rounds: int = 1):
     settings = EditSettings(
         sampler=SamplerSettings(steps=2, precision="float32"),
         update=UpdateSettings(patches=3, patch=16),
-        views_per_round=views,
+        views_per_batch=views,
         rounds=rounds,
         coverage=1.0,
         region="all",

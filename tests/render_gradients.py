@@ -7,8 +7,7 @@ from dataclasses import replace
 import torch
 from closeness import INPUTS, leaves, relative, tensors, weights_like
 
-from rasterizer import Camera, Numerics
-from rasterizer.scene import Gaussians
+from rasterizer import Camera, Gaussians, Numerics
 
 WHOLE_SUM = Numerics(transmittance_min=0.0)
 

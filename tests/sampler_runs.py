@@ -3,13 +3,27 @@
 from __future__ import annotations
 
 import torch
+from research.sampler.mixtures import MixtureProblem, noised_draw
 
-from gsedit.bench.sampler.mixtures import MixtureProblem, noised_draw
-from gsedit.diffusion import Pair, SamplerSettings, Schedule, levels_of, sample
+from gsedit.diffusion.predictions import Pair
+from gsedit.diffusion.sampler import levels_of, sample
+from gsedit.diffusion.schedules import Schedule
+from gsedit.diffusion.settings import SamplerSettings
+
+
+def rectified_flow(steps: int = 1000, shift: float = 1.0) -> Schedule:
+    """x_t = (1 - s) x0 + s noise with s = (t + 1) / steps, up to exactly 1 (Liu et al. 2023).
+
+    `shift` moves the steps towards the noise, as larger pictures need (Esser et al. 2024).
+    """
+    s = torch.linspace(0, 1, steps + 1, dtype=torch.float64)[1:]
+    s = shift * s / (1 + (shift - 1) * s)
+    return Schedule((1 - s) ** 2 / ((1 - s) ** 2 + s**2), straight=True)
+
 
 SD = Schedule.scaled_linear()
 TERMINAL = SD.zero_terminal_snr()
-FLOW = Schedule.rectified_flow()
+FLOW = rectified_flow()
 SOLVERS = ("ddim", "euler", "heun", "dpm++2m", "ancestral")
 UNGUIDED = SamplerSettings(
     guidance_text=1.0, guidance_image=1.0, strength=1.0, spacing="karras", consensus=False

@@ -12,20 +12,19 @@ from math import sqrt
 import torch
 
 from gsedit.bench.renderer.edge_cases import DIAGONAL, camera, gaussian, random_cloud
-from rasterizer.camera import Camera
+from rasterizer import Camera, Gaussians, concatenate
 from rasterizer.numerics import DEFAULT, SH_DC
-from rasterizer.scene import Gaussians, concatenate
 
 EdgeCase = tuple[Gaussians, Camera]
 
 
 def one() -> EdgeCase:
-    """One Gaussian off the centre of pixels and picture: every formula, alone."""
+    """One Gaussian off the center of pixels and picture: every formula, alone."""
     return gaussian((0.13, -0.07, 2.0), (0.3, 0.1, 0.2), (0.9, 0.2, -0.3, 0.1)), camera()
 
 
 def intersecting() -> EdgeCase:
-    """Two long Gaussians through each other: order is by centre, for every pixel alike."""
+    """Two long Gaussians through each other: order is by center, for every pixel alike."""
     first = gaussian((0.0, 0.0, 2.0), (0.8, 0.05, 0.05), (0.9, 0.0, 0.4, 0.0))
     second = gaussian(
         (0.1, 0.05, 2.1), (0.8, 0.05, 0.05), (0.9, 0.0, -0.4, 0.1), color=(0.1, 0.6, 0.9)
@@ -86,14 +85,14 @@ def behind() -> EdgeCase:
 
 
 def at_near() -> EdgeCase:
-    """Centres just before and just behind the near plane: one is drawn, the other is not."""
+    """Centers just before and just behind the near plane: one is drawn, the other is not."""
     before = gaussian((0.0, 0.0, DEFAULT.near * 0.99), (1e-3, 1e-3, 1e-3), color=(1.0, 0.0, 0.0))
     after = gaussian((0.001, 0.0, DEFAULT.near * 1.01), (1e-3, 1e-3, 1e-3), color=(0.0, 1.0, 0.0))
     return concatenate(before, after), camera()
 
 
 def off_screen() -> EdgeCase:
-    """Centres outside the picture, footprints inside: culling is by footprint, not by centre."""
+    """Centers outside the picture, footprints inside: culling is by footprint, not by center."""
     left = gaussian((-1.3, 0.0, 2.0), (0.3, 0.2, 0.1))
     far_aside = gaussian((3.0, 2.0, 1.0), (1.5, 1.5, 0.5), color=(0.2, 0.3, 0.9))
     return concatenate(left, far_aside), camera()
@@ -122,7 +121,7 @@ def opaque_stack() -> EdgeCase:
 
 
 def coincident() -> EdgeCase:
-    """A hundred at one place in different colours: equal depths keep the order of the file."""
+    """A hundred at one place in different colors: equal depths keep the order of the file."""
     colors = [((i % 7) / 6, (i % 5) / 4, (i % 3) / 2) for i in range(100)]
     return concatenate(
         *(gaussian((0.0, 0.0, 2.0), opacity=0.05, color=c) for c in colors)
@@ -140,7 +139,7 @@ def faint() -> EdgeCase:
 
 
 def sub_pixel() -> EdgeCase:
-    """Far smaller than a pixel, at pixel corners and centres: only the blur keeps them in sight."""
+    """Far smaller than a pixel, at pixel corners and centers: only the blur keeps them in sight."""
     rows = [
         gaussian((x / 20, y / 20, 2.0), (1e-4, 1e-4, 1e-4), opacity=0.9)
         for x in (-4.8, 0.2, 3.0)
@@ -150,7 +149,7 @@ def sub_pixel() -> EdgeCase:
 
 
 def cloud() -> EdgeCase:
-    """300 random ones with view-dependent colour: everything at once."""
+    """300 random ones with view-dependent color: everything at once."""
     return random_cloud(300, seed=1, degree=3), camera()
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gsedit.files.table import SplatTable
+from gsedit.scene.table import SplatTable
 
 
 def random_table(n: int = 300, degree: int = 3, seed: int = 0) -> SplatTable:

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import pytest
 import torch
 from command_line import gsedit
 
 from gsedit import doctor
+from gsedit.editors import registry
 from gsedit.errors import GseditError
 from rasterizer import compiled
+from rasterizer.waiting import SPINS
 
 
 def test_the_doctor_on_the_machine(monkeypatch):
@@ -55,7 +58,9 @@ def test_a_build_for_cuda_is_told_how_to_get_the_small_one(monkeypatch):
 def test_a_default_editor_without_weights_is_advice(monkeypatch, tmp_path):
     check = {check.name: check for check in doctor.check_packages()}["default editor"]
     assert (check.state, check.advice) == ("small", "")
-    monkeypatch.setattr("gsedit.editors.small.WEIGHTS", tmp_path / "none.safetensors")
+    factory, missing = registry.BUILT_IN[registry.DEFAULT]
+    without = partial(missing, tmp_path / "none.safetensors")
+    monkeypatch.setitem(registry.BUILT_IN, registry.DEFAULT, (factory, without))
     check = {check.name: check for check in doctor.check_packages()}["default editor"]
     assert "install it again" in check.advice
 
@@ -92,6 +97,23 @@ def test_threads_that_do_not_fit_the_processors(monkeypatch, threads, limit, adv
     assert bool(advice) == bool(check.advice)
 
 
+@pytest.mark.parametrize(
+    ("policy", "state", "advice"),
+    [
+        (f"GOMP_SPINCOUNT={SPINS}", "short spin", ""),
+        ("OMP_WAIT_POLICY=passive", "as OMP_WAIT_POLICY=passive", ""),
+        ("OMP_WAIT_POLICY=ACTIVE", "as OMP_WAIT_POLICY=ACTIVE", "unset it"),
+        ("", "torch was loaded first", "import gsedit before torch"),
+    ],
+)
+def test_how_threads_wait(monkeypatch, policy, state, advice):
+    monkeypatch.setattr("rasterizer.waiting.wait_briefly", lambda: policy)
+    check = doctor.check_waiting()
+    assert state in check.state
+    assert advice in check.advice
+    assert bool(advice) == bool(check.advice)
+
+
 def test_a_machine_without_opengl_and_vulkan(monkeypatch, tmp_path):
     def fail():
         raise GseditError("pyvista finds no OpenGL")
@@ -102,13 +124,13 @@ def test_a_machine_without_opengl_and_vulkan(monkeypatch, tmp_path):
     assert drawn.state == "does not draw"
     assert "no OpenGL" in drawn.advice
     monkeypatch.setattr("sys.platform", "linux")
-    monkeypatch.setattr(doctor, "VULKAN_DRIVERS", (str(tmp_path),))
+    folders = [str(tmp_path)]
     monkeypatch.setattr(doctor, "find_library", lambda name: None)
-    assert doctor.check_vulkan().state == "no loader"
-    assert "mesa-vulkan-drivers" in doctor.check_vulkan().advice
+    assert doctor.check_vulkan(folders).state == "no loader"
+    assert "mesa-vulkan-drivers" in doctor.check_vulkan(folders).advice
     (tmp_path / "lvp_icd.x86_64.json").write_text("{}")
     monkeypatch.setattr(doctor, "find_library", lambda name: "libvulkan.so.1")
-    assert doctor.check_vulkan() == doctor.Check("Vulkan", "loader, drivers: lvp_icd.x86_64")
+    assert doctor.check_vulkan(folders) == doctor.Check("Vulkan", "loader, drivers: lvp_icd.x86_64")
 
 
 def test_an_import_failure_is_the_last_line_of_another_process():

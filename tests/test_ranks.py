@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -12,10 +11,10 @@ import pytest
 import rank_worker
 import torch
 
-from gsedit.files import save
-from gsedit.files.cameras import write_beside
-from gsedit.files.state import load_state
-from gsedit.ranks import ALONE, join
+from gsedit.datasets.cameras_json import write_beside
+from gsedit.formats.scenes import save
+from gsedit.runs.ranks import ALONE, join, variables_of
+from gsedit.runs.state import load_state
 
 TESTS = Path(__file__).parent
 ENVIRONMENT = {**os.environ, "OMP_NUM_THREADS": "1"}
@@ -30,14 +29,10 @@ def alone():
 def together(tmp_path_factory):
     """What each of two ranks computes."""
     out = tmp_path_factory.mktemp("ranks") / "found"
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    variables = {"WORLD_SIZE": "2", "MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(port)}
     processes = [
         subprocess.Popen(
             [sys.executable, str(TESTS / "rank_worker.py"), str(out)],
-            env={**ENVIRONMENT, **variables, "RANK": str(rank)},
+            env={**ENVIRONMENT, **variables_of(rank, 2, out.parent)},
         )
         for rank in range(2)
     ]

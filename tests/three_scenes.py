@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import torch
 
-from gsedit.editors.protocol import Capabilities, EditProgress
-from gsedit.views.dataset import Dataset, capture
-from gsedit.views.orbit import circle
-from rasterizer.camera import look_at
+from gsedit import Dataset
+from gsedit.cameras.orbit import circle
+from gsedit.datasets.dataset import capture
+from gsedit.editors import Capabilities, EditProgress
+from rasterizer import Gaussians, concatenate, look_at
 from rasterizer.numerics import SH_DC
-from rasterizer.scene import Gaussians, concatenate
 
 SIZE = 48
 UP = torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64)
@@ -27,6 +27,7 @@ class Swapped:
         return None
 
     def edit(self, batch, settings, generator):
+        self.batch = batch
         yield EditProgress(1, 1, batch.originals.flip(-1))
 
 
@@ -39,7 +40,7 @@ class Exhibit:
 
 
 def blobs(seed, count, size, spread=0.6, middle=(0.0, 0.0, 0.0), degree=0, opacity=2.0):
-    """Round Gaussians of random colours about a point."""
+    """Round Gaussians of random colors about a point."""
     random = torch.Generator().manual_seed(seed)
     direction = torch.nn.functional.normalize(torch.randn(count, 3, generator=random), dim=-1)
     sh = torch.zeros(count, (degree + 1) ** 2, 3)
@@ -73,7 +74,7 @@ def ball() -> Exhibit:
 
 
 def rows_of_two() -> Exhibit:
-    """Two clusters far apart, each seen by its own cameras, and colours that depend on the view;
+    """Two clusters far apart, each seen by its own cameras, and colors that depend on the view;
     only a part of one cluster is edited."""
     left, right = (
         blobs(seed, 250, 0.06, 0.4, (x, 0.0, 0.0), degree=1) for seed, x in ((3, -6.0), (4, 6.0))

@@ -9,22 +9,19 @@ from functools import lru_cache
 import torch
 
 import gsedit
-from gsedit.diffusion import SamplerSettings
-from gsedit.edit import edit_steps
-from gsedit.editors import make_editor
-from gsedit.editors.protocol import Capabilities, EditBatch, EditProgress
+from gsedit import Dataset, EditResult, Event, edit_steps
+from gsedit.datasets.dataset import capture
+from gsedit.diffusion.settings import SamplerSettings
+from gsedit.editing.session.actions import Strategy
+from gsedit.editors import Capabilities, EditBatch, EditProgress, make_editor
 from gsedit.fitting.settings import UpdateSettings
-from gsedit.reports.events import Event
-from gsedit.session.result import EditResult
-from gsedit.strategies import Strategy
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
-from gsedit.views.dataset import Dataset, capture
-from rasterizer.scene import Gaussians
+from rasterizer import Gaussians
 
 SETTINGS = gsedit.EditSettings(
     sampler=SamplerSettings(steps=4),
     update=UpdateSettings(patches=1, patch=32, gram_weight=0.0),
-    views_per_round=2,
+    views_per_batch=2,
     rounds=2,
     held_out_edits=0,
 )

@@ -17,7 +17,7 @@ def texture(width: int = 900, height: int = 64, seed: int = 0) -> Image.Image:
     rng = np.random.default_rng(seed)
     total = np.zeros((height, width, 3))
     for cell in (16, 4, 1):
-        channels = 3 if cell == 16 else 1  # H.264 halves the resolution of colour
+        channels = 3 if cell == 16 else 1  # H.264 halves the resolution of color
         coarse = rng.random((height // cell + 2, width // cell + 2, channels)).repeat(
             3 // channels, 2
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from rasterizer.camera import look_at
+from rasterizer import look_at
 
 CELL = 8
 UP = torch.tensor([0.0, -1.0, 0.0])
@@ -21,19 +21,19 @@ def camera(x, y=0.0, z=0.0, size=128):
 
 def rays(view, xy):
     """World direction of depth 1 through each position, and the origin."""
-    return view.unproject(xy, torch.ones_like(xy[..., 0])) - view.centre, view.centre
+    return view.unproject(xy, torch.ones_like(xy[..., 0])) - view.center, view.center
 
 
 def plane_depth(view, plane, xy=None):
     normal, offset = plane
-    direction, origin = rays(view, view.pixel_centres() if xy is None else xy)
+    direction, origin = rays(view, view.pixel_centers() if xy is None else xy)
     return (offset - origin @ normal) / (direction @ normal)
 
 
-def sphere_depth(view, centre, radius, xy=None):
+def sphere_depth(view, center, radius, xy=None):
     """Inf where the ray misses."""
-    direction, origin = rays(view, view.pixel_centres() if xy is None else xy)
-    offset = origin - centre
+    direction, origin = rays(view, view.pixel_centers() if xy is None else xy)
+    offset = origin - center
     a, b = direction.square().sum(-1), direction @ offset
     root = b.square() - a * (offset @ offset - radius**2)
     return torch.where(root >= 0, (-b - root.clamp_min(0).sqrt()) / a, torch.inf)
@@ -52,16 +52,16 @@ def seen(view, depth=None):
     return view, depth, torch.ones_like(depth)
 
 
-def centres(view, index):
+def centers(view, index):
     columns = view.width // CELL
     return torch.stack((index % columns, index // columns), -1).double() * CELL + CELL / 2
 
 
 def true_error(a, b, pairs, depth_of):
-    """Distance in cells, along either axis, from the matched cell's centre to the true position."""
-    xy = centres(a, pairs.a)
+    """Distance in cells, along either axis, from the matched cell's center to the true position."""
+    xy = centers(a, pairs.a)
     true, _ = b.project(a.unproject(xy, depth_of(a, xy)))
-    return (true - centres(b, pairs.b)).abs().amax(-1) / CELL
+    return (true - centers(b, pairs.b)).abs().amax(-1) / CELL
 
 
 def clusters(labels):

@@ -5,7 +5,7 @@ arithmetic of blending for 25 million float32 pixel-Gaussian pairs: a matrix pro
 6, an exponential and four products a pair, in pieces of 2^18 pairs that stay in cache. A single
 operation would measure the maker's library: torch.exp takes five times as long on one maker's
 processor as on another's, where the renderer does not. A pass is taken before every timed run, so
-that a busy neighbour slows both; a Timing quotes the medians of the two.
+that a busy neighbor slows both; a Timing quotes the medians of the two.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 GAUSSIANS, PIXELS = 4096, 64
-"""Of a piece: 2^18 pairs, 1 MB read and 1 MB written, which two cores keep in their caches."""
+"""Size of a piece: 2^18 pairs, 1 MB read and 1 MB written, which two cores keep in their caches."""
 PIECE = GAUSSIANS * PIXELS
 PAIRS = 25_000_000
 """Pairs of the yardstick: as many as take the time of 10^8 exponentials on the Intel processor on
@@ -41,7 +41,7 @@ class Timing:
 
     wall: float
     cpu: float
-    """Of the process: all its threads together."""
+    """Processor time of all threads together."""
     runs: int
     yardstick: float
     """Median wall clock of the passes between the runs."""

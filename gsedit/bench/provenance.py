@@ -1,4 +1,4 @@
-"""What a measurement was taken with: code, processor, threads and date."""
+"""Provenance of a measurement: code, processor, threads and date."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 
 import torch
 
-from gsedit.reports.environment import installed_version
+from gsedit.runs.environment import installed_version
 
 
 @dataclass(frozen=True)
@@ -20,15 +20,15 @@ class Provenance:
     """Fields that every measurement has."""
 
     threads: int
-    """Of torch."""
+    """Number of torch's threads."""
     commit: str
     machine: str
     date: str
-    """ISO 8601, UTC."""
+    """Date and time, ISO 8601, UTC."""
 
 
 def provenance() -> Provenance:
-    """Of a measurement that is taken now."""
+    """Provenance of a measurement that is taken now."""
     date = datetime.now(timezone.utc).isoformat(timespec="seconds")
     return Provenance(torch.get_num_threads(), commit(), machine(), date)
 

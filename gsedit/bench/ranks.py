@@ -1,7 +1,7 @@
 """How much sooner two ranks are done than one (strong scaling), and how much more they do in the
 same time (weak scaling): a thread each, on one machine.
 
-`measure` starts this file under torchrun, with each number of ranks in turn.
+`ranks_to_folder` starts this file once for each rank, with each number of ranks in turn.
 """
 
 from __future__ import annotations
@@ -17,19 +17,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
 
-from gsedit.bench.markdown import markdown_table
 from gsedit.bench.provenance import Provenance, provenance
-from gsedit.bench.results import write_measurements, write_text
+from gsedit.bench.results import markdown_table, write_measurements, write_text
 from gsedit.errors import GseditError
-from gsedit.ranks import Ranks, join
-from gsedit.reports.events import Event
+from gsedit.runs.events import Event
+from gsedit.runs.ranks import Ranks, join, variables_of
 
 ROWS, TABLE = "bench.jsonl", "bench.md"
 VIEWS, SIDE = 4, 192
 """Views of the strong cases, pixels a side; a rank has half of them in the weak ones."""
 GAUSSIANS = 6000
 SUMMED = 1_000_000
-"""Numbers of a gradient, 4 MB: colours and opacities of 77,000 Gaussians of SH degree 1."""
+"""Numbers of a gradient, 4 MB: colors and opacities of 77,000 Gaussians of SH degree 1."""
 
 
 @dataclass(frozen=True)
@@ -89,15 +88,22 @@ def _run(count: int, quick: bool) -> list[tuple[str, str, float]]:
     """(case, scaling, seconds) of a run with that many ranks. Raises GseditError."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "found.json"
-        torchrun = ["-m", "torch.distributed.run", "--standalone", f"--nproc-per-node={count}"]
-        ended = subprocess.run(
-            [sys.executable, *torchrun, "-m", __spec__.name, str(out), *(["--quick"] * quick)],
-            env={**os.environ, "OMP_NUM_THREADS": "1"},
-            capture_output=True,
-            text=True,
-        )
-        if ended.returncode:
-            raise GseditError(f"a run with {count} ranks failed: {ended.stderr.strip()[:2000]}")
+        command = [sys.executable, "-m", __spec__.name, str(out), *(["--quick"] * quick)]
+        own = {**os.environ, "OMP_NUM_THREADS": "1"}
+        started = [
+            subprocess.Popen(
+                command,
+                env={**own, **variables_of(rank, count, Path(folder))},
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.PIPE,
+                text=True,
+            )
+            for rank in range(count)
+        ]
+        said = [process.communicate()[1] for process in started]
+        for process, words in zip(started, said):
+            if process.returncode:
+                raise GseditError(f"a run with {count} ranks failed: {words.strip()[:2000]}")
         return [tuple(row) for row in json.loads(out.read_text())]
 
 
@@ -108,26 +114,25 @@ def work(ranks: Ranks, quick: bool) -> list[tuple[str, str, float]]:
     """(case, scaling, seconds) of every case."""
     import torch
 
-    from gsedit.synthetic.labelled import statue
-    from gsedit.views.dataset import Dataset, capture
-    from gsedit.views.orbit import circle
+    from gsedit.cameras.orbit import circle
+    from gsedit.datasets.dataset import Dataset, capture
+    from gsedit.synthetic import demo_scene, surface_gaussians
 
-    labelled, size = statue(1, GAUSSIANS), ranks.size
+    solid, size = demo_scene(), ranks.size
+    scene = surface_gaussians(solid, GAUSSIANS, torch.Generator().manual_seed(1))
     cameras = circle(
-        torch.zeros(3, dtype=torch.float64), 0.7, labelled.scene.up, 9, SIDE,
+        torch.zeros(3, dtype=torch.float64), 0.7, solid.up, 9, SIDE,
         elevation=20.0, fov=45.0,
     )  # fmt: skip
-    views = capture(labelled.gaussians, cameras, [f"view_{i}" for i in range(9)])
-    data = Dataset(views, labelled.gaussians.means.double())
+    views = capture(scene, cameras, [f"view_{i}" for i in range(9)])
+    data = Dataset(views, scene.means.double())
     steps = 2 if quick else 8
     half = VIEWS // 2
     cases: dict[tuple[str, str], Callable[[], None]] = {
         ("2D editor", "strong"): lambda: _edit(ranks, data, VIEWS, steps),
         ("2D editor", "weak"): lambda: _edit(ranks, data, half * size, steps),
-        ("update", "strong"): lambda: _update(ranks, labelled.gaussians, data, VIEWS, 5 * steps),
-        ("update", "weak"): lambda: _update(
-            ranks, labelled.gaussians, data, half * size, 5 * steps
-        ),
+        ("update", "strong"): lambda: _update(ranks, scene, data, VIEWS, 5 * steps),
+        ("update", "weak"): lambda: _update(ranks, scene, data, half * size, 5 * steps),
         ("fit", "strong"): lambda: _fit(ranks, data, 2, 5 * steps),
         ("fit", "weak"): lambda: _fit(ranks, data, size, 5 * steps),
         ("gather 4 predictions of 3 x 64 kB", "message"): lambda: _gather(ranks),
@@ -138,7 +143,7 @@ def work(ranks: Ranks, quick: bool) -> list[tuple[str, str, float]]:
 
 
 def _seconds(ranks: Ranks, case: Callable[[], None]) -> float:
-    """Of the slowest rank: all begin and end together."""
+    """Seconds of the slowest rank: all begin and end together."""
     ranks.first(None)
     began = time.perf_counter()
     case()
@@ -149,7 +154,7 @@ def _seconds(ranks: Ranks, case: Callable[[], None]) -> float:
 def _edit(ranks: Ranks, data, views: int, steps: int) -> None:
     import torch
 
-    from gsedit.diffusion import SamplerSettings
+    from gsedit.diffusion.settings import SamplerSettings
     from gsedit.editors import EditBatch, make_editor
     from gsedit.editors.ranked import with_ranks
 
@@ -163,17 +168,17 @@ def _edit(ranks: Ranks, data, views: int, steps: int) -> None:
 def _update(ranks: Ranks, scene, data, patches: int, steps: int) -> None:
     import torch
 
-    from gsedit.fitting.optimiser import SceneOptimiser
+    from gsedit.fitting.optimizer import SceneOptimizer
     from gsedit.fitting.settings import UpdateSettings
     from gsedit.fitting.update import Target, rates, update_steps
     from gsedit.measures.features import FilterBank
 
-    optimiser = SceneOptimiser(scene, rates("appearance", 1.0))
+    optimizer = SceneOptimizer(scene, rates("appearance", 1.0))
     targets = [Target(replace(view, image=1 - view.image)) for view in data.views]
     seen = torch.ones(len(scene), dtype=torch.bool)
     settings = UpdateSettings(patches=patches)
     for _ in update_steps(
-        optimiser, targets, seen, range(steps), steps, settings, FilterBank(),
+        optimizer, targets, seen, range(steps), steps, settings, FilterBank(),
         torch.Generator().manual_seed(0), ranks=ranks,
     ):  # fmt: skip
         pass
@@ -191,7 +196,7 @@ def _fit(ranks: Ranks, data, batch: int, steps: int) -> None:
 
 
 def _gather(ranks: Ranks) -> None:
-    """What one step of Stable Diffusion's sampler sends of 4 views at 512x512."""
+    """Send as much as one step of Stable Diffusion's sampler does for 4 views at 512x512."""
     import torch
 
     ranks.rows(lambda rows: rows, torch.zeros(VIEWS, 3, 4, 64, 64))

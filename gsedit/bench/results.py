@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TypeVar
 
-from gsedit.files.atomic import atomic_path
-from gsedit.reports.events import Event
-from gsedit.reports.journal import Journal
+from gsedit.runs.events import Event
+from gsedit.runs.journal import Journal
+from gsedit.storage.atomic import atomic_path
+
+
+def markdown_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A Markdown table, its first column aligned left, the others right."""
+    lines = [head, ["---", *("---:" for _ in head[1:])], *rows]
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
+
 
 Measurement = TypeVar("Measurement")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -15,31 +16,30 @@ from gsedit.capture.child import Step, copy_database, rows
 from gsedit.capture.folder import Found, find_photos
 from gsedit.capture.frames import Extraction, extract_steps, is_video
 from gsedit.capture.groups import FULL_FRAME_DIAGONAL, groups_of
-from gsedit.capture.pairs import exhaustive, sequential
 from gsedit.capture.photos import HEIC, Prepared, prepare, state_of
-from gsedit.capture.settings import FEWEST, Attempt, CaptureSettings, ladder
+from gsedit.capture.settings import FEWEST, Attempt, CaptureSettings, exhaustive, ladder, sequential
 from gsedit.capture.stages import LOG, Line, Stages, Working, fingerprint, remove
 from gsedit.capture.upright import find_upright
 from gsedit.errors import GseditError, InputError, UsageError
-from gsedit.files.atomic import atomic_path
-from gsedit.reports.events import Event
+from gsedit.runs.events import Event
+from gsedit.storage.atomic import atomic_path
 
 WORK = "work"
 """The folder of the stages."""
 RESULTS = ("capture.json", "capture.png", "cameras.json", "images", "sparse")
-ENOUGH = 0.8
+ENOUGH_SHARE = 0.8
 """Share of the photos: with fewer posed, other settings are tried."""
-LEAST = 0.25
+LEAST_SHARE = 0.25
 """Share of the photos: with fewer posed there is no scene to speak of."""
 
 
 @dataclass(frozen=True)
 class CaptureResult:
-    """What a capture came to: capture.json."""
+    """Result of a capture, as in capture.json."""
 
     folder: str
     photos: int
-    """Usable ones."""
+    """Number of usable photos."""
     posed: int
     islands: tuple[int, ...]
     """Photos of each model, the largest first: the first is the scene."""
@@ -47,9 +47,9 @@ class CaptureResult:
     """Mean reprojection error, pixels."""
     points: int
     focals: tuple[tuple[float, str], ...]
-    """Of each camera: millimetres in 35 mm equivalents, and where it came from."""
+    """Focal length of each camera in 35 mm equivalents, and its source."""
     upright: str
-    """What the upright frame comes from: "gravity" or "the cameras"."""
+    """Source of the upright frame: "gravity" or "the cameras"."""
     missing: tuple[str, ...]
     """Photos without a pose."""
     unreadable: tuple[str, ...]
@@ -65,9 +65,11 @@ def check_places(source: Path, out: Path) -> None:
         raise InputError(f"{source} does not exist: name a folder of photos or a video")
     if source.is_file() and not is_video(source):
         raise InputError(f"{source} is neither a folder of photos nor a video: name one")
-    place = source.resolve()
-    removed = [(out / name).resolve() for name in (WORK, *RESULTS)]
-    if place == out.resolve() or any(each in (place, *place.parents) for each in removed):
+    place = Path(os.path.realpath(source))  # no error for a loop of links, unlike Path.resolve
+    removed = [Path(os.path.realpath(out / name)) for name in (WORK, *RESULTS)]
+    if place == Path(os.path.realpath(out)) or any(
+        each in (place, *place.parents) for each in removed
+    ):
         what = f"the photos in {source}" if source.is_dir() else str(source)
         raise UsageError(f"-o {out} would replace {what}: choose another folder")
 
@@ -192,7 +194,7 @@ class _Mapping:
     @property
     def is_usable(self) -> bool:
         """Whether the best attempt posed enough photos to speak of a scene."""
-        return self.posed >= max(FEWEST, LEAST * len(self.prepared.photos))
+        return self.posed >= max(FEWEST, LEAST_SHARE * len(self.prepared.photos))
 
     def cause(self) -> str:
         """Why not all photos have a pose."""
@@ -204,7 +206,7 @@ class _Mapping:
         count = len(self.prepared.photos)
         for name, attempt in ladder(self.settings, count):
             if name:
-                if self.posed >= ENOUGH * count:
+                if self.posed >= ENOUGH_SHARE * count:
                     return
                 posed = self.posed or "none"
                 yield Line(
@@ -286,7 +288,7 @@ class _Mapping:
         return answer, folder, key
 
     def focals(self, cameras: Sequence[dict[str, Any]]) -> tuple[tuple[float, str], ...]:
-        """Of each camera of the model: its focal length in 35 mm equivalents, and its source."""
+        """Focal length of each camera in 35 mm equivalents, and its source."""
         focals = []
         for each in cameras:
             diagonal = np.hypot(each["width"], each["height"])
@@ -363,9 +365,9 @@ def describe(out: Path) -> str:
     """Write cameras.json and capture.png of a folder, as `fit` reads it; why not, if a picture
     cannot be drawn."""
     from gsedit.capture.picture import save_picture
-    from gsedit.files.cameras import write_cameras
-    from gsedit.files.colmap import read_colmap
-    from gsedit.views.viewpoints import Viewpoint
+    from gsedit.datasets.cameras_json import write_cameras
+    from gsedit.datasets.colmap import read_colmap
+    from gsedit.datasets.viewpoints import Viewpoint
 
     found = read_colmap(out / "sparse" / "0")
     cameras = [photo.lens.camera(photo.world_to_camera) for photo in found.photos]

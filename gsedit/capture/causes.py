@@ -22,19 +22,19 @@ STRONG = 60
 """Verified matches of a pair that holds a model together: pairs of 15 are accepted, and may be
 chance."""
 STILL = 0.003
-"""Of the picture's width: matched points that move less show the same photo again."""
+"""Motion as a share of the picture's width below which matched photos show the same view again."""
 TURNED = 0.05
 """Largest median deviation from a rotation of the pairs of a camera that turned on the spot: there
 it is 0.007, and 0.27 or more for cameras that walked around a box and around the bear."""
 FOCALS = np.geomspace(0.35, 4, 36)
-"""Of the picture's width: 110 degrees to 14."""
+"""Focal lengths that are tried, as shares of the picture's width: 110 degrees to 14."""
 NAMED = 3
 """Photos that a message names."""
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What the stages before mapping found."""
+    """Evidence from the stages before mapping."""
 
     features: Mapping[str, int]
     """SIFT features, by photo."""
@@ -103,7 +103,7 @@ def before_features(prepared: Prepared, source: object) -> str | None:
     black = sum(photo.contrast < BLACK for photo in photos)
     if len(photos) - black < FEWEST:
         return (
-            f"{source}: {black} of {len(photos)} photos are black or of one colour: check the lens "
+            f"{source}: {black} of {len(photos)} photos are black or of one color: check the lens "
             "cap and the exposure, and take them again"
         )
     if max(photo.change for photo in photos) < SAME:
@@ -142,10 +142,10 @@ def cause(evidence: Evidence, count: int, posed: int) -> str:
     if groups[0] < count and groups[0] <= max(posed, 0.8 * count):
         parts = ", ".join(str(size) for size in groups[:4] if size > 1)
         shown = f"matches connect groups of {parts}" if parts else "no two photos match well"
-        neighbours_only = evidence.compared < count * (count - 1) // 2
-        every = ", or compare every pair with --matching exhaustive" if neighbours_only else ""
+        neighbors_only = evidence.compared < count * (count - 1) // 2
+        every = ", or compare every pair with --matching exhaustive" if neighbors_only else ""
         return (
-            f"too little overlap ({shown}): take photos in between, so that neighbours share two "
+            f"too little overlap ({shown}): take photos in between, so that neighbors share two "
             f"thirds of the picture{every}"
         )
     if posed < 0.8 * count and not evidence.focal_known:

@@ -23,7 +23,7 @@ from typing import Any
 
 import gsedit
 from gsedit.errors import GseditError
-from gsedit.files.atomic import atomic_path
+from gsedit.storage.atomic import atomic_path
 
 
 @dataclass(frozen=True)

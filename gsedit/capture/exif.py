@@ -1,4 +1,4 @@
-"""What photos say of the camera that took them: EXIF 2.32 (CIPA DC-008) and Apple's maker note.
+"""Facts about the camera in a photo's header: EXIF 2.32 (CIPA DC-008) and Apple's maker note.
 
 Sizes and directions are those of the photo as it is shown: its EXIF orientation applied.
 """
@@ -12,10 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from PIL import Image
-
 from gsedit.capture.heif import register_heif
-from gsedit.files.pictures import picture_size
+from gsedit.formats.pictures import decoded, picture_size
 
 FocalSource = Literal["EXIF 35 mm", "EXIF and sensor", "guessed"]
 FULL_FRAME_DIAGONAL = 43.267
@@ -34,7 +32,7 @@ REST = (0.8, 1.2)
 
 @dataclass(frozen=True)
 class Tags:
-    """What one photo says of itself."""
+    """Facts that one photo's header holds."""
 
     width: int
     """As it is shown, pixels."""
@@ -44,7 +42,7 @@ class Tags:
     camera: tuple[str, ...]
     """Make, model and lens, as far as they are known."""
     focal: float | None
-    """Focal length, pixels."""
+    """Focal length in pixels."""
     focal_source: FocalSource
     gravity: tuple[float, float, float] | None
     """Unit vector towards the ground in OpenCV camera axes (x right, y down, z forward)."""
@@ -56,7 +54,7 @@ class CameraGroup:
 
     photos: tuple[Path, ...]
     width: int
-    """Of each photo as it is shown, pixels."""
+    """Width of each photo as it is shown, pixels."""
     height: int
     focal: float | None
     """Pixels; None where no photo tells."""
@@ -87,7 +85,7 @@ def _group(members: Sequence[tuple[Path, Tags]]) -> CameraGroup:
 
 
 def read_tags(photo: Path) -> Tags:
-    """What a photo's header says. Tags that are damaged count as absent; raises InputError for a
+    """Read the facts in a photo's header. Damaged tags count as absent; raises InputError for a
     file that is no picture."""
     register_heif()
     width, height = picture_size(photo)
@@ -109,7 +107,7 @@ def _directories(photo: Path) -> tuple[dict[int, Any], dict[int, Any], int | Non
     """The main EXIF directory of a picture and that of its camera, empty where damaged; and the
     orientation that is applied already (HEIC)."""
     try:
-        with Image.open(photo) as picture:
+        with decoded(photo) as picture:
             exif = picture.getexif()
             turned = picture.info.get("original_orientation")
             return dict(exif), dict(exif.get_ifd(0x8769)), turned
@@ -142,7 +140,7 @@ def focal_length(tags: dict[int, Any], width: int, height: int) -> tuple[float |
 def gravity(
     note: bytes | None, orientation: int, camera: Sequence[str] = ()
 ) -> tuple[float, float, float] | None:
-    """Which way is down in camera axes, from the acceleration in the maker note of an iPhone.
+    """Downward direction in camera axes, from the acceleration in an iPhone's maker note.
 
     Apple's axes, seen from the front of the phone: x right, y top, z towards the viewer; at rest
     the vector points to the ground. The pixels are stored as the phone sees held with its top to

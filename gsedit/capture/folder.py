@@ -21,13 +21,13 @@ SMALLER = re.compile(r"(images|photos)_[0-9]+")
 has no number (INRIA's trainer, nerfstudio)."""
 RECORDS = ("capture.json", "make.json", "edit.json", LOG)
 """Files in the folders that gsedit writes; the last is there before a capture has a result."""
-SHOWN = 4
+NAMED_FILES = 4
 """Folders that a message names."""
 
 
 @dataclass(frozen=True)
 class Found:
-    """What a folder of photos holds."""
+    """Contents of a folder of photos."""
 
     files: tuple[Path, ...]
     """Those that should be photos, in the order of their folders, then of their names: 2 before
@@ -58,8 +58,8 @@ def find_photos(folder: Path, out: Path) -> Found:
     if others:
         parts = [f"{each} ({_counted(_pictures(each), 'picture')})" for each in sorted(others)]
         notes.append(
-            f"left out: {_some(parts)}: by name or content masks, smaller copies or results of "
-            "gsedit; name one itself if it holds photos"
+            f"left out: {_some(parts)}: by name or content masks, smaller copies, results of "
+            "gsedit, or links out of the folder; name one itself if it holds photos"
         )
     if videos:
         notes.append(f"left out: {_counted(len(videos), 'video')} ({min(videos)}): name one itself")
@@ -68,7 +68,7 @@ def find_photos(folder: Path, out: Path) -> Found:
 
 def _walk(folder: Path, seen: set[Path], others: list[Path]) -> Iterator[tuple[Path, list[str]]]:
     """The folders and their files, nothing hidden, no folder twice; those that hold pictures that
-    are no photos of their own go to `others`."""
+    are no photos of their own, and links to folders elsewhere, go to `others`."""
 
     def refuse(error: OSError) -> None:
         raise InputError(
@@ -76,10 +76,14 @@ def _walk(folder: Path, seen: set[Path], others: list[Path]) -> Iterator[tuple[P
             "permissions, or move the photos into another folder"
         )
 
+    top = folder.resolve()
     for place, inner, files in os.walk(folder, onerror=refuse, followlinks=True):
         here = Path(place)
-        if (real := here.resolve()) in seen:
+        real = here.resolve()
+        if real in seen or not real.is_relative_to(top):
             inner.clear()
+            if real not in seen and _pictures(here):
+                others.append(here)
             continue
         seen.add(real)
         made = any(record in files for record in RECORDS)
@@ -125,8 +129,8 @@ def _by_folder(files: Sequence[Path]) -> str:
 
 
 def _some(parts: Sequence[str]) -> str:
-    more = len(parts) - SHOWN
-    return ", ".join(parts[:SHOWN]) + (f", and {more} more" if more > 0 else "")
+    more = len(parts) - NAMED_FILES
+    return ", ".join(parts[:NAMED_FILES]) + (f", and {more} more" if more > 0 else "")
 
 
 def _order(path: Path) -> tuple[list[list[tuple[int, str]]], list[tuple[int, str]], str]:

@@ -18,15 +18,17 @@ from PIL import Image
 
 from gsedit.capture.video import Decoded, Video, open_video
 from gsedit.errors import InputError
-from gsedit.files.atomic import atomic_path
-from gsedit.reports.events import Event
+from gsedit.runs.events import Event
+from gsedit.storage.atomic import atomic_path
+from gsedit.storage.json_files import read_json
+from gsedit.storage.safe_names import safe_name
 
 SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi", ".3gp", ".mts", ".m2ts")
 PER_SECOND = 2.0
 """Frames for each second in which the picture moves: a walk around something takes a minute, and
 120 photos of it are 3 degrees apart."""
 STEP = 0.15
-"""Shift between neighbouring frames, in the picture's width, that must not be exceeded: a faster
+"""Shift between neighboring frames, in the picture's width, that must not be exceeded: a faster
 video gets more frames."""
 FEWEST, MOST = 40, 200
 LONGEST_SIDE = 1920
@@ -35,20 +37,20 @@ MEASURED_SIDE = 480
 """Pixels: the longer side at which sharpness is measured. Noise and compression are averaged away,
 blur that a fit would show is not."""
 QUALITY = 95
-"""Of JPEG."""
+"""Quality of the JPEG files."""
 SAME = 1.5
 """Mean difference of thumbnails, levels of 255, below which two frames are one picture: the noise
 of compression on a still picture is below 1."""
 FLAT = 3.0
 """Standard deviation of a thumbnail, levels: a frame below it is black, or shows nothing."""
 MARGIN = 0.2
-"""Of a bucket, at each end: a frame there is taken only if no other is at hand. Otherwise the
-sharpest frames of two neighbours could be one moment, with a gap beside them."""
+"""Share of a bucket, at each end, whose frames are taken only if no other is at hand. Otherwise the
+sharpest frames of two neighbors could be one moment, with a gap beside them."""
 BLURRED = 0.35
-"""Sharpness in the median of the neighbours, below which a frame is called blurred."""
+"""Sharpness in the median of the neighbors, below which a frame is called blurred."""
 MANY_BLURRED = 0.1
 """Share of the frames from which the user is told."""
-LEAST = 3
+LEAST_FRAMES = 3
 """Different pictures: a video with fewer shows no scene from several sides."""
 CHOICE = "frames.json"
 
@@ -60,10 +62,10 @@ class Frame:
     name: str
     """Its file in the folder; names sort by time."""
     stamp: int
-    """See `Decoded.stamp`."""
+    """Time stamp as in `Decoded.stamp`."""
     seconds: float
     sharpness: float
-    """Variance of the Laplacian at the measuring size, in the median of its neighbours'."""
+    """Variance of the Laplacian at the measuring size, in the median of its neighbors'."""
 
     @property
     def blurred(self) -> bool:
@@ -159,9 +161,9 @@ def check_content(measured: Sequence[Measured], video: Path) -> None:
     deviations = np.array([frame.thumbnail.std() for frame in measured])
     if (deviations < FLAT).all():
         black = max(float(frame.thumbnail.mean()) for frame in measured) < 40
-        what = "is black" if black else "shows one plain colour"
+        what = "is black" if black else "shows one plain color"
         raise InputError(f"{video} {what} from beginning to end: record it again, with light")
-    if len(distinct([f for f, d in zip(measured, deviations) if d >= FLAT])) < LEAST:
+    if len(distinct([f for f, d in zip(measured, deviations) if d >= FLAT])) < LEAST_FRAMES:
         raise InputError(
             f"{video} shows one still picture: record it while walking around the subject"
         )
@@ -208,14 +210,14 @@ def choose(measured: Sequence[Measured], count: int | None) -> tuple[Frame, ...]
 
 
 def _relative(sharpness: Sequence[float]) -> list[float]:
-    """Each in the median of itself and four on either side: neighbours show nearly the same."""
+    """Each in the median of itself and four on either side: neighbors show nearly the same."""
     medians = [np.median(sharpness[max(0, i - 4) : i + 5]) for i in range(len(sharpness))]
     return [float(each / max(median, 1e-9)) for each, median in zip(sharpness, medians)]
 
 
 def blur_notes(frames: Sequence[Frame], video: Path) -> tuple[str, ...]:
-    """What to say of frames that are blurred, where they are many. They are used all the same:
-    docs/capture.md has what leaving them out would lose."""
+    """Notes on blurred frames, where they are many. They are used all the same:
+    docs/measurements/capture.md has what leaving them out would lose."""
     blurred = sum(frame.blurred for frame in frames)
     if blurred <= MANY_BLURRED * len(frames):
         return ()
@@ -285,7 +287,7 @@ def _write(source: Video, folder: Path, names: dict[int, str]) -> Iterator[str]:
 
 
 def _request(video: Path, count: int | None) -> dict[str, Any]:
-    """What frames.json must have been made from, to be used again."""
+    """Request that frames.json must have been made from, to be used again."""
     stat = video.stat()
     return {"video": video.name, "bytes": stat.st_size, "changed": stat.st_mtime, "count": count}
 
@@ -295,11 +297,13 @@ def _kept(
 ) -> tuple[tuple[Frame, ...], tuple[str, ...]] | None:
     """The choice that an earlier call made of the same video; else the folder's frames go."""
     try:
-        record = json.loads((folder / CHOICE).read_text())
+        record = read_json(folder / CHOICE)
         frames = tuple(Frame(**each) for each in record["frames"])
+        for frame in frames:
+            safe_name(frame.name, CHOICE)
         if video.is_file() and record["request"] == _request(video, count):
             return frames, tuple(record["notes"])
-    except (OSError, ValueError, KeyError, TypeError):
+    except (InputError, ValueError, KeyError, TypeError, AttributeError):
         return None
     for frame in frames:
         (folder / frame.name).unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""Which prepared photos share a camera, and what is known of it."""
+"""Groups of prepared photos that share a camera, and its known facts."""
 
 from __future__ import annotations
 

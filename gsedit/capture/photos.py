@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import shutil
@@ -15,10 +14,13 @@ from PIL import Image, ImageOps
 
 from gsedit.capture.child import Step
 from gsedit.capture.heif import register_heif
+from gsedit.errors import InputError
+from gsedit.formats.pictures import decoded
+from gsedit.storage.json_files import read_json
 
 HEIC = "HEIC needs pi-heif, which this machine lacks: pip install pi-heif, or convert them to JPEG"
 QUALITY = 95
-"""Of JPEG, where a photo is written anew."""
+"""Quality of JPEG files that are written anew."""
 SMALLEST = 64
 """Pixels of the shorter side: SIFT finds next to nothing in less."""
 LONGEST = 200
@@ -32,11 +34,11 @@ class Photo:
     """A photo that can be used."""
 
     source: str
-    """The user's file."""
+    """Path of the user's file."""
     name: str
-    """Of the prepared file: without what COLMAP's list of pairs cannot hold."""
+    """Name of the prepared file, without characters that COLMAP's list of pairs cannot hold."""
     width: int
-    """Of the prepared file, pixels."""
+    """Width of the prepared file, pixels."""
     height: int
     contrast: float
     """Standard deviation of the grey values, 0 to 255."""
@@ -54,14 +56,14 @@ class Prepared:
 
     @staticmethod
     def load(path: Path) -> Prepared:
-        record = json.loads(path.read_text())
+        record = read_json(path, advice="remove it")
         return Prepared(tuple(Photo(**each) for each in record["photos"]),
                         tuple(record["unreadable"]))  # fmt: skip
 
 
 def state_of(files: Sequence[Path]) -> list[tuple[str, int, int]]:
-    """What changes when a file does: name, bytes, time of its last change; zeros for a link to a
-    file that is not there."""
+    """Fingerprint of files: name, bytes, time of the last change; zeros for a link to a missing
+    file."""
     return [(str(each), *_stat(each)) for each in files]
 
 
@@ -112,7 +114,7 @@ def prepare(files: Sequence[Path], folder: Path, size: int, top: Path) -> Iterat
 
 def _read(file: Path, size: int) -> tuple[Image.Image, bool, str]:
     """The picture of one photo; whether its file is fine as it is; and the suffix to write."""
-    with Image.open(file) as opened:
+    with decoded(file) as opened:
         if getattr(opened, "n_frames", 1) > 1 and opened.format not in ("MPO", "TIFF", "HEIF"):
             raise ValueError("an animation: name the video it was made from")
         opened.load()
@@ -142,8 +144,6 @@ def _rgb(picture: Image.Image) -> Image.Image:
     if picture.mode.startswith("I"):
         levels = np.asarray(picture).astype(np.float32) / 257
         return Image.fromarray(levels.round().clip(0, 255).astype(np.uint8)).convert("RGB")
-    if picture.mode == "F":
-        raise ValueError("floating-point pixels: export it with 8 or 16 bits")
     if picture.has_transparency_data:
         rgba = picture.convert("RGBA")
         white = Image.new("RGBA", rgba.size, "white")
@@ -184,7 +184,9 @@ def _reason(file: Path, error: Exception) -> str:
         return "HEIC"
     if isinstance(error, OSError) and error.strerror:
         return error.strerror
-    text = str(error).split("\n")[0].replace(repr(str(file)), "it")
+    if isinstance(error, InputError):
+        return str(error).removeprefix(f"{file} ").partition(": ")[0]
+    text = str(error).split("\n")[0].partition(" <_io.")[0]
     if "cannot identify image file" in text:
         return "no picture inside" if file.stat().st_size else "an empty file"
     return text or type(error).__name__

@@ -11,21 +11,22 @@ import torch
 from jaxtyping import Float
 from PIL import Image
 
-from gsedit.files.pictures import save_picture as write_picture
-from gsedit.viewer.drawing import aim
-from gsedit.viewer.frustums import EDGES, SHARE, frustum
-from gsedit.viewer.libraries import check_drawing, import_pyvista
+from gsedit.formats.pictures import save_picture as write_picture
+from gsedit.pictures.viewer.drawing import aim
+from gsedit.pictures.viewer.frustums import EDGES, SHARE, frustum
+from gsedit.pictures.viewer.libraries import check_drawing, import_pyvista
 from rasterizer.camera import Camera, look_at
 
-SIZE = (800, 640)
-"""Of one of the two views, (width, height) in pixels."""
+SIZE_PIXELS = (800, 640)
+"""Size of each of the two views, (width, height) in pixels."""
 FOV = 40.0
 TILT = 25.0
 """Degrees by which the view from the side looks down."""
 NEAR_POINTS = 0.7
 """Share of the points, the nearest to the cameras, that must be in view: the rest is background."""
 FARTHEST = 1.6
-"""Of those points, in the distance of the farthest camera: a far background is not framed."""
+"""Largest distance of framed points, in units of the farthest camera's: a far background is not
+framed."""
 COLORMAP = "viridis"
 
 
@@ -39,7 +40,7 @@ def save_picture(
 ) -> None:
     """Draw the points and cameras of an upright world (y down) off screen, into a PNG.
 
-    `colors`: RGB in [0, 1]. The pyramid of a camera is coloured by its place in the order. Raises
+    `colors`: RGB in [0, 1]. The pyramid of a camera is colored by its place in the order. Raises
     GseditError where pyvista or OpenGL is missing, UsageError as `atomic_path`.
     """
     check_drawing()
@@ -60,7 +61,7 @@ def _plotter(
     pyvista = import_pyvista()
     middle, radius = framing(points, cameras)
     plotter = pyvista.Plotter(
-        off_screen=True, shape=(1, 2), window_size=[2 * SIZE[0], SIZE[1]], border=True
+        off_screen=True, shape=(1, 2), window_size=[2 * SIZE_PIXELS[0], SIZE_PIXELS[1]], border=True
     )
     plotter.set_background("white", all_renderers=True)
     titles = f"{len(cameras)} cameras, {len(points):,} points", "from above"
@@ -81,9 +82,9 @@ def framing(
     points: Float[np.ndarray, "n 3"], cameras: Sequence[Camera]
 ) -> tuple[Float[np.ndarray, "3"], float]:
     """Middle and radius of the ball that is shown: all cameras, and the points near them."""
-    centres = np.stack([camera.centre.detach().double().numpy() for camera in cameras])
-    middle = (centres.min(0) + centres.max(0)) / 2
-    radius = float(np.linalg.norm(centres - middle, axis=1).max())
+    centers = np.stack([camera.center.detach().double().numpy() for camera in cameras])
+    middle = (centers.min(0) + centers.max(0)) / 2
+    radius = float(np.linalg.norm(centers - middle, axis=1).max())
     if len(points):
         distance = np.linalg.norm(points - middle, axis=1)
         reach = float(np.quantile(distance, NEAR_POINTS))
@@ -101,11 +102,11 @@ def _viewer(middle: Float[np.ndarray, "3"], radius: float, *, from_above: bool) 
     else:
         direction, up = (0.0, -float(np.sin(tilt)), -float(np.cos(tilt))), (0.0, -1.0, 0.0)
     eye = target + distance * torch.tensor(direction, dtype=torch.float64)
-    return look_at(eye, target, torch.tensor(up), FOV, *SIZE)
+    return look_at(eye, target, torch.tensor(up), FOV, *SIZE_PIXELS)
 
 
 def _add_cameras(plotter: Any, cameras: Sequence[Camera], radius: float, *, bar: bool) -> None:
-    """Pyramids, the first and the last camera at the two ends of the colours."""
+    """Pyramids, the first and the last camera at the two ends of the colors."""
     pyvista = import_pyvista()
     corners = np.concatenate([frustum(camera, 1.5 * SHARE * radius) for camera in cameras])
     lines = np.array(EDGES)[None] + 5 * np.arange(len(cameras))[:, None, None]

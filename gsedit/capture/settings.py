@@ -1,4 +1,4 @@
-"""What a capture may be asked for."""
+"""Settings of a capture, and the attempts of its retry schedule."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LENSES = {
 EXHAUSTIVE_UP_TO = 80
 """Photos of which every pair is matched. The cost is quadratic: 3,160 pairs, 55 s on two cores."""
 EVERY_PAIR_UP_TO = 250
-"""Photos of which every pair is matched where neighbours alone did not connect."""
+"""Photos of which every pair is matched where neighbors alone did not connect."""
 FEWEST = 3
 """Photos: two leave the depth of every point to two rays, and one cannot be posed."""
 
@@ -35,8 +35,8 @@ class CaptureSettings:
     features: int = 2048
     """SIFT features of a photo, at most."""
     matching: Matching = "auto"
-    """Which photos are compared: every pair, or each with those after it in the order of the names,
-    the last with the first. auto: every pair of up to 80 photos."""
+    """Pairs of photos that are matched: every pair, or each photo with those after it in the order
+    of the names, the last with the first. auto: every pair of up to 80 photos."""
     mapper: Mapper = "incremental"
     """COLMAP's incremental mapping, or its global one (GLOMAP), which is faster on hundreds of
     photos and needs good focal lengths."""
@@ -63,7 +63,7 @@ class CaptureSettings:
 
 @dataclass(frozen=True)
 class Attempt:
-    """What a retry changes."""
+    """Changes that a retry makes."""
 
     features: int
     exhaustive: bool
@@ -78,7 +78,7 @@ class Attempt:
 
 
 def ladder(settings: CaptureSettings, count: int) -> tuple[tuple[str, Attempt], ...]:
-    """What is tried in turn with `count` photos, cheapest first, each with its name."""
+    """Retry schedule for `count` photos, cheapest attempt first, each with its name."""
     every = settings.matching == "exhaustive"
     every = every or (settings.matching == "auto" and count <= EXHAUSTIVE_UP_TO)
     tried = Attempt(settings.features, every)
@@ -95,3 +95,31 @@ def ladder(settings: CaptureSettings, count: int) -> tuple[tuple[str, Attempt], 
     rungs.append(("more and fainter features", tried))
     rungs.append(("affine shapes and guided matching", replace(tried, affine=True)))
     return tuple(rungs)
+
+
+OVERLAP = 10
+"""Neighbors on either side in a sequence (COLMAP's default)."""
+BLOCK = 16
+"""Photos whose features are held at once: pairs are ordered by blocks."""
+
+
+def exhaustive(count: int) -> list[tuple[int, int]]:
+    """Every pair of `count` photos, once."""
+    return _in_blocks({(i, j) for i in range(count) for j in range(i + 1, count)})
+
+
+def sequential(count: int, overlap: int = OVERLAP) -> list[tuple[int, int]]:
+    """Each photo with the `overlap` after it and with those 2^k after it, the last with the first.
+
+    Powers of two reach across the orbit (COLMAP's quadratic overlap); the wrap-around closes it.
+    """
+    steps = {
+        *range(1, overlap + 1),
+        *(2**k for k in range(count.bit_length()) if 2**k <= count / 2),
+    }
+    ends = ((i, (i + step) % count) for i in range(count) for step in steps)
+    return _in_blocks({(min(i, j), max(i, j)) for i, j in ends if i != j})
+
+
+def _in_blocks(pairs: set[tuple[int, int]]) -> list[tuple[int, int]]:
+    return sorted(pairs, key=lambda pair: (pair[0] // BLOCK, pair[1] // BLOCK, *pair))

@@ -18,8 +18,9 @@ from typing import Any, TypeAlias
 
 from gsedit.capture import child
 from gsedit.capture.child import Step
-from gsedit.files.atomic import atomic_path
-from gsedit.reports.events import Event
+from gsedit.runs.events import Event
+from gsedit.storage.atomic import atomic_path
+from gsedit.storage.json_files import read_json
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ class Line:
 
 
 LOG = "colmap.log"
-"""What COLMAP says; in the folder of the stages from the beginning, and a sign that it is one."""
+"""COLMAP's log file, in the folder of the stages from the beginning, and a sign that it is one."""
 
 Working: TypeAlias = Generator[Event | Line, None, Any]
 """Work that yields what to show, and returns what it came to."""
@@ -66,7 +67,7 @@ class Stages:
         return self.folder / name
 
     def answer(self, stage: str, key: str) -> Path:
-        """Where the answer of a stage is kept: with it, the stage is complete."""
+        """Path of a stage's answer: where it exists, the stage is complete."""
         return self.place(f"{stage}-{key}.json")
 
     def keep(self, stage: str, key: str, answer: object) -> None:
@@ -88,7 +89,7 @@ class Stages:
         path = self.answer(stage, key)
         if path.exists():
             yield self.event(stage, 1, 1, "done before")
-            return json.loads(path.read_text())
+            return read_json(path, advice="remove it")
         yield self.event(stage)
         request = {**request, "threads": self.threads}
         steps = child.run(task or stage, request, self.log, look)

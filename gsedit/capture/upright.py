@@ -1,4 +1,4 @@
-"""Which way is up in a capture: by gravity where the photos have it, else by how people hold
+"""Upward direction of a capture: by gravity where the photos have it, else by how people hold
 cameras. `n` cameras, OpenCV axes (x right, y down, z forward), rotations in float64."""
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def down_of_cameras(axes: Float64[np.ndarray, "n 3 3"]) -> Float64[np.ndarray, "
 
 
 def _gap(vectors: Float64[np.ndarray, "n 3"]) -> float:
-    """See CLEAR."""
+    """Gap between the two smallest eigenvalues; see CLEAR."""
     smallest, second, _ = np.linalg.eigvalsh(vectors.T @ vectors / len(vectors))
     return float(second - smallest)
 

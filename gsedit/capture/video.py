@@ -12,13 +12,21 @@ import numpy as np
 from jaxtyping import UInt8
 
 from gsedit.errors import GseditError, InputError
+from gsedit.storage.inputs import existing_file
 
 COMPLETE = 0.95
 """Share of the length that the file states, below which it counts as cut off."""
 UNSPECIFIED = 2
-"""AVCOL_SPC_UNSPECIFIED: the file does not name its colour matrix."""
+"""AVCOL_SPC_UNSPECIFIED: the file does not name its color matrix."""
 HIGH_DEFINITION = 720
 """Lines from which such a video is taken as BT.709 instead of BT.601."""
+
+TRUSTED = {
+    "format_whitelist": "mov,mp4,matroska,webm,avi,mpegts,mpeg,mpegvideo,flv,asf,ogg,gif",
+    "protocol_whitelist": "file",
+}
+"""FFmpeg goes by the content of a file, whatever its name: play lists and other formats that name
+files or addresses are not opened."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +102,7 @@ class Video:
             yield Decoded(index, stamp, self.last, picture, aspect)
 
     def notes(self) -> tuple[str, ...]:
-        """What there is to say of the video once its frames were read."""
+        """Notes on the video once its frames were read."""
         if self.length and self.last < COMPLETE * self.length - 0.5:
             return (
                 f"{self.path} is cut off: {self.last:.1f} of {self.length:.1f} s can be decoded, "
@@ -134,10 +142,8 @@ def open_video(path: Path) -> Iterator[Video]:
             f"a video is read with PyAV ({error}): pip install 'gsedit[video]', or give a folder "
             "of photos"
         ) from error
-    if not path.is_file():
-        raise InputError(f"{path} does not exist: check the path of the video")
     try:
-        container = av.open(str(path))
+        container = av.open(str(existing_file(path)), container_options=TRUSTED)
     except av.error.FFmpegError as error:
         raise InputError(_not_opened(path, error)) from None
     with container:
@@ -150,8 +156,6 @@ def open_video(path: Path) -> Iterator[Video]:
 
 def _not_opened(path: Path, error: Exception) -> str:
     mp4 = path.suffix.lower() in (".mp4", ".mov", ".m4v", ".3gp")
-    if not path.stat().st_size:
-        return f"{path} is empty: copy it again"
     ends = _ends(path)
     if mp4 and b"ftyp" in ends[:64] and b"moov" not in ends:
         return (

@@ -26,11 +26,12 @@ GOOD_ERROR = 2.0
 """Pixels: the largest reprojection error of a point that the fit starts from."""
 GOOD_ANGLE = 2.0
 """Degrees: the smallest angle between its rays."""
-ENOUGH_FOR_CENTRE = 15
+ENOUGH_FOR_CENTER = 15
 """Photos of one camera from which the principal point is estimated too. The bear's lies 17 pixels
 off the middle of 512: left there, every pose is 1.7 degrees wrong."""
-FARTHEST_CENTRE = 0.1
-"""Of the picture's side, from its middle: a principal point beyond is not believed."""
+FARTHEST_CENTER = 0.1
+"""Largest distance of a believable principal point from the middle, as a share of the picture's
+side."""
 
 Say = Callable[..., None]
 
@@ -81,7 +82,7 @@ def match(say: Say, database: str, pairs: str, guided: bool, seed: int, threads:
 
 
 def survey(database: str) -> dict[str, Any]:
-    """What the features and matches say: the evidence for why photos could not be posed."""
+    """Evidence in the features and matches for why photos could not be posed."""
     with pycolmap.Database.open(database) as opened:
         images = {image.image_id: image for image in opened.read_all_images()}
         cameras = {camera.camera_id: camera for camera in opened.read_all_cameras()}
@@ -99,7 +100,9 @@ def survey(database: str) -> dict[str, Any]:
                 "inliers": len(inliers),
                 "flat": geometry.config in _FLAT,
                 "shift": float(np.median(np.linalg.norm(moved, axis=1))) / camera.width,
-                "homography": None if geometry.H is None else _centred(geometry.H, camera).tolist(),
+                "homography": None
+                if geometry.H is None
+                else _centered(geometry.H, camera).tolist(),
             })  # fmt: skip
     counts = {image.name: len(keypoints[i]) for i, image in images.items()}
     return {"features": counts, "pairs": pairs}
@@ -112,7 +115,7 @@ _FLAT = {
 """Pairs that a homography explains: a flat subject, or a camera that only turned."""
 
 
-def _centred(homography: np.ndarray, camera: pycolmap.Camera) -> np.ndarray:
+def _centered(homography: np.ndarray, camera: pycolmap.Camera) -> np.ndarray:
     """The homography between pictures whose origin is the middle and whose unit is the width."""
     half = np.array([camera.width, camera.height]) / 2
     to_unit = np.diag([1 / camera.width, 1 / camera.width, 1.0])
@@ -179,7 +182,7 @@ def refine(say: Say, model: str, database: str, images: str, output: str, seed: 
     """The model with the principal points of cameras that took many photos, and with points that
     only two photos see where that gives more good ones."""
     say("step", step=0, steps=2, note="principal point")
-    reconstruction = _with_centres(pycolmap.Reconstruction(model), threads)
+    reconstruction = _with_centers(pycolmap.Reconstruction(model), threads)
     say("step", step=1, steps=2, note="points")
     reconstruction = _with_more_points(reconstruction, database, images, output, seed, threads)
     reconstruction.extract_colors_for_all_images(images, threads)
@@ -197,7 +200,7 @@ def refine(say: Say, model: str, database: str, images: str, output: str, seed: 
     return {**_model(0, output, reconstruction), "cameras": cameras}
 
 
-def _with_centres(reconstruction: pycolmap.Reconstruction, threads: int) -> pycolmap.Reconstruction:
+def _with_centers(reconstruction: pycolmap.Reconstruction, threads: int) -> pycolmap.Reconstruction:
     """Adjusted with the principal points of cameras free that took enough photos, the intrinsics of
     others held; as it was, where a point comes out far from the middle or the error is not less."""
     uses: dict[int, int] = {}
@@ -206,10 +209,10 @@ def _with_centres(reconstruction: pycolmap.Reconstruction, threads: int) -> pyco
         if image.has_pose:
             uses[image.camera_id] = uses.get(image.camera_id, 0) + 1
             adjusted.add_image(image.image_id)
-    if max(uses.values()) < ENOUGH_FOR_CENTRE:
+    if max(uses.values()) < ENOUGH_FOR_CENTER:
         return reconstruction
     for camera, number in uses.items():
-        if number < ENOUGH_FOR_CENTRE:
+        if number < ENOUGH_FOR_CENTER:
             adjusted.set_constant_cam_intrinsics(camera)
     adjusted.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
     options = pycolmap.BundleAdjustmentOptions()
@@ -220,7 +223,7 @@ def _with_centres(reconstruction: pycolmap.Reconstruction, threads: int) -> pyco
     for camera in tried.cameras.values():
         size = np.array([camera.width, camera.height])
         off = np.abs([camera.principal_point_x, camera.principal_point_y] - size / 2)
-        if (off > FARTHEST_CENTRE * size).any():
+        if (off > FARTHEST_CENTER * size).any():
             return reconstruction
     tried.update_point_3d_errors()
     return min(tried, reconstruction, key=lambda each: each.compute_mean_reprojection_error())

@@ -1,1 +1,1 @@
-"""What views of one scene have in common: correspondences, consensus, shared noise."""
+"""Agreement between views of one scene: correspondences, consensus, shared noise."""

@@ -1,4 +1,4 @@
-"""Which latent cells of several views show the same piece of surface, through rendered depth.
+"""Correspondences: latent cells of several views that show one piece of surface, by rendered depth.
 
 `v` views of `h w` pixels, `y x` latent cells of `cell` pixels, `n` = y x cells in a view,
 `m` pairs, `p` positions. xy is in pixels, the corner of the first pixel at (0, 0). Depth
@@ -42,7 +42,7 @@ class Correspondences:
 
     @property
     def count(self) -> int:
-        """Number of clusters."""
+        """Number of the clusters."""
         return int(self.labels.max()) + 1 if self.labels.numel() else 0
 
     @property
@@ -59,7 +59,7 @@ class Pairs(NamedTuple):
     b: Int[Tensor, " m"]
     """Row-major cell index in view b; each occurs once."""
     error: Float[Tensor, " m"]
-    """Cells, along either axis: how far the centre of either cell lands from the other's."""
+    """Cells, along either axis: how far the center of either cell lands from the other's."""
 
 
 @torch.no_grad()  # which cells belong together is an integer question
@@ -108,7 +108,7 @@ def match(
 ) -> Pairs:
     """Mutual matches between the cells of two views; symmetric in them. Raises UsageError.
 
-    The centre of each cell is carried through the world to the other view and takes the *nearest*
+    The center of each cell is carried through the world to the other view and takes the *nearest*
     cell there (interpolating noise would lower its variance). A pair is accepted when each cell is
     the other's nearest and every rule of `Visibility` holds in both directions.
     """
@@ -118,7 +118,7 @@ def match(
 
 
 class _CellSurfaces(NamedTuple):
-    """One view, and the surface at the centre of each of its cells."""
+    """One view, and the surface at the center of each of its cells."""
 
     camera: Camera
     depth: Float[Tensor, "h w"]
@@ -126,11 +126,11 @@ class _CellSurfaces(NamedTuple):
     alpha: Float[Tensor, "h w"]
     cell: int
     xy: Float[Tensor, "n 2"]
-    """Cell centres, pixels."""
+    """Centers of the cells, pixels."""
     z: Float[Tensor, " n"]
-    """Depth at the cell centres; 1 where not solid."""
+    """Depth at the cell centers; 1 where not solid."""
     slope: Float[Tensor, "n 2"]
-    """Of 1 / depth along x and y, a pixel: the tilt of the surface."""
+    """Slope of 1 / depth along x and y, per pixel: the tilt of the surface."""
     solid: Bool[Tensor, " n"]
     """One opaque surface fills the cell."""
 
@@ -155,7 +155,7 @@ def _cell_surfaces(
     slope, spread = fit_planes(torch.where(opaque, 1 / depth, 0.0), cell)
     solid &= spread <= rules.silhouette
     grid = replace(camera, width=columns, height=rows)
-    xy = grid.pixel_centres().reshape(-1, 2) * cell
+    xy = grid.pixel_centers().reshape(-1, 2) * cell
     z, smooth = surface_at(depth, alpha, xy, rules)
     solid = solid.reshape(-1) & smooth
     return _CellSurfaces(camera, depth, alpha, cell, xy, z, slope.reshape(-1, 2), solid)
@@ -174,7 +174,7 @@ def _mutual(a: _CellSurfaces, b: _CellSurfaces, rules: Visibility) -> Pairs:
 def _carry(
     a: _CellSurfaces, b: _CellSurfaces, rules: Visibility
 ) -> tuple[Int[Tensor, " n"], Float[Tensor, " n"], Bool[Tensor, " n"]]:
-    """For each cell of a: nearest cell of b, displacement from its centre in cells, acceptable."""
+    """For each cell of a: nearest cell of b, displacement from its center in cells, acceptable."""
     points = a.camera.unproject(a.xy, a.z)
     xy, z = b.camera.project(points)
     xy, inside = clip_to_picture(xy, z, b.camera)
@@ -184,7 +184,7 @@ def _carry(
     agrees = (z - depth).abs() <= rules.depth_agreement * depth
     returned, _ = a.camera.project(b.camera.unproject(xy, depth))
     agrees &= (returned - a.xy).norm(dim=-1) <= rules.round_trip * a.cell
-    rays = [points - camera.centre.to(points) for camera in (a.camera, b.camera)]
+    rays = [points - camera.center.to(points) for camera in (a.camera, b.camera)]
     agrees &= torch.cosine_similarity(*rays, dim=-1) >= cos(radians(rules.angle))
     small, large = _stretch(a, b)
     alike = (large <= rules.footprint) & (small >= 1 / rules.footprint)

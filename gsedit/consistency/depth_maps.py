@@ -25,12 +25,12 @@ class Visibility:
     depth_agreement: float = 0.01
     """Largest |z - depth_b| / depth_b: beyond it something else stands in front (occlusion)."""
     round_trip: float = 0.5
-    """Largest distance, in cells, from a cell's centre to where it returns: carried to the other
+    """Largest distance, in cells, from a cell's center to where it returns: carried to the other
     view by its own depth, and back by the other's. The same error of depth matters more the
     farther apart the cameras are, and this is what it amounts to in the picture."""
     silhouette: float = 0.05
     """Largest relative spread of 1 / depth in a cell about its best plane (a step keeps its whole
-    height, a slope has none), and of depth between neighbours: beyond it there are two surfaces."""
+    height, a slope has none), and of depth between neighbors: beyond it there are two surfaces."""
     footprint: float = 2.0
     """Largest stretch of a cell, either way and along any direction, from the one picture to the
     other, by distance and by the surface's slant: beyond it one cell holds several of the other,
@@ -55,7 +55,7 @@ def surface_at(
 ) -> tuple[Float[Tensor, "*p"], Bool[Tensor, "*p"]]:
     """(depth at positions inside the picture, whether the four pixels around show one surface).
 
-    The centre of a cell with an even number of pixels is a pixel corner, so its depth is read
+    The center of a cell with an even number of pixels is a pixel corner, so its depth is read
     between four pixels: bilinear in 1 / depth, which is linear across the picture of a plane and so
     exact on one however slanted. Elsewhere depth is 1.
     """
@@ -104,5 +104,5 @@ def clip_to_picture(
 
 
 def has_depth(depth: Float[Tensor, "*p"]) -> Bool[Tensor, "*p"]:
-    """Where something was rendered: depth is 0 elsewhere."""
+    """Flag pixels where something was rendered: depth is 0 elsewhere."""
     return (depth > 0) & depth.isfinite()

@@ -2,7 +2,7 @@
 
 `v` views of `h w` pixels, `y x` cells, `n` = y x cells in a view, `k` clusters, `m` cells that are
 in one. Diffusion editors make views agree while they are sampled (see consensus.py); a program
-returns finished pictures, one of which may show another edit than the rest. So the colours of
+returns finished pictures, one of which may show another edit than the rest. So the colors of
 corresponding cells are brought to a *robust* mean, by a correction without fine detail: matches
 are exact to half a cell only, and detail averaged at that precision would be blurred.
 """
@@ -18,11 +18,11 @@ from gsedit.consistency.correspond import Correspondences
 from gsedit.errors import UsageError
 
 TOLERANCE = 0.1
-"""Colours that lie this near the agreed one count in full, farther ones less and less: a view's own
+"""Colors that lie this near the agreed one count in full, farther ones less and less: a view's own
 tint is averaged, a view with another edit is outvoted. A tenth of the range: between what editors
 differ in by chance and what two variants of one edit differ in."""
 ROUNDS = 20
-"""Of reweighting; each moves the mean by less than half of the one before."""
+"""Rounds of reweighting; each moves the mean by less than half of the one before."""
 SMOOTHING = 1.0
 """Cells, standard deviation of the blur of a correction. Measured on a painted scene with exact
 depth and cells of a pixel, in RMSE: a true edit is damaged by 0.008 (0.021 without a blur), and one
@@ -38,7 +38,7 @@ def harmonise(
     strength: float = 1.0,
     tolerance: float = TOLERANCE,
 ) -> Float[Tensor, "v h w 3"]:
-    """The pictures with the mean colours of corresponding cells brought together, in [0, 1].
+    """The pictures with the mean colors of corresponding cells brought together, in [0, 1].
 
     Where a cluster has cells of anchored views, those alone decide, and anchored pictures stay as
     they are, as do cells that correspond to nothing (beyond a border of three cells, in which the
@@ -90,10 +90,10 @@ def robust_mean(
     for _ in range(ROUNDS + 1):
         total = values.new_zeros(count, 1).index_add(0, groups, weighted)
         sums = values.new_zeros(count, values.shape[1]).index_add(0, groups, values * weighted)
-        centre = sums / total.clamp_min(torch.finfo(values.dtype).tiny)
-        distance = (values - centre[groups]).square().sum(-1, keepdim=True)
+        center = sums / total.clamp_min(torch.finfo(values.dtype).tiny)
+        distance = (values - center[groups]).square().sum(-1, keepdim=True)
         weighted = weights[:, None] / (1 + distance / tolerance**2).sqrt()
-    return centre
+    return center
 
 
 def _agreed(
@@ -102,7 +102,7 @@ def _agreed(
     led: Bool[Tensor, " v"],
     tolerance: float,
 ) -> Float[Tensor, "v y x 3"]:
-    """The colour of each cell after agreement: its cluster's, or its own where it is in none."""
+    """The color of each cell after agreement: its cluster's, or its own where it is in none."""
     flat = labels.reshape(-1).long()
     rows = torch.nonzero(flat >= 0).squeeze(1)
     if not len(rows):
@@ -113,8 +113,8 @@ def _agreed(
     decided[groups[leads]] = True
     weights = (leads | ~decided[groups]).to(means)
     values = means.reshape(-1, 3)
-    centre = robust_mean(values[rows], groups, count, weights, tolerance)
-    return values.index_copy(0, rows, centre[groups]).reshape(means.shape)
+    center = robust_mean(values[rows], groups, count, weights, tolerance)
+    return values.index_copy(0, rows, center[groups]).reshape(means.shape)
 
 
 def _smooth(

@@ -1,4 +1,4 @@
-"""Edited pictures brought to agreement at pixel resolution, in their coarse colours.
+"""Edited pictures brought to agreement at pixel resolution, in their coarse colors.
 
 `v` views of `h w` pixels, `k` pictures of one place. Consensus while sampling reaches the cells
 that match. More of two pictures shows the same surface than cells do (a match is mutual, and fills
@@ -26,21 +26,21 @@ from rasterizer.camera import Camera
 BAND = 1 / 128
 """Standard deviation of the blur that leaves the low band, in longer sides of a picture: half of a
 cell of `small` at 256 pixels."""
-REACH = (2.0, 8.0)
+SURROUNDINGS_BANDS = (2.0, 8.0)
 """The correction of what corresponds is carried to what does not, in full where half of the
 surroundings correspond, and less beyond; widths of these surroundings, in bands."""
 EMPTY = 1e-6
 """A blurred mask below it has nothing known near."""
 REWEIGHTINGS = 4
-"""Of the robust mean."""
+"""Rounds of reweighting of the robust mean."""
 
 
 class Surface(NamedTuple):
-    """What the unedited scene shows at a view."""
+    """Surface that the unedited scene shows at a view."""
 
     camera: Camera
     depth: Float[Tensor, "h w"]
-    """Median depth."""
+    """Median depth along the view."""
     alpha: Float[Tensor, "h w"]
     color: Float[Tensor, "h w 3"]
 
@@ -84,9 +84,10 @@ def _correction(
     valid: Bool[Tensor, "k h w"],
     decides: Bool[Tensor, " k"],
 ) -> Float[Tensor, "h w 3"]:
-    """What leads a picture's low band to the agreed one, given how the others differ from it.
+    """Correction that moves a picture's low band to the agreed one, from how the others differ from
+    it.
 
-    Differences are blurred, not pictures, and each over the surface that it is known on: no colour
+    Differences are blurred, not pictures, and each over the surface that it is known on: no color
     crosses a silhouette.
     """
     mask = valid[:, None].to(edited)
@@ -105,14 +106,14 @@ def _correction(
 def _robust_mean(
     values: Float[Tensor, "k c h w"], voters: Bool[Tensor, "k 1 h w"]
 ) -> Float[Tensor, "c h w"]:
-    """Of the voters at each pixel, as `harmonise.robust_mean`; there is one at least."""
+    """Robust mean of the voters (at least one) at each pixel, as `harmonise.robust_mean`."""
     given = voters.to(values)
-    weights, centre = given, values[0]
+    weights, center = given, values[0]
     for _ in range(REWEIGHTINGS):
-        centre = (weights * values).sum(0) / weights.sum(0)
-        distance = (values - centre).square().sum(1, keepdim=True)
+        center = (weights * values).sum(0) / weights.sum(0)
+        distance = (values - center).square().sum(1, keepdim=True)
         weights = given / (1 + distance / TOLERANCE**2).sqrt()
-    return centre
+    return center
 
 
 def _carried(
@@ -121,7 +122,7 @@ def _carried(
     """Values, 0 where not known, continued into their surroundings, the wider ones last."""
     values, known = values[None], known[None]
     filled, share = values, known
-    for reach in REACH:
+    for reach in SURROUNDINGS_BANDS:
         near = _blur(known, reach * band)
         mean = _blur(values, reach * band) / near.clamp_min(EMPTY)
         full = (2 * near / _blur(torch.ones_like(known), reach * band)).clamp(max=1)

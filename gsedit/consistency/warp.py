@@ -20,7 +20,7 @@ from rasterizer.camera import Camera
 
 
 class Warp(NamedTuple):
-    """Where each pixel of a view a finds its surface in a view b."""
+    """Warp from view a to view b: the position of each pixel's surface in b."""
 
     places: Float[Tensor, "h w 2"]
     """In b's picture from -1 to 1, the corners of its corner pixels."""
@@ -53,14 +53,14 @@ def warp_of(
     the point back to within one pixel of its start.
     """
     depth_a, depth_b = depth_a.double(), depth_b.double()
-    centres = camera_a.pixel_centres()
+    centers = camera_a.pixel_centers()
     solid = (alpha_a > rules.min_alpha) & has_depth(depth_a)
     start = torch.where(solid, depth_a, 1.0)
-    xy, z = camera_b.project(camera_a.unproject(centres, start))
-    xy, inside = clip_to_picture(xy, z, camera_b, margin=0.5)  # between pixel centres
+    xy, z = camera_b.project(camera_a.unproject(centers, start))
+    xy, inside = clip_to_picture(xy, z, camera_b, margin=0.5)  # between pixel centers
     there, opaque = surface_at(depth_b, alpha_b, xy, rules)
     back, _ = camera_a.project(camera_b.unproject(xy, there))
-    returns = (back - centres).abs().amax(-1) < 1
+    returns = (back - centers).abs().amax(-1) < 1
     agrees = (z - there).abs() <= rules.depth_agreement * there
     size = xy.new_tensor((camera_b.width, camera_b.height))
     return Warp(2 * xy / size - 1, solid & inside & opaque & agrees & returns)

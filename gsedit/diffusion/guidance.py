@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from jaxtyping import Float
 from torch import Tensor
+
+from gsedit.diffusion.predictions import Prediction
+from gsedit.diffusion.schedules import Schedule
 
 
 class Need(NamedTuple):
@@ -25,7 +28,7 @@ class Branches(NamedTuple):
 
 
 def weights(s_T: float, s_I: float) -> tuple[float, float, float]:
-    """Of the branches in the formula of `guide`; they sum to 1."""
+    """Weights of the branches in the formula of `guide`; they sum to 1."""
     return s_T, s_I - s_T, 1 - s_I
 
 
@@ -67,3 +70,32 @@ def guide(
     for weight, branch in others:
         guided = guided + weight * branch
     return guided
+
+
+@runtime_checkable
+class Predictor(Protocol):
+    """A diffusion model without its latent space: predictions, and what they are of. Stateless."""
+
+    @property
+    def name(self) -> str:
+        """Named in error messages."""
+        ...
+
+    @property
+    def schedule(self) -> Schedule:
+        """The noise levels it was trained at."""
+        ...
+
+    @property
+    def predicts(self) -> Prediction:
+        """The quantity that `branches` returns."""
+        ...
+
+    def branches(
+        self, x: Float[Tensor, "v c y x"], t: float, condition: Any, need: Need
+    ) -> Branches:
+        """The prediction at x_t under each condition in `need`, in any floating dtype.
+
+        `t` is a training step, between two of them where the schedule is interpolated.
+        """
+        ...

@@ -14,7 +14,8 @@ from torch.utils._pytree import tree_leaves
 
 GB = 1e9
 SHARE = 0.5
-"""Of the free memory, where no budget is given: the scene and the caller need some, too."""
+"""Share of the free memory that is used where no budget is given: the scene and the caller need
+some."""
 UNLIMITED = 1 << 62  # bytes
 
 
@@ -37,7 +38,7 @@ def _system_bytes() -> int:
 
 
 def _container_bytes(folder: Path = Path("/sys/fs/cgroup")) -> int:
-    """What is left below the limit of a container (cgroup v2)."""
+    """Bytes that are left below the limit of a container (cgroup v2)."""
     try:
         limit, used = ((folder / name).read_text() for name in ("memory.max", "memory.current"))
         return max(int(limit) - int(used), 0)

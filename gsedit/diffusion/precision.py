@@ -11,9 +11,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.diffusion.guidance import Branches, Need
+from gsedit.diffusion.guidance import Branches, Need, Predictor
 from gsedit.diffusion.predictions import Prediction
-from gsedit.diffusion.predictor import Predictor
 from gsedit.diffusion.schedules import Schedule
 from gsedit.diffusion.settings import Precision
 

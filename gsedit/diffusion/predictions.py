@@ -1,4 +1,4 @@
-"""What a network predicts, as the pair (x0, eps) that solvers work with.
+"""Predictions of a network, as the pair (x0, eps) that solvers work with.
 
 Of x_t = a x0 + b noise, a network may predict the noise, the clean latent, or one of two
 combinations. Each is a linear map of the pair, and with x_t = a x0 + b eps it is solved for both.

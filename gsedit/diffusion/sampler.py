@@ -9,19 +9,80 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
-from typing import Any
+from math import log
+from typing import Any, NamedTuple
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.diffusion import solvers
-from gsedit.diffusion.guidance import guide, needed
+from gsedit.diffusion.guidance import Predictor, guide, needed
 from gsedit.diffusion.predictions import Latents, Pair, as_pair, clean_of, noise_of
-from gsedit.diffusion.predictor import Predictor
 from gsedit.diffusion.schedules import NoiseLevel, Schedule
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.errors import UsageError
+
+Predict = Callable[[Latents, NoiseLevel], Pair]
+"""The guided prediction at x_t."""
+
+
+def straight_on(pair: Pair, there: NoiseLevel) -> Latents:
+    """Euler's step, and DDIM's: the same x0 and eps at another level."""
+    return there.a * pair.x0 + there.b * pair.eps
+
+
+def ancestral(
+    pair: Pair, here: NoiseLevel, there: NoiseLevel, eta: float, noise: Latents
+) -> Latents:
+    """Eqs. 12 and 16 of DDIM (Song et al. 2021) at any scale: part of the noise is drawn anew.
+
+    With unit variance and eta = 1 it is k-diffusion's Euler ancestral step.
+    """
+    kept = there.b * here.a / (there.a * here.b)  # sigma' / sigma
+    fresh = eta * max(1 - kept**2, 0.0) ** 0.5
+    eps = (1 - fresh**2) ** 0.5 * pair.eps + fresh * noise
+    return there.a * pair.x0 + there.b * eps
+
+
+def heun(pair: Pair, here: NoiseLevel, there: NoiseLevel, predict: Predict) -> Latents:
+    """Trapezoidal rule (Karras et al. 2022, alg. 1): Euler's step, corrected at its end.
+
+    It costs a second prediction, but for a last step to no noise, which is Euler's. Where a is 0 it
+    is the same rule in 1 / sigma.
+    """
+    ahead = straight_on(pair, there)
+    if there.b == 0 or there == here:
+        return ahead
+    corrector = predict(ahead, there)
+    if here.a == 0:
+        return ahead + there.a / 2 * (corrector.x0 - pair.x0)
+    return ahead + (there.b - there.a * here.b / here.a) / 2 * (corrector.eps - pair.eps)
+
+
+class PreviousStep(NamedTuple):
+    """Start of the previous step, and the prediction there."""
+
+    level: NoiseLevel
+    x0: Latents
+
+
+def multistep(
+    pair: Pair, here: NoiseLevel, there: NoiseLevel, previous: PreviousStep | None
+) -> Latents:
+    """DPM-Solver++(2M) (Lu et al. 2023, alg. 2), written as Euler's step and a correction.
+
+    Its time is lambda = log(a / b). The first step, and the last to no noise, are Euler's; so is
+    any step whose predecessor began at a = 0, infinitely far away.
+    """
+    ahead = straight_on(pair, there)
+    if previous is None or previous.level.a == 0 or previous.level == here:
+        return ahead
+    if there.b == 0 or there == here:
+        return ahead
+    before = log(previous.level.sigma / here.sigma)
+    ratio = log(here.sigma / there.sigma) / before
+    return ahead + (there.a - here.a * there.b / here.b) * ratio / 2 * (pair.x0 - previous.x0)
+
 
 Hook = Callable[[Latents], Latents]
 """A linear map of latents that makes corresponding cells agree."""
@@ -32,12 +93,12 @@ class SamplerStep:
     """The latents after one step of the sampler."""
 
     step: int
-    """1 to `steps`."""
+    """Number of the step, 1 to `steps`."""
     steps: int
     t: float
     """The noise level that `x` has reached; 0 at the end."""
     x: Float[Tensor, "v c y x"]
-    """x_t."""
+    """Noisy latents x_t of all views."""
     x0: Float[Tensor, "v c y x"]
     """The clean latents that this step moved towards."""
 
@@ -92,7 +153,7 @@ def sample(
     _check_start(x, settings, generator)
     levels = levels_of(denoiser.schedule, settings) if levels is None else levels
     settled = consensus if settings.consensus else None
-    previous: solvers.PreviousStep | None = None
+    previous: PreviousStep | None = None
     steps = len(levels) - 1
 
     for step, (here, there) in enumerate(pairwise(levels), start=1):
@@ -103,10 +164,10 @@ def sample(
         match settings.solver:
             case "heun":
                 corrector = partial(_predict_agreed, predict, settings, agree)
-                x = solvers.heun(pair, here, there, corrector)
+                x = heun(pair, here, there, corrector)
             case "dpm++2m":
                 step_before, previous = _settled(own, pair, here, previous, settled)
-                x = solvers.multistep(pair, here, there, step_before)
+                x = multistep(pair, here, there, step_before)
             case "euler" | "ddim" | "ancestral":
                 x = _one_step(pair, here, there, settings.fresh_noise, share, generator)
         if agree and settings.target == "xt":
@@ -119,9 +180,9 @@ def _settled(
     own: Pair,
     pair: Pair,
     here: NoiseLevel,
-    previous: solvers.PreviousStep | None,
+    previous: PreviousStep | None,
     agree: Hook | None,
-) -> tuple[solvers.PreviousStep | None, solvers.PreviousStep]:
+) -> tuple[PreviousStep | None, PreviousStep]:
     """(the step before, as a multistep solver is to see it; this one, to be remembered).
 
     The solver extrapolates the change of x0 from step to step. With consensus that is the change
@@ -129,12 +190,12 @@ def _settled(
     has just been let free, and shrinks with the noise, would overshoot agreement.
     """
     if agree is None:
-        return previous, solvers.PreviousStep(here, own.x0)
-    agreed = solvers.PreviousStep(here, agree(own.x0))
+        return previous, PreviousStep(here, own.x0)
+    agreed = PreviousStep(here, agree(own.x0))
     if previous is None:
         return None, agreed
     before = pair.x0 - (agreed.x0 - previous.x0)
-    return solvers.PreviousStep(previous.level, before), agreed
+    return PreviousStep(previous.level, before), agreed
 
 
 def _agreed(
@@ -157,13 +218,13 @@ def _agreed(
 
 
 def _predict_agreed(
-    predict: solvers.Predict,
+    predict: Predict,
     settings: SamplerSettings,
     agree: Hook | None,
     x: Latents,
     level: NoiseLevel,
 ) -> Pair:
-    """The same at another x_t, as Heun's second prediction needs it."""
+    """Predict and agree at another x_t, as Heun's second prediction needs it."""
     return _agreed(predict(x, level), x, level, settings, agree)
 
 
@@ -177,9 +238,9 @@ def _one_step(
 ) -> Latents:
     """A step of ddim, euler or ancestral: part of the noise, by eta, is drawn anew."""
     if eta == 0 or there.b == 0:
-        return solvers.straight_on(pair, there)
+        return straight_on(pair, there)
     noise = torch.randn(pair.x0.shape, generator=generator, dtype=pair.x0.dtype)
-    return solvers.ancestral(pair, here, there, eta, share(noise) if share else noise)
+    return ancestral(pair, here, there, eta, share(noise) if share else noise)
 
 
 def _predict(

@@ -64,18 +64,9 @@ class Schedule:
         betas = (1 - left[1:] / left[:-1]).clamp_max(beta_max)
         return cls((1 - betas).cumprod(0))
 
-    @classmethod
-    def rectified_flow(cls, steps: int = 1000, shift: float = 1.0) -> Schedule:
-        """x_t = (1 - s) x0 + s noise with s = (t + 1) / steps, up to exactly 1 (Liu et al. 2023).
-
-        `shift` moves the steps towards the noise, as larger pictures need (Esser et al. 2024).
-        """
-        s = torch.linspace(0, 1, steps + 1, dtype=torch.float64)[1:]
-        s = shift * s / (1 + (shift - 1) * s)
-        return cls((1 - s) ** 2 / ((1 - s) ** 2 + s**2), straight=True)
-
     def zero_terminal_snr(self) -> Schedule:
-        """The same, its last step pure noise and its first unchanged (Lin et al. 2024, alg. 1)."""
+        """Schedule with pure noise at its last step and its first unchanged (Lin et al. 2024, alg.
+        1)."""
         root = self.alphas_cumprod.sqrt()
         root = (root - root[-1]) * root[0] / (root[0] - root[-1])
         return replace(self, alphas_cumprod=root**2)

@@ -16,13 +16,14 @@ Noise = Literal["shared", "independent"]
 Solver = Literal["ddim", "euler", "heun", "dpm++2m", "ancestral"]
 Precision = Literal["float32", "bfloat16", "auto"]
 Spacing = Literal["leading", "linspace", "trailing", "karras"]
-"""Where the steps lie: three ways of dividing the training steps (named as in diffusers; leading is
-Stable Diffusion's and starts below the top, linspace and trailing start at it), or sigmas whose
+"""Positions of the steps: three ways of dividing the training steps (named as in diffusers; leading
+is Stable Diffusion's and starts below the top, linspace and trailing start at it), or sigmas whose
 seventh roots are evenly spaced (Karras et al. 2022, eq. 5)."""
 
 
 class SamplerDefaults(NamedTuple):
-    """What a denoiser uses where the settings are None; the values here are InstructPix2Pix's."""
+    """Defaults that a denoiser declares for settings that are None; the values here are
+    InstructPix2Pix's."""
 
     guidance_text: float = 7.5
     guidance_image: float = 1.5
@@ -49,8 +50,8 @@ class SamplerSettings:
     solver: Solver = "ddim"
     """How a step is taken. heun runs the network twice a step; ancestral draws fresh noise."""
     spacing: Spacing = "leading"
-    """Where the steps lie on the noise schedule, named as in diffusers; karras spaces the seventh
-    roots of sigma evenly."""
+    """Positions of the steps on the noise schedule, named as in diffusers; karras spaces the
+    seventh roots of sigma evenly."""
     eta: float = 0.0
     """Fresh noise of the solver ddim, from 0 (deterministic) to 1 (DDPM). The clusters of
     corresponding cells share it as they share the first noise; ancestral always has 1."""
@@ -59,16 +60,16 @@ class SamplerSettings:
     of a clean latent, is above t_end; 0 or more, at 0 to the end. None: the editor's own (4.7;
     small 4)."""
     target: Target = "x0"
-    """What corresponding cells agree on: the predicted clean latent x0 (and eps follows from it),
-    the next latent x_{t-1} (xt), or the predicted noise eps."""
+    """Quantity that corresponding cells agree on: the predicted clean latent x0 (and eps follows
+    from it), the next latent x_{t-1} (xt), or the predicted noise eps."""
     noise: Noise = "shared"
     """Whether corresponding cells start from the same noise."""
     consensus: bool = True
     """Whether corresponding cells of the views are made to agree while they are sampled."""
-    consensus_strength: float = 1.0
+    consensus_weight: float = 1.0
     """How far cells move to their cluster's mean: 0 changes nothing, 1 makes them equal."""
     harmonise: bool = True
-    """Whether, with consensus, the finished views' coarse colours are brought to agreement where
+    """Whether, with consensus, the finished views' coarse colors are brought to agreement where
     the depth of the scene says that they show the same place."""
     memory: float | None = None
     """GB that the passes of the networks may use at once, above 0. None: half of the free
@@ -94,7 +95,7 @@ class SamplerSettings:
         valid = self.temperature is None or 0 <= self.temperature <= 1
         _require(valid, "temperature", self.temperature, "from 0 to 1")
         _require(0 < self.strength <= 1, "strength", self.strength, "above 0 and at most 1")
-        for name in ("eta", "consensus_strength"):
+        for name in ("eta", "consensus_weight"):
             value = getattr(self, name)
             _require(0 <= value <= 1, name, value, "from 0 to 1")
         if self.memory is not None:

@@ -10,23 +10,4 @@ if TYPE_CHECKING:
     from gsedit.editors.protocol import Capabilities, Denoiser, EditBatch, Editor, EditProgress
     from gsedit.editors.registry import EDITORS, Listing, editor_names, list_editors, make_editor
 
-__all__ = [
-    "EDITORS",
-    "Capabilities",
-    "Denoiser",
-    "EditBatch",
-    "EditProgress",
-    "Editor",
-    "Listing",
-    "editor_names",
-    "list_editors",
-    "make_editor",
-]
-
-make_lazy(
-    __name__,
-    {
-        "protocol": ("Capabilities", "Denoiser", "EditBatch", "Editor", "EditProgress"),
-        "registry": ("EDITORS", "Listing", "editor_names", "list_editors", "make_editor"),
-    },
-)
+make_lazy(__name__)

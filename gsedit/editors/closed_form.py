@@ -39,15 +39,19 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.diffusion import Branches, Need, Prediction, Schedule
+from gsedit.datasets.image_ops import rotate_hue
+from gsedit.datasets.padding import PadMode
+from gsedit.diffusion.guidance import Branches, Need
+from gsedit.diffusion.predictions import Prediction
+from gsedit.diffusion.schedules import Schedule
 from gsedit.editors.looks.recipe import agreed_variant, parse
 from gsedit.editors.looks.table import VARIANTS
 from gsedit.editors.protocol import Capabilities, GroundTruth
-from gsedit.views.image_ops import rotate_hue
-from gsedit.views.padding import PadMode
 
 CODE = 2  # channels of a cell that encode its variant: a triangle lies in a plane
-CELL = 8  # Stable Diffusion's, so that correspondences are met at the size that real weights have
+CELL_PIXELS = (
+    8  # Stable Diffusion's, so that correspondences are met at the size that real weights have
+)
 FIRST_T = 932  # the first time of 20 steps at strength 0.98: where the variants are equally likely
 
 
@@ -71,9 +75,10 @@ class Perturbation:
     """
 
     gain: float = 0.05
-    """Of the factor on all values, about 1: exposures differ; three sigma are a fifth of a stop."""
+    """Standard deviation of the factor on all values, about 1: exposures differ; three sigma are a
+    fifth of a stop."""
     hue: float = 4.0
-    """Degrees about the grey axis: tints differ, names of colours do not."""
+    """Degrees about the grey axis: tints differ, names of colors do not."""
     shift: float = 0.35
     """Pixels along each axis: a latent cell is 8, so structure is placed to a fraction of it."""
 
@@ -100,7 +105,7 @@ class Mixture(NamedTuple):
     base: Float[Tensor, "v c y x"]
     offsets: Float[Tensor, "k v c y x"]
     log_weights: Float[Tensor, "v k"]
-    """float64."""
+    """Logarithms of the weights, float64."""
     width: float
 
     def log_joint(self, q: Float[Tensor, "v c y x"], variance: float) -> Float[Tensor, "v k"]:
@@ -130,10 +135,10 @@ class Mixture(NamedTuple):
     def posterior_mean(
         self, q: Float[Tensor, "v c y x"], variance: float
     ) -> Float[Tensor, "v c y x"]:
-        """E[x0 | q]."""
+        """Posterior mean E[x0 | q] of the clean latent."""
         weights = self.responsibilities(q, variance).to(q)
-        centre = self.base + torch.einsum("vk,kvcyx->vcyx", weights, self.offsets)
-        return centre + self.width**2 / (self.width**2 + variance) * (q - centre)
+        center = self.base + torch.einsum("vk,kvcyx->vcyx", weights, self.offsets)
+        return center + self.width**2 / (self.width**2 + variance) * (q - center)
 
 
 class Condition(NamedTuple):
@@ -151,10 +156,10 @@ class ClosedForm:
     distribution: Distribution = Distribution()
     schedule: Schedule = field(default_factory=fine_schedule)
     name: str = "closed-form"
-    cell: int = CELL
-    multiple: int = CELL
+    cell: int = CELL_PIXELS
+    multiple: int = CELL_PIXELS
     padding: PadMode = "edge"
-    channels: int = 3 * CELL * CELL + CODE
+    channels: int = 3 * CELL_PIXELS * CELL_PIXELS + CODE
     predicts: Prediction = "eps"
 
     @property
@@ -171,12 +176,12 @@ class ClosedForm:
     def encode(self, images: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v c y x"]:
         """An isometry up to one factor: a cell's 8x8 pixels become channels; its code is 0."""
         pixels = (2 * images - 1).movedim(-1, 1)
-        picture = self._scale(images.shape[1:3].numel()) * F.pixel_unshuffle(pixels, CELL)
+        picture = self._scale(images.shape[1:3].numel()) * F.pixel_unshuffle(pixels, CELL_PIXELS)
         return F.pad(picture, (0, 0, 0, 0, 0, CODE))
 
     def decode(self, latents: Float[Tensor, "v c y x"]) -> Float[Tensor, "v h w 3"]:
         """The exact inverse of encode; codes are not seen."""
-        pixels = F.pixel_shuffle(latents[:, :-CODE], CELL).movedim(1, -1)
+        pixels = F.pixel_shuffle(latents[:, :-CODE], CELL_PIXELS).movedim(1, -1)
         return pixels / (2 * self._scale(pixels.shape[1:3].numel())) + 0.5
 
     def condition(

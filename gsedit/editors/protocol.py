@@ -1,4 +1,4 @@
-"""What every 2D editor takes and gives. `v` views of `h w` pixels, `y x` latent cells."""
+"""Protocol of 2D editors. `v` views of `h w` pixels, `y x` latent cells."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.consistency.correspond import Correspondences
-from gsedit.diffusion.predictor import Predictor
+from gsedit.datasets.padding import PadMode
+from gsedit.diffusion.guidance import Predictor
 from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings
-from gsedit.ranks import Ranks
-from gsedit.views.padding import PadMode
+from gsedit.runs.ranks import Ranks
 from gsedit.words.understanding import Understanding
 
 GroundTruth = Callable[[Float[Tensor, "n h w 3"]], Float[Tensor, "n h w 3"]]
@@ -26,7 +26,8 @@ class EditBatch:
     """Views that are edited together."""
 
     images: Float[Tensor, "v h w 3"]
-    """Where sampling starts: current renders; for an anchored view its finished edited image."""
+    """Pictures at which sampling starts: current renders; for an anchored view its finished edited
+    image."""
     originals: Float[Tensor, "v h w 3"]
     """The condition: photos or renders of the unedited scene; never an edited picture."""
     prompt: str
@@ -36,7 +37,7 @@ class EditBatch:
     anchored: Bool[Tensor, " v"] | None = None
     """Views that are already edited: they stay as they are, and their clusters follow them."""
     seed: int = 0
-    """The same for all batches of one edit: cells without a correspondence start with the same
+    """Seed that all batches of one edit share: cells without a correspondence start with the same
     noise in all of them."""
     subject: Float[Tensor, "v h w"] | None = None
     """The probability that a pixel shows what is to be edited. None: the editor decides; so does
@@ -52,8 +53,8 @@ class EditProgress:
     images: Float[Tensor, "v h w 3"] | None = None
     """Edited views, in [0, 1], same size and order as the batch."""
     evaluations: int = 0
-    """Of the network, for this batch so far: a view at one noise level under one condition is one.
-    0 for editors that run none."""
+    """Evaluations of the network for this batch so far: a view at one noise level under one
+    condition is one. 0 for editors that run none."""
 
 
 def no_advice(prompt: str) -> str:
@@ -63,22 +64,22 @@ def no_advice(prompt: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Capabilities:
-    """What an editor, or a denoiser, declares besides its methods. `Capabilities()` declares
-    nothing; an editor around another forwards the other's record."""
+    """Optional properties that an editor, or a denoiser, declares besides its methods.
+    `Capabilities()` declares nothing; an editor around another forwards the other's record."""
 
     defaults: SamplerDefaults = field(default_factory=SamplerDefaults)
-    """What fills the sampler's settings where they are None."""
+    """Defaults for the sampler's settings that are None."""
     denoiser: Denoiser | None = None
     """The diffusion model, for strategies that use it directly (score distillation); None where
     there is none. A denoiser's own record leaves it None: the editor around it fills it in."""
     with_micro_batch: Callable[[int], Denoiser] | None = None
-    """The same denoiser with that many views in one pass of its network; the predictions are equal
+    """Make this denoiser with that many views in one pass of its network; the predictions are equal
     but for rounding. It draws nothing in `condition`: the views may be shared out over ranks. None
     where no network is run: then memory is not measured, and views are not shared out."""
     coarse: Callable[[Float[Tensor, "v c y x"]], Float[Tensor, "v c y x"]] | None = None
-    """Of a change of latents, the part that corresponding cells can agree on: matches are exact to
-    half a cell, and detail averaged at that precision is lost. Linear, view by view. None: all of
-    it, as for cells that are one vector each."""
+    """Low-pass filter applied to a change of latents before consensus: matches are exact to half a
+    cell, and detail averaged at that precision is lost. Linear, view by view. None: the identity,
+    as for cells that are one vector each."""
     advice: Callable[[str], str] = no_advice
     """A remark about an instruction that `check` accepts; empty if there is none."""
     best_size: int | None = None
@@ -103,10 +104,10 @@ class Capabilities:
     about, or None where that is the whole picture: where an edit belongs. None for editors that
     cannot say: then their edits tell."""
     with_subject: Callable[[Float[Tensor, "v h w"]], Denoiser] | None = None
-    """The same denoiser for pictures whose subject is where this probability says (as many views,
+    """Make this denoiser for pictures whose subject is where this probability says (as many views,
     in the same order). None where a denoiser cannot be told."""
     with_ranks: Callable[[Ranks], Editor] | None = None
-    """The same editor with its views shared out over several processes. None where that is not
+    """Make this editor with its views shared out over several processes. None where that is not
     possible: then rank 0 edits, and the others receive the pictures."""
 
 
@@ -116,7 +117,7 @@ class Editor(Protocol):
 
     @property
     def name(self) -> str:
-        """As in `--editor NAME`."""
+        """Name of the editor, as in `--editor NAME`."""
         ...
 
     @property
@@ -151,7 +152,7 @@ class Autoencoder(Protocol):
 
     @property
     def channels(self) -> int:
-        """Of a latent cell."""
+        """Number of channels of a latent cell."""
         ...
 
     @property

@@ -10,7 +10,7 @@ import torch
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editors.protocol import Capabilities, EditBatch, Editor, EditProgress
 from gsedit.errors import UsageError
-from gsedit.ranks import Ranks
+from gsedit.runs.ranks import Ranks
 
 
 def with_ranks(editor: Editor, ranks: Ranks) -> Editor:

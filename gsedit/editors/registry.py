@@ -1,4 +1,4 @@
-"""Which 2D editors there are, what each needs, and how one is made: ours, and those of others.
+"""Registry of 2D editors, those of this package and of others: what each needs, how it is made.
 
 A package adds an editor by an entry point of the group `gsedit.editors`: a name, and a callable
 (a class, say) that makes an Editor. The first line of its docstring is the editor's summary. Its
@@ -27,7 +27,7 @@ GROUP = "gsedit.editors"
 DEFAULT = "small"
 OURS = "gsedit"
 PARTS = ["name", "cell", "check", "edit", "capabilities"]
-"""What every editor has."""
+"""Attributes that every editor has."""
 
 Factory = Callable[..., "Editor"]
 Missing = Callable[[], Iterable[str]]
@@ -39,13 +39,13 @@ class Listing:
 
     name: str
     summary: str
-    """What it does, one line; empty where it cannot be imported."""
+    """Summary of the editor, one line; empty where it cannot be imported."""
     source: str
     """The package it comes with."""
     options: tuple[str, ...]
     """Its options as on the command line: --model, --run, ..."""
     needs: tuple[str, ...]
-    """What is missing before it can run, each with its next move."""
+    """Requirements that are missing before it can run, each with its next move."""
 
     @property
     def ready(self) -> bool:
@@ -59,16 +59,17 @@ def _small(model: str | Path | None = None, guess: bool = False) -> Editor:
     """Learned, comes with gsedit: some fifty looks of subject and scene, in words of your own."""
     from dataclasses import replace
 
-    from gsedit.editors.small import SmallEditor, load_small
+    from gsedit.editors.small.denoiser import load_small
+    from gsedit.editors.small.editor import SmallEditor
 
     small = load_small(None if model is None else Path(model).expanduser())
     return SmallEditor(replace(small, guess=guess))
 
 
-def _small_missing() -> Iterable[str]:
-    from gsedit.editors.small import REINSTALL, WEIGHTS
+def _small_missing(weights: Path | None = None) -> Iterable[str]:
+    from gsedit.editors.small.shipped import REINSTALL, WEIGHTS
 
-    if not WEIGHTS.exists():
+    if not (weights or WEIGHTS).exists():
         yield f"its weights: {REINSTALL}"
 
 
@@ -82,8 +83,8 @@ def _closed_form() -> Editor:
 
 def _pix2pix(model: str | Path | None = None, weights_dir: str | Path | None = None) -> Editor:
     """InstructPix2Pix weights of Stable Diffusion 1.5 or SDXL, a folder or hub id: any sentence."""
+    from gsedit.editors.pix2pix.denoiser import load_pix2pix
     from gsedit.editors.pix2pix.hub import DEFAULT as DEFAULT_MODEL
-    from gsedit.editors.pix2pix.load import load_pix2pix
     from gsedit.editors.sampling import DiffusionEditor
 
     return DiffusionEditor(load_pix2pix(model or DEFAULT_MODEL, weights_dir=weights_dir))
@@ -162,7 +163,7 @@ def make_editor(name: str = DEFAULT, **options: Any) -> Editor:
 
 
 def _hint(key: str, factory: Factory) -> str:
-    """Which options an editor takes instead of this one, and which editors take this one."""
+    """Hint after a wrong option: the options of this editor, and the editors that take this one."""
     flags = _flags(factory)
     takes = f"it takes {', '.join(flags)}" if flags else "it takes none"
     others = [name for name, (other, _) in BUILT_IN.items() if key in _parameters(other)]
@@ -210,7 +211,9 @@ def _factory(name: str) -> tuple[Factory, str]:
     others = _others()
     if name not in others:
         names = ", ".join(editor_names())
-        raise UsageError(f"there is no editor {name!r}: choose one of {names} (see gsedit editors)")
+        raise UsageError(
+            f"there is no editor {name!r}: choose one of {names} (see gsedit list editors)"
+        )
     entry, source = others[name], _source(others[name])
     try:
         factory: Factory = entry.load()

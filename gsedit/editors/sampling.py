@@ -15,25 +15,17 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from gsedit.consistency.consensus import consensus, share_noise
-from gsedit.diffusion import (
-    Anchor,
-    Hook,
-    Predictor,
-    SamplerSettings,
-    add_noise,
-    levels_of,
-    predict_guided,
-    sample,
-)
-from gsedit.diffusion.guidance import Branches, Need
+from gsedit.datasets.padding import pad_to, pad_to_multiple, round_up
+from gsedit.diffusion.guidance import Branches, Need, Predictor
 from gsedit.diffusion.memory import peak_bytes, views_at_once
 from gsedit.diffusion.precision import InBfloat16, with_precision
 from gsedit.diffusion.predictions import Prediction
+from gsedit.diffusion.sampler import Anchor, Hook, add_noise, levels_of, predict_guided, sample
 from gsedit.diffusion.schedules import Schedule
+from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editors.protocol import Capabilities, Denoiser, EditBatch, EditProgress
 from gsedit.errors import UsageError
-from gsedit.ranks import ALONE, Ranks
-from gsedit.views.padding import pad_to, pad_to_multiple, round_up
+from gsedit.runs.ranks import ALONE, Ranks
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +77,7 @@ class DiffusionEditor:
         ranks = sharing(self.denoiser, self.ranks)
         free = _free(batch)
         mine = free[ranks.share(len(free))]
-        denoiser = told(self.denoiser, None if whole.subject is None else whole.subject[mine])
+        denoiser = with_subject_mask(self.denoiser, whole.subject, mine)
         z0, anchor = _encoded(whole, self.denoiser, ranks)
         agree, share = _hooks(whole, settings, self.capabilities)
         noise = torch.randn(z0.shape, generator=generator, dtype=z0.dtype)
@@ -142,7 +134,7 @@ class Counted(_Around):
     def branches(
         self, x: Float[Tensor, "v c y x"], t: float, condition: Any, need: Need
     ) -> Branches:
-        """The predictor's."""
+        """Branches of the wrapped predictor, counted."""
         self.evaluations += len(x) * sum(need)
         return self._predictor.branches(x, t, condition, need)
 
@@ -174,10 +166,19 @@ def sharing(denoiser: Denoiser, ranks: Ranks) -> Ranks:
     return ranks if denoiser.capabilities.with_micro_batch else ALONE
 
 
-def told(denoiser: Denoiser, subject: Float[Tensor, "v H W"] | None) -> Denoiser:
-    """The denoiser, told where the subject is in these views if it can be."""
+def with_subject_mask(
+    denoiser: Denoiser,
+    subject: Float[Tensor, "v H W"] | None,
+    views: Int[Tensor, " n"] | None = None,
+) -> Denoiser:
+    """The denoiser for these `views` (None: all), whose subject is in this mask.
+
+    Itself where there is no mask, or the denoiser takes none.
+    """
     with_subject = denoiser.capabilities.with_subject
-    return denoiser if subject is None or with_subject is None else with_subject(subject)
+    if subject is None or with_subject is None:
+        return denoiser
+    return with_subject(subject if views is None else subject[views])
 
 
 def prepared(
@@ -295,7 +296,7 @@ def _hooks(
         return None, lambda noise: noise
     labels = batch.correspondences.labels
     agree = partial(
-        consensus, labels=labels, anchored=batch.anchored, strength=settings.consensus_strength
+        consensus, labels=labels, anchored=batch.anchored, strength=settings.consensus_weight
     )
     coarse = capabilities.coarse
     if coarse is not None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from gsedit.ranks import ALONE, Ranks
-from gsedit.reports.stopwatch import Stopwatch
+from gsedit.runs.ranks import ALONE, Ranks
+from gsedit.runs.stopwatch import Stopwatch
 
 LEAST_STEPS = 10
 """Steps that are made after the seconds too: reading the photos may take all of a short budget."""

@@ -1,6 +1,6 @@
 """Crops of views of the scene that is being fitted, at about the cost of what they show.
 
-While only colours and opacities move, what each pixel of a view shows is listed once
+While only colors and opacities move, what each pixel of a view shows is listed once
 (`rasterizer.pixel_lists`), and a crop is blended from the lists. `b` crops of `y x` pixels.
 """
 
@@ -14,31 +14,31 @@ from jaxtyping import Float, Int
 from torch import Tensor
 from torch.nn.functional import logsigmoid
 
-from gsedit.fitting.optimiser import SceneOptimiser
-from gsedit.views.dataset import View
+from gsedit.datasets.dataset import View
+from gsedit.fitting.optimizer import SceneOptimizer
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution, Numerics
-from rasterizer.pixel_lists import LEAST, PixelLists, blend, pixel_lists, shown_rows
+from rasterizer.pixel_lists import MIN_LISTED_WEIGHT, PixelLists, blend, pixel_lists, shown_rows
 from rasterizer.project import Box, view_dependent_colors
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
 LISTED_PIXELS = 400 * 400
-"""Of a view, at most: lists take about 350 bytes a pixel, and are made for views that are cropped
+"""Most pixels of a listed view: lists take about 350 bytes a pixel, and are made for views cropped
 often enough to be worth it."""
 
 MOST_LISTED_PIXELS = 6_000_000
-"""Of all views together: lists of 2 GB. A strategy may fit hundreds of views; steps that crop more
-of them than that render."""
+"""Most pixels of all listed views: lists of 2 GB. A strategy may fit hundreds of views; steps that
+crop more of them than that render."""
 
-FEW = 300_000
+MIN_LISTED_GAUSSIANS = 300_000
 """Gaussians of a scene, below which the compiled kernel renders a crop in less time than torch
 blends one from lists: CPU time of a step of four crops of 64 pixels is 20 ms for 44,000 Gaussians
 (lists: 65 ms), 54 ms for 131,000 (100 ms), and 153 ms for 349,000 (150 ms)."""
-FEW_CELLS = 60_000
-"""The same for cells that stand for a larger scene: lists also know what the cells lack."""
+MIN_LISTED_CELLS = 60_000
+"""Limit for cells that stand for a larger scene: lists also know what the cells lack."""
 
-FELT = Numerics(gradient_min=LEAST)
+FELT = Numerics(gradient_min=MIN_LISTED_WEIGHT)
 """Gaussians that lists leave out of a pixel get no gradient from its render either."""
 
 Picture = Callable[[Camera], Float[Tensor, "h w 3"]]
@@ -49,7 +49,7 @@ class _KeptView:
     lists: PixelLists | None
     """None: it is large, and its crops are rendered."""
     missing: Float[Tensor, "h w 3"] | None
-    """What the true picture has beyond that of the lists, or of the cells; None: nothing."""
+    """Difference of the true picture to that of the lists, or of the cells; None: none."""
 
 
 class ExactCrops:
@@ -58,27 +58,25 @@ class ExactCrops:
     is_coarse = False
     """Whether they are of cells that stand for a larger scene."""
 
-    def __init__(self, execution: Execution = AUTO, *, depth: bool = False) -> None:
-        """`depth` is drawn where it is asked for, and not used."""
+    def __init__(self, execution: Execution = AUTO) -> None:
         self.execution = execution
-        self.depth = depth
 
     def draw(
-        self, optimiser: SceneOptimiser, patches: Sequence[tuple[View, Box]]
+        self, optimizer: SceneOptimizer, patches: Sequence[tuple[View, Box]]
     ) -> Float[Tensor, "b y x 3"]:
-        """The patches of the optimiser's scene; their gradients reach its next step."""
-        scene = optimiser.scene
+        """The patches of the optimizer's scene; their gradients reach its next step."""
+        scene = optimizer.scene
         return torch.stack([self._rendered(scene, view.camera, box) for view, box in patches])
 
     def _rendered(self, scene: Gaussians, camera: Camera, box: Box) -> Float[Tensor, "y x 3"]:
-        execution, depth = self.execution, self.depth
+        execution = self.execution
         return render(
-            scene, camera, crop=box, depth=depth, numerics=FELT, execution=execution
+            scene, camera, crop=box, depth=False, numerics=FELT, execution=execution
         ).color
 
 
 class ListedCrops(ExactCrops):
-    """Crops of a scene of which only colours and opacities move."""
+    """Crops of a scene of which only colors and opacities move."""
 
     def __init__(
         self,
@@ -87,13 +85,15 @@ class ListedCrops(ExactCrops):
         execution: Execution = AUTO,
         *,
         is_coarse: bool = False,
+        most_listed_pixels: int = MOST_LISTED_PIXELS,
     ) -> None:
-        """`start` has the optimiser's rows, before any moved. `unedited` draws the picture of a
+        """`start` has the optimizer's rows, before any moved. `unedited` draws the picture of a
         camera before the edit (None: `start` is rendered); `is_coarse`: it shows a larger scene,
         for which `start` stands.
         """
         super().__init__(execution)
         self.start, self.is_coarse = start, is_coarse
+        self._most_listed_pixels = most_listed_pixels
         self._unedited = unedited or self._render
         self._kept: dict[tuple[str, int, int], _KeptView] = {}
         self._met: dict[str, Tensor] = {}
@@ -105,17 +105,17 @@ class ListedCrops(ExactCrops):
         return render(self.start, camera, execution=self.execution).color
 
     def draw(
-        self, optimiser: SceneOptimiser, patches: Sequence[tuple[View, Box]]
+        self, optimizer: SceneOptimizer, patches: Sequence[tuple[View, Box]]
     ) -> Float[Tensor, "b y x 3"]:
-        """The patches of the optimiser's scene; their gradients reach its next step."""
+        """The patches of the optimizer's scene; their gradients reach its next step."""
         kept = [self._keep(view) for view, _ in patches]
         crops = [each.lists and each.lists.crop(box) for each, (_, box) in zip(kept, patches)]
         listed = [crop for crop in crops if crop is not None]
         if len(listed) == len(crops):
             drawn = shown_rows(listed, len(self.start))
-            scene = optimiser.draw(drawn)
+            scene = optimizer.draw(drawn)
         else:
-            drawn, scene = torch.arange(len(self.start)), optimiser.scene
+            drawn, scene = torch.arange(len(self.start)), optimizer.scene
         pictures = []
         for each, crop, (view, box) in zip(kept, crops, patches):
             if crop is None:
@@ -135,7 +135,7 @@ class ListedCrops(ExactCrops):
         crop: PixelLists,
         camera: Camera,
     ) -> Float[Tensor, "y x 3"]:
-        """The picture of the lists; `scene` has the rows `drawn` of the optimiser's."""
+        """The picture of the lists; `scene` has the rows `drawn` of the optimizer's."""
         self._places[drawn] = torch.arange(len(drawn), dtype=torch.int32)
         rows = shown_rows([crop], len(self.start))
         local = self._places[rows].long()
@@ -148,7 +148,7 @@ class ListedCrops(ExactCrops):
     def _fits(self, pixels: int) -> bool:
         """Whether the lists of a view of so many pixels may be kept beside those that are."""
         kept = sum(w * h for (_, w, h), each in self._kept.items() if each.lists)
-        return pixels <= LISTED_PIXELS and kept + pixels <= MOST_LISTED_PIXELS
+        return pixels <= LISTED_PIXELS and kept + pixels <= self._most_listed_pixels
 
     def _keep(self, view: View) -> _KeptView:
         camera, key = view.camera, _key(view)
@@ -162,19 +162,24 @@ class ListedCrops(ExactCrops):
                 self._meet(view, self._unedited(camera), self.start)
         return self._kept[key]
 
-    def meet(self, view: View, picture: Float[Tensor, "h w 3"], optimiser: SceneOptimiser) -> None:
-        """From now on, the optimiser's scene as it is looks like this picture at that view."""
+    def meet(self, view: View, picture: Float[Tensor, "h w 3"], optimizer: SceneOptimizer) -> None:
+        """Calibrate a view: the optimizer's scene as it is now looks like this picture there."""
         self._keep(view)
-        self._meet(view, picture, optimiser.scene.detach())
+        self._meet(view, picture, optimizer.scene.detach())
         if (missing := self._kept[_key(view)].missing) is not None:
             self._met["|".join(map(str, _key(view)))] = missing
 
     def state(self) -> dict[str, Tensor]:
-        """What pictures were met (see `meet`), by view; nothing else here is not made again."""
+        """Pictures that calibrate views (see `meet`), by view; the rest here can be computed
+        again."""
         return dict(self._met)
 
     def load_state(self, state: Mapping[str, Tensor]) -> None:
-        """Continue from a `state`, before anything was drawn."""
+        """Continue from a `state`, before anything was drawn. Raises ValueError for no state."""
+        for name in state:
+            _, width, height = name.rsplit("|", 2)
+            if tuple(state[name].shape) != (int(height), int(width), 3):
+                raise ValueError(f"the state has no picture of the size of {name}")
         self._met = dict(state)
 
     @torch.no_grad()

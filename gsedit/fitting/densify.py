@@ -12,15 +12,16 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from gsedit.fitting.settings import FitSettings
+from gsedit.runs.state import tensor_like
 from rasterizer.camera import Camera
 from rasterizer.project import rotation_matrices
 from rasterizer.scene import Gaussians, concatenate
 
 SPLIT_OFFSET = 0.75
-"""The two halves of a Gaussian lie so many standard deviations off its centre, along its longest
+"""The two halves of a Gaussian lie so many standard deviations off its center, along its longest
 axis, and are shorter there by as much as leaves the second moment of both together what it was."""
 SPLIT_LENGTH = sqrt(1 - SPLIT_OFFSET**2)
-"""Of a half along that axis, in lengths of the whole."""
+"""Length of a half along that axis, in lengths of the whole."""
 
 
 class Densified(NamedTuple):
@@ -40,12 +41,13 @@ class ScreenGradients:
         self.total, self.pictures = torch.zeros(count), torch.zeros(count)
 
     def state(self) -> dict[str, Tensor]:
-        """What was counted; not a copy."""
+        """Return what was counted, without a copy."""
         return {"total": self.total, "pictures": self.pictures}
 
     def load_state(self, state: Mapping[str, Tensor]) -> None:
         """Go on counting where another was."""
-        self.total, self.pictures = state["total"].clone(), state["pictures"].clone()
+        self.total = tensor_like(state, "total", self.total)
+        self.pictures = tensor_like(state, "pictures", self.pictures)
 
     @torch.no_grad()
     def add(self, gradient: Float[Tensor, "n 3"], scene: Gaussians, camera: Camera) -> None:

@@ -1,4 +1,4 @@
-"""What a step of the update fits: a sum of losses between crops and their targets.
+"""Loss of a step of the update: a sum of terms between crops and their targets.
 
 Pictures are `h w 3` in [0, 1]; `*n` any leading axes.
 """
@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -25,15 +24,6 @@ def check_installed(settings: UpdateSettings) -> None:
     """Raise UsageError where the loss needs weights that are not there."""
     if any(term.name == "perceptual" for term in settings.terms) and not is_installed():
         raise UsageError(f"the loss perceptual needs weights that are not installed: {INSTALL}")
-
-
-def chosen_terms(settings: UpdateSettings, generator: torch.Generator) -> Sequence[LossTerm]:
-    """What one step fits: all terms, or by chance the Gram matrices alone or the others alone."""
-    terms = settings.terms
-    if not settings.loss_switch:
-        return terms
-    style = float(torch.rand((), generator=generator)) < settings.loss_switch
-    return [term for term in terms if (term.name == "gram") == style]
 
 
 def edit_loss(

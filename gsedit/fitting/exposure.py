@@ -1,7 +1,7 @@
-"""What a photo's exposure and white balance did to its colours: an affine map a photo.
+"""Exposure and white balance of photos: an affine map of colors a photo.
 
 A photo is compared with the render after that map, so that the scene need not explain with floaters
-and view-dependent colour what the camera did. The map of a photo is the least-squares one from its
+and view-dependent color what the camera did. The map of a photo is the least-squares one from its
 render to it, drawn to the identity, and moved there by a part whenever the photo is drawn. The mean
 of all maps is undone first: a scene that is too dark is not the photos' fault. Renders of the
 fitted scene, and its measurement on held-out photos, have no such map.
@@ -17,20 +17,21 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.views.dataset import View
+from gsedit.datasets.dataset import View
+from gsedit.runs.state import tensor_like
 
 TO_IDENTITY = (0.01, 1.0, 0.3)
 """How strongly the map is drawn to the identity, beside a mean squared error: gains of channels,
 their mixtures, offsets. Exposure and white balance are gains: freer maps drift with the scene."""
 PART = 0.5
-"""Of the way to the least-squares map, that a map moves whenever its photo is drawn."""
+"""Share of the way to the least-squares map that a map moves whenever its photo is drawn."""
 SPREAD = 0.06
 """Standard deviation over the photos, of what the maps make of mid-grey, above which exposures
 differ. The bear's, taken in one light, have at most 0.04 while the scene is unfinished and 0.02 at
 the end; gains of 0.15 have 0.15."""
-ENOUGH = 2
+MIN_DRAWS = 2
 """Times that every photo was drawn, before their maps say whether exposures differ."""
-FEW = 10
+MIN_PHOTOS = 10
 """Photos that are trained on, below which maps do not say whether exposures differ: of 7 equally
 exposed ones, in 4 of 12 short fits they spread by more than SPREAD for some steps; of 4, in 4 of 6,
 and by up to 0.19; of 10, in none of 6."""
@@ -40,9 +41,9 @@ class Exposures:
     """The maps of a fit's photos, by name; they change as the fit goes on."""
 
     def __init__(self, views: Sequence[View], mode: str) -> None:
-        """`mode`: on, off, or auto: on while the maps' `spread` is above SPREAD, of at least FEW
-        photos."""
-        self.mode = "off" if mode == "auto" and len(views) < FEW else mode
+        """`mode`: on, off, or auto: on while the maps' `spread` is above SPREAD, of at least
+        MIN_PHOTOS photos."""
+        self.mode = "off" if mode == "auto" and len(views) < MIN_PHOTOS else mode
         self._rows = {view.name: i for i, view in enumerate(views)}
         self.maps = torch.eye(3, 4).repeat(len(views), 1, 1)
         self.moves = torch.zeros_like(self.maps)
@@ -63,7 +64,7 @@ class Exposures:
         """Whether photos are compared after their maps."""
         if self.mode != "auto":
             return self.mode == "on"
-        return bool(self.seen.min() >= ENOUGH) and self.spread > SPREAD
+        return bool(self.seen.min() >= MIN_DRAWS) and self.spread > SPREAD
 
     def _relative(self, maps: Float[Tensor, "*n 3 4"]) -> Float[Tensor, "*n 3 4"]:
         """Maps after what is common to all photos was undone: that is the scene's to learn."""
@@ -89,7 +90,7 @@ class Exposures:
 
     @property
     def of_step(self) -> tuple[Tensor, Tensor]:
-        """What a step adds: tensors that ranks sum."""
+        """Sums of a step: tensors that ranks add up."""
         return self.moves, self._new
 
     def move(self) -> None:
@@ -100,12 +101,13 @@ class Exposures:
         self._new.zero_()
 
     def state(self) -> dict[str, Tensor]:
-        """What changes; not a copy."""
+        """Return what changes, without a copy."""
         return {"maps": self.maps, "seen": self.seen}
 
     def load_state(self, state: Mapping[str, Tensor]) -> None:
         """Go on where another was."""
-        self.maps, self.seen = state["maps"].clone(), state["seen"].clone()
+        self.maps = tensor_like(state, "maps", self.maps)
+        self.seen = tensor_like(state, "seen", self.seen)
 
 
 def _least_squares(

@@ -19,24 +19,24 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from gsedit.datasets.dataset import Dataset, View
 from gsedit.errors import UsageError
-from gsedit.files.state import State, check_same, digest, digest_of
 from gsedit.fitting.budget import Budget
 from gsedit.fitting.densify import ScreenGradients, densify
 from gsedit.fitting.exposure import Exposures
 from gsedit.fitting.initial import initial_scene
-from gsedit.fitting.optimiser import SceneOptimiser, optimised_scene
+from gsedit.fitting.optimizer import SceneOptimizer, optimized_scene
+from gsedit.fitting.photometric import photometric, supervised
 from gsedit.fitting.pyramid import check_sizes, pyramid
 from gsedit.fitting.settings import FitSettings
-from gsedit.fitting.supervision import supervised
 from gsedit.measures.decibels import rmse_from_psnr
 from gsedit.measures.metrics import psnr
-from gsedit.measures.photometric import photometric
-from gsedit.ranks import ALONE, Ranks
-from gsedit.reports import notebook
-from gsedit.reports.events import Checkpoint, Event
-from gsedit.reports.json_lines import plain
-from gsedit.views.dataset import Dataset, View
+from gsedit.pictures import notebook
+from gsedit.runs.events import Checkpoint, Event
+from gsedit.runs.json_lines import plain
+from gsedit.runs.ranks import ALONE, Ranks
+from gsedit.runs.state import State, check_same, digest, digest_of, restoring, tensor_like
+from gsedit.scene.picture import render_picture
 from rasterizer.blending.choose import is_compiled
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import render
@@ -49,7 +49,7 @@ RATES = {
     "logit_opacities": 1e-1,
     "sh": 4e-2,
 }
-"""Learning rates by field; that of positions times the scene's radius. Colours, opacities and
+"""Learning rates by field; that of positions times the scene's radius. Colors, opacities and
 scales move faster than in 3D Gaussian splatting: a fit here has a few thousand steps and not
 30,000."""
 FINAL_RATE = {"means": 0.02, "sh": 0.2, "log_scales": 0.3, "logit_opacities": 0.3, "quats": 0.3}
@@ -57,17 +57,17 @@ FINAL_RATE = {"means": 0.02, "sh": 0.2, "log_scales": 0.3, "logit_opacities": 0.
 FREE = ("checkpoint_seconds", "execution", "report_every")
 """Settings that may change when a fit goes on: they do not change the scene."""
 PLAIN = ("order", "curve", "loss", "next_evaluation", "last_checkpoint", "started_with")
-"""What changes of a fit and is no tensor."""
+"""Names of the state of a fit that is no tensor."""
 SWEEP_SHARE = 0.25
-"""Of the budget's seconds, after which the plane sweep of the start ends: 84 photos at 256 pixels
-take 3."""
+"""Share of the budget's seconds after which the plane sweep of the start ends: 84 photos at 256
+pixels take 3."""
 LOSS_DECAY = 0.95
-"""Of the running mean of the loss that events report, per step."""
+"""Decay per step of the running mean of the loss that events report."""
 
 
 @dataclass(frozen=True, eq=False)
 class FitResult:
-    """A fitted scene."""
+    """Result of a fit: the scene and its measurements."""
 
     scene: Gaussians
     psnr: float
@@ -81,11 +81,11 @@ class FitResult:
         return f"FitResult({self.scene!r}, {self.psnr:.1f} dB, {self.steps} steps)"
 
     def _repr_png_(self) -> bytes | None:
-        """What a notebook shows."""
+        """Picture that a notebook shows."""
         return notebook.attempt(lambda: notebook.scene_png(self.scene))
 
     def _repr_html_(self) -> str | None:
-        """The same with what was measured."""
+        """Picture and measurements for a notebook."""
         rows = {
             "held-out PSNR": notebook.decibels(self.psnr),
             "steps": f"{self.steps:,}",
@@ -124,16 +124,18 @@ def fit_steps(
     asked = requested(dataset, settings, generator, start)
     ranks.check_same("what is fitted", [asked])
     if resume is not None:
-        check_same(asked, resume.record["request"], "fit")
-        start = optimised_scene(resume.within("optimiser"))
+        with restoring(resume):
+            check_same(asked, resume.record["request"], "fit")
+            start = optimized_scene(resume.within("optimizer"))
     budget = _budget(settings, resume, ranks, clock)
     if start is None:
         start = _start(dataset, settings, generator, ranks, budget)
     extent = _camera_extent(dataset.views)
     work = _Fit(start, train, held_out, extent, settings, generator, asked, ranks, budget)
-    del start  # the optimiser has copies
+    del start  # the optimizer has copies
     if resume is not None:
-        work.load_state(resume)
+        with restoring(resume):
+            work.load_state(resume)
     while not work.budget.finished:
         work.step()
         work.densify_if_due()
@@ -157,7 +159,6 @@ def fit(
     return last
 
 
-@torch.no_grad()
 def evaluate(
     scene: Gaussians,
     views: tuple[View, ...],
@@ -174,7 +175,7 @@ def evaluate(
 
     def measured(rows: Int[Tensor, " v"]) -> Float[Tensor, " v"]:
         chosen = [views[i] for i in rows.tolist()]
-        pictures = (render(scene, v.camera, execution=execution).color.clamp(0, 1) for v in chosen)
+        pictures = (render_picture(scene, v.camera, execution) for v in chosen)
         decibels = [psnr(picture, v.image, v.mask) for picture, v in zip(pictures, chosen)]
         return torch.tensor(decibels, dtype=torch.float64)
 
@@ -194,7 +195,7 @@ class _Fit:
         self.batch = settings.batch or 1
         rates = {**RATES, "means": RATES["means"] * extent}
         rates = {name: rate * sqrt(self.batch) for name, rate in rates.items()}
-        self.optimiser = SceneOptimiser(scene, rates, compiled=is_compiled(settings.execution))
+        self.optimizer = SceneOptimizer(scene, rates, compiled=is_compiled(settings.execution))
         self.pyramid = pyramid(train, (factor for _, factor in settings.coarse))
         self.gradients = ScreenGradients(len(scene))
         self.started_with = len(scene)
@@ -206,7 +207,7 @@ class _Fit:
 
     def state(self) -> State:
         """All that changes during a fit; the tensors are the fit's own."""
-        tensors = {f"optimiser.{name}": each for name, each in self.optimiser.state().items()}
+        tensors = {f"optimizer.{name}": each for name, each in self.optimizer.state().items()}
         tensors |= {f"gradients.{name}": each for name, each in self.gradients.state().items()}
         tensors |= {f"exposures.{name}": each for name, each in self.exposures.state().items()}
         tensors["generator"] = self.generator.get_state()
@@ -221,19 +222,22 @@ class _Fit:
     def load_state(self, state: State) -> None:
         """Go on where the fit was that was interrupted."""
         record = state.record
-        self.optimiser.load_state(state.within("optimiser"))
+        self.optimizer.load_state(state.within("optimizer"))
         self.gradients.load_state(state.within("gradients"))
         self.exposures.load_state(state.within("exposures"))
-        self.generator.set_state(state.tensors["generator"])
+        now = self.generator.get_state()
+        self.generator.set_state(tensor_like(state.tensors, "generator", now))
         for name in PLAIN:
             setattr(self, name, record[name])
+        if not set(self.order) <= set(range(len(self.pyramid[1]))):
+            raise ValueError("its order names photos that are not there")
         self.curve = [(seconds, decibels) for seconds, decibels in record["curve"]]
 
     def step(self) -> None:
-        """One optimiser step on a batch of photos, of which every rank renders its share."""
-        optimiser, ranks = self.optimiser, self.ranks
-        scene = optimiser.scene
-        # in front of a random colour, every hole in the scene costs where the photo is opaque
+        """One optimizer step on a batch of photos, of which every rank renders its share."""
+        optimizer, ranks = self.optimizer, self.ranks
+        scene = optimizer.scene
+        # in front of a random color, every hole in the scene costs where the photo is opaque
         photos = [
             (self._next_view(), torch.rand(3, generator=self.generator)) for _ in range(self.batch)
         ]
@@ -245,15 +249,15 @@ class _Fit:
             one.backward()
             hook.remove()
             loss += one.detach()
-        optimiser.add_up(ranks, seen.total, seen.pictures, loss, *self.exposures.of_step)
+        optimizer.add_up(ranks, seen.total, seen.pictures, loss, *self.exposures.of_step)
         self.exposures.move()
         self.gradients.include(seen)
-        optimiser.step({k: v**self.budget.progress for k, v in FINAL_RATE.items()})
+        optimizer.step({k: v**self.budget.progress for k, v in FINAL_RATE.items()})
         self.budget.count_step()
         self._count_loss(loss.item() / self.batch)
 
     def _loss(self, scene: Gaussians, view: View, background: Float[Tensor, "3"]) -> Tensor:
-        """Of one photo."""
+        """Loss of one photo."""
         settings = self.settings
         picture = render(
             scene, view.camera, background=background, execution=settings.execution
@@ -281,13 +285,13 @@ class _Fit:
 
     def densify_if_due(self) -> None:
         """Densify every so many steps."""
-        settings, budget, optimiser = self.settings, self.budget, self.optimiser
+        settings, budget, optimizer = self.settings, self.budget, self.optimizer
         due = budget.step % settings.densify_every == 0
         if due and budget.progress < settings.densify_until:
             grown = densify(
-                optimiser.scene.detach(), self.gradients.mean, settings, self._gaussians_due()
+                optimizer.scene.detach(), self.gradients.mean, settings, self._gaussians_due()
             )
-            optimiser.replace(*grown)
+            optimizer.replace(*grown)
             self.gradients = ScreenGradients(len(grown.scene))
 
     def _gaussians_due(self) -> int:
@@ -301,9 +305,9 @@ class _Fit:
         budget, every = self.budget, self.settings.evaluations
         if budget.progress >= self.next_evaluation and not budget.finished:
             self.next_evaluation = (int(budget.progress * every) + 1) / every
-            yield self._measure(self.optimiser.scene.detach())
+            yield self._measure(self.optimizer.scene.detach())
         elif budget.step % self.settings.report_every == 0:
-            yield self._event("fit", f"{len(self.optimiser.scene):,} Gaussians")
+            yield self._event("fit", f"{len(self.optimizer.scene):,} Gaussians")
 
     def checkpoint_if_due(self) -> Iterator[Checkpoint]:
         """The scene as it is, every so many seconds."""
@@ -313,7 +317,7 @@ class _Fit:
             yield Checkpoint(self.state(), self.budget.step, seconds, self._copy_scene)
 
     def _copy_scene(self) -> Gaussians:
-        return self.optimiser.scene.detach().map(torch.clone)
+        return self.optimizer.scene.detach().map(torch.clone)
 
     def finish(self) -> Iterator[Event | FitResult]:
         """The last measurement, and the result."""
@@ -347,7 +351,7 @@ def _start(
     dataset: Dataset, settings: FitSettings, generator: torch.Generator, ranks: Ranks,
     budget: Budget,
 ) -> Gaussians:  # fmt: skip
-    """Where a fit starts that is given no scene."""
+    """Start of a fit that is given no scene."""
     return initial_scene(
         dataset,
         settings.sh_degree,
@@ -365,7 +369,7 @@ def requested(
     generator: torch.Generator,
     start: Gaussians | None,
 ) -> dict[str, Any]:
-    """What was asked for, as JSON has it: a fit goes on where this is the same."""
+    """Request as JSON: a fit resumes where this is the same."""
     cameras = [view.camera for view in dataset.views]
     poses = torch.stack([camera.world_to_camera.double() for camera in cameras])
     lenses = torch.tensor([[c.fx, c.fy, c.cx, c.cy] for c in cameras], dtype=torch.float64)
@@ -389,5 +393,5 @@ def _levels(view: View) -> list[Tensor]:
 
 def _camera_extent(views: tuple[View, ...]) -> float:
     """1.1 times the largest distance of a camera from the cameras' mean: INRIA's extent."""
-    centres = torch.stack([v.camera.centre for v in views])
-    return max(1e-3, 1.1 * float((centres - centres.mean(0)).norm(dim=-1).max()))
+    centers = torch.stack([v.camera.center for v in views])
+    return max(1e-3, 1.1 * float((centers - centers.mean(0)).norm(dim=-1).max()))

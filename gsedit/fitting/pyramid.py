@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+from gsedit.datasets.dataset import View
+from gsedit.datasets.lazy_views import PixelCache
 from gsedit.errors import UsageError
+from gsedit.fitting.photometric import SMALLEST
 from gsedit.fitting.settings import FitSettings
-from gsedit.measures.photometric import SMALLEST
-from gsedit.views.dataset import View
-from gsedit.views.kept import Kept
 
 SMALLEST_COARSE = 32
 """Pixels on the longer side: a coarse picture has no fewer, whatever its factor."""
@@ -28,13 +28,13 @@ def check_sizes(views: Sequence[View], settings: FitSettings) -> None:
 def pyramid(views: Sequence[View], factors: Iterable[int]) -> dict[int, tuple[View, ...]]:
     """By factor, 1 among them: the views on grids so many times coarser, made when they are first
     needed. A view whose coarse picture would be too small is made less coarse, or stays."""
-    kept = Kept()
+    kept = PixelCache()
     return {
         factor: tuple(_coarse(view, factor, kept) for view in views) for factor in (1, *factors)
     }
 
 
-def _coarse(view: View, factor: int, kept: Kept) -> View:
+def _coarse(view: View, factor: int, kept: PixelCache) -> View:
     camera = view.camera
     sides = (camera.width, camera.height)
     factor = max(1, min(factor, max(sides) // SMALLEST_COARSE))

@@ -14,12 +14,12 @@ import torch.nn.functional as F
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.views.dataset import View
+from gsedit.datasets.dataset import View
 from rasterizer.camera import Camera
 from rasterizer.project import Box
 
-SHOWN = 1 / 255
-"""A region shows in a pixel of which it is more than this: with less, no colour of the region
+MIN_SHOWN_SHARE = 1 / 255
+"""A region shows in a pixel of which it is more than this: with less, no color of the region
 changes an 8-bit picture by more than a step."""
 
 
@@ -28,7 +28,7 @@ def random_crop(camera: Camera, side: int, generator: torch.Generator) -> Box:
 
     Corners are drawn up to half a crop outside and moved in, so that a pixel at a border is in half
     as many crops as one in the middle. Drawn inside only, a picture's outermost row would be in one
-    crop where others are in `side`, and the borders of the edited views would keep their colours.
+    crop where others are in `side`, and the borders of the edited views would keep their colors.
     """
     left = _corner(camera.width - side, side, generator)
     top = _corner(camera.height - side, side, generator)
@@ -36,7 +36,7 @@ def random_crop(camera: Camera, side: int, generator: torch.Generator) -> Box:
 
 
 def _corner(last: int, side: int, generator: torch.Generator) -> int:
-    """Where a crop begins along one axis, from 0 to `last`."""
+    """Draw the start of a crop along one axis, from 0 to `last`."""
     drawn = int(torch.randint(-(side // 2), last + side // 2 + 1, (), generator=generator))
     return min(max(drawn, 0), last)
 
@@ -76,6 +76,7 @@ def crops_that_show(shown: Bool[Tensor, "h w"], side: int) -> Bool[Tensor, "y x"
 
 def share_of_crops(shown: Sequence[Bool[Tensor, "h w"]], side: int) -> float:
     """The probability that a random crop of a random view holds a pixel that is `shown`."""
+    side = min(side, *(min(view.shape) for view in shown))  # as `random_patch` draws them
     shares = []
     for view in shown:
         touched = crops_that_show(view, side).double()
@@ -93,12 +94,12 @@ def _times_drawn(places: int, side: int) -> Float[Tensor, " y"]:
 
 
 def shown_at(shown: Bool[Tensor, "h w"], width: int, height: int) -> Bool[Tensor, "y x"]:
-    """The same at a smaller size: where any pixel is shown."""
+    """Reduce a mask to a smaller size: True where any pixel is shown."""
     if shown.shape == (height, width):
         return shown
     return F.adaptive_max_pool2d(shown[None].float(), (height, width))[0] > 0
 
 
 def crops_needed(patches: int, share: float) -> int:
-    """Of `patches` random crops in a step, those that show the region, rounded up; at least 1."""
+    """Number of crops that show the region, of `patches` random ones, rounded up; at least 1."""
     return max(1, ceil(patches * share - 1e-9))

@@ -31,12 +31,6 @@ class UpdateSettings:
     loss: str = "mse+gram"
     """The terms of the loss, joined by +: mse, l1, dssim, gram, perceptual. A number before a term
     is its weight, as in 0.8*l1+0.2*dssim; gram has --gram-weight besides."""
-    loss_switch: float = 0.0
-    """Probability that a step fits the Gram matrices alone, and otherwise the other terms alone:
-    the random switch in the paper's introduction. 0: their sum in every step."""
-    anchor_weight: float = 0.0
-    """How strongly colours, opacities and what else moves are drawn back to the unedited scene, in
-    units of GaussianEditor's anchors; 0: not at all."""
 
     def __post_init__(self) -> None:
         if self.patches < 1 or self.patch < SMALLEST_PATCH:
@@ -46,25 +40,16 @@ class UpdateSettings:
             )
         if not self.gram_weight >= 0:
             raise UsageError(f"gram weight {self.gram_weight} is not 0 or more")
-        if not self.anchor_weight >= 0:
-            raise UsageError(f"anchor weight {self.anchor_weight} is not 0 or more")
         names = [term.name for term in self.terms]
         if "perceptual" in names and self.patch < SMALLEST_PERCEPTUAL:
             raise UsageError(
                 f"the loss perceptual needs patches of {SMALLEST_PERCEPTUAL} pixels or more, not "
                 f"{self.patch}"
             )
-        if not 0 <= self.loss_switch < 1:
-            raise UsageError(f"loss switch {self.loss_switch} is not a probability below 1")
-        if self.loss_switch and ("gram" not in names or len(names) < 2):
-            raise UsageError(
-                f"loss switch {self.loss_switch} needs gram, with a Gram weight above 0, and "
-                f"another term to switch between, not the loss {self.loss!r}"
-            )
 
     @property
     def terms(self) -> tuple[LossTerm, ...]:
-        """Of the loss, in its order, with the Gram weight; without those of weight 0. Raises
+        """Terms of the loss, in its order, with the Gram weight; without those of weight 0. Raises
         UsageError for a loss that cannot be read."""
         terms = [
             term._replace(weight=term.weight * self.gram_weight) if term.name == "gram" else term
@@ -82,7 +67,7 @@ class FitSettings:
     whichever ends first. Raises UsageError for a value out of range."""
 
     steps: int | None = None
-    """Optimiser steps; None: as many as the time allows."""
+    """Optimizer steps; None: as many as the time allows."""
     seconds: float | None = 300.0
     """Wall-clock seconds; None: until the steps are done."""
     batch: int | None = None
@@ -99,12 +84,12 @@ class FitSettings:
     dssim_weight: float = 0.2
     """Share of the structural dissimilarity in the loss; the rest is the L1 error."""
     exposure: Exposure = "auto"
-    """Whether each photo is compared after an affine change of colour of its own, so that the scene
+    """Whether each photo is compared after an affine change of color of its own, so that the scene
     need not explain exposure and white balance. auto: where 10 or more photos differ in them."""
     max_gaussians: int = 150_000
     """The number of Gaussians grows to this, and never beyond."""
     densify_every: int = 100
-    """Steps between densifications."""
+    """Number of steps between densifications."""
     densify_until: float = 0.6
     """Fraction of the budget after which the number of Gaussians is left alone."""
     densify_fraction: float = 0.1
@@ -120,7 +105,7 @@ class FitSettings:
     evaluations: int = 10
     """How many times the held-out views are measured."""
     checkpoint_seconds: float = field(default=30.0, metadata={"flag": "--checkpoint-every"})
-    """Seconds between checkpoints."""
+    """Least seconds between two checkpoints."""
     execution: Execution = AUTO
     """How pictures are rendered; it changes the run time, not the pictures."""
 

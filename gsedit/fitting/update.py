@@ -11,19 +11,19 @@ import torch
 from jaxtyping import Bool
 from torch import Tensor
 
+from gsedit.datasets.dataset import View
 from gsedit.fitting.crops import ExactCrops
-from gsedit.fitting.edit_loss import chosen_terms, edit_loss
-from gsedit.fitting.optimiser import SceneOptimiser
+from gsedit.fitting.edit_loss import edit_loss
+from gsedit.fitting.optimizer import SceneOptimizer
+from gsedit.fitting.photometric import supervised
 from gsedit.fitting.random_crops import cut, random_patch, share_of_crops, shown_at
 from gsedit.fitting.settings import UpdateSettings
-from gsedit.fitting.supervision import supervised
 from gsedit.measures.features import FeatureExtractor
-from gsedit.ranks import ALONE, Ranks
-from gsedit.views.dataset import View
+from gsedit.runs.ranks import ALONE, Ranks
 from rasterizer.project import Box
 
 APPEARANCE_RATES = {"sh": 2.5e-2, "logit_opacities": 5e-3}
-"""Colours learn ten times faster than in 3D Gaussian splatting (2.5e-3, Kerbl et al. 2023): an edit
+"""Colors learn ten times faster than in 3D Gaussian splatting (2.5e-3, Kerbl et al. 2023): an edit
 has a few hundred steps."""
 GEOMETRY_RATES = {"log_scales": 2e-3, "quats": 1e-3}
 MEANS_RATE = 1.6e-4
@@ -35,21 +35,17 @@ COARSE_SIZE = 192
 """Pixels. A crop of a large view shows little of the scene, so that most steps are fitted to views
 of this longer side up to twice as many pixels."""
 COARSE_SHARE = 0.75
-"""Of the steps: the first ones, before those at full size. On views of 1024 pixels, colours end
-6 dB nearer to a known edit than at full size throughout (docs/resolution.md)."""
+"""Share of the steps that run first, before those at full size. On views of 1024 pixels, colors end
+6 dB nearer to a known edit than at full size throughout (docs/measurements/resolution.md)."""
 
 
-def rates(
-    geometry: Literal["appearance", "full"], radius: float, *, hold_all: bool = False
-) -> dict[str, float]:
-    """Learning rates by field: of colours and opacities (`appearance`), or of everything (`full`).
+def rates(geometry: Literal["appearance", "full"], radius: float) -> dict[str, float]:
+    """Learning rates by field: of colors and opacities (`appearance`), or of everything (`full`).
 
-    `radius` of the scene, world units: positions move in proportion to it. `hold_all`: the fields
-    that do not move are there too, at a rate of 0.
+    `radius` of the scene, world units: positions move in proportion to it.
     """
     if geometry == "appearance":
-        still = dict.fromkeys((*GEOMETRY_RATES, "means"), 0.0) if hold_all else {}
-        return {**APPEARANCE_RATES, **still}
+        return dict(APPEARANCE_RATES)
     return {**APPEARANCE_RATES, **GEOMETRY_RATES, "means": MEANS_RATE * radius}
 
 
@@ -59,7 +55,7 @@ class Target:
 
     view: View
     shown: Bool[Tensor, "h w"] | None = None
-    """Where a region shows: patches are those that hold such a pixel. None: all, of every view."""
+    """Pixels that show the region: patches hold such a pixel. None: all, of every view."""
     patch: int = UpdateSettings.patch
     """Side of a patch, pixels."""
 
@@ -81,7 +77,7 @@ class Target:
 
 
 def update_steps(
-    optimiser: SceneOptimiser,
+    optimizer: SceneOptimizer,
     targets: Sequence[Target],
     seen: Bool[Tensor, " n"],
     span: range,
@@ -95,7 +91,7 @@ def update_steps(
     """Fit the scene to random patches of the edited views; yields the loss of every step.
 
     These are the steps `span` of a round of `steps`. Only the Gaussians that are `seen` move; their
-    negative base colours are raised before the round's first step. The learning rates fall linearly
+    negative base colors are raised before the round's first step. The learning rates fall linearly
     over the round. Of large targets, the first steps use smaller copies. `crops` draws the scene
     (None: renders it). Where the targets say what is shown of a region, the patches are those in
     which it shows. All ranks choose the same patches, each draws its share of them, and the
@@ -103,7 +99,7 @@ def update_steps(
     """
     crops = crops or ExactCrops()
     if span.start == 0:
-        optimiser.raise_negative_colours(seen)
+        optimizer.raise_negative_colors(seen)
     for step in span:
         if step < COARSE_SHARE * steps:
             views, shown = [t.small for t in targets], [t.small_shown for t in targets]
@@ -113,18 +109,17 @@ def update_steps(
         patches = [
             random_patch(views, masks, settings.patch, generator) for _ in range(settings.patches)
         ]
-        terms = chosen_terms(settings, generator)
         whole_loss = torch.zeros(())
         if mine := patches[ranks.share(len(patches))]:
-            rendered = crops.draw(optimiser, mine)
+            rendered = crops.draw(optimizer, mine)
             expected = torch.stack([cut(v.image, box) for v, box in mine])
             rendered, expected = supervised(rendered, expected, _masks_of(mine))
-            loss = edit_loss(rendered, expected, terms, features)
+            loss = edit_loss(rendered, expected, settings.terms, features)
             loss = loss * (len(mine) / len(patches))  # a mean over patches: shares add up to it
             loss.backward()
             whole_loss += loss.detach()
-        optimiser.add_up(ranks, whole_loss)
-        optimiser.step(rate_scale(step, steps), only=seen)
+        optimizer.add_up(ranks, whole_loss)
+        optimizer.step(rate_scale(step, steps), only=seen)
         yield whole_loss.item()
 
 
@@ -145,7 +140,7 @@ def _masks_of(patches: Sequence[tuple[View, Box]]) -> Bool[Tensor, "b y x"] | No
 
 
 def rate_scale(step: int, steps: int) -> float:
-    """What learning rates are multiplied with at this step of a round: from 1 to FINAL_RATE."""
+    """Factor of the learning rates at this step of a round: from 1 to FINAL_RATE."""
     return 1 - (1 - FINAL_RATE) * step / max(1, steps - 1)
 
 

@@ -1,33 +1,36 @@
-"""What `--against` names: the unedited scene, the folder of an edit, photos, or pictures."""
+"""Reading of `--against`: the unedited scene, the folder of an edit, photos, or pictures."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
+from gsedit.datasets import cameras_json as recorded
+from gsedit.datasets import view_list_files as view_lists
+from gsedit.datasets.colmap import model_folder
+from gsedit.datasets.view_list_files import ViewList, by_edit
+from gsedit.datasets.view_pictures import SUFFIXES, NoPicturesError, read_view_pictures
 from gsedit.errors import InputError
-from gsedit.files import cameras as recorded
-from gsedit.files import view_lists
-from gsedit.files.colmap import model_folder
-from gsedit.files.inputs import existing_file
-from gsedit.files.pictures import fitted_size
-from gsedit.files.view_pictures import SUFFIXES, NoPicturesError, read_view_pictures
+from gsedit.formats.edit_records import read_edit_record
+from gsedit.formats.pictures import fitted_size
 from gsedit.measures.agreement import Pictures
-from gsedit.measures.subject import NO_TARGETS
-from gsedit.views.view_list import ViewList, by_edit
+from gsedit.measures.evaluation_input import NO_TARGETS
+from gsedit.storage.inputs import existing_file
+from gsedit.storage.json_files import object_of, read_json
 
 Kind = Literal["scene", "edit", "photos", "pictures"]
 TARGETS, HELD_OUT = "targets", "held_out"
 """Folders of pictures in the folder of an edit: what the scene was fitted to, and what the 2D
 editor makes of held-out views."""
+UNFINISHED = "metrics.unfinished.jsonl"
+"""File of the events so far, in the folder of an edit that has no result yet."""
 
 
 @dataclass(frozen=True)
-class Against:
-    """What a scene is compared with."""
+class Reference:
+    """Reference that a scene is compared with."""
 
     kind: Kind
     path: Path
@@ -42,7 +45,7 @@ class Against:
     """The views of an edit."""
     instruction: str | None = None
     cost: Mapping[str, float] = field(default_factory=dict)
-    """What the edit took, by the names of gsedit.measures.names.COST."""
+    """Cost of the edit, by the names of gsedit.measures.names.COST."""
 
     @property
     def why_no_pictures(self) -> str:
@@ -60,17 +63,17 @@ class Against:
 
     @property
     def fitted(self) -> str:
-        """What the scene's views are that are not held out, for a person."""
+        """Name of the scene's views that are not held out, for a person."""
         return "fitted" if self.kind == "photos" else "edited"
 
     @property
     def targets(self) -> str:
-        """What its pictures are, for a person."""
+        """Name of its pictures, for a person."""
         return {"edit": "edited views", "photos": "photos"}.get(self.kind, "pictures")
 
 
-def find_against(path: str | Path) -> Against:
-    """What is at that path, as far as it is told without reading scenes and pictures.
+def resolve_reference(path: str | Path) -> Reference:
+    """Reference at a path, as far as it is told without reading scenes and pictures.
 
     Raises InputError where nothing is there that a scene can be compared with.
     """
@@ -78,27 +81,27 @@ def find_against(path: str | Path) -> Against:
     if path.is_dir() and (path / "edit.json").is_file():
         return _edit(path)
     if (path / "transforms.json").is_file() or (path.is_dir() and model_folder(path)):
-        return Against("photos", path)
+        return Reference("photos", path)
     if path.is_dir():
-        if (path / "metrics.jsonl").is_file():
+        if (path / UNFINISHED).is_file():
             raise InputError(
                 f"{path} is the folder of an edit that did not finish (no edit.json in it): finish "
                 "it with gsedit edit first"
             )
         if any(file.suffix.lower() in SUFFIXES for file in path.rglob("*")):
-            return Against("pictures", path, pictures=(path,))
+            return Reference("pictures", path, pictures=(path,))
         raise InputError(
             f"{path} is no folder of an edit (edit.json), of photos (transforms.json, COLMAP) or "
             "of pictures: check the path"
         )
     if path.suffix.lower() == ".json":
-        if _record(existing_file(path)).get("format") == view_lists.FORMAT:
+        if read_json(path, object_of({})).get("format") == view_lists.FORMAT:
             raise InputError(f"{path} is a list of views: give it with --views")
-        return Against("photos", path)
-    return Against("scene", existing_file(path), unedited=path)
+        return Reference("photos", path)
+    return Reference("scene", existing_file(path), unedited=path)
 
 
-def find_pictures(against: Against, views: ViewList) -> Pictures:
+def find_pictures(against: Reference, views: ViewList) -> Pictures:
     """Its pictures, by the index of the view; those of an edit where the list has such views.
 
     Raises InputError as `read_view_pictures` does.
@@ -114,7 +117,7 @@ def find_pictures(against: Against, views: ViewList) -> Pictures:
 
 
 def resized(views: ViewList, size: int | None) -> ViewList:
-    """The same views, the longer side of their pictures at most `size` pixels (None: theirs)."""
+    """Resize views so that the longer side has at most `size` pixels (None: as they are)."""
     viewpoints = []
     for viewpoint in views.viewpoints:
         camera = viewpoint.camera
@@ -123,14 +126,14 @@ def resized(views: ViewList, size: int | None) -> ViewList:
     return replace(views, viewpoints=tuple(viewpoints))
 
 
-def _edit(folder: Path) -> Against:
+def _edit(folder: Path) -> Reference:
     """The folder that `gsedit edit` wrote. Raises InputError, with the file and the next move."""
     file = folder / "edit.json"
-    record = _record(file)
+    record = read_edit_record(file)
     region = folder / "region.npy"
     folders = (folder / TARGETS, folder / HELD_OUT)
     instruction = record.get("instruction")
-    return Against(
+    return Reference(
         "edit",
         folder,
         unedited=_unedited(record.get("scene"), folder),
@@ -143,17 +146,6 @@ def _edit(folder: Path) -> Against:
     )
 
 
-def _record(file: Path) -> dict[str, Any]:
-    try:
-        record = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        reason = type(error).__name__
-        raise InputError(f"{file} is no readable JSON ({reason}): write it again") from None
-    if not isinstance(record, dict):
-        raise InputError(f"{file} holds no JSON object: write it again")
-    return record
-
-
 def _unedited(named: Any, folder: Path) -> Path:
     """The file that edit.json names: from here, or from a folder above the edit's."""
     if not isinstance(named, str):
@@ -162,7 +154,10 @@ def _unedited(named: Any, folder: Path) -> Path:
             f"itself: --against SCENE --region {folder / 'region.npy'}"
         )
     places = [Path(named), *(above / named for above in folder.absolute().parents)]
-    found = next((place for place in places if place.is_file()), None)
+    try:
+        found = next((place for place in places if place.is_file()), None)
+    except OSError:  # too long a name
+        found = None
     if found is None:
         raise InputError(
             f"{folder / 'edit.json'} names the unedited scene {named}, which is not there: run "
@@ -178,9 +173,9 @@ def _views(record: Mapping[str, Any], folder: Path) -> ViewList | None:
         return view_lists.read_view_list(folder / view_lists.NAME)
     file = folder / recorded.NAME
     names = record.get("edited_views")
-    if not file.is_file() or not isinstance(names, Sequence):
+    if names is None or not file.is_file():
         return None
-    return by_edit(recorded.read_cameras(file), {str(name) for name in names})
+    return by_edit(recorded.read_cameras(file), set(names))
 
 
 def _cost(record: Mapping[str, Any]) -> dict[str, float]:
@@ -188,8 +183,7 @@ def _cost(record: Mapping[str, Any]) -> dict[str, float]:
     places = {"seconds": ("timings", "total"), "evaluations": ("work", "network_evaluations")}
     cost = {}
     for name, (group, key) in places.items():
-        inner = record.get(group)
-        value = inner.get(key) if isinstance(inner, Mapping) else None
+        value = record.get(group, {}).get(key)
         if isinstance(value, int | float) and not isinstance(value, bool):
             cost[name] = value
     return cost

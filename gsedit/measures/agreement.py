@@ -1,4 +1,4 @@
-"""How far pictures of different views agree on colour, beside the unedited scene's own renders.
+"""How far pictures of different views agree on color, beside the unedited scene's own renders.
 
 Pictures are in [0, 1] and belong to views by their index.
 """
@@ -16,7 +16,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.consistency.warp import warp
-from gsedit.views.dataset import evenly_spaced
+from gsedit.datasets.dataset import evenly_spaced
 from rasterizer.camera import Camera
 from rasterizer.render import Rendering
 
@@ -35,7 +35,7 @@ Pictures = Mapping[int, Float[Tensor, "h w 3"]]
 
 @dataclass(frozen=True)
 class WarpComparison:
-    """Warp error of one set of pictures: the RMSE of colour (mean over channels) between a view and
+    """Warp error of one set of pictures: the RMSE of color (mean over channels) between a view and
     another one warped into it by the unedited scene's depth, over all pixels that both see."""
 
     pictures: Literal["targets", "renders"]
@@ -48,13 +48,14 @@ class WarpComparison:
     compared: float
     """Mean share of a view's pixels that were compared."""
     unedited: float
-    """Of renders of the unedited scene, on the same pixels: shading, resampling and what its depth
-    gets wrong."""
+    """Warp error of renders of the unedited scene, on the same pixels: shading, resampling and what
+    its depth gets wrong."""
     edited: float
 
     @property
     def excess(self) -> float:
-        """What the edit added, in quadrature; below 0 where the edited pictures agree better."""
+        """Error that the edit added, in quadrature; below 0 where the edited pictures agree
+        better."""
         square = self.edited**2 - self.unedited**2
         return copysign(sqrt(abs(square)), square)
 
@@ -65,7 +66,7 @@ class UneditedViews:
 
     cameras: Sequence[Camera]
     rendering: Callable[[int], Rendering]
-    """Of the unedited scene at the view of that index, with median depth."""
+    """Render of the unedited scene at the view of that index, with median depth."""
 
     def nearest(self, i: int, others: Iterable[int]) -> list[int]:
         """The views `others`, the one whose camera is nearest to view i's first."""
@@ -163,9 +164,9 @@ def _evenly(pairs: Pairs) -> Pairs:
 
 def _displacement(a: Camera, b: Camera, depth: float) -> float:
     """About how far a pixel at that depth moves between two cameras, in radians."""
-    (axis_a, axis_b), (centre_a, centre_b) = (
+    (axis_a, axis_b), (center_a, center_b) = (
         [camera.world_to_camera[2, :3].double() for camera in (a, b)],
-        [camera.centre.double() for camera in (a, b)],
+        [camera.center.double() for camera in (a, b)],
     )
     turned = torch.acos((axis_a @ axis_b).clamp(-1, 1))
-    return float((centre_a - centre_b).norm() / depth + turned)
+    return float((center_a - center_b).norm() / depth + turned)

@@ -19,10 +19,11 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.errors import InputError, UsageError
+from gsedit.storage.json_files import object_of, read_json
 
 MEAN = (0.48145466, 0.4578275, 0.40821073)
 STD = (0.26862954, 0.26130258, 0.27577711)
-"""Of RGB in [0, 1], which all of OpenAI's models were trained with."""
+"""Mean and deviation of RGB in [0, 1] that all of OpenAI's models were trained with."""
 MOVED = 1e-6
 """Least length of a difference of unit vectors that has a direction: less is rounding."""
 
@@ -35,7 +36,7 @@ class Clip:
     """transformers.CLIPModel, in evaluation mode, without gradients of its own."""
     tokenizer: Any
     folder: Path
-    """Where it was read from."""
+    """Folder that it was read from."""
 
     @property
     def size(self) -> int:
@@ -112,16 +113,9 @@ def load_clip(folder: str | Path) -> Clip:
 
 def check_files(folder: Path) -> None:
     """Raise InputError where a file that the model needs is not there, or is another model's."""
-    import json
-
     config = folder / "config.json"
-    try:
-        kind = json.loads(config.read_text(encoding="utf-8")).get("model_type")
-    except (OSError, ValueError, AttributeError) as error:
-        raise InputError(
-            f"{config} cannot be read ({type(error).__name__}): --clip names the folder of a "
-            "CLIPModel of transformers, with config.json in it"
-        ) from None
+    advice = "--clip names the folder of a CLIPModel of transformers, with config.json in it"
+    kind = read_json(config, object_of({}), advice=advice).get("model_type")
     if kind != "clip":
         raise InputError(
             f"{config} is of a model of type {kind!r}, not 'clip': name the folder of a CLIPModel "
@@ -163,8 +157,8 @@ def direction(
 def direction_consistency(
     edited: Float[Tensor, "n d"], unedited: Float[Tensor, "n d"]
 ) -> Float[Tensor, " n_minus_1"]:
-    """Of adjacent frames (Haque et al. 2023, Instruct-NeRF2NeRF): the cosine of how the picture
-    changes from frame i to i + 1 after the edit and before it, in [-1, 1]."""
+    """Consistency of adjacent frames (Haque et al. 2023, Instruct-NeRF2NeRF): the cosine of how the
+    picture changes from frame i to i + 1 after the edit and before it, in [-1, 1]."""
     return _cosine(edited.diff(dim=0), unedited.diff(dim=0))
 
 

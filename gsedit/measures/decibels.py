@@ -1,4 +1,4 @@
-"""PSNR and RMSE of colours in [0, 1]: PSNR = -20 log10(RMSE), dB. Needs no torch."""
+"""PSNR and RMSE of colors in [0, 1]: PSNR = -20 log10(RMSE), dB. Needs no torch."""
 
 from __future__ import annotations
 

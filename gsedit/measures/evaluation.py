@@ -1,12 +1,12 @@
 """Every metric of a scene, at a fixed list of views, beside pictures and the unedited scene.
 
-What cannot be measured has no value, and a reason with the next move in its place. `gsedit edit`
-measures its result with the same functions (gsedit.session.quality).
+A metric that cannot be measured has no value, and a reason with the next move in its place. Both
+`gsedit metrics` and `gsedit edit` measure by `evaluate`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
 
@@ -14,10 +14,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from gsedit.datasets.dataset import evenly_spaced
+from gsedit.datasets.view_list_files import Role
 from gsedit.measures import clip as clip_measures
 from gsedit.measures.agreement import (
     COMPARED_VIEWS,
-    Pictures,
     UneditedViews,
     WarpComparison,
     compare_renders,
@@ -25,23 +26,21 @@ from gsedit.measures.agreement import (
     spread,
 )
 from gsedit.measures.decibels import psnr_from_rmse
+from gsedit.measures.evaluation_input import Evaluation, EvaluationInput, Mean, ViewMeasures
 from gsedit.measures.metrics import (
     INSIDE,
     NEAREST,
     Fidelity,
     SquaredError,
-    edit_strength,
     fidelity,
     pooled_rmse,
+    rmse,
     squared_error,
 )
 from gsedit.measures.missing import MEASURED_ROLES, find_missing
-from gsedit.measures.names import METRICS
-from gsedit.measures.subject import Evaluation, Mean, Subject, ViewMeasures
+from gsedit.measures.names import GROUND_TRUTH, METRICS
 from gsedit.regions.region import coverage
-from gsedit.views.view_list import Role
-from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution
+from gsedit.scene.picture import render_picture
 from rasterizer.render import Rendering, render
 from rasterizer.scene import Gaussians
 
@@ -51,25 +50,25 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True, eq=False)
 class _Measured:
-    """A view's values, and what is pooled over views."""
+    """The values of a view, and its part in what is pooled over views."""
 
     values: dict[str, float]
     outside: SquaredError | None
     vectors: dict[str, Float[Tensor, " d"]]
-    """CLIP's, of the edited and the unedited render."""
+    """CLIP's vectors of the edited and the unedited render."""
 
 
-def evaluate(subject: Subject, progress: Progress = lambda done, total: None) -> Evaluation:
+def evaluate(subject: EvaluationInput, progress: Progress = lambda done, total: None) -> Evaluation:
     """Measure a scene at the edited and held-out views of its list, a view at a time."""
     views = subject.views
     chosen = [i for i, role in enumerate(views.roles) if role in MEASURED_ROLES]
-    words = _vectors_of_texts(subject)
+    words, perceptual = _vectors_of_texts(subject), _perceptual_views(subject)
     of_views: dict[int, _Measured] = {}
     for done, i in enumerate(chosen, 1):
-        of_views[i] = _measure_view(subject, i, words)
+        of_views[i] = _measure_view(subject, i, words, perceptual)
         progress(done, len(chosen))
     warp = _warp(subject)
-    measured: dict[str, dict[Role, Mean]] = {name: {} for name in METRICS}
+    measured: dict[str, dict[Role, Mean]] = {name: {} for name in (*METRICS, *GROUND_TRUTH)}
     for role in MEASURED_ROLES:
         for name, value in _means([of_views[i] for i in views.having(role)]).items():
             measured[name][role] = value
@@ -86,48 +85,64 @@ def evaluate(subject: Subject, progress: Progress = lambda done, total: None) ->
 
 
 @torch.no_grad()
-def _measure_view(subject: Subject, i: int, words: Mapping[str, Tensor]) -> _Measured:
-    camera = subject.views.viewpoints[i].camera
-    final = picture_of(subject.scene, camera, subject.execution)
+def _measure_view(
+    subject: EvaluationInput,
+    i: int,
+    words: Mapping[str, Tensor],
+    perceptual: Collection[tuple[str, int]],
+) -> _Measured:
+    """The metrics of view i; `perceptual` are the comparisons that have a perceptual distance."""
+    final = _final(subject, i)
     values: dict[str, float] = {}
     mask = subject.masks.get(i)
+
+    def compare(expected: Tensor, to: str, mask: Tensor | None = None) -> None:
+        nearness = fidelity(final, expected, mask, with_perceptual=(to, i) in perceptual)
+        values.update(_named(nearness, to))
+
     if i in subject.targets and (mask is None or mask.any()):
-        values |= _named(fidelity(final, subject.targets[i], mask), "targets")
+        compare(subject.targets[i], "targets", mask)
+    if i in subject.ground_truth:
+        compare(subject.ground_truth[i], "ground_truth")
     outside, vectors = None, {}
     unedited = None
     if subject.unedited is not None:
-        unedited = picture_of(subject.unedited, camera, subject.execution)
-        values |= _named(fidelity(final, unedited), "unedited")
-        values["strength"] = edit_strength(unedited, final)
+        unedited = _unedited(subject, subject.unedited, i)
+        compare(unedited, "unedited")
+        values["rmse_to_unedited"] = rmse(final, unedited)
         if subject.region is not None and not subject.region.is_all:
+            camera = subject.views.viewpoints[i].camera
             covered = coverage(subject.region, subject.unedited, camera, subject.execution)
             outside = squared_error(unedited, final, covered < INSIDE)
-            if (leaked := pooled_rmse([outside])) is not None:
-                values["leakage"] = leaked
+            if (error := pooled_rmse([outside])) is not None:
+                values["rmse_outside_region"] = error
     if subject.clip is not None:
         vectors = {"edited": subject.clip.images(final[None])[0]}
         if unedited is not None:
             vectors["unedited"] = subject.clip.images(unedited[None])[0]
         values |= _clip_values(vectors, words)
-    if subject.conse is not None and subject.texts.wanted:
-        values |= subject.conse.values(subject.texts.wanted, final, unedited)
     return _Measured(values, outside, vectors)
 
 
-def picture_of(
-    scene: Gaussians, camera: Camera, execution: Execution = AUTO
-) -> Float[Tensor, "h w 3"]:
-    """A render in [0, 1], without gradients."""
-    with torch.no_grad():
-        return render(scene, camera, execution=execution).color.clamp(0, 1)
+def _perceptual_views(subject: EvaluationInput) -> set[tuple[str, int]]:
+    """The comparisons, by name and view, that have a perceptual distance."""
+    every = range(len(subject.views))
+    known = {"targets": subject.targets, "ground_truth": subject.ground_truth, "unedited": every}
+    chosen: set[tuple[str, int]] = set()
+    for role in MEASURED_ROLES:
+        for to, indices in known.items():
+            views = [i for i in subject.views.having(role) if i in indices]
+            most = subject.max_perceptual_views or len(views)
+            chosen |= {(to, views[k]) for k in evenly_spaced(len(views), most)}
+    return chosen
 
 
 def _named(measures: Fidelity, to: str) -> dict[str, float]:
     return {f"{key}_to_{to}": value for key, value in asdict(measures).items() if value is not None}
 
 
-def _vectors_of_texts(subject: Subject) -> dict[str, Tensor]:
-    """CLIP's vectors of the texts that were given."""
+def _vectors_of_texts(subject: EvaluationInput) -> dict[str, Tensor]:
+    """Vectors by CLIP of the texts that were given."""
     if subject.clip is None:
         return {}
     texts = {"wanted": subject.texts.wanted, "source": subject.texts.source}
@@ -139,7 +154,7 @@ def _vectors_of_texts(subject: Subject) -> dict[str, Tensor]:
 def _clip_values(
     vectors: Mapping[str, Float[Tensor, " d"]], words: Mapping[str, Float[Tensor, " d"]]
 ) -> dict[str, float]:
-    """Those of CLIP's measures that a single view has."""
+    """The values of CLIP's measures that a single view has."""
     values = {}
     edited, unedited = vectors["edited"], vectors.get("unedited")
     if "wanted" in words:
@@ -156,18 +171,18 @@ def _clip_values(
 
 
 def _means(of_views: Sequence[_Measured]) -> dict[str, Mean]:
-    """Over the views that have a value; leakage is pooled over all pixels outside."""
+    """Means over the views that have a value; errors outside the region are pooled over pixels."""
     names = dict.fromkeys(name for view in of_views for name in view.values)
     means = {
         name: _mean([view.values[name] for view in of_views if name in view.values])
         for name in names
     }
-    if "leakage" in means:
-        leaked = pooled_rmse(view.outside for view in of_views if view.outside is not None)
-        assert leaked is not None
-        views = means["leakage"].views
-        means["leakage"] = Mean(leaked, views)
-        means["kept"] = Mean(min(psnr_from_rmse(leaked), NEAREST), views)
+    if "rmse_outside_region" in means:
+        error = pooled_rmse(view.outside for view in of_views if view.outside is not None)
+        assert error is not None
+        views = means["rmse_outside_region"].views
+        means["rmse_outside_region"] = Mean(error, views)
+        means["psnr_outside_region"] = Mean(min(psnr_from_rmse(error), NEAREST), views)
     frames = [view.vectors for view in of_views if "unedited" in view.vectors]
     if len(frames) > 1:
         edited, unedited = (
@@ -182,20 +197,33 @@ def _mean(values: Sequence[float]) -> Mean:
     return Mean(sum(values) / len(values), len(values))
 
 
-def _warp(subject: Subject) -> tuple[WarpComparison, ...]:
-    """Of the targets and of renders at held-out views; nothing without the unedited scene."""
+def _final(subject: EvaluationInput, i: int) -> Float[Tensor, "h w 3"]:
+    """The picture of the measured scene at view i, rendered unless it is there."""
+    if i in subject.finals:
+        return subject.finals[i]
+    return render_picture(subject.scene, subject.views.viewpoints[i].camera, subject.execution)
+
+
+def _unedited(subject: EvaluationInput, scene: Gaussians, i: int) -> Float[Tensor, "h w 3"]:
+    """The picture of the unedited scene at view i, rendered unless it is there."""
+    if i in subject.renderings:
+        return subject.renderings[i].color.clamp(0, 1)
+    return render_picture(scene, subject.views.viewpoints[i].camera, subject.execution)
+
+
+def _warp(subject: EvaluationInput) -> tuple[WarpComparison, ...]:
+    """Warp errors of targets and of renders at held-out views; none without the unedited scene."""
     original = subject.unedited
     if original is None:
         return ()
     cameras = [viewpoint.camera for viewpoint in subject.views.viewpoints]
 
     @cache
+    @torch.no_grad()
     def rendering(i: int) -> Rendering:
-        with torch.no_grad():
-            return render(original, cameras[i], median_depth=True, execution=subject.execution)
-
-    def finals(indices: Sequence[int]) -> Pictures:
-        return {i: picture_of(subject.scene, cameras[i], subject.execution) for i in indices}
+        if i in subject.renderings:
+            return subject.renderings[i]
+        return render(original, cameras[i], median_depth=True, execution=subject.execution)
 
     views = UneditedViews(cameras, rendering)
     held_out = subject.views.having("held_out")
@@ -203,5 +231,7 @@ def _warp(subject: Subject) -> tuple[WarpComparison, ...]:
     compared = spread(held_out, COMPARED_VIEWS)
     return (
         *compare_targets(views, edited),
-        *compare_renders(views, compared, held_out, finals),
+        *compare_renders(
+            views, compared, held_out, lambda indices: {i: _final(subject, i) for i in indices}
+        ),
     )

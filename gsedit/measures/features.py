@@ -40,7 +40,7 @@ class ScaledFeatures:
 
 @torch.no_grad()
 def with_equal_energy(features: FeatureExtractor) -> ScaledFeatures:
-    """The extractor with layers whose channels have the energy of a colour on average, on noise of
+    """The extractor with layers whose channels have the energy of a color on average, on noise of
     the 1/f^2 power spectrum of natural pictures: what FilterBank's have by construction.
 
     Without this the layers of a network, whose units are arbitrary, weigh in the Gram loss by the
@@ -54,7 +54,7 @@ def with_equal_energy(features: FeatureExtractor) -> ScaledFeatures:
 
 
 def _natural_noise() -> Float[Tensor, "n 3 h w"]:
-    """Four pictures of grey-centred 1/f^2 noise in [0, 1], the same at every call."""
+    """Four pictures of grey-centered 1/f^2 noise in [0, 1], the same at every call."""
     side = SPECTRUM_SIZE
     white = torch.randn(4, 3, side, side, generator=torch.Generator().manual_seed(0))
     f = torch.fft.fftfreq(side)
@@ -71,7 +71,7 @@ OPPONENT = (
     (1 / sqrt(2), -1 / sqrt(2), 0.0),
     (1 / sqrt(6), 1 / sqrt(6), -2 / sqrt(6)),
 )
-"""Luminance, red - green, yellow - blue: an orthonormal basis of RGB, so no colour counts twice."""
+"""Luminance, red - green, yellow - blue: an orthonormal basis of RGB, so no color counts twice."""
 BINOMIAL = (1 / 16, 4 / 16, 6 / 16, 4 / 16, 1 / 16)
 """Low-pass before halving (Burt and Adelson 1983)."""
 RADIUS = 3  # pixels; a Gaussian of sigma 1 has 0.3 % of its mass beyond
@@ -80,17 +80,17 @@ SPECTRUM_SIZE = 64  # pixels; the patch on which energies are made equal: the si
 
 
 NOISE_CONTRAST = 0.2
-"""Standard deviation of a colour in a natural picture, about: of the photos of the bear, 0.2."""
+"""Standard deviation of a color in a natural picture, about: of the photos of the bear, 0.2."""
 
 
 class FilterBank:
-    """Gaussian derivatives of opponent colours in octaves: 12 channels an octave, a layer each.
+    """Gaussian derivatives of opponent colors in octaves: 12 channels an octave, a layer each.
 
-    Blurred colour (3), first derivatives of all three (6), second derivatives of luminance (3);
+    Blurred color (3), first derivatives of all three (6), second derivatives of luminance (3);
     derivatives are steerable, so two and three orientations span all. Linear, no weights.
     Each derivative is scaled to pass as much energy of a picture with the 1/f^2 power spectrum of
-    natural pictures (Field 1987) as that picture has, and colour is measured from mid-grey: the
-    channels of one colour have energies of one order, in every octave. Chroma is not amplified.
+    natural pictures (Field 1987) as that picture has, and color is measured from mid-grey: the
+    channels of one color have energies of one order, in every octave. Chroma is not amplified.
     """
 
     def __init__(self, octaves: int = 4) -> None:
@@ -119,7 +119,7 @@ class FilterBank:
 
 
 def _kernels() -> Float[Tensor, "12 3 k k"]:
-    """Colour and space in one kernel: a single convolution an octave."""
+    """Color and space in one kernel: a single convolution an octave."""
     t = torch.arange(-RADIUS, RADIUS + 1, dtype=torch.float64)
     gauss = torch.exp(-t.square() / 2) / torch.exp(-t.square() / 2).sum()
     first, second = -t * gauss, (t.square() - 1) * gauss

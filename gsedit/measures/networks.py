@@ -106,7 +106,7 @@ class ShiftTolerantAlexNet:
     a blur with stride 2 behind it."""
 
     def __init__(self, path: str | Path) -> None:
-        """Raises InputError."""
+        """Read the weights from a file. Raises InputError."""
         weights = WeightsFile(path, "alex_shift_tolerant.pth of stlpips_pytorch")
         self.convolutions = {
             name: (*weights.convolution(key, shape), padding)

@@ -30,7 +30,7 @@ SHA256 = {
     ALEX: "b356b382f96010f77d085ee8343ecd9fd322d0a56e8de2b2d0549fafcad8b9ee",
     VGG: "44597da68f49c1837c100ff52299050f274d102eb102e5837178c79be6f0e250",
 }
-"""Of the files in version 0.0.2, the only one that these numbers were validated with."""
+"""SHA-256 of the files in version 0.0.2, the only one that these numbers were validated with."""
 INSTALL = "pip install 'gsedit[perceptual]' brings it"
 
 

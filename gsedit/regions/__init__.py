@@ -1,1 +1,1 @@
-"""Where an edit belongs: the Gaussians it may change, from predictions, masks, shapes, flags."""
+"""Regions: the Gaussians that an edit may change, from predictions, masks, shapes or flags."""

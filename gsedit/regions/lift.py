@@ -1,8 +1,8 @@
 """From values in pictures to values of Gaussians: the mean over all views, by blending weight.
 
-A picture is linear in the colours of the Gaussians, and the factor of a Gaussian's colour in a
+A picture is linear in the colors of the Gaussians, and the factor of a Gaussian's color in a
 pixel is its blending weight. So the gradient of the sum of (picture x map) with respect to the
-colours is the sum of a map's values, weighted by what each Gaussian contributes to each pixel.
+colors is the sum of a map's values, weighted by what each Gaussian contributes to each pixel.
 
 `n` Gaussians; maps of `h w` pixels.
 """
@@ -21,20 +21,20 @@ from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import backproject
 from rasterizer.scene import Gaussians
 
-CENTRAL = 0.25
+CENTRAL_SIGMA_SIDES = 0.25
 """Standard deviation of the window over the middle of a picture, of its shorter side."""
 
 
 @dataclass(frozen=True, eq=False)
 class Lifted:
-    """What pictures say of each Gaussian."""
+    """Values of pictures, lifted to each Gaussian."""
 
     mean: Float[Tensor, " n"]
-    """Of the maps' values, weighted by what the Gaussian contributes; 0 where it is in no view."""
+    """Mean of the maps' values, weighted by the Gaussian's contributions; 0 in no view."""
     weight: Float[Tensor, " n"]
-    """What the Gaussian contributes to all views, pixels."""
+    """Contribution of the Gaussian to all views, pixels."""
     central: Float[Tensor, " n"]
-    """The same under a window over the middle of each view: what the cameras look at."""
+    """Contribution under a window over the middle of each view: what the cameras look at."""
 
 
 def lift(
@@ -57,5 +57,5 @@ def _middle(camera: Camera) -> Float[Tensor, "h w"]:
     """A Gaussian window, 1 in the middle of the picture."""
     middle = torch.tensor((camera.width, camera.height)) / 2
     side = min(camera.width, camera.height)
-    square = ((camera.pixel_centres() - middle) / (CENTRAL * side)).square().sum(-1)
+    square = ((camera.pixel_centers() - middle) / (CENTRAL_SIGMA_SIDES * side)).square().sum(-1)
     return torch.exp(-square / 2)

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import torch
 from jaxtyping import Float
-from PIL import Image
 from torch import Tensor
 
+from gsedit.datasets.dataset import View
+from gsedit.datasets.image_ops import downscale
+from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.errors import InputError
-from gsedit.files.inputs import existing_file
-from gsedit.views.dataset import View
-from gsedit.views.image_ops import downscale
-from gsedit.views.viewpoints import Viewpoint
+from gsedit.formats.pictures import open_picture
+from gsedit.storage.inputs import existing_file
 
 
 def read_masks(path: Path, views: Sequence[View | Viewpoint]) -> dict[int, Float[Tensor, "h w"]]:
@@ -56,12 +56,8 @@ def _view_of(file: Path, names: Mapping[str, Sequence[int]]) -> int:
 
 def _read(file: Path) -> Float[Tensor, "h w"]:
     """Brightness times opacity, in [0, 1]."""
-    try:
-        with Image.open(file) as picture:
-            levels = np.array(picture.convert("LA"))
-    except Exception as error:  # Pillow's decoders raise a dozen kinds
-        reason = str(error).split("\n")[0]
-        raise InputError(f"{file} is no readable picture ({reason}): export it again") from None
+    with open_picture(file) as picture:
+        levels = np.array(picture.convert("LA"))
     brightness, opacity = torch.from_numpy(levels).float().div(255).unbind(-1)
     return brightness * opacity
 

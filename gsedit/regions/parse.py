@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from gsedit.errors import UsageError
 
 if TYPE_CHECKING:
+    import numpy as np
     from jaxtyping import Bool, Float
-    from torch import Tensor
 
 Point = tuple[float, float, float]
 FORMS = "all, auto, box:x0,y0,z0,x1,y1,z1, sphere:x,y,z,r, a .npy file, a .png file or a folder"
@@ -19,37 +19,40 @@ FORMS = "all, auto, box:x0,y0,z0,x1,y1,z1, sphere:x,y,z,r, a .npy file, a .png f
 
 @dataclass(frozen=True)
 class All:
-    """Every Gaussian."""
+    """The region of every Gaussian."""
 
 
 @dataclass(frozen=True)
 class Auto:
-    """The subject, as the 2D editor sees it; everything where the instruction is about the scene"""
+    """The region of the subject as the 2D editor sees it; all, if the instruction is about all."""
 
 
 @dataclass(frozen=True)
 class Box:
-    """Along the axes of the scene's file, in its units."""
+    """A box along the axes of the scene's file, in its units."""
 
     low: Point
     high: Point
 
-    def contains(self, points: Float[Tensor, "n 3"]) -> Bool[Tensor, " n"]:
-        """Whether each point is inside; the faces are."""
-        low, high = points.new_tensor(self.low), points.new_tensor(self.high)
-        return ((points >= low) & (points <= high)).all(-1)
+    def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+        """Flag the points inside; the faces are."""
+        from gsedit.scene.volumes import inside_box
+
+        return inside_box(points, self.low, self.high)
 
 
 @dataclass(frozen=True)
 class Sphere:
-    """In the coordinates and units of the scene's file."""
+    """A sphere in the coordinates and units of the scene's file."""
 
-    centre: Point
+    center: Point
     radius: float
 
-    def contains(self, points: Float[Tensor, "n 3"]) -> Bool[Tensor, " n"]:
-        """Whether each point is inside; the surface is."""
-        return (points - points.new_tensor(self.centre)).norm(dim=-1) <= self.radius
+    def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+        """Flag the points inside; the surface is."""
+        from gsedit.scene.volumes import inside_ball
+
+        return inside_ball(points, self.center, self.radius)
 
 
 @dataclass(frozen=True)
@@ -63,7 +66,7 @@ RegionSpec = All | Auto | Box | Sphere | File
 
 
 def parse_region(text: str) -> RegionSpec:
-    """What `--region` says. Files are not read. Raises UsageError for anything else."""
+    """Parse a `--region`; files are not read. Raises UsageError for what is none."""
     if text in ("all", "auto"):
         return All() if text == "all" else Auto()
     shape, colon, rest = text.partition(":")

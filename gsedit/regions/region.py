@@ -12,20 +12,20 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.files import flags
+from gsedit.formats import flags
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, SH_DC, Execution
+from rasterizer.numerics import AUTO, Execution, color_to_sh
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
 TINT = (1.0, 0.1, 0.6)
-"""Of what is inside, in pictures for a person: a colour that few captures have."""
+"""Color of the inside in pictures for a person, which few captures have."""
 TINT_STRENGTH = 0.55
 
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """Where an edit belongs."""
+    """The Gaussians that an edit may change."""
 
     inside: Bool[Tensor, " n"]
     """The Gaussians that may change."""
@@ -55,12 +55,12 @@ def coverage(
     """
     if region.is_all:
         return torch.ones(camera.height, camera.width, dtype=scene.means.dtype)
-    return render(in_one_colour(scene, region.inside), camera, execution=execution).color[..., 0]
+    return render(in_one_color(scene, region.inside), camera, execution=execution).color[..., 0]
 
 
-def in_one_colour(scene: Gaussians, values: Bool[Tensor, " n"] | Float[Tensor, " n"]) -> Gaussians:
+def in_one_color(scene: Gaussians, values: Bool[Tensor, " n"] | Float[Tensor, " n"]) -> Gaussians:
     """The scene in greys from every direction: `values` in [0, 1], one a Gaussian."""
-    grey = (values.to(scene.sh) - 0.5) / SH_DC
+    grey = color_to_sh(values.to(scene.sh))
     return replace(scene, sh=grey[:, None, None].expand(-1, 1, 3))
 
 
@@ -75,7 +75,7 @@ def composite(
 
 def tinted(scene: Gaussians, region: Region) -> Gaussians:
     """The scene with the Gaussians inside the region tinted, for a person to look at."""
-    tint = (torch.tensor(TINT) - 0.5).to(scene.sh) / SH_DC
+    tint = color_to_sh(torch.tensor(TINT)).to(scene.sh)
     sh = scene.sh.clone()
     sh[region.inside] *= 1 - TINT_STRENGTH
     sh[region.inside, 0] += TINT_STRENGTH * tint

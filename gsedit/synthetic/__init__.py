@@ -1,9 +1,8 @@
 """Small scenes with exact pictures, depth, correspondences and edited ground truth."""
 
 from gsedit.synthetic.gallery import demo_scene, scenes
-from gsedit.synthetic.photos import ring_cameras, traced_dataset
 from gsedit.synthetic.scene import SyntheticScene, Traced, first_hit
-from gsedit.synthetic.splats import surface_gaussians, surface_points
+from gsedit.synthetic.splats import ring_cameras, surface_gaussians, surface_points, traced_dataset
 
 __all__ = [
     "SyntheticScene",

@@ -25,7 +25,6 @@ from gsedit.synthetic.shapes import (
 )
 
 LIGHT = (-0.5, -0.7, 0.9)  # from the front left above: every scene has a lit and a shaded side
-STAND = 2  # of the demo scene's solids: the plinth and the floor
 RAISE = (0.0, 0.05, 0.08)  # brings the middle of the bear and its floor to the origin
 
 
@@ -108,16 +107,10 @@ def pond() -> SyntheticScene:
 
 def demo_scene() -> SyntheticScene:
     """A teddy bear with a scarf, seated on a plinth on a tiled floor; it faces -y, z is up."""
-    return _painted("bear", _demo_solids(), background=(0.74, 0.84, 0.9), radius=1.2)
+    return _painted("bear", demo_solids(), background=(0.74, 0.84, 0.9), radius=1.2)
 
 
-def demo_parts() -> tuple[Sdf, Sdf]:
-    """(the bear with its scarf, what it sits on) of the demo scene."""
-    solids = [solid for solid, _ in _demo_solids()]
-    return union(*solids[:-STAND]), union(*solids[-STAND:])
-
-
-def _demo_solids() -> tuple[tuple[Sdf, Paint], ...]:
+def demo_solids() -> tuple[tuple[Sdf, Paint], ...]:
     """The solids of the demo scene in their paints, the plinth and the floor last."""
     cloth = mix(
         plain((0.85, 0.13, 0.15)), plain((0.97, 0.93, 0.88)), stripes((0.8, 0, 0.6), 0.14, 2.0)

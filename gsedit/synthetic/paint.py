@@ -1,4 +1,4 @@
-"""Colours by position: closures from points to rgb, the same from every side.
+"""Colors by position: closures from points to rgb, the same from every side.
 
 All patterns are smooth, with wavelengths that a picture of some 128 pixels resolves, so that
 photometric tests measure the method and not the aliasing.
@@ -19,9 +19,9 @@ from gsedit.synthetic.shapes import Points, Sdf, Triple, gradient
 Colors: TypeAlias = Float[Tensor, "*b 3"]
 """RGB in [0, 1]."""
 Paint: TypeAlias = Callable[[Points], Colors]
-"""The colour at points: the albedo."""
+"""The color at points: the albedo."""
 Shares: TypeAlias = Float[Tensor, "*b"]
-"""In [0, 1]."""
+"""Shares in the range [0, 1]."""
 Pattern: TypeAlias = Callable[[Points], Shares]
 """The share of a second paint at points."""
 
@@ -29,7 +29,7 @@ OCCLUSION_REACH = (0.03, 0.08, 0.18)  # world units: contact, crease and hollow 
 
 
 def plain(color: Triple) -> Paint:
-    """One colour everywhere."""
+    """Paint with one color everywhere."""
 
     def paint(points: Points) -> Colors:
         return points.new_tensor(color).expand(points.shape)
@@ -87,9 +87,9 @@ def tiles(period: float, joint: float) -> Pattern:
     """A share of 1 on square slabs in the xy plane and 0 in the joints of width `joint`."""
 
     def share(points: Points) -> Shares:
-        # the phase of `checker(2 * period)`, so that its colours change in the joints
-        off_centre = ((points[..., :2] / period + 0.25) % 1 - 0.5).abs() * period
-        to_joint = 0.5 * period - off_centre.amax(-1)
+        # the phase of `checker(2 * period)`, so that its colors change in the joints
+        off_center = ((points[..., :2] / period + 0.25) % 1 - 0.5).abs() * period
+        to_joint = 0.5 * period - off_center.amax(-1)
         return (to_joint / joint - 0.5).clamp(0, 1)
 
     return share
@@ -113,7 +113,7 @@ def parts(*painted: tuple[Sdf, Paint], blend: float = 0.008) -> Paint:
 def lit(coat: Paint, solid: Sdf, light: Triple, ambient: float = 0.55) -> Paint:
     """The paint under diffuse light from the direction `light`, darker where the solid occludes it.
 
-    Baked by position and normal only, so the colour still is the same from every side. `ambient` is
+    Baked by position and normal only, so the color still is the same from every side. `ambient` is
     the brightness on the side away from the light; ambient occlusion (Quilez) darkens creases by a
     factor of up to 0.6 for each of the distances OCCLUSION_REACH.
     """

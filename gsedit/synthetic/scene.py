@@ -1,7 +1,7 @@
 """A scene whose pictures, depth, visibility and edited versions are exact: sphere-traced solids.
 
 `h w` pixels, `m` rays. A ray is origin + z * direction with directions of unit depth, so that z is
-depth along the view. Float64 throughout; no rasteriser, no graphics driver.
+depth along the view. Float64 throughout; no rasterizer, no graphics driver.
 """
 
 from __future__ import annotations
@@ -27,41 +27,42 @@ RAYS = 1 << 15  # points measured at once: their distances stay in a second-leve
 
 @dataclass(frozen=True, eq=False)
 class Traced:
-    """What a camera sees, exactly."""
+    """Exact maps of a camera's view."""
 
     image: Float[Tensor, "h w 3"]
     """In [0, 1]; the mean over sub-pixels where the picture is supersampled."""
     alpha: Float[Tensor, "h w"]
     """1 where a solid was hit, 0 where not; the covered share where supersampled."""
     depth: Float[Tensor, "h w"]
-    """Along the view at the pixel's centre, world units; 0 where nothing was hit."""
+    """Along the view at the pixel's center, world units; 0 where nothing was hit."""
     normal: Float[Tensor, "h w 3"]
-    """Outward unit normal in the world at the pixel's centre; 0 where nothing was hit."""
+    """Outward unit normal in the world at the pixel's center; 0 where nothing was hit."""
 
     @property
     def hit(self) -> Bool[Tensor, "h w"]:
-        """Whether the pixel's centre sees a solid."""
+        """Whether the pixel's center sees a solid."""
         return self.depth > 0
 
 
 @dataclass(frozen=True, eq=False)
 class SyntheticScene:
-    """Painted solids within a ball around the origin, before a background of one colour."""
+    """Painted solids within a ball around the origin, before a background of one color."""
 
     name: str
     sdf: Sdf
     """Points `*b 3` -> signed distance `*b`; 1-Lipschitz."""
     albedo: Paint
-    """Points `*b 3` -> rgb in [0, 1]: the colour from every direction."""
+    """Points `*b 3` -> rgb in [0, 1]: the color from every direction."""
     background: Float[Tensor, "3"]
     radius: float
-    """Of the ball, world units; whatever reaches out of it is cut off."""
+    """Radius of the ball that holds the scene, world units; whatever reaches out of it is cut off.
+    """
     up: Float[Tensor, "3"]
 
     def trace(self, camera: Camera, supersample: int = 1) -> Traced:
         """The picture (the mean of `supersample`^2 sub-pixels), depth and normals; float64."""
         h, w = camera.height, camera.width
-        xy = camera.pixel_centres().reshape(-1, 2)
+        xy = camera.pixel_centers().reshape(-1, 2)
         depth = self._depth(camera, xy)
         hit = depth.isfinite()
         points = camera.unproject(xy[hit], depth[hit])
@@ -90,7 +91,8 @@ class SyntheticScene:
     def correspondence(
         self, camera_a: Camera, xy: Float[Tensor, "*b 2"], camera_b: Camera
     ) -> tuple[Float[Tensor, "*b 2"], Bool[Tensor, "*b"]]:
-        """Where camera_b sees what camera_a sees at `xy` (pixels), and whether it does.
+        """Position in camera_b of the surface that camera_a sees at `xy` (pixels), and whether
+        camera_b sees it.
 
         Positions are nan where camera_a sees no solid.
         """
@@ -101,7 +103,7 @@ class SyntheticScene:
         return camera_b.project(points)[0], hit & self.visible(points, camera_b)
 
     def edited(self, transform: Callable[[Colors], Colors]) -> SyntheticScene:
-        """The ground truth of an edit that replaces every colour by its `transform`."""
+        """The ground truth of an edit that replaces every color by its `transform`."""
         albedo = self.albedo
         return replace(
             self,
@@ -110,7 +112,7 @@ class SyntheticScene:
         )
 
     def _image(self, points: Float[Tensor, "k 3"], hit: Bool[Tensor, " m"]) -> Float[Tensor, "m 3"]:
-        """Colours of rays: the albedo where they hit, else the background."""
+        """Colors of rays: the albedo where they hit, else the background."""
         image = self.background.to(torch.float64).repeat(len(hit), 1)
         image[hit] = self.albedo(points)
         return image
@@ -120,7 +122,7 @@ class SyntheticScene:
     ) -> tuple[Float[Tensor, "h w 3"], Float[Tensor, "h w"]]:
         """Image and coverage, the mean over `supersample`^2 sub-pixels."""
         fine = camera.resized(camera.width * supersample, camera.height * supersample)
-        xy = fine.pixel_centres().reshape(-1, 2)
+        xy = fine.pixel_centers().reshape(-1, 2)
         depth = self._depth(fine, xy)
         hit = depth.isfinite()
         rgba = torch.cat(
@@ -134,7 +136,7 @@ class SyntheticScene:
         self, camera: Camera, xy: Float[Tensor, "m 2"], limit: Float[Tensor, " m"] | None = None
     ) -> Float[Tensor, " m"]:
         """Depth behind pixel positions, inf where nothing is hit (before `limit`)."""
-        origin = camera.centre.detach().to(torch.float64)
+        origin = camera.center.detach().to(torch.float64)
         ones = torch.ones(len(xy), dtype=torch.float64)
         directions = camera.unproject(xy, ones).detach() - origin
         near, far = _ball(origin, directions, self.radius)
@@ -229,10 +231,11 @@ def _root(
 def _ball(
     origin: Float[Tensor, "3"], directions: Float[Tensor, "m 3"], radius: float
 ) -> tuple[Float[Tensor, " m"], Float[Tensor, " m"]]:
-    """Where rays enter (not before 0) and leave a ball around the origin; near > far if never."""
+    """Distances at which rays enter (not before 0) and leave a ball around the origin; near > far
+    if never."""
     a = (directions * directions).sum(-1)
     middle = -(directions @ origin) / a
-    foot = origin + middle[:, None] * directions  # nearest to the centre: no cancellation from afar
+    foot = origin + middle[:, None] * directions  # nearest to the center: no cancellation from afar
     square = (radius**2 - (foot * foot).sum(-1)) / a
     half = square.clamp_min(0).sqrt()
     missed = square <= 0

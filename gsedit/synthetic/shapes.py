@@ -17,9 +17,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 Points: TypeAlias = Float[Tensor, "*b 3"]
-"""Positions, world units."""
+"""Positions in world units."""
 Distances: TypeAlias = Float[Tensor, "*b"]
-"""World units."""
+"""Distances in world units."""
 Sdf: TypeAlias = Callable[[Points], Distances]
 """Signed distance at points, negative inside the solid."""
 Triple: TypeAlias = Sequence[float | int]
@@ -34,12 +34,12 @@ def length(*components: Distances) -> Distances:
     return square.clamp_min(1e-30).sqrt()  # the floor keeps the slope finite, in float32 too
 
 
-def sphere(radius: float, centre: Triple = (0.0, 0.0, 0.0)) -> Sdf:
-    """A ball around `centre`."""
+def sphere(radius: float, center: Triple = (0.0, 0.0, 0.0)) -> Sdf:
+    """A ball around `center`."""
 
     def distance(points: Points) -> Distances:
         x, y, z = points.unbind(-1)
-        return length(x - centre[0], y - centre[1], z - centre[2]) - radius
+        return length(x - center[0], y - center[1], z - center[2]) - radius
 
     return distance
 
@@ -93,31 +93,11 @@ def cylinder(radius: float, half_height: float, rounding: float = 0.0) -> Sdf:
     return distance
 
 
-def plane(normal: Triple, offset: float) -> Sdf:
-    """The half space `normal . x < offset`; `normal` of any length but zero, `offset` along it."""
-    size = sum(n * n for n in normal) ** 0.5
-    x, y, z = (n / size for n in normal)
-
-    def distance(points: Points) -> Distances:
-        return points[..., 0] * x + points[..., 1] * y + points[..., 2] * z - offset
-
-    return distance
-
-
 def union(*solids: Sdf) -> Sdf:
     """Whatever is in any of the solids."""
 
     def distance(points: Points) -> Distances:
         return reduce(torch.minimum, (solid(points) for solid in solids))
-
-    return distance
-
-
-def intersection(*solids: Sdf) -> Sdf:
-    """Whatever is in all of the solids."""
-
-    def distance(points: Points) -> Distances:
-        return reduce(torch.maximum, (solid(points) for solid in solids))
 
     return distance
 

@@ -5,16 +5,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import log, pi, sqrt
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from gsedit.cameras.orbit import circle, perpendicular
+from gsedit.datasets.dataset import Dataset, View
 from gsedit.synthetic.scene import SyntheticScene
 from gsedit.synthetic.shapes import Sdf, gradient
-from gsedit.views.orbit import perpendicular
-from rasterizer.numerics import SH_DC
+from rasterizer.camera import Camera
+from rasterizer.numerics import color_to_sh
 from rasterizer.scene import Gaussians
 
 OVERSAMPLING = 5  # candidates per point: the thinned set is then near saturation
@@ -22,8 +25,8 @@ SHELL = 0.03  # of the radius: half the thickness of the layer that candidates a
 NEWTON_STEPS = 6  # quadratic: 4 are enough from this shell; else a point lies between two solids
 ON_SURFACE = 1e-9  # world units; candidates that Newton leaves farther off are dropped
 PACKING = 0.75  # least distance / spacing at which thinning leaves about the requested number
-DISC = 0.7  # in-plane standard deviation / spacing: alpha > 0.97 between neighbours
-SINK = 0.38  # depth of the centres under the surface / spacing: see surface_gaussians
+DISC = 0.7  # in-plane standard deviation / spacing: alpha > 0.97 between neighbors
+SINK = 0.38  # depth of the centers under the surface / spacing: see surface_gaussians
 FLATNESS = 0.1  # standard deviation along the normal / in-plane
 OPACITY = 0.985  # below the cap of alpha: at it, float32 and float64 disagree on the gradient
 PROBES = 8  # directions in which a disc is tried against the surface
@@ -44,9 +47,9 @@ def surface_gaussians(
     sh_degree: int = 0,
     sink: float = SINK,
 ) -> Gaussians:
-    """`count` opaque discs along the surface in its colours, float32; SH above degree 0 is zero.
+    """`count` opaque discs along the surface in its colors, float32; SH above degree 0 is zero.
 
-    The centres lie `sink` spacings under the surface (0: on it). A renderer widens every splat by a
+    The centers lie `sink` spacings under the surface (0: on it). A renderer widens every splat by a
     fraction of a pixel and blends the front of a layer of discs first, so discs *on* a surface are
     drawn too large and too near. Sunk by a third of their spacing, they are drawn in place.
     """
@@ -55,7 +58,7 @@ def surface_gaussians(
     radius = _fitting_radius(scene.sdf, points, normals, DISC * spacing)
     scales = torch.stack((radius, radius, FLATNESS * radius), -1)
     sh = points.new_zeros((count, (sh_degree + 1) ** 2, 3))
-    sh[:, 0] = (scene.albedo(points) - 0.5) / SH_DC
+    sh[:, 0] = color_to_sh(scene.albedo(points))
     return Gaussians(
         means=points - sink * spacing * normals,
         quats=_z_to(normals),
@@ -113,7 +116,7 @@ def _first_come(points: Float[Tensor, "m 3"], distance: float) -> Bool[Tensor, "
     """A mask of points of which no two are nearer than `distance`; no further point fits in.
 
     The greedy rule "earlier points win" in rounds, all points at once: a point with no earlier
-    undecided neighbour is selected, and its neighbours are removed.
+    undecided neighbor is selected, and its neighbors are removed.
     """
     first, second = _near_pairs(points, distance)
     removed = torch.zeros(len(points), dtype=torch.bool)
@@ -131,16 +134,14 @@ def _near_pairs(
     points: Float[Tensor, "m 3"], distance: float
 ) -> tuple[Int[Tensor, " p"], Int[Tensor, " p"]]:
     """All pairs of rows (i < j) nearer than `distance`, through a grid of cells of that size."""
-    cells = (
-        (points - points.amin(0)) / distance
-    ).long() + 1  # 1: room for the neighbours of cell 0
+    cells = ((points - points.amin(0)) / distance).long() + 1  # 1: room for the neighbors of cell 0
     extent = cells.amax(0) + 2
     stride = torch.stack((extent[1] * extent[2], extent[2], torch.ones_like(extent[0])))
     keys, order = (cells * stride).sum(-1).sort(stable=True)
     reach = torch.arange(-1, 2)
     offsets = torch.cartesian_prod(reach, reach, reach) @ stride
     pairs = []
-    for offset in offsets[offsets >= 0].tolist():  # half of the neighbours: each pair once
+    for offset in offsets[offsets >= 0].tolist():  # half of the neighbors: each pair once
         begin = torch.searchsorted(keys, keys + offset)
         end = torch.searchsorted(keys, keys + offset, right=True)
         sizes = end - begin
@@ -176,3 +177,40 @@ def _z_to(normals: Float[Tensor, "n 3"]) -> Float[Tensor, "n 4"]:
     return torch.nn.functional.normalize(
         torch.stack((1 + z, -y, x, torch.zeros_like(z)), -1), dim=-1
     )
+
+
+def ring_cameras(
+    scene: SyntheticScene,
+    count: int,
+    size: int,
+    elevation: float = 20.0,
+    fov: float = 45.0,
+    start: float = -90.0,
+) -> tuple[Camera, ...]:
+    """`count` cameras of `size`^2 pixels around the scene, at one height, looking at its center,
+    as near as shows the scene's whole ball.
+
+    Angles in degrees: `elevation` above the horizon, `fov` of the picture, `start` the azimuth of
+    the first camera (-90: the -y axis, before the demo's bear); the rest follow counter-clockwise.
+    """
+    center, up = torch.zeros(3, dtype=torch.float64), scene.up.to(torch.float64)
+    east = torch.linalg.cross(perpendicular(up), up)  # the x axis where up is z
+    return circle(
+        center, scene.radius, up, count, size, elevation=elevation, fov=fov, start=start, east=east
+    )
+
+
+def traced_dataset(
+    scene: SyntheticScene,
+    cameras: Sequence[Camera],
+    supersample: int = 2,
+    points: int = 4000,
+    seed: int = 0,
+) -> Dataset:
+    """Traced photos, float32, and sparse surface points with their colors: a perfect capture."""
+    views = tuple(
+        View(f"{scene.name}_{i:03d}", camera, scene.trace(camera, supersample).image.float())
+        for i, camera in enumerate(cameras)
+    )
+    sparse = surface_points(scene, points, torch.Generator().manual_seed(seed))
+    return Dataset(views, sparse.float(), scene.albedo(sparse).float())

@@ -15,12 +15,12 @@ Scope = Literal["subject", "scene"]
 
 @dataclass(frozen=True)
 class Look:
-    """One look."""
+    """One look that can be asked for."""
 
     name: str
     scope: Scope
     wording: str
-    """What the editor is asked for this look."""
+    """Wording that the editor is given for this look."""
 
 
 def _looks(scope: Scope, wordings: dict[str, str]) -> dict[str, Look]:
@@ -90,4 +90,4 @@ LOOKS: dict[str, Look] = {
         },
     ),
 }
-"""By name."""
+"""All looks by their names."""

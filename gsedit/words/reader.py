@@ -1,4 +1,4 @@
-"""What a sentence asks for: a subject's look, a scene's look, both, or nothing that is known."""
+"""Reader of a sentence: a subject's look, a scene's look, both, or nothing that is known."""
 
 from __future__ import annotations
 
@@ -12,10 +12,9 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from gsedit.errors import InputError
-from gsedit.words.encoder import SentenceEncoder, Sizes, from_int8
 from gsedit.words.looks import LOOKS, Look
 from gsedit.words.understanding import ScoredLook, Understanding
-from gsedit.words.wordpiece import tokenise
+from gsedit.words.wordpiece import SentenceEncoder, Sizes, from_int8, tokenise
 
 ENCODER = Path(__file__).with_name("encoder.safetensors")
 HEAD = Path(__file__).with_name("head.safetensors")
@@ -68,7 +67,7 @@ def _likeliest(
 
 
 def understand(sentence: str) -> Understanding:
-    """What the sentence asks for, by the reader that comes with gsedit.
+    """Read a sentence with the reader that comes with gsedit.
 
     Raises InputError where one of its files is missing or damaged.
     """
@@ -76,12 +75,12 @@ def understand(sentence: str) -> Understanding:
 
 
 @lru_cache(maxsize=1)
-def load_reader() -> Reader:
+def load_reader(head_file: Path = HEAD) -> Reader:
     """The reader that comes with gsedit, kept in memory: 90 MB. Raises as `understand`."""
     path = ENCODER
     try:
         pieces, encoder = load_encoder(path)
-        path = HEAD
+        path = head_file
         head = _tensors(path)[1]
         rows = {piece: row for row, piece in enumerate(pieces)}
         with torch.device("meta"):  # no random weights are drawn only to be replaced
@@ -99,7 +98,7 @@ def load_reader() -> Reader:
 
 def load_encoder(path: Path) -> tuple[list[str], dict[str, Tensor]]:
     """(vocabulary, state of SentenceEncoder). Matrices are stored as integers of eight bits with a
-    scale a row (see to_int8)."""
+    scale a row (see from_int8)."""
     metadata, stored = _tensors(path)
     state = {
         name: from_int8(tensor, stored[f"{name}.scale"]) if tensor.dtype == torch.int8 else tensor

@@ -1,4 +1,4 @@
-"""What an instruction was understood as. Loads no torch."""
+"""Meaning of an instruction, as it was understood. Loads no torch."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class ScoredLook:
 
 @dataclass(frozen=True)
 class Understanding:
-    """What an instruction was understood as."""
+    """Meaning of an instruction, as it was understood."""
 
     looks: tuple[ScoredLook, ...]
     """The subject's look, then the scene's: one or both. The nearest one where none is known."""
@@ -41,12 +41,12 @@ class Understanding:
 
     @property
     def scope(self) -> Scope:
-        """Where the edit belongs: the subject if only its look is asked for, else all."""
+        """Scope of the edit: "subject" if only its look is asked for, else "scene"."""
         return "scene" if any(each.look.scope == "scene" for each in self.looks) else "subject"
 
     @property
     def wordings(self) -> tuple[str, ...]:
-        """What the editor `small` is asked, one pass after the other."""
+        """Wordings that the editor `small` is given, one pass after the other."""
         return tuple(each.look.wording for each in self.looks)
 
     def __str__(self) -> str:
@@ -61,8 +61,8 @@ def not_understood(editor: str, prompt: str, nearest: Understanding) -> str:
     return (
         f"{prompt.strip()!r} asks for no look that {editor} knows; the nearest is {guess}. "
         f"{did_you_mean}{editor} changes material, colour, weather, season, light and style (see "
-        "gsedit looks); it cannot add, remove, move or reshape anything. Say it in other words, "
-        "add --guess for the nearest look, or use an editor that follows any sentence: "
+        "gsedit list looks); it cannot add, remove, move or reshape anything. Say it in other "
+        "words, add --guess for the nearest look, or use an editor that follows any sentence: "
         "--editor pix2pix --model FOLDER, or --editor command --run PROGRAM"
     )
 

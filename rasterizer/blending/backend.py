@@ -1,4 +1,4 @@
-"""What an implementation of blending is: a record of its two passes and of what they cost.
+"""Record that makes an implementation of blending: its two passes, and their cost.
 
 A backend is one file in this folder that ends in such a record, and its entry in `choose.BACKENDS`,
 before the torch backend's; a third one touches nothing else where device, dtype and the fields of
@@ -33,7 +33,7 @@ class BlendInputs(NamedTuple):
     of the opacity, then the features. float32 or float64."""
     bins: Bins
     width: int
-    """Of the picture, pixels."""
+    """Picture width, pixels; its height is below."""
     height: int
     numerics: Numerics
     block: int | None
@@ -41,7 +41,7 @@ class BlendInputs(NamedTuple):
 
 
 class Blended(NamedTuple):
-    """What a rectangle of pixels receives, over black."""
+    """Blended rectangle of pixels, over black."""
 
     features: Float[Tensor, "h w d"]
     transmittance: Float[Tensor, "h w"]

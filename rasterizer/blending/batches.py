@@ -26,9 +26,9 @@ opaque tiles sooner, which the gradients there feel: 2.4e-4 and not 1.0e-4 in th
 
 
 class TileGrid:
-    """What all tiles share: pixel monomials, tile centres, the table of Gaussians, buffers."""
+    """State of all tiles: pixel monomials, tile centers, the table of Gaussians, buffers."""
 
-    def __init__(self, inputs: BlendInputs) -> None:
+    def __init__(self, inputs: BlendInputs, elements: int = ELEMENTS) -> None:
         table, bins, numerics = inputs.table, inputs.bins, inputs.numerics
         side = bins.size
         local = torch.arange(side, dtype=table.dtype, device=table.device) + (0.5 - side / 2)
@@ -36,12 +36,12 @@ class TileGrid:
         ones, minus = torch.ones_like(x), torch.stack((-x * x, -x * y, -y * y))
         halves = minus * minus.new_tensor((0.5, 1.0, 0.5))[:, None]
         self.monomials: Float[Tensor, "6 q"] = torch.cat((torch.stack((ones, x, y)), halves))
-        """1, x, y, -xx/2, -xy, -yy/2 of the pixels' centres, from the tile's centre."""
+        """1, x, y, -xx/2, -xy, -yy/2 of the pixels' centers, from the tile's center."""
         self.slopes: Float[Tensor, "6 q"] = torch.cat((self.monomials[:3], minus))
         """The same without the halves: they leave when squares are differentiated."""
         tile = torch.arange(bins.rows * bins.columns, device=table.device)
         corners = torch.stack((tile % bins.columns, tile // bins.columns)) * side
-        self.centres: Float[Tensor, "2 t"] = (corners + side / 2).to(table)
+        self.centers: Float[Tensor, "2 t"] = (corners + side / 2).to(table)
         """Of all tiles: x, y, pixels from the picture's corner."""
         self.bins, self.numerics, self.pixels = bins, numerics, side * side
         # a last, empty Gaussian fills up the blocks
@@ -55,7 +55,7 @@ class TileGrid:
         self.capped = len(table) > 0 and bool(table[:, 5].max() > numerics.log_alpha_max)
         """Whether some alpha may be held at its cap."""
         self.lengths: Int[Tensor, " t"] = bins.starts.diff()
-        self.block = inputs.block
+        self.block, self.elements = inputs.block, elements
         self._buffers: dict[int, Tensor] = {}
         self._sums: dict[int, Tensor] = {}
 
@@ -69,7 +69,7 @@ class TileGrid:
 
     def _fitting(self, count: int) -> int:
         """How many times `count` pixels of all tiles make a batch; at least 1."""
-        return max(1, ELEMENTS // (count * self.pixels))
+        return max(1, self.elements // (count * self.pixels))
 
     def depth(self, tiles: int) -> int:
         """Gaussians of each tile in a batch of so many tiles."""
@@ -79,7 +79,7 @@ class TileGrid:
         """Memory for a batch, the same each time: new memory costs more than what is done in it."""
         size = torch.Size(shape).numel()
         if number not in self._buffers or self._buffers[number].numel() < size:
-            self._buffers[number] = self.monomials.new_empty(max(size, ELEMENTS))
+            self._buffers[number] = self.monomials.new_empty(max(size, self.elements))
         return self._buffers[number][:size].view(shape)
 
     def suffix_sums(self, count: int) -> Float[Tensor, "k k"]:
@@ -93,7 +93,7 @@ class Batch(NamedTuple):
     """Some places of the lists of a group's first `count` tiles, or only of those in `chosen`."""
 
     start: int
-    """The first place."""
+    """First place in the lists."""
     depth: int
     count: int
     offset: int
@@ -130,7 +130,7 @@ class Batch(NamedTuple):
 
 
 class Whitened(NamedTuple):
-    """Means from the tile's centre (dx, dy), the same in standard deviations (u), and w0 to w2."""
+    """Means from the tile's center (dx, dy), the same in standard deviations (u), and w0 to w2."""
 
     dx: Float[Tensor, " p"]
     dy: Float[Tensor, " p"]
@@ -149,7 +149,7 @@ class TileGroup:
         members, owner = self._pairs()
         self.members: Int[Tensor, " p"] = members
         columns = grid.geometry.gather(1, members.expand(GEOMETRY, -1))  # on all threads
-        columns[:2] -= grid.centres.gather(1, owner.expand(2, -1))
+        columns[:2] -= grid.centers.gather(1, owner.expand(2, -1))
         dx, dy, w01, w2, log_opacity = columns[0], columns[1], columns[2:4], columns[4], columns[5]
         u = w01 * dx
         u[1].addcmul_(w2, dy)
@@ -196,7 +196,7 @@ class TileGroup:
         return grid.members.index_select(0, torch.cat(positions)), torch.cat(owners)
 
     def alpha(self, batch: Batch) -> Float[Tensor, "k c q"]:
-        """Of a batch at every pixel, in buffer 0.
+        """Alpha of a batch at every pixel, in buffer 0.
 
         One clamp covers the cap and the floor: exp is slow where it underflows.
         """
@@ -210,7 +210,7 @@ class TileGroup:
         return alpha.view(batch.depth, -1, grid.pixels)
 
     def features_of(self, batch: Batch) -> Float[Tensor, "k c d"]:
-        """Of a batch's Gaussians."""
+        """Features of a batch's Gaussians."""
         _, depth, count, offset, chosen = batch
         part = self.features[offset : offset + depth * count].unflatten(0, (depth, count))
         return part if chosen is None else part.index_select(1, chosen)

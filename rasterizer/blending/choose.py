@@ -1,4 +1,4 @@
-"""Which implementation blends: the only place that decides."""
+"""Choice of the implementation that blends: the only place that decides."""
 
 from __future__ import annotations
 

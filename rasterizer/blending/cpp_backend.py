@@ -19,7 +19,7 @@ SOURCE = Path(__file__).with_name("kernel.cpp")
 
 
 class _Job(ctypes.Structure):
-    """`Job` of chunk.h."""
+    """Mirror of `Job` in chunk.h."""
 
     _fields_ = (
         [(name, ctypes.c_void_p) for name in ("table", "members", "starts", "slots")]
@@ -34,7 +34,7 @@ class _Job(ctypes.Structure):
 
 
 class _Saved(NamedTuple):
-    """What the backward pass needs."""
+    """State that the backward pass needs."""
 
     inputs: BlendInputs
     ends: Int[Tensor, "h w"] | None
@@ -59,7 +59,7 @@ def backward(
     grad_features: Float[Tensor, "h w d"],
     grad_transmittance: Float[Tensor, "h w"],
 ) -> Float[Tensor, "m g"]:
-    """`Backend.backward`."""
+    """Gradient by the table: see `Backend.backward`."""
     bins = saved.inputs.bins
     pairs = pair_gradients(saved, transmittance, grad_features, grad_transmittance)
     # each Gaussian's pairs, tile by tile: the same sum on every run

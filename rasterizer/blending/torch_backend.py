@@ -32,13 +32,13 @@ class _SavedBatch(NamedTuple):
 
 
 class _Saved(NamedTuple):
-    """What the backward pass needs."""
+    """State that the backward pass needs."""
 
     grid: TileGrid
     groups: list[TileGroup]
     """As they were blended; empty where they are too many to save: then they are made again."""
     batches: list[list[_SavedBatch]]
-    """Of each group; empty unless a gradient is wanted."""
+    """State of each group; empty unless a gradient is wanted."""
 
 
 class _TiledPicture(NamedTuple):
@@ -71,7 +71,7 @@ class _TiledPicture(NamedTuple):
 
 
 def forward(inputs: BlendInputs, median: bool, differentiate: bool) -> ForwardPass:
-    """`Backend.forward`."""
+    """Blended picture: see `Backend.forward`."""
     bins, width, height = inputs.bins, inputs.width, inputs.height
     grid = TileGrid(inputs)
     out = _TiledPicture.empty(grid, width, height, median=median)
@@ -101,7 +101,7 @@ class Entries(NamedTuple):
 
 
 def pixel_entries(inputs: BlendInputs, least: float) -> Entries:
-    """What each pixel shows with a weight above `least`. Without gradients."""
+    """Gaussians that each pixel shows with a weight above `least`. Without gradients."""
     grid, bins, width = TileGrid(inputs), inputs.bins, inputs.width
     found: list[Entries] = []
 
@@ -227,7 +227,7 @@ def backward(
     grad_features: Float[Tensor, "h w d"],
     grad_transmittance: Float[Tensor, "h w"],
 ) -> Float[Tensor, "m g"]:
-    """`Backend.backward`."""
+    """Gradient by the table: see `Backend.backward`."""
     grid = saved.grid
     from_background = grad_transmittance * transmittance
     upstream = _to_tiles(torch.cat((grad_features, from_background[..., None]), -1), grid.bins)

@@ -8,17 +8,18 @@ from importlib import import_module
 
 import pytest
 import torch
+from research.renderer.workloads import cloud
 
-from gsedit.bench.renderer import accuracy, workloads
+from gsedit.bench.renderer import accuracy, speed
+from rasterizer import render
 from rasterizer.blending.choose import is_compiled
-from rasterizer.front import picture
+from rasterizer.cpp_projection import picture
 from rasterizer.numerics import AUTO
-from rasterizer.render import render
 
 
 @pytest.fixture
-def tiny() -> workloads.Workload:
-    return workloads.cloud(60, 24, 16)
+def tiny() -> speed.Workload:
+    return cloud(60, 24, 16)
 
 
 def test_picture_errors_are_mean_tail_and_largest():

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from math import isqrt
-
 import pytest
 import torch
-from benchmarks import SameProcess, garden_points
+from benchmarks import garden_points
+from research.renderer.workloads import cloud
 
-from gsedit.bench import measure
-from gsedit.bench.renderer import pairs, speed, targets, workloads
+from gsedit import Event
+from gsedit.bench.renderer import speed, targets
 from gsedit.bench.renderer.targets import Target
-from gsedit.reports.events import Event
-from rasterizer.tiles import TILE_SIZES
 
 
 @pytest.fixture
@@ -22,26 +18,20 @@ def points(tmp_path):
 
 
 @pytest.fixture
-def tiny() -> workloads.Workload:
-    return workloads.cloud(60, 24, 16)
+def tiny() -> speed.Workload:
+    return cloud(60, 24, 16)
 
 
 def test_every_target_is_measured(points, tmp_path, monkeypatch):
-    cage = workloads.cloud(80, 32, 24)
-    monkeypatch.setattr(targets, "synthetic", lambda: [replace(cage, name="cage")])
-    monkeypatch.setattr(targets, "Worker", SameProcess)
-    monkeypatch.setattr(speed, "TRAINED", 200)
-    monkeypatch.setattr(speed, "SIDE", 64)
-    monkeypatch.setattr(speed, "CROP", 32)
-    size = targets.Size(runs=1, pieces=1, clouds=(100, 400))
-    items = list(targets.measure_targets(size, points, [], tmp_path / "references"))
+    training = speed.TrainingStep(200, 64, 32)
+    size = targets.Size(runs=1, pieces=1, training=training)
+    items = list(targets.measure_targets(size, points, tmp_path / "references"))
     events = [item for item in items if isinstance(item, Event)]
     measured = [item for item in items if isinstance(item, Target)]
     assert events[-1].step == events[-1].steps > 0
     names = " ".join(target.name for target in measured)
     for part in ("training step, torch", "crop, torch", "no early stop: mean",
-                 "default stop: gradients", "cage: tile choice", "quarters as crops", "2 threads",
-                 "memory above the inputs", "time by pairs", "memory by pairs"):  # fmt: skip
+                 "default stop: gradients", "2 threads"):  # fmt: skip
         assert part in names
     by_name = {target.name: target for target in measured}
     for scale in (1, 0.25):
@@ -53,25 +43,10 @@ def test_every_target_is_measured(points, tmp_path, monkeypatch):
 
 
 def test_without_its_points_the_garden_is_left_out_with_a_note(monkeypatch):
-    monkeypatch.setattr(targets, "synthetic", list)
-    monkeypatch.setattr(targets, "scaling_targets", lambda _: [])
     monkeypatch.setattr(targets, "measure_speed", lambda *_: [])
-    events = list(targets.measure_targets(targets.QUICK, None, []))
+    events = list(targets.measure_targets(targets.QUICK, None))
     assert "not given" in events[0].note
     assert not any(isinstance(item, Target) for item in events)
-
-
-@pytest.mark.parametrize(("chosen", "reached"), [(1.05, True), (1.3, False)])
-def test_a_target_is_missed_where_another_tile_is_faster(tiny, monkeypatch, chosen, reached):
-    pairs_, pixels = pairs.listed_pairs(tiny.scene, tiny.camera)
-    side = isqrt(pixels // pairs_)
-    other = max(set(TILE_SIZES) - {side})
-    seconds = dict.fromkeys(TILE_SIZES, 2.0) | {other: 1.0, side: chosen}
-    timings = {name: measure.Timing(s, s, 5, 0.015) for name, s in seconds.items()}
-    monkeypatch.setattr(targets, "timed_together", lambda *_, **__: (timings, {}))
-    (target,) = targets.tile_targets(tiny, targets.QUICK)
-    assert target.reached is reached
-    assert target.measured.startswith(f"{side}: {chosen:.2f} of {other} ")
 
 
 def test_the_number_of_threads_is_restored(tiny, monkeypatch):
@@ -83,14 +58,6 @@ def test_the_number_of_threads_is_restored(tiny, monkeypatch):
     monkeypatch.setattr(targets.os, "cpu_count", lambda: 1)
     (alone,) = targets.thread_targets(tiny, targets.QUICK)
     assert alone.reached is None
-
-
-def test_a_slope_above_one_is_not_linear():
-    line = [(x, 2.0 * x) for x in (1.0, 10.0, 100.0)]
-    square = [(x, x * x) for x in (1.0, 10.0, 100.0)]
-    assert targets.slope_target("time", line, "").reached is True
-    assert targets.slope_target("time", square, "").reached is False
-    assert targets.slope_target("time", [], "no peak").reached is None
 
 
 def test_the_table_shows_what_is_missed_and_not_measured():
@@ -114,13 +81,11 @@ def test_a_speed_is_reached_in_wall_clock_and_in_processor_time(wall, cpu, reach
     assert row.reached is reached
 
 
-def test_a_peer_that_is_there_is_what_the_kernels_are_compared_with(tiny, monkeypatch):
+def test_a_rival_is_what_the_kernels_are_compared_with(tiny):
     case = speed._case("crop", tiny, 1, box=(4, 4, 8, 8))
-    peer = replace(speed.PEER_TABLE["gsplat"], prepare=lambda _: speed.reference_drawing)
-    monkeypatch.setattr(speed, "installed", lambda: ([replace(peer, name=speed.PEER)], []))
-    monkeypatch.setitem(speed.PEER_TABLE, speed.PEER, peer)
-    rows = list(speed._measured(case, 1, None))
-    assert {row.other for row in rows} == {speed.PEER}
+    rival = speed.Rival("other", lambda _: speed.reference_drawing, {})
+    rows = list(speed.measure_case(case, 1, None, rival))
+    assert {row.other for row in rows} == {"other"}
     assert rows[-1].kernel == "torch"
     for row in rows:  # the crop is the picture that other renderers draw
         assert row.error < 1e-6

@@ -1,4 +1,4 @@
-"""The garden is made of its points; clouds have the same work a Gaussian at every size."""
+"""The garden is made of its points."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from benchmarks import garden_points
 
-from gsedit.bench.renderer import pairs, targets, workloads
+from gsedit.bench.renderer import speed
 from gsedit.errors import InputError
 from rasterizer import render
 
@@ -20,7 +20,7 @@ def test_the_garden_is_made_of_its_points(points):
     with np.load(points) as file:
         means = file["means3d"]
     kept = (np.abs(means) <= 2).all(1)
-    one = workloads.garden(0.5, points, view=2)
+    one = speed.garden(0.5, points, view=2)
     assert one.name == "garden x0.5, view 2"
     assert (one.camera.width, one.camera.height, one.camera.fx) == (32, 24, 30.0)
     assert np.allclose(one.scene.means, means[kept], atol=1e-6)  # float32
@@ -35,16 +35,10 @@ def test_points_that_are_none_are_an_input_error(tmp_path, content):
     if content is not None:
         path.write_bytes(content)
     with pytest.raises(InputError, match="not the garden's points"):
-        workloads.garden(1.0, path)
+        speed.garden(1.0, path)
 
 
 def test_points_without_cameras_are_an_input_error(tmp_path):
     np.savez(tmp_path / "garden.npz", means3d=np.zeros((2, 3)), colors=np.zeros((2, 3)))
     with pytest.raises(InputError, match="Ks"):
-        workloads.garden(1.0, tmp_path / "garden.npz")
-
-
-def test_clouds_have_the_same_work_a_gaussian_at_every_size():
-    small, large = (workloads.cloud(n, *targets.pixels_for(n)) for n in (2_000, 8_000))
-    a, b = (pairs.contributing_pairs(w.scene, w.camera) / len(w.scene) for w in (small, large))
-    assert a == pytest.approx(b, rel=0.1)  # borders, and the draw of some thousand sizes
+        speed.garden(1.0, tmp_path / "garden.npz")

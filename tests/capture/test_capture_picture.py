@@ -7,9 +7,9 @@ import pytest
 import torch
 from PIL import Image
 
-from gsedit.capture.picture import SIZE, framing, save_picture
+from gsedit.capture.picture import SIZE_PIXELS, framing, save_picture
 from gsedit.errors import UsageError
-from rasterizer.camera import look_at
+from rasterizer import look_at
 
 
 def orbit(count: int):
@@ -25,11 +25,11 @@ def test_cameras_and_points_are_drawn_and_never_over_another_file(tmp_path):
     path = tmp_path / "cameras.png"
     save_picture(points, colors, orbit(12), path)
     picture = np.asarray(Image.open(path)).astype(int)
-    assert picture.shape == (SIZE[1], 2 * SIZE[0], 3)
+    assert picture.shape == (SIZE_PIXELS[1], 2 * SIZE_PIXELS[0], 3)
     red = (picture[..., 0] > 200) & (picture[..., 1] < 80)
-    halves = red[:, : SIZE[0]], red[:, SIZE[0] :]
+    halves = red[:, : SIZE_PIXELS[0]], red[:, SIZE_PIXELS[0] :]
     assert all(half.sum() > 300 for half in halves)
-    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 20  # the colours of twelve pyramids
+    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 20  # the colors of twelve pyramids
     with pytest.raises(UsageError, match="already exists"):
         save_picture(points, colors, orbit(12), path)
 

@@ -17,9 +17,8 @@ from PIL import Image
 from gsedit.capture import child
 from gsedit.capture.child import Step
 from gsedit.capture.folder import find_photos
-from gsedit.capture.pairs import exhaustive, sequential
 from gsedit.capture.photos import Prepared, _name, prepare
-from gsedit.capture.settings import CaptureSettings, ladder
+from gsedit.capture.settings import CaptureSettings, exhaustive, ladder, sequential
 from gsedit.capture.stages import Stages
 
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from command_line import files, gsedit
 from PIL import Image
-from pose_error import pose_error, poses
+from research.pose_error import pose_error, poses
 
+from gsedit import load_dataset
 from gsedit.capture import child
-from gsedit.files import load_dataset
-from gsedit.files.cameras import read_cameras
+from gsedit.datasets.cameras_json import read_cameras
 
 FEW = "--features", 600, "--size", 192
 
@@ -22,7 +22,7 @@ def test_all_photos_are_posed_where_they_were_taken(captured):
     assert captured.record["posed"] == captured.record["photos"] == 12
     error = pose_error(poses(captured.scene), captured.known)
     assert error.posed == 12
-    assert error.centre < 0.005
+    assert error.center < 0.005
     assert error.degrees < 0.3
     ((focal, source),) = captured.record["focals"]
     assert focal == pytest.approx(0.8 * 43.267 / np.sqrt(2), rel=0.01)

@@ -179,7 +179,7 @@ def test_frames_of_another_choice_are_replaced(walk, tmp_path):
     ("frames", "message"),
     [
         ([np.zeros((64, 96, 3), np.uint8)] * 20, "is black from beginning to end"),
-        ([np.full((64, 96, 3), 200, np.uint8)] * 20, "shows one plain colour"),
+        ([np.full((64, 96, 3), 200, np.uint8)] * 20, "shows one plain color"),
         ([np.asarray(texture().crop((0, 0, 96, 64)))] * 20, "shows one still picture"),
     ],
 )
@@ -192,9 +192,11 @@ def test_videos_that_show_nothing_are_refused_by_cause(tmp_path, frames, message
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (None, "does not exist"),
-        (b"", "is empty: copy it again"),
+        (None, "cannot be read .No such file"),
+        (b"", "is empty .0 bytes.: copy"),
         (b"\0\0\0\x18ftypmp42", "is cut off: its index"),
+        (b"ffconcat version 1.0\nfile a.mp4\n", "is no video that can be read"),
+        (b"#EXTM3U\n#EXTINF:1,\na.ts\n#EXT-X-ENDLIST\n", "is no video that can be read"),
         (b"no video" * 100, "is no video that can be read"),
     ],
 )

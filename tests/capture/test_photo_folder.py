@@ -72,6 +72,19 @@ def test_what_is_left_out_is_named_with_counts(phones, tmp_path):
     assert videos.startswith("left out: 1 video (")
 
 
+def test_links_out_of_the_folder_are_not_followed(tmp_path):
+    top = tmp_path / "photos"
+    photos(top, "a")
+    photos(top / "more", "b")
+    photos(tmp_path / "private", "c", "d")
+    (top / "up").symlink_to(tmp_path, target_is_directory=True)
+    (top / "away").symlink_to(tmp_path / "private", target_is_directory=True)
+    (top / "within").symlink_to(top / "more", target_is_directory=True)
+    found = find_photos(top, tmp_path / "out")
+    assert sorted(file.name[0] for file in found.files) == ["a", "b"]
+    assert any("away (2 pictures)" in note for note in found.notes)
+
+
 def test_a_folder_that_cannot_be_read_is_an_error(phones, tmp_path, monkeypatch):
     def refuse(top, onerror, followlinks):
         onerror(PermissionError(13, "Permission denied", str(phones / "phone 2")))
@@ -119,5 +132,5 @@ def test_a_link_to_nothing_and_long_names_of_folders(tmp_path):
     assert [photo.name[-5:] for photo in last.photos] == ["a.jpg", "b.jpg"]
     assert all(len(photo.name.encode()) <= 204 for photo in last.photos)
     assert all((tmp_path / "prepared" / photo.name).is_file() for photo in last.photos)
-    assert last.unreadable[0] == "gone.jpg (No such file or directory)"
-    assert last.unreadable[1].startswith("itself.jpg (Too many levels")
+    assert last.unreadable[0] == "gone.jpg (cannot be read (No such file or directory))"
+    assert last.unreadable[1].startswith("itself.jpg (cannot be read (Too many levels")

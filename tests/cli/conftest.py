@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import pytest
 from bad_files import dataset, ply_bytes, scene_table
 
-from gsedit.views import choose, search
+from gsedit.cameras.choose import find_views
+from gsedit.cameras.search import SearchEffort
 
 
 @pytest.fixture(autouse=True)
 def short_search(monkeypatch):
     """Few places where a command searches for views: what is found is tested elsewhere."""
-    monkeypatch.setattr(search, "PLACES", 12)
-    monkeypatch.setattr(search, "KEPT", 4)
-    monkeypatch.setattr(choose, "RENDERED", 6)
-    monkeypatch.setattr(choose, "VARIED", 4)
+    few = SearchEffort(places=12, kept=4, rendered=6, varied=4)
+    for module in ("gsedit.cameras.around", "gsedit.toolkit.differences"):
+        monkeypatch.setattr(f"{module}.find_views", partial(find_views, effort=few))
 
 
 @pytest.fixture

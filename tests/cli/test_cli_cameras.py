@@ -7,8 +7,8 @@ from dataclasses import replace
 import torch
 from command_line import gsedit, stub_fit
 
-from gsedit.files import load_dataset
-from gsedit.files.cameras import read_cameras, write_cameras
+from gsedit import load_dataset
+from gsedit.datasets.cameras_json import read_cameras, write_cameras
 
 
 def test_fit_writes_the_cameras_of_the_photos(monkeypatch, photos, tmp_path):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from gsedit_cli.capture import print_capture, settings_from
-from gsedit_cli.options import Seeded
+from gsedit_cli.options.common import Seeded
+from gsedit_cli.verbs.capture import print_capture, settings_from
 
 from gsedit.capture.capture import CaptureResult
 

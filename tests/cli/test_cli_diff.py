@@ -11,10 +11,10 @@ from bad_files import ply_bytes, scene_table
 from command_line import files, gsedit, one_line
 from PIL import Image
 
-from gsedit.files import load, save
-from gsedit.files.cameras import write_cameras
-from gsedit.views.orbit import orbit
-from gsedit.views.viewpoints import Viewpoint
+from gsedit import orbit
+from gsedit.datasets.cameras_json import write_cameras
+from gsedit.datasets.viewpoints import Viewpoint
+from gsedit.formats.scenes import load, save
 
 
 @pytest.fixture
@@ -74,7 +74,7 @@ def test_diff_as_json(scene, other):
     [
         (["missing.ply"], 3, "missing.ply"),
         (["OTHER", "-o", "a.jpg"], 2, "name a .png file"),
-        (["OTHER", "--look-at", "1,2"], 2, "three numbers"),
+        (["OTHER", "--look-at", "1,2"], 2, "3 finite numbers"),
     ],
 )
 def test_diffs_that_cannot_be_made(scene, other, tmp_path, monkeypatch, words, code, message):

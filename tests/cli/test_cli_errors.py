@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from bad_files import BAD_FILES, BadFile
 from command_line import files, gsedit, one_line
-from gsedit_cli.exits import Interrupted
+from gsedit_cli.core.exits import Interrupted
 
 from gsedit.errors import GseditError, InputError, UsageError
 
@@ -28,7 +28,7 @@ def test_every_error_is_one_line_and_its_code(monkeypatch, scene, error, code, w
     def fail(*_, **__):
         raise error
 
-    monkeypatch.setattr("gsedit.files.formats.open_scene", fail)
+    monkeypatch.setattr("gsedit.formats.registry.open_scene", fail)
     result = gsedit("info", scene)
     assert result.exit_code == code
     assert one_line(result.stderr)
@@ -77,7 +77,7 @@ def test_an_instruction_nobody_can_follow_is_2(scene, tmp_path, instruction, edi
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("verb", ["fit", "edit", "render", "preview"])
+@pytest.mark.parametrize("verb", ["fit", "edit", "render", "view"])
 def test_an_output_that_exists_is_refused_before_any_work(verb, scene, photos, tmp_path):
     file, folder = tmp_path / "taken.ply", tmp_path / "taken"
     file.write_text("mine")
@@ -89,7 +89,7 @@ def test_an_output_that_exists_is_refused_before_any_work(verb, scene, photos, t
         "fit": ["fit", photos, "-o", file],
         "edit": ["edit", scene, "make it snow", "-o", folder],
         "render": ["render", scene, "-o", folder],
-        "preview": ["preview", scene, "-o", tmp_path / "taken.png"],
+        "view": ["view", scene, "-o", tmp_path / "taken.png"],
     }[verb]
     result = gsedit(*words)
     assert result.exit_code == 2
@@ -103,3 +103,13 @@ def test_an_output_below_a_file_is_refused(scene, photos):
         result = gsedit(*words)
         assert result.exit_code == 2
         assert one_line(result.stderr)
+
+
+@pytest.mark.parametrize("target", ["missing", "link"])
+def test_an_output_at_a_link_that_leads_nowhere_is_refused(target, scene, tmp_path):
+    (tmp_path / "link").symlink_to(target)
+    for words in (("edit", scene, "as gold"), ("render", scene)):
+        for out in (tmp_path / "link", tmp_path / "link/below"):
+            result = gsedit(*words, "-o", out)
+            assert result.exit_code == 2
+            assert "a link that leads nowhere" in result.stderr

@@ -13,16 +13,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from command_line import files, gsedit, stub_fit, stub_scene
-from gsedit_cli.fit import say_too_short
+from command_line import files, gsedit, one_line, stub_checkpoint, stub_fit, stub_scene
+from gsedit_cli.verbs.fit import say_too_short
 from scenes import cloud
 
-from gsedit.files import load, load_dataset, save
-from gsedit.files.dataparser import NAME, read_dataparser, write_dataparser
-from gsedit.files.similarity import similarity_of
-from gsedit.files.state import load_state
-from gsedit.fitting.fit import FitResult
-from gsedit.fitting.settings import FitSettings
+from gsedit import FitResult, FitSettings, load_dataset
+from gsedit.datasets.export_frame import NAME, read_dataparser, write_dataparser
+from gsedit.formats.scenes import load, save
+from gsedit.runs.state import State, load_state, save_state
+from gsedit.scene.similarity import similarity_of
 
 
 def test_fit_writes_the_scene_and_removes_its_checkpoint(monkeypatch, photos, tmp_path):
@@ -42,7 +41,7 @@ def test_fit_writes_the_scene_and_removes_its_checkpoint(monkeypatch, photos, tm
     assert given["seed"] == 7
     assert len(load(out)) == 3
     assert set(files(tmp_path)) - set(files(photos)) == {out, tmp_path / "cameras.json"}
-    assert "gsedit preview" in result.stderr
+    assert "gsedit view" in result.stderr
 
 
 @pytest.mark.parametrize("end", [KeyboardInterrupt(), RuntimeError("bug"), MemoryError()])
@@ -54,7 +53,7 @@ def test_an_ended_fit_leaves_its_last_checkpoint_and_says_where(monkeypatch, pho
     assert f"last complete checkpoint is {checkpoint} (step 20)" in result.stderr
     assert "--resume" in result.stderr
     seen = tmp_path / "seen.ply"
-    assert gsedit("recover", checkpoint, "-o", seen).exit_code == 0
+    assert gsedit("convert", checkpoint, seen).exit_code == 0
     assert len(load(seen)) == 3
     assert not out.exists()
 
@@ -64,7 +63,7 @@ def test_an_ended_fit_leaves_its_last_checkpoint_and_says_where(monkeypatch, pho
     assert "--resume" in forgotten.stderr
     given = stub_fit(monkeypatch)
     assert gsedit("fit", photos, "-o", out, "--resume").exit_code == 0
-    assert set(given["resume"].within("optimiser")) >= {"value.means", "value.sh"}
+    assert set(given["resume"].within("optimizer")) >= {"value.means", "value.sh"}
     assert not checkpoint.exists()
 
 
@@ -103,7 +102,7 @@ def test_a_signal_ends_a_real_process_as_ctrl_c_does(photos, tmp_path, stop):
     messages = process.communicate(timeout=30)[1]
     assert process.returncode == 130
     assert "(step 5)" in messages
-    assert load_state(tmp_path / "s.checkpoint.safetensors").within("optimiser")
+    assert load_state(tmp_path / "s.checkpoint.safetensors").within("optimizer")
 
 
 @pytest.mark.parametrize(
@@ -133,9 +132,10 @@ def test_quality_sets_budget_gaussians_degree_and_size_and_given_options_win(
     monkeypatch, photos, tmp_path
 ):
     sizes = []
-    whole = import_module("gsedit.files").load_dataset
+    whole = import_module("gsedit.datasets.load").load_dataset
     monkeypatch.setattr(
-        "gsedit.files.load_dataset", lambda path, size: sizes.append(size) or whole(path, size=size)
+        "gsedit.datasets.load.load_dataset",
+        lambda path, size: sizes.append(size) or whole(path, size=size),
     )
 
     def asked(*options):
@@ -165,11 +165,46 @@ def test_a_fit_from_a_scene_is_in_the_frame_of_that_scene(monkeypatch, photos, t
     write_dataparser(change, start.with_name(NAME))
     assert gsedit("fit", photos, "-o", out, "--from", start).exit_code == 0
     before, after = load_dataset(photos, size=256).views[1], given["dataset"].views[1]
-    expected = change.points(before.camera.centre[None].numpy())[0]
-    assert after.camera.centre.tolist() == pytest.approx(expected.tolist())
+    expected = change.points(before.camera.center[None].numpy())[0]
+    assert after.camera.center.tolist() == pytest.approx(expected.tolist())
     assert np.allclose(read_dataparser(out.with_name(NAME)).matrix, change.matrix)
     assert gsedit("fit", photos, "-o", tmp_path / "own.ply").exit_code == 0
     assert torch.equal(
         given["dataset"].views[1].camera.world_to_camera, before.camera.world_to_camera
     )
     assert not (tmp_path / NAME).exists()
+
+
+def test_cameras_of_the_scene_are_replaced_only_if_asked(monkeypatch, photos, tmp_path):
+    stub_fit(monkeypatch, end=AssertionError("the fit began"))
+    cameras, out = tmp_path / "a.cameras.json", tmp_path / "a.ply"
+    cameras.write_text("MINE")
+    refused = gsedit("fit", photos, "-o", out)
+    assert refused.exit_code == 2
+    assert f"{cameras} already exists" in refused.stderr
+    assert cameras.read_text() == "MINE"
+    stub_fit(monkeypatch)
+    assert gsedit("fit", photos, "-o", out, "-f").exit_code == 0
+    assert json.loads(cameras.read_text())
+
+
+def test_resume_begins_a_fit_that_kept_nothing(monkeypatch, photos, tmp_path):
+    given = stub_fit(monkeypatch)
+    result = gsedit("fit", photos, "-o", tmp_path / "a.ply", "--resume")
+    assert result.exit_code == 0, result.stderr
+    assert "the fit begins" in result.stderr
+    assert given["resume"] is None
+    assert gsedit("fit", photos, "-o", tmp_path / "a.ply", "--resume").exit_code == 2  # it is there
+
+
+def test_a_damaged_checkpoint_is_not_converted(photos, tmp_path):
+    path = tmp_path / "a.checkpoint.safetensors"
+    good = stub_checkpoint(1).state
+    for tensors in ({}, {**good.tensors, "optimizer.value.sh": torch.zeros(1, 1, 3)},
+                    {**good.tensors, "optimizer.value.means": torch.full((3, 3), torch.nan)},
+                    {**good.tensors, "optimizer.value.other": torch.zeros(1)}):  # fmt: skip
+        save_state(State({}, tensors), path)
+        result = gsedit("convert", path, tmp_path / "seen.ply")
+        assert result.exit_code == 3
+        assert one_line(result.stderr)
+        assert f"{path} is damaged" in result.stderr

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from command_line import gsedit, one_line
 
-from gsedit.files import load
-from gsedit.files.cameras import own_file, read_cameras, write_cameras
-from gsedit.files.similarity import axis_rotation
-from gsedit.views.viewpoints import Viewpoint
-from rasterizer.camera import Camera
+from gsedit.datasets.cameras_json import own_file, read_cameras, write_cameras
+from gsedit.datasets.viewpoints import Viewpoint
+from gsedit.formats.scenes import load
+from gsedit.scene.quaternions import axis_rotation
+from rasterizer import Camera
 
 
 def means(path) -> np.ndarray:
@@ -57,7 +57,7 @@ def test_cameras_move_along(scene, tmp_path):
     assert done.exit_code == 0, done.stderr
     assert f"cameras moved along: {own_file(out)}" in done.stderr
     (moved,) = read_cameras(own_file(out))
-    np.testing.assert_allclose(moved.camera.centre, [3, 6, -3])
+    np.testing.assert_allclose(moved.camera.center, [3, 6, -3])
     own_file(copy).unlink()
     done = gsedit("transform", copy, "--scale", "2", "--cameras", "-o", tmp_path / "b.ply")
     assert done.exit_code == 2
@@ -94,17 +94,18 @@ def test_a_selected_part_moves(scene, tmp_path):
     np.testing.assert_allclose(means(out), before + lift, atol=1e-5)
 
 
-def test_center_says_where_the_centre_was(scene):
+def test_center_says_where_the_center_was(scene):
     done = gsedit("transform", scene, "--center", "--dry-run", "--json")
     assert done.exit_code == 0, done.stderr
-    assert "centre at" in done.stderr
+    assert "center at" in done.stderr
     assert json.loads(done.stdout)["output"] is None
 
 
 def test_merge_decimate_and_order_in_one_chain(scene, tmp_path):
     out, count = tmp_path / "out.ply", len(load(scene))
     done = gsedit(
-        "merge", scene, scene, "-o", out, "then", "decimate", "50%", "then", "order", "--json"
+        *("merge", scene, scene, "-o", out, "then", "decimate", "50%"),
+        *("then", "convert", "--order", "morton", "--json"),
     )
     assert done.exit_code == 0, done.stderr
     assert len(load(out)) == count
@@ -119,7 +120,7 @@ def test_merge_decimate_and_order_in_one_chain(scene, tmp_path):
     [
         (("decimate", "half"), "give a share, as 50%"),
         (("decimate", "0"), "keep at least 1"),
-        (("order", "--by", "size"), "morton and importance"),
+        (("convert", "--order", "size"), "morton and importance"),
         (("merge", "none.ply"), "none.ply"),
         (("merge",), "OTHER"),
     ],
@@ -167,7 +168,7 @@ def test_wrong_alignments_are_one_line(scene, tmp_path, words, message):
 
 def test_levels_of_detail(scene, tmp_path):
     out, count = tmp_path / "levels", len(load(scene))
-    done = gsedit("lod", scene, "--levels", "3", "--format", "spz", "-o", out, "--json")
+    done = gsedit("decimate", scene, "50%", "--levels", 3, "--format", "spz", "-o", out, "--json")
     assert done.exit_code == 0, done.stderr
     name = scene.name.split(".")[0]
     files = [out / f"{name}_lod{level}.spz" for level in range(3)]
@@ -176,16 +177,19 @@ def test_levels_of_detail(scene, tmp_path):
     levels = json.loads((out / "lod.json").read_text())["levels"]
     assert [level["gaussians"] for level in levels] == counts
     assert levels[1]["psnr"] >= levels[2]["psnr"]
-    assert gsedit("lod", scene, "-o", out).exit_code == 2  # has files
-    wrong = gsedit("lod", scene, "-o", tmp_path / "b", "--share", "1000")
-    assert "--share 1000: give a share" in wrong.stderr
+    levels = ("--levels", 2, "-o")
+    assert gsedit("decimate", scene, "50%", *levels, out).exit_code == 2  # has files
+    for words in (("1000",), ("50%", "--method", "random"), ("50%", "--format", "jpg")):
+        assert gsedit("decimate", scene, *words, *levels, tmp_path / "b").exit_code == 2
+    follows = ("then", "convert", "-o", tmp_path / "b")
+    assert gsedit("decimate", scene, "50%", "--levels", 2, *follows).exit_code == 2
     assert not (tmp_path / "b").exists()
 
 
 def test_levels_have_the_name_of_the_scene(scene, tmp_path):
     odd = scene.rename(tmp_path / "my.scan_lod0.v2.ply")
     out = tmp_path / "levels"
-    done = gsedit("lod", odd, "--levels", "2", "--no-measure", "-o", out)
+    done = gsedit("decimate", odd, "50%", "--levels", "2", "--no-measure", "-o", out)
     assert done.exit_code == 0, done.stderr
     names = {each.name for each in out.iterdir()}
     assert names == {f"my.scan_lod0.v2_lod{level}.ply" for level in (0, 1)} | {"lod.json"}

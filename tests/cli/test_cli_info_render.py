@@ -14,7 +14,7 @@ from bad_files import ply_bytes, scene_table
 from command_line import files, gsedit
 from PIL import Image
 
-from gsedit.files import load
+from gsedit.formats.scenes import load
 
 
 def test_info_tells_what_the_file_holds(scene):
@@ -116,7 +116,7 @@ def decode(path: Path) -> torch.Tensor:
 def test_core_commands_do_without_the_viewers(scene, tmp_path):
     code = (
         "import sys; sys.modules.update(open3d=None, pyvista=None, vtk=None)\n"
-        "import gsedit, gsedit.fitting.fit, gsedit.edit\n"
+        "import gsedit, gsedit.fitting.fit, gsedit.editing.edit\n"
         "from gsedit_cli.main import app\n"
         "for words in (['info', sys.argv[1]], ['render', sys.argv[1], '--count', '1', '--size',\n"
         "              '16', '-o', sys.argv[2]]):\n"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from command_line import gsedit, one_line
-from gsedit_cli.kernel import FITS, RENDERS, UPDATES, say_kernel
+from gsedit_cli.core.kernel import FITS, RENDERS, UPDATES, say_kernel
 
 from gsedit.errors import UsageError
 from rasterizer import Execution, compiled
@@ -28,7 +28,7 @@ def test_without_a_compiler_torch_renders_and_the_next_move_is_named(no_compiler
     assert result.exit_code == 0
     (line,) = (line for line in result.stderr.splitlines() if "renders" in line)
     assert line.startswith("no C++ compiler was found")
-    assert "renders with torch, slower; install g++" in line
+    assert "renders with torch, slower; name a C++17 compiler in CXX" in line
     assert "renders" not in result.stdout
 
 
@@ -36,7 +36,7 @@ def test_a_kernel_that_there_is_not_is_refused(no_compiler, scene, tmp_path):
     result = drawn(scene, tmp_path / "a", "--kernel", "compiled")
     assert result.exit_code == 2
     assert one_line(result.stderr.partition("gsedit: ")[2])
-    assert "install g++" in result.stderr
+    assert "name a C++17 compiler in CXX" in result.stderr
     assert not (tmp_path / "a").exists()
 
 

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 import pytest
 from command_line import gsedit, one_line
-from gsedit_cli import make as verb
-from gsedit_cli.exits import Interrupted
+from gsedit_cli.core.exits import Interrupted
+from gsedit_cli.verbs import make as verb
 from PIL import Image
 
 from gsedit.errors import InputError
@@ -37,8 +37,9 @@ def stages(monkeypatch):
 
     def stage(name, file, result):
         def run(*places, **options):
-            ran.append((name, options.get("resume", False)))
-            folder = places[2] if name == "edit" else places[1]
+            own = next((each for each in places if hasattr(each, "resume")), None)
+            ran.append((name, own is not None and own.resume))
+            folder = places[1] if own is None else own.out
             if name in end:
                 raise end.pop(name)
             path = folder / file if file else folder
@@ -82,7 +83,7 @@ def test_an_interrupted_stage_goes_on_with_the_same_command(photos, out, stages,
     ended = make(photos, out)
     assert ended.exit_code == 130
     assert "interrupted in the fit; what is done is kept in " in ended.stderr
-    assert "the same command goes on there" in ended.stderr
+    assert "the same command continues there" in ended.stderr
     assert make(photos, out).exit_code == 0
     assert stages.ran[2:] == [("fit", True), ("edit", False)]
 

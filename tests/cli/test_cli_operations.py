@@ -9,12 +9,14 @@ import sys
 import pytest
 from command_line import gsedit, one_line
 
-from gsedit.files import load
+from gsedit.formats.scenes import load
 
 
 def test_a_chain_does_its_verbs_in_order_and_writes_once(scene, tmp_path):
     out = tmp_path / "small.ply"
-    done = gsedit("reduce-sh", scene, "--degree", 1, "then", "reduce-sh", "-o", out)
+    done = gsedit(
+        "convert", scene, "--sh-degree", 1, "then", "convert", "--sh-degree", 0, "-o", out
+    )
     assert done.exit_code == 0, done.stderr
     assert done.stdout.strip() == str(out)
     assert load(out).degree == 0
@@ -23,7 +25,7 @@ def test_a_chain_does_its_verbs_in_order_and_writes_once(scene, tmp_path):
 
 def test_dry_run_writes_nothing_and_counts(scene, tmp_path):
     before = sorted(tmp_path.rglob("*"))
-    done = gsedit("reduce-sh", scene, "--dry-run", "--json")
+    done = gsedit("convert", scene, "--sh-degree", 0, "--dry-run", "--json")
     assert done.exit_code == 0, done.stderr
     assert json.loads(done.stdout)["gaussians"] == len(load(scene))
     assert sorted(tmp_path.rglob("*")) == before
@@ -34,16 +36,16 @@ def test_dry_run_writes_nothing_and_counts(scene, tmp_path):
     [
         ((), "-o"),
         (("then",), "nothing follows then: name one of"),
-        (("then", "reduce-hs"), "then reduce-hs: name one of"),
+        (("then", "convrt"), "then convrt: name one of"),
         (("-o", "scene.obj"), "gsedit writes"),
-        (("then", "reduce-sh", "--degre", "1", "-o", "a.ply"), "--degre"),
+        (("then", "convert", "--sh-degre", "1", "-o", "a.ply"), "--sh-degre"),
     ],
 )
 def test_a_wrong_chain_is_one_line_that_names_the_next_move(
     scene, tmp_path, monkeypatch, words, message
 ):
     monkeypatch.chdir(tmp_path)
-    done = gsedit("reduce-sh", scene, *words)
+    done = gsedit("convert", scene, "--sh-degree", 0, *words)
     assert done.exit_code == 2
     assert one_line(done.stderr)
     assert message in done.stderr
@@ -52,11 +54,11 @@ def test_a_wrong_chain_is_one_line_that_names_the_next_move(
 def test_existing_files_are_kept_without_force(scene, tmp_path):
     out = tmp_path / "small.ply"
     out.write_text("mine")
-    done = gsedit("reduce-sh", scene, "-o", out)
+    done = gsedit("convert", scene, "--sh-degree", 0, "-o", out)
     assert done.exit_code == 2
     assert "add -f" in done.stderr
     assert out.read_text() == "mine"
-    assert gsedit("reduce-sh", scene, "-o", out, "-f").exit_code == 0
+    assert gsedit("convert", scene, "--sh-degree", 0, "-o", out, "-f").exit_code == 0
     assert load(out).degree == 0
 
 
@@ -67,11 +69,11 @@ def test_invalid_rows_are_refused_with_their_place(tmp_path):
     table[3, PLY_COLUMNS.index("y")] = float("nan")
     path, out = tmp_path / "bad.ply", tmp_path / "out.ply"
     path.write_bytes(ply_bytes(table))
-    done = gsedit("reduce-sh", path, "-o", out)
+    done = gsedit("convert", path, "--sh-degree", 0, "-o", out)
     assert done.exit_code == 3
     assert "row 3 (from 0): column y is nan" in done.stderr
     assert not list(tmp_path.glob("*out.ply"))
-    done = gsedit("reduce-sh", path, "--drop-invalid", "-o", out)
+    done = gsedit("convert", path, "--sh-degree", 0, "--drop-invalid", "-o", out)
     assert done.exit_code == 0, done.stderr
     assert "1" in done.stderr
     assert len(load(out)) == 4
@@ -113,13 +115,14 @@ def test_torch_is_not_loaded(scene, tmp_path):
         "try: app()\nexcept SystemExit as end: assert not end.code, end.code\n"
         "assert not {'torch', 'scipy', 'numba'} & set(sys.modules)"
     )
-    arguments = [sys.executable, "-c", code, "reduce-sh", str(scene), "-o", str(tmp_path / "o.ply")]
+    words = ["convert", str(scene), "--sh-degree", "0", "-o", str(tmp_path / "o.ply")]
+    arguments = [sys.executable, "-c", code, *words]
     done = subprocess.run(arguments, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
 
 
 def test_convert_writes_by_suffix_and_names_what_is_lost(scene, tmp_path):
-    from gsedit.files import open_scene
+    from gsedit.formats.registry import open_scene
 
     for words in (("a.splat",), ("-o", "b.npz"), ("c.csv",), ("d.compressed.ply",)):
         name = words[-1]
@@ -129,7 +132,7 @@ def test_convert_writes_by_suffix_and_names_what_is_lost(scene, tmp_path):
         assert ("holds no SH" in done.stderr) == (name == "a.splat")
     assert open_scene(tmp_path / "b.npz").header.degree == 1
     out = tmp_path / "e.npz"
-    done = gsedit("convert", tmp_path / "b.npz", "then", "reduce-sh", "then", "convert", out)
+    done = gsedit("convert", tmp_path / "b.npz", "then", "convert", out, "--sh-degree", 0)
     assert done.exit_code == 0, done.stderr
     assert open_scene(out).header.degree == 0
     assert gsedit("convert", scene).exit_code == 2
@@ -138,8 +141,8 @@ def test_convert_writes_by_suffix_and_names_what_is_lost(scene, tmp_path):
 def test_convert_brings_an_export_of_nerfstudio_back_into_the_frame_of_its_photos(scene, tmp_path):
     import numpy as np
 
-    from gsedit.files import open_scene
-    from gsedit.files.similarity import Similarity
+    from gsedit.formats.registry import open_scene
+    from gsedit.scene.similarity import Similarity
 
     turn = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])
     exported = tmp_path / "dataparser_transforms.json"
@@ -168,7 +171,7 @@ def test_convert_brings_an_export_of_nerfstudio_back_into_the_frame_of_its_photo
 
 def test_one_command_writes_one_scene(scene, tmp_path):
     a, b = tmp_path / "a.ply", tmp_path / "b.ply"
-    done = gsedit("reduce-sh", scene, "-o", a, "then", "order", "-o", b)
+    done = gsedit("convert", scene, "-o", a, "then", "convert", "--order", "morton", "-o", b)
     assert done.exit_code == 2
     assert f"not {a} and {b}: give one -o" in done.stderr
     assert not list(tmp_path.glob("[ab].ply"))
@@ -218,16 +221,16 @@ def test_merge_reads_the_others_as_its_options_say(tmp_path):
 
 
 def test_cameras_beside_the_scene_are_those_of_the_first_where_it_is(scene, photos, tmp_path):
-    from gsedit.files import load_dataset
-    from gsedit.files.cameras import write_cameras
+    from gsedit import load_dataset
+    from gsedit.datasets.cameras_json import write_cameras
 
     (tmp_path / "there").mkdir()
     other = tmp_path / "there" / "other.ply"
     other.write_bytes(scene.read_bytes())
-    seen = ("then", "filter", "--seen", 0.001, "--dry-run")
+    seen = ("then", "filter", "--where", "seen(pixels=0.001)", "--dry-run")
     write_cameras(load_dataset(photos).views, other.with_name("cameras.json"))
     for words in (("merge", scene, other), ("transform", other, "--scale", 2)):
         done = gsedit(*words, *seen)
         assert done.exit_code == 2
-        assert "--seen needs the cameras: add --data" in done.stderr
+        assert "seen() needs cameras: add --data" in done.stderr
     assert gsedit("merge", other, scene, *seen).exit_code == 0

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from gsedit_cli.progress import plain_line, progress
+from gsedit_cli.core.progress import plain_line, progress
 
-from gsedit.reports.events import Event
+from gsedit import Event
 
 
 def test_the_time_left_is_from_the_pace_so_far():

@@ -7,9 +7,9 @@ import pytest
 from command_line import gsedit, one_line
 from PIL import Image
 
-from gsedit.files import load
-from gsedit.files.table import table_of
-from gsedit.points import recolor, select
+from gsedit.formats.scenes import load
+from gsedit.scene.table import table_of
+from gsedit.toolkit import recolor, select
 
 
 def test_options_are_the_arguments_of_the_function(scene, tmp_path):
@@ -30,14 +30,14 @@ def test_palette_and_opacity(scene, tmp_path):
     Image.new("RGB", (8, 8), (200, 30, 30)).save(picture)
     done = gsedit("recolor", scene, "--palette", picture, "--opacity-scale", "0.5", "-o", out)
     assert done.exit_code == 0, done.stderr
-    assert "distance of the colours from those of red.png" in done.stderr
+    assert "distance of the colors from those of red.png" in done.stderr
     before, after = load(scene), load(out)
     np.testing.assert_allclose(after.opacities, before.opacities / 2, atol=1e-5)
     colors = table_of(after).colors
     np.testing.assert_allclose(np.median(colors, 0), np.array([200, 30, 30]) / 255, atol=0.05)
 
 
-def test_what_is_selected_is_decided_before_colours_change(scene, tmp_path):
+def test_what_is_selected_is_decided_before_colors_change(scene, tmp_path):
     picture, out = tmp_path / "red.png", tmp_path / "out.ply"
     Image.new("RGB", (8, 8), (200, 30, 30)).save(picture)
     before = table_of(load(scene))

@@ -10,18 +10,18 @@ import pytest
 import torch
 from command_line import files, gsedit, one_line
 from PIL import Image
+from research.exr import read_exr
 
-from gsedit.files import animations, load
-from gsedit.files.cameras import read_cameras, write_cameras
-from gsedit.files.exr import read_exr
-from gsedit.files.formats import write_scene
-from gsedit.files.streams import SceneHeader, in_blocks
-from gsedit.files.table import table_of
-from gsedit.views import choose
-from gsedit.views.orbit import orbit
-from gsedit.views.viewpoints import Viewpoint, same_size
-from rasterizer.numerics import Numerics
-from rasterizer.render import render
+from gsedit import orbit
+from gsedit.cameras import around
+from gsedit.datasets.cameras_json import read_cameras, write_cameras
+from gsedit.datasets.viewpoints import Viewpoint, same_size
+from gsedit.formats.registry import write_scene
+from gsedit.formats.scenes import load
+from gsedit.formats.streams import SceneHeader, in_blocks
+from gsedit.pictures import animations
+from gsedit.scene.table import table_of
+from rasterizer import Numerics, render
 
 
 @pytest.fixture
@@ -71,7 +71,7 @@ def test_single_pictures_in_every_format_agree(shot, tmp_path):
     np.testing.assert_allclose(levels, numbers.clip(0, 1) * 255, atol=0.51)
     channels = read_exr(tmp_path / "a.exr")
     assert set(channels) == set("RGBAZ")
-    from gsedit.files.exr import to_srgb
+    from gsedit.formats.exr import to_srgb
 
     color = np.stack([channels[name] for name in "RGB"], -1)
     np.testing.assert_allclose(to_srgb(color), numbers, atol=1e-5)
@@ -128,13 +128,13 @@ def test_an_antialiased_scene_is_rendered_as_it_was_trained(shot, tmp_path):
 
 def test_views_are_searched_for_once(scene, tmp_path, monkeypatch):
     calls = []
-    search = choose.find_views
-    monkeypatch.setattr(choose, "find_views", lambda *a, **k: calls.append(a[1]) or search(*a, **k))
+    search = around.find_views
+    monkeypatch.setattr(around, "find_views", lambda *a, **k: calls.append(a[1]) or search(*a, **k))
     words = ["--region", "sphere:0,0,0,1e6", "--count", 2, "--size", 16]
     result = gsedit("render", scene, *words, "-o", tmp_path / "out")
     assert result.exit_code == 0, result.stderr
     assert len(calls) == 1
-    assert result.stderr.count("searched for") == 1
+    assert result.stderr.count("searching the scene") == 1
     assert len(files(tmp_path / "out")) == 2
 
 
@@ -172,8 +172,8 @@ def test_an_interrupted_animation_leaves_no_file(shot, tmp_path, monkeypatch):
         (["-o", "a.exr", "--format", "exr"], "--format is for folders"),
         (["-o", "out", "--show", "colour"], "give any of color, depth, normals, alpha"),
         (["-o", "out", "--resolution", "640"], "as in 1280x720"),
-        (["-o", "out", "--background", "blakc"], "a colour's name"),
-        (["-o", "out", "--background", "#ff880080"], "a colour's name"),
+        (["-o", "out", "--background", "blakc"], "a color's name"),
+        (["-o", "out", "--background", "#ff880080"], "a color's name"),
         (["-o", "a.gif", "--background", "transparent"], "for PNG pictures"),
         (["-o", "out", "--format", "exr", "--background", "transparent"], "leave out --format"),
         (["-o", "out", "--show", "alpha", "--background", "transparent"], "show color alone"),
@@ -186,7 +186,7 @@ def test_an_interrupted_animation_leaves_no_file(shot, tmp_path, monkeypatch):
         (["-o", "out", "--path", "orbit", "--fps", "9"], "--fps is for .mp4 and .gif"),
         (["-o", "a.png", "--frames", "120"], "--frames is for a path of cameras"),
         (["-o", "a.gif", "--crf", "18"], "--crf is for .mp4"),
-        (["-o", "out", "--wipe", "b.ply", "--depth"], "--wipe shows colours"),
+        (["-o", "out", "--wipe", "b.ply", "--depth"], "--wipe shows colors"),
         (["-o", "a.exr", "--wipe", "b.ply"], "--wipe is written as"),
         (["-o", "out", "--wipe", "b.ply", "--region", "all"], "leave out --wipe"),
         (["-o", "out", "--path", "circle"], "not one of"),

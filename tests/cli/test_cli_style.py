@@ -8,13 +8,13 @@ import numpy as np
 from command_line import gsedit, one_line
 from PIL import Image
 
-from gsedit.files import load
-from gsedit.files.formats import open_scene, write_scene
-from gsedit.files.streams import SceneHeader, in_blocks
-from gsedit.files.table import table_of
+from gsedit.formats.registry import open_scene, write_scene
+from gsedit.formats.scenes import load
+from gsedit.formats.streams import SceneHeader, in_blocks
+from gsedit.scene.table import table_of
 
 
-def test_style_writes_a_scene_of_other_colours(scene, tmp_path):
+def test_style_writes_a_scene_of_other_colors(scene, tmp_path):
     picture, out = tmp_path / "painting.png", tmp_path / "painted.ply"
     noise = np.random.default_rng(0).integers(0, 255, (32, 32, 3), np.uint8)
     Image.fromarray(noise).save(picture)
@@ -26,12 +26,12 @@ def test_style_writes_a_scene_of_other_colours(scene, tmp_path):
     assert float((after.sh - before.sh).abs().max()) > 0.05
     record = json.loads(done.stdout.splitlines()[-1])
     stages = [each["stage"] for each in record["measures"]]
-    assert stages == ["before", "colours", "texture"]
+    assert stages == ["before", "colors", "texture"]
 
 
 def test_a_wrong_request_is_one_line(scene, tmp_path):
     for words, message in (
-        ((scene, tmp_path / "none.png", "-o", tmp_path / "a.ply"), "none.png is no readable"),
+        ((scene, tmp_path / "none.png", "-o", tmp_path / "a.ply"), "none.png cannot be read"),
         ((scene, scene, "-o", tmp_path / "a.obj"), "name a scene file"),
         ((scene, scene, "-o", tmp_path / "a.ply", "--strength", 3), "0 to 1"),
     ):

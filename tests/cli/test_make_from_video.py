@@ -8,8 +8,8 @@ from functools import partial
 import numpy as np
 import pytest
 from command_line import gsedit
-from gsedit_cli import make as verb
-from gsedit_cli.capture import settings_from
+from gsedit_cli.verbs import make as verb
+from gsedit_cli.verbs.capture import settings_from
 from lens_photos import RealLens, Room, walk
 from PIL import Image
 from videos import write_video
@@ -41,7 +41,8 @@ def test_a_video_becomes_an_edited_scene(video, tmp_path, monkeypatch):
         ("sampler", "steps"): 2, ("strategy", "update_steps"): 2, ("rounds",): 1,
         ("held_out_edits",): 0,
     }  # fmt: skip
-    monkeypatch.setattr(verb, "run_edit", partial(verb.run_edit, values=few))
+    run_edit = verb.run_edit  # its last arguments are the values of settings and common options
+    monkeypatch.setattr(verb, "run_edit", lambda *a: run_edit(*a[:-2], few, a[-1]))
     monkeypatch.setattr(picture, "check_drawing", no_opengl)
     settings = partial(replace, features=800)  # of capture; every second counts in a test
     monkeypatch.setattr(verb, "settings_from", lambda *a: settings(settings_from(*a)))

@@ -14,15 +14,11 @@ import pytest
 import torch
 
 from gsedit.consistency.consensus import consensus, share_noise
-from gsedit.diffusion import (
-    Anchor,
-    Branches,
-    SamplerSettings,
-    Schedule,
-    as_pair,
-    levels_of,
-    sample,
-)
+from gsedit.diffusion.guidance import Branches
+from gsedit.diffusion.predictions import as_pair
+from gsedit.diffusion.sampler import Anchor, levels_of, sample
+from gsedit.diffusion.schedules import Schedule
+from gsedit.diffusion.settings import SamplerSettings
 from gsedit.errors import UsageError
 
 SD = Schedule.scaled_linear()
@@ -42,18 +38,18 @@ def noise(*shape: int, seed: int = 0) -> torch.Tensor:
 
 @dataclass(frozen=True, eq=False)
 class OneGaussian:
-    """x0 of every view is normal about its own centre; `condition` names the views."""
+    """x0 of every view is normal about its own center; `condition` names the views."""
 
-    centres: torch.Tensor
+    centers: torch.Tensor
     name: str = "one Gaussian"
     schedule: Schedule = SD
     predicts: str = "x0"
 
     def branches(self, x, t, condition, need):
         level = self.schedule.level(t)
-        centre = self.centres[condition]
+        center = self.centers[condition]
         shrunk = WIDTH**2 / (WIDTH**2 + level.sigma**2)
-        x0 = centre + shrunk * (x / level.a - centre)
+        x0 = center + shrunk * (x / level.a - center)
         return Branches(*(x0 if needed else None for needed in need))
 
 
@@ -105,7 +101,7 @@ def test_one_view_or_no_overlap_is_left_alone(solver, target):
 @every_target
 @every_solver
 def test_views_that_agree_are_left_as_they_are(solver, target):
-    """Idempotent: the same centre, start and fresh noise at corresponding cells."""
+    """Idempotent: the same center, start and fresh noise at corresponding cells."""
     share = partial(share_noise, labels=LABELS)
     model, x = OneGaussian(share(noise(3, 2, 1, 3))), share(noise(3, 2, 1, 3, seed=1))
     chosen = settings(solver, target)
@@ -116,13 +112,13 @@ def test_views_that_agree_are_left_as_they_are(solver, target):
 @every_target
 @every_solver
 def test_sampling_with_consensus_is_linear(solver, target):
-    """Of an affine denoiser: the mean of two starts (and centres) gives the mean of the results."""
+    """An affine denoiser gives for the mean of two starts (and centers) the mean of the results."""
     chosen = settings(solver, target)
-    centres, starts = noise(2, 3, 2, 1, 3), noise(2, 3, 2, 1, 3, seed=1)
+    centers, starts = noise(2, 3, 2, 1, 3), noise(2, 3, 2, 1, 3, seed=1)
 
     def result(part: float) -> torch.Tensor:
         # fresh noise is the same in all three, so it is a constant of the affine map
-        model = OneGaussian(torch.lerp(*centres, part))
+        model = OneGaussian(torch.lerp(*centers, part))
         return states(model, torch.lerp(*starts, part), chosen, LABELS)[-1].x
 
     torch.testing.assert_close(result(0.3), torch.lerp(result(0.0), result(1.0), 0.3))
@@ -132,9 +128,9 @@ def test_sampling_with_consensus_is_linear(solver, target):
 @pytest.mark.parametrize("solver", ["ddim", "heun", "dpm++2m"])
 def test_the_order_of_views_does_not_matter(solver, target):
     chosen, order = settings(solver, target), torch.tensor([2, 0, 1])
-    centres, x = noise(3, 2, 1, 3), noise(3, 2, 1, 3, seed=1)
-    straight = states(OneGaussian(centres), x, chosen, LABELS)[-1].x
-    permuted = states(OneGaussian(centres[order]), x[order], chosen, LABELS[order])[-1].x
+    centers, x = noise(3, 2, 1, 3), noise(3, 2, 1, 3, seed=1)
+    straight = states(OneGaussian(centers), x, chosen, LABELS)[-1].x
+    permuted = states(OneGaussian(centers[order]), x[order], chosen, LABELS[order])[-1].x
     torch.testing.assert_close(permuted, straight[order])
 
 
@@ -241,11 +237,11 @@ def test_eps_at_a_terminal_snr_of_zero_is_refused():
 
     class AtInfinity(OneGaussian):
         def branches(self, x, t, condition, need):
-            return Branches(self.centres[condition], *([None] * 2))
+            return Branches(self.centers[condition], *([None] * 2))
 
     chosen = replace(chosen, guidance_text=1.0, guidance_image=1.0)
     x = noise(2, 2, 1, 3, seed=1)
-    model = AtInfinity(model.centres, schedule=model.schedule)
+    model = AtInfinity(model.centers, schedule=model.schedule)
     assert states(model, x, replace(chosen, target="x0"), PAIRED)[-1].x.isfinite().all()
     with pytest.raises(UsageError, match="terminal SNR is 0"):
         states(model, x, chosen, PAIRED)

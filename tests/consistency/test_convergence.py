@@ -16,12 +16,15 @@ import torch
 from sampler_runs import FLOW, SD, SOLVERS, TERMINAL, generator, last
 
 from gsedit.consistency.consensus import consensus
-from gsedit.diffusion import Branches, Prediction, SamplerSettings, Schedule, levels_of, sample
-from gsedit.diffusion.predictions import noise_of
+from gsedit.diffusion.guidance import Branches
+from gsedit.diffusion.predictions import Prediction, noise_of
+from gsedit.diffusion.sampler import levels_of, sample
+from gsedit.diffusion.schedules import Schedule
+from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editors.small.denoiser import schedule as small_schedule
 
 WIDTHS = torch.tensor([0.003, 0.03, 0.3, 1.0, 3.0], dtype=torch.float64)
-"""Of the data, one a channel: from detail that is decided last to colours decided first."""
+"""Widths of the data, one a channel: from detail that is decided last to colors decided first."""
 ONE_CLUSTER = torch.zeros(2, 1, 1, dtype=torch.int64)
 ROUNDING = 1e-12
 

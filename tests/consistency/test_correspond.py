@@ -16,7 +16,7 @@ from walls import (
     SLANTED,
     UP,
     camera,
-    centres,
+    centers,
     clusters,
     occluded_depth,
     plane_depth,
@@ -29,7 +29,7 @@ from walls import (
 from gsedit.consistency.correspond import correspond, match
 from gsedit.consistency.depth_maps import DEFAULT_RULES, NO_RULES, Visibility
 from gsedit.errors import UsageError
-from rasterizer.camera import look_at
+from rasterizer import look_at
 
 # ---- matching ------------------------------------------------------------------------------------
 
@@ -74,11 +74,11 @@ def test_no_pair_across_an_occlusion():
     for a, b in combinations(FOUR, 2):
         pairs = match(*seen(a, occluded_depth(a)), *seen(b, occluded_depth(b)), cell=CELL)
         for one, other, index in ((a, b, pairs.a), (b, a, pairs.b)):
-            xy = centres(one, index)
+            xy = centers(one, index)
             true, z = other.project(one.unproject(xy, occluded_depth(one, xy)))
             visible = (z - occluded_depth(other, true)).abs() < 0.01 * z
             assert visible.all()
-        wall = centres(a, torch.arange(256))
+        wall = centers(a, torch.arange(256))
         true, z = b.project(a.unproject(wall, plane_depth(a, SLANTED, wall)))
         hidden += int((z > 1.01 * sphere_depth(b, *BALL, true)).sum())
     assert hidden > 50  # the ball does hide something
@@ -122,7 +122,7 @@ def test_views_of_different_sizes_match():
 
 
 @pytest.mark.parametrize("cell", [1, 3, 4, 16])
-def test_any_cell_size_has_its_centre_in_the_middle(cell):
+def test_any_cell_size_has_its_center_in_the_middle(cell):
     view = seen(camera(0.2, size=48))
     pairs = match(*view, *view, cell=cell)
     assert len(pairs.a) == (48 // cell) ** 2

@@ -7,7 +7,7 @@ import torch
 
 from gsedit.consistency.correspond import Correspondences, correspond
 from gsedit.consistency.harmonise import cell_means, harmonise, robust_mean
-from gsedit.editors.command.editor import CELL
+from gsedit.editors.command.editor import CELL_PIXELS
 from gsedit.errors import UsageError
 from gsedit.synthetic import ring_cameras, scenes
 
@@ -25,8 +25,8 @@ def test_few_values_have_their_mean_and_many_outvote_one():
     torch.testing.assert_close(without[:, 0], torch.tensor([0.3, 0.2, 0.5]), atol=1e-6, rtol=0)
 
 
-def flat_views(*colours: float, side: int = 8) -> torch.Tensor:
-    return torch.tensor(colours)[:, None, None, None].expand(-1, side, side, 3).contiguous()
+def flat_views(*colors: float, side: int = 8) -> torch.Tensor:
+    return torch.tensor(colors)[:, None, None, None].expand(-1, side, side, 3).contiguous()
 
 
 def everywhere(views: int, side: int = 8, cell: int = 2) -> Correspondences:
@@ -85,9 +85,9 @@ def painted():
         cameras,
         torch.stack([t.depth for t in traced]),
         torch.stack([t.hit.double() for t in traced]),
-        cell=CELL,
+        cell=CELL_PIXELS,
     )
-    where = (found.labels >= 0).repeat_interleave(CELL, 1).repeat_interleave(CELL, 2)
+    where = (found.labels >= 0).repeat_interleave(CELL_PIXELS, 1).repeat_interleave(CELL_PIXELS, 2)
     return originals, 1 - originals.flip(-1), found, where
 
 
@@ -96,8 +96,8 @@ def disagreement(images: torch.Tensor, found: Correspondences) -> float:
     rows = found.labels.reshape(-1) >= 0
     values = cell_means(images, found.cell).reshape(-1, 3)[rows]
     groups = found.labels.reshape(-1)[rows].long()
-    centre = robust_mean(values, groups, found.count, torch.ones(len(values)), 1e3)
-    return float((values - centre[groups]).square().mean().sqrt())
+    center = robust_mean(values, groups, found.count, torch.ones(len(values)), 1e3)
+    return float((values - center[groups]).square().mean().sqrt())
 
 
 def test_tints_of_views_are_evened_out_and_the_edit_is_kept(painted):

@@ -13,8 +13,8 @@ ANCHORED = torch.tensor([True, False, False, False])
 
 
 def painted(camera, depth, fine=0.05):
-    """Colours painted on the world: coarse ones, and a fine pattern."""
-    points = camera.unproject(camera.pixel_centres(), depth.double())
+    """Colors painted on the world: coarse ones, and a fine pattern."""
+    points = camera.unproject(camera.pixel_centers(), depth.double())
     coarse = 0.5 + 0.2 * torch.sin(2 * points)
     return (coarse + fine * torch.sin(30 * points[..., :1])).float()
 
@@ -36,7 +36,7 @@ def truth(surfaces):
 
 
 def tints(views=4):
-    """A colour cast of each view's own."""
+    """A color cast of each view's own."""
     generator = torch.Generator().manual_seed(0)
     return 0.06 * torch.randn(views, 1, 1, 3, generator=generator)
 

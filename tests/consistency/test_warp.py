@@ -15,8 +15,8 @@ from gsedit.consistency.warp import warp
 
 
 def paint(view, depth):
-    """Colours by world position, smooth over many pixels."""
-    points = view.unproject(view.pixel_centres(), depth)
+    """Colors by world position, smooth over many pixels."""
+    points = view.unproject(view.pixel_centers(), depth)
     return 0.5 + 0.4 * torch.sin(3 * points + torch.tensor([0.0, 1.0, 2.0]))
 
 
@@ -32,7 +32,7 @@ def test_a_painted_scene_looks_the_same_through_another_view():
 
 def test_what_is_hidden_is_not_warped():
     a, b = FOUR[1], FOUR[2]
-    xy = a.pixel_centres()
+    xy = a.pixel_centers()
     true, z = b.project(a.unproject(xy, occluded_depth(a)))
     hidden = z > 1.02 * occluded_depth(b, true)
     views = [*seen(a, occluded_depth(a)), *seen(b, occluded_depth(b))]

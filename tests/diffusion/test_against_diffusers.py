@@ -12,7 +12,10 @@ import diffusers
 import pytest
 import torch
 
-from gsedit.diffusion import Branches, SamplerSettings, Schedule, guide, levels_of, sample
+from gsedit.diffusion.guidance import Branches, guide
+from gsedit.diffusion.sampler import levels_of, sample
+from gsedit.diffusion.schedules import Schedule
+from gsedit.diffusion.settings import SamplerSettings
 
 SD = {
     "beta_start": 0.00085,

@@ -8,17 +8,10 @@ import pytest
 import torch
 
 from gsedit.consistency.consensus import consensus, share_noise
-from gsedit.diffusion import (
-    Anchor,
-    Branches,
-    Need,
-    SamplerSettings,
-    Schedule,
-    add_noise,
-    guide,
-    levels_of,
-    sample,
-)
+from gsedit.diffusion.guidance import Branches, Need, guide
+from gsedit.diffusion.sampler import Anchor, add_noise, levels_of, sample
+from gsedit.diffusion.schedules import Schedule
+from gsedit.diffusion.settings import SamplerSettings
 from gsedit.errors import UsageError
 
 EPS32 = torch.finfo(torch.float32).eps
@@ -96,7 +89,7 @@ def test_times_start_lower_with_less_strength():
         ("t_end", -0.1),
         ("temperature", 1.1),
         ("temperature", float("nan")),
-        ("consensus_strength", 2.0),
+        ("consensus_weight", 2.0),
     ],
 )
 def test_a_bad_setting_is_named(setting, value):

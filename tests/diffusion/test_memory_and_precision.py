@@ -7,11 +7,14 @@ from typing import Any
 
 import pytest
 import torch
+from research.sampler.network import untrained_network
 
-from gsedit.bench.sampler.network import untrained_network
-from gsedit.diffusion import Branches, Need, SamplerSettings, Schedule, memory
+from gsedit.diffusion import memory
+from gsedit.diffusion.guidance import Branches, Need
 from gsedit.diffusion.memory import peak_bytes, views_at_once
 from gsedit.diffusion.precision import MAX_ERROR, InBfloat16, relative_error, with_precision
+from gsedit.diffusion.schedules import Schedule
+from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editors import Capabilities, EditBatch
 from gsedit.editors.sampling import DiffusionEditor, prepared
 from gsedit.errors import UsageError

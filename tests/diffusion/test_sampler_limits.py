@@ -6,16 +6,14 @@ from dataclasses import replace
 
 import pytest
 import torch
-from sampler_runs import FLOW, SD, SOLVERS, TERMINAL, UNGUIDED, run
-
-from gsedit.bench.sampler.mixtures import (
+from research.sampler.mixtures import (
     MixtureProblem,
     mixture_problem,
 )
-from gsedit.diffusion import (
-    SamplerSettings,
-    levels_of,
-)
+from sampler_runs import FLOW, SD, SOLVERS, TERMINAL, UNGUIDED, run
+
+from gsedit.diffusion.sampler import levels_of
+from gsedit.diffusion.settings import SamplerSettings
 from gsedit.errors import UsageError
 
 

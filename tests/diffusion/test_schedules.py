@@ -8,21 +8,16 @@ from itertools import pairwise
 
 import pytest
 import torch
-from sampler_runs import FLOW, SD, TERMINAL, UNGUIDED, generator, last, pair, run
-
-from gsedit.bench.sampler.mixtures import (
+from research.sampler.mixtures import (
     mixture_problem,
     noised_draw,
 )
-from gsedit.diffusion import (
-    CLEAN,
-    SamplerSettings,
-    Schedule,
-    as_pair,
-    karras_sigmas,
-    levels_of,
-    sample,
-)
+from sampler_runs import FLOW, SD, TERMINAL, UNGUIDED, generator, last, pair, rectified_flow, run
+
+from gsedit.diffusion.predictions import as_pair
+from gsedit.diffusion.sampler import levels_of, sample
+from gsedit.diffusion.schedules import CLEAN, Schedule, karras_sigmas
+from gsedit.diffusion.settings import SamplerSettings
 from gsedit.errors import UsageError
 
 SCHEDULES = {
@@ -30,7 +25,7 @@ SCHEDULES = {
     "cosine": Schedule.cosine(),
     "terminal": TERMINAL,
     "flow": FLOW,
-    "shifted flow": Schedule.rectified_flow(shift=3.0),
+    "shifted flow": rectified_flow(shift=3.0),
 }
 
 
@@ -58,7 +53,7 @@ def test_the_schedules_are_those_of_their_papers():
     start_of = math.cos(0.008 / 1.008 * math.pi / 2) ** 2
     expected = math.cos(0.508 / 1.008 * math.pi / 2) ** 2 / start_of
     assert half.item() == pytest.approx(expected, rel=1e-9)
-    assert Schedule.rectified_flow(shift=3.0).level(499).b == pytest.approx(0.75)
+    assert rectified_flow(shift=3.0).level(499).b == pytest.approx(0.75)
     assert [FLOW.level(t).b for t in (0, 249, 999)] == pytest.approx([1e-3, 0.25, 1])
     sigmas = karras_sigmas(80.0, 0.002, 18)  # Karras et al. 2022, eq. 5
     assert (sigmas[0], sigmas[-1]) == pytest.approx((80, 0.002))

@@ -9,25 +9,19 @@ from itertools import pairwise
 
 import pytest
 import torch
-from sampler_runs import FLOW, SD, SOLVERS, UNGUIDED, generator, last, pair, run
-
-from gsedit.bench.curves import slope
-from gsedit.bench.sampler.mixtures import (
+from research.curves import slope
+from research.sampler.mixtures import (
     MixtureProblem,
     exact_solution,
     mixture_problem,
     noised_draw,
 )
-from gsedit.diffusion import (
-    Need,
-    NoiseLevel,
-    SamplerSettings,
-    Schedule,
-    karras_sigmas,
-    levels_of,
-    sample,
-)
-from gsedit.diffusion.solvers import ancestral, straight_on
+from sampler_runs import FLOW, SD, SOLVERS, UNGUIDED, generator, last, pair, run
+
+from gsedit.diffusion.guidance import Need
+from gsedit.diffusion.sampler import ancestral, levels_of, sample, straight_on
+from gsedit.diffusion.schedules import NoiseLevel, Schedule, karras_sigmas
+from gsedit.diffusion.settings import SamplerSettings
 from gsedit.errors import UsageError
 
 

@@ -8,7 +8,8 @@ import pytest
 import torch
 
 from gsedit.consistency.correspond import Correspondences
-from gsedit.diffusion import Need, SamplerSettings, guide
+from gsedit.diffusion.guidance import Need, guide
+from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editors import EDITORS, EditBatch, make_editor
 from gsedit.editors.closed_form import CODE, ClosedForm, Mixture, Perturbation, perturb
 from gsedit.editors.looks.recipe import agreed_variant, parse
@@ -26,7 +27,7 @@ def generator(seed: int = 0) -> torch.Generator:
 
 
 def picture(height: int = SIZE, width: int = SIZE) -> torch.Tensor:
-    """Smooth colours of every brightness, with detail: a picture that every look changes."""
+    """Smooth colors of every brightness, with detail: a picture that every look changes."""
     y, x = torch.meshgrid(torch.arange(height), torch.arange(width), indexing="ij")
     waves = [torch.sin(x / 9 + 0.7), torch.sin(y / 7 + x / 31), torch.sin((x + y) / 5)]
     return torch.stack(waves, -1) * 0.25 + 0.5
@@ -65,8 +66,8 @@ def mixture(width: float = 0.6) -> Mixture:
 
 
 def density(model: Mixture, points: torch.Tensor) -> torch.Tensor:
-    centres = (model.base + model.offsets).flatten()
-    kernel = (-((points[:, None] - centres) ** 2) / (2 * model.width**2)).exp()
+    centers = (model.base + model.offsets).flatten()
+    kernel = (-((points[:, None] - centers) ** 2) / (2 * model.width**2)).exp()
     return kernel @ model.log_weights[0].exp()
 
 
@@ -286,7 +287,7 @@ def test_look_is_evident_and_its_variants_differ(name):
 
 @pytest.mark.parametrize("name", sorted(set(LOOKS) - {"sketch", "watercolor"}))
 def test_most_looks_are_pointwise(name):
-    """One surface point gets one colour in every view; sketch and watercolor need neighbours."""
+    """One surface point gets one color in every view; sketch and watercolor need neighbors."""
     image = picture()
     shuffled = image.flatten(0, 1)[torch.randperm(SIZE * SIZE, generator=generator())]
     direct = parse(name).variants(shuffled.reshape(1, SIZE, SIZE, 3))

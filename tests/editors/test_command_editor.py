@@ -18,7 +18,7 @@ from programs import (
 )
 
 from gsedit.consistency.correspond import Correspondences
-from gsedit.diffusion import SamplerSettings
+from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editors import make_editor
 from gsedit.editors.command.editor import Command
 from gsedit.errors import GseditError, InputError, UsageError
@@ -210,5 +210,5 @@ def test_a_program_s_pictures_are_harmonised(program):
     torch.testing.assert_close(run(program(code), request), apart)  # consensus is off
     together = run(program(code), request, SamplerSettings())
     torch.testing.assert_close(together, torch.full((2, 6, 8, 3), 0.3))
-    half = run(program(code), request, SamplerSettings(consensus_strength=0.5))
+    half = run(program(code), request, SamplerSettings(consensus_weight=0.5))
     torch.testing.assert_close(half, apart * 0.5 + 0.15)

@@ -13,9 +13,11 @@ from closeness import slope_error
 from tiny_pix2pix import PROMPT, SD
 
 from gsedit.consistency.correspond import Correspondences
-from gsedit.diffusion import Anchor, Need, SamplerSettings, sample
+from gsedit.diffusion.guidance import Need
+from gsedit.diffusion.sampler import Anchor, sample
+from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editors import EditBatch, make_editor
-from gsedit.editors.pix2pix.load import load_pix2pix
+from gsedit.editors.pix2pix.denoiser import load_pix2pix
 from gsedit.errors import UsageError
 
 pytestmark = pytest.mark.usefixtures("offline")

@@ -132,7 +132,7 @@ def damage(model: Path, how: str) -> None:
         ("pointer", "is a Git LFS pointer, not weights: run 'git lfs pull'"),
         ("pickle", r"has only \S+\.bin: a pickle runs whatever code is in it.*safetensors"),
         ("gone", rf"has no {UNET}\.safetensors: download it"),
-        ("config", r"unet/config\.json cannot be read"),
+        ("config", r"unet/config\.json: line 1"),
         ("no config", r"unet/config\.json is missing"),
         ("plain", r"not an InstructPix2Pix model \(its unet takes 4 channels, not 8\)"),
         ("other", "takes 4 channels and its config.json says 8: the two are of different models"),

@@ -186,12 +186,12 @@ def test_the_list_survives_them_all(packages):
     assert "surely_not_installed" in found["torn"].needs[0]
     assert "taken" in found["pix2pix"].needs[0]  # ours has the right of way
     assert make_editor.__module__ == "gsedit.editors.registry"
-    result = gsedit("editors", "--json")
+    result = gsedit("list", "editors", "--json")
     assert result.exit_code == 0, result.stderr
     lines = [json.loads(line) for line in result.stdout.splitlines()]
     assert {line["name"] for line in lines} == {*registry.EDITORS, *found}
     assert next(line["name"] for line in lines if line["ready"]) == "small"
-    result = gsedit("editors")
+    result = gsedit("list", "editors")
     assert result.exit_code == 0
     assert "torn         not ready (from torn)" in result.stdout
     assert "Traceback" not in result.output
@@ -204,4 +204,4 @@ def test_a_third_party_s_editor_from_the_command_line(packages, tmp_path):
     assert "cannot be imported" in result.stderr
     result = gsedit("edit", scene, "turn round", "-o", tmp_path / "out", "--editor", "nobody")
     assert result.exit_code == 2
-    assert "see gsedit editors" in result.stderr
+    assert "see gsedit list editors" in result.stderr

@@ -10,7 +10,9 @@ import torch
 import torch.nn.functional as F
 
 from gsedit.consistency.correspond import Correspondences
-from gsedit.diffusion import Branches, Predictor, SamplerDefaults, SamplerSettings, Schedule
+from gsedit.diffusion.guidance import Branches, Predictor
+from gsedit.diffusion.schedules import Schedule
+from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings
 from gsedit.editors import Capabilities, Denoiser, EditBatch
 from gsedit.editors.sampling import DiffusionEditor, padded
 from gsedit.errors import UsageError

@@ -8,12 +8,13 @@ import pytest
 import torch
 from small_networks import random_network
 
-from gsedit.diffusion import Need, SamplerSettings, predict_guided
-from gsedit.editors.protocol import EditBatch
+from gsedit.diffusion.guidance import Need
+from gsedit.diffusion.sampler import predict_guided
+from gsedit.diffusion.settings import SamplerSettings
+from gsedit.editors import EditBatch
 from gsedit.editors.sampling import DiffusionEditor
-from gsedit.editors.small import DEFAULTS, Small
-from gsedit.editors.small.denoiser import MID_SIGMA, schedule
-from gsedit.editors.small.network import CELL, CHANNELS
+from gsedit.editors.small.denoiser import DEFAULTS, MID_SIGMA, Small, schedule
+from gsedit.editors.small.network import CELL_PIXELS, CHANNELS
 from gsedit.editors.small.text import MAX_WORDS
 from gsedit.errors import UsageError
 
@@ -34,7 +35,7 @@ def pictures(views: int, height: int, width: int) -> torch.Tensor:
 def test_the_latents_are_the_pixels(small):
     images = pictures(2, 16, 24)
     latents = small.encode(images)
-    assert latents.shape == (2, small.channels, 16 // CELL, 24 // CELL)
+    assert latents.shape == (2, small.channels, 16 // CELL_PIXELS, 24 // CELL_PIXELS)
     torch.testing.assert_close(small.decode(latents), images)
     torch.testing.assert_close(latents.norm(), (2 * images - 1).norm())
 

@@ -8,12 +8,13 @@ import pytest
 import torch
 from small_networks import random_network
 
-from gsedit.diffusion import SamplerSettings
+from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editors import EditBatch, make_editor
 from gsedit.editors.sampling import DiffusionEditor
-from gsedit.editors.small import Small, SmallEditor
+from gsedit.editors.small.denoiser import Small
+from gsedit.editors.small.editor import SmallEditor
 from gsedit.errors import UsageError
-from gsedit.words import LOOKS
+from gsedit.words.looks import LOOKS
 
 SETTINGS = SamplerSettings(steps=2)
 TWO = "a golden statue in the snow"
@@ -75,7 +76,7 @@ def test_anchored_views_stay_as_they_are_in_both_passes(small):
 def test_a_wish_that_no_look_fulfils_is_refused_unless_it_may_guess(small):
     with pytest.raises(UsageError) as caught:
         SmallEditor(small).check("give it a hat")
-    for part in ("asks for no look", "gsedit looks", "--guess", "pix2pix", "--editor command"):
+    for part in ("asks for no look", "gsedit list looks", "--guess", "pix2pix", "--editor command"):
         assert part in str(caught.value)
     assert "Did you mean" not in str(caught.value)
     with pytest.raises(UsageError, match="Did you mean 'bronze'"):

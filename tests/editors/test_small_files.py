@@ -9,7 +9,7 @@ import pytest
 import torch
 from small_networks import TINY, random_network
 
-from gsedit.editors.small import Small, load_small, save_small
+from gsedit.editors.small.denoiser import Small, load_small, save_small
 from gsedit.errors import InputError
 
 

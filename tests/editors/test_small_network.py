@@ -6,8 +6,8 @@ import pytest
 import torch
 from small_networks import TINY, random_network
 
-from gsedit.editors.small import Small, SmallNetwork
-from gsedit.editors.small.network import CHANNELS, PRIOR_STD
+from gsedit.editors.small.denoiser import Small
+from gsedit.editors.small.network import CHANNELS, PRIOR_STD, SmallNetwork
 from gsedit.editors.small.text import tokenise
 
 

@@ -8,7 +8,7 @@ import pytest
 import torch
 from small_networks import random_network
 
-from gsedit.editors.small import Small
+from gsedit.editors.small.denoiser import Small
 from gsedit.editors.small.text import BUCKETS, MAX_WORDS, subwords_of, tokenise, words_of
 
 
@@ -42,7 +42,7 @@ def test_any_text_has_tokens_and_a_finite_vector(small, sentence):
     assert torch.isfinite(small.network.text_encoder(tokens)).all()
 
 
-def test_a_sentence_does_not_depend_on_its_neighbours(small):
+def test_a_sentence_does_not_depend_on_its_neighbors(small):
     sentences = ["make it snow", "as a bronze statue in the middle of the night", ""]
     together = small.network.text_encoder(tokenise(sentences))
     alone = torch.cat([small.network.text_encoder(tokenise([each])) for each in sentences])

@@ -6,16 +6,17 @@ from itertools import chain
 
 import pytest
 import torch
+from research.train_small.evaluation import Case, evaluate, summary
+from research.train_small.pictures import procedural
+from research.train_small.prompts import held_out_prompts, look_words
+from research.train_small.recipe import CHUNKS, ROUNDS, SEED
+from research.train_small.target_edits import TARGET_EDITS
 from safetensors import safe_open
-from train_small.evaluation import Case, evaluate, summary
-from train_small.pictures import procedural
-from train_small.prompts import held_out_prompts, look_words
-from train_small.recipe import CHUNKS, ROUNDS, SEED
-from train_small.target_edits import TARGET_EDITS
 
-from gsedit.diffusion import SamplerSettings
+from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editors import make_editor
-from gsedit.editors.small import DEFAULTS, WEIGHTS, load_small
+from gsedit.editors.small.denoiser import DEFAULTS, load_small
+from gsedit.editors.small.shipped import WEIGHTS
 
 CARD = WEIGHTS.with_name("MODEL_CARD.md").read_text(encoding="utf-8")
 LOOKS = ("verdigris", "jade", "green", "snow", "night", "sunset", "sketch", "sepia", "thermal")

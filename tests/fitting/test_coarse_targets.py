@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import torch
 
+from gsedit import View
 from gsedit.fitting import update
-from gsedit.fitting.optimiser import SceneOptimiser
+from gsedit.fitting.optimizer import SceneOptimizer
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.fitting.update import COARSE_SIZE, Target, coarse, rates, update_steps
 from gsedit.measures.features import FilterBank
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
-from gsedit.views.dataset import View
 
 
 def view(width, height):
@@ -47,7 +47,7 @@ def test_the_first_steps_are_small_and_the_last_at_full_size(monkeypatch):
     monkeypatch.setattr(update, "random_patch", record)
     scene = surface_gaussians(demo_scene(), 200, torch.Generator().manual_seed(0))
     losses = update_steps(
-        SceneOptimiser(scene, rates("appearance", 1.0)),
+        SceneOptimizer(scene, rates("appearance", 1.0)),
         (Target(view(400, 300)),),
         torch.ones(len(scene), dtype=torch.bool),
         range(4),

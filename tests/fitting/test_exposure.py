@@ -7,15 +7,12 @@ from dataclasses import replace
 
 import pytest
 import torch
+from research.fit import captures
 
-from gsedit.bench.fit import captures
+from gsedit import Checkpoint, FitSettings, View, fit, fit_steps
 from gsedit.fitting.exposure import Exposures
-from gsedit.fitting.fit import fit, fit_steps
-from gsedit.fitting.settings import FitSettings
-from gsedit.reports.events import Checkpoint
 from gsedit.synthetic.gallery import globe
-from gsedit.views.dataset import View
-from rasterizer.camera import look_at
+from rasterizer import look_at
 
 CAMERA = look_at(torch.tensor([0.0, -3.0, 0.0]), torch.zeros(3), torch.tensor([0.0, 0.0, 1.0]),
                  45.0, 24, 24)  # fmt: skip
@@ -129,5 +126,5 @@ def test_maps_are_part_of_a_fits_state(exposed):
     for item in fit_steps(exposed, settings, generator=generator, resume=middle):
         if isinstance(item, Checkpoint) and item.step == 20:
             break
-    for name in ("exposures.maps", "exposures.seen", "optimiser.value.sh"):
+    for name in ("exposures.maps", "exposures.seen", "optimizer.value.sh"):
         torch.testing.assert_close(item.state.tensors[name], states[19].tensors[name])

@@ -8,22 +8,21 @@ import pytest
 import torch
 from point_clouds import ball
 
+from gsedit import Checkpoint, Event, FitSettings, fit, fit_steps
 from gsedit.errors import UsageError
-from gsedit.fitting import sweep
+from gsedit.fitting import initial
 from gsedit.fitting.budget import LEAST_STEPS
 from gsedit.fitting.densify import densify, faded
-from gsedit.fitting.fit import _Fit, evaluate, fit, fit_steps
-from gsedit.fitting.initial import initial_scene, neighbour_distance
-from gsedit.fitting.optimiser import SH_REST, SceneOptimiser
-from gsedit.fitting.settings import FitSettings
-from gsedit.reports.events import Checkpoint, Event
+from gsedit.fitting.fit import _Fit, evaluate
+from gsedit.fitting.initial import initial_scene, neighbor_distance
+from gsedit.fitting.optimizer import SH_REST, SceneOptimizer
 from gsedit.synthetic import ring_cameras, scenes, traced_dataset
+from rasterizer import render
 from rasterizer.project import rotation_matrices
-from rasterizer.render import render
 
 
 def photos(count: int = 16, size: int = 48):
-    """A globe that fills the pictures, and points on it without colours."""
+    """A globe that fills the pictures, and points on it without colors."""
     ring = ring_cameras(scenes()[0], count, size)
     cameras = [replace(c, fx=2.2 * c.fx, fy=2.2 * c.fy) for c in ring]
     return replace(traced_dataset(scenes()[0], cameras, points=500), point_colors=None)
@@ -85,8 +84,8 @@ def test_the_sweep_takes_no_more_than_its_share_of_the_budget(monkeypatch):
         swept.append(view.name)
         return sweep_one(view, *rest)
 
-    sweep_one = sweep._sweep
-    monkeypatch.setattr(sweep, "_sweep", slow_sweep)
+    sweep_one = initial._sweep
+    monkeypatch.setattr(initial, "_sweep", slow_sweep)
     settings = FitSettings(steps=2, seconds=12.0, dense_start=500, coarse=())
     data = photos(16, 32)
     *_, result = fit_steps(data, settings, generator=generator(), clock=lambda: now)
@@ -167,15 +166,15 @@ def test_the_first_scene_is_the_sparse_points():
     assert data.points is not None
     assert torch.allclose(scene.means.double(), data.points.double(), atol=1e-6)
     assert scene.degree == 2
-    assert torch.allclose(scene.log_scales.exp()[:, 0], neighbour_distance(scene.means))
+    assert torch.allclose(scene.log_scales.exp()[:, 0], neighbor_distance(scene.means))
     without = initial_scene(replace(data, points=None, point_colors=None), 0, generator())
     assert len(without) > 1000
 
 
-def test_neighbour_distance_on_a_grid_is_its_spacing():
+def test_neighbor_distance_on_a_grid_is_its_spacing():
     axis = torch.arange(4.0) * 0.5
     grid = torch.cartesian_prod(axis, axis, axis)
-    assert torch.allclose(neighbour_distance(grid), torch.full((64,), 0.5))
+    assert torch.allclose(neighbor_distance(grid), torch.full((64,), 0.5))
 
 
 def test_densify_divides_the_strongest_and_drops_the_transparent():
@@ -228,28 +227,28 @@ def test_unseen_gaussians_never_move():
     data = photos(3, 24)
     scene = initial_scene(data, 1, generator())
     camera = data.views[0].camera
-    behind = camera.centre - 5 * camera.forward
+    behind = camera.center - 5 * camera.forward
     means = scene.means.clone()
     means[:20] = behind.float()
     scene = replace(scene, means=means)
     rates = dict.fromkeys(("means", "quats", "log_scales", "logit_opacities", "sh"), 0.1)
-    optimiser = SceneOptimiser(scene, rates)
+    optimizer = SceneOptimizer(scene, rates)
     for _ in range(3):
-        render(optimiser.scene, camera).color.square().sum().backward()
-        optimiser.step()
+        render(optimizer.scene, camera).color.square().sum().backward()
+        optimizer.step()
     for name in rates:
-        before, after = getattr(scene, name), getattr(optimiser.scene, name)
+        before, after = getattr(scene, name), getattr(optimizer.scene, name)
         assert torch.equal(before[:20], after[:20]), name
         assert not torch.equal(before[20:], after[20:]) or name == "quats"
 
 
 def test_replacing_the_scene_keeps_the_moments_of_the_rows_that_stay():
-    one = SceneOptimiser(ball(6), {"means": 0.1})
-    two = SceneOptimiser(ball(6), {"means": 0.1})
+    one = SceneOptimizer(ball(6), {"means": 0.1})
+    two = SceneOptimizer(ball(6), {"means": 0.1})
 
-    def pull(optimiser, rows=slice(None)):
-        (optimiser.scene.means[rows] * torch.arange(1.0, 4.0)).sum().backward()
-        optimiser.step()
+    def pull(optimizer, rows=slice(None)):
+        (optimizer.scene.means[rows] * torch.arange(1.0, 4.0)).sum().backward()
+        optimizer.step()
 
     pull(one)
     pull(two)
@@ -261,14 +260,14 @@ def test_replacing_the_scene_keeps_the_moments_of_the_rows_that_stay():
     assert not torch.allclose(one.scene.means[5], two.scene.means[2])
 
 
-def test_view_dependent_colour_learns_slower_than_base_colour():
+def test_view_dependent_color_learns_slower_than_base_color():
     data = photos(3, 24)
     start = initial_scene(data, 2, generator())
-    optimiser = SceneOptimiser(start, {"sh": 0.1})
+    optimizer = SceneOptimizer(start, {"sh": 0.1})
     for _ in range(5):
-        render(optimiser.scene, data.views[0].camera).color.square().sum().backward()
-        optimiser.step()
-    moved = (optimiser.scene.sh - start.sh).detach().abs().amax((0, 2))
+        render(optimizer.scene, data.views[0].camera).color.square().sum().backward()
+        optimizer.step()
+    moved = (optimizer.scene.sh - start.sh).detach().abs().amax((0, 2))
     # Adam's first steps are of the size of the rate, whatever the gradient
     assert moved[1:].max() < 1.2 * SH_REST * moved[0]
     assert moved[1:].max() > 0

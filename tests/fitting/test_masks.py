@@ -7,19 +7,20 @@ from dataclasses import replace
 import pytest
 import torch
 
+from gsedit import Dataset, FitSettings, View, fit
+from gsedit.datasets.dataset import capture
 from gsedit.errors import UsageError
-from gsedit.fitting.fit import evaluate, fit
-from gsedit.fitting.optimiser import SceneOptimiser
-from gsedit.fitting.settings import FitSettings, UpdateSettings
-from gsedit.fitting.supervision import supervised
+from gsedit.fitting.fit import evaluate
+from gsedit.fitting.optimizer import SceneOptimizer
+from gsedit.fitting.photometric import supervised
+from gsedit.fitting.settings import UpdateSettings
 from gsedit.fitting.update import Target, coarse, rates, update_steps
 from gsedit.measures import losses
 from gsedit.measures.features import FilterBank
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
-from gsedit.views.dataset import Dataset, View, capture
-from rasterizer.render import render
+from rasterizer import render
 
-SIZE = 32
+SIZE = 64
 
 
 @pytest.fixture(scope="module")
@@ -62,8 +63,7 @@ def test_a_masked_pixel_has_no_gradient_and_no_say(loss, views):
     assert supervised(picture, first.image, None)[1] is first.image
 
 
-def test_a_fit_takes_nothing_from_masked_pixels(scene, views, monkeypatch):
-    monkeypatch.setattr("gsedit.fitting.pyramid.SMALLEST_COARSE", 16)
+def test_a_fit_takes_nothing_from_masked_pixels(scene, views):
     settings = FitSettings(steps=12, seconds=None, densify_every=5, coarse=((0.5, 2),))
     start = scene[::3]
     results = [fit(Dataset(painted(views, seed)), settings, start=start) for seed in (0, 1)]
@@ -73,19 +73,19 @@ def test_a_fit_takes_nothing_from_masked_pixels(scene, views, monkeypatch):
 
 
 def test_an_update_takes_nothing_from_masked_pixels(scene, views):
-    colours = []
+    colors = []
     for seed in (0, 1):
         targets = [Target(view) for view in (*painted(views[:2], seed), views[2])]
-        optimiser = SceneOptimiser(scene, rates("appearance", 1.0))
+        optimizer = SceneOptimizer(scene, rates("appearance", 1.0))
         everything = torch.ones(len(scene), dtype=torch.bool)
         settings = UpdateSettings(patches=2, patch=16, gram_weight=0.1)
         generator = torch.Generator().manual_seed(0)
         steps = update_steps(
-            optimiser, targets, everything, range(4), 4, settings, FilterBank(), generator
+            optimizer, targets, everything, range(4), 4, settings, FilterBank(), generator
         )
         assert len(list(steps)) == 4
-        colours.append(optimiser.scene.sh.detach())
-    assert torch.equal(*colours)
+        colors.append(optimizer.scene.sh.detach())
+    assert torch.equal(*colors)
 
 
 def test_masked_pixels_are_not_measured(scene, views):
@@ -117,7 +117,7 @@ def test_a_smaller_pixel_is_masked_where_any_under_it_is():
 
 
 def test_a_transparent_photo_asks_for_a_transparent_scene(scene, views):
-    """As in Blender's sets: what surrounds the object is empty, and gets no shell of a colour.
+    """As in Blender's sets: what surrounds the object is empty, and gets no shell of a color.
 
     The scene that made the photos fits them in front of any background, so that a fit has no
     reason to put anything around it; with the photos laid over white it has.
@@ -142,15 +142,15 @@ def test_a_transparent_photo_asks_for_a_transparent_scene(scene, views):
 
 
 def test_metrics_leave_out_masked_pixels(scene, views):
+    from gsedit.datasets.view_list_files import by_capture
+    from gsedit.datasets.viewpoints import viewpoints_of
     from gsedit.measures.evaluation import evaluate as evaluation
+    from gsedit.measures.evaluation_input import EvaluationInput
     from gsedit.measures.metrics import NEAREST
-    from gsedit.measures.subject import Subject
-    from gsedit.views.view_list import by_capture
-    from gsedit.views.viewpoints import viewpoints_of
 
     photos = painted(views[:3], 0)
     hidden = torch.zeros(SIZE, SIZE, dtype=torch.bool)
-    subject = Subject(
+    subject = EvaluationInput(
         scene,
         by_capture(viewpoints_of(Dataset(photos))),
         {i: photo.image for i, photo in enumerate(photos)},

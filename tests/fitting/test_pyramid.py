@@ -5,12 +5,10 @@ from __future__ import annotations
 import pytest
 import torch
 
+from gsedit import Dataset, FitSettings, View, fit
 from gsedit.errors import UsageError
-from gsedit.fitting.fit import fit
 from gsedit.fitting.pyramid import pyramid
-from gsedit.fitting.settings import FitSettings
 from gsedit.synthetic import ring_cameras, scenes, traced_dataset
-from gsedit.views.dataset import Dataset, View
 
 CAMERA = ring_cameras(scenes()[0], 1, 8)[0]
 

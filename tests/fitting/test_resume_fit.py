@@ -8,11 +8,9 @@ import pytest
 import torch
 from safetensors.torch import save_file
 
+from gsedit import Checkpoint, Event, FitSettings, fit_steps
 from gsedit.errors import InputError, UsageError
-from gsedit.files.state import KEY, load_state, save_state
-from gsedit.fitting.fit import fit_steps
-from gsedit.fitting.settings import FitSettings
-from gsedit.reports.events import Checkpoint, Event
+from gsedit.runs.state import KEY, load_state, save_state
 from gsedit.synthetic import ring_cameras, scenes, traced_dataset
 
 SETTINGS = FitSettings(
@@ -89,7 +87,23 @@ def test_photos_of_another_lens_do_not_go_on(photos):
 
 def test_a_checkpoint_of_before_is_refused(tmp_path):
     """Format 1 had harmonics in two tensors."""
-    tensors = {"optimiser.value.sh": torch.zeros(1, 1, 3)}
+    tensors = {"optimizer.value.sh": torch.zeros(1, 1, 3)}
     save_file(tensors, tmp_path / "state", metadata={KEY: '{"format": 1}'})
     with pytest.raises(InputError, match="another version of gsedit"):
         load_state(tmp_path / "state")
+
+
+def test_a_crafted_checkpoint_is_refused_by_its_file(photos, tmp_path):
+    state, path = first_state(photos, SETTINGS), tmp_path / "state"
+    names = [name for name in state.tensors if not name.startswith("exposures")]
+    assert any("first." in name for name in names)
+    for name in names:
+        tensors = {**state.tensors, name: state.tensors[name].reshape(-1)[:1]}
+        if tensors[name].shape != state.tensors[name].shape:
+            save_state(replace(state, tensors=tensors), path)
+            with pytest.raises(InputError, match=f"{path} is damaged"):
+                next(fit_steps(photos, SETTINGS, generator=generator(), resume=load_state(path)))
+    for changed in ({"order": [9999]}, {"curve": [1]}, {"request": {}}):
+        save_state(state.along_with(**changed), path)
+        with pytest.raises((InputError, UsageError)):
+            next(fit_steps(photos, SETTINGS, generator=generator(), resume=load_state(path)))

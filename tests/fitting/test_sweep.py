@@ -8,9 +8,8 @@ import pytest
 import torch
 from scipy.spatial import KDTree
 
-from gsedit.fitting import initial, sweep
-from gsedit.fitting.initial import initial_scene
-from gsedit.fitting.sweep import swept_points
+from gsedit.fitting import initial
+from gsedit.fitting.initial import initial_scene, swept_points
 from gsedit.synthetic import ring_cameras, scenes, traced_dataset
 
 
@@ -31,24 +30,24 @@ def distances(places, photos):
     return torch.from_numpy(nearest), torch.from_numpy(rows)
 
 
-def test_points_lie_on_the_surface_and_have_its_colours(photos):
-    places, colours = swept_points(photos.views, 1000, (0.2, 0.7), generator())
+def test_points_lie_on_the_surface_and_have_its_colors(photos):
+    places, colors = swept_points(photos.views, 1000, (0.2, 0.7), generator())
     assert len(places) > 200
     off = (places.norm(dim=-1) - 1).abs()  # the globe's radius is 1
     assert off.median() < 0.05
     assert (off < 0.1).double().mean() > 0.8
     _, rows = distances(places, photos)
-    error = (colours - photos.point_colors[rows]).abs().mean(-1)
+    error = (colors - photos.point_colors[rows]).abs().mean(-1)
     assert error.median() < 0.1
-    assert colours.min() >= 0
-    assert colours.max() <= 1
+    assert colors.min() >= 0
+    assert colors.max() <= 1
 
 
 def test_what_has_no_texture_and_a_single_photo_give_no_points(photos):
     grey = [replace(v, image=torch.full_like(v.image, 0.5)) for v in photos.views]
     for views in (grey, photos.views[:1], [photos.views[0]] * 3):
-        places, colours = swept_points(views, 500, (0.2, 0.7), generator())
-        assert places.shape == colours.shape == (0, 3)
+        places, colors = swept_points(views, 500, (0.2, 0.7), generator())
+        assert places.shape == colors.shape == (0, 3)
 
 
 def test_masked_and_transparent_places_give_no_points(photos):
@@ -76,20 +75,19 @@ def test_a_start_keeps_to_its_limit(photos):
     assert len(initial_scene(photos, 0, generator(), swept=500)) > 5000
 
 
-def test_depths_are_measured_of_some_of_very_many_points(photos, monkeypatch):
+def test_depths_are_measured_of_some_of_very_many_points(photos):
     whole = initial._inverse_depths(photos.views, photos.points)
-    monkeypatch.setattr(initial, "MEASURED_POINTS", 500)
-    few = initial._inverse_depths(photos.views, photos.points)
+    few = initial._inverse_depths(photos.views, photos.points, 500)
     assert few == pytest.approx(whole, rel=0.05)
     assert few != whole
 
 
-def test_neighbours_are_near_elsewhere_and_look_the_same_way():
-    centres = torch.tensor([[0.0, 0, 0], [3, 0, 0], [1, 0, 0], [0, 0, 0], [0, 1, 0], [2, 0, 0]])
+def test_neighbors_are_near_elsewhere_and_look_the_same_way():
+    centers = torch.tensor([[0.0, 0, 0], [3, 0, 0], [1, 0, 0], [0, 0, 0], [0, 1, 0], [2, 0, 0]])
     axes = torch.tensor([[0.0, 0, 1]]).repeat(6, 1)
     axes[4] = torch.tensor([0.0, 1, 0])
-    assert sweep._neighbours(centres, axes, 0) == [2, 5, 1]
-    assert sweep._neighbours(centres, axes, 4) == []
+    assert initial._neighbors(centers, axes, 0) == [2, 5, 1]
+    assert initial._neighbors(centers, axes, 4) == []
 
 
 def test_small_photos_give_fewer_patches_than_are_asked_for(photos):
@@ -100,10 +98,10 @@ def test_small_photos_give_fewer_patches_than_are_asked_for(photos):
 
 def test_photos_are_read_when_they_are_swept(photos, monkeypatch):
     read = []
-    small = sweep._small
-    monkeypatch.setattr(sweep, "_small", lambda view: read.append(view.name) or small(view))
+    small = initial._small
+    monkeypatch.setattr(initial, "_small", lambda view: read.append(view.name) or small(view))
     swept_points(photos.views, 500, (0.2, 0.7), generator(), lambda: bool(read))
-    assert len(read) == len(set(read)) == 1 + sweep.NEIGHBOURS
+    assert len(read) == len(set(read)) == 1 + initial.NEIGHBORS
 
 
 def test_photos_smaller_than_a_patch_are_no_fault(photos):

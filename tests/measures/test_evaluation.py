@@ -7,15 +7,16 @@ from dataclasses import replace
 import pytest
 import torch
 
-from gsedit.measures.evaluation import evaluate, picture_of
+from gsedit.datasets.view_list_files import ViewList
+from gsedit.datasets.viewpoints import Viewpoint
+from gsedit.measures.evaluation import evaluate
+from gsedit.measures.evaluation_input import EvaluationInput, Texts
 from gsedit.measures.metrics import psnr
 from gsedit.measures.missing import NO_CLIP, NO_TEXT, NO_UNEDITED
 from gsedit.measures.names import METRICS, WARP
-from gsedit.measures.subject import Subject, Texts
 from gsedit.regions.region import Region
+from gsedit.scene.picture import render_picture
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
-from gsedit.views.view_list import ViewList
-from gsedit.views.viewpoints import Viewpoint
 from rasterizer.numerics import SH_DC
 
 SIZE = 40
@@ -41,12 +42,12 @@ def brighter(scene, where=slice(None), by=0.1):
 
 
 def test_a_scene_beside_itself_is_equal(scene, views):
-    found = evaluate(Subject(scene, views, unedited=scene))
-    for name in ("psnr_to_unedited", "ssim_to_unedited", "strength"):
+    found = evaluate(EvaluationInput(scene, views, unedited=scene))
+    for name in ("psnr_to_unedited", "ssim_to_unedited", "rmse_to_unedited"):
         assert set(found.measured[name]) == {"edited", "held_out"}
     assert found.measured["psnr_to_unedited"]["edited"].value == 100
     assert found.measured["ssim_to_unedited"]["held_out"].value == pytest.approx(1, abs=1e-4)
-    assert found.measured["strength"]["edited"].value == 0
+    assert found.measured["rmse_to_unedited"]["edited"].value == 0
     assert {row.excess for row in found.warp} == {0}
     assert {row.range for row in found.warp} == {"short", "long"}
     assert found.number("edited") == 3
@@ -58,62 +59,68 @@ def test_a_known_change_has_its_strength_and_leaks_nothing(scene, views):
     inside = scene.means[:, 0] > scene.means[:, 0].median()
     region = Region(inside)
     edited = brighter(scene, inside)
-    found = evaluate(Subject(edited, views, unedited=scene, region=region))
-    strength = found.measured["strength"]["edited"]
+    found = evaluate(EvaluationInput(edited, views, unedited=scene, region=region))
+    strength = found.measured["rmse_to_unedited"]["edited"]
     assert 0.02 < strength.value < 0.1
     assert strength.views == 3
-    leak = found.measured["leakage"]["edited"].value
+    leak = found.measured["rmse_outside_region"]["edited"].value
     assert leak < strength.value / 3
-    assert found.measured["kept"]["edited"].value > 25
-    everywhere = evaluate(Subject(brighter(scene), views, unedited=scene, region=region))
-    assert everywhere.measured["leakage"]["edited"].value > 3 * leak
+    assert found.measured["psnr_outside_region"]["edited"].value > 25
+    everywhere = evaluate(EvaluationInput(brighter(scene), views, unedited=scene, region=region))
+    assert everywhere.measured["rmse_outside_region"]["edited"].value > 3 * leak
 
 
 def test_targets_are_compared_view_by_view(scene, views):
     edited = brighter(scene)
     cameras = [each.camera for each in views.viewpoints]
-    targets = {i: picture_of(edited, cameras[i]) for i in (1, 2, 4)}
-    found = evaluate(Subject(scene, views, targets, unedited=scene))
+    targets = {i: render_picture(edited, cameras[i]) for i in (1, 2, 4)}
+    found = evaluate(EvaluationInput(scene, views, targets, unedited=scene))
     by_role = found.measured["psnr_to_targets"]
     assert (by_role["edited"].views, by_role["held_out"].views) == (2, 1)
     assert by_role["held_out"].value == pytest.approx(
-        psnr(picture_of(scene, cameras[4]), targets[4])
+        psnr(render_picture(scene, cameras[4]), targets[4])
     )
     values = {view.name: view.values for view in found.views}
     assert "psnr_to_targets" not in values["5.png"]
     assert "psnr_to_unedited" in values["5.png"]
-    perfect = evaluate(Subject(edited, views, targets)).measured["psnr_to_targets"]
+    perfect = evaluate(EvaluationInput(edited, views, targets)).measured["psnr_to_targets"]
     assert perfect["edited"].value == 100
 
 
-def test_colours_that_jump_between_views_are_an_excess(scene, views):
+def test_colors_that_jump_between_views_are_an_excess(scene, views):
     """Targets that differ from view to view cannot agree; those of one edited scene do."""
     cameras = [each.camera for each in views.viewpoints]
     edited = brighter(scene)
-    agreeing = {i: picture_of(edited, cameras[i]) for i in (1, 2, 5)}
+    agreeing = {i: render_picture(edited, cameras[i]) for i in (1, 2, 5)}
     jumping = {i: (image + 0.1 * (i - 2)).clamp(0, 1) for i, image in agreeing.items()}
     rows = [
-        {row.range: row for row in evaluate(Subject(scene, views, each, unedited=scene)).warp
-         if row.pictures == "targets"}["short"]
+        next(
+            row
+            for row in evaluate(EvaluationInput(scene, views, each, unedited=scene)).warp
+            if (row.pictures, row.range) == ("targets", "short")
+        )
         for each in (agreeing, jumping)
-    ]  # fmt: skip
+    ]
     assert rows[0].unedited == rows[1].unedited
     assert rows[0].excess < 0.03
     assert rows[1].excess > 0.08
 
 
 def test_nothing_is_missing_without_a_word(scene, views):
-    found = evaluate(Subject(scene, views))
+    found = evaluate(EvaluationInput(scene, views))
     assert not found.measured
     assert set(found.not_measured) == {*METRICS, *WARP.values()}
-    assert found.not_measured["strength"] == NO_UNEDITED
+    assert found.not_measured["rmse_to_unedited"] == NO_UNEDITED
     assert found.not_measured["clip_direction"] == NO_CLIP
     assert all("add " in reason or ": " in reason for reason in found.not_measured.values())
     half = ViewList(views.viewpoints[1:3], ("edited", "edited"))
-    found = evaluate(Subject(scene, half, unedited=scene))
-    assert "no view of the list is held out" in found.not_measured["strength at held_out views"]
+    found = evaluate(EvaluationInput(scene, half, unedited=scene))
+    assert (
+        "no view of the list is held out"
+        in found.not_measured["rmse_to_unedited at held_out views"]
+    )
     assert "held-out view is needed" in found.not_measured["warp_renders_short"]
-    assert "region" in found.not_measured["leakage"]
+    assert "region" in found.not_measured["rmse_outside_region"]
 
 
 # ---- with words ----------------------------------------------------------------------------------
@@ -127,17 +134,17 @@ def test_measures_with_words(scene, views, tmp_path):
 
     clip = load_clip(write_tiny_clip(tmp_path / "clip"))
     edited, texts = brighter(scene), Texts(source="a bear", target="a bronze bear")
-    found = evaluate(Subject(edited, views, unedited=scene, texts=texts, clip=clip))
+    found = evaluate(EvaluationInput(edited, views, unedited=scene, texts=texts, clip=clip))
     names = ("clip_similarity", "clip_direction", "clip_consistency", "clip_preservation")
     for name in names:
         for mean in found.measured[name].values():
             assert -1 <= mean.value <= 1
     camera = views.viewpoints[1].camera
-    after, before = (clip.images(picture_of(each, camera)[None]) for each in (edited, scene))
+    after, before = (clip.images(render_picture(each, camera)[None]) for each in (edited, scene))
     target, source = clip.texts(["a bronze bear", "a bear"])
     expected = direction(after, before, target, source).item()
     assert found.views[1].values["clip_direction"] == pytest.approx(expected, abs=1e-5)
-    wordless = evaluate(Subject(edited, views, unedited=scene, clip=clip))
+    wordless = evaluate(EvaluationInput(edited, views, unedited=scene, clip=clip))
     assert wordless.not_measured["clip_similarity"] == NO_TEXT
     assert "captions" in wordless.not_measured["clip_direction"]
     assert "clip_preservation" in wordless.measured

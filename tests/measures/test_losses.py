@@ -99,7 +99,7 @@ def test_layers_are_octaves_of_twelve_channels():
     assert len(FilterBank()(picture(1, 3, 64, 64))) == 4
 
 
-def test_a_flat_picture_has_colour_and_no_edges():
+def test_a_flat_picture_has_color_and_no_edges():
     color = torch.tensor([0.2, 0.9, 0.4], dtype=torch.float64)
     expected = torch.tensor(OPPONENT, dtype=torch.float64) @ (color - 0.5)
     for layer in FilterBank()(color[None, :, None, None].expand(1, 3, 64, 64)):

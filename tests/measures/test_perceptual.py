@@ -6,6 +6,8 @@ published of them and to numbers that were measured once.
 
 from __future__ import annotations
 
+import sys
+
 import kornia
 import pytest
 import torch
@@ -158,7 +160,7 @@ def test_black_pictures_have_a_distance_too(tiny):
 
 
 def test_without_the_package_there_is_no_distance(monkeypatch):
-    monkeypatch.setattr(perceptual, "PACKAGE", "no_such_package")
+    monkeypatch.setitem(sys.modules, perceptual.PACKAGE, None)  # as if it was not installed
     perceptual_distance.cache_clear()
     try:
         assert metrics.perceptual(picture(32, 32, 3), picture(32, 32, 3)) is None
@@ -169,11 +171,11 @@ def test_without_the_package_there_is_no_distance(monkeypatch):
 
 
 def test_a_file_with_other_bytes_is_refused(monkeypatch, tmp_path):
-    folder = tmp_path / "fake_weights" / "weights" / "vST0.0"
+    package = tmp_path / perceptual.PACKAGE
+    folder = package / "weights" / "vST0.0"
     folder.mkdir(parents=True)
-    (tmp_path / "fake_weights" / "__init__.py").write_text("raise ImportError('never imported')")
+    (package / "__init__.py").write_text("raise ImportError('never imported')")
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(perceptual, "PACKAGE", "fake_weights")
     with pytest.raises(InputError, match=r"alex_shift_tolerant\.pth: no such file"):
         perceptual.weights_path(perceptual.ALEX)
     (folder / perceptual.ALEX).write_bytes(b"something else")

@@ -10,12 +10,12 @@ import torch
 from shared_data import DATA
 
 from gsedit.bench.renderer.accuracy import differentiate, relative, with_pose
-from gsedit.bench.renderer.workloads import garden
+from gsedit.bench.renderer.speed import garden
 from gsedit.consistency.correspond import match
 from gsedit.synthetic import ring_cameras, scenes, surface_gaussians
-from rasterizer.numerics import AUTO, Execution
+from rasterizer import Execution, render
+from rasterizer.numerics import AUTO
 from rasterizer.reference import render_reference
-from rasterizer.render import render
 
 TORCH = Execution(kernel="torch")
 POINTS = DATA / "garden_points.npz"
@@ -81,19 +81,19 @@ def test_rendered_depth_is_the_exact_depth(name, splats):
 
 @pytest.mark.parametrize("name", SCENES)
 def test_accepted_cells_correspond(name, splats):
-    """The exact point behind a cell's centre falls into the cell that it was matched with."""
+    """The exact point behind a cell's center falls into the cell that it was matched with."""
     scene = SCENES[name]
     cameras = ring_cameras(scene, 18, 256)[:3]  # 20 degrees apart
     seen = [render(splats[name], c, median_depth=True) for c in cameras]
     looks = [(c, s.median_depth, s.alpha) for c, s in zip(cameras, seen)]
     grid = torch.arange(32, dtype=torch.float64) * 8 + 4
-    centres = torch.stack(torch.meshgrid(grid, grid, indexing="xy"), -1).view(-1, 2)
+    centers = torch.stack(torch.meshgrid(grid, grid, indexing="xy"), -1).view(-1, 2)
     near, total = 0, 0
     for a, b in itertools.permutations(range(3), 2):
         pairs = match(*looks[a], *looks[b])
-        xy, visible = scene.correspondence(cameras[a], centres[pairs.a], cameras[b])
+        xy, visible = scene.correspondence(cameras[a], centers[pairs.a], cameras[b])
         assert visible.all()  # no pair across an occlusion
-        near += int(((xy - centres[pairs.b]).abs().amax(-1) <= 4).sum())  # half a cell of 8 pixels
+        near += int(((xy - centers[pairs.b]).abs().amax(-1) <= 4).sum())  # half a cell of 8 pixels
         total += len(pairs.a)
     assert total > 100
     assert near >= 0.95 * total

@@ -12,11 +12,10 @@ from render_gradients import SEEDS, WHOLE_SUM
 from scenes import camera as view_of
 from scenes import random_cloud
 
-from rasterizer import Camera, Numerics, render
+from rasterizer import Camera, Gaussians, Numerics, render
 from rasterizer.numerics import SH_DC
 from rasterizer.project import project
 from rasterizer.reference import render_reference
-from rasterizer.scene import Gaussians
 
 # Largest relative error of an alpha near the floor in float32: its exponent is a sum of squares of
 # up to 100 (5.5 comes out at the floor), each rounded a few times.
@@ -26,7 +25,7 @@ FLOOR_ROUNDING = 400 * EPS32
 def on_the_floor(scene: Gaussians, camera: Camera) -> Gaussians:
     """The scene with 80 opacities such that an alpha is 1/255 at some pixel, but for rounding."""
     flat = project(scene, camera, Numerics())
-    pixels = camera.pixel_centres().reshape(-1, 2)
+    pixels = camera.pixel_centers().reshape(-1, 2)
     logits = scene.logit_opacities.clone()
     for row in range(80):
         power = _powers(flat, pixels)[:, row]

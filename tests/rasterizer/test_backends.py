@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from dataclasses import replace
+from functools import partial
 
 import pytest
 import torch
@@ -11,7 +12,7 @@ from closeness import leaves, relative, tensors, weights_like
 from scenes import cloud
 
 from rasterizer import Execution, compiled, render
-from rasterizer.blending import batches, choose, cpp_backend, torch_backend
+from rasterizer.blending import choose, cpp_backend, torch_backend
 
 
 def gradients(execution):
@@ -116,7 +117,8 @@ def test_running_products_are_those_of_cumprod(count):
 def test_the_size_of_a_batch_changes_nothing(elements, monkeypatch):
     execution = Execution(kernel="torch", tile_size=5)
     wanted, exact = gradients(execution)
-    monkeypatch.setattr(batches, "ELEMENTS", elements)
+    grid = partial(torch_backend.TileGrid, elements=elements)
+    monkeypatch.setattr(torch_backend, "TileGrid", grid)
     picture, found = gradients(execution)
     assert (picture - wanted).abs().max() < 1e-12
     assert all(relative(a, b) < 1e-11 for a, b in zip(found, exact))

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import ctypes
-import subprocess
 
 import pytest
 import torch
 from closeness import leaves, relative, tensors, weights_like
 from scenes import camera, cloud, gaussian
 
-from gsedit.bench.renderer.workloads import synthetic
-from rasterizer import Execution, Numerics, compiled, concatenate, render
+from gsedit.bench.renderer.speed import synthetic
+from rasterizer import Execution, Numerics, compiler, concatenate, render
 from rasterizer.blending import cpp_backend
 
 TORCH, COMPILED = Execution(kernel="torch"), Execution(kernel="compiled")
@@ -31,20 +30,11 @@ def gradients(scene, view, execution, numerics=WHOLE_SUM, *, depth=False):
 
 @pytest.mark.parametrize("flags", [(), ("-mavx2", "-mfma")], ids=["any processor", "AVX2"])
 def test_every_width_of_vectors_draws_the_same(flags, tmp_path, monkeypatch):
-    if flags and "avx2" not in compiled._processor():
+    if flags and "avx2" not in compiler._processor():
         pytest.skip("this processor has no AVX2")
     library = tmp_path / "kernel.so"
-    compiler = compiled.make(cpp_backend.SOURCE).compiler
-    command = [
-        compiler,
-        *compiled.FLAGS,
-        *flags,
-        f"-I{compiled.HEADERS}",
-        str(cpp_backend.SOURCE),
-        "-o",
-        str(library),
-    ]
-    subprocess.run(command, check=True)
+    found = compiler.find_compiler()
+    compiler.compile_library(found, cpp_backend.SOURCE, library, tunings=[flags])
     monkeypatch.setattr(cpp_backend, "load", lambda kernel="auto": ctypes.CDLL(str(library)))
     scene, view = cloud()
     wanted, exact = gradients(scene, view, TORCH)

@@ -92,7 +92,7 @@ def test_fields_of_different_lengths_are_refused():
         checks.scene(scene)
 
 
-def test_a_centre_in_the_cameras_plane_is_refused_where_near_is_zero():
+def test_a_center_in_the_cameras_plane_is_refused_where_near_is_zero():
     scene = gaussian((0.1, 0.0, 1e-310), (0.1, 0.1, 0.1))
     with pytest.raises(ValueError, match=r"means\[0\] is too close to the camera"):
         render(scene, camera(), numerics=Numerics(near=0.0))

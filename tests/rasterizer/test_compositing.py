@@ -11,10 +11,9 @@ from render_gradients import SEEDS, WHOLE_SUM, gradients, largest_difference
 from scenes import camera as view_of
 from scenes import cloud, coincident, opaque_stack, random_cloud, wall
 
-from rasterizer import Camera, Execution, Numerics, contributions, look_at, render
+from rasterizer import Camera, Execution, Gaussians, Numerics, contributions, look_at, render
 from rasterizer.blending import cpp_backend as compiled
 from rasterizer.reference import render_reference
-from rasterizer.scene import Gaussians
 
 TORCH = Execution(kernel="torch")
 STOP = Numerics().transmittance_min
@@ -85,7 +84,7 @@ def test_equal_depths_keep_file_order():
 
 def test_equal_positions_are_sorted_stably():
     scene, camera = random_cloud(100, 7), view_of()
-    twice = scene[torch.arange(100) // 2 * 2]  # pairs of the same depth, and colours that differ
+    twice = scene[torch.arange(100) // 2 * 2]  # pairs of the same depth, and colors that differ
     twice = replace(twice, sh=scene.sh)
     wanted = render_reference(twice, camera).color
     assert (render(twice, camera, numerics=WHOLE_SUM).color - wanted).abs().max() < 1e-12
@@ -114,7 +113,7 @@ def test_moving_scene_and_camera_together_changes_nothing():
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_moving_scene_and_camera_together_changes_no_gradient(seed):
-    # degree 0: colours that depend on the view would have to turn too; no equal depths, unlike wall
+    # degree 0: colors that depend on the view would have to turn too; no equal depths, unlike wall
     scene, camera = random_cloud(200, seed), view_of()
     assert (render(scene, camera).color - elsewhere(scene, camera).color).abs().max() < 1e-12
     wanted = gradients(render, scene, camera)
@@ -141,14 +140,14 @@ def _rotated(quats, rotation):
 @pytest.mark.parametrize("seed", SEEDS)
 def test_compositing_is_linear_in_color(seed):
     scene, camera = random_cloud(200, seed), view_of()
-    bright = replace(scene, sh=scene.sh.abs())  # colours above 0: no clamp
+    bright = replace(scene, sh=scene.sh.abs())  # colors above 0: no clamp
     other = replace(bright, sh=bright.sh.flip(0))
     offset = replace(bright, sh=torch.zeros_like(bright.sh))
     mean = replace(bright, sh=(bright.sh + 3 * other.sh) / 4)
     grey = render(offset, camera).color
     a, b, mixed = (render(s, camera).color - grey for s in (bright, other, mean))
     assert ((a + 3 * b) / 4 - mixed).abs().max() < 1e-12
-    # so the gradient by colour is the same at every colour, and weights the colours' picture
+    # so the gradient by color is the same at every color, and weights the colors' picture
     first, second = (gradients(render, s, camera)["sh"] for s in (bright, other))
     assert relative(first, second) < 1e-12
     assert (first * bright.sh).sum().item() == pytest.approx(

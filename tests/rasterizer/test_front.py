@@ -16,7 +16,7 @@ from gsedit.bench.renderer import edge_cases
 from gsedit.bench.renderer.edge_cases import random_cloud
 from rasterizer import Camera, Execution, Gaussians, Numerics, render
 from rasterizer.blending import cpp_backend
-from rasterizer.front import kernel, picture
+from rasterizer.cpp_projection import kernel, picture
 
 RENDER = import_module("rasterizer.render")  # the package's `render` is the function
 COMPILED = Execution(kernel="compiled")

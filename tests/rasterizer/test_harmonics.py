@@ -1,4 +1,4 @@
-"""Spherical harmonics: orthonormal, in INRIA's signs, and the colour they give."""
+"""Spherical harmonics: orthonormal, in INRIA's signs, and the color they give."""
 
 from __future__ import annotations
 

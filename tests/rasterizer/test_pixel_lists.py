@@ -7,7 +7,6 @@ from dataclasses import replace
 import pytest
 import torch
 
-import rasterizer.pixel_lists as module
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 from rasterizer import render
 from rasterizer.pixel_lists import blend, pixel_lists, shown_rows
@@ -17,7 +16,7 @@ BOX = (7, 20, 24, 19)
 
 
 def ball(count):
-    """A scene of surfaces, of view-dependent colours, and a camera that sees it."""
+    """A scene of surfaces, of view-dependent colors, and a camera that sees it."""
     random = torch.Generator().manual_seed(0)
     scene = surface_gaussians(demo_scene(), count, random)
     bands = 0.2 * torch.randn(len(scene), 8, 3, generator=random)
@@ -27,11 +26,10 @@ def ball(count):
 
 
 @pytest.fixture
-def view(monkeypatch):
+def view():
     """A scene, a camera that sees it, and lists from which nothing is left out."""
     scene, camera = ball(300)
-    monkeypatch.setattr(module, "LEAST", 0.0)
-    return scene, camera, pixel_lists(scene, camera)
+    return scene, camera, pixel_lists(scene, camera, least=0.0)
 
 
 def drawn(lists, scene, start, camera):
@@ -42,7 +40,7 @@ def drawn(lists, scene, start, camera):
     return blend(lists, places, colors, (scene.opacities / start.opacities)[rows])
 
 
-def test_a_picture_of_other_colours_and_opacities_is_the_rendered_one(view):
+def test_a_picture_of_other_colors_and_opacities_is_the_rendered_one(view):
     start, camera, lists = view
     scene = replace(
         start, sh=start.sh.flip(0), logit_opacities=start.logit_opacities - torch.rand(len(start))

@@ -112,7 +112,7 @@ def test_gradients_of_every_option_are_the_references(option, dtype):
 
 
 def test_one_gaussian_by_hand():
-    """gsplat's conventions: pixel centres at +0.5, conics xx xy yy, radii by opacity."""
+    """gsplat's conventions: pixel centers at +0.5, conics xx xy yy, radii by opacity."""
     z, sigma, opacity = 2.0, 0.1, 0.7
     scene = gaussian((0.2, -0.1, z), (sigma,) * 3, opacity=opacity)
     arguments = gsplat_arguments(scene, Camera(torch.eye(4), 50.0, 50.0, 10.0, 8.0, 20, 16))

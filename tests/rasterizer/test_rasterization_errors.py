@@ -89,7 +89,7 @@ def test_what_is_not_finite_is_named(name, bad):
 )
 def test_the_drop_in_names_its_own_arguments(name, index, value):
     scene = random_cloud(20, seed=3).to(torch.float32)
-    scene.means[7] = torch.tensor((0.0, 0.0, 2.0))  # colours are looked at where they are in sight
+    scene.means[7] = torch.tensor((0.0, 0.0, 2.0))  # colors are looked at where they are in sight
     arguments = {
         "means": scene.means,
         "quats": scene.quats,

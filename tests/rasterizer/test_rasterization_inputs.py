@@ -185,7 +185,7 @@ def test_depth_alone_reads_no_colors(mode, monkeypatch):
     wanted, _, _ = rasterization(**arguments)
 
     def colors(self, rows):
-        raise AssertionError("colours were read")
+        raise AssertionError("colors were read")
 
     monkeypatch.setattr("rasterizer.gsplat_inputs._Cloud.colors", colors)
     assert torch.equal(rasterization(**arguments)[0], wanted)

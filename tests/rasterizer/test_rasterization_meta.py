@@ -15,19 +15,19 @@ from rasterizer.reference import render_reference
 
 @dataclass(frozen=True, eq=False)
 class Watched(Camera):
-    """Keeps the centres on the picture that the reference computes, in depth order."""
+    """Keeps the centers on the picture that the reference computes, in depth order."""
 
     def project(self, points):
         xy, z = super().project(points)
         xy.retain_grad()
-        CENTRES[:] = [xy]
+        CENTERS[:] = [xy]
         return xy, z
 
 
-CENTRES: list[torch.Tensor] = []
+CENTERS: list[torch.Tensor] = []
 
 
-def test_means2d_takes_the_gradient_of_the_centres_on_the_picture():
+def test_means2d_takes_the_gradient_of_the_centers_on_the_picture():
     scene = leaves(cloud())
     color, alpha, meta = rasterization(**gsplat_arguments(scene, camera()))
     meta["means2d"].retain_grad()  # as gsplat's users write
@@ -36,7 +36,7 @@ def test_means2d_takes_the_gradient_of_the_centres_on_the_picture():
     found = render_reference(leaves(cloud()), Watched(**vars(view)))
     loss_of(found.color, found.alpha).backward()
     wanted = torch.empty_like(scene.means[:, :2])
-    wanted[scene.means[:, 2].argsort()] = CENTRES[0].grad
+    wanted[scene.means[:, 2].argsort()] = CENTERS[0].grad
     assert meta["means2d"].grad.shape == (1, 60, 2)
     assert relative(meta["means2d"].grad[0], wanted) < 1e-8
 

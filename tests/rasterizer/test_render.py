@@ -11,9 +11,8 @@ from render_gradients import BACKGROUND, SEEDS, WHOLE_SUM, gradients
 from scenes import EDGE_CASES, random_cloud
 from scenes import camera as view_of
 
-from rasterizer import Camera, Numerics, look_at, render
+from rasterizer import Camera, Gaussians, Numerics, look_at, render
 from rasterizer.reference import render_reference
-from rasterizer.scene import Gaussians
 
 STOP = Numerics().transmittance_min
 
@@ -61,9 +60,7 @@ def test_stopping_early_costs_less_than_the_threshold(name):
     whole = render(scene, camera, numerics=WHOLE_SUM).color
     stopped = render(scene, camera).color
     brightest = max(1.0, float(whole.max()))
-    assert (
-        whole - stopped
-    ).abs().max() <= STOP * brightest * 2  # colour lost plus background shown
+    assert (whole - stopped).abs().max() <= STOP * brightest * 2  # color lost plus background shown
 
 
 @pytest.mark.parametrize("name", EDGE_CASES)
@@ -107,7 +104,7 @@ def test_gradcheck_in_float64():
 
 
 def errors32(scene: Gaussians, camera: Camera, numerics: Numerics) -> torch.Tensor:
-    """Of every colour, [h w 3]."""
+    """Of every color, [h w 3]."""
     single = scene.to(torch.float32)
     found = render(single, camera, background=BACKGROUND, numerics=numerics).color
     return (found - render_reference(single, camera, background=BACKGROUND).color).abs()

@@ -28,7 +28,7 @@ BY_NAME = {case.name: case for case in EDGE_CASES}
 
 
 ROUNDING = CROWD * EPS32
-"""Of a colour in [0, 1]: a rounding for each Gaussian that one pixel can blend."""
+"""Of a color in [0, 1]: a rounding for each Gaussian that one pixel can blend."""
 
 
 DRAWN = [case.name for case in EDGE_CASES if case.refused is None]
@@ -36,9 +36,9 @@ DRAWN = [case.name for case in EDGE_CASES if case.refused is None]
 
 # What float32 cannot give, and why. Everything else keeps the promise of 2e-4.
 GRADIENTS_32 = {
-    # z moves its centre by 1e7 pixels and its width by as much: what is left is 1e-6 of both
+    # z moves its center by 1e7 pixels and its width by as much: what is left is 1e-6 of both
     "scale 1e6 far aside": 1e6 * EPS32,
-    # the one pixel is 0.1 from each centre: the gradient of the shape, 0.01 pixel^2, is a
+    # the one pixel is 0.1 from each center: the gradient of the shape, 0.01 pixel^2, is a
     # difference of terms of the tile's corner, 12 pixel^2
     "100,000 layers": 1e-2,
     # the largest float is less than the gradient of the row, which is 0 instead
@@ -190,7 +190,7 @@ def test_scales_are_drawn_up_to_a_limit_and_refused_beyond_it():
         assert not refusals  # what is refused stays refused
         gradients = torch.autograd.grad((picture * weights_like(picture)).sum(), tensors(inputs))
         assert all(part.isfinite().all() for part in (picture, *gradients))
-        if exponent >= 6:  # covers the picture evenly: its opacity times its colour
+        if exponent >= 6:  # covers the picture evenly: its opacity times its color
             assert (picture - 0.7 * picture.new_tensor((0.8, 0.4, 0.2))).abs().max() < 1e-5
         largest = exponent
     assert largest >= 16

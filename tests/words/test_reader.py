@@ -6,14 +6,17 @@ import json
 from pathlib import Path
 
 import pytest
-from train_small.target_edits import TARGET_EDITS
-from train_words.sentences import FRAMES, JOINTS, colour_names, phrases
+from research.train_small.target_edits import TARGET_EDITS
+from research.train_words.sentences import FRAMES, JOINTS, colour_names, phrases
 
 from gsedit.errors import InputError
-from gsedit.words import LOOKS, Understanding, reader, understand
+from gsedit.words import reader
+from gsedit.words.looks import LOOKS
+from gsedit.words.reader import understand
+from gsedit.words.understanding import Understanding
 
 NEAREST, BOTH, REFUSED, WRONGLY_REFUSED = 51, 11, 14, 10
-"""Of 65, 15, 20 and 65: two sentences below what was measured (see docs/words.md)."""
+"""Of 65, 15, 20 and 65: two below what was measured (docs/measurements/instructions.md)."""
 STRANGERS = json.loads(Path(__file__).with_name("strangers.json").read_text())
 
 
@@ -82,11 +85,7 @@ def test_any_text_is_read(sentence):
     assert all(0 <= each.score <= 1 for each in understood.looks)
 
 
-def test_a_damaged_file_says_what_to_do(monkeypatch, tmp_path):
-    monkeypatch.setattr(reader, "HEAD", tmp_path / "head.safetensors")
-    reader.load_reader.cache_clear()
+def test_a_damaged_file_says_what_to_do(tmp_path):
     (tmp_path / "head.safetensors").write_bytes(b"nothing")
     with pytest.raises(InputError, match=r"head.safetensors does not hold .* install it again"):
-        understand("make it snow please")
-    monkeypatch.undo()
-    reader.load_reader.cache_clear()
+        reader.load_reader(tmp_path / "head.safetensors")

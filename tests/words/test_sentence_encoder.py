@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import pytest
 import torch
-from train_words.convert import renamed
+from research.train_words.convert import renamed, to_int8
 
-from gsedit.words.encoder import SentenceEncoder, Sizes, from_int8, to_int8
-from gsedit.words.wordpiece import MAX_PIECES
+from gsedit.words.wordpiece import MAX_PIECES, SentenceEncoder, Sizes, from_int8
 
 SIZES = Sizes(vocabulary=50, width=32, layers=2, heads=4)
 

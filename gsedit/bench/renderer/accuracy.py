@@ -16,8 +16,19 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.files.atomic import atomic_path
-from rasterizer import Camera, Gaussians, harmonics, numerics, project, reference
+from gsedit.storage.atomic import atomic_path
+from rasterizer import (
+    Camera,
+    Execution,
+    Gaussians,
+    Numerics,
+    harmonics,
+    numerics,
+    project,
+    reference,
+    render,
+)
+from rasterizer.numerics import AUTO, DEFAULT
 from rasterizer.project import Box
 
 FIELDS = ("means", "quats", "log_scales", "logit_opacities", "sh")
@@ -36,16 +47,23 @@ class Drawn:
 
 @dataclass(frozen=True)
 class Errors:
-    """Absolute errors of colours over all pixels and channels, and errors of gradients."""
+    """Absolute errors of colors over all pixels and channels, and errors of gradients."""
 
     mean: float
     tail: float
     """99.9 % are at most this."""
     largest: float
     gradient: float | None = None
-    """Of the worst input: |difference| / |reference|."""
+    """Relative error of the worst input: |difference| / |reference|."""
     cosine: float | None = None
-    """Of the worst input: between its gradient and the reference's."""
+    """Cosine between the gradient of the worst input and the reference's."""
+
+
+def draw_color(
+    scene: Gaussians, camera: Camera, *, numerics: Numerics = DEFAULT, execution: Execution = AUTO
+) -> Float[Tensor, "h w 3"]:
+    """Render the colors alone. A `functools.partial` of it can be sent to a `Worker`."""
+    return render(scene, camera, numerics=numerics, execution=execution).color
 
 
 def differentiate(draw: Draw, scene: Gaussians, camera: Camera, *, pose: bool = False) -> Drawn:
@@ -69,7 +87,7 @@ def differentiate(draw: Draw, scene: Gaussians, camera: Camera, *, pose: bool = 
 
 
 def with_pose(drawn: Drawn, draw: Draw, scene: Gaussians, camera: Camera) -> Drawn:
-    """The same, and the gradient of the pose, from a second picture."""
+    """Add the gradient of the pose, from a second picture."""
     second = differentiate(draw, scene, camera, pose=True)
     return replace(drawn, gradients={**drawn.gradients, POSE: second.gradients[POSE]})
 
@@ -77,7 +95,7 @@ def with_pose(drawn: Drawn, draw: Draw, scene: Gaussians, camera: Camera) -> Dra
 def picture_errors(
     picture: Float[Tensor, "h w 3"], expected: Float[Tensor, "h w 3"]
 ) -> tuple[float, float, float]:
-    """Mean, 99.9 % (nearest rank) and largest error of a colour."""
+    """Mean, 99.9 % (nearest rank) and largest error of a color."""
     error = (picture.double() - expected.double()).abs().flatten()
     tail = error.kthvalue(max(1, round(0.999 * len(error)))).values
     return float(error.mean()), float(tail), float(error.max())
@@ -103,7 +121,7 @@ def relative(value: Float[Tensor, "..."], expected: Float[Tensor, "..."]) -> flo
 
 
 def cosine(value: Float[Tensor, "..."], expected: Float[Tensor, "..."]) -> float:
-    """Of the angle between two gradients; 1 where both are zero, 0 where one is."""
+    """Cosine of the angle between two gradients; 1 where both are zero, 0 where one is."""
     lengths = float(value.norm()), float(expected.norm())
     if 0.0 in lengths:
         return float(lengths == (0.0, 0.0))

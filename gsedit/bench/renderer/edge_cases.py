@@ -23,7 +23,7 @@ CROWD = 200
 DIAGONAL = (0.9238795325112867, 0.0, 0.0, 0.3826834323650898)
 """Quaternion of 45 degrees about the view."""
 FAR = 1e7
-"""Where float32 resolves one unit: map coordinates, in metres, of a scene that was never moved."""
+"""Distance at which float32 resolves one unit: map coordinates of a scene never moved, meters."""
 
 
 class RenderInput(NamedTuple):
@@ -129,7 +129,7 @@ def _bad_value(name: str, value: float) -> EdgeCase:
         values.view(CROWD, -1)[57, -1] = value
         return over_background(replace(_crowd(), **{name: values}).to(dtype))
 
-    why = "a diverged optimiser or a broken file; must be named, not drawn or dropped"
+    why = "a diverged optimizer or a broken file; must be named, not drawn or dropped"
     return EdgeCase(f"{name} {value}", why, make, refused=rf"{name}\[57")
 
 
@@ -157,7 +157,7 @@ def _bad_background(value: float) -> EdgeCase:
 
 
 def _tiny_quat(dtype: torch.dtype) -> RenderInput:
-    """Which numbers are denormal depends on the dtype."""
+    """Make a denormal quaternion: which numbers are denormal depends on the dtype."""
     small = torch.finfo(dtype).smallest_normal / 64
     scene = _among(gaussian((0.1, 0.0, 2.0), (0.4, 0.05, 0.1))).to(dtype)
     scene.quats[CROWD // 2] = scene.quats.new_tensor((2.0, -1.0, 3.0, 1.0)) * small
@@ -281,7 +281,7 @@ EDGE_CASES: tuple[EdgeCase, ...] = (
     ),
     _one("1e20 before the camera", "the square of its distance is no float32; its direction is",
          gaussian((1e19, 0.0, 1e20), _ball(1e16))),
-    _one("colour 1e30", "its gradients are as large",
+    _one("color 1e30", "its gradients are as large",
          gaussian((0.1, 0.0, 2.0), (0.3, 0.2, 0.1), color=(1e30, 0.0, 1e-30))),
     _one("scale 1e-12", "a square below every float32", gaussian((0.1, 0.0, 2.0), _ball(1e-12))),
     _one("scale 0", "log-scale -inf: a point, kept in sight by the blur",
@@ -289,7 +289,7 @@ EDGE_CASES: tuple[EdgeCase, ...] = (
     _one("scale 1e6", "determinants of 1e29 pixels^4", gaussian((0.1, 0.0, 2.0), _ball(1e6))),
     _one("scale 1e12", "the determinant overflows float32, the covariance does not",
          gaussian((0.1, 0.0, 2.0), _ball(1e12))),
-    _one("scale 1e6 far aside", "its centre is 2e7 pixels off the picture",
+    _one("scale 1e6 far aside", "its center is 2e7 pixels off the picture",
          gaussian((1e6, 3e5, 2.0), _ball(1e6))),
     _one("scales 1e-12 to 1e6", "sizes of 18 orders of magnitude in one Gaussian",
          gaussian((0.1, 0.0, 2.0), (1e-12, 1e6, 1e4), (0.9, 0.3, -0.2, 0.1))),
@@ -313,7 +313,7 @@ EDGE_CASES: tuple[EdgeCase, ...] = (
     _one("opacity 1", "logit inf", _logit(inf)),
     _one("logit 50", "1 - opacity is 0 in every dtype", _logit(50.0)),
     _one("logit -50", "far below the floor of alpha", _logit(-50.0)),
-    EdgeCase("all of opacity 1", "every alpha at the cap near its centre",
+    EdgeCase("all of opacity 1", "every alpha at the cap near its center",
              _in_dtype(_opaque_crowd)),
     _one("zero quaternion", "the identity, without gradient",
          gaussian((0.1, 0.0, 2.0), (0.4, 0.05, 0.1), (0.0, 0.0, 0.0, 0.0))),

@@ -1,17 +1,17 @@
 """Speed of the renderer as a ratio: how many times as fast as another renderer in the same run.
 
-The other is OpenSplat's CPU rasteriser where its module is there (see peers.py), and else the
-reference implementation in float32, which is torch and 20 to 400 times as slow. Both kernels and
-the peer take turns, so that a busy machine slows all of them.
+The other is the reference implementation in float32, which is torch and 20 to 400 times as slow,
+or a given rival. Both kernels and a rival take turns, so that a busy machine slows all of them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple, cast
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -25,23 +25,111 @@ from gsedit.bench.renderer.accuracy import (
     errors,
     reference_of,
 )
-from gsedit.bench.renderer.peers import PEER_TABLE, installed
-from gsedit.bench.renderer.workloads import Workload, garden, smaller, synthetic
-from gsedit.measures.photometric import photometric
+from gsedit.errors import InputError
+from gsedit.fitting.photometric import photometric
+from gsedit.synthetic import ring_cameras, scenes, surface_gaussians
 from rasterizer import Camera, Execution, Gaussians, render
 from rasterizer.blending.choose import is_compiled
-from rasterizer.numerics import AUTO, Kernel
+from rasterizer.numerics import AUTO, SH_DC, Kernel
 from rasterizer.project import Box
 from rasterizer.reference import render_reference
 
+SYNTHETIC = ("columns", "cage")
+"""Synthetic scenes that are measured: one hides most of itself, one has bars a few pixels wide."""
+
+
+@dataclass(frozen=True, eq=False)
+class Workload:
+    """A scene and the camera that it is drawn from."""
+
+    name: str
+    scene: Gaussians
+    camera: Camera
+
+
+def garden(scale: float, path: Path, view: int = 0) -> Workload:
+    """111,785 Gaussians and a camera of 648x420 pixels times `scale`; `view` is 0, 1 or 2.
+
+    The points of mip-NeRF 360's garden (gsplat's test asset: means3d, colors, Ks, viewmats, width,
+    height) inside [-2, 2]^3 keep their colors; scales, rotations and opacities are drawn, in this
+    order, from NumPy's default_rng(0). Raises InputError where the file is not that.
+    """
+    try:
+        with np.load(path) as file:
+            data = {name: file[name] for name in file.files}
+        inside = (np.abs(data["means3d"]) <= 2).all(1)
+        means, colors = data["means3d"][inside], data["colors"][inside]
+        k, pose = data["Ks"][view], torch.from_numpy(data["viewmats"][view]).double()
+        width, height = int(data["width"]), int(data["height"])
+    except (OSError, ValueError, KeyError, IndexError, EOFError) as error:
+        raise InputError(
+            f"{path}: not the garden's points ({error}); give gsplat's garden.npz, with means3d, "
+            "colors, Ks, viewmats, width and height"
+        ) from error
+    count = len(means)
+    rng = np.random.default_rng(0)
+    scales = rng.random((count, 3)) * (0.02 - 1e-4) + 1e-4
+    quats = rng.standard_normal((count, 4))
+    opacities = rng.random(count)
+    scene = Gaussians(
+        means=torch.from_numpy(means),
+        quats=torch.from_numpy(quats / np.linalg.norm(quats, axis=1, keepdims=True)),
+        log_scales=torch.from_numpy(scales).log(),
+        logit_opacities=torch.logit(torch.from_numpy(opacities)),
+        sh=torch.from_numpy((colors / 255 - 0.5) / SH_DC)[:, None],
+    )
+    fx, fy, cx, cy = (float(k[i, j]) for i, j in ((0, 0), (1, 1), (0, 2), (1, 2)))
+    camera = Camera(pose, fx, fy, cx, cy, width, height)
+    camera = camera.resized(round(width * scale), round(height * scale))
+    name = f"garden x{scale:g}" + (f", view {view}" if view else "")
+    return Workload(name, scene.to(torch.float32), camera)
+
+
+def synthetic(
+    names: tuple[str, ...] = SYNTHETIC, count: int = 30_000, size: int = 256
+) -> list[Workload]:
+    """Discs on the surfaces of synthetic scenes."""
+    chosen = [scene for scene in scenes() if scene.name in names]
+    return [
+        Workload(
+            scene.name,
+            surface_gaussians(scene, count, torch.Generator().manual_seed(0)),
+            ring_cameras(scene, 1, size)[0],
+        )
+        for scene in chosen
+    ]
+
+
+def smaller(workload: Workload, factor: int) -> Workload:
+    """Take every `factor`-th Gaussian and pixel of a workload, for a quick run."""
+    camera = workload.camera
+    return replace(
+        workload,
+        name=f"{workload.name}, 1 in {factor}",
+        scene=workload.scene[::factor],
+        camera=camera.resized(max(1, camera.width // factor), max(1, camera.height // factor)),
+    )
+
+
 GARDEN_SCALES = (1.0, 0.25)
-PEER, REFERENCE = "opensplat_cpu", "reference"
-TRAINED, SIDE, CROP = 61_000, 256, 64
-"""Gaussians and pixels of the training step, and the side of its crop."""
+REFERENCE = "reference"
 DSSIM_WEIGHT = 0.2
-"""As in a fit."""
+"""Weight of DSSIM in the loss of a fit."""
 REFERENCE_SECONDS = 10.0
 """No run of the reference begins after them."""
+
+
+class TrainingStep(NamedTuple):
+    """Size of the training step that is measured."""
+
+    gaussians: int = 61_000
+    side: int = 256
+    """Side of the picture, pixels."""
+    crop: int = 64
+    """Side of its crop, pixels."""
+
+
+TRAINING = TrainingStep()
 
 
 class Goal(NamedTuple):
@@ -51,15 +139,7 @@ class Goal(NamedTuple):
     cpu: float | None = None
 
 
-PEER_GOALS = {
-    "garden 648x420": {"compiled": Goal(16, 8), "torch": Goal(4)},
-    "garden 162x105": {"compiled": Goal(8), "torch": Goal(2.5)},
-    "training step": {"compiled": Goal(5.4), "torch": Goal(2)},
-    "crop": {"compiled": Goal(14), "torch": Goal(4)},
-}
-"""By case and kernel, against OpenSplat's rasteriser. The step and the crop were asked for in
-milliseconds of one machine, as 2.6 and 1.4, and 4.7 and 2.1 times as fast as before."""
-REFERENCE_GOALS = {
+REFERENCE_GOALS: Goals = {
     "garden 648x420": {"compiled": Goal(150), "torch": Goal(18)},
     "garden 162x105": {"compiled": Goal(100), "torch": Goal(12)},
     "training step": {"compiled": Goal(120), "torch": Goal(16)},
@@ -69,6 +149,8 @@ REFERENCE_GOALS = {
 measured, because others have vectors half as wide."""
 
 
+Goals = Mapping[str, Mapping[str, Goal]]
+"""By case and kernel."""
 Loss = Callable[[Float[Tensor, "h w 3"]], Float[Tensor, ""]]
 
 
@@ -80,7 +162,7 @@ class Case:
     workload: Workload
     loss: Loss
     box: Box | None = None
-    """The crop."""
+    """Crop of the picture; None: all of it."""
 
     def job(self, draw: Draw, camera: Camera) -> Callable[[], None]:
         """The work, done by a renderer and with that camera."""
@@ -94,7 +176,7 @@ class Case:
         return run
 
     def own_job(self, kernel: Kernel) -> Callable[[], None]:
-        """The work, done by one of the rasteriser's kernels."""
+        """The work, done by one of the rasterizer's kernels."""
         return self.job(self.drawing(kernel), self.workload.camera)
 
     def others_job(self, draw: Draw) -> Callable[[], None]:
@@ -103,12 +185,12 @@ class Case:
         return self.job(draw, camera if self.box is None else _cropped(camera, self.box))
 
     def drawing(self, kernel: Kernel) -> Draw:
-        """The picture, or its crop, by one of the rasteriser's kernels."""
+        """The picture, or its crop, by one of the rasterizer's kernels."""
         execution = Execution(kernel=kernel)
         return lambda s, c: render(s, c, crop=self.box, execution=execution).color
 
     def errors(self, kernel: Kernel, cache: Path | None) -> Errors:
-        """Of a kernel, against the reference."""
+        """Measure the errors of a kernel against the reference."""
         scene, camera = self.workload.scene, self.workload.camera
         exact = reference_of(scene, camera, cache, self.box)
         return errors(differentiate(self.drawing(kernel), scene, camera), exact)
@@ -121,17 +203,17 @@ class Speed:
     case: str
     kernel: str
     other: str
-    """PEER or REFERENCE."""
+    """REFERENCE, or the name of a rival."""
     seconds: float
-    """Wall clock, median."""
+    """Median wall clock, seconds."""
     wall: float
     """How many times as fast as the other."""
     cpu: float
     goal: Goal | None
     error: float
-    """Mean of a colour, against float64."""
+    """Mean of a color, against float64."""
     gradient: float | None
-    """Of the worst input, relative."""
+    """Relative error of the worst input's gradient."""
 
     @property
     def reached(self) -> bool:
@@ -140,29 +222,44 @@ class Speed:
         return self.wall >= goal.wall and self.cpu >= (goal.cpu or 0)
 
 
+@dataclass(frozen=True)
+class Rival:
+    """Another renderer to be compared with."""
+
+    name: str
+    prepare: Callable[[Workload], Draw]
+    goals: Goals
+
+
 def kernels() -> tuple[Kernel, ...]:
     """Those that there are on this machine."""
     return ("compiled", "torch") if is_compiled(AUTO) else ("torch",)
 
 
 def measure_speed(
-    points: Path | None, runs: int, cache: Path | None, shrink: int = 1
+    points: Path | None,
+    runs: int,
+    cache: Path | None,
+    shrink: int = 1,
+    training: TrainingStep = TRAINING,
+    rival: Rival | None = None,
 ) -> Iterator[Speed]:
     """Every case by both kernels; those of the garden where its points are given."""
-    for case in cases(points, shrink):
-        yield from _measured(case, runs, cache)
+    for case in cases(points, shrink, training):
+        yield from measure_case(case, runs, cache, rival)
 
 
-def cases(points: Path | None, shrink: int = 1) -> list[Case]:
+def cases(points: Path | None, shrink: int, training: TrainingStep) -> list[Case]:
     """The garden at two sizes, a training step, a crop; of every `shrink`-th Gaussian and pixel."""
     found = []
     for scale in GARDEN_SCALES if points is not None else ():
-        one = garden(scale, cast(Path, points))
+        one = garden(scale, cast("Path", points))
         name = f"garden {one.camera.width}x{one.camera.height}"
         found.append(_case(name, one, shrink))
-    (trained,) = synthetic(("columns",), TRAINED, SIDE)
+    (trained,) = synthetic(("columns",), training.gaussians, training.side)
     found.append(_case("training step", trained, shrink, photometric_loss))
-    side, left = CROP // shrink, (SIDE - CROP) // 2 // shrink
+    side = training.crop // shrink
+    left = (training.side - training.crop) // 2 // shrink
     return [*found, _case("crop", trained, shrink, box=(left, left, side, side))]
 
 
@@ -194,16 +291,19 @@ def reference_drawing(scene: Gaussians, camera: Camera) -> Float[Tensor, "h w 3"
     return render_reference(scene, camera, dtype=torch.float32).color
 
 
-def _measured(case: Case, runs: int, cache: Path | None) -> Iterator[Speed]:
+def measure_case(
+    case: Case, runs: int, cache: Path | None, rival: Rival | None = None
+) -> Iterator[Speed]:
+    """Both kernels against the rival, or without one against the reference implementation."""
     works: dict[str, Callable[[], None]] = {kernel: case.own_job(kernel) for kernel in kernels()}
-    other = PEER if any(peer.name == PEER for peer in installed()[0]) else REFERENCE
-    if other == PEER:
-        works[PEER] = case.others_job(PEER_TABLE[PEER].prepare(case.workload))
+    other = rival.name if rival else REFERENCE
+    if rival:
+        works[other] = case.others_job(rival.prepare(case.workload))
     timings, _ = timed_together(works, runs, pieces=1)
-    if other == REFERENCE:
+    if not rival:
         slow = case.others_job(reference_drawing)
-        timings[REFERENCE], _ = timed(slow, runs, REFERENCE_SECONDS, pieces=1)
-    goals = (PEER_GOALS if other == PEER else REFERENCE_GOALS).get(case.name, {})
+        timings[other], _ = timed(slow, runs, REFERENCE_SECONDS, pieces=1)
+    goals = (rival.goals if rival else REFERENCE_GOALS).get(case.name, {})
     theirs = timings[other]
     for kernel in kernels():
         ours, wrong = timings[kernel], case.errors(kernel, cache)

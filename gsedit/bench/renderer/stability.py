@@ -9,21 +9,24 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import groupby
 from math import isfinite
+from pathlib import Path
 from statistics import median
 from typing import Literal
 
 import torch
 from torch import Tensor
 
-from gsedit.bench.markdown import markdown_table
 from gsedit.bench.renderer.accuracy import Draw, Drawn, differentiate, errors, with_pose
 from gsedit.bench.renderer.edge_cases import EDGE_CASES, EdgeCase, RenderInput
-from gsedit.reports.stopwatch import Stopwatch
+from gsedit.bench.results import markdown_table, write_measurements, write_text
+from gsedit.runs.events import Event
+from gsedit.runs.stopwatch import Stopwatch
 from rasterizer.numerics import AUTO, Execution, Numerics
 from rasterizer.reference import render_reference
 from rasterizer.render import render
 
 Outcome = Literal["finite", "refused", "not finite"]
+ROWS_FILE, TABLE_FILE = "stability.jsonl", "stability.md"
 WITHOUT_STOP = Numerics(transmittance_min=0.0)
 
 
@@ -38,20 +41,37 @@ class EdgeCaseMeasurement:
     width: int
     height: int
     outcome: Outcome
-    """Of the picture and of all its gradients."""
+    """Outcome of the picture and of all its gradients."""
     message: str
     """The ValueError's text where it was refused."""
     image_error: float | None
-    """Largest error of a colour, against the float64 reference of the same rounded inputs; in
-    units of the brightest colour where that is above 1."""
+    """Largest error of a color, against the float64 reference of the same rounded inputs; in
+    units of the brightest color where that is above 1."""
     gradient_error: float | None
     """Relative L2 error of the worst input, the pose among them."""
     textbook: Outcome | None
-    """Of the plain conic formula in the same dtype; None in float64, where it is the reference."""
+    """Outcome of the plain conic formula in the same dtype; None in float64, the reference."""
     textbook_image_error: float | None
     textbook_gradient_error: float | None
     seconds: float | None
-    """Of the rasteriser, forward and backward, median of the runs."""
+    """Median seconds of the rasterizer, forward and backward."""
+
+
+def stability_to_folder(folder: Path, *, quick: bool) -> Iterator[Event | EdgeCaseMeasurement]:
+    """All edge cases, written to a folder: ROWS_FILE meanwhile, then TABLE_FILE."""
+    rows: list[EdgeCaseMeasurement] = []
+    items = _with_events(measurements(quick=quick))
+    yield from write_measurements(items, folder / ROWS_FILE, rows)
+    write_text(folder / TABLE_FILE, table(rows) + "\n")
+
+
+def _with_events(
+    rows: Iterator[EdgeCaseMeasurement],
+) -> Iterator[Event | EdgeCaseMeasurement]:
+    stopwatch = Stopwatch()
+    for count, row in enumerate(rows, start=1):
+        yield row
+        yield Event("stability", stopwatch.seconds, count, note=row.name)
 
 
 def measurements(quick: bool = False) -> Iterator[EdgeCaseMeasurement]:
@@ -64,11 +84,11 @@ def measurements(quick: bool = False) -> Iterator[EdgeCaseMeasurement]:
 def measure_edge_case(
     case: EdgeCase, dtype: torch.dtype, runs: int = 3, execution: Execution = AUTO
 ) -> EdgeCaseMeasurement:
-    """Draw one edge case with the rasteriser (`runs` times) and by the textbook's formula, both
+    """Draw one edge case with the rasterizer (`runs` times) and by the textbook's formula, both
     with gradients.
     """
     given = case.make(dtype)
-    draw = _rasteriser(given, execution)
+    draw = _rasterizer(given, execution)
     drawn, message, seconds = _timed(draw, given, runs)
     image = gradient = textbook = textbook_image = textbook_gradient = None
     if drawn is not None:
@@ -98,7 +118,7 @@ def measure_edge_case(
     )
 
 
-def _rasteriser(given: RenderInput, execution: Execution) -> Draw:
+def _rasterizer(given: RenderInput, execution: Execution) -> Draw:
     options = {"background": given.background, "numerics": WITHOUT_STOP, "execution": execution}
     return lambda scene, camera: render(scene, camera, **options).color
 
@@ -130,7 +150,7 @@ def _outcome(drawn: Drawn) -> Outcome:
 
 
 def _errors(drawn: Drawn, reference: Drawn) -> tuple[float | None, float | None]:
-    """Largest error of a colour, worst relative error of a gradient; None where not finite."""
+    """Largest error of a color, worst relative error of a gradient; None where not finite."""
     wrong = errors(drawn, reference)
     brightest = max(1.0, float(reference.picture.abs().max()))
     # max() ignores NaN or returns it, depending on the order of its arguments
@@ -164,7 +184,7 @@ HEAD = (
 )  # fmt: skip
 
 _LEGEND = (
-    "Errors against the float64 reference of the same inputs: the largest of a colour (in units of "
+    "Errors against the float64 reference of the same inputs: the largest of a color (in units of "
     "the brightest where that is above 1), and the relative L2 error of the worst gradient, pose "
     "included. Textbook: the plain conic formula in float32. ms: forward and backward in float32."
 )

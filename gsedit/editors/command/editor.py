@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import shutil
+import tempfile
 import time
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
 from gsedit.consistency.harmonise import harmonise
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors.command.exchange import Exchange, new_exchange, remove_exchange
 from gsedit.editors.command.program import (
     describe_exit,
     fill_fields,
@@ -21,9 +25,10 @@ from gsedit.editors.command.program import (
     wait,
 )
 from gsedit.editors.protocol import Capabilities, EditBatch, EditProgress
-from gsedit.errors import GseditError, UsageError
+from gsedit.errors import GseditError, InputError, UsageError
+from gsedit.formats.pictures import as_picture, read_picture
 
-CELL = 2
+CELL_PIXELS = 2
 """Pixels of a cell in which views agree: a program has no latent cells. Of 1, 2, 4 and 8, measured
 on rendered depth, 2 matches most and comes nearest to the ground truth."""
 
@@ -38,10 +43,10 @@ class Command:
     timeout: float | None = None
     """Seconds for a batch of views; None: no limit."""
     folder: Path | None = None
-    """Where folders are exchanged; None: the system's place for temporary files. What a program
-    that failed was given, made and wrote stays there."""
+    """Folder in which pictures are exchanged; None: the system's place for temporary files. Files
+    that a failed program was given, made and wrote stay there."""
     name: str = "command"
-    cell: int = CELL
+    cell: int = CELL_PIXELS
     capabilities: Capabilities = field(default_factory=Capabilities)
 
     def __post_init__(self) -> None:
@@ -89,7 +94,7 @@ class Command:
                 edited,
                 batch.correspondences,
                 anchored=batch.anchored,
-                strength=settings.consensus_strength,
+                strength=settings.consensus_weight,
             )
         yield EditProgress(len(free) + 1, len(free) + 1, edited)
 
@@ -133,3 +138,103 @@ def _free(batch: EditBatch) -> list[int]:
     if batch.anchored is None:
         return list(range(len(batch.images)))
     return torch.nonzero(~batch.anchored).squeeze(1).tolist()
+
+
+QUOTED = 5  # last lines of a failed program's output
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """A folder with `input`, `output`, and what the program writes on stdout and stderr."""
+
+    folder: Path
+    names: tuple[str, ...]
+    """Names of the pictures, in both folders."""
+
+    @property
+    def input(self) -> Path:
+        return self.folder / "input"
+
+    @property
+    def output(self) -> Path:
+        return self.folder / "output"
+
+    @property
+    def stdout(self) -> Path:
+        return self.folder / "stdout.txt"
+
+    @property
+    def stderr(self) -> Path:
+        return self.folder / "stderr.txt"
+
+    @property
+    def finished(self) -> int:
+        """The number of pictures that the program has written."""
+        return sum((self.output / name).is_file() for name in self.names)
+
+    @property
+    def remains(self) -> str:
+        """A sentence for error messages: what the program made, and where it is."""
+        return f"{self.finished} of {len(self.names)} pictures are in {self.output}"
+
+    def last_lines(self) -> str:
+        """The end of what the program wrote on stderr, or else on stdout, on one line."""
+        for path in (self.stderr, self.stdout):
+            with path.open(encoding="utf-8", errors="replace") as file:
+                lines = deque((line.strip() for line in file if line.strip()), QUOTED)
+            if lines:
+                return f"it said: {' | '.join(lines)}"
+        return "it said nothing"
+
+    def write(self, images: Float[Tensor, "v h w 3"]) -> None:
+        """The pictures as 8-bit PNGs into `input`."""
+        for image, name in zip(images, self.names, strict=True):
+            as_picture(image).save(self.input / name)
+
+    def read(self, height: int, width: int) -> Float[Tensor, "v {height} {width} 3"]:
+        """The pictures in `output`. Raises InputError naming the first bad one."""
+        return torch.stack([self._read(name, height, width) for name in self.names])
+
+    def _read(self, name: str, height: int, width: int) -> Float[Tensor, "{height} {width} 3"]:
+        path = self.output / name
+        if not path.is_file():
+            others = sorted(p.name for p in self.output.iterdir() if p.name not in self.names)
+            wrote = f" (it wrote {', '.join(others[:3])})" if others else ""
+            raise InputError(
+                f"the program ended well but made no {name}{wrote}: {{output}} needs a picture of "
+                f"the same name for every one in {{input}}. {self.remains}"
+            )
+        try:
+            picture = read_picture(path)
+        except InputError as error:
+            raise InputError(f"{error}. {self.remains}") from None
+        if tuple(picture.shape[:2]) != (height, width):
+            raise InputError(
+                f"the program made {name} {picture.shape[1]}x{picture.shape[0]} pixels of one of "
+                f"{width}x{height}: the sizes must be equal, or the picture does not fit its "
+                f"camera. {self.remains}"
+            )
+        return picture
+
+
+def new_exchange(parent: Path | None, names: Sequence[str]) -> Exchange:
+    """A new folder in `parent` (None: the system's for temporary files). Raises UsageError."""
+    try:
+        if parent is not None:
+            parent.mkdir(parents=True, exist_ok=True)
+        folder = Path(tempfile.mkdtemp(prefix="batch-", dir=parent)).absolute()
+        for name in ("input", "output"):
+            (folder / name).mkdir()
+    except OSError as error:
+        raise UsageError(
+            f"no folder can be made to exchange pictures in ({error}): is the disk full?"
+        ) from error
+    return Exchange(folder, tuple(names))
+
+
+def remove_exchange(exchange: Exchange, parent: Path | None) -> None:
+    """Remove the folder, and `parent` if it is then empty."""
+    shutil.rmtree(exchange.folder, ignore_errors=True)
+    if parent is not None:
+        with suppress(OSError):  # an earlier run's folders are not ours to remove
+            parent.rmdir()

@@ -1,4 +1,4 @@
-"""Which looks an instruction names, and what they make of pictures."""
+"""Recipes of looks: those that an instruction names, applied to pictures in closed form."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.editors.looks.colour_maps import Image
+from gsedit.editors.looks.color_maps import Image
 from gsedit.editors.looks.table import LOOKS, VARIANTS
 from gsedit.errors import UsageError
 from gsedit.words.reader import understand

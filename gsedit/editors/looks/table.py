@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gsedit.editors.looks.colour_maps import (
-    ColourMap,
+from gsedit.editors.looks.color_maps import (
+    ColorMap,
     cartoon,
     foliage,
     grained,
@@ -25,7 +25,7 @@ class Look:
 
     words: tuple[str, ...]
     """Lower case; a word may be a phrase. Their order is of no meaning."""
-    variants: tuple[ColourMap, ColourMap, ColourMap]
+    variants: tuple[ColorMap, ColorMap, ColorMap]
 
 
 LOOKS: dict[str, Look] = {

@@ -1,11 +1,11 @@
-"""Where a model's folder is: on this machine, in the hub's cache, or on the hub. Loads no torch."""
+"""Search for a model's folder: on this machine, in the hub's cache, on the hub. Loads no torch."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
 
-from gsedit.editors.pix2pix.weights import UNWANTED, WANTED, inspect
+from gsedit.editors.pix2pix.weights import DEFECTS, WANTED, inspect
 from gsedit.errors import InputError, UsageError
 
 DEFAULT = "timbrooks/instruct-pix2pix"
@@ -55,14 +55,14 @@ def _fetch(model: str, local: bool) -> Path:
     """The folder of the hub's cache, completed from the hub unless `local`."""
     from huggingface_hub import snapshot_download
 
-    wanted = {"allow_patterns": list(WANTED), "ignore_patterns": list(UNWANTED)}
+    wanted = {"allow_patterns": list(WANTED), "ignore_patterns": list(DEFECTS)}
     return Path(snapshot_download(model, local_files_only=local, **wanted))
 
 
 def download_advice(model: str) -> str:
     """How to bring a model of the hub to a machine without a network."""
     patterns = [f"--include '{each}'" for each in WANTED]
-    patterns += [f"--exclude '{each}'" for each in UNWANTED]
+    patterns += [f"--exclude '{each}'" for each in DEFECTS]
     return (
         "where there is a network, run: "
         f"hf download {model} --local-dir FOLDER {' '.join(patterns)} "

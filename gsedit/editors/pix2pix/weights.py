@@ -8,7 +8,6 @@ is seen before gigabytes are loaded (github.com/huggingface/safetensors, "Format
 
 from __future__ import annotations
 
-import json
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,6 +16,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from gsedit.errors import InputError
+from gsedit.storage.json_files import object_of, parse_json, read_json
 
 Kind = Literal["SD", "SDXL"]
 
@@ -28,8 +28,8 @@ PICKLES = (".bin", ".ckpt", ".pt", ".pth")
 VARIANT = "fp16"
 """The half-precision twin, `<stem>.fp16.safetensors`: taken where the full one is not there."""
 WANTED = ("model_index.json", "*/*.json", "*/*.txt", "*/*.safetensors")
-"""What of a hub repository is needed: no pickles, and no single-file copy at its root."""
-UNWANTED = ("*.fp16.*", "*.non_ema.*", "safety_checker/*")
+"""Files of a hub repository that are needed: no pickles, and no single-file copy at its root."""
+DEFECTS = ("*.fp16.*", "*.non_ema.*", "safety_checker/*")
 LFS_POINTER = b"version https://git-lfs"
 LONGEST_HEADER = 100_000_000  # bytes; the limit of the safetensors library itself
 NO_PICKLE = "a pickle runs whatever code is in it when it is opened, so gsedit opens none"
@@ -41,11 +41,11 @@ class Part:
 
     name: str
     problems: tuple[str, ...] = ()
-    """What is wrong, each with its next move; empty for a complete part."""
+    """Problems of the part, each with its next move; empty for a complete part."""
     files: tuple[str, ...] = ()
     """Complete files of weights, relative to the model's folder."""
     size: int = 0
-    """Their bytes."""
+    """Size of the files in bytes."""
     variant: str | None = None
     """`fp16` where only that copy is there."""
 
@@ -59,7 +59,7 @@ class Weights:
     """None where the unet's config cannot be read."""
     parts: tuple[Part, ...]
     notes: tuple[str, ...] = ()
-    """Harmless oddities."""
+    """Notes on harmless oddities of the folder."""
 
     @property
     def problems(self) -> tuple[str, ...]:
@@ -72,7 +72,7 @@ class Weights:
         return not self.problems
 
     def variant(self, part: str) -> str | None:
-        """Which copy of a part's weights there is: None (full precision) or `fp16`."""
+        """Variant of a part's weights: None (full precision) or `fp16`."""
         return next(each.variant for each in self.parts if each.name == part)
 
     def require(self) -> Weights:
@@ -134,11 +134,11 @@ def tensors(path: Path) -> dict[str, tuple[int, ...]]:
     if size < 8 or (cut and length <= LONGEST_HEADER):
         raise InputError(f"{path} is cut short inside its header ({_bytes(size)}): {again}")
     try:
-        entries = json.loads(header)
+        entries = parse_json(header, path)
         entries.pop("__metadata__", None)
         shapes = {name: tuple(entry["shape"]) for name, entry in entries.items()}
         ends = [entry["data_offsets"][1] for entry in entries.values()]
-    except (ValueError, TypeError, KeyError, AttributeError, IndexError):
+    except (InputError, ValueError, TypeError, KeyError, AttributeError, IndexError):
         raise InputError(f"{path} is no safetensors file: {again}") from None
     whole = 8 + length + max(ends, default=0)
     if size != whole:
@@ -156,15 +156,12 @@ def _kind(config: dict[str, Any] | str) -> Kind | None:
 
 def _json(path: Path) -> dict[str, Any] | str:
     """The settings in a file, or what is wrong with it."""
-    try:
-        config = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
+    if not path.exists():
         return f"{path} is missing: download the model again"
-    except (OSError, ValueError) as error:
-        return f"{path} cannot be read ({error}): download the model again"
-    if not isinstance(config, dict):
-        return f"{path} holds no settings: download the model again"
-    return config
+    try:
+        return read_json(path, object_of({}), advice="download the model again")
+    except InputError as error:
+        return str(error)
 
 
 def _network(folder: Path, name: str, stem: str) -> Part:

@@ -18,10 +18,14 @@ import torch.nn.functional as F
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from gsedit.diffusion import Branches, Need, Prediction, SamplerDefaults, Schedule
+from gsedit.datasets.padding import PadMode
+from gsedit.diffusion.guidance import Branches, Need
+from gsedit.diffusion.predictions import Prediction
+from gsedit.diffusion.schedules import Schedule
+from gsedit.diffusion.settings import SamplerDefaults
 from gsedit.editors.protocol import Capabilities
 from gsedit.editors.small.network import (
-    CELL,
+    CELL_PIXELS,
     CHANNELS,
     Architecture,
     EncodedImage,
@@ -33,8 +37,7 @@ from gsedit.editors.small.shipped import REINSTALL, WEIGHTS
 from gsedit.editors.small.subject import subject_probability, with_subject
 from gsedit.editors.small.text import MAX_WORDS, tokenise, words_of
 from gsedit.errors import InputError, UsageError
-from gsedit.files.atomic import atomic_path
-from gsedit.views.padding import PadMode
+from gsedit.storage.atomic import atomic_path
 from gsedit.words.looks import LOOKS
 from gsedit.words.reader import understand
 from gsedit.words.understanding import not_understood
@@ -47,20 +50,20 @@ MID_SIGMA = 4.0  # in the middle of the schedule
 STEPS = 1000
 DEFAULTS = SamplerDefaults(guidance_text=1.4, guidance_image=1.0, temperature=0.2, t_end=4.0)
 """Each of its instructions has one correct result, so little of the starting noise is used.
-Consensus acts for half of the steps: later ones lose strength (docs/sampler.md), and the coarse
-colours that views still differ in are brought to agreement after sampling."""
+Consensus acts for half of the steps: later ones lose strength (docs/measurements/consensus.md),
+and the coarse colors that views still differ in are brought to agreement after sampling."""
 BEST_SIZE = 192
 """Pixels, the largest of its training. Of larger pictures it leaves parts unedited, and it stains
-others (docs/resolution.md)."""
+others (docs/measurements/resolution.md)."""
 
 
 def schedule() -> Schedule:
     """sigma = MID_SIGMA tan(pi t / 2): a cosine schedule shifted towards the noise.
 
-    Neighbouring pixels and cells are alike: their mean is visible through noise that hides each of
+    Neighboring pixels and cells are alike: their mean is visible through noise that hides each of
     them, the more so the larger the image (Hoogeboom et al. 2023, section 2.1). The default 20
-    steps start at sigma 37, where a render's mean colour is still visible; the training accounts
-    for that (see train_small.loss.noisy_targets).
+    steps start at sigma 37, where a render's mean color is still visible; the training accounts
+    for that (see research.train_small.loss.noisy_targets).
     """
     t = torch.arange(1, STEPS + 1, dtype=torch.float64) / (STEPS + 1)
     return Schedule(1 / (1 + sigma_at(t) ** 2))
@@ -72,17 +75,17 @@ def sigma_at(t: Float[Tensor, " t"]) -> Float[Tensor, " t"]:
 
 
 class Condition(NamedTuple):
-    """What the network is conditioned on at every step."""
+    """Condition of the network at every step."""
 
     latents: Float[Tensor, "v c y x"]
-    """Of the unedited images."""
+    """Latents of the unedited images."""
     encoded: EncodedImage
     """The unedited images, encoded."""
     null_encoded: EncodedImage
-    """The same where the image is dropped; of one view."""
+    """Features of one view where the image is dropped."""
     text: Float[Tensor, "1 d"]
     null_text: Float[Tensor, "1 d"]
-    """Of the empty instruction."""
+    """Features of the empty instruction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,14 +106,14 @@ class Small:
     """The probability of the subject in the unedited images. None: as the network sees it."""
     predicts: Prediction = "v"
     name: str = "small"
-    cell: int = CELL
+    cell: int = CELL_PIXELS
     channels: int = CHANNELS
     padding: PadMode = "mirror"
 
     @property
     def multiple(self) -> int:
         """Pixels: sides that the network can halve at every level without a remainder."""
-        return CELL * self.network.architecture.multiple
+        return CELL_PIXELS * self.network.architecture.multiple
 
     @property
     def capabilities(self) -> Capabilities:
@@ -119,7 +122,7 @@ class Small:
         return Capabilities(
             defaults=DEFAULTS,
             with_micro_batch=lambda views: replace(self, micro_batch=views),
-            coarse=cell_colours,
+            coarse=cell_colors,
             advice=self.advice,
             predict_subject=self.predict_subject,
             with_subject=lambda subject: replace(self, subject=subject),
@@ -164,14 +167,15 @@ class Small:
         )
 
     def wordings(self, prompt: str) -> tuple[str, ...]:
-        """What the network is asked: for each look that the instruction means, the wording that it
-        knows best; the instruction itself where the network reads it."""
+        """Wordings that the network is given: for each look that the instruction means, the one
+        that it knows best; the instruction itself where the network reads it."""
         return understand(prompt).wordings if self.knows_all_looks else (prompt,)
 
     def predict_subject(
         self, prompt: str, originals: Float[Tensor, "v h w 3"]
     ) -> Float[Tensor, "v h w"] | None:
-        """Where the subject is, as the network sees it; None for an instruction about the scene."""
+        """Probability of the subject at each pixel, by the network; None for an instruction about
+        the scene."""
         if self.knows_all_looks and understand(prompt).scope == "scene":
             return None
         return subject_probability(self.network, ", ".join(self.wordings(prompt)), originals)
@@ -245,12 +249,12 @@ class Small:
         return self.network.encode_image(latents, latents.new_full((len(latents),), mask))
 
 
-def cell_colours(change: Float[Tensor, "v c y x"]) -> Float[Tensor, "v c y x"]:
-    """The change of each cell's mean colour, interpolated from cell to cell: what is finer than a
+def cell_colors(change: Float[Tensor, "v c y x"]) -> Float[Tensor, "v c y x"]:
+    """The change of each cell's mean color, interpolated from cell to cell: what is finer than a
     cell stays each view's own, and no seam shows between a cell that changes and the next."""
-    means = change.unflatten(1, (3, CELL * CELL)).mean(2)
-    pixels = F.interpolate(means, scale_factor=float(CELL), mode="bilinear", align_corners=False)
-    return F.pixel_unshuffle(pixels, CELL)
+    means, scale = change.unflatten(1, (3, CELL_PIXELS**2)).mean(2), float(CELL_PIXELS)
+    pixels = F.interpolate(means, scale_factor=scale, mode="bilinear", align_corners=False)
+    return F.pixel_unshuffle(pixels, CELL_PIXELS)
 
 
 def _cat(parts: Sequence[EncodedImage]) -> EncodedImage:

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import torch
 
-from gsedit.diffusion import SamplerSettings
+from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editors.protocol import Capabilities, EditBatch, EditProgress
 from gsedit.editors.sampling import DiffusionEditor
 from gsedit.editors.small.denoiser import Small
-from gsedit.ranks import ALONE, Ranks
+from gsedit.runs.ranks import ALONE, Ranks
 
 
 @dataclass(frozen=True, eq=False)

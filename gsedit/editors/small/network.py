@@ -1,6 +1,6 @@
 """The network of `small`: it encodes the unedited image once, then denoises its edit step by step.
 
-`b` images, `y x` cells of 4x4 pixels, 48 channels: the pixels of a cell, colour by colour.
+`b` images, `y x` cells of 4x4 pixels, 48 channels: the pixels of a cell, color by color.
 
 It has two U-Nets. The image encoder sees the unedited image alone, so it runs once an edit and
 needs no noise level. It is trained to predict the main subject's mask, the inverse depth and the
@@ -10,9 +10,9 @@ edit, the noise level, the instruction and the encoder's features. Together they
   mean = c + g + m s + r               c the unedited pixels, m the probability of the main subject
   x0   = w x_t / a + (1 - w) mean      w = p^2 / (p^2 + sigma^2), p = PRIOR_STD
 
-g, for the whole image, and s, for the subject alone, are colours that a small MLP computes pixel by
-pixel from the colour and the encoder's pixel features, modulated by the instruction (FiLM, Perez et
-al. 2018): most looks are a function of colour, place and shape. r is the residual, from the
+g, for the whole image, and s, for the subject alone, are colors that a small MLP computes pixel by
+pixel from the color and the encoder's pixel features, modulated by the instruction (FiLM, Perez et
+al. 2018): most looks are a function of color, place and shape. r is the residual, from the
 denoiser. The second line is the posterior mean of a pixel whose prior is N(mean, p^2) (w is c_skip
 of Karras et al. 2022): a pixel with hardly any noise is kept, pure noise is ignored, and
 v = (a x_t - x0) / b (Salimans and Ho 2022) stays bounded at both ends.
@@ -21,6 +21,7 @@ v = (a x_t - x0) / b (Salimans and Ho 2022) stays bounded at both ends.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -29,21 +30,131 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from gsedit.editors.small.layers import HEAD_CHANNELS, PixelMLP, UNet
+from gsedit.datasets.padding import pad_to_multiple
 from gsedit.editors.small.text import TextEncoder
-from gsedit.views.padding import pad_to_multiple
 
-CELL = 4
-CHANNELS = 3 * CELL * CELL
+HEAD_CHANNELS = 32  # of an attention head
+GROUPS = 8  # of a group norm
+
+
+class PixelMLP(nn.Module):
+    """Three layers on every pixel alone; an embedding modulates the first two (FiLM)."""
+
+    def __init__(self, in_channels: int, width: int, embedding: int) -> None:
+        super().__init__()
+        self.first, self.second = nn.Linear(in_channels, width), nn.Linear(width, width)
+        self.last = nn.Linear(width, 6)
+        self.film = nn.ModuleList(nn.Linear(embedding, 2 * width) for _ in range(2))
+        for parameter in self.last.parameters():
+            nn.init.zeros_(parameter)
+
+    def forward(
+        self, pixels: Float[Tensor, "b n p"], embedding: Float[Tensor, "b e"]
+    ) -> Float[Tensor, "b n 6"]:
+        """Two colors to add: one everywhere, one on the subject alone."""
+        h = pixels
+        for layer, film in zip((self.first, self.second), self.film):
+            scale, shift = film(embedding)[:, None].chunk(2, -1)
+            weight = layer.weight.T * (1 + scale)  # per image: the product costs nothing more
+            h = F.silu(
+                torch.baddbmm((layer.bias * (1 + scale) + shift).to(h.dtype), h, weight.to(h.dtype))
+            )
+        return self.last(h)
+
+
+class UNet(nn.Module):
+    """Features of every cell at several scales; the embedding, if any, modulates every level."""
+
+    def __init__(
+        self, in_channels: int, widths: Sequence[int], embedding: int | None, attention_levels: int
+    ) -> None:
+        """`widths`: channels per level; the lowest `attention_levels` levels have attention."""
+        super().__init__()
+        self.conv_in = nn.Conv2d(in_channels, widths[0], 3, padding=1)
+        self.down, self.up = nn.ModuleList(), nn.ModuleList()
+        for level, width in enumerate(widths):
+            attention = level >= len(widths) - attention_levels
+            above, below = widths[max(level - 1, 0)], widths[min(level + 1, len(widths) - 1)]
+            self.down.append(UNetLevel((above, width), embedding, attention=attention))
+            self.up.append(UNetLevel((below + width, width), embedding, attention=attention))
+        bottom = (widths[-1], widths[-1])
+        self.middle = UNetLevel(bottom, embedding, attention=attention_levels > 0)
+        self.norm = nn.GroupNorm(GROUPS, widths[0])
+
+    def forward(
+        self, cells: Float[Tensor, "b c y x"], embedding: Float[Tensor, "b e"] | None
+    ) -> Float[Tensor, "b d y x"]:
+        """`y` and `x` are multiples of 2 to the power of the levels below the first."""
+        h, skips = self.conv_in(cells), []
+        for level, block in enumerate(self.down):
+            h = block(F.avg_pool2d(h, 2) if level else h, embedding)
+            skips.append(h)
+        h = self.middle(h, embedding)
+        for level, block in reversed(list(enumerate(self.up))):
+            h = block(torch.cat((h, skips[level]), 1), embedding)
+            h = F.interpolate(h, scale_factor=2.0, mode="nearest") if level else h
+        return self.norm(h)
+
+
+class UNetLevel(nn.Module):
+    """A residual block of two convolutions, modulated in between; then attention, if any."""
+
+    def __init__(self, widths: Sequence[int], embedding: int | None, *, attention: bool) -> None:
+        """`widths`: channels that come in and that go out."""
+        super().__init__()
+        in_channels, width = widths
+        self.norm1, self.norm2 = nn.GroupNorm(GROUPS, in_channels), nn.GroupNorm(GROUPS, width)
+        self.conv1 = nn.Conv2d(in_channels, width, 3, padding=1)
+        self.conv2 = nn.Conv2d(width, width, 3, padding=1)
+        self.film = None if embedding is None else nn.Linear(embedding, 2 * width)
+        self.skip = nn.Conv2d(in_channels, width, 1) if in_channels != width else nn.Identity()
+        self.attention = Attention(width) if attention else None
+        nn.init.zeros_(self.conv2.weight)
+
+    def forward(
+        self, x: Float[Tensor, "b c y x"], embedding: Float[Tensor, "b e"] | None
+    ) -> Float[Tensor, "b d y x"]:
+        h = self.norm2(self.conv1(F.silu(self.norm1(x))))
+        if self.film is not None:
+            h = modulated(h, self.film(embedding))
+        h = self.skip(x) + self.conv2(F.silu(h))
+        return h if self.attention is None else self.attention(h)
+
+
+class Attention(nn.Module):
+    """Self-attention of every cell to all cells."""
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.norm = nn.GroupNorm(GROUPS, width)
+        self.qkv, self.out = nn.Conv2d(width, 3 * width, 1), nn.Conv2d(width, width, 1)
+        nn.init.zeros_(self.out.weight)
+
+    def forward(self, x: Float[Tensor, "b c y x"]) -> Float[Tensor, "b c y x"]:
+        b, c, y, w = x.shape
+        qkv = self.qkv(self.norm(x)).reshape(b, 3, c // HEAD_CHANNELS, HEAD_CHANNELS, y * w)
+        q, k, v = qkv.transpose(-1, -2).unbind(1)
+        values = F.scaled_dot_product_attention(q, k, v)
+        return x + self.out(values.transpose(-1, -2).reshape(b, c, y, w))
+
+
+def modulated(h: Float[Tensor, "b c y x"], film: Float[Tensor, "b d"]) -> Float[Tensor, "b c y x"]:
+    """Scaled by 1 + the first half of `film`, shifted by the second, per channel; d = 2c."""
+    scale, shift = film[:, :, None, None].chunk(2, 1)
+    return h * (1 + scale) + shift
+
+
+CELL_PIXELS = 4
+CHANNELS = 3 * CELL_PIXELS * CELL_PIXELS
 PRIOR_STD = 0.15  # of values in [-1, 1]: about the error of the network's mean where it is unsure
-TRAINED_SIGMAS = (0.02, 360.0)  # the range of sigma in train_small.loss
+TRAINED_SIGMAS = (0.02, 360.0)  # the range of sigma in research.train_small.loss
 INPUT_NOISE_SCALE = 4.0  # the denoiser's input x_t is divided by 1 + sigma / INPUT_NOISE_SCALE
 GEOMETRY_CHANNELS = 3  # of every pixel: subject, depth, height of the normal
 FREQUENCIES = 16  # of the noise level's embedding
 
 
 class EncodedImage(NamedTuple):
-    """What the image encoder computes of unedited images."""
+    """Features of unedited images, from the image encoder."""
 
     features: Float[Tensor, "b c y x"]
     """Per cell; an input of the denoiser."""
@@ -68,7 +179,7 @@ class Architecture:
     attention_levels: int = 2
     """How many of the image encoder's lowest levels have self-attention."""
     pixel_features: int = 12
-    """Channels of `EncodedImage.pixels`."""
+    """Number of channels of `EncodedImage.pixels`."""
     pixel_mlp: int = 32
     """Width of the MLP's hidden layers."""
     embedding: int = 256
@@ -84,12 +195,12 @@ class Architecture:
 
 def to_cells(images: Float[Tensor, "b h w 3"]) -> Float[Tensor, "b 48 y x"]:
     """Images with values in [0, 1] as cells in [-1, 1], whose 4x4 pixels are channels."""
-    return F.pixel_unshuffle((2 * images - 1).movedim(-1, 1), CELL)
+    return F.pixel_unshuffle((2 * images - 1).movedim(-1, 1), CELL_PIXELS)
 
 
 def from_cells(cells: Float[Tensor, "b 48 y x"]) -> Float[Tensor, "b h w 3"]:
     """The exact inverse of to_cells."""
-    return F.pixel_shuffle(cells, CELL).movedim(1, -1) / 2 + 0.5
+    return F.pixel_shuffle(cells, CELL_PIXELS).movedim(1, -1) / 2 + 0.5
 
 
 class SmallNetwork(nn.Module):
@@ -103,7 +214,7 @@ class SmallNetwork(nn.Module):
         )
         self.image_encoder = UNet(CHANNELS + 1, a.image_encoder, None, a.attention_levels)
         self.pixel_head = nn.Conv2d(
-            a.image_encoder[0], a.pixel_features * CELL * CELL, 3, padding=1
+            a.image_encoder[0], a.pixel_features * CELL_PIXELS * CELL_PIXELS, 3, padding=1
         )
         self.text_embedding = nn.Linear(a.text_width, a.embedding)
         self.noise_embedding = nn.Sequential(
@@ -127,7 +238,8 @@ class SmallNetwork(nn.Module):
         mask = image_mask[:, None, None, None]
         masked = torch.cat((image * mask, mask.expand(-1, 1, y, x)), 1)
         features = self.image_encoder(self._padded(masked), None)[..., :y, :x]
-        return EncodedImage(features, F.pixel_shuffle(self.pixel_head(F.silu(features)), CELL))
+        pixels = self.pixel_head(F.silu(features))
+        return EncodedImage(features, F.pixel_shuffle(pixels, CELL_PIXELS))
 
     def forward(
         self,
@@ -164,13 +276,13 @@ class SmallNetwork(nn.Module):
         embedding: Float[Tensor, "b e"],
     ) -> Float[Tensor, "b 48 y x"]:
         """g + m s; `h` are the denoiser's features."""
-        colours = F.pixel_shuffle(image, CELL).to(encoded.pixels.dtype)
-        pixels = torch.cat((colours, encoded.pixels), 1).flatten(2).transpose(1, 2)
+        colors = F.pixel_shuffle(image, CELL_PIXELS).to(encoded.pixels.dtype)
+        pixels = torch.cat((colors, encoded.pixels), 1).flatten(2).transpose(1, 2)
         embedding = embedding + F.silu(self.global_embedding(h.mean((2, 3))))
         everywhere, subject = self.pixel_mlp(pixels, embedding).chunk(2, -1)
         mask = encoded.geometry[:, :1].sigmoid().flatten(2).transpose(1, 2)
-        edit = (everywhere + mask * subject).transpose(1, 2).reshape(colours.shape)
-        return F.pixel_unshuffle(edit, CELL).to(image.dtype)
+        edit = (everywhere + mask * subject).transpose(1, 2).reshape(colors.shape)
+        return F.pixel_unshuffle(edit, CELL_PIXELS).to(image.dtype)
 
     def _padded(self, cells: Float[Tensor, "b c y x"]) -> Float[Tensor, "b c Y X"]:
         """Continued right and below to sides that every level can halve."""

@@ -1,4 +1,4 @@
-"""Where the weights that come with gsedit are. Loads no torch."""
+"""Paths of the weights that come with gsedit. Loads no torch."""
 
 from __future__ import annotations
 

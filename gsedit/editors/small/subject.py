@@ -1,4 +1,4 @@
-"""Where the subject is, as the network sees it, and whether an instruction is about it alone.
+"""Subject of an instruction: its probability at each pixel, and whether it alone is meant.
 
 `v` views of `h w` pixels.
 """
@@ -9,19 +9,26 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.editors.small.network import CELL, EncodedImage, SmallNetwork, from_cells, to_cells
+from gsedit.datasets.padding import pad_to_multiple
+from gsedit.editors.small.network import (
+    CELL_PIXELS,
+    EncodedImage,
+    SmallNetwork,
+    from_cells,
+    to_cells,
+)
 from gsedit.editors.small.text import tokenise
-from gsedit.views.padding import pad_to_multiple
 
 SIGMA = 37.0
-"""Where sampling starts: the first prediction of an edit is whole, and needs one pass."""
+"""Noise level at which sampling starts: the first prediction of an edit is whole, and needs one
+pass."""
 LOOKED_AT = 4
 """Views on which the reach of an instruction is tried; all of a batch if it is smaller."""
 SURE = 0.9
 """Probability of the subject from which a pixel counts as its; surroundings are below 1 - SURE."""
 LOG_ODDS = 6.0
-"""Of the subject where it is told, about what the network says where it is sure."""
-REACH = 0.25
+"""Log-odds of the subject where it is told, about those of the network where it is sure."""
+WHOLE_SCENE_RATIO = 0.25
 """RMS change of the surroundings, relative to the subject's, from which an instruction is about the
 whole scene. On renders of the bear and of the demo scene, it is 0.01 to 0.16 for the looks of the
 subject and 0.38 to 2.97 for the others (three held-out wordings each); on three other scenes 0.03
@@ -36,7 +43,7 @@ def subject_probability(
     the whole picture, not the subject alone.
     """
     height, width = originals.shape[1:3]
-    originals = pad_to_multiple(originals, CELL, "mirror")
+    originals = pad_to_multiple(originals, CELL_PIXELS, "mirror")
     encoded = [_encode(network, image[None]) for image in originals]
     subject = torch.cat([each.geometry[:, 0].sigmoid() for each in encoded])
     chosen = torch.linspace(0, len(originals) - 1, min(LOOKED_AT, len(originals))).round().long()
@@ -44,12 +51,12 @@ def subject_probability(
     change = torch.cat(
         [_first_change(network, originals[i][None], encoded[i], text) for i in chosen.tolist()]
     )
-    is_whole = reach(change, subject[chosen]) > REACH
+    is_whole = reach(change, subject[chosen]) > WHOLE_SCENE_RATIO
     return None if is_whole else subject[:, :height, :width]
 
 
 def with_subject(encoded: EncodedImage, subject: Float[Tensor, "v h w"]) -> EncodedImage:
-    """What the network sees of these views, but for the subject: that is where it is told."""
+    """Features of these views with the subject replaced by a given probability."""
     log_odds = torch.logit(subject.clamp(0, 1), eps=1e-6).clamp(-LOG_ODDS, LOG_ODDS)
     told = log_odds[:, None].to(encoded.pixels)
     return encoded._replace(pixels=torch.cat((told, encoded.pixels[:, 1:]), 1))

@@ -34,7 +34,7 @@ class Tokens(NamedTuple):
 
     @property
     def words(self) -> Bool[Tensor, "b w"]:
-        """Where there is a word."""
+        """Flag the places that hold a word."""
         return self.subwords[..., 0] > 0
 
 

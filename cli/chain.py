@@ -1,0 +1,236 @@
+"""Verbs that change a scene and write it again, chained in one command with `then`.
+
+Such a verb is a function of its own options that returns the operation. SCENE, -o, -f, --dry-run
+and the options of every command are added here; a verb whose function has a parameter of one of
+these names (`output`, `files`, `common`) is given its value.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from gsedit.errors import UsageError
+
+from .core.checkpoints import NAME
+from .core.command import LazyCommand, argument, paragraphs, verb_command, verb_name
+from .core.console import print_result
+from .core.levels import Levels
+from .core.process import Output, process
+from .options.common import Common, current_scene, first_scene
+from .options.files import FileOptions
+
+if TYPE_CHECKING:
+    from gsedit.toolkit.operation import Operation
+
+THEN = "then"
+"""Word between two verbs of one command."""
+
+
+def scene_or_checkpoint(path: Path) -> Path:
+    """Return the current scene: SCENE, or the checkpoint in the folder of an interrupted edit."""
+    checkpoint = path / NAME
+    return first_scene(checkpoint if checkpoint.is_file() else path)
+
+
+SceneOrCheckpoint = Annotated[
+    Path,
+    argument(
+        "SCENE",
+        "Scene file in any format, folder of an edit, or checkpoint.",
+        callback=scene_or_checkpoint,
+    ),
+]
+
+
+@dataclass(frozen=True)
+class Target:
+    """Output of a verb that names it without -o."""
+
+    out: Path | None
+    never_beside: str = ""
+    """A file that must not lie in its folder."""
+
+
+SHARED = {"output": Output, "files": FileOptions, "common": Common}
+"""Option groups of all such verbs, by parameter name."""
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One verb of a command, with the values of its options."""
+
+    verb: str
+    operations: tuple[Operation, ...]
+    levels: Levels | None
+    output: Output
+    files: FileOptions
+    common: Common
+
+
+def operation_verb(body: Callable[..., Any]) -> OperationCommand:
+    """Make the verb of a function that returns an operation or several."""
+    return OperationCommand(body)
+
+
+class OperationCommand(LazyCommand):
+    """A verb that may be followed by `then` and another one."""
+
+    def __init__(self, body: Callable[..., Any]) -> None:
+        summary = paragraphs(body).split("\n")[0]
+        super().__init__(verb_name(body), summary, lambda: verb_command(body, as_first(body)))
+        self.body = body
+
+    def make_context(self, name: str, args: list[str], *rest: Any, **options: Any) -> Any:
+        """Return the context of the first verb, which holds the verbs behind `then`."""
+        first, *others = split(args)
+        context = super().make_context(name, first, *rest, **options)
+        context.obj = (context.parent.command if context.parent else None, others)
+        return context
+
+    def parse(self, args: list[str]) -> Piece:
+        """Return the piece that this verb is in the middle of a command."""
+        command = verb_command(self.body, as_later(self.body))
+        with command.make_context(self.name, args) as context:
+            return command.invoke(context)
+
+
+def split(args: Iterable[str]) -> list[list[str]]:
+    """Split the arguments at the words `then`."""
+    pieces: list[list[str]] = [[]]
+    for each in args:
+        if each == THEN:
+            pieces.append([])
+        else:
+            pieces[-1].append(each)
+    return pieces
+
+
+def as_first(body: Callable[..., Any]) -> Callable[..., None]:
+    """Make the first verb of a command, which takes SCENE and runs the whole chain."""
+
+    def verb(
+        ctx: typer.Context,
+        scene: Path,
+        output: Output,
+        files: FileOptions,
+        common: Common,
+        **values: Any,
+    ) -> None:
+        group, others = ctx.obj
+        piece = as_piece(body, output, files, common, values)
+        run_chain(scene, [piece, *(parse_piece(group, args) for args in others)])
+
+    return _with_parameters(verb, body, ("ctx", typer.Context), ("scene", SceneOrCheckpoint))
+
+
+def as_later(body: Callable[..., Any]) -> Callable[..., Piece]:
+    """Make the verb as it stands behind `then`."""
+
+    def verb(output: Output, files: FileOptions, common: Common, **values: Any) -> Piece:
+        return as_piece(body, output, files, common, values)
+
+    return _with_parameters(verb, body)
+
+
+def as_piece(
+    body: Callable[..., Any],
+    output: Output,
+    files: FileOptions,
+    common: Common,
+    values: dict[str, Any],
+) -> Piece:
+    shared = {"output": output, "files": files, "common": common}
+    asked = inspect.signature(body).parameters
+    made = body(**values, **{name: each for name, each in shared.items() if name in asked})
+    several = made if isinstance(made, list | tuple) else [made]
+    operations = tuple(each for each in several if not isinstance(each, Target | Levels))
+    levels = next((each for each in several if isinstance(each, Levels)), None)
+    for each in several:
+        if isinstance(each, Target):
+            output = replace(output, out=one_place(each, output.out))
+    if any(each.moves for each in operations):
+        current_scene.set(None)  # the cameras beside it do not fit it any more
+    return Piece(verb_name(body), operations, levels, output, files, common)
+
+
+def one_place(target: Target, out: Path | None) -> Path | None:
+    """Return the output, given as OUT or -o. Raises UsageError for both or a misleading place."""
+    if target.out and out and target.out != out:
+        raise UsageError(f"{target.out} and -o {out} are two scenes to write: name one of them")
+    place = target.out or out
+    if place and target.never_beside and place.with_name(target.never_beside).is_file():
+        raise UsageError(
+            f"{place} would lie beside {target.never_beside}, by which gsedit knows a scene that "
+            "is still in the frame of its export: write it into another folder"
+        )
+    return place
+
+
+def parse_piece(group: Any, args: list[str]) -> Piece:
+    """Parse the verb behind a `then`. Raises UsageError for a name that is no such verb."""
+    command = group.commands.get(args[0]) if args else None
+    if not isinstance(command, OperationCommand):
+        known = ", ".join(n for n, c in group.commands.items() if isinstance(c, OperationCommand))
+        given = f"{THEN} {args[0]}" if args else f"nothing follows {THEN}"
+        raise UsageError(f"{given}: name one of {known}")
+    return command.parse(args[1:])
+
+
+def run_chain(scene: Path, pieces: list[Piece]) -> None:
+    """Run all operations in order and write the scene; with --dry-run only count."""
+    outs = list(dict.fromkeys(str(p.output.out) for p in pieces if p.output.out))
+    if len(outs) > 1:
+        raise UsageError(f"one command writes one scene, not {' and '.join(outs)}: give one -o")
+    output = _merged(Output, [p.output for p in pieces])
+    files = _merged(FileOptions, [p.files for p in pieces])
+    common = _merged(Common, [p.common for p in pieces])
+    common.apply()
+    steps = [(p.verb, each) for p in pieces for each in p.operations]
+    for i, (verb, each) in enumerate(steps):
+        steps[i] = verb, each.at(scene)
+        if not each.removes:
+            break
+    if any(each.levels for each in pieces[:-1]):
+        raise UsageError("decimate --levels writes several scenes: nothing can follow it")
+    kept, written = process(scene, steps, output, files, pieces[-1].levels)
+    record = {
+        "scene": scene,
+        "output": written,
+        "gaussians": kept[-1][1].after,
+        "steps": [{"verb": v, "before": k.before, "after": k.after} for v, k in kept[:-1]],
+    }
+    text = str(written) if written else "nothing was written (--dry-run)"
+    print_result(record, text, as_json=common.json)
+
+
+def _merged(kind: type, records: list[Any]) -> Any:
+    """Merge the options of all pieces: each field has the last value that was given."""
+    values = {}
+    for field in fields(kind):
+        given = [getattr(r, field.name) for r in records if getattr(r, field.name) != field.default]
+        values[field.name] = given[-1] if given else field.default
+    return kind(**values)
+
+
+def _with_parameters(
+    verb: Callable[..., Any], body: Callable[..., Any], *first: tuple[str, Any]
+) -> Callable[..., Any]:
+    """Give `verb` the options of `body`, between `first` and the options of all such verbs."""
+    kind = inspect.Parameter.KEYWORD_ONLY
+    leading = [inspect.Parameter(name, kind, annotation=a) for name, a in first]
+    own = [
+        # evaluated here: the operation that the body returns is not imported yet
+        each.replace(kind=kind, annotation=eval(each.annotation, body.__globals__))
+        for each in inspect.signature(body).parameters.values()
+        if each.name not in SHARED
+    ]
+    shared = [inspect.Parameter(name, kind, annotation=a) for name, a in SHARED.items()]
+    verb.__signature__ = inspect.Signature([*leading, *own, *shared])  # pyright: ignore[reportFunctionMemberAccess]
+    verb.__name__, verb.__doc__ = body.__name__, body.__doc__
+    return verb

@@ -1,0 +1,24 @@
+"""Features under the Gram loss, by the name given on the command line."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gsedit.measures.features import FeatureExtractor
+
+
+def load_features(name: str) -> FeatureExtractor:
+    """Load the features under the Gram loss. Raises UsageError, InputError."""
+    if name == "filters":
+        from gsedit.measures.features import FilterBank
+
+        return FilterBank()
+    if name == "vgg":
+        from gsedit.measures.perceptual import vgg_features
+
+        return vgg_features()
+    from gsedit.measures.features import with_equal_energy
+    from gsedit.measures.networks import Vgg16
+
+    return with_equal_energy(Vgg16(name))

@@ -1,0 +1,59 @@
+"""Checks of the places where a verb writes, before any work begins."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection
+from pathlib import Path
+
+from gsedit.errors import UsageError
+from gsedit.storage.atomic import check_writable, is_temporary
+
+from .ranks import is_first
+
+
+def check_file(path: Path, force: bool) -> None:
+    """Raise UsageError unless a file can be written at `path`: checked before the work, by the
+    rank that writes."""
+    if not is_first():
+        return
+
+    check_writable(path, overwrite=force)
+    _check_permission(path.parent)
+
+
+def check_scene_file(path: Path, force: bool) -> None:
+    """Raise UsageError unless a scene can be written at `path`."""
+    from gsedit.formats.scenes import WRITABLE
+
+    if not path.name.lower().endswith(WRITABLE):
+        raise UsageError(f"-o {path}: name a scene file: {', '.join(WRITABLE)}")
+    check_file(path, force)
+
+
+def check_folder(path: Path, force: bool, *, leftovers: Collection[str] = ()) -> None:
+    """Raise UsageError unless `path` can be a folder of results: new or empty, or -f was given.
+    The rank that writes looks.
+
+    Files of the names `leftovers` are nothing to keep, nor are those whose writing was interrupted.
+    """
+    if not is_first():
+        return
+    if os.path.lexists(path) and not path.is_dir():
+        raise UsageError(f"-o {path} is a file, or a link that leads nowhere: name a folder")
+    _check_permission(path)
+    names = {each.name for each in path.iterdir()} if path.is_dir() else set()
+    if not force and any(name not in leftovers and not is_temporary(name) for name in names):
+        raise UsageError(
+            f"-o {path} has files in it already: add -f to replace them, or choose another folder"
+        )
+
+
+def _check_permission(folder: Path) -> None:
+    nearest = next(p for p in (folder, *folder.absolute().parents) if os.path.lexists(p))
+    if not nearest.is_dir():
+        raise UsageError(
+            f"-o: {nearest} is a file, or a link that leads nowhere: choose another folder"
+        )
+    if not os.access(nearest, os.W_OK | os.X_OK):
+        raise UsageError(f"-o: no permission to write in {nearest}; choose another place")

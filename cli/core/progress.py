@@ -1,0 +1,127 @@
+"""Progress on the terminal: bars, plain lines for a log, or JSON lines."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from gsedit.measures.decibels import psnr_from_rmse
+
+from .console import print_json, print_message, shown
+
+if TYPE_CHECKING:
+    from rich.progress import ProgressColumn
+
+    from gsedit.runs.events import Event
+
+Show = Callable[["Event"], None]
+
+LINE_INTERVAL = 10.0
+"""Seconds between plain lines of one stage: the log of an hour stays readable."""
+
+
+@contextmanager
+def progress(*, as_json: bool) -> Iterator[Show]:
+    """Yield a function that shows events: as JSON lines, bars on a terminal, or plain lines."""
+    if as_json:
+        yield _print_as_json
+    elif sys.stderr.isatty():
+        with _bars() as show:
+            yield show
+    else:
+        yield _plain_lines()
+
+
+def _print_as_json(event: Event) -> None:
+    from gsedit.runs.journal import as_record
+
+    print_json("event", as_record(event))
+
+
+def summary(event: Event) -> str:
+    """Return the measurements of an event: its loss, its error in dB, its note."""
+    parts = []
+    if event.loss is not None:
+        parts.append(f"loss {event.loss:.4f}")
+    if event.error is not None and " dB" not in event.note:  # a note may name the reference too
+        parts.append(f"{psnr_from_rmse(event.error):.2f} dB")
+    return "  ".join([*parts, *([event.note] if event.note else [])])
+
+
+def _plain_lines() -> Show:
+    """Return a function that prints a line where a stage begins, where it ends, and between."""
+    first: dict[str, Event] = {}
+    last_printed = 0.0
+
+    def show(event: Event) -> None:
+        nonlocal last_printed
+        begins = event.stage not in first or event.step < first[event.stage].step
+        if begins:
+            first[event.stage] = event
+        ends = 0 < event.steps <= event.step
+        if begins or ends or event.seconds - last_printed >= LINE_INTERVAL:
+            last_printed = event.seconds
+            print_message(" ".join(plain_line(event, first[event.stage]).split()))
+
+    return show
+
+
+def plain_line(event: Event, first: Event) -> str:
+    """Return an event as a line; `first` is the first event of its stage, for the time left."""
+    count = f" {event.step}/{event.steps}" if event.steps else ""
+    left = ""
+    if event.step > first.step and event.steps > event.step:
+        pace = (event.seconds - first.seconds) / (event.step - first.step)
+        left = f"about {(event.steps - event.step) * pace:.0f} s left"
+    return f"[{event.seconds:.0f} s] {event.stage}{count} {summary(event)} {left}"
+
+
+@contextmanager
+def _bars() -> Iterator[Show]:
+    """Yield a function that shows a progress bar for each stage."""
+    from rich.console import Console
+    from rich.progress import Progress, TaskID
+
+    tasks: dict[str, TaskID] = {}
+    with Progress(*_columns(), console=Console(stderr=True)) as bars:
+
+        def end_stages_without_steps() -> None:
+            for task in bars.tasks:
+                if task.total is None:
+                    bars.update(task.id, total=1, completed=1)
+
+        def show(event: Event) -> None:
+            if event.stage not in tasks:
+                end_stages_without_steps()
+                tasks[event.stage] = bars.add_task(event.stage, total=None, summary="")
+            task = tasks[event.stage]
+            if event.step < bars.tasks[task].completed:  # the stage starts again
+                bars.reset(task)
+            measured = shown(summary(event)) or bars.tasks[task].fields["summary"]
+            total = event.steps or None
+            bars.update(task, completed=event.step, total=total, summary=measured)
+
+        yield show
+        end_stages_without_steps()
+
+
+def _columns() -> tuple[ProgressColumn, ...]:
+    """Return the columns of a bar: stage, steps, times and the last measurement."""
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    return (
+        TextColumn("{task.description:<10}"),
+        BarColumn(bar_width=24),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[summary]}", markup=False),
+    )

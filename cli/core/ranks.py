@@ -1,0 +1,113 @@
+"""A command on several ranks: rank 0 speaks and writes, and names the rank that ended it."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections import deque
+from collections.abc import Callable, Iterable
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from gsedit.errors import GseditError, UsageError
+from gsedit.runs.ranks import LostRankError, join, launched
+
+from .exits import Interrupted, explain
+
+if TYPE_CHECKING:
+    from gsedit.runs.ranks import Ranks
+    from gsedit.runs.state import State
+
+VERBS = ("edit", "fit")
+"""Those that share out their work."""
+
+
+def is_first() -> bool:
+    """Whether this process prints and writes: it is rank 0, or alone."""
+    return launched() == 1 or os.environ["RANK"] == "0"
+
+
+@lru_cache(maxsize=1)
+def ranks() -> Ranks:
+    """The ranks that torchrun started, met at the first call. Raises LostRankError."""
+    return join()
+
+
+def joined() -> bool:
+    """Whether the ranks have met."""
+    return bool(ranks.cache_info().currsize) and launched() > 1
+
+
+def meet(verb: str | None) -> None:
+    """Join the other ranks before a verb begins. Raises UsageError for one that works alone,
+    LostRankError where the ranks do not meet."""
+    if launched() > 1:
+        if verb not in VERBS:
+            raise UsageError(f"gsedit {verb} runs on one rank: start it without torchrun")
+        ranks()
+
+
+def broadcast_state(read: Callable[[], State | None]) -> State | None:
+    """Return the state that rank 0 reads, on every rank. Raises what `read` raises."""
+    state = read() if is_first() else None
+    if launched() == 1:
+        return state
+    from gsedit.runs.state import State
+
+    sent = ranks().first(state and (dict(state.record), dict(state.tensors), state.source))
+    return sent and State(*sent)
+
+
+def drain(steps: Iterable[Any]) -> None:
+    """Do the work of a rank that prints and writes nothing."""
+    deque(steps, maxlen=0)
+
+
+def leave() -> None:
+    """Wait for the other ranks to be done. Raises LostRankError."""
+    if joined():
+        ranks().leave()
+        ranks.cache_clear()
+
+
+def cause(error: Exception) -> Exception:
+    """The error with the rank that caused it, and word of this one's for the others.
+
+    An error of this rank's own stays as it is. Where a rank says nothing, it was killed.
+    """
+    if not joined():
+        return error
+    here, own = ranks(), not isinstance(error, (Interrupted, LostRankError))
+    here.say_end(explain(error)[0] if own else "")
+    if own:
+        return error
+    said = here.ends()
+    silent = [rank for rank, reason in said.items() if reason is None]
+    failed = {rank: reason for rank, reason in said.items() if reason}
+    if silent:
+        what = f"{_named(silent, here.size)}: killed, or out of memory"
+    elif failed:
+        what = "; ".join(f"rank {rank} of {here.size} failed: {failed[rank]}" for rank in failed)
+    else:
+        return error
+    rest = f"; {error}" if isinstance(error, Interrupted) else ""
+    if 0 in silent:  # it wrote the checkpoints, and the first of the others speaks for it
+        rest = "; what rank 0 kept is in the folder of its output"
+        if here.rank == min({here.rank, *said} - set(silent)):
+            sys.stderr.write(f"gsedit: {what}{rest}\n")
+    return GseditError(f"{what}{rest}")
+
+
+def _named(silent: list[int], size: int) -> str:
+    if len(silent) == 1:
+        return f"rank {silent[0]} of {size} ended without a word"
+    return f"ranks {', '.join(map(str, silent))} of {size} ended without a word"
+
+
+def end(code: int) -> NoReturn:
+    """Exit. On several ranks at once: threads of the connection could abort an orderly exit."""
+    if launched() > 1:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    sys.exit(code)

@@ -1,0 +1,1 @@
+"""Options that verbs share, and the records that hold their values."""

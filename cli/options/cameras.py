@@ -1,0 +1,259 @@
+"""Cameras of views: those of a dataset, those recorded beside a scene, or found ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from gsedit.errors import UsageError
+from rasterizer.numerics import Execution
+
+from ..core.command import flag
+from ..core.console import print_message
+from .common import Data, Size
+from .numbers import numbers
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from gsedit.cameras.search import ViewConstraints
+    from gsedit.datasets.dataset import Dataset
+    from gsedit.datasets.viewpoints import Viewpoint
+    from rasterizer.camera import Camera
+    from rasterizer.scene import Gaussians
+
+FOUND_VIEWS = 24
+"""Views that are searched for in a scene without cameras."""
+CHECKED_FOUND_VIEWS = 8
+"""Found views of which a small render tells whether they show anything."""
+
+Up = Annotated[
+    str | None,
+    flag(
+        "--up",
+        "World axis that points up: x, -x, y, -y, z or -z. Cameras beside the scene are then "
+        "ignored.",
+        "AXIS",
+        show_default="from the ground that views see, else -y",
+    ),
+]
+LookAt = Annotated[
+    str | None,
+    flag(
+        "--look-at",
+        "Point that the views look at. Cameras beside the scene are then ignored.",
+        "X,Y,Z",
+        show_default="found",
+    ),
+]
+From = Annotated[
+    str | None,
+    flag(
+        "--from",
+        "Point that the views are taken from, or from beside it. Cameras beside the scene are "
+        "then ignored.",
+        "X,Y,Z",
+        show_default="found",
+    ),
+]
+
+
+@dataclass(frozen=True)
+class ViewOptions:
+    """The cameras of a verb that needs several."""
+
+    data: Data = None
+    size: Size = 256
+    up: Up = None
+    look_at: LookAt = None
+    eye: From = None
+
+    @property
+    def placed(self) -> bool:
+        """Whether the views are to be found, even where a capture's cameras are known."""
+        return not (self.up is None and self.look_at is None and self.eye is None)
+
+    def check(self) -> None:
+        """Raise UsageError for a name that is no axis, a text that is no point, or points beside
+        photos: before a large file is read.
+        """
+        constraints_of(self)
+        if self.data is not None and (self.look_at or self.eye):
+            raise UsageError("--look-at and --from place cameras: leave out --data")
+
+
+def constraints_of(options: ViewOptions) -> ViewConstraints:
+    """Return the constraints on the views to find. Raises UsageError."""
+    from gsedit.cameras.search import ViewConstraints
+
+    eye, target = point(options.eye, "--from"), point(options.look_at, "--look-at")
+    return ViewConstraints(up_vector(options.up), target, eye)
+
+
+def point(text: str | None, option: str) -> Tensor | None:
+    """Three numbers of a scene's size separated by commas, float64. Raises UsageError."""
+    if text is None:
+        return None
+    import torch
+
+    from gsedit.errors import UsageError
+    from gsedit.formats.limits import MAX_POSITION
+
+    found = torch.tensor(numbers(option, text, 3), dtype=torch.float64)
+    if found.abs().max() > MAX_POSITION:
+        raise UsageError(f"{option} {text:.80}: no scene reaches beyond {MAX_POSITION:g}")
+    return found
+
+
+def up_vector(up: str | None) -> Tensor | None:
+    """The unit vector of an axis name; None where the library is to find it from the scene."""
+    if up is None:
+        return None
+    from gsedit.scene import framing
+
+    return framing.up_vector(up)
+
+
+def load_photos(data: Path, size: int, scene: Path | None) -> Dataset:
+    """Load the photos of --data, in the frame of the scene file if nerfstudio exported it."""
+    from gsedit.datasets.export_frame import in_export_frame
+    from gsedit.datasets.load import load_dataset
+
+    photos = load_dataset(data, size=size)
+    say_notes(photos)
+    say_if_smaller(photos, size)
+    return photos if scene is None else in_export_frame(photos, data, scene)
+
+
+def say_notes(photos: Dataset) -> None:
+    """Print the notes on how photos were read, a line each."""
+    for note in photos.notes:
+        print_message(note)
+
+
+def framed_alike(dataset: Dataset) -> Dataset:
+    """Return the views at one size, and print a line where they had several."""
+    from gsedit.datasets.lazy_views import of_one_size
+
+    framed = of_one_size(dataset)
+    if framed is not dataset:
+        print_message(framed.notes[-1])
+    return framed
+
+
+def say_if_smaller(photos: Dataset, size: int) -> None:
+    """Print a line where all photos are smaller than the requested size."""
+    width, height = max(((v.camera.width, v.camera.height) for v in photos.views), key=max)
+    if max(width, height) < size:
+        print_message(
+            f"the photos have {width}x{height} pixels: views are not made larger (--size {size})"
+        )
+
+
+def recorded_viewpoints(path: Path | None, scene: Gaussians, size: int) -> tuple[Viewpoint, ...]:
+    """Return all cameras recorded beside a scene file; none if none of them sees the scene."""
+    from gsedit.datasets.cameras_json import cameras_file, read_cameras
+    from gsedit.datasets.near import viewpoints_near
+    from gsedit.datasets.viewpoints import same_size, that_see, thinned
+
+    file = None if path is None else cameras_file(path)
+    if file is None:
+        return ()
+    viewpoints = viewpoints_near(same_size(read_cameras(file), size), scene)
+    if not that_see(thinned(viewpoints, 16), scene):
+        print_message(f"{file}: none of these cameras sees the scene; they are ignored")
+        return ()
+    print_message(f"views are taken from the {len(viewpoints)} cameras of {file}")
+    return viewpoints
+
+
+def rendered_where_seen(
+    viewpoints: Sequence[Viewpoint], scene: Gaussians, execution: Execution
+) -> Dataset:
+    """Render from the recorded cameras that see the scene; from a sample of many."""
+    from gsedit.datasets.viewpoints import rendered, that_see, thinned
+
+    some = thinned(viewpoints)
+    seeing = that_see(some, scene, execution)
+    if len(seeing) < len(some):
+        print_message(f"{len(some) - len(seeing)} cameras see nothing: they are skipped")
+    return rendered(scene, seeing, execution)
+
+
+def load_views(
+    path: Path | None, scene: Gaussians, options: ViewOptions, execution: Execution
+) -> Dataset:
+    """Return the views of an edit: photos of --data, or renders from recorded or found cameras.
+
+    The path is None for a scene that is no longer as its file has it.
+    """
+    return resolve_cameras(path, scene, options, FOUND_VIEWS, execution).dataset(scene, execution)
+
+
+def resolve_cameras(
+    path: Path | None, scene: Gaussians, options: ViewOptions, count: int, execution: Execution
+) -> ResolvedCameras:
+    """Return the cameras of --data, or those recorded beside the scene, or else `count` found."""
+    from gsedit.cameras.around import find_viewpoints
+    from gsedit.datasets.viewpoints import thinned, viewpoints_of
+
+    if options.data is not None:
+        photos = load_photos(options.data, options.size, path)
+        return ResolvedCameras(viewpoints_of(photos), photos)
+    if not options.placed and (recorded := recorded_viewpoints(path, scene, options.size)):
+        return ResolvedCameras(recorded)
+    print_message("searching the scene for views; a cameras.json beside it saves this")
+    found = find_viewpoints(
+        scene, count, options.size, wish=constraints_of(options), execution=execution
+    )
+    say_if_empty(thinned(found, CHECKED_FOUND_VIEWS), scene, execution)
+    return ResolvedCameras(found, found=True)
+
+
+def say_if_empty(viewpoints: Sequence[Viewpoint], scene: Gaussians, execution: Execution) -> None:
+    """Print a line where found views show nothing of the scene."""
+    from gsedit.datasets.viewpoints import that_see
+
+    empty = len(viewpoints) - len(that_see(viewpoints, scene, execution))
+    if empty:
+        print_message(
+            f"{empty} of {len(viewpoints)} found views show nothing of the scene: its Gaussians "
+            "are transparent, too small or too far apart; gsedit info tells, --from and --look-at "
+            "choose another view"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class ResolvedCameras:
+    """Viewpoints of one scene, and the photos that were taken there, if any."""
+
+    viewpoints: tuple[Viewpoint, ...]
+    photos: Dataset | None = None
+    found: bool = False
+    """Whether they were searched for: they have no names of photos then."""
+
+    def named(self, indices: Sequence[int]) -> dict[str, Camera]:
+        """Cameras by the names of their pictures, of the view's number and its photo's name.
+        Raises UsageError for a number that there is not.
+        """
+        cameras = {}
+        for index in indices:
+            if not 0 <= index < len(self.viewpoints):
+                last = len(self.viewpoints) - 1
+                raise UsageError(f"--views {index}: there are views 0 to {last}")
+            viewpoint = self.viewpoints[index]
+            name = viewpoint.name if self.found else f"{index:03d}_{Path(viewpoint.name).stem}"
+            cameras[name] = viewpoint.camera
+        return cameras
+
+    def dataset(self, scene: Gaussians, execution: Execution) -> Dataset:
+        """The views with pictures: the photos, or renders; of many recorded cameras, of some."""
+        from gsedit.datasets.viewpoints import rendered
+
+        if self.photos is not None:
+            return self.photos
+        if self.found:
+            return rendered(scene, self.viewpoints, execution)
+        return rendered_where_seen(self.viewpoints, scene, execution)

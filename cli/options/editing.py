@@ -1,0 +1,186 @@
+"""Options of `gsedit edit`: the 2D editor's, the strategies', and those of the settings record."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, fields, replace
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gsedit.errors import UsageError
+
+from ..core.command import option
+from .settings import Layout, Setting, Values, settings_of, with_values
+
+if TYPE_CHECKING:
+    from gsedit.editing.session.actions import Strategy
+    from gsedit.editing.session.settings import EditSettings
+    from gsedit.editors import Editor
+
+EDITOR, STRATEGY, SAMPLING, UPDATE = "2D editor", "Strategy", "Sampling", "Scene update"
+LAYOUT = Layout(UPDATE, panels={"sampler": SAMPLING, "update": UPDATE, "execution": "Rendering"})
+
+
+@dataclass(frozen=True)
+class EditorOptions:
+    """Options of the 2D editor that follows the instruction."""
+
+    editor: str = option(
+        "small", "2D editor that changes the views; gsedit list editors names them.", "NAME"
+    )
+    model: str | None = option(
+        None, "pix2pix: a folder of weights, or a Hugging Face id. small: a file of weights."
+    )
+    weights_dir: Path | None = option(None, "pix2pix: folder where downloaded weights are kept.")
+    run: str | None = option(
+        None,
+        'command: the program to run, as in "my_editor {input} {output} {prompt}". It must '
+        "write to the folder {output} a PNG for each PNG in {input}. No shell is involved.",
+        "COMMAND",
+    )
+    timeout: float | None = option(
+        None,
+        "command: seconds that the program may take for the views of a round.",
+        "SECONDS",
+        show_default="no limit",
+    )
+
+    guess: bool = option(
+        False,
+        "small: follow an instruction that it does not understand with the nearest known look.",
+    )
+
+    def make(self, out: Path, instruction: str | None) -> Editor:
+        """Make the editor, which may keep files below `out`.
+
+        Raises UsageError for an option that it does not have, or an instruction that it cannot
+        follow (None: it need not follow any).
+        """
+        from gsedit.editors import make_editor
+
+        editor = make_editor(
+            self.editor,
+            model=self.model,
+            weights_dir=self.weights_dir,
+            run=self.run,
+            timeout=self.timeout,
+            folder=out / "command",
+            guess=self.guess or None,
+        )
+        if instruction is not None:
+            editor.check(instruction)
+        return editor
+
+
+def what_it_understood(editor: Editor, instruction: str) -> str:
+    """Return how the editor understood a sentence; empty if it takes any sentence as it is."""
+    understand = editor.capabilities.understand
+    if understand is None:
+        return ""
+    understood = understand(instruction)
+    return f"{'understood as' if understood.known else 'not understood, a guess'}: {understood}"
+
+
+def edit_settings(own: Iterable[str] = ()) -> list[Setting]:
+    """Return every option that comes from a field of EditSettings or of a strategy.
+
+    `own`: the flags of the verb's other options. Raises TypeError as `strategy_options` does.
+    """
+    from gsedit.editing.session.settings import EditSettings
+    from gsedit.editing.strategies import DEFAULT, find_strategy, strategy_names
+
+    strategies = {name: find_strategy(name) for name in strategy_names()}
+    choice = Setting(
+        path=("strategy",),
+        flag="--strategy",
+        type=Enum("strategy", {name: name for name in strategies}, type=str),
+        meaning="When views are edited and when the scene is fitted to them "
+        "(docs/concepts/strategies.md).",
+        default=DEFAULT,
+        panel=STRATEGY,
+    )
+    own = {*own, "--strategy"}
+    shared = settings_of(EditSettings(), LAYOUT, taken=own)
+    taken = {*own, *(setting.flag for setting in shared)}
+    return [choice, *strategy_options(strategies, taken), *shared]
+
+
+def strategy_options(strategies: dict[str, type[Strategy]], taken: Iterable[str]) -> list[Setting]:
+    """Return an option for each field of any strategy; its help names the strategies with it.
+
+    A field whose flag is `taken` gets the prefix `--strategy-`. Raises TypeError where strategies
+    share a flag but not the field's name and type.
+    """
+    options: dict[str, Setting] = {}
+    owners: dict[str, list[str]] = {}
+    for name, strategy in strategies.items():
+        for setting in settings_of(strategy(), Layout(STRATEGY), ("strategy",), taken):
+            owners.setdefault(setting.flag, []).append(name)
+            earlier = options.get(setting.flag, setting)
+            check_same_field(earlier, setting, name)
+            negatable = setting.negatable or earlier.negatable
+            default = setting.default if setting.default == earlier.default else "by strategy"
+            options[setting.flag] = replace(earlier, negatable=negatable, default=default)
+    return [
+        replace(setting, meaning=f"{setting.meaning} Of {', '.join(owners[setting.flag])}.")
+        for setting in options.values()
+    ]
+
+
+def check_same_field(earlier: Setting, setting: Setting, name: str) -> None:
+    """Raise TypeError unless two strategies, the later one `name`, mean the same by a flag."""
+    if earlier.path != setting.path or accepted(earlier.type) != accepted(setting.type):
+        raise TypeError(
+            f"{setting.flag} of the strategy {name} is {describe(setting)}, and "
+            f"{describe(earlier)} of a strategy before it: give the field another name, or another "
+            "flag in its metadata"
+        )
+
+
+def accepted(kind: type) -> Any:
+    """Return the values of an Enum that an option accepts, or the type itself."""
+    return [choice.value for choice in kind] if issubclass(kind, Enum) else kind
+
+
+def describe(setting: Setting) -> str:
+    return f"{setting.path[-1]} ({setting.type.__name__})"
+
+
+def resolve(preset: str, values: Values, own: Iterable[str] = ()) -> tuple[EditSettings, Strategy]:
+    """Return the settings and the strategy: values of the preset, replaced by given ones.
+
+    `own`: the flags of the verb's other options, which decide those that an error message names.
+    Raises UsageError for a value out of range, and an option that another strategy has.
+    """
+    from gsedit.diffusion.settings import SamplerSettings
+    from gsedit.editing.session.settings import EditSettings
+
+    shared = {path: value for path, value in values.items() if path[0] != "strategy"}
+    chosen = {
+        path[1:]: value for path, value in values.items() if path[0] == "strategy" and path[1:]
+    }
+    settings = EditSettings(sampler=SamplerSettings.preset(preset))
+    return with_values(settings, shared), make_strategy(values.get(("strategy",)), chosen, own)
+
+
+def make_strategy(name: str | None, values: Values, own: Iterable[str]) -> Strategy:
+    """Make the strategy of a name, or the default. Raises UsageError for a foreign option."""
+    from gsedit.editing.strategies import DEFAULT, find_strategy, strategy_names
+
+    name = name or DEFAULT
+    for path in values:
+        owners = [each for each in strategy_names() if has_field(find_strategy(each), path[0])]
+        if name not in owners:
+            flag = next(
+                each.flag for each in edit_settings(own) if each.path == ("strategy", *path)
+            )
+            raise UsageError(
+                f"{flag} is an option of the strategy {' and '.join(owners)}, not of {name}: "
+                f"leave it out, or add --strategy {owners[0]}"
+            )
+    return with_values(find_strategy(name)(), values)
+
+
+def has_field(record: type, name: str) -> bool:
+    return any(item.name == name for item in fields(record))

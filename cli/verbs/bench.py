@@ -1,0 +1,190 @@
+"""`gsedit bench`: targets and edge cases of the renderer, the error of an edit, ranks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, TypeVar
+
+import typer
+
+from ..core.command import as_command
+from ..core.console import print_json, print_message, print_result
+from ..core.exits import Interrupted
+from ..core.outputs import check_folder
+from ..core.progress import progress
+from ..options.common import Common, Force, output
+from ..options.numbers import parse_indices
+
+if TYPE_CHECKING:
+    from gsedit.runs.events import Event
+
+bench = typer.Typer(no_args_is_help=True, add_completion=False)
+
+Points = Annotated[
+    Path | None,
+    typer.Option(
+        "--points",
+        metavar="FILE",
+        envvar="GSEDIT_GARDEN",
+        show_default=False,
+        help="Points of the garden scene: garden.npz, a test asset of gsplat.",
+    ),
+]
+Cache = Annotated[
+    Path,
+    typer.Option("--cache", metavar="FOLDER", help="Folder that keeps the reference's pictures."),
+]
+Quick = Annotated[bool, typer.Option("--quick", help="A short run: fewer and smaller cases.")]
+Runs = Annotated[int, typer.Option("--runs", min=1, help="Number of runs; times are medians.")]
+Folder = Annotated[Path, output("Folder for the results.")]
+
+Row = TypeVar("Row")
+
+
+@bench.callback()
+def describe() -> None:
+    """Measure the renderer, an edit and several processes on this machine."""
+
+
+def stability(
+    out: Folder = Path("out/stability"),
+    quick: Quick = False,
+    force: Force = False,
+    *,
+    common: Common,
+) -> None:
+    """Draw extreme inputs one by one, and print the errors, or the message of a refusal.
+
+    Writes stability.jsonl and stability.md.
+
+    gsedit bench stability -o out/stability
+    """
+    check_folder(out, force)
+    common.apply()
+
+    from gsedit.bench.renderer.stability import ROWS_FILE, stability_to_folder, table
+
+    items = stability_to_folder(out, quick=quick)
+    rows = collect(items, common, out / ROWS_FILE)
+    print_message(f"{len(rows)} cases are in {out}")
+    print_result({"folder": out, "rows": rows}, table(rows), as_json=common.json)
+
+
+def targets(
+    points: Points = None,
+    cache: Cache = Path("out/bench/references"),
+    quick: Quick = False,
+    *,
+    common: Common,
+) -> None:
+    """Print which targets of speed and accuracy the renderer reaches on this machine.
+
+    The exit code is 0 whether or not they are reached.
+
+    gsedit bench targets --points garden.npz
+    """
+    common.apply()
+
+    from gsedit.bench.renderer.targets import FULL, QUICK, measure_targets, table
+
+    size = QUICK if quick else FULL
+    rows = collect(measure_targets(size, points, cache), common)
+    reached = sum(target.reached is True for target in rows)
+    print_result({"targets": rows, "reached": reached}, table(rows), as_json=common.json)
+
+
+def edit(
+    instruction: Annotated[
+        str, typer.Argument(metavar="INSTRUCTION", help="Instruction of the editor closed-form.")
+    ] = "turn the bear into a bronze statue",
+    out: Folder = Path("out/bench_edit"),
+    strategy: Annotated[
+        str, typer.Option("--strategy", metavar="NAME", help="How views and scene are edited.")
+    ] = "single-pass",
+    quick: Quick = False,
+    force: Force = False,
+    *,
+    common: Common,
+) -> None:
+    """Measure the error of an edit of the built-in scene against seconds, at held-out cameras.
+
+    The error is to the exact edit. Writes edit.jsonl and edit.md.
+
+    gsedit bench edit -o out/bench_edit
+    """
+    from dataclasses import replace
+
+    check_folder(out, force)
+    common.apply()
+
+    from gsedit.bench.edit import QUICK, ROWS, EditPlan, edit_to_folder, table
+
+    plan = replace(QUICK if quick else EditPlan(), instruction=instruction, strategy=strategy)
+    rows = collect(edit_to_folder(out, plan), common, out / ROWS)
+    print_result({"folder": out, "rows": rows}, table(rows), as_json=common.json)
+
+
+def ranks(
+    out: Folder = Path("out/ranks"),
+    counts: Annotated[
+        str,
+        typer.Option("--ranks", metavar="N,N,...", help="Numbers of ranks, of one thread each."),
+    ] = "1,2",
+    runs: Runs = 3,
+    quick: Quick = False,
+    force: Force = False,
+    *,
+    common: Common,
+) -> None:
+    """Measure what several processes gain: 2D editor, update and fit, with torchrun.
+
+    Writes bench.jsonl and bench.md.
+
+    gsedit bench ranks -o out/ranks
+    """
+    check_folder(out, force)
+    common.apply()
+
+    from gsedit.bench import ranks
+
+    numbers = parse_indices(counts, "--ranks")
+    items = ranks.ranks_to_folder(out, ranks=numbers, runs=runs, quick=quick)
+    rows = collect(items, common, out / ranks.ROWS, print_rows=True)
+    record = {"folder": out, "rows": len(rows)}
+    print_result(record, ranks.table(rows), as_json=common.json)
+
+
+for verb in (targets, stability, edit, ranks):
+    bench.command()(as_command(verb))
+
+
+def collect(
+    items: Iterator[Event | Row],
+    common: Common,
+    path: Path | None = None,
+    *,
+    print_rows: bool = False,
+) -> list[Row]:
+    """The rows of a benchmark; its events are shown meanwhile, and its rows with --json.
+
+    `path`: where an interruption leaves the rows.
+    """
+    from gsedit.runs.events import Event
+
+    rows: list[Row] = []
+    try:
+        with progress(as_json=common.json) as show:
+            for item in items:
+                if isinstance(item, Event):
+                    show(item)
+                    continue
+                rows.append(item)
+                if print_rows and common.json:
+                    print_json("row", item)
+    except KeyboardInterrupt:
+        if path is None:
+            raise
+        remains = f"{len(rows)} rows are in {path}" if rows else "nothing was measured yet"
+        raise Interrupted(f"interrupted; {remains}") from None
+    return rows

@@ -1,0 +1,136 @@
+"""`gsedit capture`: photos or a video into a folder of posed photos."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from shlex import quote
+from typing import TYPE_CHECKING, Annotated
+
+from gsedit.capture.settings import CaptureSettings
+
+from ..core.command import argument, shows
+from ..core.console import print_message, print_result
+from ..core.exits import Interrupted
+from ..core.outputs import check_folder
+from ..core.progress import progress
+from ..options.common import Force, Seeded, output
+from ..options.settings import Layout, Setting, SettingsGroup, Values, settings_of, with_values
+
+if TYPE_CHECKING:
+    from gsedit.capture.capture import CaptureResult
+
+NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
+
+Source = Annotated[
+    Path, argument("PHOTOS", "A folder of photos of one scene (folders in it too), or a video.")
+]
+
+
+def capture_settings() -> list[Setting]:
+    """An option for each field of CaptureSettings; --threads and --seed are those of every verb."""
+    return settings_of(CaptureSettings(), Layout("Posing", without=("seed", "threads")))
+
+
+@shows("--output", "--frames", "--lens", "--focal", "--mask", "--size", "--force", "--seed")
+def capture(
+    photos: Source,
+    out: Annotated[Path, output("Folder to write: `gsedit fit` reads it.")],
+    force: Force = False,
+    *,
+    values: Annotated[Values, SettingsGroup(capture_settings)],
+    common: Seeded,
+) -> None:
+    """Find the camera of each photo, for gsedit fit.
+
+    gsedit capture photos/ -o scene/
+
+    Walk around the subject and take 20 to 100 photos that overlap, or a video. After an
+    interruption, the same command continues; -f starts again.
+    """
+    settings = settings_from(values, common)
+    result = run_capture(photos, out, settings, force=force, as_json=common.json)
+    print_capture(result, out)
+    from dataclasses import asdict
+
+    print_result(asdict(result), str(out), as_json=common.json)
+
+
+def settings_from(values: Values, common: Seeded) -> CaptureSettings:
+    """The settings that options ask for."""
+    seed = common.seed % 2**31  # COLMAP takes 32 bits, and -1 as no seed
+    everyday = {("seed",): seed, ("threads",): common.threads or -1}
+    return with_values(CaptureSettings(), {**values, **everyday})
+
+
+def run_capture(
+    photos: Path, out: Path, settings: CaptureSettings, *, force: bool, as_json: bool
+) -> CaptureResult:
+    """Capture with progress on the terminal. Raises Interrupted with what is left of the work."""
+    from gsedit.capture.capture import (
+        WORK,
+        CaptureResult,
+        Line,
+        capture_steps,
+        check_frames,
+        check_places,
+        is_begun,
+        start_anew,
+    )  # fmt: skip
+
+    check_places(photos, out)
+    check_frames(photos, settings)
+    check_folder(out, force or is_begun(out))
+    if force:
+        start_anew(out)
+    result = None
+    try:
+        with progress(as_json=as_json) as show:
+            for item in capture_steps(photos, out, settings):
+                match item:
+                    case Line():
+                        print_message(item.text)
+                    case CaptureResult():
+                        result = item
+                    case _:
+                        show(item)
+    except KeyboardInterrupt:
+        raise Interrupted(
+            f"interrupted; the stages that ended are kept in {out / WORK}: go on with the same "
+            "command"
+        ) from None
+    if result is None:
+        raise RuntimeError("the work ended without a result")
+    return result
+
+
+def print_capture(result: CaptureResult, out: Path) -> None:
+    """The one screen at the end: what was posed, how well, and what to do next."""
+    lines = [capture_summary(result)]
+    if (picture := out / "capture.png").is_file():  # it needs OpenGL
+        lines.append(f"look:  {picture}")
+    scene = f"{os.path.basename(os.path.realpath(out)) or 'scene'}.ply"
+    lines.append(f"next:  gsedit fit {quote(str(out))} -o {quote(scene)}")
+    print_message("\n".join(lines))
+
+
+def capture_summary(result: CaptureResult) -> str:
+    """Two lines: what was posed and how well; the cameras."""
+    from gsedit.capture.causes import listed
+
+    focals = dict.fromkeys(f"{mm:g} mm ({source}, refined)" for mm, source in result.focals)
+    return (
+        f"{result.posed} of {result.photos} photos posed{_islands(result.islands)}, "
+        f"reprojection error {result.error:.2f} px, {result.points:,} points, "
+        f"{result.seconds:.0f} s\n"
+        f"focal length in 35 mm equivalents: {listed(list(focals))}; upright by {result.upright}"
+    )
+
+
+def _islands(sizes: tuple[int, ...]) -> str:
+    """ ", two islands of 52 and 8" where there are several."""
+    if len(sizes) < 2:
+        return ""
+    number = NUMBERS[len(sizes)] if len(sizes) < len(NUMBERS) else str(len(sizes))
+    listed = ", ".join(map(str, sizes[:-1]))
+    return f", {number} islands of {listed} and {sizes[-1]} (the largest is the scene)"

@@ -1,0 +1,89 @@
+"""`gsedit doctor`: what this machine lacks, and whether a model's weights are whole."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ..core.console import print_message, print_result
+from ..core.exits import UNREADABLE
+from ..options.common import Common
+
+if TYPE_CHECKING:
+    from gsedit.editors.pix2pix.weights import Weights
+
+
+def doctor(
+    model: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="MODEL",
+            help="A folder of InstructPix2Pix weights, or a Hugging Face id in the local cache.",
+            show_default=False,
+        ),
+    ] = None,
+    *,
+    common: Common,
+) -> None:
+    """Check this machine, or the weights of a model.
+
+    gsedit doctor models/instruct-pix2pix
+
+    Without MODEL: libraries, torch, threads, memory, OpenGL; the exit code is 0 whatever is
+    missing. With MODEL, the exit code is 3 if its weights are incomplete.
+    """
+    common.apply()
+    if model is None:
+        check_machine(as_json=common.json)
+    else:
+        check_weights(model, as_json=common.json)
+
+
+def check_machine(*, as_json: bool) -> None:
+    """Print a line a check, with advice below it."""
+    from gsedit.doctor import check_machine
+
+    if not as_json:
+        print_message("checking libraries, torch, the compiler and OpenGL: a few seconds")
+    problems = 0
+    for check in check_machine():
+        problems += bool(check.advice)
+        advice = f"\n{'':<16} -> {check.advice}" if check.advice else ""
+        print_result(asdict(check), f"{check.name:<16} {check.state}{advice}", as_json=as_json)
+    if not as_json:
+        counted = f"{problems} problem{'s' if problems > 1 else ''}, marked ->"
+        print_message(counted if problems else "no problems")
+
+
+def check_weights(model: str, *, as_json: bool) -> None:
+    """Print what of a model's weights is there. Exits with UNREADABLE unless all of it is."""
+    from gsedit.editors.pix2pix.hub import find
+    from gsedit.editors.pix2pix.weights import inspect
+
+    weights = inspect(find(model, offline=True))
+    record = {
+        "folder": weights.folder,
+        "complete": weights.complete,
+        "kind": weights.kind,
+        "parts": list(weights.parts),
+        "notes": list(weights.notes),
+    }
+    print_result(record, as_text(weights), as_json=as_json)
+    if not weights.complete:
+        raise typer.Exit(UNREADABLE)
+
+
+def as_text(weights: Weights) -> str:
+    """A line a part, its problems below it, and last whether all is complete."""
+    lines = []
+    for part in weights.parts:
+        held = f"{part.size / 1e6:,.1f} MB in {len(part.files)} files" if part.files else "here"
+        copy = f", {part.variant} copy" if part.variant else ""
+        lines.append(f"{part.name:<16} {'INCOMPLETE' if part.problems else held + copy}")
+        lines += [f"{'':<16} -> {problem}" for problem in part.problems]
+    lines += [f"{'note':<16} {note}" for note in weights.notes]
+    kind = f"InstructPix2Pix ({weights.kind})" if weights.kind else "a model"
+    state = "complete" if weights.complete else f"incomplete, {len(weights.problems)} problems"
+    return "\n".join([*lines, f"{weights.folder}: {kind}, {state}"])

@@ -1,0 +1,284 @@
+"""`gsedit edit`: change a scene as a sentence says."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from gsedit.errors import UsageError
+
+from ..core.checkpoints import (
+    NAME,
+    Checkpoints,
+    Resume,
+    load_resume_state,
+    run_to_result,
+    say_threads,
+)
+from ..core.command import argument, option, output, own_flags, shows
+from ..core.console import print_message, print_result
+from ..core.features import load_features
+from ..core.kernel import UPDATES, say_kernel
+from ..core.outputs import check_folder
+from ..core.progress import progress
+from ..core.ranks import drain, is_first, ranks
+from ..options.cameras import ViewOptions, framed_alike, load_views
+from ..options.common import DropInvalid, Force, Scene, Seeded, load_scene
+from ..options.editing import (
+    EditorOptions,
+    edit_settings,
+    resolve,
+    what_it_understood,
+)
+from ..options.settings import Setting, SettingsGroup, Values
+
+if TYPE_CHECKING:
+    from gsedit.datasets.dataset import Dataset
+    from gsedit.editing.session.result import EditResult
+    from gsedit.editing.skip.decision import Decision
+    from gsedit.runs.events import Event
+
+LEFTOVERS = ("metrics.unfinished.jsonl", "command")
+"""Files of an edit that ended before its first checkpoint: alone they need no protection."""
+
+Instruction = Annotated[str, argument("INSTRUCTION", "What should change, as in 'make it snow'.")]
+
+
+@dataclass(frozen=True)
+class EditOptions:
+    """Options of `gsedit edit` alone."""
+
+    out: Path | None = output(None, "Folder for the results.")
+    explain: bool = option(
+        False,
+        "Edit nothing: print the work that the edit would skip, why, and the largest error "
+        "that skipping can cause.",
+    )
+    preset: str = option(
+        "default",
+        "Values of the options that are not given. paper: the published equations, which "
+        "average x_(t-1), start from independent noise and take 50 steps.",
+        "default|paper",
+    )
+    features: str = option(
+        "filters",
+        "Features of the Gram loss. filters: a filter bank. vgg: the VGG16 of stlpips_pytorch "
+        "(gsedit[perceptual]). FILE: a VGG16 of torchvision, .pth or .safetensors.",
+        "filters|vgg|FILE",
+    )
+    drop_invalid: DropInvalid = False
+    force: Force = False
+    resume: Resume = False
+
+
+@shows(
+    "--output", "--data", "--region", "--editor", "--strategy", "--rounds", "--views",
+    "--size", "--explain", "--resume", "--force", "--seed",
+)  # fmt: skip
+def edit(
+    scene: Scene,
+    instruction: Instruction,
+    *,
+    own: EditOptions,
+    views: ViewOptions,
+    editor: EditorOptions,
+    values: Annotated[Values, SettingsGroup(lambda: all_settings())],
+    common: Seeded,
+) -> None:
+    """Edit a scene from a sentence.
+
+    gsedit edit scene.ply "turn it into a bronze statue" --data photos/ -o out
+
+    The folder gets the edited scene.ply, before_after.png, edit.json (settings, quality, timings)
+    and the files that --resume, gsedit metrics and further edits read. SCENE may be such a folder.
+
+    Without --data, the views are renders from the cameras.json beside the scene, or from
+    viewpoints that gsedit finds. gsedit list settings edit explains every setting.
+    """
+    folder = check_request(instruction, views, own.out, own.explain)
+    result = run_edit(scene, instruction, folder, own, views, editor, values, common)
+    if result is not None:
+        print_edit(result, folder, as_json=common.json)
+
+
+def all_settings() -> list[Setting]:
+    """Return every setting of an edit and of its strategies."""
+    return edit_settings(own_flags(edit))
+
+
+def run_edit(
+    scene: Path,
+    instruction: str,
+    folder: Path,
+    own: EditOptions,
+    views: ViewOptions,
+    editor: EditorOptions,
+    values: Values,
+    common: Seeded,
+) -> EditResult | None:
+    """Edit with progress on the terminal, and write the folder.
+
+    Returns None on all ranks but the first, and where the edit is only explained.
+    """
+    kept = {"editor": editor, "features": own.features}
+    state = None
+    if not own.explain:
+        check_apart(scene, folder)
+        state = load_resume_state(folder / NAME, kept, "edit", resume=own.resume, force=own.force)
+        check_folder(folder, own.force or state is not None, leftovers=LEFTOVERS)
+    common.apply()
+    say_threads(state)
+
+    from gsedit.editing.edit import edit_steps
+    from gsedit.editing.edit import explain as plan_of
+    from gsedit.editing.session.folder import history_of
+    from gsedit.editing.session.strategy import asks_editor, check_strategy
+    from gsedit.runs.events import events_of
+
+    settings, strategy = resolve(own.preset, values, own_flags(edit))
+    check_strategy(strategy)
+    check_condition(settings.condition, views.data)
+    followed = instruction if asks_editor(strategy) else None
+    editor_2d = editor.make(folder, followed)
+    extractor = load_features(own.features)
+    gaussians = load_scene(scene, drop_invalid=own.drop_invalid)
+    say_kernel(settings.execution, UPDATES)
+    dataset = framed_alike(load_views(scene, gaussians, views, settings.execution))
+    library_request = {
+        "dataset": dataset, "editor": editor_2d, "settings": settings, "strategy": strategy,
+        "features": extractor, "generator": common.generator(),
+    }  # fmt: skip
+    if own.explain:
+        return print_plan(plan_of(gaussians, instruction, **library_request), as_json=common.json)
+    steps = edit_steps(gaussians, instruction, **library_request, resume=state, ranks=ranks())
+    if not is_first():
+        return drain(steps)
+    if followed and (understood := what_it_understood(editor_2d, followed)):
+        print_message(understood)
+    request = {
+        "scene": scene, "drop_invalid": own.drop_invalid, **asdict(views), "editor": editor,
+        "preset": own.preset, "features": own.features, "seed": common.seed, "ranks": ranks().size,
+        **history_of(scene),
+    }  # fmt: skip
+    earlier = [] if state is None else events_of(state)
+    source = {"scene": scene.absolute(), "drop_invalid": own.drop_invalid}
+    check = partial(check_folder, folder, own.force or state is not None, leftovers=LEFTOVERS)
+    checkpoints = Checkpoints(folder / NAME, kept, source, check)
+    return run_and_write(steps, folder, dataset, request, checkpoints, earlier, as_json=common.json)
+
+
+def print_edit(result: EditResult, folder: Path, *, as_json: bool) -> None:
+    """Print the place of the edited scene."""
+    record = {
+        "folder": folder,
+        "scene": folder / "scene.ply",
+        "ground_truth": result.metrics.psnr_to_ground_truth,
+        "psnr_outside_region": result.metrics.psnr_outside_region,
+    }
+    print_result(record, str(folder / "scene.ply"), as_json=as_json)
+
+
+def write_cameras_and_views(dataset: Dataset, result: EditResult, folder: Path) -> None:
+    """Write the cameras that other commands read, and the views that gsedit metrics measures."""
+    from gsedit.datasets.cameras_json import write_cameras
+    from gsedit.datasets.view_list_files import by_edit, write_view_list
+    from gsedit.datasets.viewpoints import viewpoints_of
+
+    edited = {view.name for view in result.originals}
+    write_cameras(dataset.views, folder / "cameras.json", overwrite=True)
+    write_view_list(by_edit(viewpoints_of(dataset), edited), folder / "views.json", overwrite=True)
+
+
+def copy_frame(scene: Path, folder: Path) -> None:
+    """Copy the file beside the scene that names its frame: the edited scene has the same frame."""
+    from gsedit.datasets.export_frame import (
+        NAME,
+        dataparser_file,
+        read_dataparser,
+        write_dataparser,
+    )
+
+    file = dataparser_file(scene)
+    if file is not None:
+        write_dataparser(read_dataparser(file), folder / NAME, overwrite=True)
+    else:
+        (folder / NAME).unlink(missing_ok=True)  # an earlier run's
+
+
+def print_plan(decisions: tuple[Decision, ...], *, as_json: bool) -> None:
+    """Print the work that an edit would skip."""
+    from gsedit.editing.skip.decision import screen
+
+    record = {"decisions": decisions}
+    print_result(record, screen(decisions), as_json=as_json)
+
+
+def check_request(instruction: str, views: ViewOptions, out: Path | None, explain: bool) -> Path:
+    """Return the folder for the results. Raises UsageError before any file is read."""
+    if not instruction.strip():
+        raise UsageError("the instruction is empty: say what should change, as in 'make it snow'")
+    views.check()
+    if explain:
+        return out or Path()
+    if out is None:
+        raise UsageError("-o is missing: name a folder for the results, or add --explain")
+    return out
+
+
+def check_apart(scene: Path, out: Path) -> None:
+    """Raise UsageError where the results would replace the scene that is edited."""
+    if os.path.realpath(scene) == os.path.realpath(out / "scene.ply"):
+        raise UsageError(f"-o {out} is the folder of the scene that is edited: name another folder")
+
+
+def check_condition(condition: str, data: Path | None) -> None:
+    """Raise UsageError where the editor needs photos and there are none."""
+    if condition == "photo" and data is None:
+        raise UsageError("--condition photo shows the editor the photos: name them with --data")
+
+
+def run_and_write(
+    steps: Iterable[Any],
+    out: Path,
+    dataset: Dataset,
+    request: Mapping[str, Any],
+    checkpoints: Checkpoints,
+    earlier: Iterable[Event],
+    *,
+    as_json: bool,
+) -> EditResult:
+    """Run an edit, show its events, and write its result to the folder `out`.
+
+    Until then the folder holds the last checkpoint and the events so far, which begin with the
+    `earlier` ones of a resumed edit.
+    """
+    from gsedit.editing.session.folder import write_edit
+    from gsedit.measures.against import UNFINISHED
+    from gsedit.pictures.stage_table import table
+    from gsedit.runs.journal import event_journal
+
+    with checkpoints:
+        journal = event_journal(out / UNFINISHED, earlier)
+        with progress(as_json=as_json) as show:
+
+            def write_and_show(event: Event) -> None:
+                with suppress(OSError):  # a full disk; the result lists all events
+                    journal.write(event)
+                show(event)
+
+            result = run_to_result(steps, write_and_show, checkpoints)
+        write_cameras_and_views(dataset, result, out)
+        copy_frame(request["scene"], out)
+        write_edit(out, result, request=request, overwrite=True)
+    print_message(table(journal.records))
+    print_message(result.metrics.describe())
+    print_message(
+        f"results are in {out}; look at {out / 'before_after.png'}, then: "
+        f"gsedit view {out / 'scene.ply'}"
+    )
+    return result

@@ -1,0 +1,226 @@
+"""`gsedit fit`: a scene from a folder of posed photos."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from functools import partial
+from math import ceil
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from gsedit.fitting.budget import LEAST_STEPS
+from gsedit.fitting.settings import QUALITIES, FitSettings
+
+from ..core.checkpoints import (
+    Checkpoints,
+    Resume,
+    load_resume_state,
+    run_to_result,
+    say_threads,
+)
+from ..core.command import argument, option, output, shows
+from ..core.console import print_message, print_result
+from ..core.kernel import FITS, say_kernel
+from ..core.outputs import check_scene_file
+from ..core.progress import progress
+from ..core.ranks import drain, is_first, ranks
+from ..options.cameras import say_notes
+from ..options.common import DropInvalid, Force, Seeded, load_scene
+from ..options.files import FileOptions
+from ..options.settings import Layout, Setting, SettingsGroup, Values, settings_of, with_values
+
+if TYPE_CHECKING:
+    from gsedit.datasets.dataset import Dataset as Photos
+    from gsedit.fitting.fit import FitResult
+    from gsedit.scene.similarity import Similarity
+
+CHECKPOINT = ".checkpoint.safetensors"
+"""Suffix of the checkpoint of a fit, in place of the scene's."""
+
+Dataset = Annotated[
+    Path, argument("DATASET", "Folder of posed photos: nerfstudio (transforms.json) or COLMAP.")
+]
+
+
+class Level(str, Enum):
+    """Names of the presets in gsedit.fitting.settings.QUALITIES."""
+
+    DRAFT = "draft"
+    NORMAL = "normal"
+    HIGH = "high"
+
+
+def fit_settings() -> list[Setting]:
+    """Return an option for each field of FitSettings; --minutes stands for `seconds`."""
+    panels = {"execution": "Rendering"}
+    return settings_of(FitSettings(), Layout("Fitting", panels, without=("seconds", "coarse")))
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How well a scene is fitted, and how long that takes."""
+
+    size: int | None = option(
+        None, "Longer side of the photos.", "PIXELS", min=16, show_default="256; 512 if high"
+    )
+    quality: Level = option(
+        Level.NORMAL,
+        "draft: 1.5 minutes, 120,000 Gaussians. normal: 5 minutes, 150,000. high: 15 minutes, "
+        "300,000, SH degree 2, photos of 512 pixels. Options that are given win.",
+        "draft|normal|high",
+    )
+    minutes: float | None = option(
+        None, "Stop the fit after this time.", min=0.01, show_default="that of --quality"
+    )
+
+    def pixels(self) -> int:
+        """Return the longer side of the photos."""
+        return self.size or QUALITIES[self.quality.value].size
+
+    def settings(self, values: Values) -> FitSettings:
+        """Return the settings: those of the quality, replaced by given `values`.
+
+        A budget of steps or of time lifts the other one of the quality.
+        """
+        budget = {}
+        if self.minutes is not None or ("steps",) in values:
+            budget = {("seconds",): self.minutes and 60 * self.minutes}
+        return with_values(QUALITIES[self.quality.value].settings, {**values, **budget})
+
+
+@dataclass(frozen=True)
+class FitOptions:
+    """Output of a fit, and where it starts."""
+
+    out: Path = output(..., "Scene to write: .ply, .compressed.ply or .spz.")
+    start: Path | None = option(None, "Start from this scene.", "SCENE", flags="--from")
+    drop_invalid: DropInvalid = False
+    force: Force = False
+    resume: Resume = False
+
+
+@shows(
+    "--output", "--quality", "--minutes", "--steps", "--size", "--max-gaussians", "--sh-degree",
+    "--exposure", "--from", "--resume", "--force", "--seed",
+)  # fmt: skip
+def fit(
+    dataset: Dataset,
+    *,
+    own: FitOptions,
+    recipe: Recipe,
+    values: Annotated[Values, SettingsGroup(fit_settings)],
+    common: Seeded,
+) -> None:
+    """Fit a scene to posed photos.
+
+    gsedit fit photos/ -o scene.ply --quality draft
+
+    Every 8th photo is held out and measures the result. The cameras are written to cameras.json
+    beside the scene. gsedit list settings fit explains every setting.
+    """
+    result = run_fit(dataset, own, recipe.pixels(), recipe.settings(values), common)
+    if result is not None:
+        print_fit(result, own.out, as_json=common.json)
+
+
+def run_fit(
+    dataset: Path, own: FitOptions, size: int, settings: FitSettings, common: Seeded
+) -> FitResult | None:
+    """Fit with progress on the terminal, and write the scene and its cameras.
+
+    Returns None on all ranks but the first.
+    """
+    check_scene_file(own.out, own.force)
+    checkpoints = Checkpoints(
+        own.out.with_suffix(CHECKPOINT), check=partial(check_scene_file, own.out, own.force)
+    )
+    state = load_resume_state(checkpoints.path, {}, "fit", resume=own.resume, force=own.force)
+    common.apply()
+    say_threads(state)
+
+    from gsedit.fitting.fit import fit_steps
+    from gsedit.formats.scenes import save
+
+    first = None if own.start is None else load_scene(own.start, drop_invalid=own.drop_invalid)
+    photos = read_photos(dataset, size, own.start)
+    frame = check_places(photos, dataset, own)
+    say_kernel(settings.execution, FITS)
+    steps = fit_steps(
+        photos, settings, generator=common.generator(), start=first, resume=state, ranks=ranks()
+    )
+    if not is_first():
+        return drain(steps)
+    with checkpoints:
+        with progress(as_json=common.json) as show:
+            result = run_to_result(steps, show, checkpoints)
+        say_too_short(result, settings)
+        save(result.scene, own.out, overwrite=own.force, options=FileOptions().write(own.out))
+        write_places(photos, frame, own.out, own.force)
+    return result
+
+
+def read_photos(dataset: Path, size: int, start: Path | None) -> Photos:
+    """Read the photos, in the frame of the scene that the fit starts from."""
+    from gsedit.datasets.export_frame import in_export_frame
+    from gsedit.datasets.load import load_dataset
+
+    photos = load_dataset(dataset, size=size)
+    say_notes(photos)
+    return photos if start is None else in_export_frame(photos, dataset, start)
+
+
+def check_places(photos: Photos, dataset: Path, own: FitOptions) -> Similarity | None:
+    """Return what `write_places` is to write beside the cameras. Raises UsageError where it could
+    not write that or the cameras."""
+    from gsedit.datasets.cameras_json import place_beside
+    from gsedit.datasets.export_frame import frame_beside, frame_place
+
+    if not is_first():
+        return None
+    place_beside(own.out, photos.views, overwrite=own.force)
+    frame = frame_beside(photos, dataset, own.out, own.start)
+    if frame is not None:
+        frame_place(frame, own.out, overwrite=own.force)
+    return frame
+
+
+def say_too_short(result: FitResult, settings: FitSettings) -> None:
+    """Print a line where the time allowed no more than the least steps."""
+    if settings.seconds and result.steps <= LEAST_STEPS and result.seconds > settings.seconds:
+        print_message(
+            f"{settings.seconds:g} s are too short for these photos: reading them and the start "
+            f"left time for {result.steps} steps, and the scene is hardly fitted: give --minutes "
+            f"{max(1, ceil(10 * result.seconds / 60))} or more, or fewer photos"
+        )
+
+
+def write_places(photos: Photos, frame: Similarity | None, out: Path, force: bool) -> None:
+    """Write the cameras beside the scene, and how its frame came from that of the photos."""
+    from gsedit.datasets.cameras_json import write_beside
+    from gsedit.datasets.export_frame import write_export_frame
+
+    cameras = write_beside(out, photos.views, overwrite=force)
+    print_message(f"the cameras are in {cameras}: edit, render and view use them")
+    if frame is not None:
+        path = write_export_frame(frame, out, overwrite=force)
+        print_message(
+            f"{path} says how to get back to the frame of the photos (docs/reference/datasets.md)"
+        )
+
+
+def print_fit(result: FitResult, out: Path, *, as_json: bool) -> None:
+    """Print what the fit came to."""
+    print_message(
+        f"{len(result.scene)} Gaussians, {result.psnr:.2f} dB on held-out photos, "
+        f"{result.steps} steps in {result.seconds:.0f} s; look: gsedit view {out}"
+    )
+    record = {
+        "scene": out,
+        "gaussians": len(result.scene),
+        "psnr": result.psnr,
+        "steps": result.steps,
+        "seconds": result.seconds,
+        "curve": result.curve,
+    }
+    print_result(record, str(out), as_json=as_json)

@@ -1,0 +1,157 @@
+"""`gsedit list`: the 2D editors, the looks of the editor `small`, and all settings."""
+
+from __future__ import annotations
+
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from gsedit.errors import UsageError
+
+from ..core.command import argument, flag
+from ..core.console import print_message, print_result
+from ..options.common import Common, Force
+
+if TYPE_CHECKING:
+    from gsedit.editors import Listing
+
+
+class Kind(str, Enum):
+    """Things that can be listed."""
+
+    editors = "editors"
+    looks = "looks"
+    settings = "settings"
+
+
+What = Annotated[
+    Kind,
+    argument(
+        "editors|looks|settings",
+        "editors: the 2D editors and what each needs. looks: the changes that the editor small "
+        "knows. settings: what --set NAME=VALUE accepts.",
+    ),
+]
+Name = Annotated[
+    str | None,
+    argument(
+        "NAME",
+        "looks: a sentence, to see which looks it asks for. settings: a verb, as edit or fit.",
+    ),
+]
+Sheet = Annotated[
+    Path | None,
+    flag(
+        "--output -o",
+        "looks: picture to write, with every look on the built-in scene (about a minute).",
+        "PATH",
+    ),
+]
+
+
+def list_(
+    what: What, name: Name = None, out: Sheet = None, force: Force = False, *, common: Common
+) -> None:
+    """List the 2D editors, the looks or the settings.
+
+    gsedit list editors
+
+    gsedit list looks "as if it had spent a century under the sea"
+
+    gsedit list settings edit
+    """
+    common.apply()
+    if out is not None and what is not Kind.looks:
+        raise UsageError(f"-o writes the picture of the looks: leave it out for {what.value}")
+    if what is Kind.editors:
+        if name is not None:
+            raise UsageError(f"{name}: list editors takes no name")
+        list_editors(as_json=common.json)
+    elif what is Kind.settings:
+        list_settings(name or "edit", as_json=common.json)
+    elif out is not None:
+        from gsedit.editors.small.look_sheet import write_sheet
+
+        write_sheet(out, force)
+        print_result({"sheet": out}, str(out), as_json=common.json)
+    elif name is not None:
+        explain_sentence(name, as_json=common.json)
+    else:
+        list_looks(as_json=common.json)
+
+
+def list_editors(*, as_json: bool) -> None:
+    """Print every 2D editor, of gsedit and of other packages."""
+    from gsedit.editors import list_editors
+
+    for listing in list_editors():
+        record = {**vars(listing), "ready": listing.ready}
+        print_result(record, editor_text(listing), as_json=as_json)
+    if not as_json:
+        print_message(
+            "use one: gsedit edit ... --editor NAME; write one: see examples/write_an_editor.py"
+        )
+
+
+def editor_text(listing: Listing) -> str:
+    """Return an editor's name and summary, and a line for each thing that is missing."""
+    state = "ready" if listing.ready else "not ready"
+    origin = f" (from {listing.source})" if listing.source != "gsedit" else ""
+    lines = [f"{listing.name:<12} {state}{origin}", listing.summary]
+    if listing.options:
+        lines.append(f"takes {' '.join(listing.options)}")
+    lines += [f"needs {need}" for need in listing.needs]
+    return "\n    ".join(line for line in lines if line)
+
+
+def list_looks(*, as_json: bool) -> None:
+    """Print every look, those of the subject first."""
+    from gsedit.words.looks import LOOKS
+
+    for look in LOOKS.values():
+        record = {"name": look.name, "scope": look.scope, "wording": look.wording}
+        print_result(record, f"{look.name:<16} {look.scope:<8} {look.wording}", as_json=as_json)
+    if not as_json:
+        print_message(
+            "ask in your own words, for one look of the subject, one of the scene, or both; test a "
+            'sentence: gsedit list looks "SENTENCE"; draw them: gsedit list looks -o looks.png'
+        )
+
+
+def explain_sentence(sentence: str, *, as_json: bool) -> None:
+    """Print the looks that a sentence asks for. Raises UsageError for an empty one."""
+    from gsedit.words.reader import understand
+
+    if not sentence.strip():
+        raise UsageError("the sentence is empty: say what should change, as in 'make it snow'")
+    understood = understand(sentence)
+    record = {
+        "looks": [{"name": each.name, "score": each.score} for each in understood.looks],
+        "known": understood.known,
+    }
+    scores = ", ".join(f"{each.name} {each.score:.2f}" for each in understood.looks)
+    text = scores if understood.known else f"none of the known looks; the nearest: {scores}"
+    print_result(record, text, as_json=as_json)
+
+
+def list_settings(verb: str, *, as_json: bool) -> None:
+    """Print the name, the default and the meaning of every setting of a verb."""
+    from .capture import capture_settings
+    from .edit import all_settings
+    from .fit import fit_settings
+    from .render import render_settings
+    from .style import style_settings
+
+    known = {
+        "edit": all_settings, "fit": fit_settings, "render": render_settings,
+        "style": style_settings, "capture": capture_settings,
+    }  # fmt: skip
+    if verb not in known:
+        raise UsageError(f"{verb} has no settings: name one of {', '.join(known)}")
+    for setting in known[verb]():
+        name, default = ".".join(setting.path), setting.default
+        record = {
+            "name": name, "flag": setting.flag, "default": default, "meaning": setting.meaning,
+        }  # fmt: skip
+        value = f" [{default}]" if default else ""
+        print_result(record, f"{name}{value}\n    {setting.meaning}", as_json=as_json)

@@ -1,0 +1,305 @@
+"""`gsedit metrics`: how good an edited or fitted scene is, in numbers that two people share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from gsedit.errors import InputError, UsageError
+from gsedit.runs.stopwatch import Stopwatch
+from rasterizer.numerics import Execution
+
+from ..core.command import argument, option, output, shows
+from ..core.console import print_json, print_message, shown
+from ..core.kernel import say_kernel
+from ..core.outputs import check_file
+from ..core.progress import progress
+from ..options.cameras import ViewOptions, load_views
+from ..options.common import Common, Data, DropInvalid, Force, load_scene
+from ..options.settings import SettingsGroup, Values, with_values
+from .render import render_settings
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from torch import Tensor
+
+    from gsedit.datasets.view_list_files import ViewList
+    from gsedit.measures.against import Reference
+    from gsedit.measures.agreement import Pictures
+    from gsedit.measures.evaluation_input import EvaluationInput
+    from rasterizer.scene import Gaussians
+
+VIEWS, WORDS = "Views", "Measures with words"
+DEFAULT_SIZE = 256
+"""Longer side of views that are not listed, pixels, as of `gsedit edit`."""
+
+Scene = Annotated[
+    Path,
+    argument(
+        "SCENE",
+        "The scene to measure, or the folder of an edit: its scene.ply, against that folder.",
+    ),
+]
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """The files of a measurement besides what is printed."""
+
+    out: Path | None = output(None, "JSON file to write the record to.")
+    picture: Path | None = option(
+        None, "Also draw the views side by side, with their differences.", "FILE.png"
+    )
+    force: Force = False
+
+
+@dataclass(frozen=True)
+class ListedViews:
+    """Views at which a scene is measured."""
+
+    views: Path | None = option(None, "List of views to measure at, see --save-views.", "FILE.json")
+    save_views: Path | None = option(
+        None, "Write the list of views, for others to measure the same.", "FILE.json"
+    )
+    data: Data = None
+    size: int | None = option(
+        None,
+        "Longer side of the views at most; listed ones keep theirs otherwise, others have 256.",
+        "PIXELS",
+        min=16,
+    )
+
+
+@dataclass(frozen=True)
+class WordOptions:
+    """Texts that pictures are compared with, and the model that compares."""
+
+    clip: Path | None = option(
+        None,
+        "Folder of a CLIPModel of transformers (config.json, model.safetensors, tokenizer).",
+        "DIR",
+    )
+    instruction: str | None = option(None, "What the edit was asked for; an edit's own.")
+    source_caption: str | None = option(None, 'What the unedited scene shows: "a photo of a bear".')
+    target_caption: str | None = option(None, 'What it should show: "a photo of a bronze bear".')
+
+
+@dataclass(frozen=True)
+class MetricsOptions:
+    """Options of `gsedit metrics` alone."""
+
+    against: Path | None = option(
+        None,
+        "The unedited scene; or the folder of an edit (its unedited scene, region, views and "
+        "edited pictures); or photos (nerfstudio or COLMAP); or pictures named after the "
+        "views.",
+        "SCENE|FOLDER",
+    )
+    region: str | None = option(
+        None,
+        "Where the edit belonged, for the leakage: region.npy, box:..., sphere:... or all.",
+        "REGION",
+        show_default="the edit's",
+    )
+
+
+@shows(
+    "--output", "--against", "--region", "--data", "--views", "--save-views", "--size",
+    "--picture", "--clip", "--instruction", "--force",
+)  # fmt: skip
+def metrics(
+    scene: Scene,
+    drop_invalid: DropInvalid = False,
+    *,
+    own: MetricsOptions,
+    outputs: Outputs,
+    listed: ListedViews,
+    words: WordOptions,
+    values: Annotated[Values, SettingsGroup(render_settings)],
+    common: Common,
+) -> None:
+    """Measure a scene against the unedited one, edited pictures or photos.
+
+    gsedit metrics out/bronze
+
+    gsedit metrics edited.ply --against bear.ply --views views.json --json
+
+    gsedit metrics bear.ply --against photos/ --save-views views.json
+
+    docs/reference/metrics.md defines every measure.
+    """
+    scene, reference = what_to_measure(scene, own.against)
+    check_files(
+        (outputs.out, ".json"), (listed.save_views, ".json"), (outputs.picture, ".png"),
+        force=outputs.force,
+    )  # fmt: skip
+    common.apply()
+
+    from gsedit.datasets.view_list_files import write_view_list
+    from gsedit.measures.against import resolve_reference
+
+    found = resolve_reference(reference)
+    check_views(found, listed)
+    execution = with_values(Execution(), values)
+    subject = gather(scene, found, own.region, listed, words, drop_invalid, execution)
+    if listed.save_views is not None:
+        write_view_list(subject.views, listed.save_views, overwrite=outputs.force)
+        print_message(f"the list of views is {listed.save_views}")
+    request = {
+        "scene": scene, "against": found.path, "against_is": found.kind, "region": own.region,
+        "listed_views": listed.views, "size": listed.size, "texts": subject.texts,
+        "clip": words.clip,
+    }  # fmt: skip
+    measure_and_show(subject, found, request, outputs, as_json=common.json)
+
+
+def measure_and_show(
+    subject: EvaluationInput,
+    against: Reference,
+    request: dict[str, Any],
+    outputs: Outputs,
+    *,
+    as_json: bool,
+) -> None:
+    """Measure, write the files, and print the table or the record."""
+    from gsedit.measures.evaluation import evaluate
+    from gsedit.measures.evaluation_table import evaluation_record, evaluation_table
+    from gsedit.pictures.difference_sheet import difference_sheet
+    from gsedit.runs.events import Event
+    from gsedit.runs.json_lines import write_record
+
+    watch = Stopwatch()
+    with progress(as_json=as_json) as show:
+        evaluation = evaluate(
+            subject, lambda done, total: show(Event("measure", watch.seconds, done, total))
+        )
+    record = evaluation_record(evaluation, request, against)
+    if outputs.out is not None:
+        write_record(record, outputs.out, overwrite=outputs.force)
+        print_message(f"the record is {outputs.out}")
+    if outputs.picture is not None:
+        difference_sheet(subject, outputs.picture, against.targets, overwrite=outputs.force)
+        print_message(f"the pictures are {outputs.picture}")
+    if as_json:
+        print_json("metrics", record)
+    else:
+        typer.echo(shown(evaluation_table(evaluation, against)))
+
+
+def what_to_measure(scene: Path, against: Path | None) -> tuple[Path, Path]:
+    """(file of the scene, what it is compared with). Raises UsageError without the latter, and
+    InputError for a scene that is not there."""
+    from gsedit.measures.against import UNFINISHED
+
+    if not scene.exists():
+        raise InputError(f"{scene}: no such file or folder")
+    if scene.is_dir():
+        if not (scene / "edit.json").is_file() and not (scene / UNFINISHED).is_file():
+            raise UsageError(f"{scene} is no folder of an edit (no edit.json): name a scene file")
+        return scene / "scene.ply", scene if against is None else against
+    if against is None:
+        raise UsageError(
+            "nothing to compare with: add --against with the unedited scene, the folder of the "
+            "edit, photos or pictures"
+        )
+    return scene, against
+
+
+def check_files(*files: tuple[Path | None, str], force: bool) -> None:
+    """Raise UsageError for a file that cannot be written, or has another suffix."""
+    for path, suffix in files:
+        if path is not None:
+            if path.suffix.lower() != suffix:
+                raise UsageError(f"{path}: name a {suffix} file")
+            check_file(path, force)
+
+
+def check_views(against: Reference, listed: ListedViews) -> None:
+    """Raise UsageError where the views are given twice, or nothing says what pictures show."""
+    if listed.data is not None and (listed.views is not None or against.kind in ("edit", "photos")):
+        giver = "--views" if listed.views is not None else f"--against {against.path}"
+        raise UsageError(f"{giver} already says which views: leave out --data")
+    if against.kind == "pictures" and listed.data is None and listed.views is None:
+        raise UsageError(
+            f"nothing says from where the pictures in {against.path} were taken: add --views with "
+            "a list of views, or --data with the photos' folder"
+        )
+    if against.kind == "edit" and against.views is None and listed.views is None:
+        raise UsageError(
+            f"{against.path} has neither views.json nor cameras.json: add --views with a list"
+        )
+
+
+def gather(
+    path: Path,
+    against: Reference,
+    region: str | None,
+    listed: ListedViews,
+    words: WordOptions,
+    drop_invalid: bool,
+    execution: Execution,
+) -> EvaluationInput:
+    """Read everything that is measured."""
+    from gsedit.measures.clip import load_clip
+    from gsedit.measures.evaluation_input import EvaluationInput, Texts
+    from gsedit.regions.find import known_region
+
+    clip = None if words.clip is None else load_clip(words.clip)
+    scene = load_scene(path, drop_invalid=drop_invalid)
+    unedited = None
+    if against.unedited is not None:
+        unedited = load_scene(against.unedited, drop_invalid=drop_invalid or against.drop_invalid)
+    named = region or (None if against.region is None else str(against.region))
+    known = None if named is None or unedited is None else known_region(named, unedited)
+    say_kernel(execution)
+    views, targets, masks = place_views(path, scene, against, unedited, listed, execution)
+    if region is not None and unedited is None:
+        print_message("--region needs the unedited scene to compare with: it is not used")
+    return EvaluationInput(
+        scene,
+        views,
+        targets,
+        against.why_no_pictures,
+        unedited,
+        known,
+        Texts(words.instruction or against.instruction, words.source_caption, words.target_caption),
+        clip,
+        execution,
+        masks,
+    )
+
+
+def place_views(
+    path: Path,
+    scene: Gaussians,
+    against: Reference,
+    unedited: Gaussians | None,
+    listed: ListedViews,
+    execution: Execution,
+) -> tuple[ViewList, Pictures, Mapping[int, Tensor]]:
+    """The views, the pictures that the scene should show at them, and the masks of these."""
+    from gsedit.datasets.cameras_json import cameras_file
+    from gsedit.datasets.view_list_files import by_capture, read_view_list, with_roles_of
+    from gsedit.datasets.viewpoints import viewpoints_of
+    from gsedit.measures.against import find_pictures, resized
+
+    given = read_view_list(listed.views) if listed.views is not None else against.views
+    size = listed.size or DEFAULT_SIZE
+    if given is not None and against.kind != "photos":
+        views = resized(given, listed.size)
+        return views, find_pictures(against, views), {}
+    of_photos = against.path if against.kind == "photos" else listed.data
+    # cameras beside the unedited scene: those of edited ones may differ from edit to edit
+    beside_own = against.kind != "scene" or (cameras_file(path) and not cameras_file(against.path))
+    place, seen = (path, scene) if beside_own or unedited is None else (against.path, unedited)
+    dataset = load_views(place, seen, ViewOptions(of_photos, size), execution)
+    views = by_capture(viewpoints_of(dataset))
+    if against.kind != "photos":
+        return views, find_pictures(against, views), {}
+    photos = {i: view.image for i, view in enumerate(dataset.views)}
+    masks = {i: mask for i, view in enumerate(dataset.views) if (mask := view.mask) is not None}
+    return (views if given is None else with_roles_of(given, views)), photos, masks

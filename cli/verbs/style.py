@@ -1,0 +1,126 @@
+"""`gsedit style`: paint a scene in the style of a picture."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from ..core.command import argument, flag, shows
+from ..core.console import print_message, print_result
+from ..core.features import load_features
+from ..core.kernel import UPDATES, say_kernel
+from ..core.outputs import check_scene_file
+from ..core.process import fitted
+from ..core.progress import progress
+from ..options.cameras import ViewOptions, load_views
+from ..options.common import DropInvalid, Force, Scene, Seeded, load_file, output
+from ..options.files import FileOptions
+from ..options.selection import Where, parse_where
+from ..options.settings import Layout, Setting, SettingsGroup, Values, settings_of, with_values
+
+if TYPE_CHECKING:
+    from gsedit.editing.style.style import StyleResult
+    from gsedit.formats.scenes import SceneFile
+    from gsedit.runs.events import Event
+    from rasterizer.scene import Gaussians
+
+Picture = Annotated[Path, argument("PICTURE", "Painting or photo that gives the style.")]
+Features = Annotated[
+    str,
+    flag(
+        "--features",
+        "Features that compare textures. filters: a filter bank. vgg: the VGG16 of "
+        "stlpips_pytorch (gsedit[perceptual]). FILE: a VGG16 of torchvision.",
+        "filters|vgg|FILE",
+    ),
+]
+
+
+def style_settings() -> list[Setting]:
+    """Options of the fields of StyleSettings."""
+    from gsedit.editing.style.settings import StyleSettings
+
+    return settings_of(StyleSettings(), Layout("Style", without=("execution",)))
+
+
+@shows(
+    "--output", "--data", "--where", "--steps", "--strength", "--features", "--size", "--force",
+    "--seed",
+)  # fmt: skip
+def style(
+    scene: Scene,
+    picture: Picture,
+    out: Annotated[Path, output("Scene to write; its suffix is the format.")],
+    drop_invalid: DropInvalid = False,
+    force: Force = False,
+    *,
+    views: ViewOptions,
+    values: Annotated[Values, SettingsGroup(style_settings)],
+    features: Features = "filters",
+    where: Where = None,
+    common: Seeded,
+) -> None:
+    """Paint a scene in the style of a picture: its colors and its texture.
+
+    gsedit style scene.ply painting.jpg -o painted.ply
+
+    gsedit style scene.ply painting.jpg --steps 0 --strength 0.5 -o tinged.ply
+
+    Only colors change. The views come from --data, else from the cameras.json beside the scene,
+    else from viewpoints that gsedit finds.
+    """
+    views.check()
+    check_scene_file(out, force)
+    common.apply()
+
+    from gsedit.editing.style.settings import StyleSettings
+    from gsedit.editing.style.style import style_steps
+    from gsedit.formats.pictures import read_picture
+    from gsedit.toolkit.selection.base import EVERYTHING
+
+    part = EVERYTHING if where is None else parse_where(where, views.data)
+    settings = with_values(StyleSettings(), values)
+    image, extractor = read_picture(picture), load_features(features)
+    file = load_file(scene, drop_invalid=drop_invalid)
+    if file.header.antialiased:
+        print_message(f"{scene} is marked as antialiased: style draws it with the default filter")
+    say_kernel(settings.execution, UPDATES)
+    steps = style_steps(
+        file.scene,
+        image,
+        dataset=load_views(scene, file.scene, views, settings.execution),
+        settings=settings,
+        features=extractor,
+        where=part,
+        generator=common.generator(),
+    )
+    result = shown(steps, as_json=common.json)
+    write(result.scene, file, out, force)
+    print_message(f"look: {shlex.join(['gsedit', 'view', f'{scene}', f'{out}'])}")
+    record = {"scene": out, "gaussians": len(result.scene), "measures": result.measures}
+    print_result(record, str(out), as_json=common.json)
+
+
+def write(scene: Gaussians, file: SceneFile, out: Path, force: bool) -> None:
+    """Write the scene with the extra columns, comments and elements of its file."""
+    from gsedit.formats.registry import write_scene
+    from gsedit.formats.streams import in_blocks
+    from gsedit.scene.table import table_of
+
+    table = table_of(scene).replace(extra=file.extra)
+    header, blocks = fitted(file.header, in_blocks(table), out)
+    write_scene(out, header, blocks, options=FileOptions().write(out), overwrite=force)
+
+
+def shown(steps: Iterator[Event | StyleResult], *, as_json: bool) -> StyleResult:
+    """Return the result of the steps, and show their events."""
+    from gsedit.runs.events import Event
+
+    with progress(as_json=as_json) as show:
+        for item in steps:
+            if not isinstance(item, Event):
+                return item
+            show(item)
+    raise AssertionError("the steps ended without a result")

@@ -1,0 +1,1 @@
+"""Experiments behind the numbers in docs/; nothing that a user runs."""

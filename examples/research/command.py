@@ -1,0 +1,67 @@
+"""Options, progress and errors that the experiments' commands share."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Annotated, TypeVar
+
+import typer
+
+from gsedit.errors import InputError, UsageError
+from gsedit.runs.events import Event
+
+Output = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")]
+Quick = Annotated[bool, typer.Option("--quick", help="Fewer and smaller cases.")]
+Data = Annotated[Path | None, typer.Option("--data", help="Folder of the capture's photos.")]
+Points = Annotated[
+    Path | None,
+    typer.Option(
+        "--points",
+        envvar="GSEDIT_GARDEN",
+        show_default=False,
+        help="Points of the garden scene: garden.npz, a test asset of gsplat.",
+    ),
+]
+
+Row = TypeVar("Row")
+
+
+def run(command: Callable[..., None]) -> None:
+    """Run a command with the process's arguments. Exits with 2 or 3 and one line on bad input."""
+    app = typer.Typer(add_completion=False)
+    app.command()(command)
+    try:
+        app()
+    except (UsageError, InputError) as error:
+        print_message(f"error: {error}")
+        sys.exit(2 if isinstance(error, UsageError) else 3)
+
+
+def collect(items: Iterator[Event | Row]) -> list[Row]:
+    """Collect the measurements of an experiment, and print its events to stderr meanwhile."""
+    rows: list[Row] = []
+    for item in items:
+        if isinstance(item, Event):
+            steps = f" {item.step}/{item.steps}" if item.steps else ""
+            print_message(f"{item.seconds:8.1f} s  {item.stage}{steps}  {item.note or ''}".rstrip())
+        else:
+            rows.append(item)
+    return rows
+
+
+def require_new(folder: Path) -> None:
+    """Raise UsageError where the folder has files: an experiment takes hours, keep its results."""
+    if folder.is_dir() and any(folder.iterdir()):
+        raise UsageError(f"{folder} is not empty: name another folder with -o")
+
+
+def print_message(text: str) -> None:
+    """Print a line to stderr."""
+    print(text, file=sys.stderr)  # noqa: T201
+
+
+def print_result(text: str) -> None:
+    """Print a result to stdout."""
+    print(text)  # noqa: T201

@@ -1,0 +1,1 @@
+"""The experiments of Efficient-NeRF2NeRF, repeated here: `python -m research.paper`."""

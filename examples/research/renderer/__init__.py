@@ -1,0 +1,1 @@
+"""Sweep of the renderer's error against run time, beside other renderers."""

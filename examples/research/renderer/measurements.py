@@ -1,0 +1,170 @@
+"""Measurements of renderers: read from JSON lines, as a Markdown table, against earlier ones."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+
+from gsedit.bench.results import markdown_table
+from gsedit.runs.json_lines import read_lines
+
+OURS = "gsedit"
+
+
+@dataclass(frozen=True)
+class RenderMeasurement:
+    """One scene drawn in one way: how long it took and how wrong it is. None: not measured.
+
+    The fields are those of a line of bench.jsonl.
+    """
+
+    scene: str
+    implementation: str
+    """gsedit, a baseline, or a peer with its version."""
+    knob: str
+    """The setting that differs from the defaults; "default" where none does."""
+    value: str
+    gaussians: int
+    width: int
+    height: int
+    pairs: int
+    """Number of (tile, Gaussian) pairs."""
+    evaluated: int
+    """Pixel-pairs in those tiles."""
+    contributing: int
+    """Pixel-pairs that change the picture. All three counts are gsedit's, for peers too."""
+    dtype: str
+    threads: int
+    runs: int
+    """The seconds below are medians of so many; forward + backward may have fewer than forward."""
+    forward_wall: float | None
+    """Seconds of wall clock, projection and sorting included."""
+    forward_cpu: float | None
+    """Seconds of all threads together."""
+    both_wall: float | None
+    """Forward and backward, to the gradients of the scene."""
+    both_cpu: float | None
+    yardstick: float | None
+    """Seconds of a pass of the yardstick (see measure.py), between the same runs."""
+    error_mean: float | None
+    """Mean error of colors in [0, 1] against the float64 reference, over pixels and channels."""
+    error_tail: float | None
+    """99.9 % of the errors are at most this."""
+    error_max: float | None
+    gradient_error: float | None
+    """Relative error of the scene's worst field: |difference| / |reference|."""
+    gradient_cosine: float | None
+    """Cosine between the gradient of the scene's worst field and the reference's."""
+    peak_bytes: int | None
+    """Memory of forward and backward, above the inputs."""
+    note: str
+    """Reason of a failure; empty where there was none."""
+    commit: str
+    machine: str
+    date: str
+    """Date and time, ISO 8601, UTC."""
+
+    @property
+    def label(self) -> str:
+        """Name of the row among those of its scene."""
+        if self.implementation != OURS:
+            return self.implementation
+        return "default" if self.knob == "default" else f"{self.knob} {self.value}"
+
+
+def read_measurements(path: Path) -> list[RenderMeasurement]:
+    """The measurements of a bench.jsonl; an unfinished last line is left out.
+
+    Raises InputError naming the file and the line where a line is not a measurement.
+    """
+    advice = "give a bench.jsonl of python -m research.renderer"
+    return read_lines(path, RenderMeasurement, kind="a measurement", advice=advice)
+
+
+HEAD = (
+    "", "fwd ms", "Y", "CPU Y", "both ms", "Y", "CPU Y", "mean error", "99.9 %", "max",
+    "gradients", "1 - cos", "peak MB", "n",
+)  # fmt: skip
+
+
+def table(rows: Iterable[RenderMeasurement]) -> str:
+    """Markdown: a heading and a table a scene, and what the columns mean."""
+    parts = [_LEGEND]
+    for scene, members in groupby(rows, key=lambda row: row.scene):
+        group = list(members)
+        parts += [_heading(scene, group[0]), markdown_table(HEAD, [_cells(row) for row in group])]
+        parts += [f"- {row.label}: {row.note}" for row in group if row.note]
+    return "\n\n".join(parts) + "\n"
+
+
+_LEGEND = (
+    "Times are medians of n runs, projection and sorting included; both: forward and backward, to "
+    "the gradients of every input, the pose too. Y: the time of the arithmetic of 25,000,000 "
+    "pixel-Gaussian pairs on the same threads between the same runs; CPU Y: seconds of all threads "
+    "together, in Y. Errors are of colors in [0, 1] against the float64 reference, which has "
+    "no early stop and no tiles; gradients: relative L2 error, and 1 - cosine, of the worst "
+    "input. Peak memory of both, above the inputs."
+)
+
+
+def _heading(scene: str, row: RenderMeasurement) -> str:
+    pairs = " / ".join(_millions(n) for n in (row.pairs, row.evaluated, row.contributing))
+    return (
+        f"## {scene}\n\n{row.gaussians:,} Gaussians, {row.width}x{row.height}, {row.dtype}; "
+        f"{pairs} million pairs tiled / evaluated / contributing; {row.threads} "
+        f"thread{'s' * (row.threads > 1)} of {row.machine}; commit {row.commit}, {row.date[:10]}"
+    )
+
+
+def _millions(count: int) -> str:
+    return f"{count / 1e6:.3g}"
+
+
+def _cells(row: RenderMeasurement) -> list[str]:
+    unit = row.yardstick
+
+    def units(seconds: float | None) -> str:
+        return "" if seconds is None or not unit else f"{seconds / unit:.1f}"
+
+    def milliseconds(seconds: float | None) -> str:
+        return "" if seconds is None else f"{1e3 * seconds:.3g}"
+
+    def error(value: float | None) -> str:
+        return "" if value is None else f"{value:.1e}"
+
+    gap = None if row.gradient_cosine is None else 1 - row.gradient_cosine
+    return [
+        f"**{row.label}**" if row.label == "default" else row.label,
+        milliseconds(row.forward_wall), units(row.forward_wall), units(row.forward_cpu),
+        milliseconds(row.both_wall), units(row.both_wall), units(row.both_cpu),
+        error(row.error_mean), error(row.error_tail), error(row.error_max),
+        error(row.gradient_error), error(gap),
+        "" if row.peak_bytes is None else f"{row.peak_bytes / 1e6:.0f}",
+        str(row.runs) if row.runs else "",
+    ]  # fmt: skip
+
+
+def comparison(new: Iterable[RenderMeasurement], old: Iterable[RenderMeasurement]) -> str:
+    """Markdown: new medians over old ones, in yardsticks, of the rows that both have."""
+    earlier = {(row.scene, row.label): row for row in old}
+    lines = [
+        [f"{row.scene}: {row.label}", *_ratios(row, earlier[row.scene, row.label])]
+        for row in new
+        if (row.scene, row.label) in earlier
+    ]
+    return markdown_table(("new / old", "forward", "both", "mean error", "peak memory"), lines)
+
+
+def _ratios(new: RenderMeasurement, old: RenderMeasurement) -> list[str]:
+    def ratio(name: str, *, timed: bool = False) -> str:
+        a, b = getattr(new, name), getattr(old, name)
+        if timed and a and b and new.yardstick and old.yardstick:
+            a, b = a / new.yardstick, b / old.yardstick
+        return f"{a / b:.2f}" if a and b else ""
+
+    return [
+        ratio("forward_wall", timed=True), ratio("both_wall", timed=True),
+        ratio("error_mean"), ratio("peak_bytes"),
+    ]  # fmt: skip

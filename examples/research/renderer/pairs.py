@@ -1,0 +1,79 @@
+"""How much work a picture is, counted in pairs: counts of two renderers can be compared.
+
+A pair is a Gaussian in a tile's list, a pixel-pair a Gaussian at a pixel of such a tile.
+"""
+
+from __future__ import annotations
+
+from math import log
+from typing import NamedTuple
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from rasterizer import Camera, Execution, Gaussians, Numerics
+from rasterizer.blending.choose import choose_backend
+from rasterizer.numerics import AUTO, DEFAULT
+from rasterizer.preprocess import preprocess, stored_scene
+from rasterizer.splat import list_tiles
+from rasterizer.tiles import Bins
+
+
+class BinnedGaussians(NamedTuple):
+    """2D Gaussians, and the Gaussians of each tile: as `splat` lists them."""
+
+    xy: Float[Tensor, "n 2"]
+    whitening: Float[Tensor, "n 3"]
+    log_opacities: Float[Tensor, " n"]
+    bins: Bins
+
+
+def bin_gaussians(
+    scene: Gaussians, camera: Camera, numerics: Numerics = DEFAULT, execution: Execution = AUTO
+) -> BinnedGaussians:
+    """The visible Gaussians of a scene, on the picture and in its tiles."""
+    box = (0, 0, camera.width, camera.height)
+    splats = preprocess(stored_scene(scene), camera, box, numerics)
+    backend = choose_backend(execution, scene.means.device, scene.means.dtype)
+    xy, bins = list_tiles(splats, box, numerics, execution, backend)
+    return BinnedGaussians(xy, splats.projected.whitening, splats.log_opacities, bins)
+
+
+@torch.no_grad()
+def listed_pairs(
+    scene: Gaussians, camera: Camera, numerics: Numerics = DEFAULT, execution: Execution = AUTO
+) -> tuple[int, int]:
+    """(tile, Gaussian) pairs, and their pixels: what a renderer without early stop evaluates."""
+    bins = bin_gaussians(scene, camera, numerics, execution).bins
+    tiled = len(bins.members)
+    return tiled, tiled * bins.size**2
+
+
+@torch.no_grad()
+def nearest_to_floor(
+    scene: Gaussians,
+    camera: Camera,
+    pixels: Int[Tensor, "p 2"],
+    numerics: Numerics = DEFAULT,
+) -> Float[Tensor, " p"]:
+    """Least relative distance of a Gaussian's alpha from the floor, at each pixel (row, column).
+
+    At most 1. Near 0, a rounding decides whether a step of alpha_min is drawn. In float64, without
+    tiles.
+    """
+    binned = bin_gaussians(scene.to(torch.float64), camera, numerics)
+    w0, w1, w2 = binned.whitening.unbind(-1)
+    nearest = [torch.ones(0, dtype=torch.float64)]
+    for some in pixels.split(32):
+        dx, dy = (some.flip(-1)[:, None] + 0.5 - binned.xy).unbind(-1)
+        power = 0.5 * ((w0 * dx).square() + (w1 * dx + w2 * dy).square())
+        excess = binned.log_opacities - power - numerics.log_alpha_min
+        nearest.append(_least(excess))
+    return torch.cat(nearest)
+
+
+def _least(excess: Float[Tensor, "p n"]) -> Float[Tensor, " p"]:
+    """Relative distance of the alpha whose logarithm is nearest; at most 1."""
+    limit = excess.new_full((len(excess), 1), log(2))
+    return torch.expm1(torch.cat((excess.abs(), limit), -1).amin(-1))

@@ -1,0 +1,181 @@
+"""An edit of the same scene with more and more Gaussians: seconds, memory, and what it costs."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from gsedit.bench.results import markdown_table, write_measurements, write_text
+from gsedit.datasets.dataset import evenly_spaced
+from gsedit.datasets.load import load_dataset
+from gsedit.errors import GseditError
+from gsedit.formats.edit_records import read_edit_record
+from gsedit.formats.scenes import load, save
+from gsedit.measures.metrics import psnr
+from gsedit.runs.events import Event
+from rasterizer.render import render
+from rasterizer.scene import Gaussians
+from research.scale.divide import divide
+
+ROWS, TABLE = "scale.jsonl", "scale.md"
+COMPARED = 4
+"""Held-out views at which edits are compared."""
+SEED = 0
+
+
+@dataclass(frozen=True)
+class ScaleSettings:
+    """Scene, instruction and sizes of the edits."""
+
+    scene: Path
+    data: Path
+    instruction: str
+    gaussians: tuple[int, ...]
+    """Approximate sizes of the scenes made: each Gaussian is divided in equal parts. Numbers up to
+    the scene's own leave it as it is."""
+    degree: int
+    """SH degree of the scenes that are made."""
+    size: int = 256
+    """Longer side of the views, pixels."""
+    options: tuple[str, ...] = ()
+    """Further options of `gsedit edit`."""
+
+
+@dataclass(frozen=True)
+class ScaleMeasurement:
+    """One edit, in a process of its own: from reading files to writing them."""
+
+    gaussians: int
+    degree: int
+    seconds: float
+    stages: dict[str, float]
+    """Seconds by stage, as edit.json has them."""
+    peak_gb: float
+    """Largest resident memory, 1e9 bytes."""
+    psnr_to_held_out_edits: float | None
+    kept: float | None
+    psnr_of_scenes: float
+    """PSNR of the unedited scene to the one that was divided, at held-out views, dB."""
+    psnr_of_edits: float
+    """PSNR of the edit to the edit of the scene that was divided, at held-out views, dB."""
+
+
+def measure_scale(settings: ScaleSettings, folder: Path) -> Iterator[Event | ScaleMeasurement]:
+    """One measurement a number of Gaussians, after the one of the scene itself.
+
+    Raises GseditError where an edit fails, with its last line.
+    """
+    given = load(settings.scene)
+    views = load_dataset(settings.data, size=settings.size).split()[1]
+    cameras = [views[i].camera for i in evenly_spaced(len(views), COMPARED)]
+
+    def pictures(scene: Gaussians) -> list[Float[Tensor, "h w 3"]]:
+        with torch.no_grad():
+            drawn = (render(scene, camera).color for camera in cameras)
+            return [picture.clamp(0, 1) for picture in drawn]
+
+    before, after = pictures(given), None
+    parts = sorted({max(1, round(number / len(given))) for number in (0, *settings.gaussians)})
+    for index, number in enumerate(parts):
+        yield Event("scale", 0.0, index, len(parts), note=f"{number * len(given):,} Gaussians")
+        path, out = settings.scene, folder / f"edit_{number * len(given)}"
+        if number > 1:
+            path = folder / f"scene_{number * len(given)}.ply"
+            generator = torch.Generator().manual_seed(SEED)
+            save(divide(given, number, settings.degree, generator), path, overwrite=True)
+        seconds, peak = _edit(settings, path, out)
+        scene, edited = load(path), load(out / "scene.ply")
+        record = read_edit_record(out / "edit.json")
+        unedited, finals = pictures(scene), pictures(edited)
+        after = after or finals
+        yield ScaleMeasurement(
+            gaussians=len(scene),
+            degree=scene.degree,
+            seconds=seconds,
+            stages=record["timings"],
+            peak_gb=peak,
+            psnr_to_held_out_edits=_held_out(record, "psnr_to_targets"),
+            kept=_held_out(record, "psnr_outside_region"),
+            psnr_of_scenes=_mean_psnr(unedited, before),
+            psnr_of_edits=_mean_psnr(finals, after),
+        )
+        del scene, edited
+        if number > 1:
+            path.unlink()
+
+
+def _held_out(record: dict[str, Any], name: str) -> float | None:
+    """The mean of a metric at held-out views, as edit.json has it; None where it has none."""
+    mean = record["measured"].get(name, {}).get("held_out")
+    return None if mean is None else mean["value"]
+
+
+def scale_to_folder(folder: Path, settings: ScaleSettings) -> Iterator[Event | ScaleMeasurement]:
+    """All measurements, written to a folder: ROWS meanwhile, then TABLE."""
+    rows: list[ScaleMeasurement] = []
+    folder.mkdir(parents=True, exist_ok=True)
+    yield from write_measurements(measure_scale(settings, folder), folder / ROWS, rows)
+    write_text(folder / TABLE, table(rows) + "\n")
+
+
+def table(rows: Sequence[ScaleMeasurement]) -> str:
+    """The measurements for people."""
+    stages = list(dict.fromkeys(name for row in rows for name in row.stages if name != "total"))
+    head = ("Gaussians", "SH", "seconds", *stages, "peak GB", "held-out edits dB", "kept dB",
+            "scenes dB", "edits dB")  # fmt: skip
+    return markdown_table(
+        head,
+        [
+            (
+                f"{row.gaussians:,}",
+                str(row.degree),
+                f"{row.seconds:.0f}",
+                *(f"{row.stages.get(name, 0.0):.0f}" for name in stages),
+                f"{row.peak_gb:.2f}",
+                *(
+                    "-" if value is None or value > 99 else f"{value:.2f}"
+                    for value in (row.psnr_to_held_out_edits, row.kept,
+                                  row.psnr_of_scenes, row.psnr_of_edits)
+                ),
+            )
+            for row in rows
+        ],
+    )  # fmt: skip
+
+
+def _edit(settings: ScaleSettings, scene: Path, out: Path) -> tuple[float, float]:
+    """Seconds and gigabytes of `gsedit edit`. Raises GseditError where it fails."""
+    run = "from gsedit_cli.main import main; main()"
+    command = [
+        sys.executable, "-c", run, "edit", str(scene), settings.instruction, "--data",
+        str(settings.data), "--size", str(settings.size), "-o", str(out), "--force",
+        *settings.options,
+    ]  # fmt: skip
+    out.parent.mkdir(parents=True, exist_ok=True)
+    begin, log = time.perf_counter(), out.parent / "edit.log"
+    with log.open("w", encoding="utf-8") as messages:
+        process = subprocess.Popen(command, stdout=messages, stderr=messages)
+        _, status, usage = os.wait4(process.pid, 0)
+    if status:
+        last = log.read_text(encoding="utf-8").strip().splitlines()[-1:]
+        raise GseditError(f"the edit of {scene} failed ({' '.join(last)}): see {log}")
+    seconds, unit = time.perf_counter() - begin, 1 if sys.platform == "darwin" else 1024
+    return seconds, usage.ru_maxrss * unit / 1e9
+
+
+def _mean_psnr(
+    pictures: Sequence[Float[Tensor, "h w 3"]], others: Sequence[Float[Tensor, "h w 3"]]
+) -> float:
+    """Decibels; 100 at most: JSON has no infinity."""
+    values = [min(100.0, psnr(one, other)) for one, other in zip(pictures, others)]
+    return sum(values) / len(values)

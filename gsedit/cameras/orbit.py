@@ -1,0 +1,81 @@
+"""Cameras on a circle around a ball or a scene, and vectors across a direction."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import cos, radians, sin, tau
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from gsedit.errors import UsageError
+from gsedit.scene.framing import bounds, guess_up
+from rasterizer.camera import Camera, look_at
+from rasterizer.scene import Gaussians
+
+
+def perpendicular(vectors: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n 3"]:
+    """A unit vector across each (which must not be zero): its cross product with the coordinate
+    axis that it leans on least; the first of equal ones.
+    """
+    axis = torch.nn.functional.one_hot(vectors.abs().argmin(-1), 3).to(vectors)
+    return torch.nn.functional.normalize(torch.linalg.cross(vectors, axis), dim=-1)
+
+
+def circle(
+    center: Float[Tensor, "3"],
+    radius: float,
+    up: Float[Tensor, "3"],
+    count: int,
+    size: int,
+    *,
+    elevation: float,
+    fov: float,
+    start: float = 0.0,
+    east: Float[Tensor, "3"] | None = None,
+) -> tuple[Camera, ...]:
+    """`count` cameras of `size`^2 pixels at one height around a ball, whose outline touches the
+    upper and lower border of each picture.
+
+    `up` is a unit vector, float64. Degrees: `elevation` above the horizon, the picture's `fov`, and
+    `start`, the azimuth of the first camera; the rest follow counter-clockwise, seen from above.
+    Azimuth 0 is in the direction `east`, a unit vector across `up`: `perpendicular(up)` if None.
+    """
+    east = perpendicular(up) if east is None else east
+    north = torch.linalg.cross(up, east)
+    distance = radius / sin(radians(fov) / 2)
+    rise = radians(elevation)
+    cameras = []
+    for i in range(count):
+        azimuth = radians(start) + tau * i / count
+        level = cos(azimuth) * east + sin(azimuth) * north
+        eye = center + distance * (cos(rise) * level + sin(rise) * up)
+        cameras.append(look_at(eye, center, up, fov, size, size))
+    return tuple(cameras)
+
+
+def orbit(
+    scene: Gaussians,
+    count: int,
+    size: int,
+    *,
+    up: Float[Tensor, "3"] | None = None,
+    elevation: float = 20.0,
+    fov: float = 50.0,
+    alone: bool = False,
+) -> tuple[Camera, ...]:
+    """`count` cameras on a circle around the bulk of a scene, `size`^2 pixels each; around all of
+    an object that is known to be `alone`.
+
+    `up` (any length, world axes) is guessed if None; `elevation` and `fov` are in degrees. Raises
+    UsageError for an `up` that is no direction, or an empty scene.
+    """
+    ball = bounds(scene, alone=alone)
+    center = torch.tensor(ball.center, dtype=torch.float64)
+    axis = (guess_up(scene) if up is None else up).detach().double()
+    if not axis.isfinite().all() or not axis.any():
+        raise UsageError(f"up {axis.tolist()} is no direction: three finite numbers, not all 0")
+    axis = torch.nn.functional.normalize(axis, dim=0)
+    cameras = circle(center, ball.radius, axis, count, size, elevation=elevation, fov=fov)
+    return tuple(replace(camera, near=ball.near) for camera in cameras)

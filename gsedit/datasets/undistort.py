@@ -1,0 +1,234 @@
+"""Lens distortion undone: the picture that an ideal pinhole camera would have taken.
+
+Brown-Conrady model as in OpenCV and COLMAP's OPENCV. On the plane z = 1, r^2 = x^2 + y^2,
+  x_d = x (1 + k1 r^2 + k2 r^4 + k3 r^6) + 2 p1 x y + p2 (r^2 + 2 x^2), and y_d alike.
+Every pixel center (u + 0.5, v + 0.5) of the pinhole picture looks up its distorted position in the
+photo: the forward model, which is a formula; its inverse, an iteration, is never needed.
+
+Other lenses (fisheyes, FULL_OPENCV, ...) go through pycolmap's `Camera.img_from_cam`, which maps
+rays to pixels and starts no threads.
+
+kornia computes the formula. Its `undistort_image` keeps the focal length, so that borders become
+black; pycolmap's `undistort_image` takes and returns 8-bit pictures, and changes their size. Both
+compute their map for every photo anew and take three to six times as long as `undistort`.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from gsedit.errors import InputError
+from rasterizer.camera import Camera
+
+_ZOOM_MAX = 8.0  # a lens that needs more keeps less than 1/64 of the photo: a fisheye, or nonsense
+_STEPS, _EVERY = 65, 16  # along lines from the center to every 16th border pixel: 65 positions
+_BISECTIONS = 40  # of [1, 8]: far below the last digit of a float32 pixel position
+
+
+class ColmapLens(NamedTuple):
+    """A camera model of COLMAP with its parameters, for photos of the size of the calibration."""
+
+    model: str
+    params: tuple[float, ...]
+    width: int
+    height: int
+
+
+@dataclass(frozen=True)
+class Lens:
+    """Intrinsics of a photo: pixels, the corner of the first one at (0, 0).
+
+    Its distortion is k1 to p2 (Brown-Conrady), or that of `other`.
+    """
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    width: int
+    height: int
+    k1: float = 0.0
+    k2: float = 0.0
+    k3: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+    other: ColmapLens | None = None
+
+    @property
+    def is_pinhole(self) -> bool:
+        return self.other is None and not any((self.k1, self.k2, self.k3, self.p1, self.p2))
+
+    def scaled(self, width: int, height: int) -> Lens:
+        """The lens of the same photo on another number of pixels."""
+        x, y = width / self.width, height / self.height
+        focal = {"fx": self.fx * x, "fy": self.fy * y}
+        return replace(self, **focal, cx=self.cx * x, cy=self.cy * y, width=width, height=height)
+
+    def camera(self, world_to_camera: Float[Tensor, "4 4"]) -> Camera:
+        """The pinhole camera with these intrinsics: the distortion must be undone already."""
+        size = (self.width, self.height)
+        return Camera(world_to_camera, self.fx, self.fy, self.cx, self.cy, *size)
+
+    def zoomed(self, zoom: float) -> Lens:
+        """The ideal lens at the same place with `zoom` times the focal length."""
+        size = (self.width, self.height)
+        return Lens(self.fx * zoom, self.fy * zoom, self.cx, self.cy, *size)
+
+
+class Undistortion(NamedTuple):
+    """How the distortion of a lens is undone; the same for all its photos."""
+
+    lens: Lens
+    """The ideal lens of the new pictures: same size and principal point, focal length not less."""
+    lookup: Float[Tensor, "h w 2"] | None
+    """Position in the photo that each new pixel looks up, pixels; None: no distortion."""
+
+
+def undistortion(lens: Lens) -> Undistortion:
+    """The ideal lens, zoomed in just enough that no pixel looks outside the photo.
+
+    "Inside" is between the centers of the photo's border pixels, so no value is extrapolated. The
+    zoom is the smallest one >= 1 (to bisection accuracy), the same for x and y. Raises InputError
+    where no zoom up to 8 will do.
+    """
+    ideal = ideal_lens(lens)
+    if ideal is lens:
+        return Undistortion(lens, None)
+    return Undistortion(ideal, distort(ideal.camera(torch.eye(4)).pixel_centers(), ideal, lens))
+
+
+def ideal_lens(lens: Lens) -> Lens:
+    """The lens of the undistorted pictures, see `undistortion`; `lens` itself if a pinhole."""
+    return lens if lens.is_pinhole else lens.zoomed(_smallest_zoom(lens))
+
+
+def undistort(photo: Float[Tensor, "h w c"], undo: Undistortion) -> Float[Tensor, "h w c"]:
+    """Sample the photo bilinearly where the map says; without distortion, the photo itself."""
+    if undo.lookup is None:
+        return photo
+    size = torch.tensor([undo.lens.width, undo.lens.height], dtype=torch.float64)
+    # align_corners=False: -1 and 1 are the outer corners of the picture, our 0 and size
+    grid = (2 * undo.lookup / size - 1).to(photo)
+    sampled = torch.nn.functional.grid_sample(
+        photo.permute(2, 0, 1)[None], grid[None], padding_mode="border", align_corners=False
+    )
+    return sampled[0].permute(1, 2, 0).contiguous()
+
+
+def distort(xy: Float[Tensor, "*b 2"], ideal: Lens, lens: Lens) -> Float[Tensor, "*b 2"]:
+    """From positions in the ideal lens's picture to positions in the photo of `lens`, pixels.
+
+    Of a lens of COLMAP, NaN where it shows no such direction.
+    """
+    if lens.other is not None:
+        return _distorted_by(lens.other, xy, ideal, lens)
+    from kornia.geometry.calibration import distort_points
+
+    coefficients = torch.tensor([lens.k1, lens.k2, lens.p1, lens.p2, lens.k3], dtype=xy.dtype)
+    flat = distort_points(
+        xy.reshape(-1, 2), _matrix(lens, xy.dtype), coefficients, _matrix(ideal, xy.dtype)
+    )
+    return flat.reshape(xy.shape)
+
+
+def _distorted_by(
+    other: ColmapLens, xy: Float[Tensor, "*b 2"], ideal: Lens, lens: Lens
+) -> Float[Tensor, "*b 2"]:
+    """Through pycolmap, whose pixels begin at the corner as ours do."""
+    pycolmap = import_pycolmap()
+
+    camera = pycolmap.Camera(
+        model=other.model, width=other.width, height=other.height, params=list(other.params)
+    )
+    center = torch.tensor([ideal.cx, ideal.cy], dtype=torch.float64)
+    focal = torch.tensor([ideal.fx, ideal.fy], dtype=torch.float64)
+    rays = ((xy.double() - center) / focal).reshape(-1, 2)
+    rays = torch.cat((rays, torch.ones(len(rays), 1, dtype=torch.float64)), 1)
+    found = torch.from_numpy(camera.img_from_cam(rays.numpy()))
+    size = torch.tensor([lens.width / other.width, lens.height / other.height]).double()
+    return (found * size).reshape(xy.shape).to(xy.dtype)
+
+
+def _smallest_zoom(lens: Lens) -> float:
+    """By bisection, in [1, 8]. Raises InputError where 8 is not enough."""
+    low, high = 1.0, _ZOOM_MAX
+    if _stays_inside(lens, low):
+        return low
+    if not _stays_inside(lens, high):
+        raise InputError(
+            f"lens distortion {_described(lens)} leaves no picture: calibrate again, or undistort "
+            "with COLMAP"
+        )
+    for _ in range(_BISECTIONS):
+        middle = (low + high) / 2
+        low, high = (low, middle) if _stays_inside(lens, middle) else (middle, high)
+    return high
+
+
+def _stays_inside(lens: Lens, zoom: float) -> bool:
+    """Whether no pixel of the zoomed picture looks outside the photo.
+
+    It is enough that its border looks inside and that the distorted radius grows with the ideal one
+    up to the corners: else one point of the photo would appear twice.
+    """
+    ideal = lens.zoomed(zoom)
+    border = _border_centers(lens.width, lens.height)
+    distorted = distort(border, ideal, lens)
+    last = torch.tensor([lens.width - 0.5, lens.height - 0.5], dtype=distorted.dtype)
+    # centers map to themselves only to rounding: allow 1e-9 pixels
+    inside = bool(((distorted >= 0.5 - 1e-9) & (distorted <= last + 1e-9)).all())
+    return inside and _grows(lens, ideal, border)
+
+
+def _grows(lens: Lens, ideal: Lens, border: Float[Tensor, "n 2"]) -> bool:
+    """Whether what is further from the center of the ideal picture is so in the photo too."""
+    if lens.other is not None:
+        center = torch.tensor([ideal.cx, ideal.cy], dtype=torch.float64)
+        steps = torch.linspace(0, 1, _STEPS, dtype=torch.float64)[:, None, None]
+        found = distort(center + steps * (border[::_EVERY] - center), ideal, lens)
+        radius = (found - found[0]).norm(dim=-1)
+        return bool((radius.diff(dim=0) > 0).all())
+    offset = (border - torch.tensor([lens.cx, lens.cy])) / torch.tensor([ideal.fx, ideal.fy])
+    r2 = torch.linspace(0, float(offset.square().sum(-1).max()), 257, dtype=torch.float64)
+    slope = 1 + r2 * (3 * lens.k1 + r2 * (5 * lens.k2 + r2 * 7 * lens.k3))
+    return bool((slope > 0).all())
+
+
+def _described(lens: Lens) -> str:
+    if lens.other is not None:
+        return f"{lens.other.model} {', '.join(f'{value:g}' for value in lens.other.params)}"
+    names = ("k1", "k2", "k3", "p1", "p2")
+    return ", ".join(f"{name} {getattr(lens, name):g}" for name in names)
+
+
+def _border_centers(width: int, height: int) -> Float[Tensor, "n 2"]:
+    x = torch.arange(width, dtype=torch.float64) + 0.5
+    y = torch.arange(height, dtype=torch.float64) + 0.5
+    rows = [torch.cartesian_prod(x, side) for side in (y[:1], y[-1:])]
+    columns = [torch.cartesian_prod(side, y) for side in (x[:1], x[-1:])]
+    return torch.cat((*rows, *columns))
+
+
+def _matrix(lens: Lens, dtype: torch.dtype) -> Float[Tensor, "3 3"]:
+    """The intrinsic matrix K."""
+    rows = [[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]]
+    return torch.tensor(rows, dtype=dtype)
+
+
+def import_pycolmap() -> Any:
+    """The module pycolmap. Its logging library (glog) takes SIGTERM over and ends the process with
+    a stack trace: the handler that was there before is put back, so that work can keep what is
+    done."""
+    before = signal.getsignal(signal.SIGTERM)
+    import pycolmap
+
+    if before is not None and threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, before)
+    return pycolmap

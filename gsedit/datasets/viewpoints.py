@@ -1,0 +1,88 @@
+"""Named cameras from which a scene is looked at: brought to one size, thinned, checked."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import torch
+
+from gsedit.datasets.dataset import Dataset, capture
+from rasterizer.camera import Camera
+from rasterizer.numerics import AUTO, Execution
+from rasterizer.render import render
+from rasterizer.scene import Gaussians
+
+AT_MOST = 64
+"""Viewpoints that an edit surveys, of a capture that has more: each costs two renders."""
+CHECK_SIZE = 32
+"""Longer side, pixels, of the render that tells whether a camera sees the scene."""
+SEES = 0.01
+"""Least mean opacity of that render: a camera of another scene, or frame, sees less."""
+
+
+@dataclass(frozen=True, eq=False)
+class Viewpoint:
+    """A camera with the name of its photo or view."""
+
+    name: str
+    camera: Camera
+
+
+def viewpoints_of(dataset: Dataset) -> tuple[Viewpoint, ...]:
+    """The cameras of a dataset's views, with their names."""
+    return tuple(Viewpoint(view.name, view.camera) for view in dataset.views)
+
+
+def framed(camera: Camera, width: int, height: int) -> Camera:
+    """The pose on another picture, which shows all that the camera showed, in the middle."""
+    scale = min(width / camera.width, height / camera.height)
+    return replace(
+        camera,
+        fx=camera.fx * scale,
+        fy=camera.fy * scale,
+        cx=width / 2,
+        cy=height / 2,
+        width=width,
+        height=height,
+    )
+
+
+def same_size(viewpoints: Sequence[Viewpoint], size: int) -> tuple[Viewpoint, ...]:
+    """All on pictures whose longer side is `size` pixels, in the most frequent proportions."""
+    shapes = Counter((v.camera.width, v.camera.height) for v in viewpoints)
+    (width, height), _ = shapes.most_common(1)[0]
+    scale = size / max(width, height)
+    width, height = max(1, round(width * scale)), max(1, round(height * scale))
+    return tuple(replace(v, camera=framed(v.camera, width, height)) for v in viewpoints)
+
+
+def thinned(viewpoints: Sequence[Viewpoint], at_most: int = AT_MOST) -> tuple[Viewpoint, ...]:
+    """Every k-th viewpoint from the first, with the least k that leaves `at_most`.
+
+    A whole k: every 8th of what is left, which an edit holds out, is an 8th of all, which the fit
+    held out.
+    """
+    return tuple(viewpoints[:: -(-len(viewpoints) // at_most)])
+
+
+@torch.no_grad()
+def that_see(
+    viewpoints: Sequence[Viewpoint], scene: Gaussians, execution: Execution = AUTO
+) -> tuple[Viewpoint, ...]:
+    """Those whose picture shows something of the scene: cameras of another scene do not."""
+    seeing = []
+    for viewpoint in viewpoints:
+        small = viewpoint.camera.fitted(CHECK_SIZE)
+        if float(render(scene, small, execution=execution).alpha.mean()) >= SEES:
+            seeing.append(viewpoint)
+    return tuple(seeing)
+
+
+def rendered(
+    scene: Gaussians, viewpoints: Sequence[Viewpoint], execution: Execution = AUTO
+) -> Dataset:
+    """Renders of the scene as a dataset: what an edit works on where there are no photos."""
+    cameras, names = [v.camera for v in viewpoints], [v.name for v in viewpoints]
+    return Dataset(capture(scene.detach(), cameras, names, execution))

@@ -1,0 +1,105 @@
+"""Strategies, and the actions that they consist of: edit some views, fit the scene."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+from gsedit.diffusion.settings import SamplerSettings
+from gsedit.editing.session.edit_views import MAX_ANCHORS, edit_views
+from gsedit.editing.session.fit_targets import fit_targets
+from gsedit.editing.session.session import Session
+from gsedit.runs.events import Event
+
+MAX_STEPS_AT_ONCE = 10
+"""Most optimizer steps in one action: an edit can be interrupted between any two actions."""
+
+
+class Action(Protocol):
+    """A part of an edit; all that it changes is in the session's progress."""
+
+    def __call__(self, session: Session) -> Iterator[Event]:
+        """Run the action; yields its events."""
+        ...
+
+
+@runtime_checkable
+class Strategy(Protocol):
+    """An order in which views are edited and the scene is fitted to them.
+
+    It may have `check`, which raises UsageError or InputError before any work for what it lacks,
+    and class attributes: `asks_editor`, False where it needs no 2D editor, and `fits_pictures`,
+    False where it renders the optimizer's scene itself.
+    """
+
+    def schedule(self, session: Session) -> Iterator[Action]:
+        """The actions of an edit, in order.
+
+        They depend on the settings and on the plan of views, never on chance or on what an action
+        found: an edit that is resumed skips those that are done. Chance belongs into the actions,
+        from the generator of the request.
+        """
+        ...
+
+
+class RollbackAction:
+    """Base class of actions that never touch the optimizer, and are rolled back on failure.
+
+    A checkpoint is then made of the session as it was before the action.
+    """
+
+    def __call__(self, session: Session) -> Iterator[Event]:
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class EditViews(RollbackAction):
+    """Edit the views with these indices together: batch `step` of `steps`, see `edit_views`."""
+
+    batch: tuple[int, ...]
+    step: int
+    steps: int
+    sampler: SamplerSettings | None = None
+    """Settings of the sampler; None for those of the edit."""
+    anchors: int = MAX_ANCHORS
+
+    def __call__(self, session: Session) -> Iterator[Event]:
+        yield from edit_views(
+            session,
+            self.batch,
+            step=self.step,
+            steps=self.steps,
+            sampler=self.sampler,
+            anchors=self.anchors,
+        )
+
+
+@dataclass(frozen=True)
+class Update:
+    """Steps `first` to `last` (not included) of a round of fitting the edited views."""
+
+    first: int
+    last: int
+    round_steps: int
+    """Steps of the whole round, over which the learning rates fall."""
+    done: int
+    """Steps of the edit that came before the round."""
+    total: int
+    """Steps of the whole edit."""
+
+    def __call__(self, session: Session) -> Iterator[Event]:
+        span = range(self.first, self.last)
+        yield from fit_targets(session, span, self.round_steps, done=self.done, total=self.total)
+
+
+def update_round(
+    steps: int, *, done: int, total: int, span: range | None = None
+) -> Iterator[Update]:
+    """Yield the updates of a round of `steps`, or of the part `span` of it, a few steps at a time.
+
+    `done` of `total` steps of the edit came before the round.
+    """
+    span = span or range(steps)
+    for first in range(span.start, span.stop, MAX_STEPS_AT_ONCE):
+        yield Update(first, min(first + MAX_STEPS_AT_ONCE, span.stop), steps, done, total)

@@ -1,0 +1,151 @@
+"""Evaluate the result of an edit, and gather the pictures that show it."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterable, Mapping
+from dataclasses import dataclass, replace
+from itertools import chain
+
+from jaxtyping import Float
+from torch import Tensor
+
+from gsedit.datasets.dataset import View
+from gsedit.datasets.view_list_files import Role, ViewList
+from gsedit.datasets.viewpoints import Viewpoint
+from gsedit.editing.session.edit_views import MAX_ANCHORS, MEASURE, match_views, sample_views
+from gsedit.editing.session.measure_progress import (
+    MAX_PROGRESS_VIEWS,
+    Measurement,
+    to_ground_truth,
+    to_targets,
+    true_edits,
+)
+from gsedit.editing.session.result import SHEET_HELD_OUT_VIEWS, EditMetrics, HeldOutViews
+from gsedit.editing.session.session import Session
+from gsedit.measures.agreement import Pictures, UneditedViews, spread
+from gsedit.measures.evaluation import evaluate
+from gsedit.measures.evaluation_input import EvaluationInput
+from gsedit.regions.region import Region
+from gsedit.runs.events import Event
+from gsedit.scene.picture import render_picture
+from rasterizer.scene import Gaussians
+
+
+@dataclass(frozen=True, eq=False)
+class EvaluatedEdit:
+    """The edited scene, its measurements, and pictures of it."""
+
+    scene: Gaussians
+    """A copy with all bands, and all Gaussians of a large scene."""
+    region: Region
+    """The region of the scene's Gaussians that could change."""
+    originals: tuple[View, ...]
+    """Renders of the unedited scene at the edited views."""
+    finals: tuple[View, ...]
+    """Renders of the edited scene at the same views."""
+    held_out: HeldOutViews
+    metrics: EditMetrics
+    final: Measurement
+    """The number that the progress of the edit was measured by, over all views."""
+
+
+def evaluate_edit(session: Session) -> Generator[Event, None, EvaluatedEdit]:
+    """Render the edited scene, ask the editor for held-out views, and measure.
+
+    Yields the editor's steps.
+    """
+    request, views = session.request, session.request.every_view
+    shown = tuple(session.progress.edited.targets or session.surveyed.plan.views)
+    asked = request.settings.held_out_edits
+    held_out = spread(request.held_out_indices, max(SHEET_HELD_OUT_VIEWS, asked))
+    answers = yield from _edit_held_out(session, held_out[:asked])
+    given = _evaluation_input(session, shown, held_out, answers)
+    metrics = EditMetrics(evaluate(given), tuple(session.progress.edited.pairs))
+    final = to_targets(metrics.psnr_to_targets)
+    if given.ground_truth:
+        final = to_ground_truth(metrics.psnr_to_ground_truth, len(given.ground_truth))
+    originals = {i: session.unedited.picture(i) for i in (*shown, *held_out)}
+    return EvaluatedEdit(
+        given.scene,
+        given.region or session.region,
+        _with_pictures(views, originals, shown),
+        _with_pictures(views, given.finals, shown),
+        HeldOutViews(
+            _with_pictures(views, originals, held_out),
+            _with_pictures(views, answers, answers),
+            _with_pictures(views, given.finals, held_out),
+        ),
+        metrics,
+        final,
+    )
+
+
+def _evaluation_input(
+    session: Session, shown: tuple[int, ...], held_out: tuple[int, ...], answers: Pictures
+) -> EvaluationInput:
+    """The edited scene rendered at edited and held-out views, and all that it is compared with."""
+    request, views = session.request, session.request.every_view
+    measured = tuple(dict.fromkeys((*request.evaluation_views, *held_out)))
+    scene, region = session.whole_scene(), session.region
+    if request.coarse is not None:
+        region = replace(region, inside=request.coarse.expand(region.inside))
+    execution = request.settings.execution
+    finals = {i: render_picture(scene, views[i].camera, execution) for i in (*shown, *measured)}
+    targets = {i: view.image for i, view in session.progress.edited.targets.items()}
+    return EvaluationInput(
+        scene,
+        _view_list(views, shown, measured),
+        {**targets, **answers},
+        unedited=request.whole,
+        region=region,
+        execution=execution,
+        max_perceptual_views=MAX_PROGRESS_VIEWS,
+        ground_truth=true_edits(session, request.evaluation_views),
+        finals=finals,
+        renderings={i: session.unedited.rendering(i) for i in finals},
+    )
+
+
+def _view_list(views: tuple[View, ...], edited: Iterable[int], held_out: Iterable[int]) -> ViewList:
+    """The views with their roles; those that are neither edited nor measured are neighbors."""
+    roles: dict[int, Role] = {i: "held_out" for i in held_out}
+    roles.update((i, "edited") for i in edited)
+    viewpoints = tuple(Viewpoint(view.name, view.camera) for view in views)
+    return ViewList(viewpoints, tuple(roles.get(i, "other") for i in range(len(views))))
+
+
+def _with_pictures(
+    views: tuple[View, ...], pictures: Pictures, indices: Iterable[int]
+) -> tuple[View, ...]:
+    """The views with these indices, showing these pictures."""
+    return tuple(replace(views[i], image=pictures[i]) for i in indices)
+
+
+def _edit_held_out(
+    session: Session, views: tuple[int, ...]
+) -> Generator[Event, None, Mapping[int, Float[Tensor, "h w 3"]]]:
+    """Ask the editor for these held-out views as it was asked for the targets.
+
+    They are tied to targets by anchors and the noise that all batches share. Nothing is asked where
+    that has no meaning: the editor is no diffusion model, so it has no noise to share, or no view
+    was edited. Sampling starts from the unedited scene: the answers must not depend on the edited
+    scene, which is compared with them.
+    """
+    answers, editor = session.progress.edited.answers, session.request.editor
+    if not views or not answers or editor.capabilities.denoiser is None:
+        return {}
+    cameras = [view.camera for view in session.request.every_view]
+    unedited = UneditedViews(cameras, session.unedited.rendering)
+    near = zip(*(unedited.nearest(view, answers) for view in views))  # in turn, a view at a time
+    anchors = tuple(dict.fromkeys(chain.from_iterable(near)))[:MAX_ANCHORS]
+    members = (*views, *anchors)
+    images = yield from sample_views(
+        session,
+        members,
+        anchors,
+        match_views(session, members),
+        session.request.settings.sampler,
+        start={i: session.unedited.picture(i) for i in views},
+        stage=MEASURE,
+    )
+    return {i: session.within_region(i, image) for i, image in zip(views, images)}

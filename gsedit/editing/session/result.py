@@ -1,0 +1,173 @@
+"""The result of an edit: the edited scene, pictures of it, and its measurements."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from gsedit.datasets.dataset import View
+from gsedit.editing.session.progress import Work
+from gsedit.editing.session.settings import EditSettings
+from gsedit.editing.skip.decision import Decision
+from gsedit.editing.view_plan import ViewPlan
+from gsedit.measures.evaluation_input import Evaluation
+from gsedit.pictures.contact_sheet import contact_sheet
+from gsedit.pictures.notebook import as_html, attempt, decibels, png_bytes
+from gsedit.regions.region import Region
+from gsedit.runs.events import Event
+from rasterizer.scene import Gaussians
+
+
+@dataclass(frozen=True)
+class EditMetrics:
+    """The evaluation of an edited scene, and how well its views matched.
+
+    A metric has its name of gsedit.measures.names; `evaluation.value(NAME, ROLE)` reads any of
+    them. The properties are those to read first, None where they were not measured.
+    """
+
+    evaluation: Evaluation
+    pairs: tuple[tuple[str, str, float], ...] = ()
+    """(view, view, matched fraction of latent cells) of every two views edited in one batch."""
+
+    @property
+    def matched(self) -> float | None:
+        """Mean matched fraction of the pairs; None without any."""
+        shares = [share for *_, share in self.pairs]
+        return sum(shares) / len(shares) if shares else None
+
+    @property
+    def rmse_to_unedited(self) -> float | None:
+        """RMSE between renders of the unedited and the edited scene: 0 is no edit at all."""
+        return self.evaluation.value("rmse_to_unedited")
+
+    @property
+    def psnr_to_targets(self) -> float | None:
+        """Mean PSNR to the edited 2D pictures that the scene was fitted to, dB.
+
+        It says how far the scene follows them, not how good they are.
+        """
+        return self.evaluation.value("psnr_to_targets")
+
+    @property
+    def psnr_to_held_out_edits(self) -> float | None:
+        """Mean PSNR to pictures that the 2D editor makes of held-out views, dB."""
+        return self.evaluation.value("psnr_to_targets", "held_out")
+
+    @property
+    def psnr_to_ground_truth(self) -> float | None:
+        """Mean PSNR to the true edit at the held-out cameras, dB."""
+        return self.evaluation.value("psnr_to_ground_truth", "held_out")
+
+    @property
+    def rmse_outside_region(self) -> float | None:
+        """RMSE to the unedited scene at the edited views, over pixels outside the region."""
+        return self.evaluation.value("rmse_outside_region")
+
+    @property
+    def psnr_outside_region(self) -> float | None:
+        """PSNR to the unedited scene at held-out cameras, dB, over pixels outside the region."""
+        return self.evaluation.value("psnr_outside_region", "held_out")
+
+    def record(self) -> dict[str, Any]:
+        """All measurements as JSON has them."""
+        return {"matched": self.matched, "pairs": self.pairs, **self.evaluation.record()}
+
+    def describe(self) -> str:
+        """The numbers to read first, on one line."""
+        parts = [
+            f"{row.pictures} differ between near views by {row.edited:.3f}, unedited renders by "
+            f"{row.unedited:.3f}"
+            for row in self.evaluation.warp
+            if row.range == "short"
+        ]
+        if self.rmse_to_unedited is not None:
+            parts.insert(0, f"changed by {self.rmse_to_unedited:.3f} RMSE (0 is no edit)")
+        if self.psnr_to_held_out_edits is not None:
+            parts.append(f"{self.psnr_to_held_out_edits:.1f} dB to edits of held-out views")
+        if self.psnr_outside_region is not None and self.rmse_outside_region is not None:
+            parts.append(
+                f"outside the region {self.psnr_outside_region:.1f} dB to the unedited scene at "
+                f"held-out views, RMSE {self.rmse_outside_region:.4f} at edited ones"
+            )
+        return "; ".join(parts)
+
+
+SHEET_HELD_OUT_VIEWS = 2
+"""Most held-out views in before_after.png."""
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOutViews:
+    """Pictures of some held-out cameras; the scene was fitted to none of them."""
+
+    originals: tuple[View, ...] = ()
+    """Renders of the unedited scene."""
+    edited: tuple[View, ...] = ()
+    """Pictures that the 2D editor makes of the first ones; none where it was not asked."""
+    finals: tuple[View, ...] = ()
+    """Renders of the edited scene."""
+
+
+@dataclass(frozen=True, eq=False)
+class EditResult:
+    """An edited scene and its evidence: the same cameras three times."""
+
+    prompt: str
+    scene: Gaussians
+    originals: tuple[View, ...]
+    """Renders of the unedited scene."""
+    targets: tuple[View, ...]
+    """The edited 2D pictures that the scene was fitted to; none where the strategy edits none."""
+    finals: tuple[View, ...]
+    """Renders of the edited scene."""
+    settings: EditSettings
+    """The settings, with the editor's defaults filled in."""
+    strategy: Any
+    """The strategy: a record of its settings."""
+    strategy_name: str
+    """The strategy's name, as in `--strategy NAME`."""
+    view_plan: ViewPlan
+    """The views that were to be edited, by round, and what they cover."""
+    region: Region
+    """The Gaussians that could change."""
+    metrics: EditMetrics
+    """The measurements of the edited scene."""
+    work: Work
+    """Optimizer steps, views asked of the editor, network evaluations."""
+    timings: dict[str, float]
+    """Seconds per stage, and in total."""
+    held_out: HeldOutViews = field(default_factory=HeldOutViews)
+    """Some cameras of which no edited picture was used."""
+    decisions: tuple[Decision, ...] = ()
+    """The decisions to skip work, with their reasons."""
+    events: tuple[Event, ...] = ()
+    """All events of the edit, in order."""
+
+    def __repr__(self) -> str:
+        return f"EditResult({self.prompt!r}, {self.scene!r})"
+
+    def _repr_png_(self) -> bytes | None:
+        """A picture for notebooks: some views before the edit, as edited in 2D, and after it."""
+        return attempt(self._picture)
+
+    def _repr_html_(self) -> str | None:
+        """A page for notebooks: the pictures and the measurements."""
+        return attempt(lambda: as_html(self.prompt, self._rows(), self._picture()))
+
+    def _picture(self) -> bytes:
+        rows = {"original": self.originals, "2D targets": self.targets, "edited": self.finals}
+        shown = [(label, views) for label, views in rows.items() if views]
+        return png_bytes(contact_sheet(shown, columns=4))
+
+    def _rows(self) -> dict[str, str]:
+        metrics = self.metrics
+        return {
+            "Gaussians": f"{len(self.scene):,}",
+            "region": str(self.region),
+            "strategy": self.strategy_name,
+            "seconds": f"{self.timings['total']:.0f}" if "total" in self.timings else "",
+            "PSNR to the 2D targets": decibels(metrics.psnr_to_targets),
+            "PSNR to edits of held-out views": decibels(metrics.psnr_to_held_out_edits),
+            "PSNR outside the region": decibels(metrics.psnr_outside_region),
+        }

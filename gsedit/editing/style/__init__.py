@@ -1,0 +1,1 @@
+"""Give a scene the style of a picture, from its own renders."""

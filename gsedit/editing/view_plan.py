@@ -1,0 +1,223 @@
+"""Choice of the views that an edit needs: few, that see most of the scene, in batches that overlap.
+
+`n` Gaussians, `v` views. A view's weight on a Gaussian is the sum of its blending weights in the
+picture.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from rasterizer.camera import Camera
+from rasterizer.numerics import AUTO, Execution
+from rasterizer.render import contributions
+from rasterizer.scene import Gaussians
+
+SURVEY_SIZE = 64
+"""Longest side, pixels, of the small renders that tell what a view sees."""
+SEEN = 0.05
+"""A view sees a Gaussian that it shows this well, relative to the view that shows it best."""
+COVERED = 0.4
+"""A view covers a Gaussian that it shows this well, relative to the median of the views that see
+it. Not to the best of them: a few close-ups would leave what whole views show uncovered."""
+TIE_WEIGHT = 4.0
+"""Cost of an overlap that falls short, in coverage: a view whose batch sees 0.1 too little of what
+it shows must add 0.4 / (views of a batch) of coverage."""
+WHOLE_WEIGHT = 0.5
+"""Cost of views that cut the subject off, in coverage: a batch that shows half of it, 0.25."""
+MAX_PLANNED_GAUSSIANS = 10_000
+"""Plans use an evenly strided sample of at most this many Gaussians; more change no plan."""
+SEEDS = 96
+"""First views that are tried for a batch, those that add most."""
+
+
+@dataclass(frozen=True)
+class ViewPlan:
+    """Views to edit, a batch a round, none twice."""
+
+    rounds: tuple[tuple[int, ...], ...]
+    coverage: tuple[float, ...]
+    """After each round: share of what all views see that the edited ones show well, in [0, 1]."""
+
+    @property
+    def views(self) -> tuple[int, ...]:
+        return tuple(view for batch in self.rounds for view in batch)
+
+
+def survey(
+    scene: Gaussians, cameras: Sequence[Camera], execution: Execution = AUTO
+) -> Float[Tensor, "v n"]:
+    """How much each view sees of each Gaussian, in pixels of a small picture."""
+    small = [camera.fitted(SURVEY_SIZE) for camera in cameras]
+    return torch.stack([contributions(scene, camera, execution=execution) for camera in small])
+
+
+def view_overlap(a: Float[Tensor, "v n"], b: Float[Tensor, "u n"]) -> Float[Tensor, "v u"]:
+    """Share of what a view of `a` and one of `b` show that both show, in [0, 1], for every pair.
+
+    A Gaussian counts by the smaller of its two weights, so that a close-up and a distant view of
+    the same surface share little, as their latent cells do. On the bear its correlation with the
+    share of matched cells is 0.97.
+    """
+    totals = torch.maximum(a.sum(1)[:, None], b.sum(1)[None])
+    common = torch.stack([torch.minimum(row, b).sum(1) for row in a])
+    return common / totals.clamp_min(1e-9)
+
+
+def covers(weights: Float[Tensor, "v n"]) -> Bool[Tensor, "v n"]:
+    """True where a view shows a Gaussian about as well as the typical view of it, or better."""
+    best = weights.amax(0)
+    seen = (weights > 0) & (weights >= SEEN * best)
+    typical = torch.where(seen, weights, torch.nan).nanmedian(0).values.nan_to_num(0)
+    return seen & (weights >= COVERED * typical)
+
+
+def plan_views(
+    weights: Float[Tensor, "v n"],
+    views_per_batch: int,
+    rounds: int,
+    coverage: float,
+    *,
+    overlap: float = 0.0,
+    whole: Float[Tensor, " v"] | None = None,
+) -> ViewPlan:
+    """Batches of views that see most of the scene, each other and the subject whole.
+
+    Round by round, the batch of greatest value is taken: the coverage that is reached with it, less
+    `TIE_WEIGHT` times what the overlaps lack, less `WHOLE_WEIGHT` times what its views lack of the
+    whole subject (`whole`, in [0, 1]; None: all show it). The overlap of a view is the mean of
+    `view_overlap` with the rest of its batch; that of a batch with what was planned before is its
+    best-tied pair's; both lack what they have less than `overlap`. Of each first view, a batch is
+    completed greedily.
+
+    Stops after `rounds`, when `coverage` is reached at the end of a round, or when no view is left.
+    """
+    planner = _Planner(weights, overlap, torch.ones(len(weights)) if whole is None else whole)
+    chosen: list[int] = []
+    batches: list[tuple[int, ...]] = []
+    reached: list[float] = []
+    while len(batches) < rounds and len(chosen) < len(weights):
+        batch = planner.best_batch(chosen, min(views_per_batch, len(weights) - len(chosen)))
+        batches.append(batch)
+        chosen += batch
+        reached.append(planner.coverage(chosen))
+        if reached[-1] >= coverage:
+            break
+    return ViewPlan(tuple(batches), tuple(reached))
+
+
+class _Planner:
+    """Record of what views cover, share and show whole; finds the next batch."""
+
+    def __init__(
+        self, weights: Float[Tensor, "v n"], overlap: float, whole: Float[Tensor, " v"]
+    ) -> None:
+        weights = weights[:, :: 1 + weights.shape[1] // MAX_PLANNED_GAUSSIANS].float()
+        self.covers = covers(weights).float()
+        self.worth = weights.sum(0) / weights.sum().clamp_min(1e-9)
+        self.shared = view_overlap(weights, weights)
+        self.goal = overlap
+        self.cut_off = 1 - whole.float()
+
+    def coverage(self, views: Sequence[int]) -> float:
+        """Share of what all views see that these show well."""
+        return float(self.covers[list(views)].amax(0) @ self.worth)
+
+    def best_batch(self, chosen: list[int], size: int) -> tuple[int, ...]:
+        """The next `size` views, after the chosen ones."""
+        unseen = torch.ones_like(self.worth)
+        if chosen:
+            unseen -= self.covers[chosen].amax(0)
+        alone = self.covers @ (unseen * self.worth) - self._cost_first(chosen)
+        alone[chosen] = -torch.inf
+        seeds = alone.argsort(descending=True, stable=True)[: min(SEEDS, len(alone) - len(chosen))]
+        batches = [self._grow(int(seed), chosen, size, unseen) for seed in seeds]
+        return max(batches, key=lambda found: found[0])[1]
+
+    def _grow(
+        self, seed: int, chosen: list[int], size: int, unseen: Float[Tensor, " n"]
+    ) -> tuple[float, tuple[int, ...]]:
+        """The value of a batch that begins with the view `seed`, and the batch."""
+        batch = [seed]
+        left = unseen * (1 - self.covers[seed])
+        while len(batch) < size:
+            added = self.covers @ (left * self.worth)
+            among = self.shared[:, batch]  # v b: each candidate with the batch
+            ties = torch.cat((self._ties(batch) + among, among.sum(1, keepdim=True)), 1)
+            lacking = (self.goal - ties / len(batch)).clamp_min(0).mean(1)
+            value = added - TIE_WEIGHT * lacking - WHOLE_WEIGHT * self.cut_off / size
+            value[[*batch, *chosen]] = -torch.inf
+            batch.append(int(value.argmax()))
+            left = left * (1 - self.covers[batch[-1]])
+        return self._value(batch, chosen, left), tuple(batch)
+
+    def _ties(self, batch: list[int]) -> Float[Tensor, " b"]:
+        """Sum of the overlaps of each view of a batch with the others."""
+        among = self.shared[batch][:, batch]
+        return among.sum(1) - among.diagonal()
+
+    def _value(self, batch: list[int], chosen: list[int], left: Float[Tensor, " n"]) -> float:
+        among = self._ties(batch) / max(1, len(batch) - 1)
+        lacking = float((self.goal - among).clamp_min(0).mean()) if len(batch) > 1 else 0.0
+        if chosen:
+            lacking += max(0.0, self.goal - float(self.shared[batch][:, chosen].max()))
+        cut_off = float(self.cut_off[batch].mean())
+        return -float(left @ self.worth) - TIE_WEIGHT * lacking - WHOLE_WEIGHT * cut_off
+
+    def _cost_first(self, chosen: list[int]) -> Float[Tensor, " v"]:
+        """Cost of each view as the first of a batch."""
+        cost = WHOLE_WEIGHT * self.cut_off
+        if chosen:
+            apart = self.goal - self.shared[:, chosen].amax(1)
+            cost = cost + TIE_WEIGHT * apart.clamp_min(0)
+        return cost
+
+
+FOCUS = 4
+"""Power of the share of views that have a Gaussian in their frame: at 4, what a quarter of the
+views frame weighs 1/256 of what all of them do."""
+COMMON = 0.5
+"""Share of the views that must have some Gaussian in their frame, all of them the same, for a
+capture to have a subject. Below it, as in a room seen from inside, all Gaussians count."""
+MARGIN = 0.02
+"""Share of the picture's sides: nearer to the border than that, a Gaussian is cut off."""
+SMALL = 0.5
+"""A view that shows less than this part of the typical view's area of the subject shows it badly:
+from afar, or behind something."""
+
+
+def wholeness(
+    means: Float[Tensor, "n 3"], cameras: Sequence[Camera], weights: Float[Tensor, "v n"]
+) -> Float[Tensor, " v"]:
+    """How whole each view shows the subject, in [0, 1]; the best view has 1.
+
+    The subject is what the cameras look at: a Gaussian counts by its weight in all views, times the
+    share of views that have it in their frame, to the power `FOCUS`. A view shows the part of that
+    which is in its frame; less of it where it shows less than `SMALL` of the typical area. It needs
+    no common point of the optical axes: where all cameras see the same (a forward-facing capture)
+    every view has about 1; where they look apart (a room: `COMMON`) the widest have most.
+    """
+    step = 1 + len(means) // MAX_PLANNED_GAUSSIANS
+    means, weights = means[::step], weights[:, ::step]
+    framed = torch.stack([_framed(means, camera) for camera in cameras]).to(weights)
+    share = framed.mean(0)
+    most = float(share.max())
+    focus = (share / most) ** FOCUS if most >= COMMON else torch.ones_like(share)
+    area = weights @ focus
+    inside = framed @ (weights.sum(0) * focus)
+    shown = area[area > 0]
+    typical = shown.median() if len(shown) else area.new_ones(())
+    whole = inside * (area / (SMALL * typical)).clamp(max=1)
+    return whole / whole.max().clamp_min(1e-9)
+
+
+def _framed(means: Float[Tensor, "n 3"], camera: Camera) -> Bool[Tensor, " n"]:
+    """Flag centers that lie before the camera and within its picture, less a margin."""
+    xy, z = camera.project(means)
+    size = xy.new_tensor((camera.width, camera.height))
+    return (z > 0) & ((xy > MARGIN * size) & (xy < (1 - MARGIN) * size)).all(-1)

@@ -1,0 +1,1 @@
+"""Scenes in files, one format a module."""

@@ -1,0 +1,65 @@
+"""OpenEXR pictures: float32 channels by name, compressed without loss (ZIP).
+
+Names and meaning: https://openexr.com/en/latest/TechnicalIntroduction.html. R, G, B are linear
+light, as every reader of the format takes them; A is alpha, with which they are premultiplied; Z is
+depth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from gsedit.errors import GseditError
+from gsedit.storage.atomic import atomic_path
+
+Channels = Mapping[str, Float[np.ndarray, "h w"]]
+
+
+def write_exr(
+    channels: Channels, path: str | Path, *, comments: str = "", overwrite: bool = False
+) -> None:
+    """Write channels of one size, float32, whole or not at all. Raises what `atomic_path` raises,
+    GseditError without the package OpenEXR.
+    """
+    openexr = _import()
+    header: dict[str, Any] = {
+        "compression": openexr.ZIP_COMPRESSION,
+        "type": openexr.scanlineimage,
+    }
+    if comments:
+        header["comments"] = comments
+    arrays = {
+        name: np.ascontiguousarray(values, dtype=np.float32) for name, values in channels.items()
+    }
+    with atomic_path(path, overwrite=overwrite) as temporary:
+        try:
+            openexr.File(header, arrays).write(str(temporary))
+        except RuntimeError as error:  # a full disk too
+            raise OSError(str(error)) from error
+
+
+def to_linear(srgb: Float[np.ndarray, "*s"]) -> Float[np.ndarray, "*s"]:
+    """Linear light of sRGB values (IEC 61966-2-1); above 1 by the same formula, below 0 linear."""
+    curve = ((np.maximum(srgb, 0.04045) + 0.055) / 1.055) ** 2.4
+    return np.where(srgb <= 0.04045, srgb / 12.92, curve).astype(srgb.dtype)
+
+
+def to_srgb(linear: Float[np.ndarray, "*s"]) -> Float[np.ndarray, "*s"]:
+    """The inverse of `to_linear`."""
+    curve = 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055
+    return np.where(linear <= 0.0031308, linear * 12.92, curve).astype(linear.dtype)
+
+
+def _import() -> Any:
+    try:
+        import OpenEXR
+    except (ImportError, OSError) as error:
+        raise GseditError(
+            f"EXR files need the package OpenEXR ({error}): pip install OpenEXR, or write .npy"
+        ) from error
+    return OpenEXR

@@ -1,0 +1,42 @@
+"""One flag a Gaussian, in the order of the scene's file: a .npy file of booleans."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from tokenize import TokenError
+
+import numpy as np
+
+from gsedit.errors import InputError
+from gsedit.scene.shapes import Bool
+from gsedit.storage.atomic import atomic_path
+from gsedit.storage.inputs import existing_file
+
+
+def read_flags(path: Path | str, count: int) -> Bool[np.ndarray, " n"]:
+    """The flags of a .npy file, booleans or numbers (0: outside) for `count` Gaussians.
+
+    Raises InputError for a file that is missing, damaged, or of another number of Gaussians.
+    """
+    try:
+        flags = np.load(existing_file(path), mmap_mode="r", allow_pickle=False)
+    except (ValueError, EOFError, OSError, OverflowError, SyntaxError, TokenError) as error:
+        raise InputError(
+            f"{path} is no readable .npy file ({error}): save one flag a Gaussian with numpy.save"
+        ) from None
+    if not isinstance(flags, np.ndarray) or flags.dtype.kind not in "biuf":
+        raise InputError(f"{path} holds no flags: save one boolean a Gaussian with numpy.save")
+    if flags.shape != (count,):
+        raise InputError(
+            f"{path} has flags of shape {flags.shape} and the scene has {count} Gaussians: a "
+            "region belongs to the scene that it was made for"
+        )
+    return np.asarray(flags != 0)
+
+
+def write_flags(
+    flags: Bool[np.ndarray, " n"], path: Path | str, *, overwrite: bool = False
+) -> None:
+    """Write the file. Raises UsageError where it exists (and not `overwrite`)."""
+    with atomic_path(path, overwrite=overwrite) as temporary, temporary.open("wb") as handle:
+        np.save(handle, flags)

@@ -1,0 +1,1 @@
+"""glTF with KHR_gaussian_splatting: its document and its splats."""

@@ -1,0 +1,1 @@
+"""The PLY family: any PLY, the .ply of 3D Gaussian Splatting, PlayCanvas' .compressed.ply."""

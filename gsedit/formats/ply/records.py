@@ -1,0 +1,296 @@
+"""Any PLY file as records: ASCII or binary, either byte order, any elements and columns.
+
+The row counts of the header are compared with the size of the file before memory is allocated.
+Format: G. Turk, "The PLY Polygon File Format", 1994."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from gsedit.errors import InputError
+from gsedit.storage.inputs import existing_file
+
+_BYTE_ORDERS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
+_TYPES = {
+    **{"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"},
+    **{"half": "f2", "float": "f4", "double": "f8"},
+    **{"int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4"},
+    **{"int64": "i8", "uint64": "u8", "float16": "f2", "float32": "f4", "float64": "f8"},
+}
+HEADER_MAX_BYTES = 1 << 20  # 62 columns take 1.5 kB; 1 MB leaves room for long comments
+MAX_ELEMENTS, MAX_COLUMNS = 100, 4096
+"""Limits of a header. A splat of SH degree 4 has 86 columns, one with learnt features hundreds."""
+_CUT_OFF = "it is cut off, copy or export it again"
+_LIST_IN_FRONT = "a list element stands before {}: export it without faces"
+
+
+@dataclass(frozen=True)
+class PlyElement:
+    """One table of the file, as its header announces it."""
+
+    name: str
+    count: int
+    columns: tuple[tuple[str, str], ...]
+    """(name, type as written); a list column has the type "list"."""
+    count_types: tuple[str, ...] = ()
+    """The type of the length in front of each list column's values."""
+
+    @property
+    def has_lists(self) -> bool:
+        return bool(self.count_types)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(name for name, _ in self.columns)
+
+    @property
+    def row_bytes(self) -> int:
+        """Bytes of a binary row; defined where there are no lists."""
+        return self.dtype("=").itemsize
+
+    def dtype(self, byte_order: str) -> np.dtype:
+        """One row; defined where there are no lists."""
+        return np.dtype([(name, byte_order + _TYPES[kind]) for name, kind in self.columns])
+
+    def min_row_bytes(self, ascii_values: bool) -> int:
+        """The fewest bytes that a row can take: in text, one digit and one separator a value."""
+        if ascii_values:
+            return 2 * len(self.columns)
+        kinds = [kind for _, kind in self.columns if kind != "list"] + list(self.count_types)
+        return sum(np.dtype(_TYPES[kind]).itemsize for kind in kinds)
+
+
+@dataclass(frozen=True)
+class PlyHeader:
+    """The header of a PLY file."""
+
+    format: str
+    """ascii, binary_little_endian or binary_big_endian."""
+    elements: tuple[PlyElement, ...]
+    comments: tuple[str, ...]
+    data_offset: int
+    """Bytes in front of the first row."""
+
+    def element(self, name: str) -> PlyElement | None:
+        return next((e for e in self.elements if e.name == name), None)
+
+    @property
+    def byte_order(self) -> str:
+        """numpy's character for it."""
+        return _BYTE_ORDERS[self.format]
+
+
+@dataclass(frozen=True, eq=False)
+class PlyFile:
+    """Everything in a PLY file except lists (the faces of a mesh)."""
+
+    elements: dict[str, np.ndarray]
+    """One structured array an element, with the file's own column names, order and types."""
+    comments: tuple[str, ...]
+    format: str
+    """ascii, binary_little_endian or binary_big_endian."""
+    notes: tuple[str, ...] = ()
+    """Parts of the file that were left out, one sentence each."""
+
+
+def read_ply_header(path: str | Path) -> PlyHeader:
+    """The header, checked against the size of the file; InputError if it cannot be right."""
+    path = existing_file(path)
+    with path.open("rb") as handle:
+        header = _parse_header(path, handle)
+    _check_size(path, header)
+    return header
+
+
+def read_ply(path: str | Path) -> PlyFile:
+    """Read every element of a PLY file up to the first one with list columns.
+
+    Raises InputError where the file is missing, empty, no PLY, cut off, or promises more rows than
+    its bytes can hold.
+    """
+    path = Path(path)
+    header = read_ply_header(path)
+    elements: dict[str, np.ndarray] = {}
+    notes: tuple[str, ...] = ()
+    with path.open("rb") as handle:
+        handle.seek(header.data_offset)
+        for i, element in enumerate(header.elements):
+            if element.has_lists:
+                left_out = ", ".join(e.name for e in header.elements[i:])
+                notes = (f"elements left out, from the first with lists on: {left_out}",)
+                break
+            elements[element.name] = _read_rows(path, handle, header, element, 0, element.count)
+    return PlyFile(elements, header.comments, header.format, notes)
+
+
+def element_blocks(path: Path, header: PlyHeader, name: str, at_once: int) -> Iterator[np.ndarray]:
+    """The rows of an element as structured arrays of at most `at_once` rows.
+
+    Raises InputError where the element is not there, has list columns, or ends early.
+    """
+    element = header.element(name)
+    if element is None or element.has_lists:
+        raise InputError(f"{path}: there is no element {name} without lists: export it again")
+    with path.open("rb") as handle:
+        _seek(path, handle, header, element)
+        for start in range(0, element.count, at_once):
+            rows = min(at_once, element.count - start)
+            yield _read_rows(path, handle, header, element, start, rows)
+
+
+def element_header(row: np.dtype) -> str:
+    """The header's lines for the columns of a record type without lists."""
+    names = {np.dtype(code): kind for kind, code in reversed(_TYPES.items())}
+    return "".join(
+        f"property {names[row[name].newbyteorder('=')]} {name}\n" for name in row.names or ()
+    )
+
+
+def other_elements(
+    path: Path, header: PlyHeader, name: str, max_bytes: int
+) -> tuple[dict[str, np.ndarray], list[str]]:
+    """All elements but one, and the names of those that are left out: lists, what lies behind a
+    list, and what is larger than `max_bytes`."""
+    kept: dict[str, np.ndarray] = {}
+    left_out = []
+    for i, element in enumerate(header.elements):
+        if element.name == name:
+            continue
+        lists = element.has_lists or (header.format != "ascii" and _any_lists(header.elements[:i]))
+        if lists or not element.columns or element.count * element.row_bytes > max_bytes:
+            left_out.append(element.name)
+        else:
+            parts = list(element_blocks(path, header, element.name, max(element.count, 1)))
+            kept[element.name] = parts[0] if parts else np.zeros(0, element.dtype("<"))
+    return kept, left_out
+
+
+def _any_lists(elements: tuple[PlyElement, ...]) -> bool:
+    return any(element.has_lists for element in elements)
+
+
+def _seek(path: Path, handle: BinaryIO, header: PlyHeader, element: PlyElement) -> None:
+    """Go to the first row of an element."""
+    handle.seek(header.data_offset)
+    for before in header.elements[: header.elements.index(element)]:
+        if header.format == "ascii":
+            filled = (line for line in handle if line.strip())
+            for _ in islice(filled, before.count):
+                pass
+        elif before.has_lists:
+            raise InputError(f"{path}: {_LIST_IN_FRONT.format(element.name)}")
+        else:
+            handle.seek(before.count * before.row_bytes, 1)
+
+
+def _parse_header(path: Path, handle: BinaryIO) -> PlyHeader:
+    if handle.readline(8).strip() != b"ply":
+        raise InputError(f"{path} is not a PLY file (its first line is not 'ply'): check the path")
+    file_format, comments, elements = "", [], []
+    named: set[str] = set()
+    while True:
+        raw = handle.readline(HEADER_MAX_BYTES)
+        if not raw or handle.tell() > HEADER_MAX_BYTES:
+            raise InputError(f"{path}: the header has no end_header line: {_CUT_OFF}")
+        line = raw.decode("utf-8", errors="replace").strip()  # as comments may be
+        match line.split():
+            case ["end_header"]:
+                break
+            case ["format", name, *_] if name in _BYTE_ORDERS:
+                file_format = name
+            case ["comment" | "obj_info", *_]:
+                comments.append(line.partition(" ")[2])
+            case ["element", name, count] if count.isdecimal() and len(count) < 20:
+                elements.append((name, int(count), [], []))
+                named = set()
+            case ["property", *column] if elements:
+                _add_column(path, elements[-1], named, column)
+            case []:
+                continue
+            case _:
+                raise InputError(f"{path}: header line {line[:80]!r} is not PLY: export it again")
+        if len(elements) > MAX_ELEMENTS or len(named) > MAX_COLUMNS:
+            raise InputError(
+                f"{path}: the header has more than {MAX_ELEMENTS} elements, or {MAX_COLUMNS} "
+                "columns in one: export it again"
+            )
+    if not file_format:
+        raise InputError(f"{path}: the header has no format line: export it again")
+    tables = tuple(PlyElement(n, count, tuple(c), tuple(t)) for n, count, c, t in elements)
+    return PlyHeader(file_format, tables, tuple(comments), handle.tell())
+
+
+def _add_column(
+    path: Path,
+    element: tuple[str, int, list[tuple[str, str]], list[str]],
+    named: set[str],
+    words: list[str],
+) -> None:
+    """Append a column to those of an element (and the type of its length, if it is a list)."""
+    _, _, columns, count_types = element
+    match words:
+        case ["list", count_type, kind, name] if count_type in _TYPES and kind in _TYPES:
+            columns.append((name, "list"))
+            count_types.append(count_type)
+        case [kind, name] if kind in _TYPES:
+            columns.append((name, kind))
+        case _:
+            raise InputError(
+                f"{path}: column {' '.join(words)[:80]!r} of element {element[0][:80]} has no type "
+                "that PLY knows: export it again"
+            )
+    if name in named:
+        raise InputError(
+            f"{path}: element {element[0][:80]} has two columns {name[:80]}: rename one"
+        )
+    named.add(name)
+
+
+def _check_size(path: Path, header: PlyHeader) -> None:
+    """Raise InputError if the header announces more rows than the file has bytes for.
+
+    A header can ask for a petabyte; Python integers do not overflow here.
+    """
+    left = path.stat().st_size - header.data_offset
+    left += header.format == "ascii"  # the last value needs no separator
+    for element in header.elements:
+        left -= element.count * element.min_row_bytes(header.format == "ascii")
+        if left < 0:
+            raise InputError(
+                f"{path}: the header promises {element.count} rows of element {element.name}, "
+                f"{-left} bytes more than the file has: {_CUT_OFF}"
+            )
+
+
+def _read_rows(
+    path: Path, handle: BinaryIO, header: PlyHeader, element: PlyElement, start: int, count: int
+) -> np.ndarray:
+    """The next `count` rows of an element, which are those from `start` on."""
+    dtype = element.dtype(header.byte_order)
+    if count == 0 or not element.columns:
+        return np.zeros(count if element.columns else 0, dtype)
+    if header.format != "ascii":
+        rows = np.fromfile(handle, dtype, count)
+    else:
+        filled = (line for line in handle if line.strip())
+        try:
+            with warnings.catch_warnings():  # on no rows at all: an InputError follows below
+                warnings.simplefilter("ignore", UserWarning)
+                rows = np.loadtxt(islice(filled, count), dtype, comments=None, ndmin=1)
+        except (ValueError, OverflowError) as error:
+            reason = str(error).split("\n")[0].split(";")[0]  # then follows advice on NumPy's API
+            reason = reason.replace("the dtype passed requires", "a row needs")
+            raise InputError(f"{path}: element {element.name}: {reason}: export it again") from None
+    if len(rows) < count:
+        raise InputError(
+            f"{path}: element {element.name} ends after row {start + len(rows)} of "
+            f"{element.count}: {_CUT_OFF}"
+        )
+    return rows

@@ -1,0 +1,169 @@
+"""The formats of scene files: which there are, which one a path means, and what each can hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+
+from gsedit.errors import UsageError
+from gsedit.formats.ply.records import read_ply_header
+from gsedit.formats.streams import (
+    AS_SPECIFIED,
+    PROGRAM,
+    USUAL,
+    Blocks,
+    ReadOptions,
+    SceneHeader,
+    SceneSource,
+    WriteOptions,
+)
+from gsedit.storage.atomic import atomic_path
+from gsedit.storage.inputs import existing_file
+
+
+@dataclass(frozen=True)
+class Format:
+    """One kind of scene file."""
+
+    suffix: str
+    """Ending of the file name, in lower case."""
+    module: str
+    """In gsedit.formats; imported when it is used."""
+    reads: bool = True
+    writes: bool = True
+    max_degree: int = 3
+    """Highest SH degree that the format can hold, where it is written."""
+    keeps: frozenset[str] = frozenset()
+    """Fields of `SceneHeader` that the format can hold beside the splats."""
+
+
+MESHES = (".obj", ".stl", ".off")
+FORMATS = (
+    Format(".ply", "ply.inria", max_degree=4, keeps=frozenset(("extra", "elements", "comments"))),
+    Format(".compressed.ply", "ply.compressed"),
+    Format(".spz", "spz.file", max_degree=4, keeps=frozenset(("antialiased",))),
+    Format(".sog", "sog.file", keeps=frozenset(("antialiased",))),
+    Format("meta.json", "sog.file", writes=False),
+    Format(".splat", "splat", max_degree=0),
+    Format(".ksplat", "ksplat", writes=False),
+    Format(".glb", "gltf.file"),
+    Format(".gltf", "gltf.file", writes=False),
+    Format(
+        ".npz",
+        "npz",
+        max_degree=4,
+        keeps=frozenset(("extra", "elements", "comments", "antialiased")),
+    ),
+    *(Format(suffix, "mesh", writes=False) for suffix in MESHES),
+    Format(".csv", "csv_rows", reads=False, max_degree=4, keeps=frozenset(("extra",))),
+)
+READABLE = tuple(format.suffix for format in FORMATS if format.reads)
+WRITABLE = tuple(format.suffix for format in FORMATS if format.writes)
+
+
+def open_scene(path: str | Path, options: ReadOptions = AS_SPECIFIED) -> SceneSource:
+    """Open a scene file by its suffix, a .ply by its content too: read and check its header.
+
+    Raises UsageError for another suffix, InputError for a file that is not what it should be.
+    """
+    path = Path(path)
+    if (path / "meta.json").is_file():  # the folder of a SOG scene
+        path = path / "meta.json"
+    existing_file(path)  # before the suffix: that the file is missing is the more useful message
+    format = _format(path)
+    if format is None or not format.reads:
+        raise UsageError(f"{path}: gsedit reads {', '.join(READABLE)}: name one of these")
+    name = format.module
+    if format.suffix.endswith(".ply"):
+        name = _ply_kind(path)
+    elif name == "gltf.file":
+        name = _gltf_kind(path)
+    return import_module(f"gsedit.formats.{name}").open_source(path, options)
+
+
+def writable_format(path: str | Path) -> Format:
+    """The format to write at a path. Raises UsageError where there is none."""
+    format = _format(Path(path))
+    if format is None or not format.writes:
+        raise UsageError(f"{path}: gsedit writes {', '.join(WRITABLE)}: choose one of these")
+    return format
+
+
+def lost(header: SceneHeader, format: Format) -> list[str]:
+    """Parts of a scene that a format cannot hold, one sentence each; rounding is not counted."""
+    kept, suffix = format.keeps, format.suffix
+    comments = [c for c in header.comments if not c.startswith(PROGRAM)]
+    sentences = []
+    if header.degree > format.max_degree:
+        bands = f"SH above degree {format.max_degree}" if format.max_degree else "SH"
+        sentences.append(f"{suffix} holds no {bands}: of degree {header.degree} left out")
+    if header.extra and "extra" not in kept:
+        sentences.append(f"{suffix} holds no extra columns: {', '.join(header.extra)} left out")
+    if header.elements and "elements" not in kept:
+        sentences.append(f"{suffix} holds no other elements: {', '.join(header.elements)} left out")
+    if comments and "comments" not in kept:
+        sentences.append(f"{suffix} holds no comments: {'; '.join(comments)} left out")
+    if header.antialiased and "antialiased" not in kept and "comments" not in kept:
+        sentences.append(f"{suffix} cannot say that a scene is antialiased: left out")
+    return sentences
+
+
+def write_scene(
+    path: str | Path,
+    header: SceneHeader,
+    blocks: Blocks,
+    *,
+    options: WriteOptions = USUAL,
+    overwrite: bool = False,
+) -> int:
+    """Write rows by the suffix of `path`: whole or not at all. Returns their number.
+
+    Creates parent folders. Raises UsageError if the file exists (and not `overwrite`), the suffix
+    is unknown, the SH degree does not fit, or there are no rows.
+    """
+    path, format = Path(path), writable_format(path)
+    if header.degree > format.max_degree:
+        raise UsageError(
+            f"{path}: {format.suffix} holds SH up to degree {format.max_degree}, the scene has "
+            f"{header.degree}: reduce its SH degree first"
+        )
+    blocks = (block for block in blocks if len(block))  # a filter may leave nothing of a part
+    with atomic_path(path, overwrite=overwrite) as temporary:
+        module = import_module(f"gsedit.formats.{format.module}")
+        try:
+            count = module.write(temporary, header, blocks, options)
+        except UsageError as error:  # a writer knows the temporary name only
+            raise UsageError(str(error).replace(str(temporary), str(path))) from None
+        if not count:
+            raise UsageError(
+                f"{path} would hold no Gaussians: nothing was written, keep at least one"
+            )
+    return count
+
+
+def _format(path: Path) -> Format | None:
+    """The one with the longest suffix that the name ends in."""
+    fitting = [format for format in FORMATS if path.name.lower().endswith(format.suffix)]
+    return max(fitting, key=lambda format: len(format.suffix), default=None)
+
+
+def _ply_kind(path: Path) -> str:
+    """The module that reads this .ply: exporters often leave ".compressed" out of the name, and
+    meshes and point clouds have the same suffix."""
+    from gsedit.formats.ply.compressed import is_compressed
+    from gsedit.formats.ply.inria import is_splats
+
+    header = read_ply_header(path)
+    vertex = header.element("vertex")
+    names = vertex.names if vertex else ()
+    if is_compressed(header):
+        return "ply.compressed"
+    return "mesh" if {"x", "y", "z"} <= {*names} and not is_splats(names) else "ply.inria"
+
+
+def _gltf_kind(path: Path) -> str:
+    """The module that reads this glTF: a mesh has no splats."""
+    from gsedit.formats.gltf.file import holds_splats
+
+    return "gltf.file" if holds_splats(path) else "mesh"

@@ -1,0 +1,1 @@
+"""PlayCanvas' .sog: its container, its pictures and their encoding."""

@@ -1,0 +1,1 @@
+"""Niantic's .spz: its container and the meaning of its values."""

@@ -1,0 +1,126 @@
+"""Records of an evaluation: what is measured and compared, and the values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from jaxtyping import Bool
+from torch import Tensor
+
+from gsedit.datasets.view_list_files import Role, ViewList
+from gsedit.measures.agreement import Pictures, WarpComparison
+from gsedit.measures.clip import Clip
+from gsedit.measures.names import WARP
+from gsedit.regions.region import Region
+from rasterizer.numerics import AUTO, Execution
+from rasterizer.render import Rendering
+from rasterizer.scene import Gaussians
+
+NO_TARGETS = "there are no edited pictures: add --against with a folder of them, or of an edit"
+
+
+@dataclass(frozen=True)
+class Texts:
+    """Texts that pictures are compared to; None where a text was not given."""
+
+    instruction: str | None = None
+    """The change that was asked for: "turn it into bronze"."""
+    source: str | None = None
+    """A caption of the unedited scene: "a photo of a bear"."""
+    target: str | None = None
+    """A caption of the edited scene: "a photo of a bronze bear"."""
+
+    @property
+    def wanted(self) -> str | None:
+        """The text that edited pictures should match: the target's caption or the instruction."""
+        return self.target or self.instruction
+
+
+@dataclass(frozen=True, eq=False)
+class EvaluationInput:
+    """A scene that is measured, the views to measure at, and what it is compared with."""
+
+    scene: Gaussians
+    views: ViewList
+    targets: Pictures = field(default_factory=dict)
+    """Pictures that the scene should show, by the index of the view: edited ones, or photos."""
+    no_targets: str = NO_TARGETS
+    """The reason why there are no targets, where there are none, and what to do."""
+    unedited: Gaussians | None = None
+    region: Region | None = None
+    """The region that the edit could change, of the unedited scene's Gaussians."""
+    texts: Texts = field(default_factory=Texts)
+    clip: Clip | None = None
+    execution: Execution = AUTO
+    masks: Mapping[int, Bool[Tensor, "h w"]] = field(default_factory=dict)
+    """Masks of targets, by the index of the view: where they are False, nothing is compared."""
+    max_perceptual_views: int | None = None
+    """Most views of a role at which a perceptual distance is measured, evenly spaced; None for all.
+    It takes ten times as long as all other metrics of a picture."""
+    ground_truth: Pictures = field(default_factory=dict)
+    """The true edit, by the index of the view, where it is known."""
+    finals: Pictures = field(default_factory=dict)
+    """Renders of `scene` in [0, 1] that exist already, by the index of the view."""
+    renderings: Mapping[int, Rendering] = field(default_factory=dict)
+    """Renders of `unedited` that exist already, with median depth, by the index of the view."""
+
+
+@dataclass(frozen=True)
+class Mean:
+    """The mean of a metric over views."""
+
+    value: float
+    views: int
+    """The number of views that have a value."""
+
+
+Means = Mapping[str, Mapping[Role, Mean]]
+"""By the name of the metric (gsedit.measures.names) and the role of the views."""
+
+
+@dataclass(frozen=True)
+class ViewMeasures:
+    """The metrics of one view."""
+
+    name: str
+    role: Role
+    values: Mapping[str, float]
+    """Values by the name of the metric: those that a single view has."""
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """The values of all metrics, and the reasons where there is none."""
+
+    measured: Means
+    warp: tuple[WarpComparison, ...]
+    not_measured: Mapping[str, str]
+    """The reason, and what to do, by the name of the metric; as in
+    "psnr_to_targets at held_out views" where only the views of one role have no value."""
+    views: tuple[ViewMeasures, ...]
+    """Those that were measured at, in the order of the list."""
+
+    def number(self, role: Role) -> int:
+        """The number of views of that role that were measured at."""
+        return sum(view.role == role for view in self.views)
+
+    def value(self, name: str, role: Role = "edited") -> float | None:
+        """The mean of a metric over the views of a role; None where it was not measured."""
+        mean = self.measured.get(name, {}).get(role)
+        return None if mean is None else mean.value
+
+    def record(self) -> dict[str, Any]:
+        """All values as JSON has them: means by role, and a row for each kind of warp error."""
+        rows = {
+            WARP[row.pictures, row.range]: {
+                "unedited": row.unedited,
+                "edited": row.edited,
+                "excess": row.excess,
+                "pairs": row.pairs,
+                "compared": row.compared,
+            }
+            for row in self.warp
+        }
+        return {**self.measured, **rows}

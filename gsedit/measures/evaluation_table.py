@@ -1,0 +1,128 @@
+"""Results of `gsedit metrics` as a plain text table of 80 columns and as a record for JSON."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping
+from typing import Any
+
+from gsedit.measures.against import Reference
+from gsedit.measures.agreement import WarpComparison
+from gsedit.measures.evaluation_input import Evaluation, Mean
+from gsedit.measures.missing import MEASURED_ROLES
+from gsedit.measures.names import COST, METRICS, WARP
+from gsedit.runs.environment import environment
+
+COLUMNS = 80
+LABEL, NUMBER = 40, 15
+"""Columns of a metric's name, and of a number."""
+COST_LABELS = {
+    "seconds": "wall clock of the edit, s",
+    "evaluations": "network evaluations of the edit",
+}
+
+
+def evaluation_record(
+    evaluation: Evaluation, request: Mapping[str, Any], against: Reference
+) -> dict[str, Any]:
+    """The record of --json and -o: what was asked, measured and not measured, and by what."""
+    return {
+        **request,
+        "views": {role: evaluation.number(role) for role in MEASURED_ROLES},
+        "measured": {
+            **evaluation.record(),
+            **against.cost,
+        },
+        "not_measured": {**evaluation.not_measured, **missing_cost(against)},
+        "by_view": evaluation.views,
+        **environment(),
+    }
+
+
+def missing_cost(against: Reference) -> dict[str, str]:
+    """Why the cost of the edit is not known."""
+    return {name: against.why_no_cost for name in COST if name not in against.cost}
+
+
+def evaluation_table(evaluation: Evaluation, against: Reference) -> str:
+    """For a person: values, warp errors, cost, and what is not measured."""
+    cost, targets = against.cost, against.targets
+    kinds = {"edited": against.fitted, "held_out": "held out"}
+    heads = [f"{kinds[role]} ({evaluation.number(role)})" for role in MEASURED_ROLES]
+    lines = [_line("metric", *heads, "better")]
+    for name, metric in METRICS.items():
+        if by_role := evaluation.measured.get(name):
+            cells = [_cell(by_role.get(role), metric.decimals) for role in MEASURED_ROLES]
+            better = "" if metric.better == "neither" else metric.better
+            lines.append(_line(metric.label.format(targets=targets), *cells, better))
+    if evaluation.warp:
+        lines += ["", _line("warp error (RMSE)", "unedited", "edited", "excess")]
+        lines += [_warp_line(row, targets) for row in evaluation.warp]
+    if cost:
+        lines += ["", *(f"{COST_LABELS[name]:<{LABEL}}{cost[name]:>{NUMBER}.0f}" for name in cost)]
+    lines += _notes(evaluation, targets)
+    missing = {**evaluation.not_measured, **missing_cost(against)}
+    return "\n".join([*lines, *_missing(missing, targets)])
+
+
+def _line(label: str, *cells: str) -> str:
+    widths = (NUMBER, NUMBER, COLUMNS - LABEL - 2 * NUMBER)
+    return (
+        f"{label:<{LABEL}}" + "".join(f"{cell:>{width}}" for cell, width in zip(cells, widths))
+    ).rstrip()
+
+
+def _cell(mean: Mean | None, decimals: int) -> str:
+    return "-" if mean is None else f"{mean.value:.{decimals}f}"
+
+
+def _warp_line(row: WarpComparison, targets: str) -> str:
+    kind = {"targets": targets, "renders": "renders, held out"}[row.pictures]
+    label = f"{kind}, {row.range} range ({row.pairs} pairs)"
+    return _line(label, *(f"{value:.4f}" for value in (row.unedited, row.edited, row.excess)))
+
+
+def _notes(evaluation: Evaluation, targets: str) -> list[str]:
+    """Notes on means over fewer views than the head of their column says."""
+    fewer: dict[str, list[str]] = {}
+    for name, by_role in evaluation.measured.items():
+        for role, mean in by_role.items():
+            if mean.views < (of := evaluation.number(role)):
+                note = f"over {mean.views} of {of} {role.replace('_', '-')} views"
+                fewer.setdefault(note, []).append(METRICS[name].label.format(targets=targets))
+    return _folded({f"{note}:": "; ".join(labels) for note, labels in fewer.items()})
+
+
+def _missing(reasons: Mapping[str, str], targets: str) -> list[str]:
+    """The metrics without a value, together where the reason is the same."""
+    together: dict[str, list[str]] = {}
+    for name, reason in reasons.items():
+        together.setdefault(reason, []).append(_label(name, targets))
+    if not together:
+        return []
+    return ["", "not measured:", *_folded({"; ".join(v) + ":": k for k, v in together.items()})[1:]]
+
+
+def _label(name: str, targets: str) -> str:
+    """Label of a metric, or of a metric at the views of one role."""
+    key, _, role = name.partition(" at ")
+    label = (
+        METRICS[key].label.format(targets=targets) if key in METRICS else _other_label(key, targets)
+    )
+    return f"{label} at {role.replace('_', '-')}" if role else label
+
+
+def _other_label(name: str, targets: str) -> str:
+    if name in COST_LABELS:
+        return COST_LABELS[name]
+    pictures, range_ = next(key for key, each in WARP.items() if each == name)
+    kind = targets if pictures == "targets" else pictures
+    return f"warp error of {kind}, {range_} range"
+
+
+def _folded(notes: Mapping[str, str]) -> list[str]:
+    """One paragraph a note, within the columns; an empty line before them."""
+    lines = [""] if notes else []
+    for head, text in notes.items():
+        lines += textwrap.wrap(f"{head} {text}", COLUMNS, subsequent_indent="  ")
+    return lines

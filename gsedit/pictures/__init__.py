@@ -1,0 +1,1 @@
+"""Pictures and tables for people: sheets, maps, curves, animations, viewers."""

@@ -1,0 +1,127 @@
+"""Frames of an animation: maps as 8-bit pictures side by side, all in one depth scale."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import cos, tau
+
+import numpy as np
+import torch
+from jaxtyping import Float, UInt8
+from torch import Tensor
+
+from gsedit.datasets.dataset import evenly_spaced
+from gsedit.pictures.depth_pictures import SOLID, depth_colors, depth_range
+from gsedit.pictures.maps import MapName, Maps, render_maps, wipe
+from rasterizer.camera import Camera
+from rasterizer.numerics import AUTO, DEFAULT, Execution, Numerics
+from rasterizer.scene import Gaussians
+
+PROBES, PROBE_SIZE = 8, 96
+"""Frames, and the longer side of their renders in pixels, that decide an animation's depth
+scale."""
+
+
+@dataclass(frozen=True, eq=False)
+class Animation:
+    """Pictures along a path of cameras of one size."""
+
+    scene: Gaussians
+    cameras: tuple[Camera, ...]
+    show: tuple[MapName, ...] = ("color",)
+    wiped: Gaussians | None = None
+    """A second scene, parted from the first by a vertical line; then only color is shown."""
+    moving: bool = True
+    """Whether the line moves; else it is in the middle."""
+    background: Float[Tensor, "3"] | None = None
+    execution: Execution = AUTO
+    numerics: tuple[Numerics, Numerics] = (DEFAULT, DEFAULT)
+    """Numerics of the scene and of the second one: `antialiased` where it was trained so."""
+
+    def __len__(self) -> int:
+        return len(self.cameras)
+
+    def frames(self) -> Iterator[UInt8[np.ndarray, "h w 3"]]:
+        """The frames, each rendered when it is asked for; their depths have one scale."""
+        near_far = None
+        if "depth" in self.show and self.wiped is None:
+            near_far = depth_scale(self.scene, self.cameras, self.execution, self.numerics[0])
+        return (self.frame(index, near_far) for index in range(len(self)))
+
+    def frame(
+        self, index: int, near_far: tuple[float, float] | None = None
+    ) -> UInt8[np.ndarray, "h w 3"]:
+        """One frame; `near_far` are the ends of the depth scale (None: the frame's own)."""
+        camera, background, execution = self.cameras[index], self.background, self.execution
+        if self.wiped is not None:
+            picture = wipe(
+                self.scene, self.wiped, camera, self.share(index),
+                background=background, numerics=self.numerics, execution=execution,
+            )  # fmt: skip
+            return eight_bits(picture)
+        maps = render_maps(
+            self.scene, camera, self.show,
+            background=background, numerics=self.numerics[0], execution=execution,
+        )  # fmt: skip
+        return panels(maps, self.show, near_far)
+
+    def share(self, index: int) -> float:
+        """Share of a frame's width that shows the first scene: 1 to 0 and back."""
+        return (1 + cos(tau * index / len(self))) / 2 if self.moving else 0.5
+
+
+def panels(
+    maps: Maps, show: Sequence[MapName], near_far: tuple[float, float] | None = None
+) -> UInt8[np.ndarray, "h w 3"]:
+    """The shown maps side by side; `near_far` are the ends of the depth scale (None: its own)."""
+    return np.concatenate([_panel(maps, name, near_far) for name in show], 1)
+
+
+def depth_scale(
+    scene: Gaussians,
+    cameras: Sequence[Camera],
+    execution: Execution = AUTO,
+    numerics: Numerics = DEFAULT,
+) -> tuple[float, float]:
+    """The near and far ends of a color scale for all frames, from small renders of some."""
+    depths, alphas = [], []
+    for index in evenly_spaced(len(cameras), PROBES):
+        small = cameras[index].fitted(PROBE_SIZE)
+        maps = render_maps(scene, small, ("depth",), numerics=numerics, execution=execution)
+        assert maps.depth is not None
+        depths.append(maps.depth)
+        alphas.append(maps.alpha)
+    return depth_range(torch.cat(depths), torch.cat(alphas))
+
+
+def eight_bits(color: Float[Tensor, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
+    """sRGB in [0, 1] as levels; values outside are clipped."""
+    return (color.clamp(0, 1) * 255).round().to(torch.uint8).cpu().numpy()
+
+
+def normal_colors(maps: Maps) -> UInt8[np.ndarray, "h w 3"]:
+    """Normals as colors: red right, green up, blue towards the viewer, -1 to 1; black where less
+    than half of a pixel is covered."""
+    assert maps.normals is not None
+    return eight_bits((maps.normals / 2 + 0.5) * (maps.alpha > SOLID)[..., None])
+
+
+def alpha_levels(maps: Maps) -> UInt8[np.ndarray, "h w"]:
+    """Alpha as grey, white where it is 1."""
+    return (maps.alpha.clamp(0, 1) * 255).round().to(torch.uint8).cpu().numpy()
+
+
+def _panel(
+    maps: Maps, name: MapName, near_far: tuple[float, float] | None
+) -> UInt8[np.ndarray, "h w 3"]:
+    match name:
+        case "depth":
+            assert maps.depth is not None
+            near, far = near_far or depth_range(maps.depth, maps.alpha)
+            return depth_colors(maps.depth, maps.alpha, near, far)
+        case "normals":
+            return normal_colors(maps)
+        case "alpha":
+            return np.repeat(alpha_levels(maps)[..., None], 3, -1)
+    return eight_bits(maps.color)

@@ -1,0 +1,144 @@
+"""Maps of a camera's view: color, alpha, depth, normals; and two scenes as a wipe."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from rasterizer.camera import Camera
+from rasterizer.numerics import AUTO, DEFAULT, SH_DC, Execution, Numerics
+from rasterizer.project import rotation_matrices
+from rasterizer.render import render
+from rasterizer.scene import Gaussians
+
+MapName = Literal["color", "depth", "normals", "alpha"]
+MAPS: tuple[MapName, ...] = get_args(MapName)
+FAINT = 1e-4
+"""Length of a blended normal below which rounding decides its direction."""
+ROWS = 1 << 18
+"""Gaussians whose axes are computed at once: rotation matrices are nine numbers each."""
+
+
+@dataclass(frozen=True, eq=False)
+class Maps:
+    """Maps of one camera's view. Pixel [0, 0] is the top left."""
+
+    color: Float[Tensor, "h w 3"]
+    """sRGB; not clamped above; over the background."""
+    alpha: Float[Tensor, "h w"]
+    """In [0, 1]: 1 - transmittance."""
+    depth: Float[Tensor, "h w"] | None = None
+    """Along the view, world units: of the center at which the transmittance falls to one half; 0
+    where it does not."""
+    normals: Float[Tensor, "h w 3"] | None = None
+    """Unit vectors in the camera's axes x right, y up, z towards the viewer; 0 where nothing is
+    (see `normal_map`)."""
+
+
+@torch.no_grad()
+def render_maps(
+    scene: Gaussians,
+    camera: Camera,
+    wanted: Collection[MapName] = ("color",),
+    *,
+    background: Float[Tensor, "3"] | None = None,
+    numerics: Numerics = DEFAULT,
+    execution: Execution = AUTO,
+) -> Maps:
+    """The wanted maps of a view; color and alpha are always there. `normals` cost a second render,
+    of SH degree 0."""
+    drawn = render(
+        scene,
+        camera,
+        background=background,
+        median_depth="depth" in wanted,
+        numerics=numerics,
+        execution=execution,
+    )
+    normals = None
+    if "normals" in wanted:
+        normals = normal_map(scene, camera, numerics=numerics, execution=execution)
+    return Maps(drawn.color, drawn.alpha, drawn.median_depth, normals)
+
+
+@torch.no_grad()
+def normal_map(
+    scene: Gaussians,
+    camera: Camera,
+    *,
+    numerics: Numerics = DEFAULT,
+    execution: Execution = AUTO,
+) -> Float[Tensor, "h w 3"]:
+    """Unit normals: the Gaussians' shortest axes, turned to the camera, blended as colors are.
+
+    In the camera's axes x right, y up, z towards the viewer, as normal maps have it; 0 where
+    nothing is. Each counts by how flat it is, 1 - shortest / middle standard deviation: a ball or a
+    needle says nothing of a surface. (From depth, which is that of centers, the normals of a sphere
+    of discs are wrong by several times as much: docs/measurements/rendering.md.)
+    """
+    starts = range(0, max(len(scene), 1), ROWS)
+    axes = torch.cat([_facing(scene[start : start + ROWS], camera) for start in starts])
+    # as colors in [0, 1]: the blend of n / 2 + 1 / 2 is (the blend of n) / 2 + alpha / 2
+    colored = replace(scene, sh=(axes / 2 / SH_DC)[:, None])
+    drawn = render(colored, camera, numerics=numerics, execution=execution)
+    blended = 2 * drawn.color - drawn.alpha[..., None]
+    length = blended.norm(dim=-1, keepdim=True)
+    return blended / length.clamp_min(FAINT) * (length > FAINT)
+
+
+@torch.no_grad()
+def wipe(
+    before: Gaussians,
+    after: Gaussians,
+    camera: Camera,
+    share: float,
+    *,
+    background: Float[Tensor, "3"] | None = None,
+    numerics: tuple[Numerics, Numerics] = (DEFAULT, DEFAULT),
+    execution: Execution = AUTO,
+) -> Float[Tensor, "h w 3"]:
+    """The picture of `before` on the left `share` of the width, in [0, 1], that of `after` on the
+    rest, and a white line with dark borders between them, 1/200 of the width, at least 2 pixels.
+
+    Each scene is rendered only where it shows; `numerics` are those of `before` and of `after`.
+    """
+    width, height = camera.width, camera.height
+    edge = min(max(round(share * width), 0), width)
+    parts = [
+        render(
+            scene,
+            camera,
+            crop=(left, 0, size, height),
+            background=background,
+            numerics=own,
+            execution=execution,
+        ).color
+        for scene, own, left, size in (
+            (before, numerics[0], 0, edge),
+            (after, numerics[1], edge, width - edge),
+        )
+        if size
+    ]
+    picture = torch.cat(parts, 1)
+    if 0 < edge < width:
+        half = max(1, round(width / 400))
+        picture[:, max(0, edge - half - 1) : edge + half + 1] = 0.2
+        picture[:, max(0, edge - half) : edge + half] = 1
+    return picture
+
+
+def _facing(scene: Gaussians, camera: Camera) -> Float[Tensor, "n 3"]:
+    """The shortest axes in the camera's axes (y up, z to the viewer), turned to the camera; their
+    length is the Gaussian's flatness."""
+    rotation = camera.rotation.to(scene.means)
+    ordered, order = scene.log_scales.sort(-1)
+    shortest, flatness = order[:, 0], 1 - (ordered[:, 0] - ordered[:, 1]).exp()
+    axes = rotation_matrices(scene.quats)[torch.arange(len(scene)), :, shortest]
+    away = ((scene.means - camera.center.to(scene.means)) * axes).sum(-1, keepdim=True) > 0
+    axes = torch.where(away, -axes, axes) @ rotation.T
+    return flatness.nan_to_num(0.0)[:, None] * axes * axes.new_tensor((1.0, -1.0, -1.0))

@@ -1,0 +1,311 @@
+"""Points, ellipsoids, cameras and color bars in a plotter of pyvista. `n` Gaussians."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from textwrap import wrap
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, UInt8
+from torch import Tensor
+
+from gsedit.datasets.viewpoints import Viewpoint
+from gsedit.errors import UsageError
+from gsedit.pictures.viewer.frustums import EDGES, frustum, frustum_length
+from gsedit.pictures.viewer.libraries import import_pyvista
+from gsedit.pictures.viewer.point_clouds import splat_colors
+from gsedit.regions.region import TINT, TINT_STRENGTH
+from gsedit.scene.table import table_of
+from gsedit.toolkit.selection.values import NAMED
+from rasterizer.camera import Camera
+from rasterizer.project import rotation_matrices
+from rasterizer.scene import Gaussians
+
+COLOR = "color"
+SELECTION = "selection"
+DEPTH = "depth"
+CLIPPED = (1.0, 99.0)
+"""Percentiles at the ends of a color bar: a capture's outliers would take the rest of the bar."""
+
+_ON_A_LOG_SCALE = ("size", "longest", "shortest", "anisotropy")
+_LENGTHS = ("x", "y", "z", "size", "longest", "shortest")
+NAMES = (COLOR, SELECTION, DEPTH, *NAMED)
+"""Attributes with a name; columns of a file can be given beside them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Attribute:
+    """Numbers to color by, one a Gaussian."""
+
+    values: Float[np.ndarray, " n"]
+    title: str
+    """Name and unit, for the color bar."""
+    log: bool
+    """Whether the color bar is logarithmic; the values are then positive."""
+
+
+def attribute(
+    scene: Gaussians, name: str, camera: Camera, extra: Mapping[str, np.ndarray] | None = None
+) -> Attribute:
+    """The attribute of that name: one of NAMES but `color` and `selection`, a column of `extra`
+    (one value a Gaussian), or `f_rest_N` and the other columns of INRIA's .ply.
+
+    Raises UsageError for any other name.
+    """
+    scene = scene.detach()
+    if name == DEPTH:
+        depth = camera.project(scene.means.double())[1].cpu().numpy()
+        seen = np.where(depth > 0, depth, np.nan)  # what is behind would take half of the bar
+        return Attribute(seen, "depth along the view of the first picture, scene units", False)
+    if name in NAMED:
+        what, values = NAMED[name]
+        unit = ", scene units" if name in _LENGTHS else ""
+        numbers = np.asarray(values(table_of(scene)), dtype=np.float64)
+        return Attribute(numbers, f"{name}: {what}{unit}", name in _ON_A_LOG_SCALE)
+    if extra and name in extra:
+        return Attribute(
+            np.asarray(extra[name], dtype=np.float64), f"{name}, as in the file", False
+        )
+    if (column := stored_column(scene, name)) is not None:
+        return Attribute(column.double().cpu().numpy(), f"{name}, as in INRIA's .ply", False)
+    known = (*NAMES, *(extra or ()))
+    close = get_close_matches(name, known, 1)
+    move = (
+        f"did you mean {close[0]}?" if close else f"choose one of {', '.join(known)}, f_dc_0, ..."
+    )
+    raise UsageError(f"there is nothing named '{name}' to color by: {move}")
+
+
+def stored_column(scene: Gaussians, name: str) -> torch.Tensor | None:
+    """The column of INRIA's .ply of that name, as it is stored; None where there is none."""
+    stem, _, number = name.rpartition("_")
+    if not number.isdigit():
+        return None
+    fields = {
+        "f_dc": scene.sh[:, 0],
+        # channel-major: all coefficients of red, then of green, then of blue
+        "f_rest": scene.sh[:, 1:].transpose(1, 2).flatten(1),
+        "scale": scene.log_scales,
+        "rot": scene.quats,
+    }
+    field = fields.get(stem)
+    if field is None or int(number) >= field.shape[1]:
+        return None
+    return field[:, int(number)]
+
+
+def limits(attributes: list[Attribute]) -> tuple[float, float]:
+    """The ends of one color bar for all of them: the CLIPPED percentiles."""
+    values = np.concatenate([each.values for each in attributes])
+    values = values[np.isfinite(values)]
+    low, high = np.percentile(values, CLIPPED) if len(values) else (0.0, 0.0)
+    if high <= low:  # one value: the bar still needs a length
+        high = low + max(abs(low), 1.0) * 1e-3
+    return float(low), float(high)
+
+
+MOST_ELLIPSOIDS = 20_000
+"""Each is 80 triangles: in software OpenGL, so many take 10 to 15 times as long as their points."""
+ELLIPSOID_RADIUS = 2.0
+"""Standard deviations: where a Gaussian has 14 % of its opacity left."""
+SPARSE_COLOR = (230, 90, 20)
+CAMERA_COLOR = (20, 60, 200)
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """One scene of a picture; two of them are drawn side by side."""
+
+    scene: Gaussians
+    title: str = ""
+    selection: Bool[Tensor, " n"] | None = None
+    extra: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """Other columns of the file, one value a Gaussian."""
+
+    def __getitem__(self, rows: Bool[Tensor, " n"]) -> Panel:
+        chosen = None if self.selection is None else self.selection[rows]
+        extra = {name: column[rows.numpy()] for name, column in self.extra.items()}
+        return Panel(self.scene[rows], self.title, chosen, extra)
+
+
+@dataclass(frozen=True)
+class Look:
+    """How Gaussians are drawn."""
+
+    color_by: str = COLOR
+    """`color`, `selection`, or the name of an attribute."""
+    colormap: str = "viridis"
+    """A name of matplotlib's, for attributes."""
+    point_size: float | None = None
+    """Pixels; None: from the number of points."""
+    ellipsoids: bool = False
+    """Draw the selection, or all where there is none, as ellipsoids."""
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """Objects that are drawn beside the Gaussians."""
+
+    cameras: tuple[Viewpoint, ...] = ()
+    points: Float[Tensor, "m 3"] | None = None
+    """A sparse cloud, world units."""
+
+
+def make_plotter(
+    panels: Sequence[Panel], camera: Camera, look: Look, around: Surroundings, *, off_screen: bool
+) -> Any:
+    """A pyvista.Plotter of the panels side by side, each as `camera` sees it, not yet shown.
+
+    Raises UsageError for an unknown attribute or color map, or too many ellipsoids.
+    """
+    pyvista = import_pyvista()
+    attributes = None
+    if look.color_by not in (COLOR, SELECTION):
+        check_colormap(look.colormap)
+        attributes = [attribute(p.scene, look.color_by, camera, p.extra) for p in panels]
+    plotter = pyvista.Plotter(
+        off_screen=off_screen,
+        shape=(1, len(panels)),
+        window_size=[camera.width * len(panels), camera.height],
+        border=len(panels) > 1,
+    )
+    plotter.set_background("white", all_renderers=True)
+    for column, panel in enumerate(panels):
+        plotter.subplot(0, column)
+        options = _coloring(panel, attributes, column, look)
+        mapper = _add_panel(plotter, panel, camera, look, options)
+        _add_surroundings(plotter, panels[0].scene, around)
+        if panel.title:
+            plotter.add_text(panel.title, font_size=10, color="black", position="upper_left")
+        aim(plotter.camera, camera)
+        plotter.reset_camera_clipping_range()
+        if attributes and panel is panels[-1]:
+            _add_bar(plotter, mapper, attributes[0], look)
+    if len(panels) > 1:
+        plotter.link_views()
+    return plotter
+
+
+def check_colormap(name: str) -> None:
+    """Raise UsageError unless matplotlib has a color map of that name."""
+    from matplotlib import colormaps
+
+    if name not in colormaps:
+        raise UsageError(f"'{name}' is no color map of matplotlib: try viridis, magma or turbo")
+
+
+def panel_colors(panel: Panel, look: Look) -> UInt8[np.ndarray, "n 3"]:
+    """The Gaussians' own colors; with `selection`, what is selected is tinted."""
+    colors = splat_colors(panel.scene)
+    if look.color_by == SELECTION and panel.selection is not None:
+        tint = torch.tensor(TINT).to(colors)
+        colors[panel.selection] = torch.lerp(colors[panel.selection], tint, TINT_STRENGTH)
+    return (colors * 255).round().to(torch.uint8).cpu().numpy()
+
+
+def aim(view: Any, camera: Camera) -> None:
+    """Give a camera of VTK the pose and the pinhole of ours."""
+    width, height = camera.width, camera.height
+    position = camera.center.detach().double()
+    view.position = position.tolist()
+    view.focal_point = (position + camera.forward.detach().double()).tolist()
+    view.up = (-camera.rotation[1].detach().double()).tolist()
+    view.view_angle = float(np.degrees(2 * np.arctan(height / 2 / camera.fy)))
+    view.SetWindowCenter(
+        -2 * (camera.cx - width / 2) / width, 2 * (camera.cy - height / 2) / height
+    )
+
+
+def _coloring(
+    panel: Panel, attributes: list[Attribute] | None, column: int, look: Look
+) -> tuple[np.ndarray, dict[str, Any]]:
+    """Values of the points, and what pyvista is told of them."""
+    if attributes is None:
+        return panel_colors(panel, look), {"rgb": True}
+    chosen = attributes[column]
+    return chosen.values, {
+        "cmap": look.colormap, "clim": limits(attributes), "log_scale": chosen.log,
+        "show_scalar_bar": False,
+    }  # fmt: skip
+
+
+def _add_panel(
+    plotter: Any,
+    panel: Panel,
+    camera: Camera,
+    look: Look,
+    coloring: tuple[np.ndarray, dict[str, Any]],
+) -> Any:
+    """Add the points and ellipsoids of a panel; the VTK mapper that knows their colors."""
+    pyvista = import_pyvista()
+    values, options = coloring
+    solid, actor = np.zeros(len(panel.scene), dtype=bool), None
+    if look.ellipsoids:
+        solid[:] = True if panel.selection is None else panel.selection.numpy()
+    if not solid.all():
+        cloud = pyvista.PolyData(panel.scene.means.detach().double().numpy()[~solid])
+        # a surface of n points looks closed when each is about as large as its share of the picture
+        share = (camera.width * camera.height / len(panel.scene)) ** 0.5
+        size = look.point_size or min(max(share, 3.0), 12.0)
+        actor = plotter.add_points(
+            cloud, scalars=values[~solid], point_size=size, render_points_as_spheres=False,
+            **options,
+        )  # fmt: skip
+    if solid.any():
+        rows = torch.from_numpy(solid)
+        vertices, faces = ellipsoids(panel.scene[rows])
+        mesh = pyvista.PolyData.from_regular_faces(vertices, faces)
+        each = len(faces) // int(solid.sum())
+        actor = plotter.add_mesh(mesh, scalars=np.repeat(values[solid], each, axis=0), **options)
+    return actor.mapper if actor else None
+
+
+def ellipsoids(
+    scene: Gaussians, most: int = MOST_ELLIPSOIDS
+) -> tuple[Float[np.ndarray, "v 3"], np.ndarray]:
+    """Vertices, and triangles of indices into them, of the Gaussians' surfaces at ELLIPSOID_RADIUS
+    standard deviations. Raises UsageError for more than `most` Gaussians.
+    """
+    if len(scene) > most:
+        raise UsageError(
+            f"{len(scene):,} ellipsoids are too many to draw (at most {most:,}): select "
+            "fewer with --selection FLAGS.npy, or raise --min-opacity"
+        )
+    sphere = import_pyvista().Icosphere(radius=ELLIPSOID_RADIUS, nsub=1)
+    points = torch.from_numpy(np.asarray(sphere.points)).double()
+    triangles = np.asarray(sphere.regular_faces)
+    scene = scene.detach().to(torch.float64)
+    turned = torch.einsum("nij,nj,vj->nvi", rotation_matrices(scene.quats), scene.scales, points)
+    vertices = (turned + scene.means[:, None]).reshape(-1, 3).numpy()
+    first = np.arange(len(scene))[:, None, None] * len(points)
+    return vertices, (triangles[None] + first).reshape(-1, 3)
+
+
+def _add_surroundings(plotter: Any, scene: Gaussians, around: Surroundings) -> None:
+    pyvista = import_pyvista()
+    if around.points is not None:
+        cloud = pyvista.PolyData(around.points.detach().double().numpy())
+        plotter.add_points(cloud, color=SPARSE_COLOR, point_size=2.0)
+    if not around.cameras:
+        return
+    length = frustum_length(around.cameras, scene)
+    corners = np.concatenate([frustum(v.camera, length) for v in around.cameras])
+    lines = np.array(EDGES)[None] + 5 * np.arange(len(around.cameras))[:, None, None]
+    lines = lines.reshape(-1, 2)
+    mesh = pyvista.PolyData(corners, lines=np.hstack((np.full((len(lines), 1), 2), lines)).ravel())
+    plotter.add_mesh(mesh, color=CAMERA_COLOR, line_width=1.5)
+
+
+def _add_bar(plotter: Any, mapper: Any, shown: Attribute, look: Look) -> None:
+    scale = ", log scale" if shown.log else ""
+    width, height = plotter.window_size[0] / plotter.shape[1], plotter.window_size[1]
+    title = wrap(f"{shown.title}{scale} ({look.colormap})", max(20, int(width / 8)))
+    plotter.add_scalar_bar(
+        "\n".join(title) + "\n", mapper=mapper, color="black", n_labels=5, fmt="%.3g",
+        title_font_size=14, label_font_size=12, width=0.8, height=(50 + 20 * len(title)) / height,
+        position_x=0.1, position_y=8 / height, vertical=False, background_color="white", fill=True,
+    )  # fmt: skip

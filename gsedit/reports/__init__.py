@@ -1,1 +1,0 @@
-"""What long work yields, and the files it leaves."""

@@ -1,0 +1,1 @@
+"""Work that takes long: its events, journal, clock, saved state and processes (ranks)."""

@@ -1,0 +1,1 @@
+"""A scene as numbers: its table, similarities, order, neighbors and merging."""

@@ -1,0 +1,77 @@
+"""Checks of an input before it is parsed: it exists, is not empty, lies in its folder."""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Iterable
+from pathlib import Path
+from typing import BinaryIO
+
+from gsedit.errors import InputError
+
+_FLAGS = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)  # a pipe: do not wait for it
+
+
+def existing_file(path: str | Path) -> Path:
+    """The path of a file that exists and is not empty; otherwise InputError."""
+    path = Path(path)
+    with open_regular(path) as file:
+        size = file.seek(0, os.SEEK_END)
+    if size == 0:
+        raise InputError(f"{path} is empty (0 bytes): copy or export it again")
+    return path
+
+
+def open_regular(path: Path) -> BinaryIO:
+    """A file on a disk, opened for reading bytes. Raises InputError at once for anything else: a
+    pipe or a device may never answer or never end."""
+    try:
+        if path.is_dir():
+            raise InputError(f"{path} is a folder, not a file: name a file inside it")
+        handle = os.open(path, os.O_RDONLY | _FLAGS)
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error.strerror}): check the path") from None
+    except ValueError:  # a zero byte
+        raise InputError(f"{str(path)!r} is no name of a file: check the path") from None
+    if not stat.S_ISREG(os.fstat(handle).st_mode):
+        os.close(handle)
+        raise InputError(f"{path} is a pipe or a device, not a file: copy it into a file")
+    return os.fdopen(handle, "rb")
+
+
+def file_inside(folder: Path, relative: str, where: str) -> Path:
+    """`folder / relative`, which must not leave the folder: not by `..`, a root, or a link; nor be
+    longer than names are.
+
+    A dataset may come from anybody, so it may name its own files only. `where` is the place that
+    named the file, for the message. Raises InputError.
+    """
+    path = folder / relative
+    try:
+        path.exists()  # an error for a name that is too long
+        stays = path.resolve().is_relative_to(folder.resolve())
+    except (OSError, RuntimeError, ValueError):  # a loop of links; a zero byte in the name
+        stays = False
+    if not stays:
+        raise InputError(
+            f"{where}: {relative!r:.200} leaves the dataset folder {folder}, or is no name: "
+            "copy the file into the folder and name it relative to it"
+        )
+    return path
+
+
+def refuse_doubles(names: Iterable[str], what: str) -> None:
+    """Raise InputError where a name occurs twice; `what` begins the message: "FILE: two frames"."""
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            raise InputError(f"{what} are named {name!r:.200}: give each a name of its own")
+        seen.add(name)
+
+
+def beside(scene: Path, name: str) -> Path:
+    """bear.NAME of bear.ply: a file that belongs to one scene of a folder."""
+    packed = ".compressed.ply"
+    stem = scene.name[: -len(packed)] if scene.name.lower().endswith(packed) else scene.stem
+    return scene.with_name(f"{stem}.{name}")

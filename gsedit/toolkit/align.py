@@ -1,0 +1,235 @@
+"""Bring a scene to the ground, to a known length, or onto another scene."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float64
+
+from gsedit.errors import UsageError
+from gsedit.scene.quaternions import quaternion_of, turn_between
+from gsedit.scene.similarity import IDENTITY, Similarity
+from gsedit.scene.table import SplatTable, gaussians_of
+from gsedit.toolkit.operation import Say, Scene, Whole, apply
+from gsedit.toolkit.order import importance
+from gsedit.toolkit.registration import register
+from gsedit.toolkit.steps import AXES, scale
+
+SAMPLED_SPLATS = 20_000
+"""Splats that are looked at, drawn by opacity times area."""
+TRIES = 2_000
+"""Planes through three of them: with one splat in seven on the ground, 5 or more fit it."""
+THICKNESS = 0.01
+"""Distance that a splat may have from a plane, as a share of the median distance from the middle.
+"""
+TRIED_SPLATS = 4_000
+"""Number of these splats that planes are tried on first."""
+LEAST_SHARE = 0.02
+"""Share of the splats that a ground holds."""
+TILT = 35.0
+"""Degrees that the ground may lean against an upward direction that is given."""
+
+
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """Points p with normal . p = height; the normal points up, to where the scene is."""
+
+    normal: Float64[np.ndarray, "3"]
+    height: float
+    share: float
+    """Share of the splats, by opacity times area, that lie on the plane."""
+    above: float
+    """Share of the others that lie above."""
+
+
+def find_ground(table: SplatTable, up: Float64[np.ndarray, "3"] | None = None) -> Plane:
+    """The plane with most splats on it times the share of the others above it.
+
+    `up` limits the planes to those within TILT of level. RANSAC with a fixed seed, then least
+    squares. Raises UsageError where no plane holds LEAST_SHARE of the scene.
+    """
+    points = _sample(table)
+    thickness = THICKNESS * float(np.median(np.linalg.norm(points - np.median(points, 0), axis=1)))
+    best = _best_of_three(points[:TRIED_SPLATS], thickness, up)
+    if best is None or best.share < LEAST_SHARE:
+        raise UsageError("no ground was found: name what is up, or turn by transform --rotate")
+    for _ in range(5):
+        inside = np.abs(points @ best.normal - best.height) < thickness
+        middle = points[inside].mean(0)
+        normal = np.linalg.svd(points[inside] - middle, full_matrices=False)[2][2]
+        best = _judge(points, normal, middle, thickness, best.normal)
+    return best
+
+
+def _best_of_three(
+    points: Float64[np.ndarray, "n 3"], thickness: float, up: Float64[np.ndarray, "3"] | None
+) -> Plane | None:
+    """Find the best plane through three of the points."""
+    corners = points[np.random.default_rng(0).integers(0, len(points), (TRIES, 3))]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(normals, axis=1)
+    normals /= np.maximum(lengths, np.finfo(np.float64).tiny)[:, None]
+    level = lengths > 0
+    if up is not None:
+        level &= np.abs(normals @ up) > np.cos(np.radians(TILT))
+    planes = [
+        _judge(points, normal, corner, thickness, up)
+        for normal, corner in zip(normals[level], corners[level, 0])
+    ]
+    return max(planes, key=lambda plane: plane.share * plane.above**4, default=None)
+
+
+def _sample(table: SplatTable) -> Float64[np.ndarray, "n 3"]:
+    weight = np.nan_to_num(importance(table), posinf=0.0) * np.isfinite(table.means).all(1)
+    if np.count_nonzero(weight) < 10:
+        raise UsageError("a scene of so few visible splats has no ground")
+    # giants must not decide alone
+    weight = np.minimum(weight, 10 * np.median(weight[weight > 0]))
+    rows = np.random.default_rng(0).choice(len(weight), SAMPLED_SPLATS, p=weight / weight.sum())
+    return table.means[rows].astype(np.float64)
+
+
+def _judge(
+    points: Float64[np.ndarray, "n 3"],
+    normal: Float64[np.ndarray, "3"],
+    corner: Float64[np.ndarray, "3"],
+    thickness: float,
+    up: Float64[np.ndarray, "3"] | None,
+) -> Plane:
+    """The plane through `corner`, its normal towards `up`, or else towards most points."""
+    off = (points - corner) @ normal
+    share = float(np.mean(np.abs(off) < thickness))
+    over, under = np.mean(off > thickness), np.mean(off < -thickness)
+    turn = normal @ up < 0 if up is not None else under > over
+    if turn:
+        normal, over, under = -normal, under, over
+    above = float(over / max(over + under, 1e-9))
+    return Plane(normal, float(normal @ corner), share, above)
+
+
+@dataclass(frozen=True, eq=False)
+class Align(Whole):
+    """An operation that finds where the scene is to go, and moves it there."""
+
+    cameras: bool = field(default=False, kw_only=True)
+    """Whether the cameras beside the scene's file are to move along."""
+    save: Path | None = field(default=None, kw_only=True)
+    """The .json to write the similarity to."""
+    found: list[Similarity] = field(default_factory=list, repr=False, kw_only=True)
+
+    @property
+    def moves(self) -> bool:
+        return True
+
+    @property
+    def moved(self) -> Similarity:
+        """The similarity that was applied to the scene; known after the work."""
+        return self.found[-1] if self.found else IDENTITY
+
+    def apply(self, table: SplatTable, say: Say) -> SplatTable:
+        similarity = self.find(table, say)
+        self.found.append(similarity)
+        say(describe(similarity))
+        return similarity.table(table)
+
+    def find(self, table: SplatTable, say: Say) -> Similarity:
+        """Find the similarity that moves the scene to its new place."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, eq=False)
+class AlignToGround(Align):
+    """Turn the scene so that its ground is level, and move it there along the upward axis.
+
+    `up` is the axis that then points up; `near` the direction that is up now, within 35 degrees
+    (None: guessed as for the views of a scene).
+    """
+
+    up: str = "-y"
+    near: str | None = None
+
+    def __post_init__(self) -> None:
+        for axis in (self.up, self.near or "y"):
+            if axis not in AXES:
+                raise UsageError(f"axis {axis}: {', '.join(AXES)} are possible")
+
+    def find(self, table: SplatTable, say: Say) -> Similarity:
+        if self.near is None:
+            from gsedit.scene.framing import guess_up
+
+            near = guess_up(gaussians_of(table)).numpy()
+        else:
+            near = np.array(AXES[self.near], np.float64)
+        plane = find_ground(table, near)
+        axis = np.array(AXES[self.up], np.float64)
+        tilt = float(np.degrees(np.arccos(np.clip(plane.normal @ axis, -1, 1))))
+        say(
+            f"the ground leans {tilt:.2f} degrees against {self.up}; it holds "
+            f"{100 * plane.share:.0f} % of the scene, {100 * plane.above:.0f} % of the rest above"
+        )
+        return Similarity(turn_between(plane.normal, axis), 1.0, -plane.height * axis)
+
+
+@dataclass(frozen=True, eq=False)
+class AlignTo(Align):
+    """Lay the scene on another one: gsedit.toolkit.registration."""
+
+    other: SplatTable
+
+    def find(self, table: SplatTable, say: Say) -> Similarity:
+        match = register(table, self.other)
+        say(
+            f"{100 * match.overlap:.0f} % of its splats lie on the other scene, "
+            f"{match.residual:.4g} units off (root mean square)"
+        )
+        if match.overlap < UNSURE:
+            say("so few that the two may not show the same thing: look at the result")
+        return match.similarity
+
+
+@dataclass(frozen=True, eq=False)
+class AlignLength(Align):
+    """Scale the scene about the origin so that two of its points are a length apart."""
+
+    first: Sequence[float]
+    second: Sequence[float]
+    length: float
+
+    def find(self, table: SplatTable, say: Say) -> Similarity:
+        apart = float(np.linalg.norm(np.subtract(self.first, self.second)))
+        if not apart:
+            raise UsageError("the two points of a known length are the same")
+        say(f"the points are {apart:.6g} apart")
+        return scale(self.length / apart)
+
+
+UNSURE = 0.2
+"""Share of splats with a partner below which a person is told to look."""
+
+
+def describe(similarity: Similarity) -> str:
+    """Describe a similarity in one line, for a person."""
+    turn = -similarity.turn if similarity.mirrors else similarity.turn
+    degrees = 2 * np.degrees(np.arccos(min(quaternion_of(turn)[0], 1.0)))
+    move = ", ".join(f"{value:.6g}" for value in similarity.translation)
+    return f"scaled by {similarity.scale:.6g}, turned by {degrees:.2f} degrees, moved by {move}"
+
+
+def align_to_ground(scene: Scene, up: str = "-y", near: str | None = None) -> Scene:
+    """The scene on its ground, at 0 along the axis `up`. Raises UsageError where none is found."""
+    return apply(scene, AlignToGround(up, near))
+
+
+def align_length(
+    scene: Scene, first: Sequence[float], second: Sequence[float], length: float
+) -> Scene:
+    """The scene scaled so that two points of it are `length` apart."""
+    return apply(scene, AlignLength(first, second, length))
+
+
+def align_to(scene: Scene, other: SplatTable) -> Scene:
+    """The scene laid on another one, which may show only a part of it, or more."""
+    return apply(scene, AlignTo(other))

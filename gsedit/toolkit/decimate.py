@@ -1,0 +1,120 @@
+"""Fewer Gaussians with the same look."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import ceil
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from gsedit.errors import InputError, UsageError
+from gsedit.formats.validity import describe_invalid, invalid_rows
+from gsedit.scene.merging.pairs import groups, represent
+from gsedit.scene.table import SplatTable, gaussians_of, table_of
+from gsedit.toolkit.operation import Say, Scene, Whole, apply
+from gsedit.toolkit.order import importance
+
+if TYPE_CHECKING:
+    from rasterizer.camera import Camera
+
+METHODS = ("merge", "importance", "random")
+
+
+@dataclass(frozen=True, eq=False)
+class Decimate(Whole):
+    """Leave a number of Gaussians, or a share of them.
+
+    `merge` joins near ones (gsedit.scene.merging.pairs); `importance` keeps those of most opacity
+    times projected area; `random` keeps any. `merge` refuses rows with NaN or Inf.
+    """
+
+    removes: ClassVar[bool] = True
+    count: int | None = None
+    share: float | None = None
+    method: str = "merge"
+    measure: bool = False
+    """Whether to tell the change of the pictures, in dB."""
+    views: Sequence[Camera] | None = None
+    """To measure from; an orbit if None."""
+
+    def __post_init__(self) -> None:
+        if (self.count is None) == (self.share is None):
+            raise UsageError("decimate to a number or to a share")
+        if self.share is not None and not 0 < self.share <= 1:
+            raise UsageError(f"decimate to {100 * self.share:g} %: above 0, at most 100 %")
+        if self.count is not None and self.count < 1:
+            raise UsageError(f"decimate to {self.count}: keep at least 1")
+        if self.method not in METHODS:
+            raise UsageError(f"decimate by {self.method}: {', '.join(METHODS)} are possible")
+
+    def apply(self, table: SplatTable, say: Say) -> SplatTable:
+        count = (self.count or 0) if self.share is None else share_of(len(table), self.share)
+        if count >= len(table):
+            return table
+        after = fewer(table, count, self.method)
+        if self.measure:
+            from gsedit.toolkit.picture_change import describe_change
+
+            say(describe_change(table, after, self.views))
+        return after
+
+
+def share_of(rows: int, share: float) -> int:
+    """A share of some rows, rounded up, and at least 1."""
+    return max(1, ceil(round(rows * share, 6)))  # 55 % of 100 are 55, not 55.00000000000001
+
+
+def fewer(table: SplatTable, count: int, method: str) -> SplatTable:
+    """The table with `count` rows. Raises InputError where invalid ones would be joined."""
+    if method == "random":
+        rows = np.random.default_rng(0).permutation(len(table))[:count]
+        return table[np.sort(rows)]
+    if method == "importance":
+        return table[np.sort(np.argsort(-importance(table), kind="stable")[:count])]
+    bad = invalid_rows(table)
+    if bad.any():
+        row = int(bad.argmax())
+        raise InputError(
+            f"{describe_invalid(table, row, row)}; {bad.sum():,} of {len(table):,} rows are "
+            "invalid and cannot be joined: put clean --repair before it, or add --drop-invalid"
+        )
+    return represent(table, groups(table, count))
+
+
+def decimate(
+    scene: Scene,
+    count: int | None = None,
+    *,
+    share: float | None = None,
+    method: str = "merge",
+) -> Scene:
+    """The scene with `count` Gaussians, or a `share` of them in (0, 1]."""
+    return apply(scene, Decimate(count, share, method))
+
+
+def lod_tables(table: SplatTable, levels: int, share: float) -> Iterator[SplatTable]:
+    """The table, then each level made from the one before, with `share` of its rows.
+
+    Raises UsageError for fewer than 2 levels or a share outside (0, 1).
+    """
+    if levels < 2 or not 0 < share < 1:
+        raise UsageError(
+            f"{levels} levels of {100 * share:g} %: make 2 or more, each with a share of the one "
+            "before between 0 and 100 %"
+        )
+    yield table
+    for _ in range(levels - 1):
+        table = fewer(table, share_of(len(table), share), "merge")
+        yield table
+
+
+def lod(scene: Scene, levels: int = 4, share: float = 0.5) -> list[Scene]:
+    """The scene and `levels` - 1 coarser ones, each with `share` of the Gaussians of the one
+    before."""
+    given: Any = scene
+    if isinstance(given, SplatTable):
+        return list(lod_tables(given, levels, share))  # pyright: ignore[reportReturnType]
+    tables = lod_tables(table_of(given), levels, share)
+    return [gaussians_of(table) for table in tables]  # pyright: ignore[reportReturnType]

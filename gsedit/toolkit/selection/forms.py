@@ -1,0 +1,185 @@
+"""Selections as functions of plain numbers and texts: what `where` calls, and the command line.
+
+`where` reads the types of their parameters: see `ARGUMENTS` there. Coordinates and lengths are in
+units of the scene; angles are degrees about x, then y, then z.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from gsedit.toolkit.selection.base import EVERYTHING, Selection
+from gsedit.toolkit.selection.clusters import Clusters
+from gsedit.toolkit.selection.inside_mesh import InsideMesh
+from gsedit.toolkit.selection.middle import InTheMiddle
+from gsedit.toolkit.selection.near_color import NearColor, parse_color
+from gsedit.toolkit.selection.near_selected import Grown, Shrunk
+from gsedit.toolkit.selection.ranked import Amount, Ranked
+from gsedit.toolkit.selection.saved import Flags
+from gsedit.toolkit.selection.seen import LEAST_PIXELS, Drawn, Seen
+from gsedit.toolkit.selection.values import Column, Computed, Distance, Value
+from gsedit.toolkit.selection.volumes import (
+    Box,
+    Cylinder,
+    Ellipsoid,
+    HalfSpace,
+    OrientedBox,
+    Sphere,
+)
+
+
+def box(x0: float, y0: float, z0: float, x1: float, y1: float, z1: float) -> Selection:
+    """Between two corners, along the axes; `-inf` and `inf` leave a side open."""
+    return Box((x0, y0, z0), (x1, y1, z1))
+
+
+def oriented_box(
+    x: float, y: float, z: float, a: float, b: float, c: float,
+    rx: float = 0.0, ry: float = 0.0, rz: float = 0.0,
+) -> Selection:  # fmt: skip
+    """About x,y,z, with sides of lengths a, b and c, turned by rx,ry,rz degrees."""
+    return OrientedBox((x, y, z), (a, b, c), (rx, ry, rz))
+
+
+def sphere(x: float, y: float, z: float, radius: float) -> Selection:
+    """Select a ball about (x, y, z)."""
+    return Sphere((x, y, z), radius)
+
+
+def ellipsoid(
+    x: float, y: float, z: float, a: float, b: float, c: float,
+    rx: float = 0.0, ry: float = 0.0, rz: float = 0.0,
+) -> Selection:  # fmt: skip
+    """About x,y,z, with radii a, b and c, turned by rx,ry,rz degrees."""
+    return Ellipsoid((x, y, z), (a, b, c), (rx, ry, rz))
+
+
+def cylinder(
+    x0: float, y0: float, z0: float, x1: float, y1: float, z1: float, radius: float
+) -> Selection:
+    """About the axis between two points."""
+    return Cylinder((x0, y0, z0), (x1, y1, z1), radius)
+
+
+def half_space(x: float, y: float, z: float, nx: float, ny: float, nz: float) -> Selection:
+    """The side of the plane through x,y,z that the direction nx,ny,nz points to."""
+    return HalfSpace((x, y, z), (nx, ny, nz))
+
+
+def near(color: str, difference: float = 10.0) -> Selection:
+    """Select colors that differ by at most `difference` (CIE Lab) from #rrggbb, or from a pixel
+    given as `photo.jpg@COLUMN,ROW`."""
+    return NearColor(parse_color(color), difference)
+
+
+def flags(path: str) -> Selection:
+    """Select by a .npy file of flags, such as `gsedit select` writes."""
+    return Flags(Path(path).expanduser())
+
+
+def largest(amount: Amount, value: Value) -> Selection:
+    """The rows with the largest values: 1000 of them, or '10%'."""
+    return Ranked(amount, value)
+
+
+def smallest(amount: Amount, value: Value) -> Selection:
+    """The rows with the smallest values: 1000 of them, or '10%'."""
+    return Ranked(amount, value, largest=False)
+
+
+def inside(mesh: str) -> Selection:
+    """Select the inside of a closed mesh: .obj, .ply, .stl, .off or .glb."""
+    return InsideMesh(Path(mesh).expanduser())
+
+
+def cluster(n: int = 1, gap: float | None = None, of: Selection = EVERYTHING) -> Selection:
+    """The n largest clusters: of centers linked by gaps of at most `gap`, among `of`."""
+    return Clusters(n, gap, of)
+
+
+def cluster_at(
+    x: float, y: float, z: float, gap: float | None = None, of: Selection = EVERYTHING
+) -> Selection:
+    """The cluster of the center nearest to x,y,z."""
+    return Clusters(1, gap, of, (x, y, z))
+
+
+def grow(selection: Selection, radius: float) -> Selection:
+    """A selection, and what is at most `radius` from it."""
+    return Grown(selection, radius)
+
+
+def shrink(selection: Selection, radius: float) -> Selection:
+    """A selection, without what is at most `radius` from the rest."""
+    return Shrunk(selection, radius)
+
+
+def seen(cameras: str, pixels: float = LEAST_PIXELS) -> Selection:
+    """Select Gaussians that contribute `pixels` or more to the pictures of a cameras.json or of
+    posed photos."""
+    return Seen(Path(cameras), pixels)
+
+
+def drawn(masks: str, cameras: str) -> Selection:
+    """Select by masks (a .png or a folder) on photos, or on renders from a cameras.json."""
+    return Drawn(Path(masks).expanduser(), Path(cameras))
+
+
+def middle(within: float, cameras: str) -> Selection:
+    """Gaussians near the point that the cameras of a cameras.json or of posed photos look at.
+
+    `within` is a multiple of the median distance of the cameras from that point.
+    """
+    return InTheMiddle(Path(cameras), within)
+
+
+def everything() -> Selection:
+    """Select every Gaussian of the scene."""
+    return EVERYTHING
+
+
+def distance(x: float, y: float, z: float) -> Value:
+    """From x,y,z to the center."""
+    return Distance((x, y, z))
+
+
+def column(name: str) -> Value:
+    """An extra column of the file."""
+    return Column(name)
+
+
+def absolute(value: Value) -> Value:
+    """Absolute value of a number."""
+    return Computed("abs", (value,))
+
+
+SELECTIONS: dict[str, Callable[..., Selection]] = {
+    "box": box,
+    "oriented_box": oriented_box,
+    "sphere": sphere,
+    "ellipsoid": ellipsoid,
+    "cylinder": cylinder,
+    "half_space": half_space,
+    "near": near,
+    "flags": flags,
+    "largest": largest,
+    "smallest": smallest,
+    "inside": inside,
+    "cluster": cluster,
+    "cluster_at": cluster_at,
+    "grow": grow,
+    "shrink": shrink,
+    "seen": seen,
+    "drawn": drawn,
+    "middle": middle,
+    "all": everything,
+}
+"""By their names in expressions."""
+
+VALUES: dict[str, Callable[..., Value]] = {
+    "distance": distance,
+    "column": column,
+    "abs": absolute,
+}
+"""Functions that give a number a Gaussian, by their names in expressions."""

@@ -1,0 +1,157 @@
+"""Move, turn, scale and mirror splats, or some of them; SH and covariances follow exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float64
+
+from gsedit.errors import UsageError
+from gsedit.scene.similarity import IDENTITY, Similarity
+from gsedit.scene.table import SPLAT_FIELDS, SplatTable, concatenate_tables
+from gsedit.toolkit.filter import as_selection
+from gsedit.toolkit.operation import Say, Scene, Whole, apply
+from gsedit.toolkit.selection.base import EVERYTHING, Selection
+from gsedit.toolkit.selection.part import OnSelection
+from gsedit.toolkit.steps import compose, translate
+
+
+@dataclass(frozen=True, eq=False)
+class Transform(OnSelection):
+    """Move the selected Gaussians, or with `copy` add moved copies of them.
+
+    Copies stand behind the rows that they were read with: of a file, behind each block.
+    """
+
+    similarity: Similarity
+    copy: bool = False
+    cameras: bool = False
+    """Whether the cameras beside the scene's file are to move along."""
+
+    @property
+    def moves(self) -> bool:
+        return self.selection is EVERYTHING and not self.copy
+
+    @property
+    def moved(self) -> Similarity:
+        """The similarity that is applied to the scene."""
+        return self.similarity
+
+    def change(self, table: SplatTable, inside: Bool[np.ndarray, " n"]) -> SplatTable:
+        return moved_rows(table, self.similarity, inside, copy=self.copy)
+
+
+@dataclass(frozen=True, eq=False)
+class TransformAboutCenter(Whole):
+    """Transform about the center of the selected Gaussians: the median of their centers."""
+
+    similarity: Similarity
+    to_origin: bool = False
+    """Leave the center at the origin instead of moving it back to its place."""
+    selection: Selection = EVERYTHING
+    copy: bool = False
+    cameras: bool = False
+    found: list[Similarity] = field(default_factory=list, repr=False)
+
+    @property
+    def moves(self) -> bool:
+        return self.selection is EVERYTHING and not self.copy
+
+    @property
+    def moved(self) -> Similarity:
+        """The similarity that was applied to the scene; known after the work."""
+        return self.found[-1] if self.found else IDENTITY
+
+    def apply(self, table: SplatTable, say: Say) -> SplatTable:
+        inside = self.selection.mask(table)
+        center = center_of(table.means[inside])
+        similarity = self.similarity.about(center)
+        if self.to_origin:
+            similarity = self.similarity.after(translate((-center).tolist()))
+        say(f"center at {', '.join(f'{c:.6g}' for c in center)}")
+        self.found.append(similarity)
+        return moved_rows(table, similarity, inside, copy=self.copy)
+
+
+def center_of(means: np.ndarray) -> Float64[np.ndarray, "3"]:
+    """The median of every coordinate of the finite points; the origin where there are none."""
+    finite = means[np.isfinite(means).all(1)]
+    return np.median(finite, 0).astype(np.float64) if len(finite) else np.zeros(3)
+
+
+def moved_rows(
+    table: SplatTable, similarity: Similarity, inside: Bool[np.ndarray, " n"], *, copy: bool
+) -> SplatTable:
+    """The table with the rows inside moved, or with moved copies of them at its end."""
+    if inside.all():
+        moved = similarity.table(table)
+        return concatenate_tables([table, moved]) if copy else moved
+    rows = np.flatnonzero(inside)
+    moved = similarity.table(table[rows])
+    if copy:
+        return concatenate_tables([table, moved])
+    return with_rows(table, rows, moved)
+
+
+def with_rows(table: SplatTable, rows: np.ndarray, other: SplatTable) -> SplatTable:
+    """The table with other values in some rows."""
+
+    def put(column: np.ndarray, values: np.ndarray) -> np.ndarray:
+        column = column.copy()
+        column[rows] = values
+        return column
+
+    fields = {name: put(getattr(table, name), getattr(other, name)) for name in SPLAT_FIELDS}
+    extra = {name: put(column, other.extra[name]) for name, column in table.extra.items()}
+    return SplatTable(**fields, extra=extra)
+
+
+def transform_of(
+    similarity: Similarity,
+    *,
+    pivot: Sequence[float | int] | str | None = None,
+    center: bool = False,
+    selection: Selection = EVERYTHING,
+    copy: bool = False,
+    cameras: bool = False,
+) -> Transform | TransformAboutCenter:
+    """The operation; `pivot` is a point or "center". Raises UsageError for what contradicts."""
+    if center and pivot is not None:
+        raise UsageError("center moves the scene to the origin, which is the pivot then: give one")
+    if cameras and (selection is not EVERYTHING or copy):
+        raise UsageError("cameras move with the whole scene only, not with a part or a copy")
+    if isinstance(pivot, str) and pivot != "center":
+        raise UsageError(f"pivot {pivot}: give x,y,z or center")
+    if center or isinstance(pivot, str):
+        return TransformAboutCenter(similarity, center, selection, copy, cameras)
+    if pivot is not None:
+        similarity = similarity.about(translate(pivot).translation)
+    return Transform(similarity, copy, cameras, selection=selection)
+
+
+def transform(
+    scene: Scene,
+    similarity: Similarity = IDENTITY,
+    *,
+    pivot: Sequence[float | int] | str | None = None,
+    center: bool = False,
+    selection: Selection | str = EVERYTHING,
+    copy: bool = False,
+    **steps: Any,
+) -> Scene:
+    """The scene after a similarity and then the `steps`, in the order in which they are written.
+
+    Steps are the functions of gsedit.toolkit.steps, as in `transform(scene, rotate=(0, 90, 0),
+    scale=2.0, translate=(1, 0, 0), mirror="x", up=("z", "-y"), quat=..., rotate_axis=...,
+    matrix=...)`. `pivot` (a point, or "center") takes the place of the origin. `center` first
+    moves the median of the centers to the origin. Only the selected rows move (a text is an
+    expression for `where`); `copy` keeps the originals too. Raises UsageError.
+    """
+    whole = compose(steps.items()).after(similarity)
+    chosen = as_selection(selection)
+    return apply(
+        scene, transform_of(whole, pivot=pivot, center=center, selection=chosen, copy=copy)
+    )

@@ -1,1 +1,0 @@
-"""Scenes as point clouds of pyvista and Open3D, and a preview of their centres."""

@@ -1,0 +1,365 @@
+"""Datasets: photos, poses and points agree, whatever the format, the lens and the size."""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from bad_files import dataset, write
+from photo_sets import (
+    COLMAP_LENSES,
+    cameras,
+    colmap_dataset,
+    color,
+    opengl_camera_to_world,
+    rays_of,
+)
+from PIL import Image
+from shared_data import DATA
+
+from gsedit import Dataset, load_dataset
+from gsedit.datasets.undistort import Lens, distort, undistort, undistortion
+from gsedit.errors import InputError, UsageError
+from rasterizer import Camera
+
+BEAR = DATA / "bear"
+LENSES = {
+    "pincushion": Lens(60.0, 62.0, 41.0, 30.5, 80, 60, k1=0.1, k2=0.03),
+    "barrel": Lens(60.0, 62.0, 41.0, 30.5, 80, 60, k1=-0.1, k2=0.02, k3=-0.001),
+    "tangential": Lens(60.0, 62.0, 38.0, 27.0, 80, 60, p1=0.01, p2=-0.02),
+    "bear": Lens(84.2, 84.1, 40.4, 37.4, 80, 80, 0.0146, -0.0283, 0.0, 1.5e-4, 6.1e-4),
+}
+lenses = pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES)
+
+
+def rays_of_photo(lens: Lens) -> torch.Tensor:
+    """The direction that each pixel center of a distorted photo saw: a fixed point, iterated."""
+    seen = rays_of(lens)
+    rays = seen.clone()
+    for _ in range(100):  # each step leaves less than 3/4 of the error: exact to 1e-12
+        rays = rays + (seen - brown_conrady(rays, lens)) / 2
+    return rays
+
+
+def brown_conrady(rays: torch.Tensor, lens: Lens) -> torch.Tensor:
+    """OpenCV's formula written out, to check the library call and the order of its coefficients."""
+    x, y = rays.unbind(-1)
+    r2 = x * x + y * y
+    radial = 1 + lens.k1 * r2 + lens.k2 * r2**2 + lens.k3 * r2**3
+    x_d = x * radial + 2 * lens.p1 * x * y + lens.p2 * (r2 + 2 * x * x)
+    y_d = y * radial + lens.p1 * (r2 + 2 * y * y) + 2 * lens.p2 * x * y
+    return torch.stack((x_d, y_d), -1)
+
+
+@lenses
+def test_undistorted_photo_is_the_pinhole_picture(lens):
+    """Exact up to bilinear interpolation, whose error falls with the square of the pixel."""
+    errors = []
+    for scale in (1, 2):
+        size = (lens.width * scale, lens.height * scale)
+        numbers = [value * scale for value in (lens.fx, lens.fy, lens.cx, lens.cy)]
+        fine = replace(
+            lens, **dict(zip(("fx", "fy", "cx", "cy"), numbers)), width=size[0], height=size[1]
+        )
+        undo = undistortion(fine)
+        error = undistort(color(rays_of_photo(fine)), undo) - color(rays_of(undo.lens))
+        errors.append(float(error.abs().max()))
+    # |f''| h^2 / 8 in each of two directions; f'' of the waves is below 20, h = 1 / focal
+    assert errors[0] < 2 * 20 / 8 / lens.fx**2
+    if errors[0] > 1e-4:  # else nothing moves by a pixel, and the fraction moved counts instead
+        assert errors[1] < errors[0] / 3  # a quarter, but for where the nodes happen to fall
+
+
+@lenses
+def test_distort_is_brown_conrady_and_has_an_inverse(lens):
+    rays = rays_of_photo(lens)
+    ideal = lens.zoomed(1.0)
+    focal = torch.tensor([lens.fx, lens.fy], dtype=torch.float64)
+    xy = rays * focal + torch.tensor([lens.cx, lens.cy], dtype=torch.float64)
+    photo = lens.camera(torch.eye(4)).pixel_centers()
+    # 1e-9 of 100 pixels: float64 rounding, and what the iteration leaves
+    torch.testing.assert_close(distort(xy, ideal, lens), photo, atol=1e-9, rtol=0)
+
+
+@lenses
+def test_zoom_is_enough_and_not_more(lens):
+    undo = undistortion(lens)
+    assert undo.lookup is not None
+    corner = torch.tensor([lens.width - 0.5, lens.height - 0.5], dtype=torch.float64)
+    assert (undo.lookup >= 0.5 - 1e-8).all()
+    assert (undo.lookup <= corner + 1e-8).all()
+    zoom = undo.lens.fx / lens.fx
+    assert undo.lens.fy / lens.fy == pytest.approx(zoom)
+    assert (undo.lens.cx, undo.lens.cy) == (lens.cx, lens.cy)
+    wider = lens.zoomed(zoom * (1 - 1e-6))
+    outside = distort(wider.camera(torch.eye(4)).pixel_centers(), wider, lens)
+    touches = bool((outside < 0.5).any() or (outside > corner).any())
+    assert zoom == 1 or touches
+
+
+def test_pinhole_photo_is_untouched():
+    photo = torch.rand(6, 8, 3, generator=torch.Generator().manual_seed(0))
+    undo = undistortion(Lens(9.0, 9.0, 4.0, 3.0, 8, 6))
+    assert undistort(photo, undo) is photo
+
+
+def test_nerfstudio_poses_are_opencv_world_to_camera(tmp_path):
+    record = dataset(tmp_path)
+    expected = list(cameras())
+    for frame, camera in zip(record["frames"], expected):
+        frame["transform_matrix"] = opengl_camera_to_world(camera)
+    for view, camera in zip(load_dataset(write(tmp_path, record)).views, expected):
+        # four roundings of float64 at unit size
+        torch.testing.assert_close(
+            view.camera.world_to_camera, camera.world_to_camera, atol=1e-15, rtol=1e-14
+        )
+
+
+def test_views_are_sorted_and_keep_their_poses(tmp_path):
+    record = dataset(tmp_path)
+    for frame, camera in zip(record["frames"], cameras()):
+        frame["transform_matrix"] = opengl_camera_to_world(camera)
+    sorted_views = load_dataset(write(tmp_path, record)).views
+    record["frames"].reverse()
+    views = load_dataset(write(tmp_path, record) / "transforms.json").views
+    assert [v.name for v in views] == ["images/0.png", "images/1.png", "images/2.png"]
+    for a, b in zip(views, sorted_views):
+        assert torch.equal(a.camera.world_to_camera, b.camera.world_to_camera)
+        assert torch.equal(a.image, b.image)
+    assert [float(v.image.mean()) for v in views] == pytest.approx([0, 40 / 255, 80 / 255])
+
+
+def test_intrinsics_of_a_frame_come_first(tmp_path):
+    record = dataset(tmp_path)
+    record["frames"][1].update(fl_x=20.0, fl_y=21.0, cx=3.0, cy=2.0)
+    first, second, _ = load_dataset(write(tmp_path, record)).views
+    assert (first.camera.fx, first.camera.fy) == (9.0, 9.0)
+    assert (first.camera.cx, first.camera.cy) == (4.0, 3.0)
+    camera = second.camera
+    assert (camera.fx, camera.fy, camera.cx, camera.cy) == (20.0, 21.0, 3.0, 2.0)
+
+
+def test_blender_style(tmp_path):
+    """An angle instead of intrinsics, names without suffix, transparent photos (over black)."""
+    record = dataset(tmp_path)
+    for key in ("w", "h", "fl_x"):
+        del record[key]
+    record["camera_angle_x"] = 2 * math.atan(0.5)
+    for frame in record["frames"]:
+        frame["file_path"] = "./" + frame["file_path"].removesuffix(".png")
+    pixels = np.zeros((6, 8, 4), np.uint8)
+    pixels[..., 0], pixels[..., 3] = 255, 51  # a fifth of red
+    Image.fromarray(pixels).save(tmp_path / "images" / "0.png")
+    view = load_dataset(write(tmp_path, record)).views[0]
+    assert view.name == "images/0.png"
+    assert (view.camera.fx, view.camera.width, view.camera.height) == (pytest.approx(8.0), 8, 6)
+    torch.testing.assert_close(view.image[0, 0], torch.tensor([0.2, 0.0, 0.0]))
+    assert view.alpha is not None
+    torch.testing.assert_close(view.alpha, torch.full((6, 8), 0.2))
+
+
+@pytest.mark.parametrize(("size", "shape"), [(4, (3, 4)), (8, (6, 8)), (100, (6, 8)), (1, (1, 1))])
+def test_size_scales_picture_and_camera_together(size, shape, tmp_path):
+    write(tmp_path, dataset(tmp_path))
+    whole = load_dataset(tmp_path).views[0].camera
+    view = load_dataset(tmp_path, size=size).views[0]
+    assert tuple(view.image.shape) == (*shape, 3)
+    assert (view.camera.height, view.camera.width) == shape
+    assert view.camera.fx == pytest.approx(whole.fx * shape[1] / 8)
+    assert view.camera.cy == pytest.approx(whole.cy * shape[0] / 6)
+
+
+def test_limit_spreads_over_all_views(tmp_path):
+    write(tmp_path, dataset(tmp_path, frames=6))
+    names = [view.name for view in load_dataset(tmp_path, limit=3).views]
+    assert names == ["images/0.png", "images/2.png", "images/4.png"]
+    assert len(load_dataset(tmp_path, limit=99)) == 6
+
+
+@pytest.mark.parametrize("request_", [{"size": 0}, {"limit": 0}, {"limit": -1}], ids=str)
+def test_impossible_requests(request_, tmp_path):
+    write(tmp_path, dataset(tmp_path))
+    with pytest.raises(UsageError, match="at least 1"):
+        load_dataset(tmp_path, **request_)
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_sparse_points(named, tmp_path):
+    record = dataset(tmp_path)
+    if named:
+        record["ply_file_path"] = "cloud.ply"
+    head = "ply\nformat ascii 1.0\nelement vertex 2\n"
+    head += "".join(f"property float {c}\n" for c in "xyz")
+    head += "".join(f"property uint8 {c}\n" for c in ("red", "green", "blue")) + "end_header\n"
+    body = "1 2 3 255 0 51\n-1 -2 -3 0 0 0\n"
+    (tmp_path / ("cloud.ply" if named else "points3D.ply")).write_text(head + body)
+    points = load_dataset(write(tmp_path, record))
+    assert points.points is not None
+    assert points.point_colors is not None
+    assert points.points.tolist() == [[1, 2, 3], [-1, -2, -3]]
+    torch.testing.assert_close(points.point_colors[0], torch.tensor([1, 0, 0.2]))
+
+
+@pytest.mark.parametrize("text", [True, False], ids=["text", "binary"])
+@pytest.mark.parametrize("model", COLMAP_LENSES)
+def test_colmap(model, text, tmp_path):
+    data = load_dataset(colmap_dataset(tmp_path, model, text))
+    lens = COLMAP_LENSES[model][1]
+    ideal = undistortion(lens).lens
+    assert [view.name for view in data.views] == ["0.png", "1.png", "2.png"]
+    assert [float(v.image.mean()) for v in data.views] == pytest.approx([0, 40 / 255, 80 / 255])
+    for view, expected in zip(data.views, cameras()):
+        camera = view.camera
+        torch.testing.assert_close(camera.world_to_camera, expected.world_to_camera)
+        intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy)
+        assert intrinsics == (ideal.fx, ideal.fy, ideal.cx, ideal.cy)
+    assert data.points is not None
+    assert data.point_colors is not None
+    assert data.points.tolist() == [[1, 2, 3]]
+    torch.testing.assert_close(data.point_colors, torch.tensor([[1, 0, 0.2]]))
+
+
+@pytest.mark.parametrize("model", COLMAP_LENSES)
+def test_our_lens_is_colmaps(model):
+    """pycolmap projects with its own code: an independent check of names and order."""
+    import pycolmap
+
+    params, lens = COLMAP_LENSES[model]
+    camera = pycolmap.Camera(model=model, width=8, height=6, params=params, camera_id=1)
+    rays = torch.rand(50, 2, generator=torch.Generator().manual_seed(0), dtype=torch.float64) - 0.5
+    theirs = torch.from_numpy(camera.img_from_cam(torch.cat((rays, torch.ones(50, 1)), 1).numpy()))
+    ideal = lens.zoomed(1.0)
+    offset = torch.tensor([lens.cx, lens.cy], dtype=torch.float64)
+    xy = rays * torch.tensor([lens.fx, lens.fy], dtype=torch.float64) + offset
+    torch.testing.assert_close(distort(xy, ideal, lens), theirs, atol=1e-12, rtol=0)
+
+
+def test_colmap_folder_itself(tmp_path):
+    folder = colmap_dataset(tmp_path)
+    assert len(load_dataset(folder / "sparse" / "0")) == 3
+
+
+@pytest.mark.parametrize("name", ["cameras", "images", "points3D", "frames", "rigs"])
+@pytest.mark.parametrize("text", [True, False], ids=["text", "binary"])
+def test_cut_colmap_file_is_an_error_not_a_crash(name, text, tmp_path):
+    model = colmap_dataset(tmp_path, text=text) / "sparse" / "0"
+    file = model / f"{name}.{'txt' if text else 'bin'}"
+    content = file.read_bytes()
+    keep = len(content) - 11 if not text else content.rstrip().rindex(b"\n") + 4
+    file.write_bytes(content[:keep])
+    with pytest.raises(InputError) as raised:
+        load_dataset(tmp_path)
+    assert str(model) in str(raised.value)
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "at", "value", "message"),
+    [
+        ("cameras", 32, float("nan"), "focal length"),
+        ("cameras", 32, float("inf"), "focal length"),
+        ("cameras", 32, 1e308, "focal length"),
+        ("cameras", 48, float("nan"), "principal point"),
+        ("frames", 48, 1e300, "pose"),
+        ("points3D", 16, float("nan"), r"point 0 .* not finite"),
+        ("points3D", 24, float("inf"), r"point 0 .* not finite"),
+        ("points3D", 32, 1e300, r"point 0 .* beyond"),
+    ],
+)
+def test_absurd_numbers_of_a_colmap_model_are_named(name, at, value, message, tmp_path):
+    file = colmap_dataset(tmp_path) / "sparse" / "0" / f"{name}.bin"
+    raw = file.read_bytes()
+    file.write_bytes(raw[:at] + struct.pack("<d", value) + raw[at + 8 :])
+    with pytest.raises(InputError, match=message):
+        load_dataset(tmp_path)
+
+
+def test_names_and_counts_of_a_colmap_model_that_none_writes_are_refused(tmp_path):
+    model = colmap_dataset(tmp_path) / "sparse" / "0"
+    images = (model / "images.bin").read_bytes()
+    (model / "images.bin").write_bytes(images.replace(b"1.png", b"\xff.png"))
+    with pytest.raises(InputError, match="not UTF-8"):
+        load_dataset(tmp_path)
+    at = images.index(b"1.png") + len(b"1.png") + 1
+    (model / "images.bin").write_bytes(
+        images[:at] + (2**62).to_bytes(8, "little") + images[at + 8 :]
+    )
+    with pytest.raises(InputError, match="cut off"):
+        load_dataset(tmp_path)
+
+
+def test_colmap_photo_must_exist_and_stay_inside(tmp_path):
+    folder = colmap_dataset(tmp_path)
+    (folder / "images" / "1.png").unlink()
+    with pytest.raises(InputError, match=r"3 photos and 1 of them is not there \(1\.png\)"):
+        load_dataset(folder)
+    (folder / "images" / "1.png").symlink_to(Path(__file__))
+    with pytest.raises(InputError, match="leaves the dataset"):
+        load_dataset(folder)
+
+
+def test_colmap_rig_of_three_cameras_is_complete(tmp_path):
+    """The longest rows there are: sensors with and without pose, keypoints and tracks."""
+    import pycolmap
+
+    dataset(tmp_path)
+    (tmp_path / "transforms.json").unlink()
+    made = pycolmap.Reconstruction()
+    sensors = [pycolmap.sensor_t(pycolmap.SensorType.CAMERA, i) for i in range(3)]
+    for i in range(3):
+        params = COLMAP_LENSES["PINHOLE"][0]
+        made.add_camera(
+            pycolmap.Camera(model="PINHOLE", width=8, height=6, params=params, camera_id=i)
+        )
+    rig = pycolmap.Rig(rig_id=1)
+    rig.add_ref_sensor(sensors[0])
+    rig.add_sensor(sensors[1], pycolmap.Rigid3d())
+    rig.add_sensor(sensors[2], None)
+    made.add_rig(rig)
+    frame = pycolmap.Frame(frame_id=1, rig_id=1)
+    frame.rig_from_world = pycolmap.Rigid3d()
+    for i in range(2):
+        frame.add_data_id(pycolmap.data_t(sensors[i], i))
+    made.add_frame(frame)
+    for i in range(2):
+        image = pycolmap.Image(name=f"{i}.png", camera_id=i, image_id=i)
+        image.frame_id = 1
+        image.points2D = pycolmap.Point2DList([pycolmap.Point2D(np.ones(2))] * 3)
+        made.add_image(image)
+    made.register_frame(1)
+    track = pycolmap.Track()
+    track.add_element(0, 0)
+    made.add_point3D(np.ones(3), track, np.zeros(3, np.uint8))
+    (tmp_path / "sparse").mkdir()
+    made.write(tmp_path / "sparse")
+    assert len(load_dataset(tmp_path)) == 2
+
+
+@pytest.mark.skipif(not BEAR.is_dir(), reason="needs ../shared/data/bear")
+def test_bear_points_have_the_colors_of_the_photos():
+    """Axes, signs, order and frame at once: 34 k points fall on pixels of their own color.
+
+    Hidden points are in it, so the correlation is far from 1; that of a mirrored photo is about 0.
+    """
+    data = load_dataset(BEAR, size=256, limit=8)
+    assert data.points is not None
+    assert data.point_colors is not None
+    right = [point_correlation(v.image, v.camera, data) for v in data.views]
+    mirrored = [point_correlation(v.image.flip(1), v.camera, data) for v in data.views]
+    assert sum(right) / 8 > 0.4  # 0.48 when all is right
+    assert abs(sum(mirrored) / 8) < 0.15
+
+
+def point_correlation(image: torch.Tensor, camera: Camera, data: Dataset) -> float:
+    assert data.points is not None
+    assert data.point_colors is not None
+    xy, z = camera.project(data.points.double())
+    x, y = xy.floor().long().unbind(-1)
+    inside = (z > 0) & (y >= 0) & (y < camera.height) & (x >= 0) & (x < camera.width)
+    pair = (image[y[inside], x[inside]].mean(1), data.point_colors[inside].mean(1))
+    return float(torch.corrcoef(torch.stack(pair))[0, 1])

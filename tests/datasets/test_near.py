@@ -1,0 +1,86 @@
+"""A picture does not depend on the scene's unit of length, where cameras are made for the scene."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import log
+
+import pytest
+import torch
+from command_line import gsedit
+from point_clouds import ball
+
+from gsedit import Dataset, View, orbit
+from gsedit.cameras.choose import find_views
+from gsedit.datasets.near import dataset_near, viewpoints_near
+from gsedit.datasets.viewpoints import Viewpoint, that_see
+from gsedit.formats.scenes import save
+from gsedit.scene.framing import framing_camera
+from rasterizer import Execution, look_at, render
+
+
+def scaled(scene, factor):
+    return replace(scene, means=scene.means * factor, log_scales=scene.log_scales + log(factor))
+
+
+@pytest.mark.parametrize("factor", [1e-3, 1e3])
+@pytest.mark.parametrize("kernel", ["torch", "auto"])
+def test_found_views_show_the_same_in_any_unit(factor, kernel):
+    scene, execution = ball(300), Execution(kernel=kernel)
+    for make in (
+        lambda each: find_views(each, 2, 32, execution=execution),
+        lambda each: orbit(each, 2, 32),
+        lambda each: [framing_camera(each, size=(32, 32))],
+    ):
+        expected = [render(scene, view, execution=execution) for view in make(scene)]
+        other = scaled(scene, factor)
+        found = [render(other, view, execution=execution) for view in make(other)]
+        for a, b in zip(expected, found, strict=True):
+            assert a.alpha.mean() > 0.05
+            assert (a.color - b.color).abs().max() < 1e-3
+
+
+@pytest.mark.parametrize("factor", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("count", [1, 20])
+@pytest.mark.parametrize("points", [False, True])
+def test_gaussians_at_one_place_are_seen(count, factor, points):
+    scene = ball(300)[torch.zeros(count, dtype=torch.long)]
+    scene = scaled(scene, factor)
+    if points:  # of no size
+        scene = replace(scene, log_scales=torch.full_like(scene.log_scales, -torch.inf))
+    views = find_views(scene, 3, 32)
+    assert len(views) == 3
+    assert all(view.world_to_camera.isfinite().all() for view in views)
+    if not points:
+        assert len(that_see([Viewpoint("", view) for view in views], scene)) == 3
+
+
+def test_given_cameras_keep_the_renderers_near_plane_unless_the_units_are_tiny():
+    scene = ball(300)
+    camera = look_at(
+        torch.tensor([0.0, 0, -3]), torch.zeros(3), torch.tensor([0.0, -1, 0]), 50.0, 8, 8
+    )
+    (kept,) = viewpoints_near([Viewpoint("a", camera)], scene)
+    assert kept.camera is camera
+    (nearer,) = viewpoints_near([Viewpoint("a", camera)], scaled(scene, 1e-3))
+    assert 0 < nearer.camera.near < 1e-4
+    photo = View("a", camera, torch.zeros(8, 8, 3))
+    for points, changed in ((None, False), (scene.means, False), (1e-3 * scene.means, True)):
+        (view,) = dataset_near(Dataset((photo,), points)).views
+        assert (view.camera.near is not None) == changed
+
+
+def test_a_view_that_shows_nothing_is_told(tmp_path):
+    scene = ball(300)
+    save(scaled(scene, 1e-3), tmp_path / "small.ply")
+    save(replace(scene, logit_opacities=torch.full((300,), -9.0)), tmp_path / "clear.ply")
+    for name, told in (("small", False), ("clear", True)):
+        result = gsedit(
+            "render", tmp_path / f"{name}.ply", "--count", 2, "--size", 16, "-o", tmp_path / name
+        )
+        assert result.exit_code == 0
+        assert ("show nothing of the scene" in result.stderr) == told
+    edited = gsedit("edit", tmp_path / "clear.ply", "as gold", "--size", 64, "-o", tmp_path / "e")
+    assert edited.exit_code == 2
+    assert "no opacity reaches 1/255" in edited.stderr
+    assert "Leave out --data" not in edited.stderr

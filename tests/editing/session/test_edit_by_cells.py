@@ -1,0 +1,46 @@
+"""An edit of a large scene by its cells is the edit of all of its Gaussians, nearly."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import tiny_edits
+import torch
+from research.scale.divide import divide
+
+from gsedit import edit
+from gsedit.editing.session import request
+from gsedit.editing.strategies.single_pass import SinglePass
+from gsedit.measures.metrics import psnr
+from gsedit.scene.merging.cells import coarsen
+from rasterizer import render
+
+
+def test_an_edit_by_cells_is_that_of_all_gaussians(monkeypatch):
+    scene = divide(tiny_edits.scene(), 4, 1, torch.Generator().manual_seed(0))
+    data = tiny_edits.data()
+    results = []
+    for most in (len(scene), 1500):
+        monkeypatch.setattr(request, "coarsen", partial(coarsen, most=most))
+        result = edit(
+            scene,
+            tiny_edits.PROMPT,
+            editor=tiny_edits.Watched(),
+            dataset=data,
+            settings=replace(tiny_edits.SETTINGS, region="box:-9,-9,-9,9,9,0"),
+            strategy=SinglePass(20),
+        )
+        results.append(result)
+    whole, cells = results
+    assert cells.metrics.rmse_to_unedited > 0.03
+    assert abs(cells.metrics.rmse_to_unedited - whole.metrics.rmse_to_unedited) < 0.02
+    outside = ~cells.region.inside
+    assert outside.any()
+    assert torch.equal(cells.scene.sh[outside], scene.sh[outside])
+    camera = data.views[4].camera
+    one, other, before = (
+        render(s, camera).color.clamp(0, 1) for s in (whole.scene, cells.scene, scene)
+    )
+    assert psnr(one, other) > psnr(one, before) + 6
+    assert cells.metrics.psnr_to_ground_truth > whole.metrics.psnr_to_ground_truth - 0.3

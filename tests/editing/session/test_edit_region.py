@@ -1,0 +1,182 @@
+"""An edit with a region: what is outside does not move, and what is measured knows the region."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from math import log10
+
+import numpy as np
+import pytest
+import torch
+from regions_iou import iou
+from research.labelled import statue
+
+import gsedit
+from gsedit import Dataset, EditSettings, edit
+from gsedit.cameras.orbit import circle
+from gsedit.datasets.dataset import capture
+from gsedit.diffusion.settings import SamplerSettings
+from gsedit.editing.session.choose_region import find_region
+from gsedit.editing.strategies.single_pass import SinglePass
+from gsedit.editors import Capabilities, EditProgress, make_editor
+from gsedit.errors import UsageError
+from gsedit.fitting.settings import UpdateSettings
+from gsedit.regions.lift import lift
+from gsedit.regions.region import Region, coverage, in_one_color
+from rasterizer import render
+
+SIZE = 48
+QUICK = EditSettings(
+    sampler=SamplerSettings(steps=2),
+    update=UpdateSettings(patches=1, patch=24),
+    views_per_batch=3,
+    rounds=1,
+)
+
+
+@pytest.fixture(scope="module")
+def labelled():
+    return statue(1, 1500)
+
+
+@pytest.fixture(scope="module")
+def data(labelled):
+    middle = torch.zeros(3, dtype=torch.float64)
+    cameras = circle(middle, 0.7, labelled.scene.up, 9, SIZE, elevation=20.0, fov=45.0)
+    return Dataset(capture(labelled.gaussians, cameras, [f"view_{i}" for i in range(9)]))
+
+
+@dataclass(frozen=True)
+class Painter:
+    """Paints red what is shown to it as the subject, and a little of all the rest."""
+
+    subject: torch.Tensor
+    scene: gsedit.Gaussians
+    data: Dataset
+    name: str = "painter"
+    cell: int = 8
+
+    @property
+    def capabilities(self) -> Capabilities:
+        return Capabilities()
+
+    def check(self, prompt):
+        return None
+
+    def edit(self, batch, settings, generator):
+        images = []
+        for original in batch.originals:
+            near = min(self.data.views, key=lambda v: float((v.image - original).abs().sum()))
+            covered = coverage(Region(self.subject), self.scene, near.camera)[..., None]
+            red = torch.tensor([1.0, 0.0, 0.0])
+            images.append(torch.lerp(original + 0.01, red, 0.8 * covered).clamp(0, 1))
+        yield EditProgress(1, 1, torch.stack(images))
+
+
+def run(labelled, data, region, editor=None, prompt="as bronze"):
+    return edit(
+        labelled.gaussians,
+        prompt,
+        editor=editor or make_editor("closed-form"),
+        dataset=data,
+        settings=replace(QUICK, region=region),
+        strategy=SinglePass(update_steps=8),
+    )
+
+
+def moved(result, labelled):
+    return (result.scene.sh != labelled.gaussians.sh).flatten(1).any(1)
+
+
+def test_what_is_outside_a_sphere_stays(labelled, data, tmp_path):
+    result = run(labelled, data, "sphere:0,0,0,0.2")
+    inside = labelled.gaussians.means.norm(dim=1) <= 0.2
+    assert torch.equal(result.region.inside, inside)
+    assert moved(result, labelled).any()
+    assert not moved(result, labelled)[~inside].any()
+    for view, original, target in zip(result.originals, result.originals, result.targets):
+        free = coverage(result.region, labelled.gaussians, view.camera) < 1e-6
+        torch.testing.assert_close(target.image[free], original.image[free])
+    gsedit.write_edit(tmp_path / "out", result)
+    assert np.array_equal(np.load(tmp_path / "out" / "region.npy"), inside.numpy())
+    record = json.loads((tmp_path / "out" / "edit.json").read_text())
+    assert record["region"] == {"found": "sphere:0,0,0,0.2", "gaussians": int(inside.sum())}
+    assert record["settings"]["region"] == "sphere:0,0,0,0.2"
+    shared = run(labelled, data, str(tmp_path / "out" / "region.npy"))
+    assert torch.equal(shared.region.inside, inside)
+
+
+def test_errors_outside_the_region_are_of_pixels_outside(labelled, data):
+    result = run(labelled, data, "box:-1,-1,-0.2,1,1,1")
+    squares = []
+    for view in data.views[::8]:
+        with torch.no_grad():
+            after = render(result.scene, view.camera).color.clamp(0, 1)
+        outside = coverage(result.region, labelled.gaussians, view.camera) < 0.5
+        squares.append((after - view.image).square()[outside])
+    expected = -10 * log10(float(torch.cat(squares).mean()))
+    assert result.metrics.psnr_outside_region == pytest.approx(expected, abs=0.01)
+    assert 0 < result.metrics.rmse_outside_region < result.metrics.rmse_to_unedited
+
+
+def test_the_ground_truth_is_that_of_the_region(labelled, data):
+    """Outside the region, the true edit is the unedited scene: so an edit of a small region begins
+    near its ground truth, and that of everything far from it."""
+    whole, part = run(labelled, data, "all"), run(labelled, data, "sphere:0,0,0,0.2")
+    assert whole.metrics.psnr_outside_region is None
+    assert whole.metrics.rmse_outside_region is None
+    assert part.metrics.psnr_to_ground_truth > whole.metrics.psnr_to_ground_truth + 3
+
+
+def test_looks_of_the_whole_picture_are_of_everything(labelled, data):
+    result = run(labelled, data, "auto")
+    assert result.region.is_all
+    assert "whole scene" in result.region.note
+
+
+def test_an_editor_that_predicts_nothing_shows_the_region_by_its_edits(labelled, data):
+    editor = Painter(labelled.subject, labelled.gaussians, data)
+    result = run(labelled, data, "auto", editor)
+    ones = [torch.ones(SIZE, SIZE)] * 9
+    weight = lift(labelled.gaussians, [v.camera for v in data.views], ones).weight
+    assert iou(result.region.inside, labelled.subject, weight) > 0.85
+    assert not moved(result, labelled)[~result.region.inside].any()
+    with pytest.raises(UsageError, match="painter editor does not say where its subject is"):
+        find_region(labelled.gaussians, "auto", dataset=data, editor=editor, prompt="red")
+
+
+def test_the_small_editor_finds_the_subject_and_looks_of_the_scene(labelled, data):
+    small = make_editor("small")
+    scene, dataset = labelled.gaussians, data
+    statue_only = find_region(
+        scene, "auto", dataset=dataset, editor=small, prompt="turn it into a gold statue"
+    )
+    assert statue_only.note == "auto: the subject"
+    ones = [torch.ones(SIZE, SIZE)] * 9
+    weight = lift(scene, [v.camera for v in data.views], ones).weight
+    assert iou(statue_only.inside, labelled.subject, weight) > 0.6
+    for prompt in ("make it night", "a snowy winter day", "as a pencil sketch"):
+        found = find_region(scene, "auto", dataset=dataset, editor=small, prompt=prompt)
+        assert found.is_all, prompt
+
+
+def test_empty_and_unknown_regions_are_refused(labelled, data):
+    with pytest.raises(UsageError, match=r"holds no Gaussian .* whose centers are from"):
+        run(labelled, data, "sphere:50,0,0,1")
+    with pytest.raises(UsageError, match="give all, auto"):
+        EditSettings(region="the bear")
+
+
+def test_masks_are_drawn_on_photos(labelled, data, tmp_path):
+    from PIL import Image
+
+    truth = in_one_color(labelled.gaussians, labelled.subject)
+    for index in (0, 4):  # 0 is held out: a mask may be drawn on any photo
+        with torch.no_grad():
+            mask = render(truth, data.views[index].camera).color > 0.5
+        Image.fromarray(255 * mask.numpy().astype(np.uint8)).save(tmp_path / f"view_{index}.png")
+    found = find_region(labelled.gaussians, str(tmp_path), dataset=data, prompt="as bronze")
+    ones = [torch.ones(SIZE, SIZE)] * 9
+    weight = lift(labelled.gaussians, [v.camera for v in data.views], ones).weight
+    assert iou(found.inside, labelled.subject, weight) > 0.8

@@ -1,0 +1,171 @@
+"""Views are chosen to see much, each other and the subject whole, and none twice."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+from captures import around, facade, room, statue, statue_with_close_ups
+
+from gsedit import EditSettings, orbit
+from gsedit.editing.view_plan import ViewPlan, plan_views, survey, view_overlap, wholeness
+from gsedit.synthetic import ring_cameras, scenes, surface_gaussians
+from rasterizer import contributions
+
+SETTINGS = EditSettings()
+
+
+def arcs(views: int, gaussians: int, width: int) -> torch.Tensor:
+    """View i sees a window of a circle of Gaussians."""
+    weights = torch.zeros(views, gaussians)
+    for i in range(views):
+        start = i * gaussians // views
+        weights[i, [(start + j) % gaussians for j in range(width)]] = 1.0
+    return weights
+
+
+def shared_in_batches(weights: torch.Tensor, plan: ViewPlan) -> float:
+    """Mean overlap of two views of a batch."""
+    shared = view_overlap(weights, weights)
+    pairs = [float(shared[a, b]) for batch in plan.rounds for a in batch for b in batch if a != b]
+    return sum(pairs) / len(pairs)
+
+
+def default_plan(weights: torch.Tensor, whole: torch.Tensor | None = None) -> ViewPlan:
+    """What `gsedit edit` plans."""
+    some = SETTINGS
+    return plan_views(
+        weights,
+        some.views_per_batch,
+        some.rounds,
+        some.coverage,
+        overlap=some.overlap,
+        whole=whole,
+    )
+
+
+def test_batches_overlap_as_asked_and_hold_on_to_each_other():
+    weights = arcs(24, 240, 60)  # neighbors share five sixths, a view and the fifth after it 1/6
+    plan = plan_views(weights, 4, 6, 1.0, overlap=0.5)
+    shared = view_overlap(weights, weights)
+    assert len(set(plan.views)) == len(plan.views)
+    for number, batch in enumerate(plan.rounds):
+        ties = (shared[list(batch)][:, list(batch)].sum(1) - 1) / (len(batch) - 1)
+        assert ties.mean() >= 0.45
+        if number:
+            before = [view for earlier in plan.rounds[:number] for view in earlier]
+            assert shared[list(batch)][:, before].max() >= 0.5
+    assert plan.coverage[-1] == 1.0
+
+
+def test_without_overlap_the_fewest_views_that_cover_are_taken():
+    weights = arcs(24, 240, 60)
+    assert len(plan_views(weights, 4, 5, 1.0).rounds) == 1
+    assert plan_views(weights, 4, 5, 1.0).coverage == (1.0,)
+
+
+@pytest.mark.parametrize("overlap", [0.0, 0.3, 0.5])
+def test_more_overlap_is_bought_with_coverage_never_the_other_way_round(overlap):
+    weights = arcs(36, 360, 60)
+    less, more = (
+        plan_views(weights, 4, 2, 1.0, overlap=share) for share in (overlap, overlap + 0.2)
+    )
+    assert shared_in_batches(weights, more) >= shared_in_batches(weights, less)
+    assert more.coverage[-1] <= less.coverage[-1]
+
+
+def test_planning_stops_when_enough_is_covered():
+    weights = arcs(24, 240, 120)
+    plan = plan_views(weights, 2, 10, 0.9)
+    assert plan.coverage[-1] >= 0.9
+    assert len(plan.rounds) < 10
+    assert all(c < 0.9 for c in plan.coverage[:-1])
+
+
+def test_few_views_are_all_taken_once():
+    plan = plan_views(arcs(3, 30, 10), 4, 2, 1.0, overlap=0.5)
+    assert sorted(plan.views) == [0, 1, 2]
+
+
+def test_views_that_share_nothing_are_still_planned():
+    plan = plan_views(torch.eye(4), 2, 2, 1.0, overlap=0.5)
+    assert sorted(plan.views) == [0, 1, 2, 3]
+
+
+def test_overlap_is_a_share_and_symmetric():
+    weights = torch.tensor([[1.0, 1.0, 0.0], [0.0, 1.0, 1.0], [0.0, 4.0, 0.0]])
+    shared = view_overlap(weights, weights)
+    assert torch.allclose(shared.diagonal(), torch.ones(3))
+    assert torch.equal(shared, shared.T)
+    assert shared[0, 1] == 0.5
+    assert shared[0, 2] == 0.25  # a close-up: the same surface in four times the area
+
+
+def test_a_survey_is_what_small_pictures_show():
+    scene = scenes()[0]
+    splats = surface_gaussians(scene, 500, torch.Generator().manual_seed(0))
+    cameras = ring_cameras(scene, 3, 128)
+    weights = survey(splats, cameras)
+    assert weights.shape == (3, len(splats))
+    assert torch.allclose(weights[1], contributions(splats, cameras[1].resized(64, 64)))
+    tiny = orbit(splats, 2, 8)
+    assert survey(splats, tiny).shape == (2, len(splats))
+
+
+def test_views_that_show_the_subject_whole_come_first():
+    scene, cameras, close_ups = statue_with_close_ups()
+    weights = survey(scene, cameras)
+    whole = wholeness(scene.means, cameras, weights)
+    wide = [i for i in range(len(cameras)) if i not in close_ups]
+    assert whole[wide].min() > whole[close_ups].max() + 0.2
+    plan = default_plan(weights, whole)
+    assert not set(plan.rounds[0]) & set(close_ups)
+    first = [bool(set(batch) & set(close_ups)) for batch in plan.rounds]
+    assert first == sorted(first)  # no whole batch after one with a close-up
+
+
+def test_a_ring_around_an_object_is_covered_by_batches_that_overlap():
+    scene, subject = statue()
+    cameras = around(30, 1.6)
+    weights = survey(scene, cameras)
+    whole = wholeness(scene.means, cameras, weights)
+    assert whole.min() > 0.8  # all show it alike
+    plan = default_plan(weights, whole)
+    assert shared_in_batches(weights, plan) >= 0.45
+    seen = weights[list(plan.views)].amax(0) >= 0.2 * weights.amax(0)
+    assert (weights.sum(0) * seen)[subject].sum() >= 0.9 * weights.sum(0)[subject].sum()
+
+
+@pytest.mark.parametrize("count", [3, 5, 8])
+def test_a_capture_of_few_views_is_used_up_until_it_is_covered(count):
+    scene, _ = statue()
+    cameras = around(count, 1.6)
+    weights = survey(scene, cameras)
+    plan = default_plan(weights, wholeness(scene.means, cameras, weights))
+    assert plan.coverage[-1] >= SETTINGS.coverage or len(plan.views) == count
+
+
+def test_a_forward_facing_capture_is_covered_in_a_round():
+    scene, cameras = facade()
+    weights = survey(scene, cameras)
+    whole = wholeness(scene.means, cameras, weights)
+    assert whole.min() > 0.7
+    plan = default_plan(weights, whole)
+    assert shared_in_batches(weights, plan) >= 0.5
+    assert plan.coverage[0] >= 0.9
+
+
+def test_in_a_room_wide_views_come_before_pieces_of_wall():
+    scene, cameras = room()
+    weights = survey(scene, cameras)
+    whole = wholeness(scene.means, cameras, weights)
+    plan = default_plan(weights, whole)
+    assert all(view < 24 for view in plan.rounds[0])
+    assert shared_in_batches(weights, plan) >= 0.4
+
+
+def test_scenes_out_of_sight_and_single_views_are_planned():
+    scene, _ = statue()
+    cameras = around(1, 1.6)
+    nothing = torch.zeros(1, len(scene))
+    assert float(wholeness(scene.means, cameras, nothing)) == 0
+    assert default_plan(nothing).views == (0,)

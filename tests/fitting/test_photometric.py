@@ -1,0 +1,124 @@
+"""The photometric loss is the definition, with the kernel and without, and so is its gradient."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from gsedit.fitting import photometric
+from gsedit.measures import losses
+
+SHAPES = [(6, 6, 3), (6, 31, 3), (37, 6, 3), (13, 12, 3), (2, 4, 20, 17, 3)]
+"""The smallest pictures, where reflections overlap; ordinary ones; stacks of them."""
+
+
+@pytest.fixture(params=["definition", "compiled"])
+def compiled(request):
+    if request.param == "compiled" and photometric.load() is None:
+        pytest.skip("no C++ compiler on this machine")
+    return request.param == "compiled"
+
+
+def pictures(shape, dtype=torch.float64):
+    """A picture and its target, with places where they are equal."""
+    random = torch.Generator().manual_seed(0)
+    target = torch.rand(*shape, generator=random, dtype=torch.float64)
+    noise = torch.randn(*shape, generator=random, dtype=torch.float64)
+    image = torch.where(noise > 1, target, target + 0.1 * noise)
+    return image.to(dtype), target.to(dtype)
+
+
+def value_and_gradient(image, target, weight=0.2, *, compiled):
+    return differentiated(
+        lambda leaf: photometric.photometric(leaf, target, weight, compiled=compiled), image
+    )
+
+
+def defined(image, target, weight=0.2):
+    """By L1 and SSIM as they are defined, and autograd."""
+    return differentiated(
+        lambda leaf: (1 - weight) * losses.l1(leaf, target) + weight * losses.dssim(leaf, target),
+        image,
+    )
+
+
+def differentiated(loss_of, image):
+    leaf = image.clone().requires_grad_()
+    loss = loss_of(leaf)
+    (gradient,) = torch.autograd.grad(3 * loss, leaf)
+    return loss.detach(), gradient
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_it_is_the_definition(shape, threads, compiled):
+    image, target = pictures(shape)
+    before = torch.get_num_threads()
+    wanted, exact = defined(image, target)
+    try:
+        torch.set_num_threads(threads)
+        found, close = value_and_gradient(image, target, compiled=compiled)
+    finally:
+        torch.set_num_threads(before)
+    assert abs(found - wanted) < 1e-14
+    assert (close - exact).abs().max() < 1e-13 * exact.abs().max()
+
+
+@pytest.mark.parametrize("weight", [1e-3, 1.0])
+def test_any_weight(weight, compiled):
+    image, target = pictures((13, 12, 3))
+    wanted, exact = defined(image, target, weight)
+    found, close = value_and_gradient(image, target, weight, compiled=compiled)
+    assert abs(found - wanted) < 1e-14
+    assert (close - exact).abs().max() < 1e-13 * exact.abs().max()
+
+
+def test_float32_is_as_close_as_the_definition_is(compiled):
+    image, target = pictures((40, 33, 3))
+    _, exact = defined(image, target)
+    found, close = value_and_gradient(image.float(), target.float(), compiled=compiled)
+    _, single = defined(image.float(), target.float())
+    assert found.dtype == close.dtype == torch.float32
+    error, single_error = ((each.double() - exact).norm() for each in (close, single))
+    assert error <= 2 * single_error
+
+
+@pytest.mark.parametrize("compiled", ["compiled"], indirect=True)
+def test_strides_and_missing_gradients_do_not_matter(compiled):
+    image, target = pictures((20, 14, 3))
+    turned = image.transpose(0, 1).contiguous().transpose(0, 1)
+    wanted = photometric.photometric(image, target, 0.2, compiled=compiled)
+    assert photometric.photometric(turned, target, 0.2, compiled=compiled) == wanted
+    _, gradient = value_and_gradient(turned, target, compiled=compiled)
+    assert torch.equal(gradient, value_and_gradient(image, target, compiled=compiled)[1])
+
+
+def test_what_has_no_gradient_of_its_own_is_left_to_the_definition(compiled):
+    image, target = pictures((20, 14, 3))
+    moved = target.clone().requires_grad_()
+    photometric.photometric(image, moved, 0.2, compiled=compiled).backward()
+    assert moved.grad is not None
+    found = photometric.photometric(image, target, 0.0, compiled=compiled)
+    assert found == losses.l1(image, target)
+
+
+def test_pictures_below_the_window_are_refused(compiled):
+    image, target = pictures((5, 9, 3))
+    with pytest.raises(ValueError, match="needs sides of 6 pixels"):
+        photometric.photometric(image, target, 0.2, compiled=compiled)
+
+
+def test_no_pictures_are_refused(compiled):
+    image, target = pictures((0, 9, 9, 3))
+    with pytest.raises(ValueError, match="there is none to compare"):
+        photometric.photometric(image, target, 0.2, compiled=compiled)
+
+
+@pytest.mark.parametrize("compiled", ["compiled"], indirect=True)
+def test_the_kernel_has_first_derivatives_only(compiled):
+    image, target = pictures((9, 9, 3))
+    leaf = image.requires_grad_()
+    loss = photometric.photometric(leaf, target, 0.2, compiled=compiled)
+    (gradient,) = torch.autograd.grad(loss, leaf, create_graph=True)
+    with pytest.raises(RuntimeError):
+        gradient.sum().backward()

@@ -1,0 +1,186 @@
+"""Bounds of what files may hold: rows, pictures, headers and meshes, and what is no file at all."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+import tracemalloc
+
+import numpy as np
+import pytest
+from bad_files import PLY_COLUMNS, dataset, ply_bytes, scene_table, write
+from PIL import Image
+from splat_tables import random_table
+
+from gsedit import load_dataset
+from gsedit.datasets.photo_pixels import LARGE_PIXELS
+from gsedit.errors import InputError
+from gsedit.formats.flags import read_flags
+from gsedit.formats.mesh import _texels
+from gsedit.formats.pictures import LIMIT_VARIABLE, picture_size, read_photo
+from gsedit.formats.registry import open_scene
+from gsedit.formats.scenes import load
+from gsedit.formats.validity import invalid_rows
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("means", 2e9),
+        ("means", -1e30),
+        ("sh", 1e5),
+        ("sh", -1e30),
+        ("log_scales", 21.0),
+        ("quats", 1e10),
+        ("quats", 1e30),
+    ],
+)
+def test_a_row_beyond_any_scene_is_invalid_as_nan_is(field, value):
+    table = random_table(9)
+    getattr(table, field)[4, ..., -1] = value
+    assert invalid_rows(table).nonzero()[0].tolist() == [4]
+
+
+def test_the_row_and_the_column_are_named(tmp_path):
+    rows = scene_table()
+    rows[3, PLY_COLUMNS.index("y")] = 1e20
+    (tmp_path / "a.ply").write_bytes(ply_bytes(rows))
+    with pytest.raises(InputError, match=r"row 3 .*column y is 1e\+20, beyond any scene; 1 of 5"):
+        load(tmp_path / "a.ply")
+
+
+def large_png(path, side=13000):
+    Image.new("1", (side, side)).save(path, optimize=True)
+    return path
+
+
+def test_a_small_file_of_a_large_picture_takes_no_memory(tmp_path):
+    """In a process of its own, whose largest size is what was asked for."""
+    dataset(tmp_path / "set")
+    photo = large_png(tmp_path / "set" / "images" / "1.png")
+    assert photo.stat().st_size < 50_000
+    (tmp_path / "a.obj").write_text(
+        "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\n"
+    )
+    (tmp_path / "a.mtl").write_text("newmtl m\nmap_Kd a.png\n")
+    (tmp_path / "a.png").write_bytes(photo.read_bytes())
+    code = (
+        "import resource, sys\n"
+        "from pathlib import Path\n"
+        "from gsedit.errors import InputError\n"
+        "from gsedit.formats.registry import open_scene\n"
+        "from gsedit.formats.pictures import read_mask, read_photo\n"
+        "folder = Path(sys.argv[1])\n"
+        "import trimesh\n"
+        "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
+        "photo = folder / 'set/images/1.png'\n"
+        "for read in (read_photo, lambda p: read_mask(p, 8, 6),\n"
+        "             lambda p: open_scene(folder / 'a.obj')):\n"
+        "    try: read(photo)\n"
+        "    except InputError as error: assert 'million are allowed' in str(error), error\n"
+        "    else: raise AssertionError\n"
+        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    unit = 1 if sys.platform == "darwin" else 1024  # bytes
+    assert int(done.stdout) * unit < 100e6
+
+
+def test_the_limit_of_pixels_can_be_moved(tmp_path, monkeypatch):
+    Image.new("L", (40, 30)).save(tmp_path / "a.png")
+    monkeypatch.setenv(LIMIT_VARIABLE, "0.001")
+    with pytest.raises(
+        InputError, match=r"a\.png .*40x30 pixels, 0\.001 million .*" + LIMIT_VARIABLE
+    ):
+        picture_size(tmp_path / "a.png")
+    monkeypatch.setenv(LIMIT_VARIABLE, "0.0012")
+    assert picture_size(tmp_path / "a.png") == (40, 30)
+
+
+def test_a_large_photo_that_is_read_small_is_averaged_first(tmp_path):
+    side = int(LARGE_PIXELS**0.5) + 40
+    pixels = np.zeros((side, side, 3), np.uint8)
+    pixels[:, side // 2 :] = 200
+    Image.fromarray(pixels).save(tmp_path / "a.png", compress_level=1)
+    tracemalloc.start()
+    small = read_photo(tmp_path / "a.png", size=(40, 40))
+    assert tracemalloc.get_traced_memory()[1] < 1 << 20
+    tracemalloc.stop()
+    assert small[:, :19].max() == 0
+    assert np.allclose(small[:, 21:], 200 / 255)
+
+
+def test_texels_are_looked_up_before_they_become_floats():
+    picture = Image.new("RGB", (2000, 2000), (255, 51, 0))
+    tracemalloc.start()
+    colors = _texels(picture, np.array([[0.3, -7.2], [1e8, 0.5]]))
+    assert tracemalloc.get_traced_memory()[1] < 30e6  # twice 3 bytes a pixel
+    tracemalloc.stop()
+    assert np.allclose(colors, [1, 0.2, 0])
+
+
+def test_floating_point_photos_are_refused(tmp_path):
+    record = dataset(tmp_path)
+    Image.fromarray(np.full((6, 8), 0.5, np.float32)).save(tmp_path / "images" / "1.tiff")
+    record["frames"][1]["file_path"] = "images/1.tiff"
+    with pytest.raises(InputError, match=r"1\.tiff .*floating-point"):
+        load_dataset(write(tmp_path, record))
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        [f"element e{i} 0\nproperty float x" for i in range(20_000)],
+        ["element vertex 1", *(f"property float c{i}" for i in range(30_000))],
+    ],
+    ids=["elements", "columns"],
+)
+def test_a_long_header_is_refused_at_once(tmp_path, lines):
+    path = tmp_path / "a.ply"
+    path.write_text("\n".join(["ply", "format ascii 1.0", *lines, "end_header", ""]))
+    start = time.process_time()
+    with pytest.raises(InputError, match="more than 100 elements, or 4096 columns"):
+        open_scene(path)
+    assert time.process_time() - start < 1
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1e200 0\nf 1 2 3\n"),
+        ("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n"),
+        ("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 -7\n"),
+        ("a.obj", "mtllib ../a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
+        ("a.obj", "mtllib pipe.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
+    ],
+)
+def test_hostile_meshes_are_refused(tmp_path, name, content):
+    (tmp_path / "a.mtl").write_text("newmtl m\nKd 1 0 0\n")
+    (tmp_path / "in").mkdir()
+    os.mkfifo(tmp_path / "in" / "pipe.mtl")
+    (tmp_path / "in" / name).write_text(content)
+    with pytest.raises(InputError, match=r"in/(a|pipe)\."):
+        open_scene(tmp_path / "in" / name)
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".obj", ".spz", ".npz", ".png"])
+def test_what_is_no_file_is_refused_at_once(tmp_path, suffix):
+    pipe = tmp_path / f"a{suffix}"
+    os.mkfifo(pipe)
+    reader = picture_size if suffix == ".png" else open_scene
+    with pytest.raises(InputError, match="a pipe or a device"):
+        reader(pipe)
+
+
+def test_a_region_that_announces_more_than_it_has_is_refused(tmp_path):
+    path = tmp_path / "region.npy"
+    header = "{'descr': '|b1', 'fortran_order': False, 'shape': (100000000000000,), }"
+    text = header.ljust(117) + "\n"
+    path.write_bytes(b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text.encode())
+    with pytest.raises(InputError, match=r"region\.npy is no readable"):
+        read_flags(path, 3)

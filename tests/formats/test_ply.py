@@ -1,0 +1,302 @@
+"""Scene files: what is written is what is read, in whatever layout it comes."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import gsply
+import numpy as np
+import pytest
+import torch
+from bad_files import PLY_COLUMNS, ply_bytes, scene_table
+from shared_data import DATA
+
+from gsedit.errors import InputError, UsageError
+from gsedit.formats.ply.inria import columns
+from gsedit.formats.ply.records import read_ply
+from gsedit.formats.registry import open_scene
+from gsedit.formats.scenes import load, read_scene, save
+from gsedit.storage.atomic import atomic_path
+from rasterizer import Gaussians
+
+SPLATS = DATA / "splats"
+FLOAT_TYPES = {"float": "f4", "double": "f8"}
+
+
+def random_scene(n: int = 7, degree: int = 3) -> Gaussians:
+    generator = torch.Generator().manual_seed(degree)
+
+    def normal(*shape: int) -> torch.Tensor:
+        return torch.randn(shape, generator=generator)
+
+    return Gaussians(
+        normal(n, 3), normal(n, 4), normal(n, 3), normal(n), normal(n, (degree + 1) ** 2, 3)
+    )
+
+
+def assert_same(a: Gaussians, b: Gaussians) -> None:
+    for field in fields(Gaussians):
+        torch.testing.assert_close(getattr(a, field.name), getattr(b, field.name), rtol=0, atol=0)
+
+
+def header(fmt: str, elements: str) -> bytes:
+    return f"ply\nformat {fmt} 1.0\ncomment made by hand\n{elements}end_header\n".encode()
+
+
+def properties(names, kind: str = "float") -> str:
+    return "".join(f"property {kind} {name}\n" for name in names)
+
+
+def as_ascii(table: np.ndarray) -> bytes:
+    body = "\n".join(" ".join(repr(float(v)) for v in row) for row in table)
+    start = f"element vertex {len(table)}\n" + properties(PLY_COLUMNS)
+    return header("ascii", start) + body.encode()  # no newline at the end: legal, and common
+
+
+def as_big_endian(table: np.ndarray) -> bytes:
+    start = f"element vertex {len(table)}\n" + properties(PLY_COLUMNS)
+    return header("binary_big_endian", start) + table.astype(">f4").tobytes()
+
+
+def as_double(table: np.ndarray) -> bytes:
+    start = f"element vertex {len(table)}\n" + properties(PLY_COLUMNS, "double")
+    return header("binary_little_endian", start) + table.astype("<f8").tobytes()
+
+
+def as_shuffled(table: np.ndarray) -> bytes:
+    order = np.random.default_rng(1).permutation(len(PLY_COLUMNS))
+    return ply_bytes(table[:, order], tuple(PLY_COLUMNS[i] for i in order))
+
+
+def as_without_normals(table: np.ndarray) -> bytes:
+    keep = [i for i, name in enumerate(PLY_COLUMNS) if not name.startswith("n")]
+    return ply_bytes(table[:, keep], tuple(PLY_COLUMNS[i] for i in keep))
+
+
+def as_crlf(table: np.ndarray) -> bytes:
+    start, end, body = ply_bytes(table).partition(b"end_header\n")
+    return (start + end).replace(b"\n", b"\r\n") + body
+
+
+def as_crowded(table: np.ndarray) -> bytes:
+    """An element in front, a byte column in front of each row, and an element of lists behind."""
+    camera = "element camera 1\nproperty double focal\nproperty uchar kind\n"
+    vertex = f"element vertex {len(table)}\nproperty uchar label\n" + properties(PLY_COLUMNS)
+    face = "element face 1\nproperty list uchar int vertex_indices\n"
+    rows = np.zeros(len(table), [("label", "u1"), ("rest", "<f4", len(PLY_COLUMNS))])
+    rows["label"], rows["rest"] = 9, table
+    first = np.array([(2.5, 3)], [("focal", "<f8"), ("kind", "u1")])
+    faces = b"\x03" + np.arange(3, dtype="<i4").tobytes()
+    start = header("binary_little_endian", camera + vertex + face)
+    return start + first.tobytes() + rows.tobytes() + faces
+
+
+LAYOUTS = [
+    as_ascii,
+    as_big_endian,
+    as_double,
+    as_shuffled,
+    as_without_normals,
+    as_crlf,
+    as_crowded,
+]
+
+
+@pytest.mark.parametrize("degree", range(4))
+def test_save_then_load_is_the_identity(degree, tmp_path):
+    scene = random_scene(degree=degree)
+    save(scene, tmp_path / "new" / "scene.ply")
+    assert_same(load(tmp_path / "new" / "scene.ply"), scene)
+
+
+@pytest.mark.parametrize("degree", range(4))
+def test_others_read_what_we_write(degree, tmp_path):
+    """gsply is the independent reader; INRIA's own expects exactly these columns."""
+    scene = random_scene(degree=degree)
+    save(scene, tmp_path / "scene.ply")
+    other = gsply.plyread(tmp_path / "scene.ply")
+    sh = np.concatenate((other.sh0[:, None], other.shN.reshape(len(scene), -1, 3)), axis=1)
+    np.testing.assert_array_equal(sh, scene.sh.numpy())
+    np.testing.assert_array_equal(other.quats, scene.quats.numpy())
+    vertex = read_ply(tmp_path / "scene.ply").elements["vertex"]
+    assert vertex.dtype.names == columns((degree + 1) ** 2)
+    assert len(columns(16)) == 62
+
+
+def test_f_rest_is_channel_major(tmp_path):
+    save(random_scene(degree=2), tmp_path / "scene.ply")
+    vertex = read_ply(tmp_path / "scene.ply").elements["vertex"]
+    green_of_third = torch.from_numpy(vertex["f_rest_10"].copy())  # 8 red ones, then green 0, 1, 2
+    torch.testing.assert_close(green_of_third, random_scene(degree=2).sh[:, 3, 1])
+
+
+@pytest.mark.parametrize("layout", LAYOUTS, ids=lambda f: f.__name__)
+def test_layout_does_not_matter(layout, tmp_path):
+    table = scene_table()
+    (tmp_path / "plain.ply").write_bytes(ply_bytes(table))
+    (tmp_path / "other.ply").write_bytes(layout(table))
+    assert_same(load(tmp_path / "other.ply"), load(tmp_path / "plain.ply"))
+
+
+def test_everything_in_a_file_is_kept_or_named(tmp_path):
+    path = tmp_path / "crowded.ply"
+    path.write_bytes(as_crowded(scene_table()))
+    file = read_ply(path)
+    assert file.comments == ("made by hand",)
+    assert file.elements["camera"]["focal"].tolist() == [2.5]
+    assert file.elements["vertex"]["label"].tolist() == [9] * 5
+    assert "face" in file.notes[0]
+    source = open_scene(path)
+    assert list(source.header.extra) == ["label", "nx", "ny", "nz"]
+    assert list(source.header.elements) == ["camera"]
+    assert source.notes == ("elements left out: face",)
+    notes = " ".join(read_scene(path).notes)
+    assert all(word in notes for word in ("label", "camera", "face"))
+
+
+def test_cut_anywhere_is_an_error_not_a_crash(tmp_path):
+    for layout in (ply_bytes, as_ascii, as_crowded):
+        whole = layout(scene_table(2))
+        for length in range(1, len(whole) - 20, 17):  # ASCII may lose its last digits unnoticed
+            (tmp_path / "cut.ply").write_bytes(whole[:length])
+            with pytest.raises(InputError):
+                load(tmp_path / "cut.ply")
+
+
+def test_drop_invalid_leaves_out_exactly_the_invalid_rows(tmp_path):
+    table = scene_table(6)
+    table[1, 0] = np.nan
+    table[4, PLY_COLUMNS.index("rot_0") :] = 0
+    (tmp_path / "scene.ply").write_bytes(ply_bytes(table))
+    (tmp_path / "good.ply").write_bytes(ply_bytes(np.delete(table, [1, 4], axis=0)))
+    file = read_scene(tmp_path / "scene.ply", drop_invalid=True)
+    assert_same(file.scene, load(tmp_path / "good.ply"))
+    assert "2 of 6" in file.notes[-1]
+
+
+def test_drop_invalid_of_all_rows_is_an_error(tmp_path):
+    (tmp_path / "scene.ply").write_bytes(ply_bytes(np.full_like(scene_table(), np.nan)))
+    with pytest.raises(InputError, match="all 5 rows"):
+        load(tmp_path / "scene.ply", drop_invalid=True)
+
+
+def test_a_double_too_large_for_float32_is_invalid(tmp_path):
+    start = "element vertex 1\n" + properties(PLY_COLUMNS, "double")
+    row = np.full((1, len(PLY_COLUMNS)), 1e300, "<f8")
+    (tmp_path / "scene.ply").write_bytes(header("binary_little_endian", start) + row.tobytes())
+    with pytest.raises(InputError, match="column x is inf"):
+        load(tmp_path / "scene.ply")
+
+
+@pytest.mark.parametrize("suffix", [".compressed.ply", ".spz"])
+@pytest.mark.parametrize("degree", [0, 3])
+def test_packed_formats_keep_the_scene_to_their_precision(suffix, degree, tmp_path):
+    scene = random_scene(n=300, degree=degree)
+    save(scene, tmp_path / f"scene{suffix}")
+    again = load(tmp_path / f"scene{suffix}")
+    order = match(scene.means, again.means)  # .compressed.ply may sort
+    extent = float(scene.means.max() - scene.means.min())
+    # 10 bits of y within a chunk; 8 bits of color over SPZ's range of 1 / 0.15; 8 of opacity
+    assert (again.means[order] - scene.means).abs().max() < extent / 1023
+    assert (again.sh[order, 0] - scene.sh[:, 0]).abs().max() < (extent + 7) / 255
+    assert (again.opacities[order] - scene.opacities).abs().max() < 1 / 255
+
+
+def match(targets: torch.Tensor, points: torch.Tensor) -> torch.Tensor:
+    nearest = torch.cdist(targets, points).argmin(1)
+    assert nearest.unique().numel() == len(points)
+    return nearest
+
+
+@pytest.mark.parametrize("suffix", [".compressed.ply", ".spz"])
+def test_opacity_one_stays_finite(suffix, tmp_path):
+    scene = random_scene()
+    save(replace(scene, logit_opacities=scene.logit_opacities * 0 + 40), tmp_path / f"a{suffix}")
+    opacities = load(tmp_path / f"a{suffix}").logit_opacities
+    assert opacities.isfinite().all()
+    assert (opacities > 5.5).all()  # beyond 254/255
+
+
+def test_splat_rows(tmp_path):
+    row = np.zeros(1, [("p", "<f4", 3), ("s", "<f4", 3), ("c", "u1", 4), ("q", "u1", 4)])
+    row["p"], row["s"], row["c"], row["q"] = (
+        (1, 2, 3),
+        (0.5, 1, 2),
+        (255, 0, 0, 255),
+        (255, 128, 128, 0),
+    )
+    (tmp_path / "a.splat").write_bytes(row.tobytes())
+    scene = load(tmp_path / "a.splat")
+    assert scene.means.tolist() == [[1, 2, 3]]
+    torch.testing.assert_close(scene.scales, torch.tensor([[0.5, 1, 2]]))
+    torch.testing.assert_close(scene.quats, torch.tensor([[127 / 128, 0, 0, -1]]))
+    color = 0.5 + 0.28209479 * scene.sh[0, 0]
+    torch.testing.assert_close(color, torch.tensor([1.0, 0, 0]), atol=1e-6, rtol=0)
+    assert scene.logit_opacities.isfinite().all()
+
+
+def test_save_refuses_to_overwrite(tmp_path):
+    path = tmp_path / "scene.ply"
+    path.write_text("mine")
+    with pytest.raises(UsageError, match="-f"):
+        save(random_scene(), path)
+    assert path.read_text() == "mine"
+    save(random_scene(), path, overwrite=True)
+    assert_same(load(path), random_scene())
+
+
+@pytest.mark.parametrize(
+    ("scene", "words"),
+    [
+        (random_scene().map(lambda field: field * torch.nan), "nothing was written"),
+        (random_scene().to(torch.float64).map(lambda field: field * 1e300), "nothing was written"),
+        (random_scene()[:0], "no Gaussians"),
+        (random_scene(degree=4), "degree"),
+    ],
+    ids=["nan", "beyond_float32", "empty", "degree_4"],
+)
+def test_save_refuses_what_no_reader_takes(scene, words, tmp_path):
+    with pytest.raises(UsageError, match=words):
+        save(scene, tmp_path / "scene.compressed.ply")
+    assert not list(tmp_path.iterdir())
+
+
+def test_save_names_the_suffixes_it_writes(tmp_path):
+    with pytest.raises(UsageError, match=r"\.spz"):
+        save(random_scene(), tmp_path / "scene.obj")
+
+
+def test_atomic_path_leaves_nothing_behind_on_failure(tmp_path):
+    path = tmp_path / "report.tar.gz"
+    path.write_text("old")
+
+    def interrupted() -> None:
+        with atomic_path(path, overwrite=True) as temporary:
+            temporary.write_text("half")
+            assert temporary.parent == path.parent
+            assert temporary.name.endswith(path.name)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+    assert path.read_text() == "old"
+
+
+def test_atomic_path_says_where_it_cannot_write(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UsageError, match="-o"), atomic_path(tmp_path / "file" / "a.ply"):
+        pytest.fail("there is no such folder")
+    with pytest.raises(UsageError, match="is a folder"), atomic_path(tmp_path):
+        pytest.fail("it is a folder")
+
+
+@pytest.mark.skipif(not SPLATS.is_dir(), reason="needs ../shared/data/splats")
+@pytest.mark.parametrize(
+    ("name", "count"),
+    [("guitar.compressed.ply", 90854), ("biker.compressed.ply", 152746), ("banana.splat", 116906)],
+)
+def test_real_files(name, count):
+    scene = load(SPLATS / name)
+    assert len(scene) == count
+    assert 0.01 < float(scene.opacities.mean()) < 0.99  # the banana is nearly all haze

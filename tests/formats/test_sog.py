@@ -1,0 +1,236 @@
+"""PlayCanvas' .sog: read as gsply reads it, written within a byte's steps, refused when it lies."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from pathlib import Path
+from types import SimpleNamespace
+
+import gsply.sog_reader
+import numpy as np
+import pytest
+from PIL import Image
+from shared_data import DATA
+from splat_tables import assert_near, random_table
+
+from gsedit.errors import InputError
+from gsedit.formats.registry import open_scene, write_scene
+from gsedit.formats.sog.encode import codebook, nearest_codes, palette
+from gsedit.formats.sog.pictures import lossless_webp, picture_size
+from gsedit.formats.streams import SceneHeader, in_blocks
+from gsedit.scene.morton import morton_order
+from gsedit.scene.table import SplatTable
+
+PLAYBOT = DATA / "splats" / "playbot"
+
+
+def write(path: Path, table: SplatTable) -> Path:
+    header = SceneHeader(table.degree, antialiased=True)
+    write_scene(path, header, in_blocks(table, 70), overwrite=True)
+    return path
+
+
+def by_gsply(path: Path, monkeypatch) -> SplatTable:
+    """Its reader is its own; only its WebP decoder, imagecodecs, is Pillow here."""
+
+    def decode(data: bytes) -> np.ndarray:
+        return np.asarray(Image.open(io.BytesIO(data)).convert("RGBA"))
+
+    monkeypatch.setattr(gsply.sog_reader, "imagecodecs", SimpleNamespace(webp_decode=decode))
+    data = gsply.sog_reader.sogread(path)
+    rest = data.shN.reshape(len(data.means), -1, 3)
+    sh = np.concatenate((data.sh0[:, None], rest), 1)
+    return SplatTable(data.means, data.quats, data.scales, data.opacities.reshape(-1), sh)
+
+
+def entries(path: Path) -> dict[str, bytes]:
+    with zipfile.ZipFile(path) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+def zipped(path: Path, files: dict[str, bytes]) -> Path:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in files.items():
+            archive.writestr(name, data)
+    return path
+
+
+def changed(tmp_path: Path, change) -> Path:
+    """A small scene whose meta.json and files `change` alters."""
+    files = entries(write(tmp_path / "a.sog", random_table(50, 1)))
+    meta = json.loads(files.pop("meta.json"))
+    change(meta, files)
+    return zipped(tmp_path / "b.sog", {"meta.json": json.dumps(meta).encode(), **files})
+
+
+@pytest.mark.parametrize("degree", [0, 1, 3])
+def test_what_is_written_is_read_within_its_steps(degree, tmp_path, monkeypatch):
+    table = random_table(degree=degree)
+    source = open_scene(write(tmp_path / "a.sog", table))
+    assert (source.count, source.header.degree, source.header.antialiased) == (300, degree, True)
+    again, ordered = source.table(), table[morton_order(table.means)]
+    # positions: half a step of 65535 of the logarithm, where it is steepest; angles: 8-bit
+    # components; scales and colors: 256 codes for 900 values
+    bounds = {"means": 2e-4, "angle": 0.03, "log_scales": 0.3, "opacities": 1 / 510}
+    assert_near(again, ordered, **bounds, colors=0.3, sh=0.6)
+    assert np.square(again.log_scales - ordered.log_scales).mean() < 0.02**2
+    if degree:
+        error = ((again.sh[:, 1:] - ordered.sh[:, 1:]) ** 2).mean() / ordered.sh[:, 1:].var()
+        assert error < 0.15  # 256 entries for 300 rows that have nothing in common
+        theirs = by_gsply(tmp_path / "a.sog", monkeypatch)
+        assert_near(theirs, again, **dict.fromkeys((*bounds, "colors", "sh"), 1e-3))
+
+
+@pytest.mark.skipif(not PLAYBOT.is_dir(), reason="needs ../shared/data/splats")
+def test_a_folder_is_read_as_gsply_reads_it(monkeypatch):
+    source = open_scene(PLAYBOT / "4_0")
+    assert source.format == "SOG folder version 2"
+    assert (source.count, source.header.degree) == (8406, 2)
+    theirs = by_gsply(PLAYBOT / "4_0", monkeypatch)
+    names = ("means", "angle", "log_scales", "opacities", "colors", "sh")
+    assert_near(source.table(), theirs, **dict.fromkeys(names, 1e-3))
+
+
+def test_version_1_has_ranges_where_version_2_has_codebooks(tmp_path):
+    table = random_table(40, 1)
+    files = entries(write(tmp_path / "a.sog", table))
+    meta = json.loads(files["meta.json"])
+    new = open_scene(tmp_path / "a.sog").table()
+    steps = {"mins": [-8, -8, -8], "maxs": [2, 2, 2]}
+    colors = {"mins": [-2, -2, -2, -5], "maxs": [2, 2, 2, 5]}
+    old = {
+        "means": {**meta["means"], "shape": [40, 3]},
+        "scales": {**steps, "files": meta["scales"]["files"]},
+        "quats": meta["quats"],
+        "sh0": {**colors, "files": meta["sh0"]["files"]},
+        "shN": {"mins": -1, "maxs": 1, "files": meta["shN"]["files"]},
+    }
+    source = open_scene(
+        zipped(tmp_path / "b.sog", {**files, "meta.json": json.dumps(old).encode()})
+    )
+    assert source.format == ".sog version 1"
+    again = source.table()
+    np.testing.assert_array_equal(again.means, new.means)
+    np.testing.assert_array_equal(again.quats, new.quats)
+    codes = np.float32(meta["scales"]["codebook"])
+    expected = -8 + 10 * np.searchsorted(codes, new.log_scales) / 255
+    np.testing.assert_allclose(again.log_scales, expected, atol=0.05)  # of equal codes any
+    logits = -5 + 10 * np.rint(new.opacities * 255) / 255
+    np.testing.assert_allclose(again.logit_opacities, logits, atol=1e-3)
+
+
+def test_pictures_keep_what_is_transparent():
+    pixels = np.random.default_rng(0).integers(0, 256, (8, 12, 4), dtype=np.uint8)
+    pixels[:4, :, 3] = 0
+    data = lossless_webp(pixels)
+    assert picture_size(data) == (12, 8)
+    np.testing.assert_array_equal(np.asarray(Image.open(io.BytesIO(data))), pixels)
+
+
+def test_codebooks_and_palettes_err_little():
+    rng = np.random.default_rng(0)
+    values = rng.normal(size=20_000).astype(np.float32)
+    codes = codebook(values)
+    error = ((codes[nearest_codes(values, codes)] - values) ** 2).mean()
+    assert error < 2 * np.sqrt(3) * np.pi / 2 / 256**2  # twice Panter and Dite's for a normal
+    assert np.abs(codes[nearest_codes(values, codes)] - values).max() < 0.25  # the far ones too
+    rows = rng.normal(size=(4096, 4)).astype(np.float32)
+    vectors, labels = palette(rows, 512)
+    assert vectors.shape == (512, 4)
+    assert ((vectors[labels] - rows) ** 2).mean() < 0.12  # k-means reaches 0.09
+    few, labels = palette(rows[:5].repeat(9, 0), 512)
+    np.testing.assert_array_equal(few[labels], rows[:5].repeat(9, 0))
+
+
+def test_values_that_are_almost_equal_have_a_codebook(tmp_path):
+    """Their range has fewer steps of float32 than the histogram has bins."""
+    values = -5 + np.linspace(0, 1e-3, 500, dtype=np.float32)
+    codes = codebook(values)
+    assert np.abs(codes[nearest_codes(values, codes)] - values).max() < 1e-5
+    table = random_table(50, 1)
+    sizes = table.replace(log_scales=-5 + 1e-4 * table.log_scales)
+    again = open_scene(write(tmp_path / "a.sog", sizes)).table()
+    ordered = sizes[morton_order(sizes.means)]
+    np.testing.assert_allclose(again.log_scales, ordered.log_scales, atol=1e-5)
+
+
+def test_rows_of_one_value_are_exact(tmp_path):
+    table = random_table(1, 1)
+    table = SplatTable(**{n: getattr(table, n).repeat(5, 0) for n in
+                          ("means", "quats", "log_scales", "logit_opacities", "sh")})  # fmt: skip
+    again = open_scene(write(tmp_path / "a.sog", table)).table()
+    np.testing.assert_allclose(again.means, table.means, rtol=1e-6)
+    np.testing.assert_allclose(again.sh, table.sh, rtol=1e-5)
+
+
+def _name(meta, name: str) -> None:
+    meta["scales"]["files"] = [name]
+
+
+def _giant(meta, files) -> None:
+    files["scales.webp"] = lossless_webp(np.zeros((4000, 4000, 4), np.uint8))
+
+
+def _bomb(meta, files) -> None:
+    files["scales.webp"] = bytes(1 << 25)
+
+
+def _many(meta, files) -> None:
+    meta["count"] = 1 << 31
+
+
+LIES = {
+    "up": (lambda meta, files: _name(meta, "../../etc/passwd"), "leaves its folder"),
+    "absolute": (lambda meta, files: _name(meta, "/etc/passwd"), "an absolute path"),
+    "windows": (lambda meta, files: _name(meta, "C:\\x.webp"), "an absolute path"),
+    "backslash": (lambda meta, files: _name(meta, "..\\x.webp"), "leaves its folder"),
+    "missing": (lambda meta, files: _name(meta, "x.webp"), "has no x.webp"),
+    "giant": (_giant, "4000x4000 pixels for 50"),
+    "zip_bomb": (_bomb, "larger than its scene explains"),
+    "absurd_count": (_many, "announces"),
+    "larger_count": (lambda meta, files: meta.update(count=70), "pixels, the scene needs 70"),
+    "not_a_count": (lambda meta, files: meta.update(count="50"), "no count"),
+    "no_picture": (lambda meta, files: files.update({"quats.webp": b"x" * 99}), "pixels"),
+    "cut_picture": (
+        lambda meta, files: files.update({"quats.webp": files["quats.webp"][:-30]}),
+        "no readable picture",
+    ),
+    "infinite": (lambda meta, files: meta["means"].update(mins=[0, 1e999, 0]), "finite"),
+    "codes": (lambda meta, files: meta["sh0"].update(codebook=[0.0] * 20), "beyond the end"),
+    "version": (lambda meta, files: meta.update(version=3), "version 3"),
+    "bands": (lambda meta, files: meta["shN"].update(bands=9), "9 bands"),
+    "labels": (lambda meta, files: meta["shN"].update(count=3), "SH entry"),
+    "wide": (lambda meta, files: meta["shN"].update(bands=2), "pixels"),
+    "list": (lambda meta, files: meta.update(means=[]), "no means"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("lie", LIES)
+def test_a_file_that_lies_is_refused(lie, tmp_path):
+    change, words = LIES[lie]
+    path = changed(tmp_path, change)
+    with pytest.raises(InputError, match=words) as raised:
+        open_scene(path).table()
+    assert str(path) in str(raised.value)
+
+
+def test_a_link_out_of_the_folder_is_refused(tmp_path):
+    folder = tmp_path / "scene"
+    folder.mkdir()
+    for name, data in entries(write(tmp_path / "a.sog", random_table(50, 1))).items():
+        (folder / name).write_bytes(data)
+    assert open_scene(folder).count == 50
+    (tmp_path / "outside.webp").write_bytes((folder / "scales.webp").read_bytes())
+    (folder / "scales.webp").unlink()
+    (folder / "scales.webp").symlink_to(tmp_path / "outside.webp")
+    with pytest.raises(InputError, match="leaves"):
+        open_scene(folder).table()
+
+
+@pytest.mark.parametrize("data", [b"PK\x03\x04", b"x" * 500], ids=["cut", "no_zip"])
+def test_what_is_no_zip_is_refused(data, tmp_path):
+    (tmp_path / "a.sog").write_bytes(data)
+    with pytest.raises(InputError, match="no readable zip"):
+        open_scene(tmp_path / "a.sog")

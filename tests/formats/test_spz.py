@@ -1,0 +1,199 @@
+"""Niantic's .spz: its own quantisation and nothing else, along the axes that it should have."""
+
+from __future__ import annotations
+
+import gzip
+import struct
+import zlib
+from pathlib import Path
+
+import gsply
+import numpy as np
+import pytest
+import torch
+from scipy.spatial import cKDTree
+from shared_data import DATA
+from splat_tables import angles, assert_near, random_table
+
+from gsedit.errors import InputError, UsageError
+from gsedit.formats.axes import axes_matrix, from_axes, sh_signs, to_axes
+from gsedit.formats.registry import open_scene, write_scene
+from gsedit.formats.streams import ReadOptions, SceneHeader, WriteOptions, in_blocks
+from gsedit.scene.quaternions import rotation_of
+from gsedit.scene.similarity import Similarity
+from gsedit.scene.table import SplatTable
+from rasterizer.harmonics import basis
+
+ALL_AXES = ["RDF", "RUB", "LUF", "RUF", "LDB", "RFU", "LFD", "RBU"]
+"""Some of Niantic's names, of flipped axes and of ones that change places."""
+BOUNDS = {
+    "means": 2**-13,
+    "angle": 5e-3,  # components in steps of 1.4e-3
+    "log_scales": 1 / 32,
+    "opacities": 1 / 510,
+    "colors": 1 / 510 / 0.15 + 1e-6,
+    "sh": 1 / 128,
+}
+"""Half a step of each value; of SH a whole one, as -1 is stored and 1 is not."""
+
+
+def covariances(table: SplatTable) -> np.ndarray:
+    """R S S^T R^T: what the rotation and the scales of a Gaussian mean."""
+    axes = np.stack([rotation_of(q) for q in table.quats]) * table.scales[:, None]
+    return axes @ axes.transpose(0, 2, 1)
+
+
+def write(path: Path, table: SplatTable, **options) -> Path:
+    header = SceneHeader(table.degree, antialiased=True)
+    write_scene(path, header, in_blocks(table, 70), options=WriteOptions(**options))
+    return path
+
+
+@pytest.mark.parametrize("degree", range(5))
+def test_sh_signs_are_the_parity_of_the_basis(degree):
+    directions = torch.nn.functional.normalize(torch.randn(20, 3, dtype=torch.float64), dim=1)
+    for bits in range(8):
+        signs = np.array([1 - 2 * (bits >> axis & 1) for axis in range(3)], np.float64)
+        flipped = basis(directions * torch.from_numpy(signs), degree)
+        expected = basis(directions, degree) * torch.from_numpy(sh_signs(signs, degree))
+        torch.testing.assert_close(flipped, expected)
+
+
+@pytest.mark.parametrize("name", ALL_AXES)
+def test_a_change_of_axes_is_the_similarity_that_it_names(name):
+    table = random_table(20, 4)
+    stored = to_axes(table, name)
+    expected = Similarity(axes_matrix(name).T, 1.0, np.zeros(3)).table(table)
+    np.testing.assert_allclose(stored.means, expected.means, atol=1e-6)
+    np.testing.assert_allclose(stored.sh, expected.sh, atol=1e-6)
+    np.testing.assert_allclose(covariances(stored), covariances(expected), atol=1e-6)
+    again = from_axes(stored, name)
+    np.testing.assert_allclose(again.means, table.means, atol=1e-6)
+    np.testing.assert_allclose(again.sh, table.sh, atol=1e-5)
+
+
+@pytest.mark.parametrize("version", [3, 4])
+@pytest.mark.parametrize("frame", ["rub", "rdf"])
+@pytest.mark.parametrize("degree", [0, 1, 3, 4])
+def test_what_is_written_is_read_within_half_a_step(version, frame, degree, tmp_path):
+    table = random_table(degree=degree)
+    path = write(tmp_path / "a.spz", table, spz_version=version, spz_frame=frame)
+    # a version 4 along other axes than usual says so; a version 3 has to be told
+    source = open_scene(path, ReadOptions(frame if version == 3 else "rub"))
+    assert (source.count, source.header.degree) == (len(table), degree)
+    assert source.header.antialiased
+    assert source.format == f".spz version {version}"
+    assert_near(source.table(), table, **BOUNDS)
+
+
+@pytest.mark.parametrize("version", [3, 4])
+def test_gsply_reads_what_we_write(version, tmp_path):
+    """It leaves the axes as they are: RUB by the specification."""
+    table = random_table()
+    ours = gsply.read_spz(write(tmp_path / "a.spz", table, spz_version=version))
+    sh = np.concatenate((ours.sh0[:, None], ours.shN), 1)
+    theirs = SplatTable(ours.means, ours.quats, ours.scales, ours.opacities.reshape(-1), sh)
+    assert_near(from_axes(theirs, "RUB"), table, **BOUNDS)
+
+
+@pytest.mark.parametrize("version", [3, 4])
+def test_we_read_what_gsply_writes(version, tmp_path):
+    table = random_table()
+    stored = to_axes(table, "RUB")
+    fields = (stored.means, stored.log_scales, stored.quats, stored.logit_opacities)
+    sh = (np.ascontiguousarray(stored.sh[:, 0]), np.ascontiguousarray(stored.sh[:, 1:]))
+    data = gsply.GSData.from_arrays(*fields, *sh, format="ply")
+    gsply.write_spz(tmp_path / "a.spz", data, version=version)
+    assert_near(open_scene(tmp_path / "a.spz").table(), table, **BOUNDS)
+
+
+@pytest.mark.parametrize("version", [3, 4])
+def test_open3d_reads_what_we_write(version, tmp_path):
+    """It knows RUB too and turns to RDF, so it needs no help of ours."""
+    o3d = pytest.importorskip("open3d")
+    table = random_table()
+    path = write(tmp_path / "a.spz", table, spz_version=version)
+    cloud = o3d.t.io.read_point_cloud(str(path))
+    means = cloud.point.positions.numpy()
+    assert min(np.abs(means * s - table.means).max() for s in ([1, 1, 1], [1, -1, -1])) < 2**-12
+
+
+def test_versions_1_and_2_by_hand(tmp_path):
+    """Version 1 has positions of float16; both have x, y, z of the quaternion as bytes."""
+    for version, positions in (
+        (1, np.float16([1, 2, -3]).tobytes()),
+        (2, b"".join((v << 8).to_bytes(3, "little", signed=True) for v in (1, 2, -3))),
+    ):
+        start = struct.pack("<4sIIBBBB", b"NGSP", version, 1, 0, 8, 0, 0)
+        # alpha, colors, scales, rotation (x = 1, y and z about 0, w rebuilt)
+        body = positions + bytes([255]) + bytes([128, 0, 255]) + bytes([160, 144, 128])
+        body += bytes([255, 128, 128])
+        (tmp_path / "a.spz").write_bytes(gzip.compress(start + body))
+        table = open_scene(tmp_path / "a.spz").table()
+        np.testing.assert_allclose(table.means, [[1, -2, 3]])
+        np.testing.assert_allclose(table.log_scales, [[0, -1, -2]])
+        np.testing.assert_allclose(np.abs(table.quats), [[0, 1, 0, 0]], atol=0.01)
+        assert table.opacities[0] > 0.999
+
+
+def test_biker_is_one_scene_in_one_frame():
+    """PlayCanvas' example as .spz (RUB) and as .compressed.ply."""
+    folder = DATA / "splats"
+    if not folder.is_dir():
+        pytest.skip("needs ../shared/data/splats")
+    spz = open_scene(folder / "biker.spz").table()
+    ply = open_scene(folder / "biker.compressed.ply").table()
+    assert len(spz) == len(ply) == 152746
+    near, row = cKDTree(ply.means).query(spz.means[::10])
+    assert near.max() < 3e-4  # half a step of both formats, in space
+    assert np.median(np.abs(spz.log_scales[::10] - ply.log_scales[row])) < 1 / 16
+    # a .compressed.ply keeps 10 bits of a component, an .spz 10: the same ellipsoids
+    assert np.median(angles(spz.quats[::10], ply.quats[row])) < 5e-3
+
+
+def test_positions_are_as_fine_as_the_extent_allows(tmp_path):
+    table = random_table()
+    for extent, step in ((1.0, 2**-12), (5e3, 2**-10), (1e6, 2**-3)):
+        far = table.replace(means=table.means * np.float32(extent / np.abs(table.means).max()))
+        again = open_scene(write(tmp_path / f"{extent}.spz", far)).table()
+        assert np.abs(again.means - far.means).max() <= step / 2 * 1.01
+    said: list[str] = []
+    write(tmp_path / "c.spz", far, say=said.append)
+    assert not said  # it is as wide as that
+    table.means[7, 1] = 1e6
+    write(tmp_path / "d.spz", table, say=said.append)
+    (told,) = said
+    assert told.startswith("positions are in steps of 0.125, as row 7 (from 0) is 1e+06 from the")
+    assert "without such rows they are in steps of 0.000244141" in told
+    with pytest.raises(UsageError, match=r"/b\.spz: .*save a \.ply"):  # not its temporary name
+        write(tmp_path / "b.spz", table.replace(means=table.means * 1e8))
+    with pytest.raises(UsageError, match="writes 3 and 4"):
+        write(tmp_path / "b.spz", table, spz_version=2)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda raw: raw.__setitem__(slice(8, 12), b"\xff\xff\xff\xff"), "announces"),
+        (lambda raw: raw.__setitem__(slice(8, 12), b"\x05\x00\x00\x00"), "sizes of its positions"),
+        (lambda raw: raw.__setitem__(12, 7), "SH degree 7"),
+        (lambda raw: raw.__setitem__(4, 9), "version 9"),
+        (lambda raw: raw.__setitem__(-40, raw[-40] ^ 255), "unpacked"),
+    ],
+    ids=["absurd_count", "other_count", "degree", "version", "flipped_byte"],
+)
+def test_a_damaged_version_4_is_refused(change, words, tmp_path):
+    raw = bytearray(write(tmp_path / "a.spz", random_table(), spz_version=4).read_bytes())
+    change(raw)
+    (tmp_path / "b.spz").write_bytes(raw)
+    with pytest.raises(InputError, match=words):
+        open_scene(tmp_path / "b.spz").table()
+
+
+def test_a_gzip_bomb_is_refused_before_it_fills_memory(tmp_path):
+    start = struct.pack("<4sIIBBBB", b"NGSP", 3, 5, 0, 12, 0, 0)
+    bomb = zlib.compressobj(9, zlib.DEFLATED, 31)
+    data = bomb.compress(start) + bomb.compress(bytes(1 << 26)) + bomb.flush()
+    (tmp_path / "a.spz").write_bytes(data)
+    with pytest.raises(InputError, match="more than the 116 bytes"):
+        open_scene(tmp_path / "a.spz").table()

@@ -1,0 +1,185 @@
+"""Inputs beside scenes to be damaged: datasets, cameras, views, checkpoints, meshes, edits."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+import trimesh
+from bad_files import dataset, write
+from fuzzing import Damage, Outcome, any_bytes, in_glb, in_json, judge, read_through
+from photo_sets import cameras, colmap_dataset
+from PIL import Image
+
+from gsedit import load_dataset
+from gsedit.datasets.cameras_json import read_cameras, write_cameras
+from gsedit.datasets.export_frame import applied_by
+from gsedit.datasets.view_list_files import by_capture, read_view_list, write_view_list
+from gsedit.datasets.viewpoints import Viewpoint
+from gsedit.editing.session.folder import history_of
+from gsedit.formats.flags import read_flags, write_flags
+from gsedit.measures.against import resolve_reference
+from gsedit.runs.journal import read_events
+from gsedit.runs.state import State, load_state, save_state
+
+BYTES_MOST = 256 << 20
+"""Python's memory for one of these inputs: they are a few kB."""
+
+
+@dataclass(frozen=True)
+class Input:
+    """Files that one reader reads, one of which is damaged at a time."""
+
+    name: str
+    build: Callable[[Path], object]
+    """Writes them into an empty folder."""
+    damaged: tuple[str, ...]
+    """Relative to the folder."""
+    read: Callable[[Path], object]
+    """Of the folder."""
+    inner: Damage | None = None
+    """Damage below the syntax."""
+
+
+def fuzz_input(subject: Input, times: int, folder: Path, seed: int = 0) -> Outcome:
+    """Damage the files of an input `times` times, each repeatable by its own number."""
+    subject.build(folder)
+    whole = {name: (folder / name).read_bytes() for name in subject.damaged}
+    outcome = Outcome()
+    for index in range(times):
+        rng = np.random.default_rng((seed, index))
+        name = subject.damaged[index % len(subject.damaged)]
+        inner = subject.inner is not None and rng.random() < 0.6
+        damage = subject.inner if inner and subject.inner else any_bytes
+        (folder / name).write_bytes(damage(whole[name], rng))
+        label = f"{subject.name}: {name} {seed} {index}"
+        judge(folder, outcome, label, BYTES_MOST, subject.read, warned="ignore")
+        (folder / name).write_bytes(whole[name])
+    return outcome
+
+
+def viewpoints() -> list[Viewpoint]:
+    return [Viewpoint(f"images/{i}.jpg", camera) for i, camera in enumerate(cameras())]
+
+
+def _photos(folder: Path) -> None:
+    record = dataset(folder)
+    record |= {"cx": 4.0, "cy": 3.0, "k1": 0.01, "camera_model": "OPENCV", "applied_scale": 1.0}
+    record["applied_transform"] = np.eye(4)[:3].tolist()
+    record["frames"][0]["mask_path"] = "masks/0.png"
+    (folder / "masks").mkdir()
+    Image.new("L", (8, 6), 255).save(folder / "masks" / "0.png")
+    write(folder, record)
+
+
+def _read_photos(folder: Path) -> None:
+    for view in load_dataset(folder).views:
+        assert view.image.isfinite().all()
+    applied_by(folder)
+
+
+def _colmap(folder: Path) -> None:
+    colmap_dataset(folder, "OPENCV")
+
+
+def _colmap_text(folder: Path) -> None:
+    colmap_dataset(folder, "SIMPLE_RADIAL", text=True)
+
+
+def _read_colmap(folder: Path) -> None:
+    for view in load_dataset(folder).views:
+        assert view.camera.world_to_camera.isfinite().all()
+
+
+def _checkpoint(folder: Path) -> None:
+    tensors = {f"value.{name}": torch.ones(3, 2) for name in ("means", "sh")}
+    record = {"step": 3, "settings": {"rounds": 2, "size": None}, "journal": [{"stage": "a"}]}
+    save_state(State(record, tensors), folder / "a.safetensors")
+
+
+def _mesh(suffix: str) -> Callable[[Path], None]:
+    def build(folder: Path) -> None:
+        pixels = np.arange(192, dtype=np.uint8).reshape(8, 8, 3)
+        mesh = trimesh.creation.box()
+        material = trimesh.visual.material.PBRMaterial(baseColorTexture=Image.fromarray(pixels))
+        if suffix != ".glb":
+            material = material.to_simple()
+        visual = trimesh.visual.TextureVisuals(uv=mesh.vertices[:, :2], material=material)
+        mesh.visual = visual if suffix in (".obj", ".glb") else mesh.visual
+        mesh.export(folder / f"a{suffix}")
+
+    return build
+
+
+def _reader(name: str) -> Callable[[Path], object]:
+    return lambda folder: read_through(folder / name)
+
+
+def _edit(folder: Path) -> None:
+    summary = {"instruction": "gold", "editor": "looks", "measured": {"strength": 0.5}}
+    record = {
+        "scene": str(folder / "scene.ply"), "instruction": "gold", "seed": 3,
+        "editor": {"editor": "looks"}, "strategy": {"name": "a"}, "settings": {"size": 64},
+        "measured": {"strength": 0.5}, "timings": {"total": 1.0}, "edited_views": ["images/0.jpg"],
+        "work": {"network_evaluations": 3}, "history": [summary], "drop_invalid": False,
+    }  # fmt: skip
+    (folder / "scene.ply").touch()
+    (folder / "edit.json").write_text(json.dumps(record))
+    write_cameras(viewpoints(), folder / "cameras.json")
+    event = {"stage": "a", "seconds": 1.0, "step": 1, "steps": 2}
+    (folder / "metrics.jsonl").write_text(json.dumps(event) + "\n")
+    write_flags(np.ones(3, bool), folder / "region.npy")
+
+
+def _read_edit(folder: Path) -> None:
+    history_of(folder / "scene.ply")
+    resolve_reference(folder)
+    read_flags(folder / "region.npy", 3)
+    read_events(folder / "metrics.jsonl")
+
+
+MODEL = tuple(f"sparse/0/{name}" for name in ("cameras.bin", "images.bin", "points3D.bin"))
+INPUTS = (
+    Input("transforms.json", _photos, ("transforms.json",), _read_photos, in_json),
+    Input("colmap", _colmap, MODEL, _read_colmap),
+    Input(
+        "colmap text", _colmap_text, tuple(n.replace(".bin", ".txt") for n in MODEL), _read_colmap
+    ),
+    Input(
+        "cameras.json",
+        lambda folder: write_cameras(viewpoints(), folder / "cameras.json"),
+        ("cameras.json",),
+        lambda folder: read_cameras(folder / "cameras.json"),
+        in_json,
+    ),
+    Input(
+        "views.json",
+        lambda folder: write_view_list(by_capture(viewpoints()), folder / "views.json"),
+        ("views.json",),
+        lambda folder: read_view_list(folder / "views.json"),
+        in_json,
+    ),
+    Input(
+        "checkpoint",
+        _checkpoint,
+        ("a.safetensors",),
+        lambda folder: load_state(folder / "a.safetensors"),
+    ),
+    Input(
+        "a.obj",
+        _mesh(".obj"),
+        ("a.obj", "material.mtl", "material_0.png"),
+        _reader("a.obj"),
+    ),
+    Input("mesh.glb", _mesh(".glb"), ("a.glb",), _reader("a.glb"), in_glb),
+    *(
+        Input(f"mesh{end}", _mesh(end), (f"a{end}",), _reader(f"a{end}"))
+        for end in (".ply", ".stl", ".off")
+    ),
+    Input("edit.json", _edit, ("edit.json", "cameras.json"), _read_edit, in_json),
+    Input("edit folder", _edit, ("region.npy", "metrics.jsonl"), _read_edit),
+)

@@ -1,0 +1,114 @@
+"""MP4, GIF and EXR: what comes back, and nothing left of what was interrupted."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+from PIL import Image
+from research.exr import read_exr
+
+from gsedit import write_gif, write_mp4
+from gsedit.errors import GseditError, UsageError
+from gsedit.formats.exr import to_linear, to_srgb, write_exr
+from gsedit.pictures.animations import read_frames
+
+
+def frames(count: int = 6, height: int = 48, width: int = 64) -> list[np.ndarray]:
+    """Smooth waves that move."""
+    y, x = np.mgrid[0:height, 0:width]
+    return [
+        np.stack([127 + 90 * np.sin(x / 12 + i / 4), 127 + 90 * np.cos(y / 9), 60 + x], -1)
+        .clip(0, 255)
+        .astype(np.uint8)
+        for i in range(count)
+    ]
+
+
+def test_an_mp4_shows_every_frame_in_its_colors(tmp_path):
+    pytest.importorskip("av")
+    path = tmp_path / "a.mp4"
+    write_mp4(iter(frames()), path, 12.5)
+    found = list(read_frames(path))
+    assert len(found) == 6
+    error = np.stack(found).astype(float) - np.stack(frames())
+    assert (error**2).mean() < 255**2 * 10 ** (-36 / 10)  # 36 dB
+    assert np.abs(error.mean((0, 1, 2))).max() < 2  # the matrix and range are the right ones
+    better = tmp_path / "b.mp4"
+    write_mp4(frames(), better, 12.5, crf=4)
+    error = np.stack(list(read_frames(better))).astype(float) - np.stack(frames())
+    assert (error**2).mean() < 255**2 * 10 ** (-40 / 10)
+    import av
+
+    with av.open(str(path)) as container:
+        assert float(container.streams.video[0].average_rate) == 12.5
+
+
+def test_a_gif_repeats_and_keeps_its_pace(tmp_path):
+    path = tmp_path / "a.gif"
+    write_gif(iter(frames(7)), path, 30.0)
+    with Image.open(path) as picture:
+        assert picture.info["loop"] == 0
+        assert picture.n_frames == 7
+        times = []
+        for i, expected in enumerate(frames(7)):
+            picture.seek(i)
+            times.append(picture.info["duration"])
+            error = np.asarray(picture.convert("RGB")).astype(float) - expected
+            assert np.sqrt((error**2).mean()) < 5
+    assert sum(times) == 230  # 7 / 30 s, in hundredths
+    assert set(times) == {30, 40}
+
+
+@pytest.mark.parametrize(("write", "name"), [(write_mp4, "a.mp4"), (write_gif, "a.gif")])
+def test_an_interrupted_animation_leaves_nothing(write, name, tmp_path):
+    if write is write_mp4:
+        pytest.importorskip("av")
+
+    def broken():
+        yield from frames(3)
+        raise KeyboardInterrupt
+
+    (tmp_path / name).write_text("an older one")
+    with pytest.raises(KeyboardInterrupt):
+        write(broken(), tmp_path / name, 10.0, overwrite=True)
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    assert (tmp_path / name).read_text() == "an older one"
+    with pytest.raises(UsageError, match="already exists"):
+        write(iter(frames(2)), tmp_path / name, 10.0)
+    with pytest.raises(UsageError, match="no frames"):
+        write([], tmp_path / "none", 10.0)
+
+
+def test_what_a_format_cannot_hold_is_said(tmp_path, monkeypatch):
+    with pytest.raises(UsageError, match="at most 50"):
+        write_gif(frames(2), tmp_path / "a.gif", 60.0)
+    if "av" in sys.modules:
+        with pytest.raises(UsageError, match="even sides"):
+            write_mp4(frames(1, 47), tmp_path / "a.mp4", 30.0)
+    monkeypatch.setitem(sys.modules, "av", None)
+    with pytest.raises(GseditError, match=r"gsedit\[video\]"):
+        write_mp4(frames(1), tmp_path / "a.mp4", 30.0)
+    monkeypatch.setitem(sys.modules, "OpenEXR", None)
+    with pytest.raises(GseditError, match="pip install OpenEXR"):
+        write_exr({}, tmp_path / "a.exr")
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_exr_holds_float32_exactly(tmp_path):
+    pytest.importorskip("OpenEXR")
+    values = np.random.default_rng(0).normal(0, 1e4, (5, 5, 7)).astype(np.float32)
+    names = ("A", "B", "N.X", "R", "Z")
+    write_exr(dict(zip(names, values)), tmp_path / "a.exr", comments="why")
+    found = read_exr(tmp_path / "a.exr")
+    assert set(found) == set(names)
+    for name, expected in zip(names, values):
+        np.testing.assert_array_equal(found[name], expected)
+
+
+def test_linear_light_and_back():
+    srgb = np.linspace(-0.5, 3, 1001)
+    np.testing.assert_allclose(to_srgb(to_linear(srgb)), srgb, atol=1e-6)
+    assert to_linear(np.array([0.0, 1.0])).tolist() == [0.0, 1.0]
+    assert to_linear(np.array(0.5)) == pytest.approx(0.21404, abs=1e-5)

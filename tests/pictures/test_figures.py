@@ -1,0 +1,24 @@
+"""Figures of error against run time, whatever was measured."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from gsedit import Event
+from gsedit.errors import UsageError
+from gsedit.pictures.figures import error_vs_time
+
+
+@pytest.mark.parametrize(
+    "events",
+    [[], [Event("fit", 1.0, loss=0.2)], [Event("fit", t, error=0.1 / t) for t in (1.0, 2.0)]],
+    ids=["empty", "loss", "error"],
+)
+def test_error_vs_time_is_a_picture_whatever_was_measured(tmp_path, events):
+    path = tmp_path / "curve.png"
+    error_vs_time(events, path)
+    assert np.asarray(Image.open(path).convert("L")).std() > 0
+    with pytest.raises(UsageError, match="exists"):
+        error_vs_time(events, path)

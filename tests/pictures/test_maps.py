@@ -1,0 +1,137 @@
+"""Maps of a view: normals against a sphere's, and the two sides of a wipe."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import get_args
+
+import pytest
+import torch
+from gsedit_cli.options.pictures import NAMES, FolderFormat, PathKind
+from scenes import cloud, shell
+
+from gsedit import render_maps
+from gsedit.cameras import paths
+from gsedit.pictures.maps import MAPS, normal_map, wipe
+from gsedit.pictures.rendered_views import Format
+from rasterizer import Camera, Gaussians, look_at, render
+
+
+def front() -> Camera:
+    """Of the shell, whose center is (0, 0, 3) and whose radius is 0.8; turned a little."""
+    target = torch.tensor([0.0, 0.0, 3.0])
+    return look_at(
+        torch.tensor([0.7, -0.4, 0.0]), target, torch.tensor([0.1, -1.0, 0.0]), 40.0, 96, 96
+    )
+
+
+def ball_of_discs(count: int) -> Gaussians:
+    """The shell, of another number of discs of the same overlap."""
+    i = torch.arange(count, dtype=torch.float64) + 0.5
+    z = 1 - 2 * i / count
+    angle = i * torch.pi * (3 - 5**0.5)
+    ring = (1 - z * z).sqrt()
+    normal = torch.stack((ring * angle.cos(), ring * angle.sin(), z), -1)
+    upper = torch.where(z[:, None] < 0, -normal, normal)
+    size = 0.07 * (400 / count) ** 0.5
+    return Gaussians(
+        0.8 * normal + torch.tensor((0.0, 0.0, 3.0), dtype=torch.float64),
+        torch.stack((1 + upper[:, 2], -upper[:, 1], upper[:, 0], torch.zeros(count)), -1),
+        torch.tensor((size, size, size / 10), dtype=torch.float64).log().repeat(count, 1),
+        torch.full((count,), 4.0, dtype=torch.float64),
+        torch.zeros(count, 1, 3, dtype=torch.float64),
+    ).to(torch.float32)
+
+
+def sphere_normals(camera: Camera) -> tuple[torch.Tensor, torch.Tensor]:
+    """Exact normals of the shell's sphere in the camera's axes, y up and z towards the viewer; and
+    where it is seen, but at its rim."""
+    center = camera.project(torch.tensor([[0.0, 0.0, 3.0]], dtype=torch.float64))
+    xy, z = center
+    rays = camera.pixel_centers() - torch.tensor([camera.cx, camera.cy], dtype=torch.float64)
+    rays = torch.cat((rays / camera.fx, torch.ones(*rays.shape[:-1], 1)), -1)
+    rays = rays / rays.norm(dim=-1, keepdim=True)
+    middle = torch.stack(((xy[0, 0] - camera.cx) / camera.fx * z[0],
+                          (xy[0, 1] - camera.cy) / camera.fy * z[0], z[0]))  # fmt: skip
+    along = rays @ middle
+    square = along**2 - (middle @ middle - 0.8**2)
+    normals = ((along - square.clamp_min(0).sqrt())[..., None] * rays - middle) / 0.8
+    normals = normals * torch.tensor([1.0, -1.0, -1.0], dtype=torch.float64)
+    return normals, (square > 0) & (normals[..., 2] > 0.25)
+
+
+def degrees_off(found: torch.Tensor, exact: torch.Tensor) -> torch.Tensor:
+    return torch.rad2deg((found.double() * exact).sum(-1).clamp(-1, 1).acos())
+
+
+def test_normals_of_a_sphere_of_discs_are_those_of_the_sphere():
+    camera = front()
+    exact, seen = sphere_normals(camera)
+    errors = []
+    for count in (400, 1600):
+        normals = normal_map(ball_of_discs(count), camera)
+        torch.testing.assert_close(normals[seen].norm(dim=-1), torch.ones(int(seen.sum())))
+        off = degrees_off(normals, exact)[seen]
+        errors.append(float(off.mean()))
+        assert float(off.quantile(0.95)) < 2 * errors[-1]
+        assert not normals[0, 0].any()
+    assert errors[0] < 9
+    assert errors[1] < 0.7 * errors[0]  # it falls with the spacing of the discs
+
+
+def test_normals_do_not_depend_on_the_sign_or_order_of_axes():
+    scene, camera = shell()[0].to(torch.float32), front()
+    turned = replace(scene, quats=-scene.quats, log_scales=scene.log_scales)
+    torch.testing.assert_close(normal_map(turned, camera), normal_map(scene, camera))
+
+
+def test_balls_have_no_normals_and_do_not_spoil_those_of_discs():
+    scene, camera = shell()[0].to(torch.float32), front()
+    balls = replace(scene, log_scales=torch.full_like(scene.log_scales, -4.0))
+    assert not normal_map(balls, camera).any()
+    both = Gaussians(
+        *(torch.cat((getattr(scene, name), getattr(balls, name)))
+          for name in ("means", "quats", "log_scales", "logit_opacities", "sh"))
+    )  # fmt: skip
+    exact, seen = sphere_normals(camera)
+    assert float(degrees_off(normal_map(both, camera), exact)[seen].mean()) < 9
+
+
+def test_maps_are_those_that_are_wanted():
+    scene, camera = cloud()
+    plain = render_maps(scene, camera)
+    assert plain.depth is None
+    assert plain.normals is None
+    maps = render_maps(scene, camera, MAPS)
+    drawn = render(scene, camera, median_depth=True)
+    torch.testing.assert_close(maps.color, drawn.color)
+    torch.testing.assert_close(maps.depth, drawn.median_depth)
+    torch.testing.assert_close(maps.alpha, drawn.alpha)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_a_wipe_is_one_scene_on_the_left_and_the_other_on_the_right(share):
+    scene, camera = cloud()
+    other = replace(scene, sh=-scene.sh)
+    before, after = (render(each, camera).color for each in (scene, other))
+    edge = round(share * camera.width)
+    picture = wipe(scene, other, camera, share)
+    assert picture.shape == before.shape
+    left, right = slice(0, max(0, edge - 2)), slice(edge + 2 if edge else 0, None)
+    torch.testing.assert_close(picture[:, left], before[:, left], atol=1e-9, rtol=0)
+    torch.testing.assert_close(picture[:, right], after[:, right], atol=1e-9, rtol=0)
+    if 0 < share < 1:
+        assert (picture[:, edge] == 1).all()
+
+
+def test_the_command_line_names_what_there_is():
+    assert NAMES == MAPS
+    assert tuple(kind.value for kind in PathKind) == get_args(paths.PathKind)
+    assert tuple(each.value for each in FolderFormat) == get_args(Format)
+
+
+def test_a_scene_without_gaussians_has_empty_maps():
+    maps = render_maps(shell()[0].to(torch.float32)[:0], front(), MAPS)
+    assert maps.normals is not None
+    assert not maps.normals.any()
+    assert not maps.alpha.any()

@@ -1,0 +1,248 @@
+"""The page in the browser: all splats inside, no network, the right layers in every state."""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import re
+import shutil
+import socket
+import subprocess
+import urllib.error
+import urllib.request
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from command_line import gsedit, one_line
+from point_clouds import ball, cloud
+from scipy.spatial.transform import Rotation
+
+from gsedit.datasets.viewpoints import Viewpoint
+from gsedit.errors import GseditError, UsageError
+from gsedit.formats.scenes import save
+from gsedit.pictures.viewer import browser, layers
+from gsedit.scene.framing import framing_camera
+from rasterizer import concatenate, look_at
+
+
+def recolored(scene, rows):
+    sh = scene.sh.clone()
+    sh[rows] += 0.5
+    return replace(scene, sh=sh)
+
+
+@pytest.fixture
+def viser():
+    return pytest.importorskip("viser", exc_type=ImportError)
+
+
+def some_page(**more):
+    scene = ball(200)
+    rows = torch.arange(200) < 30
+    after = recolored(scene, rows)
+    return browser.make_page(
+        scene, framing_camera(scene, size=(64, 48)), after=after, region=torch.arange(200) < 50,
+        **more,
+    )  # fmt: skip
+
+
+def test_covariances_are_those_of_the_gaussians():
+    generator = torch.Generator().manual_seed(0)
+    scene = ball(5).to(torch.float64).map(lambda f: f + torch.rand(f.shape, generator=generator))
+    splats = layers.splats_of(scene)
+    turns = Rotation.from_quat(scene.quats.numpy()[:, [1, 2, 3, 0]]).as_matrix()
+    expected = turns @ (np.eye(3) * scene.scales.numpy()[:, None] ** 2) @ turns.transpose(0, 2, 1)
+    assert np.allclose(splats.covariances, expected, rtol=1e-5, atol=1e-7)
+
+
+@pytest.mark.parametrize("scene", ["before", "after"])
+@pytest.mark.parametrize("tinted", [False, True])
+def test_every_state_shows_each_gaussian_once(scene, tinted):
+    page = some_page()
+    shown = [layer for layer in page.layers if layer.is_shown(scene, tinted)]
+    means = np.concatenate([layer.splats.means for layer in shown])
+    assert sorted(map(tuple, means.tolist())) == sorted(map(tuple, ball(200).means.tolist()))
+    # 30 Gaussians changed, all in the region of 50: the other 150 are in the page once
+    assert {layer.name: len(layer.splats) for layer in page.layers} == {
+        "both_outside": 150, "both_inside": 20, "both_tinted": 20,
+        "before_inside": 30, "before_tinted": 30, "after_inside": 30, "after_tinted": 30,
+    }  # fmt: skip
+
+
+def test_scenes_of_different_sizes_share_nothing():
+    page = layers.make_layers(ball(200), ball(100), torch.arange(100) < 7)
+    assert {layer.name: len(layer.splats) for layer in page} == {
+        "before": 200, "after_outside": 93, "after_inside": 7, "after_tinted": 7,
+    }  # fmt: skip
+    with pytest.raises(UsageError, match="99 flags"):
+        layers.make_layers(ball(200), ball(100), torch.ones(99, dtype=torch.bool))
+
+
+def test_far_splats_look_the_same_from_the_middle_and_fit_float16():
+    scene = concatenate(ball(200), cloud(torch.tensor([[1e6, 0.0, 0.0]])))
+    scene.log_scales[-1] = 9.0
+    page = browser.make_page(scene, framing_camera(ball()))
+    splats = page.placed(page.layers[0].splats)
+    assert np.linalg.norm(splats.means, axis=1).max() <= 1.001 * browser.FARTHEST * browser.RADIUS
+    assert np.isfinite(splats.covariances.astype(np.float16)).all()
+    angle = np.sqrt(splats.covariances[-1, 0, 0]) / np.linalg.norm(splats.means[-1])
+    assert angle == pytest.approx(np.exp(9.0) / 1e6, rel=1e-3)
+
+
+def test_the_file_holds_all_splats_and_names_no_host(viser, tmp_path):
+    import msgspec
+    import zstandard
+
+    page = some_page(cameras=[Viewpoint("a", framing_camera(ball()))], title="</title> & co")
+    browser.write_page(page, tmp_path / "page.html")
+    text = (tmp_path / "page.html").read_text()
+    assert "<title>&lt;/title&gt; &amp; co</title>" in text
+    assert not re.search(r"""(?:src|href)=["']?(?:https?:)?//""", text)
+    assert not re.search(r"(?:fetch|import|Worker|WebSocket)\(\s*[\"'`](?:https?|wss?):", text)
+    (embedded,) = re.findall(r'__VISER_EMBED_DATA__="([^"]+)"', text)
+    packed = zstandard.ZstdDecompressor().decompressobj().decompress(base64.b64decode(embedded)[8:])
+    length = int.from_bytes(packed[:8], "little")
+    record = msgspec.msgpack.decode(packed[8 : 8 + length])
+    splats = [m for _, m in record["messages"] if m["type"] == "GaussianSplatsMessage"]
+    assert [m["name"] for m in splats] == [f"/{layer.name}" for layer in page.layers]
+    assert sum(record["binaryBufferLengths"]) == 32 * sum(len(each.splats) for each in page.layers)
+    (data,) = re.findall(r"const page = (\{.*\});", text)
+    data = json.loads(data)
+    assert data["cameras"] == 1
+    assert data["states"]["before true"] == layers.shown_layers(page.layers, "before", True)
+    with pytest.raises(UsageError, match="already exists"):
+        browser.write_page(page, tmp_path / "page.html")
+
+
+def test_the_live_page_answers_no_other_web_site(viser):
+    from websockets.exceptions import InvalidStatus
+    from websockets.sync.client import connect
+
+    protocol = [f"viser-v{viser.__version__}"]
+    with browser.server(some_page(), port=0) as (live, _):
+        port = live.get_port()
+        for name in ("127.0.0.1", "localhost"):
+            own = f"http://{name}:{port}"
+            with connect(f"ws://{name}:{port}", origin=own, subprotocols=protocol) as page:
+                assert page.recv(5)
+        for host, origin in (
+            ("127.0.0.1", "http://evil.example"),
+            ("127.0.0.1", "http://localhost:3000"),  # another program of this machine
+            ("127.0.0.1", "null"),  # a page from a file
+            ("127.0.0.1", None),
+            ("evil.example", f"http://evil.example:{port}"),  # a name that points here
+            ("localhost.evil.example", f"http://localhost.evil.example:{port}"),
+        ):
+            connection = socket.create_connection(("127.0.0.1", port))
+            with pytest.raises(InvalidStatus, match="403"):
+                connect(
+                    f"ws://{host}:{port}", sock=connection, origin=origin, subprotocols=protocol
+                )
+        request = urllib.request.Request(
+            f"http://127.0.0.1:{port}/", headers={"Host": "evil.example"}
+        )
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            urllib.request.urlopen(request)
+
+
+def test_the_live_page_is_on_this_machine_only_and_its_controls_work(viser, capsys):
+    page = some_page(cameras=[Viewpoint("a", framing_camera(ball()))])
+    with browser.server(page, port=0) as (live, handles):
+        browser.add_controls(live, page, handles)
+        assert live.get_host() == "127.0.0.1"
+        port = live.get_port()
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/") as answer:
+            assert b"<title>" in answer.read()
+        visible = {name for name, handle in handles.items() if handle.visible}
+        assert visible == {"both_outside", "both_inside", "after_inside"}
+    assert capsys.readouterr().out == ""  # stdout is for results
+
+
+def test_viser_still_has_the_names_that_the_buttons_need(viser):
+    """The buttons of a file reach into viser's React context by these names."""
+    import pathlib
+
+    sources = pathlib.Path(viser.__file__).parent / "client" / "src"
+    if not sources.is_dir():
+        pytest.skip("this viser comes without its sources")
+    context = (sources / "App.tsx").read_text()
+    for name in ("sceneTreeActions:", "useSceneTree:", "requestRender:", "__VISER_EMBED_DATA__"):
+        assert name in context
+    assert "updateNodeAttributes" in (sources / "SceneTree.tsx").read_text()
+
+
+def test_view_writes_a_page_with_the_region_of_an_edit(viser, tmp_path):
+    scene = ball(200)
+    save(scene, tmp_path / "before.ply")
+    save(recolored(scene, torch.arange(200) < 30), tmp_path / "edit" / "scene.ply")
+    np.save(tmp_path / "edit" / "region.npy", np.arange(200) < 30)
+    out = tmp_path / "page.html"
+    result = gsedit("view", tmp_path / "before.ply", tmp_path / "edit", "-o", out)
+    assert result.exit_code == 0, result.stderr
+    assert result.stdout == f"{out}\n"
+    assert "region.npy" in result.stderr
+    text = out.read_text()
+    assert '"after_tinted"' in text
+    assert "<title>before.ply | scene.ply</title>" in text
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["-o", "page.jpg"], "name a .html file"),
+        (["--selection", "flags.npy", "-o", "page.html"], "has flags of shape (3,)"),
+        (["nothing.ply", "-o", "page.html"], "nothing.ply"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_requests_that_cannot_be_shown_are_one_line(viser, words, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    save(ball(), "a.ply")
+    np.save("flags.npy", np.ones(3, dtype=bool))
+    result = gsedit("view", "a.ply", *words)
+    assert result.exit_code in (2, 3)
+    assert message in result.stderr
+    assert one_line(result.stderr)
+    assert not (tmp_path / "page.html").exists()
+
+
+def test_without_viser_the_extra_is_named(monkeypatch, tmp_path):
+    monkeypatch.setitem(__import__("sys").modules, "viser", None)
+    with pytest.raises(GseditError, match=r"pip install 'gsedit\[web\]'"):
+        browser.as_html(some_page())
+
+
+@pytest.mark.skipif("GSEDIT_CHROMIUM" not in os.environ, reason="20 s; set GSEDIT_CHROMIUM=1")
+def test_chromium_draws_the_page_from_disk(viser, tmp_path):
+    from PIL import Image
+
+    program = shutil.which("chromium") or shutil.which("google-chrome")
+    if program is None:
+        pytest.skip("no chromium here")
+    # near before far in memory: unsorted, the far one would be drawn over the near one
+    noise = 0.2 * torch.randn(300, 3, generator=torch.Generator().manual_seed(0))
+    near, far = noise + torch.tensor([0.0, 0.0, 2.0]), noise + torch.tensor([0.0, 0.0, 4.0])
+    before = concatenate(cloud(near), cloud(far, color=(0.0, 0.0, 1.0)))
+    origin, ahead, up = torch.eye(3)[2] * 0, torch.eye(3)[2] * 3, -torch.eye(3)[1]
+    camera = look_at(origin, ahead, up, 50.0, 320, 240)
+    page = browser.make_page(before, camera, after=replace(before, sh=before.sh.flip(0)))
+    browser.write_page(page, tmp_path / "page.html")
+    colors = {}
+    for state in ("before", "after"):
+        shot = tmp_path / f"{state}.png"
+        subprocess.run(
+            [
+                program, "--headless=new", "--no-sandbox", "--use-gl=angle",
+                "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist",
+                "--host-resolver-rules=MAP * ~NOTFOUND", f"--user-data-dir={tmp_path / 'profile'}",
+                "--window-size=640,480", "--virtual-time-budget=15000", f"--screenshot={shot}",
+                f"file://{tmp_path / 'page.html'}#{state}",
+            ],
+            capture_output=True, check=True, timeout=120,
+        )  # fmt: skip
+        colors[state] = np.asarray(Image.open(shot).convert("RGB"))[220:240, 310:330].mean((0, 1))
+    assert colors["before"][0] > colors["before"][2] + 80
+    assert colors["after"][2] > colors["after"][0] + 80

@@ -1,0 +1,209 @@
+"""What a preview draws: the attribute that was asked for, cameras, ellipsoids, two scenes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from command_line import gsedit, one_line
+from point_clouds import ball, cloud
+
+from gsedit.datasets.viewpoints import Viewpoint
+from gsedit.errors import GseditError, UsageError
+from gsedit.formats.scenes import save
+from gsedit.pictures.viewer import drawing, frustums, preview
+from gsedit.pictures.viewer.drawing import Look, Panel, Surroundings
+from gsedit.regions.region import TINT
+from gsedit.scene.framing import framing_camera
+from rasterizer import Camera, concatenate, look_at
+
+
+def ahead(width: int = 64, height: int = 48) -> Camera:
+    """At the origin, looking along +z."""
+    pose = torch.eye(4, dtype=torch.float64)
+    return Camera(pose, 60.0, 60.0, width / 2, height / 2, width, height)
+
+
+def drawn(panels, camera, look=None, around=preview.NO_SURROUNDINGS) -> np.ndarray:
+    try:
+        picture = preview.draw(panels, camera, look or Look(), around)
+    except UsageError:
+        raise
+    except GseditError as error:
+        pytest.skip(f"no OpenGL here: {error}")
+    return np.asarray(picture).astype(int)
+
+
+def three(depths=(2.0, 4.0, 8.0)):
+    """Three Gaussians in a row on the picture, at three depths."""
+    return cloud(torch.tensor([[-0.3 * z, 0.0, z] for z in depths]) * torch.tensor([1.0, 1, 1]))
+
+
+def test_attributes_are_what_their_names_say():
+    scene = three()
+    assert np.allclose(drawing.attribute(scene, "depth", ahead()).values, [2, 4, 8])
+    assert np.allclose(drawing.attribute(scene, "size", ahead()).values, 0.05)
+    assert np.allclose(drawing.attribute(scene, "anisotropy", ahead()).values, 1)
+    assert np.allclose(drawing.attribute(scene, "scale_1", ahead()).values, np.log(0.05))
+    extra = {"label": np.array([3, 4, 5], dtype=np.uint8)}
+    assert list(drawing.attribute(scene, "label", ahead(), extra).values) == [3, 4, 5]
+    behind = cloud(torch.tensor([[0.0, 0, -1], [0, 0, 1]]))
+    assert np.isnan(drawing.attribute(behind, "depth", ahead()).values).tolist() == [True, False]
+
+
+def test_f_rest_is_counted_as_in_inrias_files():
+    scene = ball(4)
+    sh = torch.arange(4 * 4 * 3.0).reshape(4, 4, 3)
+    scene = type(scene)(scene.means, scene.quats, scene.log_scales, scene.logit_opacities, sh)
+    # three coefficients a channel: f_rest_4 is green's second
+    assert np.array_equal(drawing.attribute(scene, "f_rest_4", ahead()).values, sh[:, 2, 1].numpy())
+
+
+@pytest.mark.parametrize(
+    ("name", "move"),
+    [
+        ("opactiy", r"did you mean opacity\?"),
+        ("scale_3", "choose one of color, .*, label, f_dc_0"),
+        ("f_rest_0", "choose one of "),
+        ("lable", r"did you mean label\?"),
+    ],
+)
+def test_an_unknown_attribute_has_a_next_move(name, move):
+    with pytest.raises(UsageError, match=f"'{name}'.*{move}") as raised:
+        drawing.attribute(ball(), name, ahead(), {"label": np.zeros(200)})
+    assert "\n" not in str(raised.value)
+
+
+def test_the_color_bar_leaves_outliers_out_and_is_never_empty():
+    values = np.linspace(0, 1, 1000)
+    values[-1] = 1e9
+    low, high = drawing.limits([drawing.Attribute(values, "a", False)])
+    assert low >= 0
+    assert high < 1
+    low, high = drawing.limits([drawing.Attribute(np.full(3, 5.0), "a", False)])
+    assert low < high
+    nothing = drawing.Attribute(np.full(3, np.nan), "a", False)
+    assert drawing.limits([nothing])[0] < drawing.limits([nothing])[1]
+
+
+def test_points_are_colored_by_the_attribute():
+    panels = [Panel(three((2.0, 4.0, 4.1)))]
+    picture = drawn(panels, ahead(), Look("depth", "gray", point_size=5.0))
+    row = picture[20:28]  # the color bar is further down
+    grey = row[(row.max(-1) - row.min(-1) < 8) & (row.max(-1) < 250)]
+    assert grey.min() < 40  # the nearest is at the dark end
+
+
+def test_a_selection_is_tinted_and_the_rest_keeps_its_color():
+    scene = concatenate(cloud(torch.tensor([[-0.8, 0.0, 2.0]]), color=(0.0, 1.0, 0.0)), three())
+    flags = torch.tensor([False, True, False, False])
+    colors = drawing.panel_colors(Panel(scene, selection=flags), Look("selection")) / 255
+    assert np.allclose(colors[0], (0, 1, 0))
+    assert np.abs(colors[1] - np.array(TINT)).max() < 0.46
+    assert np.allclose(colors[2], (1, 0, 0))
+
+
+def test_two_scenes_stand_side_by_side_from_one_camera():
+    red = cloud(torch.tensor([[0.2, 0.1, 2.0]]))
+    blue = cloud(torch.tensor([[0.2, 0.1, 2.0]]), color=(0.0, 0.0, 1.0))
+    picture = drawn([Panel(red), Panel(blue)], ahead(), Look(point_size=5.0))
+    assert picture.shape == (48, 128, 3)
+    y, x = np.nonzero(picture[..., 0] - picture[..., 2] > 128)
+    y2, x2 = np.nonzero(picture[..., 2] - picture[..., 0] > 128)
+    assert x.max() < 64 <= x2.min()
+    assert abs(x2.mean() - 64 - x.mean()) < 1
+    assert abs(y.mean() - y2.mean()) < 1
+
+
+def test_ellipsoids_have_the_gaussians_size_and_direction():
+    scene = cloud(torch.tensor([[1.0, 2.0, 3.0]]))
+    # long axis: x of the Gaussian, turned by 90 degrees around z, is y of the world
+    quats = torch.tensor([[0.5**0.5, 0, 0, 0.5**0.5]])
+    log_scales = torch.tensor([[0.5, 0.1, 0.2]]).log()
+    scene = type(scene)(scene.means, quats, log_scales, scene.logit_opacities, scene.sh)
+    try:
+        vertices, faces = drawing.ellipsoids(scene)
+    except GseditError as error:
+        pytest.skip(str(error))
+    assert faces.max() == len(vertices) - 1
+    extent = np.abs(vertices - np.array([1.0, 2.0, 3.0])).max(0)
+    assert np.allclose(extent, 2 * np.array([0.1, 0.5, 0.2]), rtol=0.06)  # a coarse sphere
+
+
+def test_too_many_ellipsoids_are_refused_with_the_way_out():
+    with pytest.raises(UsageError, match=r"at most 10.*--selection"):
+        drawing.ellipsoids(ball(), most=10)
+
+
+def test_cameras_are_where_they_are_and_all_in_the_picture():
+    target, up = torch.zeros(3), torch.tensor([0.0, -1.0, 0.0])
+    eyes = torch.tensor([[4.0, 0, 0], [0, 0, 4.0], [-4.0, 0, 0], [0.0, 0, -4.0]])
+    ring = tuple(
+        Viewpoint(str(i), look_at(eye, target, up, 40.0, 64, 48)) for i, eye in enumerate(eyes)
+    )
+    scene = ball()
+    length = frustums.frustum_length(ring, scene)
+    corners = frustums.frustum(ring[0].camera, length)
+    assert np.allclose(corners[0], [4, 0, 0])
+    assert np.allclose(corners[1:].mean(0), [4 - length, 0, 0])
+    camera = frustums.outside_camera(scene, ring, (64, 48))
+    xy, depth = camera.project(eyes.double())
+    assert (depth > 0).all()
+    assert ((xy > 0) & (xy < torch.tensor([64, 48]))).all()
+    blue = drawn([Panel(scene)], camera, around=Surroundings(ring))
+    assert (blue[..., 2] - blue[..., 0] > 100).sum() > 4
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--color-by", "opactiy"], "did you mean opacity?"),
+        (["--color-by", "size", "--colormap", "viridian"], "'viridian' is no color map"),
+        (["--color-by", "selection"], "give --selection FLAGS.npy"),
+        (["--color-by", "size", "--selection", "flags.npy"], "does not show --selection"),
+        (["--cameras"], "add --data DATASET"),
+        (["--sparse"], "add --data DATASET"),
+        (["--selection", "flags.npy"], "has flags of shape (3,)"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_requests_that_cannot_be_drawn_are_one_line(words, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(preview, "check_drawing", lambda: None)
+    save(ball(), "a.ply")
+    np.save("flags.npy", np.ones(3, dtype=bool))
+    result = gsedit("view", "a.ply", "-o", "a.png", *words)
+    assert result.exit_code in (2, 3)
+    assert message in result.stderr
+    assert one_line(result.stderr)
+    assert not (tmp_path / "a.png").exists()
+
+
+def test_before_and_after_from_the_command_line(tmp_path):
+    save(ball(), tmp_path / "a.ply")
+    save(ball(150), tmp_path / "b.ply")
+    out = tmp_path / "both.png"
+    size = ("--width", 64, "--height", 48)
+    result = gsedit("view", tmp_path / "a.ply", tmp_path / "b.ply", "-o", out, *size)
+    if result.exit_code == 1:
+        pytest.skip(f"no OpenGL here: {result.stderr}")
+    assert result.exit_code == 0, result.stderr
+    assert preview.Image.open(out).size == (128, 48)
+
+
+def test_a_picture_with_cameras_needs_no_camera_of_its_own():
+    camera = framing_camera(ball(), size=(64, 48))
+    around = Surroundings((Viewpoint("a", camera),))
+    assert frustums.outside_camera(ball(), around.cameras, (64, 48)).width == 64
+
+
+def test_both_scenes_keep_their_columns_and_a_selection_is_of_its_own_scene():
+    """A second scene of another length has nothing selected: it is not drawn as ellipsoids."""
+    extras = {"label": np.arange(200)}, {"label": np.arange(150)}
+    flags = torch.arange(200) < 5
+    panels = preview.shown_panels(
+        ball(), ball(150), Look(ellipsoids=True), flags, ("a", "b"), extras, 0.1
+    )
+    assert [int(panel.selection.sum()) for panel in panels if panel.selection is not None] == [5, 0]
+    shown = [drawing.attribute(p.scene, "label", ahead(), p.extra).values for p in panels]
+    assert [len(values) for values in shown] == [200, 150]

@@ -1,0 +1,81 @@
+"""Viewers show what is there, and say what to install where a library is missing."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import torch
+from point_clouds import ball, cloud
+
+from gsedit.errors import GseditError, UsageError
+from gsedit.formats.scenes import load
+from gsedit.pictures.viewer import libraries, point_clouds, preview
+from rasterizer import Camera
+
+BLOCKED = "import sys; sys.modules.update(open3d=None, pyvista=None, vtk=None)\n"
+
+
+def test_a_scene_with_nothing_to_show_is_refused():
+    with pytest.raises(UsageError, match="opacity"):
+        preview.preview(ball(), min_opacity=0.99)
+
+
+def test_a_window_needs_a_screen(monkeypatch):
+    monkeypatch.setattr(preview, "has_screen", lambda: False)
+    with pytest.raises(UsageError, match=r"-o picture\.png"):
+        preview.preview(ball())
+
+
+def test_pyvista_points_are_where_the_camera_says():
+    pytest.importorskip("pyvista", exc_type=ImportError)
+    height, width = 48, 64
+    pose = torch.eye(4, dtype=torch.float64)
+    pose[2, 3] = 4
+    camera = Camera(pose, 60.0, 60.0, 20.0, 30.0, width, height)  # principal point off center
+    scene = cloud(torch.tensor([[0.4, -0.6, 0.2]]), color=(1.0, 0.0, 0.0))
+    try:
+        picture = np.asarray(preview.snapshot(scene, camera, point_size=3.0)).astype(int)
+    except GseditError as error:
+        pytest.skip(f"no OpenGL here: {error}")
+    y, x = np.nonzero(picture[..., 0] - picture[..., 1] > 128)
+    expected = camera.project(scene.means.double())[0][0]
+    # half a pixel of rasterisation; a point is 3 pixels wide
+    assert np.abs(np.array([x.mean() + 0.5, y.mean() + 0.5]) - expected.numpy()).max() < 1
+
+
+def test_without_opengl_the_advice_is_one_line(monkeypatch):
+    monkeypatch.setattr(libraries, "import_pyvista", lambda: None)
+    with pytest.raises(GseditError, match="apt-get install -y libegl1") as raised:
+        libraries.check_drawing("import os; os.abort()")  # as VTK ends: by a signal
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize("degree", [0, 1])
+def test_open3d_writes_the_same_scene(tmp_path, degree):
+    open3d = pytest.importorskip("open3d", exc_type=ImportError)
+    generator = torch.Generator().manual_seed(1)
+    scene = cloud(torch.randn(6, 3, generator=generator), degree=degree)
+    scene = scene.map(lambda field: field + 0.1 * torch.rand(field.shape, generator=generator))
+    open3d.t.io.write_point_cloud(str(tmp_path / "o.ply"), point_clouds.to_open3d(scene))
+    back = load(tmp_path / "o.ply")
+    for name in ("means", "quats", "log_scales", "logit_opacities", "sh"):
+        # scales go through exp and log: a few float32 roundings
+        assert torch.allclose(getattr(back, name), getattr(scene, name), atol=1e-6), name
+
+
+@pytest.mark.parametrize("viewer", ["to_open3d", "to_pyvista"])
+def test_missing_viewers_are_one_line_with_the_next_move(viewer):
+    code = BLOCKED + (
+        "import torch; from gsedit.pictures.viewer import point_clouds\n"
+        "from gsedit.errors import GseditError\n"
+        "from rasterizer.scene import Gaussians\n"
+        "scene = Gaussians(*(torch.zeros(s) for s in ((1, 3), (1, 4), (1, 3), (1,), (1, 1, 3))))\n"
+        f"try: point_clouds.{viewer}(scene)\n"
+        "except GseditError as error: print(error)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.count("\n") == 1
+    assert "pip install" in done.stdout

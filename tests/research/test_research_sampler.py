@@ -1,0 +1,156 @@
+"""Studies of the sampler: what they measure, their table and their plots."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+import torch
+from research.curves import slope
+from research.sampler import consensus_study, solver_study
+from research.sampler.measurements import SamplerMeasurement, table
+from research.sampler.mixtures import exact_solution
+from research.sampler.network import untrained_network
+from research.sampler.overlapping import crops, picture_views, texture_views
+from research.sampler.plots import sweep_plot, work_precision
+
+from gsedit.diffusion.guidance import Need
+from gsedit.diffusion.settings import SamplerSettings
+from gsedit.runs.json_lines import plain, write_line
+
+
+@pytest.fixture(scope="module")
+def solver_rows():
+    with pytest.MonkeyPatch.context() as patch:  # the slow reference has its own test
+        patch.setattr(solver_study, "exact_solution", lambda *a: exact_solution(*a, steps=500))
+        return [*solver_study.solver_study((0.3,), (1.0,), (10, 20, 40, 80), runs=1)]
+
+
+@pytest.fixture(scope="module")
+def consensus_rows():
+    views = texture_views(), picture_views(side=4)
+    return [*consensus_study.consensus_study(1, views, (0, 10, 50))]
+
+
+def test_the_solvers_rows_fall_with_their_order(solver_rows):
+    for solver, order in (("ddim", 1), ("heun", 2), ("dpm++2m", 2)):
+        group = [row for row in solver_rows if row.variant == solver]
+        assert [row.evaluations for row in group] == [10, 20, 40, 80]
+        points = [(float(row.evaluations), row.error or 0.0) for row in group]
+        # with few steps a second-order method's error falls faster yet, so from one side only
+        assert slope(points) < -order + 0.3
+
+
+def test_every_extreme_is_measured_or_says_why_not():
+    rows = [*solver_study.stiff_study((1,))]
+    assert {row.variant for row in rows} == {"ddim", "heun", "dpm++2m", "ancestral"}
+    assert any("terminal SNR 0" in row.problem for row in rows)
+    assert {
+        dtype for dtype in ("bfloat16", "float16") if any(dtype in r.problem for r in rows)
+    } == {
+        "bfloat16",
+        "float16",
+    }
+    assert all(row.error is not None or row.note for row in rows)
+    # what 20 steps and no guidance reach on narrow data is the data
+    narrow = [r for r in rows if r.problem.startswith("width 0.01, guidance 1,")]
+    assert narrow
+    assert all(row.error is not None and row.error < 0.02 for row in narrow)
+
+
+def test_agreement_comes_with_contrast_and_strength(consensus_rows):
+    by_variant = {
+        r.variant: r for r in consensus_rows if r.problem == "texture" and r.t_end is None
+    }
+    paper, ours = by_variant["xt, independent (paper)"], by_variant["x0, shared (default)"]
+    none = by_variant["none, independent noise"]
+    # the mean of four independent draws has half their deviation; not all cells are in four views
+    assert (paper.contrast or 0) < 0.75
+    assert (ours.contrast or 0) > 0.9
+    assert (ours.disagreement or 9) < (none.disagreement or 0)
+    assert none.contrast == pytest.approx(1)
+    whole = by_variant["x0, shared, to the end"]
+    assert whole.disagreement == pytest.approx(0, abs=1e-3)
+    assert (whole.contrast or 0) > 0.9
+
+
+def test_the_deviation_falls_steadily_and_keeps_its_sign(consensus_rows):
+    for variant in ("x0, shared (default)", "xt, shared"):
+        swept = [
+            row.deviation
+            for row in consensus_rows
+            if row.problem == "texture, T_end" and row.variant == variant
+        ]
+        assert swept[0] == pytest.approx(1)
+        assert swept == sorted(swept, reverse=True)
+        assert swept[-1] == pytest.approx(0, abs=1e-3)
+
+
+def test_the_sweep_ends_in_agreement(consensus_rows):
+    for name in ("texture", "closed form"):
+        swept = [r for r in consensus_rows if r.problem == f"{name}, T_end"]
+        assert {row.t_end for row in swept} == {0, 10, 50}
+        xt = {r.t_end: r.disagreement for r in swept if r.variant == "xt, shared"}
+        # the state itself is averaged last; only decoding and clamping come after
+        assert xt[50.0] == pytest.approx(0, abs=1e-6)
+        assert xt[0.0] > xt[10.0]
+
+
+def test_disagreement_is_that_of_a_plain_loop():
+    views = texture_views(side=6, shift=1)
+    x = torch.randn(4, 6, 6, 1, generator=torch.Generator().manual_seed(0))
+    squares = []
+    for cluster in range(int(views.clusters.max()) + 1):
+        cells = x[views.clusters == cluster]
+        if len(cells):
+            squares.append(((cells - cells.mean(0)) ** 2).flatten())
+    expected = torch.cat(squares).mean().sqrt().item()
+    assert views.disagreement(x) == pytest.approx(expected, rel=1e-5)
+    assert views.deviation(x, x) == pytest.approx(1)
+    assert views.deviation(-0.5 * x, x) == pytest.approx(-0.5, rel=1e-5)
+
+
+def test_overlapping_crops_correspond():
+    labels = crops(3, 5, 1)
+    assert torch.equal(labels[0, 1:, 1:], labels[1, :-1, :-1])
+    assert (labels[0, 0] == -1).all()  # its first row is seen by no other view
+    views = picture_views(side=4)
+    agreed = views.originals
+    assert views.disagreement(agreed) == pytest.approx(0, abs=1e-7)
+
+
+def test_the_network_predicts_what_is_needed():
+    model = untrained_network(channels=8, depth=1)
+    x = torch.randn(2, 4, 8, 8, generator=torch.Generator().manual_seed(0))
+    two = model.branches(x, 500.0, None, Need(True, True, False))
+    assert two.none is None
+    assert two.text_image is not None
+    assert two.text_image.shape == x.shape
+    again = untrained_network(channels=8, depth=1).branches(x, 500.0, None, Need())
+    assert again.image is not None
+    torch.testing.assert_close(again.image, two.image)
+
+
+def test_rows_as_json_and_as_a_table(solver_rows, consensus_rows, tmp_path):
+    row = SamplerMeasurement(
+        "stiff", "width 1", "heun", 20, 39, 0.1, error=float("nan"), note="refused"
+    )
+    with (tmp_path / "rows.jsonl").open("w") as file:
+        write_line(file, row)
+    assert json.loads((tmp_path / "rows.jsonl").read_text())["error"] is None
+    rows = [*solver_rows, row, *consensus_rows]
+    text = table(rows)
+    assert text.count("## ") == 3
+    assert "| width 0.3, guidance 1: heun |" in text
+    assert "texture, T_end 10: x0, shared (default)" in text
+    assert plain(solver_rows[0])["variant"] == "ddim"
+    for name in ("evaluations", "seconds"):
+        work_precision(rows, tmp_path / f"{name}.png", name)
+    sweep_plot(rows, tmp_path / "sweep.png")
+    assert len({path.stat().st_size for path in tmp_path.glob("*.png")}) == 3
+    assert table([]) == "Nothing was measured.\n"
+
+
+def test_the_settings_of_every_variant_are_valid():
+    for options in consensus_study.VARIANTS.values():
+        assert SamplerSettings(**options).steps == 20

@@ -1,0 +1,90 @@
+"""Events survive as JSON lines, a cut-off line is forgiven, the table accounts for all the time."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from gsedit import Event
+from gsedit.errors import InputError
+from gsedit.pictures.figures import curves
+from gsedit.pictures.stage_table import spans, table
+from gsedit.runs.journal import event_journal, read_events
+
+EVENTS = [
+    Event("render", 1.0, note="8 views"),
+    Event("update", 2.0, step=10, steps=20, loss=0.5),
+    Event("update", 4.5, step=20, steps=20, loss=0.25, error=0.1),
+    Event("measure", 5.0, error=0.01),
+    Event("update", 7.0, step=5, steps=20, loss=0.2),
+]
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "metrics.jsonl"
+
+
+def write(path: Path, events: list[Event], end: str = "") -> None:
+    journal = event_journal(path)
+    for event in events:
+        journal.write(event)
+    assert journal.records == events
+    with path.open("a") as file:
+        file.write(end)
+
+
+def test_what_is_written_is_read_back(path):
+    write(path, EVENTS)
+    assert read_events(path) == EVENTS
+
+
+def test_a_line_cut_off_by_an_interruption_is_left_out(path):
+    write(path, EVENTS[:-1], end='{"stage": "upd')
+    assert read_events(path) == EVENTS[:-1]
+
+
+def test_numbers_that_json_lacks_become_null(path):
+    write(path, [Event("fit", 1.0, loss=math.nan, error=math.inf)])
+    record = json.loads(path.read_text())
+    assert record["loss"] is None
+    assert record["error"] is None
+
+
+@pytest.mark.parametrize(
+    "line", ["{", "3", "[]", '{"stage": "fit"}', '{"stage": "fit", "seconds": 1.0, "odd": 2}']
+)
+def test_a_line_that_is_no_event_is_named(path, line):
+    write(path, EVENTS[:1], end=line + "\n")
+    with pytest.raises(InputError, match=r"metrics\.jsonl, line 2: .*seconds"):
+        read_events(path)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(InputError, match=r"nothing\.jsonl"):
+        read_events(tmp_path / "nothing.jsonl")
+
+
+def test_curves_hold_only_what_was_measured():
+    odd = [*EVENTS, Event("measure", 8.0, error=math.nan)]
+    assert curves(odd) == {"update": [(4.5, 0.1)], "measure": [(5.0, 0.01)]}
+    assert curves(odd, "loss") == {"update": [(2.0, 0.5), (4.5, 0.25), (7.0, 0.2)]}
+
+
+def test_spans_partition_the_time():
+    stretches = list(spans(EVENTS))
+    assert [s.stage for s in stretches] == ["render", "update", "measure", "update"]
+    assert sum(s.seconds for s in stretches) == EVENTS[-1].seconds
+    assert stretches[1].loss == 0.25
+    assert stretches[1].error == 0.1
+
+
+def test_table_has_a_row_a_stretch_and_straight_columns():
+    lines = table(EVENTS).splitlines()
+    assert len(lines) == 1 + 4
+    assert len({len(line) for line in lines}) == 1
+    assert "20.0" in lines[2]  # 0.1 RMSE is 20 dB
+    assert table([]).startswith("stage")

@@ -1,0 +1,105 @@
+"""A large scene by cells: they look like it, and what is done to them is done to it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import torch
+from research.scale.divide import divide
+
+from gsedit.measures.metrics import psnr
+from gsedit.scene.merging.cells import coarsen
+from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
+from rasterizer import render
+from rasterizer.numerics import SH_DC
+
+
+@pytest.fixture(scope="module")
+def scenes():
+    """A scene, the same divided in twelve, and cells of that."""
+    random = torch.Generator().manual_seed(0)
+    whole = surface_gaussians(demo_scene(), 1500, random)
+    fine = divide(whole, 12, 1, random)
+    coarse = coarsen(fine, 2 * len(whole))
+    assert coarse is not None
+    return whole, fine, coarse
+
+
+def base(scene):
+    return 0.5 + SH_DC * scene.sh[:, 0]
+
+
+def darkened(coarse, rows=None):
+    sh = coarse.scene.sh.clone()
+    rows = torch.ones(len(sh), dtype=torch.bool) if rows is None else rows
+    sh[rows, 0] = (0.3 * base(coarse.scene)[rows] - 0.5) / SH_DC
+    return replace(coarse.scene, sh=sh)
+
+
+def test_divided_and_coarse_scenes_look_alike(scenes):
+    whole, fine, coarse = scenes
+    assert 500 < len(coarse.scene) <= 2 * len(whole)
+    camera = ring_cameras(demo_scene(), 1, 64)[0]
+    one, many, few = (render(s, camera).color.clamp(0, 1) for s in (whole, fine, coarse.scene))
+    assert psnr(one, many) > 24
+    assert psnr(many, few) > 20
+
+
+def test_a_cell_holds_neighbors(scenes):
+    _, fine, coarse = scenes
+    assert coarse.cell.min() == 0
+    assert coarse.cell.max() == len(coarse.scene) - 1
+    apart = (fine.means - coarse.scene.means[coarse.cell]).norm(dim=1)
+    extent = (fine.means - fine.means.mean(0)).norm(dim=1)
+    assert apart.mean() < 0.1 * extent.mean()
+    majority = coarse.majority(fine.means[:, 0] > 0)
+    assert (coarse.expand(majority) == (fine.means[:, 0] > 0)).float().mean() > 0.95
+
+
+def test_small_scenes_have_no_cells(scenes):
+    whole, *_ = scenes
+    assert coarsen(whole, len(whole)) is None
+
+
+def test_coincident_gaussians_make_one_cell(scenes):
+    whole, *_ = scenes
+    same = whole[torch.zeros(50, dtype=torch.int64)]
+    coarse = coarsen(same, 10)
+    assert coarse is not None
+    assert len(coarse.scene) == 1
+    torch.testing.assert_close(coarse.scene.means[0], same.means[0])
+    torch.testing.assert_close(coarse.scene.sh[0], same.sh[0])
+
+
+def test_what_is_done_to_cells_is_done_to_all(scenes):
+    _, fine, coarse = scenes
+    edited = coarse.transfer(darkened(coarse))
+    camera = ring_cameras(demo_scene(), 1, 64)[0]
+    before, after = (render(s, camera).color for s in (fine, edited))
+    torch.testing.assert_close(after, 0.3 * before, rtol=0, atol=0.02)
+    assert base(edited).min() >= 0
+    assert torch.equal(edited.means, fine.means)
+
+
+def test_what_is_not_changed_stays_as_it_is(scenes):
+    _, fine, coarse = scenes
+    assert torch.equal(coarse.transfer(coarse.scene).sh, fine.sh)
+    some = torch.arange(len(coarse.scene)) < 100
+    edited = coarse.transfer(darkened(coarse, some))
+    kept = ~coarse.expand(some)
+    assert torch.equal(edited.sh[kept], fine.sh[kept])
+    assert (edited.sh[~kept] != fine.sh[~kept]).any(-1).any(-1).float().mean() > 0.99
+
+
+def test_a_stray_does_not_put_all_others_into_one_cell(scenes):
+    whole, fine, coarse = scenes
+    means = fine.means.clone()
+    means[5] = torch.tensor([9e8, -9e8, 0.0])
+    strayed = coarsen(replace(fine, means=means), 2 * len(whole))
+    assert strayed is not None
+    assert len(strayed.scene) > 0.5 * len(coarse.scene)
+    assert strayed.scene.means.isfinite().all()
+    camera = ring_cameras(demo_scene(), 1, 64)[0]
+    one, few = (render(s, camera).color.clamp(0, 1) for s in (fine, strayed.scene))
+    assert psnr(one, few) > 24

@@ -1,0 +1,75 @@
+"""Operations: the same in parts as at once, on tables and on scenes of tensors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import torch
+
+from gsedit.formats.streams import SceneHeader, gather, in_blocks
+from gsedit.scene.table import SplatTable, gaussians_of, table_of
+from gsedit.toolkit import ReduceSH, Rowwise, Whole, apply, reduce_sh
+from gsedit.toolkit.operation import run
+
+
+def random_table(n: int = 10, degree: int = 2) -> SplatTable:
+    draw = np.random.default_rng(0)
+    shapes = [(n, 3), (n, 4), (n, 3), (n,), (n, (degree + 1) ** 2, 3)]
+    arrays = [draw.normal(size=shape).astype(np.float32) for shape in shapes]
+    return SplatTable(*arrays, extra={"label": np.arange(n)})
+
+
+@dataclass(frozen=True)
+class Opaque(Rowwise):
+    """Keep the rows of an opacity of one half or more."""
+
+    removes: ClassVar[bool] = True
+
+    def apply(self, table: SplatTable) -> SplatTable:
+        return table[table.logit_opacities >= 0]
+
+
+@dataclass(frozen=True)
+class Backwards(Whole):
+    """Turn the order of the rows round."""
+
+    def apply(self, table: SplatTable, say) -> SplatTable:
+        say("turned")
+        return table[::-1]
+
+
+def test_parts_give_what_the_whole_gives():
+    table, said = random_table(), []
+    header = SceneHeader(table.degree, {"label": table.extra["label"].dtype})
+    steps = (Opaque(), Backwards(), ReduceSH(1))
+    after, blocks, counts = run(header, in_blocks(table, 3), steps, said.append)
+    parts = gather(blocks, after, 4)
+    whole = apply(table, *steps)
+    keep = np.flatnonzero(table.logit_opacities >= 0)[::-1]
+    assert 0 < len(keep) < len(table)
+    for each in (parts, whole):
+        np.testing.assert_array_equal(each.means, table.means[keep])
+        np.testing.assert_array_equal(each.sh, table.sh[keep][:, :4])
+        np.testing.assert_array_equal(each.extra["label"], keep)
+    assert after.degree == 1
+    assert said[0] == "turned"
+    assert "colors change by" in said[1]
+    assert str(counts[0][1]) == f"kept {len(keep)} of 10 ({10 * (len(keep) - 10):+.1f} %)"
+
+
+def test_nothing_left_is_a_scene_of_no_rows():
+    table = random_table()
+    none = apply(table[:0], Opaque(), Backwards(), ReduceSH(1))
+    assert len(none) == 0
+    assert none.degree == 1
+
+
+def test_a_scene_of_tensors_stays_one():
+    scene = gaussians_of(random_table())
+    less = reduce_sh(scene, 1)
+    assert less.degree == 1
+    torch.testing.assert_close(less.sh, scene.sh[:, :4], rtol=0, atol=0)
+    assert scene.degree == 2
+    assert table_of(scene).means.base is not None  # shared, not copied

@@ -1,0 +1,36 @@
+"""Dropping SH bands: what is lost is told, and is what the colors lose."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from splat_tables import random_table
+
+from gsedit.scene.quaternions import even_directions, harmonics
+from gsedit.toolkit import ReduceSH, apply
+from gsedit.toolkit.reduce_sh import Lost
+
+
+def test_the_loss_is_the_rmse_of_colors_over_directions():
+    table = random_table(30, 3)
+    table = replace(table, logit_opacities=np.zeros(30, np.float32))
+    lost, said = Lost(), []
+    lost.add(table, 4)
+    less = apply(table, ReduceSH(1), say=said.append)
+    values = harmonics(even_directions(20000), 3)
+    before = np.einsum("dk,nkc->ndc", values, table.sh)
+    after = np.einsum("dk,nkc->ndc", values[:, :4], less.sh)
+    assert lost.rmse == pytest.approx(np.sqrt(np.mean((before - after) ** 2)), rel=1e-3)
+    assert f"{lost.rmse:.4f} of 1" in said[0]
+
+
+def test_nothing_to_drop_is_told():
+    said = []
+    table = random_table(5, 1)
+    assert apply(table, ReduceSH(2), say=said.append).degree == 1
+    assert said == ["has SH of degree 1: there is nothing to drop"]
+    plain = replace(table, sh=table.sh * (np.arange(4) == 0)[None, :, None])
+    apply(plain.replace(sh=plain.sh.astype(np.float32)), ReduceSH(0), say=said.append)
+    assert "no color changes" in said[-1]
