@@ -118,7 +118,8 @@ def test_pairs_that_hardly_overlap_match_hardly_any_cells(exhibit):
 def masks(exhibit: Exhibit) -> tuple[Region, list[torch.Tensor]]:
     """A region of a part of the scene, and where it shows."""
     spec = parse_region(exhibit.region if exhibit.region != "all" else "sphere:0,-0.5,0,0.35")
-    region = Region(spec.contains(exhibit.scene.means))
+    inside = spec.contains(exhibit.scene.means.numpy())
+    region = Region(torch.from_numpy(inside))
     return region, [coverage(region, exhibit.scene, each) > 1 / 255 for each in cameras(exhibit)]
 
 
