@@ -17,7 +17,7 @@ from gsedit.errors import UsageError
 from gsedit.scene.neighbors import k_nearest
 from gsedit.scene.shapes import Bool, Float64, Int
 from gsedit.scene.table import SplatTable
-from gsedit.toolkit.selection.base import EVERYTHING, Selection
+from gsedit.toolkit.selection.base import EVERYTHING, Selection, WholeSelection
 from gsedit.toolkit.selection.volumes import Vector, check_finite, check_positive
 
 TYPICAL = 8.0
@@ -31,7 +31,7 @@ than `gap`."""
 
 
 @dataclass(frozen=True)
-class Clusters(Selection):
+class Clusters(WholeSelection):
     """The `count` largest clusters among what `of` selects; with `at`, the one that has the center
     nearest to that point."""
 
@@ -47,10 +47,6 @@ class Clusters(Selection):
         if self.gap is not None:
             check_positive("cluster", "gap", self.gap)
         check_finite("cluster", *(self.at or ()))
-
-    @property
-    def whole(self) -> bool:
-        return True
 
     @property
     def view_dependent(self) -> bool:
