@@ -111,6 +111,11 @@ def gather(blocks: Blocks, header: SceneHeader, count: int) -> SplatTable:
     return concatenate_tables([whole, *rest])
 
 
+def header_of(table: SplatTable) -> SceneHeader:
+    """The header of a scene in memory."""
+    return SceneHeader(table.degree, {name: c.dtype for name, c in table.extra.items()})
+
+
 def in_blocks(table: SplatTable, rows: int = AT_ONCE) -> Blocks:
     """A table in parts of `rows` rows."""
     for start in range(0, len(table), rows):

@@ -12,7 +12,7 @@ from gsedit.measures.metrics import psnr
 from gsedit.scene.similarity import Similarity
 from gsedit.scene.table import SPLAT_FIELDS, SplatTable, gaussians_of, table_of
 from gsedit.toolkit import transform
-from gsedit.toolkit.camera_moves import moved_camera
+from gsedit.toolkit.moved_cameras import moved_camera
 from gsedit.toolkit.steps import compose
 from rasterizer import Camera, Gaussians, render
 
@@ -51,7 +51,7 @@ def picture(table: SplatTable, camera: Camera) -> torch.Tensor:
     ],
 )
 @pytest.mark.parametrize("degree", [1, 4])
-def test_the_picture_stays_when_the_camera_moves_along(steps, degree):
+def test_the_picture_stays_when_the_moved_cameras_along(steps, degree):
     table = glossy(degree=degree)
     similarity = compose(steps.items())
     before = picture(table, CAMERA)
