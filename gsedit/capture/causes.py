@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
 from typing import Any
 
 import numpy as np
 
 from gsedit.capture.photos import HEIC, Prepared
 from gsedit.capture.settings import FEWEST
+from gsedit.scene.neighbors import linked
 
 BLACK = 3.0
 """Grey levels: a photo with less contrast shows nothing."""
@@ -61,20 +61,11 @@ class Evidence:
 
     def groups(self) -> list[int]:
         """Sizes of the groups of photos that strong pairs connect, the largest first."""
-        root = {name: name for name in self.features}
-
-        def find(name: str) -> str:
-            while root[name] != name:
-                root[name] = root[root[name]]
-                name = root[name]
-            return name
-
-        for pair in self.pairs:
-            if pair["inliers"] >= STRONG:
-                a, b = pair["names"]
-                root[find(a)] = find(b)
-        roots = sorted(find(name) for name in root)
-        return sorted((len(list(each)) for _, each in groupby(roots)), reverse=True)
+        number = {name: i for i, name in enumerate(self.features)}
+        strong = [pair["names"] for pair in self.pairs if pair["inliers"] >= STRONG]
+        pairs = np.array([[number[name] for name in names] for names in strong], np.int64)
+        groups = np.bincount(linked(pairs.reshape(-1, 2), len(number)))
+        return sorted(groups.tolist(), reverse=True)
 
 
 def _from_rotation(homographies: Sequence[np.ndarray], focal: float) -> float:
