@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from gsedit.capture.folder import counted
 from gsedit.capture.photos import HEIC, Prepared
 from gsedit.capture.settings import FEWEST
 from gsedit.scene.neighbors import linked
@@ -85,11 +86,11 @@ def before_features(prepared: Prepared, source: object) -> str | None:
             heic = any("(HEIC)" in each for each in left_out)
             small = all("are needed)" in each for each in left_out)
             move = "use the original files" if small else "copy or export these files again"
-            lost = f"{_counted(len(photos), 'usable photo')} ({listed(left_out)} left out)"
+            lost = f"{counted(len(photos), 'usable photo')} ({listed(left_out)} left out)"
             return f"{source}: {lost}: {HEIC if heic else move}"
         return (
-            f"{source}: {_counted(len(photos))} cannot make a scene: walk around the subject and "
-            "take 20 to 100 that overlap"
+            f"{source}: {counted(len(photos), 'photo')} cannot make a scene: walk around the "
+            "subject and take 20 to 100 that overlap"
         )
     black = sum(photo.contrast < BLACK for photo in photos)
     if len(photos) - black < FEWEST:
@@ -154,7 +155,3 @@ def listed(names: Sequence[str]) -> str:
     """The first names, and how many more there are."""
     more = len(names) - NAMED
     return ", ".join(names[:NAMED]) + (f" and {more} more" if more > 0 else "")
-
-
-def _counted(number: int, what: str = "photo") -> str:
-    return f"{number} {what}" if number == 1 else f"{number or 'no'} {what}s"

@@ -73,8 +73,6 @@ class ReadOptions:
     """Axes of an .spz that names none: rub (its specification) or rdf (as some writers store)."""
     samples: int = 100_000
     """Gaussians on the surfaces of a mesh."""
-    seed: int = 0
-    """Seed of the random positions on a mesh."""
 
 
 @dataclass(frozen=True)

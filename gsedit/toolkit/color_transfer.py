@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from gsedit.toolkit.color_space import lab_of_srgb, srgb_of_lab
+from gsedit.scene.color_space import lab_of_srgb, srgb_of_lab
 
 ROTATIONS = 24
 """Steps of the transport, each along three axes."""

@@ -11,9 +11,9 @@ from kornia.color import lab_to_rgb, rgb_to_lab
 from PIL import Image
 
 from gsedit.errors import InputError, UsageError
+from gsedit.scene.color_space import lab_of_srgb, srgb_of_lab
 from gsedit.scene.table import SplatTable
 from gsedit.toolkit import Palette, apply
-from gsedit.toolkit.color_space import lab_of_srgb, srgb_of_lab
 from gsedit.toolkit.color_transfer import color_transport, sliced_distance
 from gsedit.toolkit.palette import read_colors
 

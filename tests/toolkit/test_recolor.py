@@ -94,7 +94,7 @@ def test_sliders_do_what_photographers_expect():
 def test_white_is_that_of_the_standard_illuminants():
     x, y = 0.44757, 0.40745  # illuminant A, 2856 K (CIE 15)
     expected = np.array([x / y, 1, (1 - x - y) / y])
-    from gsedit.toolkit.color_space import XYZ_OF_RGB
+    from gsedit.scene.color_space import XYZ_OF_RGB
 
     np.testing.assert_allclose(XYZ_OF_RGB @ white(2856.0), expected, atol=6e-3)
 
