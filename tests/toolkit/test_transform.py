@@ -51,7 +51,7 @@ def picture(table: SplatTable, camera: Camera) -> torch.Tensor:
     ],
 )
 @pytest.mark.parametrize("degree", [1, 4])
-def test_the_picture_stays_when_the_moved_cameras_along(steps, degree):
+def test_the_picture_stays_when_the_camera_moves_along(steps, degree):
     table = glossy(degree=degree)
     similarity = compose(steps.items())
     before = picture(table, CAMERA)
