@@ -130,7 +130,7 @@ def companions(path: Path, output: Output, operations: list[Operation]) -> Calla
         check_file(each.save, output.force or output.dry_run)  # pyright: ignore[reportAttributeAccessIssue]
     cameras = None
     if any(getattr(each, "cameras", False) for each in operations):
-        from gsedit.toolkit.camera_moves import CameraMove
+        from gsedit.toolkit.moved_cameras import CameraMove
 
         cameras = CameraMove(path, None if output.dry_run else output.out, output.force)
 

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from rasterizer.camera import Camera
     from rasterizer.scene import Gaussians
 
-FOUND_VIEWS = 24
-"""Views that are searched for in a scene without cameras."""
 CHECKED_FOUND_VIEWS = 8
 """Found views of which a small render tells whether they show anything."""
 
@@ -189,6 +187,8 @@ def load_views(
 
     The path is None for a scene that is no longer as its file has it.
     """
+    from gsedit.cameras.around import FOUND_VIEWS
+
     return resolve_cameras(path, scene, options, FOUND_VIEWS, execution).dataset(scene, execution)
 
 

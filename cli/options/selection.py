@@ -105,13 +105,13 @@ def view_functions(data: Path | None) -> dict[str, Callable[..., Selection]]:
         return Path(given) if given else recorded_cameras(f"{name}()", data)
 
     def seen(cameras: str = "", pixels: float = LEAST_PIXELS) -> Selection:
-        return Seen(cameras_of(cameras, "seen"), pixels, scene)
+        return Seen(cameras_of(cameras, "seen"), pixels=pixels, scene=scene)
 
     def drawn(masks: str, cameras: str = "") -> Selection:
-        return Drawn(Path(masks).expanduser(), cameras_of(cameras, "drawn"), scene)
+        return Drawn(cameras_of(cameras, "drawn"), masks=Path(masks).expanduser(), scene=scene)
 
     def middle(within: float = 0.5, cameras: str = "") -> Selection:
-        return InTheMiddle(cameras_of(cameras, "middle"), within, scene)
+        return InTheMiddle(cameras_of(cameras, "middle"), within=within, scene=scene)
 
     def subject(instruction: str = ABOUT_THE_SUBJECT, cameras: str = "") -> Selection:
         return Subject(instruction, scene, Path(cameras) if cameras else data)
@@ -121,8 +121,9 @@ def view_functions(data: Path | None) -> dict[str, Callable[..., Selection]]:
 
 def region_selection(text: str, data: Path | None) -> Selection:
     """Return what `--region` selects in the scene that the verb reads. Raises UsageError."""
-    from gsedit.toolkit.selection import forms
     from gsedit.toolkit.selection.base import EVERYTHING
+    from gsedit.toolkit.selection.saved import Flags
+    from gsedit.toolkit.selection.volumes import box, sphere
 
     match parse_region(text):
         case All():
@@ -130,11 +131,11 @@ def region_selection(text: str, data: Path | None) -> Selection:
         case Auto():
             return view_functions(data)["subject"](ABOUT_THE_SUBJECT)
         case Box(low, high):
-            return forms.box(*low, *high)
+            return box(*low, *high)
         case Sphere(center, radius):
-            return forms.sphere(*center, radius)
+            return sphere(*center, radius)
         case File(path) if path.suffix.lower() == ".npy":
-            return forms.flags(str(path))
+            return Flags(path.expanduser())
         case File(path):
             return view_functions(data)["drawn"](str(path))
 

@@ -17,7 +17,7 @@ from ..core.console import print_message, print_result
 from ..core.kernel import say_kernel
 from ..core.outputs import check_file, check_folder
 from ..core.progress import Show, progress
-from ..options.cameras import FOUND_VIEWS, ResolvedCameras, ViewOptions, resolve_cameras, up_vector
+from ..options.cameras import ResolvedCameras, ViewOptions, resolve_cameras, up_vector
 from ..options.common import (
     Common,
     DropInvalid,
@@ -114,6 +114,7 @@ def render(
     )
     common.apply()
 
+    from gsedit.cameras.around import FOUND_VIEWS
     from gsedit.pictures.frames import Animation
 
     execution = with_values(Execution(), values)

@@ -22,11 +22,11 @@ from PIL import Image, ImageSequence
 
 import gsedit
 from gsedit.cameras.paths import camera_path
-from gsedit.formats.exr import to_srgb
 from gsedit.pictures.animations import read_frames, write_gif, write_mp4
 from gsedit.pictures.frames import Animation
 from gsedit.pictures.maps import MapName, render_maps
 from gsedit.pictures.rendered_views import write_still
+from gsedit.scene.color_space import srgb_of_linear
 from rasterizer import Camera, Execution, Gaussians
 from research.exr import read_exr
 
@@ -38,7 +38,7 @@ Read = Callable[[Path], "np.ndarray"]
 STILLS: dict[str, Read] = {
     ".png": lambda path: np.asarray(Image.open(path)) / 255,
     ".npy": np.load,
-    ".exr": lambda path: to_srgb(np.stack([read_exr(path)[name] for name in "RGB"], -1)),
+    ".exr": lambda path: srgb_of_linear(np.stack([read_exr(path)[name] for name in "RGB"], -1)),
 }
 
 

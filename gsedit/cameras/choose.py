@@ -23,9 +23,9 @@ from gsedit.cameras.search import (
     SearchEffort,
     ViewConstraints,
     cones,
+    directions_around,
     find_places,
     score_panorama,
-    sphere,
 )
 from gsedit.errors import UsageError
 from gsedit.scene.framing import bounds, guess_up
@@ -166,7 +166,7 @@ def candidates(places: Places, target: Float[Tensor, "3"] | None, count: int) ->
         masks = cones(forwards)
         scores = [score_panorama(view, mask[None])[0] for view, mask in zip(places.views, masks)]
         return Candidates(places.points, forwards, torch.stack(scores), reach)
-    directions = sphere(count)
+    directions = directions_around(count)
     masks = cones(directions)
     scores = torch.stack([score_panorama(view, masks) for view in places.views])
     eyes = places.points.repeat_interleave(count, 0)
@@ -297,5 +297,5 @@ def _up(scene: Gaussians, judged: Sequence[ScoredView]) -> Float[Tensor, "3"]:
     """Up, from good views in any direction; where they do not say, from the densest layer."""
     normals = torch.cat([normals_from_depth(view.camera, view.depth) for view in judged])
     forwards = torch.stack([view.camera.forward for view in judged])
-    up = find_up(sphere(1000).double(), normals, forwards)
+    up = find_up(directions_around(1000).double(), normals, forwards)
     return guess_up(scene) if up is None else up

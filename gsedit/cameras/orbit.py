@@ -23,6 +23,15 @@ def perpendicular(vectors: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n 3"]:
     return torch.nn.functional.normalize(torch.linalg.cross(vectors, axis), dim=-1)
 
 
+def towards(
+    up: Float[Tensor, "3"], east: Float[Tensor, "3"], azimuth: float, elevation: float
+) -> Float[Tensor, "3"]:
+    """The unit vector at an azimuth (counter-clockwise from `east`, seen from above) and an
+    elevation, radians. `up` and `east` are unit vectors, across each other."""
+    level = cos(azimuth) * east + sin(azimuth) * torch.linalg.cross(up, east)
+    return cos(elevation) * level + sin(elevation) * up
+
+
 def circle(
     center: Float[Tensor, "3"],
     radius: float,
@@ -43,16 +52,10 @@ def circle(
     Azimuth 0 is in the direction `east`, a unit vector across `up`: `perpendicular(up)` if None.
     """
     east = perpendicular(up) if east is None else east
-    north = torch.linalg.cross(up, east)
     distance = radius / sin(radians(fov) / 2)
-    rise = radians(elevation)
-    cameras = []
-    for i in range(count):
-        azimuth = radians(start) + tau * i / count
-        level = cos(azimuth) * east + sin(azimuth) * north
-        eye = center + distance * (cos(rise) * level + sin(rise) * up)
-        cameras.append(look_at(eye, center, up, fov, size, size))
-    return tuple(cameras)
+    azimuths = (radians(start) + tau * i / count for i in range(count))
+    eyes = (center + distance * towards(up, east, each, radians(elevation)) for each in azimuths)
+    return tuple(look_at(eye, center, up, fov, size, size) for eye in eyes)
 
 
 def orbit(

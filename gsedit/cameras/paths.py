@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import cos, isfinite, radians, sin, tau
+from math import isfinite, radians, sin, tau
 from typing import Literal
 
 import numpy as np
@@ -15,7 +15,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.cameras.orbit import perpendicular
+from gsedit.cameras.orbit import perpendicular, towards
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.errors import UsageError
 from gsedit.scene.framing import Bounds
@@ -64,9 +64,7 @@ class Circle:
 
     def at(self, azimuth: float) -> Camera:
         """The camera at an azimuth (radians, counter-clockwise seen from above)."""
-        north = torch.linalg.cross(self.up, self.east)
-        level = cos(azimuth) * self.east + sin(azimuth) * north
-        direction = cos(self.elevation) * level + sin(self.elevation) * self.up
+        direction = towards(self.up, self.east, azimuth, self.elevation)
         eye = self.center + self.distance * direction
         posed = look_at(eye, self.center, self.up, 1.0, self.lens.width, self.lens.height)
         return replace(self.lens, world_to_camera=posed.world_to_camera)

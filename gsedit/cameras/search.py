@@ -16,6 +16,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.cameras.panorama import Panorama, Sample, bin_directions, panorama
+from gsedit.scene.quaternions import even_directions
 
 FOV = 55.0
 """Degrees, of found views: between a phone's camera and its wide lens."""
@@ -124,7 +125,7 @@ def find_places(
 
     Around `wish.eye`, if there is one.
     """
-    masks = cones(sphere(80))
+    masks = cones(directions_around(80))
     if wish.eye is not None:
         points = wish.eye.float().expand(effort.kept, 3).clone()
         near = 0.15 * panorama(sample, points[0]).reach
@@ -148,10 +149,6 @@ def _best(places: Places, masks: Float[Tensor, "d b"], count: int) -> Places:
     return Places(places.points[best], [places.views[i] for i in best.tolist()])
 
 
-def sphere(count: int) -> Float[Tensor, "d 3"]:
-    """Evenly spread unit directions (a Fibonacci spiral), float32."""
-    index = torch.arange(count) + 0.5
-    z = 1 - 2 * index / count
-    angle = index * pi * (1 + 5**0.5)
-    across = (1 - z**2).sqrt()
-    return torch.stack((across * angle.cos(), across * angle.sin(), z), 1)
+def directions_around(count: int) -> Float[Tensor, "d 3"]:
+    """Evenly spread unit directions, float32."""
+    return torch.from_numpy(even_directions(count)).float()

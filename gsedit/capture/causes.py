@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
 from typing import Any
 
 import numpy as np
 
+from gsedit.capture.folder import counted
 from gsedit.capture.photos import HEIC, Prepared
 from gsedit.capture.settings import FEWEST
+from gsedit.scene.neighbors import linked
 
 BLACK = 3.0
 """Grey levels: a photo with less contrast shows nothing."""
@@ -61,20 +62,11 @@ class Evidence:
 
     def groups(self) -> list[int]:
         """Sizes of the groups of photos that strong pairs connect, the largest first."""
-        root = {name: name for name in self.features}
-
-        def find(name: str) -> str:
-            while root[name] != name:
-                root[name] = root[root[name]]
-                name = root[name]
-            return name
-
-        for pair in self.pairs:
-            if pair["inliers"] >= STRONG:
-                a, b = pair["names"]
-                root[find(a)] = find(b)
-        roots = sorted(find(name) for name in root)
-        return sorted((len(list(each)) for _, each in groupby(roots)), reverse=True)
+        number = {name: i for i, name in enumerate(self.features)}
+        strong = [pair["names"] for pair in self.pairs if pair["inliers"] >= STRONG]
+        pairs = np.array([[number[name] for name in names] for names in strong], np.int64)
+        groups = np.bincount(linked(pairs.reshape(-1, 2), len(number)))
+        return sorted(groups.tolist(), reverse=True)
 
 
 def _from_rotation(homographies: Sequence[np.ndarray], focal: float) -> float:
@@ -94,11 +86,11 @@ def before_features(prepared: Prepared, source: object) -> str | None:
             heic = any("(HEIC)" in each for each in left_out)
             small = all("are needed)" in each for each in left_out)
             move = "use the original files" if small else "copy or export these files again"
-            lost = f"{_counted(len(photos), 'usable photo')} ({listed(left_out)} left out)"
+            lost = f"{counted(len(photos), 'usable photo')} ({listed(left_out)} left out)"
             return f"{source}: {lost}: {HEIC if heic else move}"
         return (
-            f"{source}: {_counted(len(photos))} cannot make a scene: walk around the subject and "
-            "take 20 to 100 that overlap"
+            f"{source}: {counted(len(photos), 'photo')} cannot make a scene: walk around the "
+            "subject and take 20 to 100 that overlap"
         )
     black = sum(photo.contrast < BLACK for photo in photos)
     if len(photos) - black < FEWEST:
@@ -163,7 +155,3 @@ def listed(names: Sequence[str]) -> str:
     """The first names, and how many more there are."""
     more = len(names) - NAMED
     return ", ".join(names[:NAMED]) + (f" and {more} more" if more > 0 else "")
-
-
-def _counted(number: int, what: str = "photo") -> str:
-    return f"{number} {what}" if number == 1 else f"{number or 'no'} {what}s"

@@ -48,40 +48,17 @@ class Tags:
     """Unit vector towards the ground in OpenCV camera axes (x right, y down, z forward)."""
 
 
-@dataclass(frozen=True)
-class CameraGroup:
-    """Photos of one camera: the same body, lens, focal length and size."""
-
-    photos: tuple[Path, ...]
-    width: int
-    """Width of each photo as it is shown, pixels."""
-    height: int
-    focal: float | None
-    """Pixels; None where no photo tells."""
-    focal_source: FocalSource
-    gravity: tuple[tuple[float, float, float] | None, ...]
-    """A photo: see `Tags.gravity`."""
-
-
-def camera_groups(photos: Sequence[Path]) -> tuple[CameraGroup, ...]:
-    """The photos by camera, in the order of their first photos; where they name no camera, each
-    folder has its own. Raises InputError for a file that is no picture."""
-    groups: dict[tuple[Any, ...], list[tuple[Path, Tags]]] = {}
+def camera_groups(photos: Sequence[Path]) -> tuple[dict[Path, Tags], ...]:
+    """The photos of each camera (body, lens, focal length and size), in the order of their first
+    photos; where they name no camera, each folder has its own. Raises InputError for a file that
+    is no picture."""
+    groups: dict[tuple[Any, ...], dict[Path, Tags]] = {}
     for photo in photos:
         tags = read_tags(photo)
         focal = None if tags.focal is None else round(tags.focal, 1)
         key = (tags.camera or photo.parent, tags.width, tags.height, focal)
-        groups.setdefault(key, []).append((photo, tags))
-    return tuple(_group(members) for members in groups.values())
-
-
-def _group(members: Sequence[tuple[Path, Tags]]) -> CameraGroup:
-    paths, tags = zip(*members)
-    first = tags[0]
-    return CameraGroup(
-        paths, first.width, first.height, first.focal, first.focal_source,
-        tuple(each.gravity for each in tags),
-    )  # fmt: skip
+        groups.setdefault(key, {})[photo] = tags
+    return tuple(groups.values())
 
 
 def read_tags(photo: Path) -> Tags:

@@ -56,13 +56,13 @@ def find_photos(folder: Path, out: Path) -> Found:
     found.sort(key=lambda path: _order(path.relative_to(folder)))
     notes = [_by_folder(found)] if {each.parent for each in found} != {folder} else []
     if others:
-        parts = [f"{each} ({_counted(_pictures(each), 'picture')})" for each in sorted(others)]
+        parts = [f"{each} ({counted(_pictures(each), 'picture')})" for each in sorted(others)]
         notes.append(
             f"left out: {_some(parts)}: by name or content masks, smaller copies, results of "
             "gsedit, or links out of the folder; name one itself if it holds photos"
         )
     if videos:
-        notes.append(f"left out: {_counted(len(videos), 'video')} ({min(videos)}): name one itself")
+        notes.append(f"left out: {counted(len(videos), 'video')} ({min(videos)}): name one itself")
     return Found(tuple(found), tuple(notes))
 
 
@@ -108,8 +108,9 @@ def _pictures(folder: Path) -> int:
     return sum(each.suffix.lower() in PICTURES for each in folder.rglob("*"))
 
 
-def _counted(number: int, what: str) -> str:
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+def counted(number: int, what: str) -> str:
+    """A number of things, in words: no photos, 1 photo, 2 photos."""
+    return f"{number or 'no'} {what}" + "s" * (number != 1)
 
 
 def _instead(videos: Sequence[Path], others: Sequence[Path]) -> str:
@@ -124,7 +125,7 @@ def _by_folder(files: Sequence[Path]) -> str:
     counts = Counter(each.parent for each in files)
     parts = [f"{count} in {place}" for place, count in counts.items()]
     if len(parts) == 1:
-        return f"{_counted(len(files), 'photo')} in {files[0].parent}"
+        return f"{counted(len(files), 'photo')} in {files[0].parent}"
     return f"{len(files)} photos of {len(counts)} folders: {_some(parts)}"
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gsedit.capture.exif import FULL_FRAME_DIAGONAL, CameraGroup, camera_groups
+from gsedit.capture.exif import FULL_FRAME_DIAGONAL, Tags, camera_groups
 from gsedit.capture.photos import Photo
 from gsedit.capture.settings import LENSES, CaptureSettings
 
@@ -40,19 +40,19 @@ def groups_of(photos: Sequence[Photo], settings: CaptureSettings) -> tuple[Group
     """The prepared photos by camera."""
     by_source = {Path(photo.source): photo for photo in photos}
     return tuple(
-        _group(group, [by_source[path] for path in group.photos], settings)
+        _group(group, [by_source[path] for path in group], settings)
         for group in camera_groups(list(by_source))
     )
 
 
-def _group(group: CameraGroup, photos: Sequence[Photo], settings: CaptureSettings) -> Group:
-    first = photos[0]
-    focal, source = group.focal, group.focal_source
+def _group(group: dict[Path, Tags], photos: Sequence[Photo], settings: CaptureSettings) -> Group:
+    first, shown = photos[0], next(iter(group.values()))
+    focal, source = shown.focal, shown.focal_source
     if settings.focal is not None:
-        diagonal = float(np.hypot(group.width, group.height))
+        diagonal = float(np.hypot(shown.width, shown.height))
         focal, source = settings.focal / FULL_FRAME_DIAGONAL * diagonal, "--focal"
     return Group(
         tuple(photo.name for photo in photos), first.width, first.height,
-        None if focal is None else focal * first.width / group.width, source,
-        dict(zip((photo.name for photo in photos), group.gravity)),
+        None if focal is None else focal * first.width / shown.width, source,
+        {photo.name: tags.gravity for photo, tags in zip(photos, group.values())},
     )  # fmt: skip

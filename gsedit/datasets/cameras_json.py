@@ -8,8 +8,8 @@ picture. Source: `camera_to_JSON` of graphdeco-inria/gaussian-splatting, utils/c
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Sequence
+from functools import partial
 from math import isclose
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from gsedit.datasets.dataset import View
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.errors import InputError
 from gsedit.formats.limits import MAX_POSITION, MAX_SIDE, check_lens
-from gsedit.storage.atomic import atomic_path, check_writable
+from gsedit.storage.atomic import atomic_path, beside_or_shared
 from gsedit.storage.inputs import beside
 from gsedit.storage.json_files import list_of, number, numbers, object_of, read_json, text
 from gsedit.storage.safe_names import safe_name
@@ -92,7 +92,7 @@ def write_beside(
     exists and holds other cameras, unless `overwrite`.
     """
     path = place_beside(scene, viewpoints, overwrite=overwrite)
-    if not _same_cameras(path, viewpoints):
+    if not _same_cameras(viewpoints, path):
         write_cameras(viewpoints, path, overwrite=overwrite)
     return path
 
@@ -102,14 +102,11 @@ def place_beside(
 ) -> Path:
     """Return where `write_beside` writes. Raises what it raises."""
     scene = Path(scene)
-    path, own = scene.with_name(NAME), own_file(scene)
-    if os.path.lexists(own) or (os.path.lexists(path) and not _same_cameras(path, viewpoints)):
-        path = own
-    check_writable(path, overwrite=overwrite or _same_cameras(path, viewpoints))
-    return path
+    fits = partial(_same_cameras, viewpoints)
+    return beside_or_shared(own_file(scene), scene.with_name(NAME), fits, overwrite=overwrite)
 
 
-def _same_cameras(path: Path, viewpoints: Sequence[View | Viewpoint]) -> bool:
+def _same_cameras(viewpoints: Sequence[View | Viewpoint], path: Path) -> bool:
     """Whether a file has these names, poses and angles of view, at any size of the pictures."""
     try:
         found = read_cameras(path)

@@ -9,8 +9,8 @@ nerfstudio/data/dataparsers/nerfstudio_dataparser.py.
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,7 @@ from gsedit.datasets.dataset import Dataset
 from gsedit.errors import InputError
 from gsedit.formats.limits import MAX_POSITION
 from gsedit.scene.similarity import IDENTITY, Similarity, moved_camera, similarity_of
-from gsedit.storage.atomic import atomic_path, check_writable
+from gsedit.storage.atomic import atomic_path, beside_or_shared
 from gsedit.storage.inputs import beside
 from gsedit.storage.json_files import number, numbers, object_of, read_json
 
@@ -136,10 +136,7 @@ def frame_place(change: Similarity, scene: Path, *, overwrite: bool = False) -> 
     that says another frame, unless `overwrite`.
     """
     own, shared = beside(scene, NAME), scene.with_name(NAME)
-    is_own = os.path.lexists(own) or (os.path.lexists(shared) and not _says(shared, change))
-    path = own if is_own else shared
-    check_writable(path, overwrite=overwrite or _says(path, change))
-    return path
+    return beside_or_shared(own, shared, partial(_says, change), overwrite=overwrite)
 
 
 def write_export_frame(change: Similarity, scene: Path, *, overwrite: bool = False) -> Path:
@@ -148,12 +145,12 @@ def write_export_frame(change: Similarity, scene: Path, *, overwrite: bool = Fal
     Raises what `frame_place` raises.
     """
     path = frame_place(change, scene, overwrite=overwrite)
-    if not _says(path, change):
+    if not _says(change, path):
         write_dataparser(change, path, overwrite=overwrite)
     return path
 
 
-def _says(path: Path, change: Similarity) -> bool:
+def _says(change: Similarity, path: Path) -> bool:
     """Return whether a file holds this frame; False where it is none."""
     try:
         return np.allclose(read_dataparser(path).matrix, change.matrix, rtol=1e-12)

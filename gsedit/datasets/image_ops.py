@@ -4,11 +4,12 @@
 
 from __future__ import annotations
 
-from math import cos, radians, sin, sqrt
-
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
+
+from gsedit.scene.quaternions import axis_rotation
 
 
 def downscale(
@@ -35,13 +36,9 @@ def _area_weights(old: int, new: int) -> Float[Tensor, "{new} {old}"]:
 
 
 def rotate_hue(colors: Float[Tensor, "*n 3"], degrees: float) -> Float[Tensor, "*n 3"]:
-    """RGB turned about the grey axis (Rodrigues' formula), red towards green; greys stay.
+    """RGB turned about the grey axis, red towards green; greys stay.
 
     Not clipped: a color near the border of the cube may leave it.
     """
-    cosine, sine = cos(radians(degrees)), sin(radians(degrees))
-    identity = torch.eye(3, dtype=torch.float64)
-    grey = torch.full((3, 3), 1 / 3, dtype=torch.float64)
-    cross = torch.tensor([[0, -1, 1], [1, 0, -1], [-1, 1, 0]], dtype=torch.float64) / sqrt(3)
-    rotation = cosine * identity + (1 - cosine) * grey + sine * cross
+    rotation = torch.from_numpy(axis_rotation(np.ones(3), degrees))
     return colors @ rotation.T.to(colors)

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from functools import lru_cache
 from math import ceil, log10
 from pathlib import Path
-from typing import NamedTuple
 
 import torch
 from jaxtyping import Float
@@ -77,7 +76,7 @@ def load_dataset(path: str | Path, *, size: int | None = None, limit: int | None
         if value is not None and value < 1:
             raise UsageError(f"{name} is {value}, but must be at least 1: leave it out for all")
     capture = _read(path)
-    notes = [*capture.notes, *_missing(path, capture)]
+    notes = _missing(path, capture)
     offset = offset_of([photo.world_to_camera for photo in capture.photos])
     photos = capture.photos
     chosen = photos if limit is None else [photos[i] for i in evenly_spaced(len(photos), limit)]
@@ -137,14 +136,6 @@ def _missing(path: Path, capture: Capture) -> list[str]:
     return [f"{listed}: going on with the other {there}"]
 
 
-class _Scaled(NamedTuple):
-    """Counts for the note on photos whose size is not that of their calibration."""
-
-    folder: str
-    size: tuple[int, int]
-    calibrated: tuple[int, int]
-
-
 def _source(photo: PosedPhoto, size: int | None, where: str) -> Source:
     """The file to read a photo from, a smaller copy where that is enough, and its lens there."""
     path, images = photo.path, _images_folder(photo)
@@ -164,7 +155,7 @@ def _notes(photos: list[PosedPhoto] | tuple[PosedPhoto, ...], sources: list[Sour
     """Sizes that differ from the calibration, and masks, in a line each."""
     notes = []
     scaled = Counter(
-        _Scaled(source.path.parent.name, source.size, (photo.lens.width, photo.lens.height))
+        (source.path.parent.name, source.size, (photo.lens.width, photo.lens.height))
         for photo, source in zip(photos, sources)
     )
     for (folder, (width, height), (w, h)), count in scaled.items():

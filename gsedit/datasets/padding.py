@@ -34,11 +34,11 @@ def pad_camera(camera: Camera, multiple: int) -> Camera:
 
 
 def pad_to_multiple(
-    x: Shaped[Tensor, "..."], multiple: int, mode: PadMode, *, axis: int = 1, value: int | float = 0
+    x: Shaped[Tensor, "..."], multiple: int, mode: PadMode, *, axis: int = 1
 ) -> Shaped[Tensor, "..."]:
     """Rows (at `axis`) and columns (at the next) continued to a multiple; see `pad_to`."""
     height, width = (round_up(side, multiple) for side in x.shape[axis : axis + 2])
-    return pad_to(x, height, width, mode, axis=axis, value=value)
+    return pad_to(x, height, width, mode, axis=axis)
 
 
 def pad_to(

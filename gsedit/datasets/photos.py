@@ -15,7 +15,7 @@ from gsedit.datasets.undistort import Lens
 from gsedit.errors import InputError
 from gsedit.formats.limits import check_points
 from gsedit.formats.pictures import picture_size
-from gsedit.formats.ply.records import read_ply
+from gsedit.formats.ply.records import element_blocks, read_ply_header
 from gsedit.storage.inputs import file_inside
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG")
@@ -54,8 +54,6 @@ class Capture(NamedTuple):
     missing: tuple[str, ...]
     """The names of those that are not."""
     points: SparsePoints | None
-    notes: tuple[str, ...] = ()
-    """Surprises that were found, one sentence each."""
 
 
 def find_photo(folder: Path, relative: str, where: str) -> Path | None:
@@ -104,17 +102,21 @@ def find_mask(masks: Path, name: str) -> Path | None:
 
 def read_points(path: Path) -> SparsePoints | None:
     """The vertices of a point-cloud PLY; None if it has no rows. Raises InputError."""
-    vertex = read_ply(path).elements.get("vertex")
-    if vertex is None or not {"x", "y", "z"} <= set(vertex.dtype.names or ()):
+    header = read_ply_header(path)
+    vertex = header.element("vertex")
+    if vertex is None or vertex.has_lists or not {"x", "y", "z"} <= set(vertex.names):
         raise InputError(f"{path} has no vertices with x, y and z: export the sparse points again")
-    xyz = _table(vertex, ("x", "y", "z"))
+    rows = next(element_blocks(path, header, "vertex", vertex.count or 1), None)
+    if rows is None:
+        return None
+    xyz = _table(rows, ("x", "y", "z"))
     check_points(xyz, str(path))
     rgb = None
-    if {"red", "green", "blue"} <= set(vertex.dtype.names or ()):
-        whole = vertex.dtype["red"].kind in "iu"  # integers count to 255, floats to 1
-        rgb = _table(vertex, ("red", "green", "blue")).float() / (255 if whole else 1)
+    if {"red", "green", "blue"} <= set(vertex.names):
+        whole = rows.dtype["red"].kind in "iu"  # integers count to 255, floats to 1
+        rgb = _table(rows, ("red", "green", "blue")).float() / (255 if whole else 1)
         rgb = rgb.clamp(0, 1)
-    return SparsePoints(xyz, rgb) if len(vertex) else None
+    return SparsePoints(xyz, rgb)
 
 
 def _table(rows: np.ndarray, names: tuple[str, ...]) -> Float[Tensor, "n c"]:

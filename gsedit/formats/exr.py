@@ -43,18 +43,6 @@ def write_exr(
             raise OSError(str(error)) from error
 
 
-def to_linear(srgb: Float[np.ndarray, "*s"]) -> Float[np.ndarray, "*s"]:
-    """Linear light of sRGB values (IEC 61966-2-1); above 1 by the same formula, below 0 linear."""
-    curve = ((np.maximum(srgb, 0.04045) + 0.055) / 1.055) ** 2.4
-    return np.where(srgb <= 0.04045, srgb / 12.92, curve).astype(srgb.dtype)
-
-
-def to_srgb(linear: Float[np.ndarray, "*s"]) -> Float[np.ndarray, "*s"]:
-    """The inverse of `to_linear`."""
-    curve = 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055
-    return np.where(linear <= 0.0031308, linear * 12.92, curve).astype(linear.dtype)
-
-
 def _import() -> Any:
     try:
         import OpenEXR

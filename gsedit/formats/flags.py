@@ -34,9 +34,7 @@ def read_flags(path: Path | str, count: int) -> Bool[np.ndarray, " n"]:
     return np.asarray(flags != 0)
 
 
-def write_flags(
-    flags: Bool[np.ndarray, " n"], path: Path | str, *, overwrite: bool = False
-) -> None:
-    """Write the file. Raises UsageError where it exists (and not `overwrite`)."""
+def write_flags(flags: np.ndarray, path: Path | str, *, overwrite: bool = False) -> None:
+    """Write flags, or numbers. Raises UsageError where the file exists (and not `overwrite`)."""
     with atomic_path(path, overwrite=overwrite) as temporary, temporary.open("wb") as handle:
         np.save(handle, flags)

@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Float32
 
 from gsedit.errors import InputError
-from gsedit.formats.quantised import LOGIT_MAX
+from gsedit.formats.quantised import log_scales_of, logits_of
 from gsedit.formats.streams import AT_ONCE, Blocks, ReadOptions, SceneHeader, SceneSource
 from gsedit.scene.table import SplatTable
 from rasterizer.numerics import color_to_sh
@@ -173,11 +173,8 @@ def _unpacked(
     if origins is not None:
         with np.errstate(invalid="ignore", over="ignore"):  # damaged rows are found later
             means = (means - section.middle) * np.float32(section.step) + origins
-    scales, rgba = rows["scales"].astype(np.float32), rows["rgba"].astype(np.float32) / 255
-    tiny = np.finfo(np.float32).tiny  # as in .splat: exporters round tiny scales to 0
-    with np.errstate(divide="ignore", invalid="ignore"):
-        log_scales = np.log(np.where(scales == 0, tiny, scales))
-        logits = np.log(rgba[:, 3] / (1 - rgba[:, 3])).clip(-LOGIT_MAX, LOGIT_MAX)
+    rgba = rows["rgba"].astype(np.float32) / 255
+    log_scales = log_scales_of(rows["scales"].astype(np.float32))
     sh = np.zeros((len(rows), k, 3), np.float32)
     sh[:, 0] = color_to_sh(rgba[:, :3])
     if section.degree:
@@ -187,7 +184,8 @@ def _unpacked(
             rest = rest / 255 * np.float32(high - low) + np.float32(low)
         for degree in range(1, section.degree + 1):
             sh[:, degree**2 : (degree + 1) ** 2] = _band(rest, degree)
-    return SplatTable(means, rows["quats"].astype(np.float32), log_scales, logits, sh)
+    quats = rows["quats"].astype(np.float32)
+    return SplatTable(means, quats, log_scales, logits_of(rgba[:, 3]), sh)
 
 
 def _band(rest: Float32[np.ndarray, "n c"], degree: int) -> Float32[np.ndarray, "n m 3"]:

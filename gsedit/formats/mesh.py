@@ -7,6 +7,7 @@ point cloud becomes round Gaussians as wide as their neighbors are far.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -16,9 +17,9 @@ from PIL import Image
 
 from gsedit.errors import InputError
 from gsedit.formats.axes import LUF, from_axes
-from gsedit.formats.exr import to_linear, to_srgb
 from gsedit.formats.mesh_files import geometries
 from gsedit.formats.streams import ReadOptions, SceneHeader, SceneSource, in_blocks
+from gsedit.scene.color_space import linear_of_srgb, srgb_of_linear
 from gsedit.scene.neighbors import k_nearest
 from gsedit.scene.table import SplatTable, concatenate_tables
 from rasterizer.numerics import color_to_sh
@@ -48,7 +49,7 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
     if not surfaces and not clouds:
         raise InputError(f"{path} holds no surface and no points: export it again")
     total = sum(surface.area for surface in surfaces)
-    rng = np.random.default_rng(options.seed)
+    rng = np.random.default_rng(0)
     shares = [max(1, round(options.samples * s.area / total)) for s in surfaces]
     gltf = path.suffix.lower() in (".glb", ".gltf")
     colors = _gltf_colors if gltf else _colors
@@ -109,7 +110,7 @@ def _balls(cloud: Any, *, linear: bool) -> SplatTable:
     if colors.shape[:1] != points.shape[:1]:
         colors = GREY
     else:
-        colors = to_srgb(colors[:, :3] / 255) if linear else colors[:, :3] / 255
+        colors = srgb_of_linear(colors[:, :3] / 255) if linear else colors[:, :3] / 255
     identity = np.broadcast_to([1.0, 0, 0, 0], (len(points), 4))
     return _table(points, identity, sizes, np.broadcast_to(colors, points.shape))
 
@@ -167,12 +168,12 @@ def _gltf_colors(
     picture, uv = getattr(material, "baseColorTexture", None), _uv(mesh)
     if isinstance(picture, Image.Image) and uv is not None:
         at = (uv[corners] * weights[:, :, None]).sum(1)
-        light = light * to_linear(_texels(picture, at))
+        light = light * linear_of_srgb(_texels(picture, at))
     if of_vertices is not None and len(of_vertices) == len(mesh.vertices):
         levels = np.asarray(of_vertices)
         most = np.iinfo(levels.dtype).max if levels.dtype.kind == "u" else 1
         light = light * (levels[corners, :3] / most * weights[:, :, None]).sum(1)
-    return to_srgb(np.broadcast_to(light, (len(faces), 3)))
+    return srgb_of_linear(np.broadcast_to(light, (len(faces), 3)))
 
 
 def _uv(mesh: Any) -> Float[np.ndarray, "v 2"] | None:
@@ -185,19 +186,13 @@ def _uv(mesh: Any) -> Float[np.ndarray, "v 2"] | None:
 
 def _texels(picture: Any, uv: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:
     """Colors of a picture, repeated, at texture coordinates whose v points up: bilinear."""
+    from scipy.ndimage import map_coordinates
+
     pixels = np.asarray(picture.convert("RGB"))
     height, width = pixels.shape[:2]
-    uv = uv % 1
-    x, y = uv[:, 0] * width - 0.5, (1 - uv[:, 1]) * height - 0.5
-    left, top = np.floor(x).astype(int), np.floor(y).astype(int)
-    right, down = (x - left)[:, None], (y - top)[:, None]
-
-    def at(dx: int, dy: int) -> np.ndarray:
-        return pixels[(top + dy) % height, (left + dx) % width] / 255
-
-    upper = at(0, 0) * (1 - right) + at(1, 0) * right
-    lower = at(0, 1) * (1 - right) + at(1, 1) * right
-    return upper * (1 - down) + lower * down
+    places = (1 - uv[:, 1] % 1) * height - 0.5, uv[:, 0] % 1 * width - 0.5
+    look_up = partial(map_coordinates, coordinates=places, output=float, order=1, mode="grid-wrap")
+    return np.stack([look_up(pixels[..., channel]) for channel in range(3)], -1) / 255
 
 
 def _turned_to(normals: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 4"]:

@@ -11,12 +11,11 @@ import numpy as np
 from gsedit.errors import InputError, UsageError
 from gsedit.formats.registry import READABLE, WRITABLE, open_scene, write_scene
 from gsedit.formats.streams import (
-    AS_SPECIFIED,
     USUAL,
-    ReadOptions,
     SceneHeader,
     WriteOptions,
     gather,
+    header_of,
     in_blocks,
 )
 from gsedit.formats.validity import Guard
@@ -49,11 +48,9 @@ def load(path: str | Path, *, drop_invalid: bool = False) -> Gaussians:
     return read_scene(path, drop_invalid=drop_invalid).scene
 
 
-def read_scene(
-    path: str | Path, *, drop_invalid: bool = False, options: ReadOptions = AS_SPECIFIED
-) -> SceneFile:
+def read_scene(path: str | Path, *, drop_invalid: bool = False) -> SceneFile:
     """`load`, with notes on everything in the file that did not become part of the scene."""
-    source = open_scene(path, options)
+    source = open_scene(path)
     guard = Guard(drop=drop_invalid)
     table = gather(guard(source.blocks()), source.header, source.count)
     guard.check(source.path)
@@ -86,5 +83,4 @@ def save(
     for _ in guard(in_blocks(table)):
         pass
     guard.check(Path(path), lambda text: UsageError(f"{text}; nothing was written"))
-    header = SceneHeader(table.degree)
-    write_scene(path, header, in_blocks(table), options=options, overwrite=overwrite)
+    write_scene(path, header_of(table), in_blocks(table), options=options, overwrite=overwrite)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from gsedit.errors import InputError
-from gsedit.formats.quantised import bytes_of, finite_logits
+from gsedit.formats.quantised import bytes_of, log_scales_of, logits_of
 from gsedit.formats.streams import (
     AT_ONCE,
     Blocks,
@@ -68,9 +68,7 @@ def _read(path: Path, count: int) -> Blocks:
 def _unpack(rows: np.ndarray) -> SplatTable:
     rgba = rows["rgba"].astype(np.float32) / 255
     quats = (rows["quats"].astype(np.float32) - 128) / 128
-    # exporters round tiny scales to 0: the smallest normal float keeps the logarithm finite
-    scales = np.where(rows["scales"] == 0, np.finfo(np.float32).tiny, rows["scales"])
-    with np.errstate(divide="ignore", invalid="ignore"):  # damaged rows are found later
-        log_scales, logits = np.log(scales), np.log(rgba[:, 3] / (1 - rgba[:, 3]))
-    sh = color_to_sh(rgba[:, None, :3])
-    return finite_logits(SplatTable(rows["means"].copy(), quats, log_scales, logits, sh))
+    log_scales, logits = log_scales_of(rows["scales"]), logits_of(rgba[:, 3])
+    return SplatTable(
+        rows["means"].copy(), quats, log_scales, logits, color_to_sh(rgba[:, None, :3])
+    )

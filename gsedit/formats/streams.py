@@ -73,8 +73,6 @@ class ReadOptions:
     """Axes of an .spz that names none: rub (its specification) or rdf (as some writers store)."""
     samples: int = 100_000
     """Gaussians on the surfaces of a mesh."""
-    seed: int = 0
-    """Seed of the random positions on a mesh."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +107,11 @@ def gather(blocks: Blocks, header: SceneHeader, count: int) -> SplatTable:
         filled = end
     whole = whole if filled == count else whole[:filled]
     return concatenate_tables([whole, *rest])
+
+
+def header_of(table: SplatTable) -> SceneHeader:
+    """The header of a scene in memory."""
+    return SceneHeader(table.degree, {name: c.dtype for name, c in table.extra.items()})
 
 
 def in_blocks(table: SplatTable, rows: int = AT_ONCE) -> Blocks:

@@ -13,11 +13,12 @@ from PIL import Image
 from torch import Tensor
 
 from gsedit.errors import UsageError
-from gsedit.formats.exr import to_linear, write_exr
+from gsedit.formats.exr import write_exr
 from gsedit.formats.pictures import as_picture, save_picture
 from gsedit.pictures.depth_pictures import depth_picture
 from gsedit.pictures.frames import alpha_levels, normal_colors, panels
 from gsedit.pictures.maps import MapName, Maps, render_maps
+from gsedit.scene.color_space import linear_of_srgb
 from gsedit.storage.atomic import atomic_path
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, DEFAULT, Execution, Numerics
@@ -138,7 +139,7 @@ def exr_channels(maps: Maps, show: Shown) -> dict[str, Float[np.ndarray, "h w"]]
         values = map_numbers(maps, name)
         match name:
             case "color":
-                channels |= dict(zip("RGB", np.moveaxis(to_linear(values), -1, 0)))
+                channels |= dict(zip("RGB", np.moveaxis(linear_of_srgb(values), -1, 0)))
             case "normals":
                 channels |= dict(zip(("N.X", "N.Y", "N.Z"), np.moveaxis(values, -1, 0)))
             case "depth":

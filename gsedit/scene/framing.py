@@ -5,17 +5,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import pi, radians, sin
+from math import radians, sin
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.errors import UsageError
+from gsedit.scene.quaternions import AXES, even_directions
 from rasterizer.camera import Camera, look_at
 from rasterizer.scene import Gaussians
 
-UP_AXES = {"x": 0, "y": 1, "z": 2}
 GROUND_SHARE = 0.22  # of the centers near the middle: fewer in one layer are no ground
 ABOVE_SHARE = 0.2  # fewer above the layer: the layer may be a wall or a ceiling
 NEAR_SHARE = 0.005
@@ -80,7 +80,7 @@ def guess_up(scene: Gaussians) -> Float[Tensor, "3"]:
     radius = distance.sort().values[int(0.4 * (len(near) - 1))]
     near = near[distance <= radius] / radius.clamp_min(1e-12)
     near = near[:: 1 + len(near) // 20_000]  # enough to find a plane
-    directions = _hemisphere(400)
+    directions = torch.tensor(even_directions(800)[:400])  # the upper hemisphere
     layers = torch.stack([torch.histc(height, 32, -1, 1) for height in directions @ near.T])
     best = int(layers.amax(1).argmax())
     shares = layers[best] / layers[best].sum()
@@ -92,21 +92,11 @@ def guess_up(scene: Gaussians) -> Float[Tensor, "3"]:
     return directions[best] if ahead > behind else -directions[best]
 
 
-def _hemisphere(count: int) -> Float[Tensor, "n 3"]:
-    """Evenly spread directions, one of each opposite pair (a Fibonacci spiral)."""
-    index = torch.arange(count, dtype=torch.float64) + 0.5
-    z = 1 - index / count
-    angle = index * pi * (1 + 5**0.5)
-    return torch.stack(((1 - z**2).sqrt() * angle.cos(), (1 - z**2).sqrt() * angle.sin(), z), 1)
-
-
 def up_vector(axis: str) -> Float[Tensor, "3"]:
     """The unit vector, float64, of an axis name: x, -x, y, -y, z or -z; otherwise UsageError."""
-    if axis.lstrip("-") not in UP_AXES or axis.count("-") > 1:
+    if axis not in AXES:
         raise UsageError(f"up axis '{axis}': use one of x, -x, y, -y, z, -z")
-    vector = torch.zeros(3, dtype=torch.float64)
-    vector[UP_AXES[axis[-1]]] = -1.0 if axis.startswith("-") else 1.0
-    return vector
+    return torch.from_numpy(AXES[axis]).clone()
 
 
 def framing_camera(

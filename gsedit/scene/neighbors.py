@@ -29,7 +29,8 @@ def nearest(
 
     Gaussians at the very same place count as one: they would hide how far the others are.
     """
-    first, same = _places(means)
+    _, first, same = np.unique(means, axis=0, return_index=True, return_inverse=True)
+    same = same.reshape(-1)  # numpy 2.0 gives it another shape
     places = means[first].astype(np.float64)
     k = min(k, len(places) - 1)
     if k < 1:
@@ -89,13 +90,10 @@ def k_nearest(
     return distance, rows
 
 
-def _places(
-    means: Float[np.ndarray, "n 3"],
-) -> tuple[Int64[np.ndarray, " u"], Int64[np.ndarray, " n"]]:
-    """A row of each distinct position, and which of these each Gaussian is at."""
-    order = np.lexsort(means.T)
-    new = np.ones(len(means), bool)
-    new[1:] = (means[order[1:]] != means[order[:-1]]).any(1)
-    same = np.empty(len(means), np.int64)
-    same[order] = np.cumsum(new) - 1
-    return order[new], same
+def linked(pairs: Int64[np.ndarray, "p 2"], count: int) -> Int64[np.ndarray, " n"]:
+    """The number, from 0, of the group that pairs link each of `count` things to."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    graph = coo_matrix((np.ones(len(pairs), bool), tuple(pairs.T)), (count, count))
+    return connected_components(graph, directed=False)[1].astype(np.int64)

@@ -8,6 +8,13 @@ from math import factorial, isqrt, pi, sqrt
 import numpy as np
 from jaxtyping import Float, Float32, Float64
 
+AXES = {
+    f"{sign}{name}": float(f"{sign}1") * axis + 0.0
+    for sign in ("", "-")
+    for name, axis in zip("xyz", np.eye(3))
+}
+"""The coordinate axes and their opposites by name, as unit vectors."""
+
 
 def rotations(quats: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n 3 3"]:
     """Rotation matrices of quaternions wxyz of any norm above 0; columns are the turned axes.
@@ -137,12 +144,12 @@ def rotate_sh(
     return (sh.reshape(n, 3 * k).astype(np.float64) @ pairs.T).astype(np.float32).reshape(n, k, 3)
 
 
-@lru_cache(4)
+@lru_cache(8)
 def even_directions(count: int) -> Float64[np.ndarray, "m 3"]:
     """Unit vectors, even over the sphere: Fibonacci's lattice."""
     i = np.arange(count) + 0.5
     z = 1 - 2 * i / count
-    angle = i * pi * (3 - sqrt(5))
+    angle = i * pi * (1 + sqrt(5))
     ring = np.sqrt(1 - z * z)
     return np.stack((ring * np.cos(angle), ring * np.sin(angle), z), 1)
 

@@ -79,16 +79,12 @@ SPLAT_FIELDS = tuple(f.name for f in fields(SplatTable) if f.name != "extra")
 def concatenate_tables(tables: Iterable[SplatTable]) -> SplatTable:
     """One table of all rows, in order. All have one SH degree and the same columns."""
     parts = list(tables)
+    parts = [table for table in parts if len(table)] or parts[:1]
     if len(parts) == 1:
         return parts[0]
     arrays = {name: np.concatenate([getattr(t, name) for t in parts]) for name in SPLAT_FIELDS}
     extra = {name: np.concatenate([t.extra[name] for t in parts]) for name in parts[0].extra}
     return SplatTable(**arrays, extra=extra)
-
-
-def empty_table(degree: int, extra: Mapping[str, np.dtype] | None = None) -> SplatTable:
-    """A table of no rows."""
-    return uninitialised(0, degree, extra or {})
 
 
 def uninitialised(count: int, degree: int, extra: Mapping[str, np.dtype]) -> SplatTable:

@@ -7,7 +7,7 @@ import os
 import re
 import secrets
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from platform import node
@@ -71,6 +71,20 @@ def check_writable(path: str | Path, *, overwrite: bool = False) -> None:
         raise UsageError(f"{path} is a folder: name the file to write inside it")
     if os.path.lexists(path) and not overwrite:
         raise _exists(path)
+
+
+def beside_or_shared(
+    own: Path, shared: Path, fits: Callable[[Path], bool], *, overwrite: bool = False
+) -> Path:
+    """Return where to write what belongs to one scene of a folder: `shared`, or `own` where that
+    is there, or where the shared file belongs to another scene (`fits` tells).
+
+    Raises UsageError where the place is taken by something that does not fit, unless `overwrite`.
+    """
+    is_own = os.path.lexists(own) or (os.path.lexists(shared) and not fits(shared))
+    path = own if is_own else shared
+    check_writable(path, overwrite=overwrite or fits(path))
+    return path
 
 
 @contextmanager

@@ -10,13 +10,14 @@ import numpy as np
 from jaxtyping import Float64
 
 from gsedit.errors import UsageError
-from gsedit.scene.quaternions import quaternion_of, turn_between
-from gsedit.scene.similarity import IDENTITY, Similarity
+from gsedit.scene.quaternions import AXES, quaternion_of, turn_between
+from gsedit.scene.similarity import Similarity
 from gsedit.scene.table import SplatTable, gaussians_of
-from gsedit.toolkit.operation import Say, Scene, Whole, apply
+from gsedit.toolkit.operation import Say
 from gsedit.toolkit.order import importance
 from gsedit.toolkit.registration import register
-from gsedit.toolkit.steps import AXES, scale
+from gsedit.toolkit.steps import scale
+from gsedit.toolkit.transform import Placing
 
 SAMPLED_SPLATS = 20_000
 """Splats that are looked at, drawn by opacity times area."""
@@ -31,6 +32,8 @@ LEAST_SHARE = 0.02
 """Share of the splats that a ground holds."""
 TILT = 35.0
 """Degrees that the ground may lean against an upward direction that is given."""
+UNSURE = 0.2
+"""Share of splats with a partner below which a person is told to look."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,23 +114,15 @@ def _judge(
 
 
 @dataclass(frozen=True, eq=False)
-class Align(Whole):
+class Align(Placing):
     """An operation that finds where the scene is to go, and moves it there."""
 
-    cameras: bool = field(default=False, kw_only=True)
-    """Whether the cameras beside the scene's file are to move along."""
     save: Path | None = field(default=None, kw_only=True)
     """The .json to write the similarity to."""
-    found: list[Similarity] = field(default_factory=list, repr=False, kw_only=True)
 
     @property
     def moves(self) -> bool:
         return True
-
-    @property
-    def moved(self) -> Similarity:
-        """The similarity that was applied to the scene; known after the work."""
-        return self.found[-1] if self.found else IDENTITY
 
     def apply(self, table: SplatTable, say: Say) -> SplatTable:
         similarity = self.find(table, say)
@@ -162,9 +157,9 @@ class AlignToGround(Align):
 
             near = guess_up(gaussians_of(table)).numpy()
         else:
-            near = np.array(AXES[self.near], np.float64)
+            near = AXES[self.near]
         plane = find_ground(table, near)
-        axis = np.array(AXES[self.up], np.float64)
+        axis = AXES[self.up]
         tilt = float(np.degrees(np.arccos(np.clip(plane.normal @ axis, -1, 1))))
         say(
             f"the ground leans {tilt:.2f} degrees against {self.up}; it holds "
@@ -206,30 +201,9 @@ class AlignLength(Align):
         return scale(self.length / apart)
 
 
-UNSURE = 0.2
-"""Share of splats with a partner below which a person is told to look."""
-
-
 def describe(similarity: Similarity) -> str:
     """Describe a similarity in one line, for a person."""
     turn = -similarity.turn if similarity.mirrors else similarity.turn
     degrees = 2 * np.degrees(np.arccos(min(quaternion_of(turn)[0], 1.0)))
     move = ", ".join(f"{value:.6g}" for value in similarity.translation)
     return f"scaled by {similarity.scale:.6g}, turned by {degrees:.2f} degrees, moved by {move}"
-
-
-def align_to_ground(scene: Scene, up: str = "-y", near: str | None = None) -> Scene:
-    """The scene on its ground, at 0 along the axis `up`. Raises UsageError where none is found."""
-    return apply(scene, AlignToGround(up, near))
-
-
-def align_length(
-    scene: Scene, first: Sequence[float], second: Sequence[float], length: float
-) -> Scene:
-    """The scene scaled so that two points of it are `length` apart."""
-    return apply(scene, AlignLength(first, second, length))
-
-
-def align_to(scene: Scene, other: SplatTable) -> Scene:
-    """The scene laid on another one, which may show only a part of it, or more."""
-    return apply(scene, AlignTo(other))

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from gsedit.formats.flags import write_flags
 from gsedit.formats.streams import SceneHeader
-from gsedit.scene.table import SplatTable
+from gsedit.scene.table import SplatTable, gaussians_of
 from gsedit.toolkit.defects import UNSEEN
 from gsedit.toolkit.filter import as_selection
 from gsedit.toolkit.find_defects import KEPT, REASONS, USUAL, Limits, find_defects
@@ -68,7 +68,7 @@ class Clean(Whole):
             if count and number != KEPT:
                 say(f"{count:,} {name}" + (f" ({COLUMN} {number})" if self.numbered else ""))
         if self.reasons is not None:
-            write_reasons(self.reasons, why, overwrite=self.overwrite)
+            write_flags(why, self.reasons, overwrite=self.overwrite)
         if self.mark:
             return table.replace(extra={**table.extra, COLUMN: why})
         return table if counts[KEPT] == len(table) else table[why == KEPT]
@@ -94,34 +94,19 @@ def clean(
     for each reason, with its count.
     """
     some = None if where is None else as_selection(where)
-    return apply(scene, Clean(limits, partial(_given, cameras), some), say=say)
-
-
-def _given(cameras: Sequence[Camera], scene: Any, path: Path | None) -> Sequence[Camera]:
-    return cameras
+    return apply(scene, Clean(limits, lambda scene, path: cameras, some), say=say)
 
 
 def mark_unseen(
     table: SplatTable, why: UInt8[np.ndarray, " n"], capture: FindCameras, path: Path | None
 ) -> None:
     """Give the rows without a reason that no camera sees their reason. Needs torch."""
-    from gsedit.scene.table import gaussians_of
-    from gsedit.toolkit.clean import most_seen
-
     left = np.flatnonzero(why == KEPT)
     scene = gaussians_of(table[left])
     views = capture(scene, path)
     if len(views):
         unseen = most_seen(scene, views) < UNSEEN.threshold
         why[left[unseen]] = REASONS.index(UNSEEN.name)
-
-
-def write_reasons(path: Path, reasons: np.ndarray, *, overwrite: bool = False) -> None:
-    """Write an array of reasons as .npy, whole or not at all. Raises UsageError if it exists."""
-    from gsedit.storage.atomic import atomic_path
-
-    with atomic_path(path, overwrite=overwrite) as temporary, temporary.open("wb") as handle:
-        np.save(handle, reasons)
 
 
 SIZE_PIXELS = 128

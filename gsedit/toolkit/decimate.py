@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import ceil
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from gsedit.errors import InputError, UsageError
 from gsedit.formats.validity import describe_invalid, invalid_rows
 from gsedit.scene.merging.pairs import groups, represent
-from gsedit.scene.table import SplatTable, gaussians_of, table_of
-from gsedit.toolkit.operation import Say, Scene, Whole, apply
+from gsedit.scene.table import SplatTable
+from gsedit.toolkit.operation import Say, Whole
 from gsedit.toolkit.order import importance
 
 if TYPE_CHECKING:
@@ -83,17 +83,6 @@ def fewer(table: SplatTable, count: int, method: str) -> SplatTable:
     return represent(table, groups(table, count))
 
 
-def decimate(
-    scene: Scene,
-    count: int | None = None,
-    *,
-    share: float | None = None,
-    method: str = "merge",
-) -> Scene:
-    """The scene with `count` Gaussians, or a `share` of them in (0, 1]."""
-    return apply(scene, Decimate(count, share, method))
-
-
 def lod_tables(table: SplatTable, levels: int, share: float) -> Iterator[SplatTable]:
     """The table, then each level made from the one before, with `share` of its rows.
 
@@ -108,13 +97,3 @@ def lod_tables(table: SplatTable, levels: int, share: float) -> Iterator[SplatTa
     for _ in range(levels - 1):
         table = fewer(table, share_of(len(table), share), "merge")
         yield table
-
-
-def lod(scene: Scene, levels: int = 4, share: float = 0.5) -> list[Scene]:
-    """The scene and `levels` - 1 coarser ones, each with `share` of the Gaussians of the one
-    before."""
-    given: Any = scene
-    if isinstance(given, SplatTable):
-        return list(lod_tables(given, levels, share))  # pyright: ignore[reportReturnType]
-    tables = lod_tables(table_of(given), levels, share)
-    return [gaussians_of(table) for table in tables]  # pyright: ignore[reportReturnType]

@@ -14,8 +14,9 @@ import numpy as np
 from jaxtyping import Float64
 
 from gsedit.errors import UsageError
+from gsedit.scene.color_space import LUMINANCE, XYZ_OF_RGB
+from gsedit.scene.quaternions import axis_rotation
 from gsedit.toolkit.color_maps import Affine
-from gsedit.toolkit.color_space import LUMINANCE, XYZ_OF_RGB
 
 GAMMA = 2.2
 """Exponent of the display: turns a factor of light into a factor of display colors."""
@@ -77,7 +78,8 @@ class Grade:
         greyed = self.saturation * np.eye(3) + (1 - self.saturation) * luma
         zero, offset = np.zeros(3), np.full(3, GREY * (1 - self.contrast))
         lit = Affine(np.diag(gains), zero).then(Affine(self.contrast * np.eye(3), offset))
-        return lit.then(Affine(greyed, zero)).then(Affine(_about_grey(self.hue), zero))
+        turned = axis_rotation(np.ones(3), self.hue)  # about the grey axis
+        return lit.then(Affine(greyed, zero)).then(Affine(turned, zero))
 
     def _gains(self) -> Float64[np.ndarray, "3"]:
         """Factors of linear red, green and blue."""
@@ -154,11 +156,3 @@ def parse_curve(text: str) -> CurvePoints:
 def curve_text(points: CurvePoints) -> str:
     """The points as `parse_curve` reads them."""
     return ",".join(f"{x:g}:{y:g}" for x, y in points)
-
-
-def _about_grey(degrees: float) -> Float64[np.ndarray, "3 3"]:
-    """The rotation about (1, 1, 1), red towards green (Rodrigues)."""
-    angle = np.radians(degrees)
-    cross = np.array([[0, -1, 1], [1, 0, -1], [-1, 1, 0]]) / np.sqrt(3)
-    grey = np.full((3, 3), 1 / 3)
-    return np.cos(angle) * np.eye(3) + (1 - np.cos(angle)) * grey + np.sin(angle) * cross

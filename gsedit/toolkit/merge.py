@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from gsedit.formats.streams import PROGRAM, Blocks, SceneHeader, SceneSource, in_blocks
+from gsedit.formats.streams import PROGRAM, Blocks, SceneHeader, SceneSource, header_of, in_blocks
 from gsedit.formats.validity import Guard
 from gsedit.scene.table import SplatTable, table_of
 from gsedit.toolkit.operation import Operation, Say, Scene, apply
@@ -95,6 +95,5 @@ def merge(scene: Scene, *others: Scene) -> Scene:
 
 def _source(index: int, scene: Any) -> SceneSource:
     table = scene if isinstance(scene, SplatTable) else table_of(scene)
-    header = SceneHeader(table.degree, {name: c.dtype for name, c in table.extra.items()})
     path = Path(f"scene {index + 2}")
-    return SceneSource(path, "in memory", header, len(table), partial(in_blocks, table))
+    return SceneSource(path, "in memory", header_of(table), len(table), partial(in_blocks, table))

@@ -9,14 +9,8 @@ from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
 from gsedit.errors import UsageError
-from gsedit.formats.streams import Blocks, SceneHeader, in_blocks
-from gsedit.scene.table import (
-    SplatTable,
-    concatenate_tables,
-    empty_table,
-    gaussians_of,
-    table_of,
-)
+from gsedit.formats.streams import Blocks, SceneHeader, gather, header_of, in_blocks
+from gsedit.scene.table import SplatTable, gaussians_of, table_of
 from gsedit.toolkit.selection.saved import saved_flags
 
 Say = Callable[[str], None]
@@ -78,10 +72,7 @@ class Whole(Operation):
         """All rows afterwards. Does not write into the arrays of `table`."""
 
     def blocks(self, blocks: Blocks, header: SceneHeader, say: Say) -> Blocks:
-        tables = list(blocks)
-        whole = concatenate_tables(tables) if tables else empty_table(header.degree, header.extra)
-        tables.clear()
-        yield from in_blocks(self.apply(whole, say))
+        yield from in_blocks(self.apply(gather(blocks, header, 0), say))
 
 
 @dataclass
@@ -133,10 +124,8 @@ def apply(scene: Scene, *operations: Operation, say: Say = silent) -> Scene:
     gradients. The scene itself does not change."""
     given: Any = scene
     table = given if isinstance(given, SplatTable) else table_of(given)
-    start = SceneHeader(table.degree, {name: c.dtype for name, c in table.extra.items()})
-    header, blocks, _ = run(start, iter([table]), operations, say)
-    tables = list(blocks)
-    done = concatenate_tables(tables) if tables else empty_table(header.degree, header.extra)
+    header, blocks, _ = run(header_of(table), iter([table]), operations, say)
+    done = gather(blocks, header, 0)
     after: Any = done if isinstance(given, SplatTable) else gaussians_of(done)
     return after
 

@@ -12,7 +12,7 @@ from gsedit.errors import UsageError
 from gsedit.scene.merging.pairs import mean_area
 from gsedit.scene.morton import morton_order
 from gsedit.scene.table import SplatTable
-from gsedit.toolkit.operation import Say, Scene, Whole, apply
+from gsedit.toolkit.operation import Say, Whole
 
 
 @dataclass(frozen=True)
@@ -35,8 +35,3 @@ class Order(Whole):
 def importance(table: SplatTable) -> Float[np.ndarray, " n"]:
     """Opacity times mean projected area."""
     return table.opacities.astype(np.float64) * mean_area(table.scales)
-
-
-def order(scene: Scene, by: str = "morton") -> Scene:
-    """The scene with its rows sorted by "morton" or "importance"."""
-    return apply(scene, Order(by))

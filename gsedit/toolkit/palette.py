@@ -11,11 +11,10 @@ from jaxtyping import Float32
 from gsedit.errors import InputError, UsageError
 from gsedit.scene.table import SplatTable
 from gsedit.toolkit.color_maps import as_table
-from gsedit.toolkit.filter import as_selection
-from gsedit.toolkit.operation import Say, Scene, Whole, apply
+from gsedit.toolkit.color_transfer import color_transport, sliced_distance
+from gsedit.toolkit.operation import Say, Whole
 from gsedit.toolkit.recolor import recolored
 from gsedit.toolkit.selection.base import EVERYTHING, Selection
-from gsedit.toolkit.transport import color_transport, sliced_distance
 
 PICTURE_SIZE = 256
 """Longer side that a picture is reduced to, pixels: its colors hardly change."""
@@ -33,7 +32,6 @@ class Palette(Whole):
     picture: Path
     strength: float = 1.0
     """Share of the way to the other palette in Lab, 0 to 1."""
-    seed: int = 0
     selection: Selection = field(default=EVERYTHING, kw_only=True)
 
     def __post_init__(self) -> None:
@@ -50,7 +48,7 @@ class Palette(Whole):
         sample = rows[:: -(-len(rows) // SAMPLED)]
         colors, weights = table.colors[sample], table.opacities[sample]
         goal = read_colors(self.picture)
-        transport = color_transport(colors, weights, goal, self.strength, self.seed)
+        transport = color_transport(colors, weights, goal, self.strength)
         after = recolored(table, inside, as_table(transport))
         distances = [sliced_distance(each.colors[sample], weights, goal) for each in (table, after)]
         say(
@@ -75,10 +73,3 @@ def read_colors(path: Path) -> Float32[np.ndarray, "m 3"]:
     if not len(seen):
         raise InputError(f"{path} is transparent throughout: it has no colors")
     return seen
-
-
-def match_palette(
-    scene: Scene, picture: Path | str, *, strength: float = 1.0, where: Selection | str = EVERYTHING
-) -> Scene:
-    """The scene with the colors of a picture; see `Palette`."""
-    return apply(scene, Palette(Path(picture), strength, selection=as_selection(where)))

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gsedit.cameras.orbit import orbit
-from gsedit.measures.metrics import psnr
+from gsedit.measures.decibels import psnr_from_rmse
+from gsedit.measures.metrics import pooled_rmse, squared_error
 from gsedit.scene.picture import render_picture
 from gsedit.scene.table import SplatTable, gaussians_of
 from rasterizer.camera import Camera
@@ -22,18 +23,12 @@ def picture_change(
 
     Of up to VIEWS of `cameras`, evenly chosen; of an orbit around `before` if None.
     """
-    import torch
-
     scene, other = gaussians_of(before), gaussians_of(after)
-    if cameras is None:
-        cameras = orbit(scene, VIEWS, SIZE)
-    chosen = cameras[:: -(-len(cameras) // VIEWS)]
-    pictures = []
-    for camera in (each.fitted(SIZE) for each in chosen):
-        pictures.append(torch.stack([render_picture(each, camera) for each in (other, scene)]))
-    stacks = [p.reshape(2, -1, 1, 3) for p in pictures]
-    whole = torch.cat(stacks, 1)
-    return psnr(whole[0], whole[1])
+    cameras = orbit(scene, VIEWS, SIZE) if cameras is None else cameras
+    chosen = [each.fitted(SIZE) for each in cameras[:: -(-len(cameras) // VIEWS)]]
+    pairs = ((render_picture(other, each), render_picture(scene, each)) for each in chosen)
+    rmse = pooled_rmse(squared_error(*pair) for pair in pairs)
+    return psnr_from_rmse(rmse or 0.0)
 
 
 def describe_change(

@@ -90,14 +90,3 @@ def recolor(
     """
     grade = Grade(temperature, tint, exposure, contrast, saturation, hue, curve)
     return apply(scene, Recolor(grade, selection=as_selection(where)))
-
-
-def set_opacity(
-    scene: Scene,
-    value: float | None = None,
-    *,
-    scale: float = 1.0,
-    where: Selection | str = EVERYTHING,
-) -> Scene:
-    """The scene with the opacity of the selected Gaussians set to `value`, or times `scale`."""
-    return apply(scene, Opacity(value, scale, selection=as_selection(where)))

@@ -10,7 +10,7 @@ import numpy as np
 from gsedit.errors import UsageError
 from gsedit.formats.streams import Blocks, SceneHeader
 from gsedit.scene.table import SplatTable
-from gsedit.toolkit.operation import Rowwise, Say, Scene, apply
+from gsedit.toolkit.operation import Rowwise, Say
 
 
 @dataclass
@@ -71,8 +71,3 @@ class ReduceSH(Rowwise):
 
     def apply(self, table: SplatTable) -> SplatTable:
         return table.replace(sh=table.sh[:, : (self.degree + 1) ** 2])
-
-
-def reduce_sh(scene: Scene, degree: int) -> Scene:
-    """The scene with SH of at most `degree`, 0 to 4."""
-    return apply(scene, ReduceSH(degree))

@@ -9,11 +9,8 @@ import numpy as np
 from jaxtyping import Float64
 
 from gsedit.errors import UsageError
-from gsedit.scene.quaternions import axis_rotation, rotation_of, turn_between
+from gsedit.scene.quaternions import AXES, axis_rotation, rotation_of, turn_between
 from gsedit.scene.similarity import IDENTITY, Similarity, similarity_of
-
-AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1),
-        "-x": (-1, 0, 0), "-y": (0, -1, 0), "-z": (0, 0, -1)}  # fmt: skip
 
 
 def translate(offset: Sequence[float | int]) -> Similarity:
@@ -50,7 +47,7 @@ def mirror(axis: str) -> Similarity:
     """Change the sign of x, y or z."""
     if axis not in ("x", "y", "z"):
         raise UsageError(f"mirror {axis}: x, y and z are possible")
-    return turned(np.eye(3) - 2 * np.diag(np.abs(AXES[axis]).astype(np.float64)))
+    return turned(np.eye(3) - 2 * np.diag(AXES[axis]))
 
 
 def up(axes: Sequence[str]) -> Similarity:
@@ -60,7 +57,7 @@ def up(axes: Sequence[str]) -> Similarity:
             f"up {','.join(axes)}: give the axis that is up and the one it becomes, each of "
             f"{', '.join(AXES)}, as in z,-y"
         )
-    return turned(turn_between(*(np.array(AXES[axis], np.float64) for axis in axes)))
+    return turned(turn_between(*(AXES[axis] for axis in axes)))
 
 
 def matrix(numbers: Any) -> Similarity:

@@ -45,7 +45,21 @@ class Transform(OnSelection):
 
 
 @dataclass(frozen=True, eq=False)
-class TransformAboutCenter(Whole):
+class Placing(Whole):
+    """An operation that finds a similarity in the scene, and applies it to the scene."""
+
+    cameras: bool = field(default=False, kw_only=True)
+    """Whether the cameras beside the scene's file are to move along."""
+    found: list[Similarity] = field(default_factory=list, repr=False, kw_only=True)
+
+    @property
+    def moved(self) -> Similarity:
+        """The similarity that was applied to the scene; known after the work."""
+        return self.found[-1] if self.found else IDENTITY
+
+
+@dataclass(frozen=True, eq=False)
+class TransformAboutCenter(Placing):
     """Transform about the center of the selected Gaussians: the median of their centers."""
 
     similarity: Similarity
@@ -53,17 +67,10 @@ class TransformAboutCenter(Whole):
     """Leave the center at the origin instead of moving it back to its place."""
     selection: Selection = EVERYTHING
     copy: bool = False
-    cameras: bool = False
-    found: list[Similarity] = field(default_factory=list, repr=False)
 
     @property
     def moves(self) -> bool:
         return self.selection is EVERYTHING and not self.copy
-
-    @property
-    def moved(self) -> Similarity:
-        """The similarity that was applied to the scene; known after the work."""
-        return self.found[-1] if self.found else IDENTITY
 
     def apply(self, table: SplatTable, say: Say) -> SplatTable:
         inside = self.selection.mask(table)
@@ -126,7 +133,7 @@ def transform_of(
     if isinstance(pivot, str) and pivot != "center":
         raise UsageError(f"pivot {pivot}: give x,y,z or center")
     if center or isinstance(pivot, str):
-        return TransformAboutCenter(similarity, center, selection, copy, cameras)
+        return TransformAboutCenter(similarity, center, selection, copy, cameras=cameras)
     if pivot is not None:
         similarity = similarity.about(translate(pivot).translation)
     return Transform(similarity, copy, cameras, selection=selection)

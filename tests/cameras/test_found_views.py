@@ -131,10 +131,10 @@ def test_up_is_the_normal_of_the_ground_not_of_a_wall_that_is_faced():
     ground, wall = up.expand(100, 3), -forward.expand(300, 3)
     noise = 0.05 * torch.randn(400, 3, generator=g, dtype=torch.float64)
     normals = torch.nn.functional.normalize(torch.cat((ground, wall)) + noise, dim=-1)
-    found = find_up(search.sphere(1000).double(), normals, forward[None])
+    found = find_up(search.directions_around(1000).double(), normals, forward[None])
     assert found is not None
     assert float(found @ up) > 0.995
-    assert find_up(search.sphere(1000).double(), wall, forward[None]) is None
+    assert find_up(search.directions_around(1000).double(), wall, forward[None]) is None
 
 
 def test_upright_turns_about_the_view_only():

@@ -47,7 +47,7 @@ def test_photos_in_folders_are_read_in_the_order_of_the_folders(phones, tmp_path
 
 def test_folders_are_cameras_where_no_photo_names_its_own(phones, tmp_path):
     groups = camera_groups(find_photos(phones, tmp_path / "out").files)
-    assert [len(group.photos) for group in groups] == [1, 3, 2]
+    assert [len(group) for group in groups] == [1, 3, 2]
 
 
 def test_what_is_left_out_is_named_with_counts(phones, tmp_path):

@@ -71,10 +71,10 @@ def test_single_pictures_in_every_format_agree(shot, tmp_path):
     np.testing.assert_allclose(levels, numbers.clip(0, 1) * 255, atol=0.51)
     channels = read_exr(tmp_path / "a.exr")
     assert set(channels) == set("RGBAZ")
-    from gsedit.formats.exr import to_srgb
+    from gsedit.scene.color_space import srgb_of_linear
 
     color = np.stack([channels[name] for name in "RGB"], -1)
-    np.testing.assert_allclose(to_srgb(color), numbers, atol=1e-5)
+    np.testing.assert_allclose(srgb_of_linear(color), numbers, atol=1e-5)
 
 
 def test_a_folder_in_numbers(shot, tmp_path):

@@ -9,7 +9,7 @@ from gsedit.errors import UsageError
 from gsedit.scene.quaternions import rotation_of
 from gsedit.scene.similarity import Similarity
 from gsedit.scene.table import SplatTable, concatenate_tables
-from gsedit.toolkit import align_length, align_to, align_to_ground
+from gsedit.toolkit import AlignLength, AlignTo, AlignToGround, apply
 from gsedit.toolkit.align import find_ground
 from gsedit.toolkit.registration import fitted, register
 
@@ -49,7 +49,7 @@ def floor(n: int = 4000) -> SplatTable:
 @pytest.mark.parametrize("up", ["-y", "z"])
 def test_the_ground_is_found_and_made_level(up):
     tilted = Similarity(rotation_of(np.array([1.0, 0.1, 0.05, -0.1])), 1.0, np.array([1.0, 2, 3]))
-    level = align_to_ground(tilted.table(floor()), up)
+    level = apply(tilted.table(floor()), AlignToGround(up))
     height = level.means[:4000] @ ([0, -1, 0] if up == "-y" else [0, 0, 1])
     assert np.abs(height).max() < 0.02
     things = level.means[4000:] @ ([0, -1, 0] if up == "-y" else [0, 0, 1])
@@ -88,15 +88,15 @@ def test_points_are_brought_to_points():
 
 def test_a_known_length():
     table = figure(100, 0)
-    longer = align_length(table, (0.0, 0.0, 0.0), (0.0, 2.0, 0.0), 1.2)
+    longer = apply(table, AlignLength((0.0, 0.0, 0.0), (0.0, 2.0, 0.0), 1.2))
     np.testing.assert_allclose(longer.means, 0.6 * table.means, rtol=1e-6)
     with pytest.raises(UsageError, match="are the same"):
-        align_length(table, (1.0, 1.0, 1.0), (1.0, 1.0, 1.0), 2.0)
+        apply(table, AlignLength((1.0, 1.0, 1.0), (1.0, 1.0, 1.0), 2.0))
 
 
 def test_too_few_splats_are_refused():
     few = figure(5, 0)
     with pytest.raises(UsageError, match="so few"):
-        align_to(few, figure(2000, 0))
+        apply(few, AlignTo(figure(2000, 0)))
     with pytest.raises(UsageError, match="so few"):
-        align_to_ground(concatenate_tables([few]), near="-y")
+        apply(concatenate_tables([few]), AlignToGround(near="-y"))

@@ -11,7 +11,6 @@ from gsedit import View
 from gsedit.datasets.cameras_json import write_cameras
 from gsedit.errors import UsageError
 from gsedit.toolkit import InTheMiddle, filter, select
-from gsedit.toolkit.selection.middle import looked_at
 from rasterizer import Camera, look_at
 
 MIDDLE = torch.tensor([1.0, -2.0, 0.5])
@@ -33,23 +32,22 @@ def cameras(tmp_path):
     return path
 
 
-def test_the_point_that_cameras_look_at_is_found():
-    middle, distance = looked_at(ring())
-    np.testing.assert_allclose(middle, MIDDLE.numpy(), atol=1e-5)
-    assert distance == pytest.approx(4 * np.sqrt(1.16), rel=1e-5)
+def test_cameras_that_look_in_parallel_have_no_middle(tmp_path):
     parallel = [
         look_at(torch.tensor([x, 0.0, 0.0]), torch.tensor([x, 0.0, 9.0]),
                 torch.tensor([0.0, -1.0, 0.0]), 1.0, 32, 32)
         for x in (0.0, 1.0, 2.0)
     ]  # fmt: skip
-    with pytest.raises(UsageError, match="in parallel"):
-        looked_at(parallel)
+    path, picture = tmp_path / "cameras.json", torch.zeros(32, 32, 3)
+    write_cameras([View(str(i), c, picture) for i, c in enumerate(parallel)], path)
+    with pytest.raises(UsageError, match="no common point"):
+        select(random_table(5), InTheMiddle(path))
 
 
 def test_what_is_near_that_point_stays(cameras):
     table = random_table(500)
     away = np.linalg.norm(table.means - MIDDLE.numpy(), axis=1)
-    kept = filter(table, InTheMiddle(cameras, 0.5))
+    kept = filter(table, InTheMiddle(cameras, within=0.5))
     near = away <= 0.5 * 4 * np.sqrt(1.16)
     assert 0 < near.sum() < 500
     np.testing.assert_array_equal(kept.means, table.means[near])
@@ -58,9 +56,9 @@ def test_what_is_near_that_point_stays(cameras):
 def test_an_expression_names_it_by_its_cameras(cameras):
     table = random_table(500)
     named = select(table, f"not middle(0.5, '{cameras}')")
-    np.testing.assert_array_equal(named, ~select(table, InTheMiddle(cameras, 0.5)))
+    np.testing.assert_array_equal(named, ~select(table, InTheMiddle(cameras, within=0.5)))
 
 
 def test_a_share_must_be_above_zero(cameras):
     with pytest.raises(UsageError, match="above 0"):
-        InTheMiddle(cameras, 0.0)
+        InTheMiddle(cameras, within=0.0)

@@ -10,7 +10,7 @@ import torch
 
 from gsedit.formats.streams import SceneHeader, gather, in_blocks
 from gsedit.scene.table import SplatTable, gaussians_of, table_of
-from gsedit.toolkit import ReduceSH, Rowwise, Whole, apply, reduce_sh
+from gsedit.toolkit import ReduceSH, Rowwise, Whole, apply
 from gsedit.toolkit.operation import run
 
 
@@ -68,7 +68,7 @@ def test_nothing_left_is_a_scene_of_no_rows():
 
 def test_a_scene_of_tensors_stays_one():
     scene = gaussians_of(random_table())
-    less = reduce_sh(scene, 1)
+    less = apply(scene, ReduceSH(1))
     assert less.degree == 1
     torch.testing.assert_close(less.sh, scene.sh[:, :4], rtol=0, atol=0)
     assert scene.degree == 2

@@ -11,11 +11,11 @@ from kornia.color import lab_to_rgb, rgb_to_lab
 from PIL import Image
 
 from gsedit.errors import InputError, UsageError
+from gsedit.scene.color_space import lab_of_srgb, srgb_of_lab
 from gsedit.scene.table import SplatTable
-from gsedit.toolkit import match_palette
-from gsedit.toolkit.color_space import lab_of_srgb, srgb_of_lab
+from gsedit.toolkit import Palette, apply
+from gsedit.toolkit.color_transfer import color_transport, sliced_distance
 from gsedit.toolkit.palette import read_colors
-from gsedit.toolkit.transport import color_transport, sliced_distance
 
 
 def test_lab_is_kornias_and_goes_back():
@@ -56,21 +56,21 @@ def test_colors_come_near_those_of_the_picture(painting):
     table, goal = grey_table(), read_colors(painting)
     even = np.ones(len(table))
     before = sliced_distance(table.colors, even, goal)
-    after = match_palette(table, painting)
-    half = match_palette(table, painting, strength=0.5)
+    after = apply(table, Palette(painting))
+    half = apply(table, Palette(painting, 0.5))
     assert sliced_distance(after.colors, even, goal) < 0.25 * before
     assert sliced_distance(after.colors, even, goal) < sliced_distance(half.colors, even, goal)
     assert sliced_distance(half.colors, even, goal) < before
-    np.testing.assert_array_equal(match_palette(table, painting).sh, after.sh)
+    np.testing.assert_array_equal(apply(table, Palette(painting)).sh, after.sh)
     np.testing.assert_array_equal(after.means, table.means)
 
 
 def test_equal_colors_stay_equal_and_order_does_not_matter(painting):
     table = grey_table()
     table.sh[1] = table.sh[0]
-    after = match_palette(table, painting)
+    after = apply(table, Palette(painting))
     np.testing.assert_array_equal(after.sh[0], after.sh[1])
-    np.testing.assert_allclose(match_palette(table[::-1], painting).sh[::-1], after.sh, atol=1e-4)
+    np.testing.assert_allclose(apply(table[::-1], Palette(painting)).sh[::-1], after.sh, atol=1e-4)
 
 
 def test_a_set_of_colors_is_at_distance_0_of_itself_and_stays():
@@ -103,11 +103,11 @@ def test_what_cannot_be_a_palette_is_named(tmp_path):
         (clear, "transparent throughout"),
     ):  # fmt: skip
         with pytest.raises(InputError, match=message):
-            match_palette(grey_table(), path)
+            Palette(path)
     picture = tmp_path / "red.png"
     Image.new("RGB", (8, 8), "red").save(picture)
     invisible = replace(grey_table(), logit_opacities=np.full(400, -np.inf, np.float32))
     with pytest.raises(UsageError, match="nothing that can be seen"):
-        match_palette(invisible, picture)
+        apply(invisible, Palette(picture))
     with pytest.raises(UsageError, match="0 to 1"):
-        match_palette(grey_table(), picture, strength=1.5)
+        Palette(picture, 1.5)

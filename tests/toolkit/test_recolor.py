@@ -12,7 +12,7 @@ from gsedit.errors import UsageError
 from gsedit.formats.streams import SceneHeader, gather, in_blocks
 from gsedit.scene.quaternions import even_directions, harmonics
 from gsedit.scene.table import SplatTable, gaussians_of
-from gsedit.toolkit import Recolor, Selection, recolor, set_opacity
+from gsedit.toolkit import Opacity, Recolor, Selection, apply, recolor
 from gsedit.toolkit.color_maps import as_table, mapped
 from gsedit.toolkit.grade import Grade, curved, parse_curve, white
 from gsedit.toolkit.operation import run
@@ -94,7 +94,7 @@ def test_sliders_do_what_photographers_expect():
 def test_white_is_that_of_the_standard_illuminants():
     x, y = 0.44757, 0.40745  # illuminant A, 2856 K (CIE 15)
     expected = np.array([x / y, 1, (1 - x - y) / y])
-    from gsedit.toolkit.color_space import XYZ_OF_RGB
+    from gsedit.scene.color_space import XYZ_OF_RGB
 
     np.testing.assert_allclose(XYZ_OF_RGB @ white(2856.0), expected, atol=6e-3)
 
@@ -135,15 +135,15 @@ def test_only_the_selection_changes_and_parts_give_the_whole():
 
 def test_opacities_are_set_and_scaled():
     table = shiny_table()
-    half = set_opacity(table, scale=0.5, where=Left())
+    half = apply(table, Opacity(scale=0.5, selection=Left()))
     inside = Left().mask(table)
     np.testing.assert_allclose(half.opacities[inside], table.opacities[inside] / 2, atol=1e-6)
     np.testing.assert_array_equal(half.logit_opacities[~inside], table.logit_opacities[~inside])
     for value in (0.0, 0.3, 1.0):
-        done = set_opacity(table, value)
+        done = apply(table, Opacity(value))
         assert np.isfinite(done.logit_opacities).all()
         np.testing.assert_allclose(done.opacities, value, atol=2e-6)
-    assert (set_opacity(table, scale=100.0).opacities > 0.999).all()
+    assert (apply(table, Opacity(scale=100.0)).opacities > 0.999).all()
 
 
 def test_a_table_of_colors_is_the_map_between_its_entries():

@@ -14,12 +14,12 @@ from gsedit.scene.table import SplatTable, gaussians_of
 from gsedit.toolkit import Filter, filter, select, where
 from gsedit.toolkit.operation import run
 from gsedit.toolkit.selection import (
-    Box,
-    Cylinder,
-    Ellipsoid,
-    HalfSpace,
-    OrientedBox,
-    Sphere,
+    box,
+    cylinder,
+    ellipsoid,
+    half_space,
+    oriented_box,
+    sphere,
 )
 from gsedit.toolkit.steps import rotate
 from rasterizer.numerics import SH_DC
@@ -81,9 +81,9 @@ def test_a_turned_volume_of_a_turned_scene_selects_the_same():
     turned = table.replace(means=(table.means @ turn.T).astype(np.float32))
     there = tuple(float(c) for c in turn @ center)
     here = tuple(float(c) for c in center)
-    for kind in (OrientedBox, Ellipsoid):
-        before = kind(here, (1.0, 2.0, 1.5)).mask(table)
-        after = kind(there, (1.0, 2.0, 1.5), degrees).mask(turned)
+    for kind in (oriented_box, ellipsoid):
+        before = kind(*here, 1.0, 2.0, 1.5).mask(table)
+        after = kind(*there, 1.0, 2.0, 1.5, *degrees).mask(turned)
         np.testing.assert_array_equal(before, after)
         assert 0 < before.sum() < len(table)
 
@@ -92,16 +92,16 @@ def test_volumes_are_their_equations():
     table = cloud()
     x, y, z = table.means.astype(np.float64).T
     cases = {
-        Box((-1.0, -np.inf, 0.0), (1.0, 0.5, np.inf)): (abs(x) <= 1) & (y <= 0.5) & (z >= 0),
-        Sphere((1.0, 0.0, 0.0), 1.2): (x - 1) ** 2 + y**2 + z**2 <= 1.44,
-        Ellipsoid((0.0, 1.0, 0.0), (1.0, 2.0, 0.5)): x**2 + (y - 1) ** 2 / 4 + z**2 * 4 <= 1,
-        OrientedBox((0.0, 0.0, 1.0), (1.0, 2.0, 3.0)): (abs(x) <= 0.5)
+        box(-1.0, -np.inf, 0.0, 1.0, 0.5, np.inf): (abs(x) <= 1) & (y <= 0.5) & (z >= 0),
+        sphere(1.0, 0.0, 0.0, 1.2): (x - 1) ** 2 + y**2 + z**2 <= 1.44,
+        ellipsoid(0.0, 1.0, 0.0, 1.0, 2.0, 0.5): x**2 + (y - 1) ** 2 / 4 + z**2 * 4 <= 1,
+        oriented_box(0.0, 0.0, 1.0, 1.0, 2.0, 3.0): (abs(x) <= 0.5)
         & (abs(y) <= 1)
         & (abs(z - 1) <= 1.5),
-        Cylinder((0.0, 0.0, -1.0), (0.0, 0.0, 0.5), 0.8): (x**2 + y**2 <= 0.64)
+        cylinder(0.0, 0.0, -1.0, 0.0, 0.0, 0.5, 0.8): (x**2 + y**2 <= 0.64)
         & (z >= -1)
         & (z <= 0.5),
-        HalfSpace((0.0, 1.0, 0.0), (1.0, 1.0, 0.0)): x + y - 1 >= 0,
+        half_space(0.0, 1.0, 0.0, 1.0, 1.0, 0.0): x + y - 1 >= 0,
     }
     for selection, expected in cases.items():
         np.testing.assert_array_equal(selection.mask(table), expected, err_msg=str(selection))
@@ -286,12 +286,12 @@ def test_an_unknown_name_is_told_with_the_columns_of_the_scene():
 
 def test_volumes_refuse_what_has_no_inside():
     for make in (
-        lambda: Sphere((0.0, 0.0, 0.0), 0.0),
-        lambda: Sphere((0.0, float("nan"), 0.0), 1.0),
-        lambda: Box((1.0, 0.0, 0.0), (0.0, 1.0, 1.0)),
-        lambda: OrientedBox((0.0, 0.0, 0.0), (1.0, -1.0, 1.0)),
-        lambda: Cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1.0),
-        lambda: HalfSpace((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+        lambda: sphere(0.0, 0.0, 0.0, 0.0),
+        lambda: sphere(0.0, float("nan"), 0.0, 1.0),
+        lambda: box(1.0, 0.0, 0.0, 0.0, 1.0, 1.0),
+        lambda: oriented_box(0.0, 0.0, 0.0, 1.0, -1.0, 1.0),
+        lambda: cylinder(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0),
+        lambda: half_space(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     ):
         with pytest.raises(UsageError):
             make()

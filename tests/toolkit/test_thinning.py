@@ -13,9 +13,13 @@ from gsedit.scene.morton import morton_codes
 from gsedit.scene.table import SplatTable, concatenate_tables, gaussians_of, table_of
 from gsedit.synthetic import surface_gaussians
 from gsedit.synthetic.gallery import globe
-from gsedit.toolkit import apply, decimate, merge, order
+from gsedit.toolkit import Decimate, Order, apply, merge
 from gsedit.toolkit.order import importance, mean_area
 from gsedit.toolkit.picture_change import picture_change
+
+
+def decimate(table: SplatTable, count: int | None = None, **words) -> SplatTable:
+    return apply(table, Decimate(count, **words))
 
 
 def haze(n: int = 300, degree: int = 1) -> SplatTable:
@@ -59,7 +63,7 @@ def test_merge_keeps_rows_degrees_and_columns():
 def test_mortons_order_keeps_near_rows_together():
     table = haze(3000)
     steps = np.linalg.norm(np.diff(table.means, axis=0), axis=1).mean()
-    ordered = order(table)
+    ordered = apply(table, Order())
     assert np.linalg.norm(np.diff(ordered.means, axis=0), axis=1).mean() < 0.2 * steps
     np.testing.assert_array_equal(np.sort(ordered.extra["label"]), np.arange(3000))
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]], np.float32)
@@ -68,11 +72,11 @@ def test_mortons_order_keeps_near_rows_together():
 
 
 def test_the_order_of_importance_starts_with_the_largest():
-    values = importance(order(haze(), "importance"))
+    values = importance(apply(haze(), Order("importance")))
     assert (np.diff(values) <= 0).all()
     np.testing.assert_allclose(mean_area(np.array([[2.0, 2.0, 2.0]])), 4.0)
     with pytest.raises(UsageError, match="morton"):
-        order(haze(), "size")
+        Order("size")
 
 
 def test_joined_splats_keep_mass_mean_covariance_and_color():

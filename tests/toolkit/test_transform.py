@@ -12,7 +12,7 @@ from gsedit.measures.metrics import psnr
 from gsedit.scene.similarity import Similarity
 from gsedit.scene.table import SPLAT_FIELDS, SplatTable, gaussians_of, table_of
 from gsedit.toolkit import transform
-from gsedit.toolkit.camera_moves import moved_camera
+from gsedit.toolkit.moved_cameras import moved_camera
 from gsedit.toolkit.steps import compose
 from rasterizer import Camera, Gaussians, render
 

@@ -23,13 +23,13 @@ from gsedit.fitting.optimizer import SceneOptimizer
 from gsedit.formats.pictures import fitted_size
 from gsedit.measures.features import FeatureExtractor, FilterBank
 from gsedit.measures.losses import gram, mse
+from gsedit.scene.color_space import LUMINANCE
 from gsedit.scene.merging.cells import coarsen
 from gsedit.scene.picture import render_picture
 from gsedit.scene.table import gaussians_of, table_of
 from gsedit.toolkit.color_maps import as_table
-from gsedit.toolkit.color_space import LUMINANCE
+from gsedit.toolkit.color_transfer import color_transport, sliced_distance
 from gsedit.toolkit.recolor import recolored
-from gsedit.toolkit.transport import color_transport, sliced_distance
 from rasterizer.blending.choose import is_compiled
 from rasterizer.camera import Camera
 from rasterizer.render import render

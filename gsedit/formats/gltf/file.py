@@ -31,7 +31,7 @@ from gsedit.formats.gltf.document import (
     Accessor,
     Document,
 )
-from gsedit.formats.quantised import LOGIT_MAX
+from gsedit.formats.quantised import log_scales_of, logits_of
 from gsedit.formats.streams import (
     AT_ONCE,
     Blocks,
@@ -238,15 +238,9 @@ def _rows(part: _Splats, start: int, stop: int, k: int) -> SplatTable:
     for place, name in enumerate(names):
         sh[:, place] = read[name]
     scales = read["SCALE"]
-    tiny = np.finfo(np.float32).tiny
-    opacity = read["OPACITY"][:, 0]
-    with np.errstate(divide="ignore", invalid="ignore"):  # invalid rows are found later
-        if not part.logarithmic:
-            scales = np.log(np.where(scales == 0, tiny, scales))
-        logits = np.log(opacity / (1 - opacity))
-    logits = np.where((opacity < 0) | (opacity > 1), np.float32(np.nan), logits)
+    scales = scales if part.logarithmic else log_scales_of(scales)
     quats = np.roll(read["ROTATION"], 1, axis=1)
-    return SplatTable(read["POSITION"], quats, scales, logits.clip(-LOGIT_MAX, LOGIT_MAX), sh)
+    return SplatTable(read["POSITION"], quats, scales, logits_of(read["OPACITY"][:, 0]), sh)
 
 
 def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions) -> int:

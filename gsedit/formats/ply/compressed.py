@@ -26,7 +26,7 @@ from gsedit.formats.ply.records import (
     element_header,
     read_ply_header,
 )
-from gsedit.formats.quantised import bytes_of, finite_logits
+from gsedit.formats.quantised import bytes_of, from_smallest_three, logits_of, smallest_three
 from gsedit.formats.streams import (
     AT_ONCE,
     Blocks,
@@ -129,7 +129,7 @@ def _read(path: Path, header: PlyHeader, layout: _Layout) -> Blocks:
     start = 0
     for rows in element_blocks(path, header, "vertex", AT_ONCE):
         own = bounds[start // CHUNK : -(-(start + len(rows)) // CHUNK)]
-        yield finite_logits(_unpack(rows, own, next(rest)))
+        yield _unpack(rows, own, next(rest))
         start += len(rows)
 
 
@@ -170,13 +170,11 @@ def _unpack(rows: np.ndarray, bounds: np.ndarray, rest: UInt8[np.ndarray, "_ _"]
         sh[:, 0] = color_to_sh(between(2, color[:, :3]))
     if rest.size:
         sh[:, 1:] = _SH_VALUES[rest[:n]].reshape(n, 3, -1).transpose(0, 2, 1)
-    with np.errstate(divide="ignore"):
-        logits = np.log(color[:, 3] / (1 - color[:, 3]))
     return SplatTable(
         between(0, _shares(packed["packed_position"], _POSITION_BITS)),
         _unpack_quats(packed["packed_rotation"]),
         between(1, _shares(packed["packed_scale"], _POSITION_BITS)),
-        logits,
+        logits_of(color[:, 3]),
         sh,
     )
 
@@ -195,13 +193,7 @@ def _shares(
 def _unpack_quats(packed: UInt32[np.ndarray, " n"]) -> Float32[np.ndarray, "n 4"]:
     """The largest of wxyz is left out: its index is in the first two bits."""
     small = (_shares(packed, ((20, 10), (10, 10), (0, 10))) - np.float32(0.5)) * np.float32(2**0.5)
-    large = np.sqrt(np.maximum(1 - (small**2).sum(1), 0))
-    largest = packed >> np.uint32(30)
-    quats = np.empty((len(packed), 4), np.float32)
-    for index in range(4):
-        rows = largest == index
-        quats[rows] = np.insert(small[rows], index, large[rows], axis=1)
-    return quats
+    return from_smallest_three(small, packed >> np.uint32(30))
 
 
 _SH_VALUES = (
@@ -303,12 +295,8 @@ def _bits(
 
 def _pack_quats(quats: Float32[np.ndarray, "n 4"]) -> UInt32[np.ndarray, " n"]:
     """The index of the largest of wxyz, and the other three in 10 bits each."""
-    quats = quats / np.linalg.norm(quats, axis=1, keepdims=True)
-    largest = np.abs(quats).argmax(1)
-    rows = np.arange(len(quats))
-    quats = quats * np.sign(quats[rows, largest])[:, None]
-    others = np.array([[j for j in range(4) if j != i] for i in range(4)])[largest]
-    small = np.take_along_axis(quats, others, axis=1) * np.float32(0.5**0.5) + np.float32(0.5)
+    others, largest = smallest_three(quats)
+    small = others * np.float32(0.5**0.5) + np.float32(0.5)
     return _bits(small, ((20, 10), (10, 10), (0, 10))) | (largest.astype(np.uint32) << 30)
 
 

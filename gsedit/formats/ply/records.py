@@ -87,19 +87,6 @@ class PlyHeader:
         return _BYTE_ORDERS[self.format]
 
 
-@dataclass(frozen=True, eq=False)
-class PlyFile:
-    """Everything in a PLY file except lists (the faces of a mesh)."""
-
-    elements: dict[str, np.ndarray]
-    """One structured array an element, with the file's own column names, order and types."""
-    comments: tuple[str, ...]
-    format: str
-    """ascii, binary_little_endian or binary_big_endian."""
-    notes: tuple[str, ...] = ()
-    """Parts of the file that were left out, one sentence each."""
-
-
 def read_ply_header(path: str | Path) -> PlyHeader:
     """The header, checked against the size of the file; InputError if it cannot be right."""
     path = existing_file(path)
@@ -107,27 +94,6 @@ def read_ply_header(path: str | Path) -> PlyHeader:
         header = _parse_header(path, handle)
     _check_size(path, header)
     return header
-
-
-def read_ply(path: str | Path) -> PlyFile:
-    """Read every element of a PLY file up to the first one with list columns.
-
-    Raises InputError where the file is missing, empty, no PLY, cut off, or promises more rows than
-    its bytes can hold.
-    """
-    path = Path(path)
-    header = read_ply_header(path)
-    elements: dict[str, np.ndarray] = {}
-    notes: tuple[str, ...] = ()
-    with path.open("rb") as handle:
-        handle.seek(header.data_offset)
-        for i, element in enumerate(header.elements):
-            if element.has_lists:
-                left_out = ", ".join(e.name for e in header.elements[i:])
-                notes = (f"elements left out, from the first with lists on: {left_out}",)
-                break
-            elements[element.name] = _read_rows(path, handle, header, element, 0, element.count)
-    return PlyFile(elements, header.comments, header.format, notes)
 
 
 def element_blocks(path: Path, header: PlyHeader, name: str, at_once: int) -> Iterator[np.ndarray]:
@@ -163,17 +129,14 @@ def other_elements(
     for i, element in enumerate(header.elements):
         if element.name == name:
             continue
-        lists = element.has_lists or (header.format != "ascii" and _any_lists(header.elements[:i]))
+        behind = header.format != "ascii" and any(e.has_lists for e in header.elements[:i])
+        lists = behind or element.has_lists
         if lists or not element.columns or element.count * element.row_bytes > max_bytes:
             left_out.append(element.name)
         else:
             parts = list(element_blocks(path, header, element.name, max(element.count, 1)))
             kept[element.name] = parts[0] if parts else np.zeros(0, element.dtype("<"))
     return kept, left_out
-
-
-def _any_lists(elements: tuple[PlyElement, ...]) -> bool:
-    return any(element.has_lists for element in elements)
 
 
 def _seek(path: Path, handle: BinaryIO, header: PlyHeader, element: PlyElement) -> None:

@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float32, Int32, Shaped, UInt8
 
-from gsedit.formats.sog.pictures import ENTRIES_A_ROW, LARGEST_TAG, META, OTHERS, lossless_webp
+from gsedit.formats.quantised import smallest_three
+from gsedit.formats.sog.pictures import ENTRIES_A_ROW, LARGEST_TAG, META, lossless_webp
 from gsedit.scene.morton import morton_order
 from gsedit.scene.table import SplatTable
 
@@ -189,10 +190,7 @@ def _means(archive: zipfile.ZipFile, means: Float32[np.ndarray, "n 3"]) -> dict[
 
 
 def _quats(archive: zipfile.ZipFile, quats: Float32[np.ndarray, "n 4"]) -> dict[str, object]:
-    unit = quats / np.linalg.norm(quats, axis=1, keepdims=True)
-    largest = np.abs(unit).argmax(1)
-    rows = np.arange(len(unit))
-    others = unit[rows[:, None], OTHERS[largest]] * np.sign(unit[rows, largest])[:, None]
+    others, largest = smallest_three(quats)
     steps = np.rint((others * np.float32(2**0.5) / 2 + np.float32(0.5)) * 255).clip(0, 255)
     pixels = np.column_stack((steps, largest + LARGEST_TAG)).astype(np.uint8)
     _picture(archive, "quats.webp", pixels)

@@ -20,12 +20,11 @@ from jaxtyping import Float32, Float64, UInt8
 
 from gsedit.errors import InputError
 from gsedit.formats.limits import check_expansion
-from gsedit.formats.quantised import LOGIT_MAX
+from gsedit.formats.quantised import from_smallest_three, logits_of
 from gsedit.formats.sog.pictures import (
     ENTRIES_A_ROW,
     LARGEST_TAG,
     META,
-    OTHERS,
     SogFiles,
     picture_size,
 )
@@ -134,9 +133,7 @@ class _Meta:
     def codes(self, *names: str) -> tuple[np.ndarray, np.ndarray]:
         """Version 2: one codebook for all axes, one for all colors; opacity as it is."""
         scales, colors = (self.codebook(name) for name in names)
-        opacity = np.arange(256, dtype=np.float64) / 255
-        with np.errstate(divide="ignore"):
-            logits = np.log(opacity / (1 - opacity)).clip(-LOGIT_MAX, LOGIT_MAX)
+        logits = logits_of(np.arange(256) / 255)
         channels = np.column_stack((colors, colors, colors, logits)).astype(np.float32)
         return np.tile(scales[:, None], 3), channels
 
@@ -255,11 +252,7 @@ def _quats(pixels: UInt8[np.ndarray, "n 4"]) -> Float32[np.ndarray, "n 4"]:
     others = (pixels[:, :3].astype(np.float32) / 255 * 2 - 1) * np.float32(0.5**0.5)
     known = pixels[:, 3] >= LARGEST_TAG
     largest = np.where(known, pixels[:, 3] - np.uint8(LARGEST_TAG), 0)
-    quats = np.empty((len(pixels), 4), np.float32)
-    rows = np.arange(len(pixels))
-    quats[rows[:, None], OTHERS[largest]] = others
-    quats[rows, largest] = np.sqrt((1 - (others * others).sum(1)).clip(0))
-    return np.where(known[:, None], quats, np.float32(0))
+    return np.where(known[:, None], from_smallest_three(others, largest), np.float32(0))
 
 
 def _looked_up(

@@ -23,8 +23,6 @@ from gsedit.storage.safe_names import safe_name
 META = "meta.json"
 LARGEST_TAG = 252
 """Alpha of a rotation: this, plus the place of the largest component of wxyz."""
-OTHERS = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
-"""The components beside the largest, in the order of R, G and B."""
 ENTRIES_A_ROW = 64
 """Entries in a row of the palette's picture; an entry has one pixel a coefficient."""
 _AGAIN = "it is cut off or damaged, copy or export it again"

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float32, UInt8
 
-from gsedit.formats.quantised import LOGIT_MAX
+from gsedit.formats.quantised import from_smallest_three, logits_of, smallest_three
 from gsedit.scene.table import SplatTable
 
 POSITION_BITS = 24
@@ -19,8 +19,6 @@ _SCALE_STEPS, _SCALE_START = 16, -10
 """Logarithms of scales: from -10 to 5.9 in steps of 1/16."""
 _HALF_SQRT = 0.5**0.5
 """No component of a unit quaternion but the largest is above it."""
-_OTHERS = np.array([[3, 2, 1], [3, 2, 0], [3, 1, 0], [2, 1, 0]])
-"""The components beside the largest of xyzw, from the lowest bits up."""
 _BYTES = np.arange(256, dtype=np.float32)
 
 
@@ -43,13 +41,11 @@ def unpack(packed: dict[str, UInt8[np.ndarray, "n b"]], version: int, bits: int)
     sh[:, 0] = colors
     np.divide(rest.reshape(count, -1, 3), 128, out=sh[:, 1:], dtype=np.float32)
     sh[:, 1:] -= 1
-    with np.errstate(divide="ignore"):
-        logits = np.log(_BYTES / (255 - _BYTES)).clip(-LOGIT_MAX, LOGIT_MAX)
     return SplatTable(
         means=_means(packed["positions"], version, bits),
         quats=(_smallest_three if version >= 3 else _first_three)(packed["rotations"]),
         log_scales=(_BYTES / _SCALE_STEPS + _SCALE_START)[packed["scales"]],
-        logit_opacities=logits[packed["alphas"][:, 0]],
+        logit_opacities=logits_of(_BYTES / 255)[packed["alphas"][:, 0]],
         sh=sh,
     )
 
@@ -80,15 +76,11 @@ def pack_positions(means: Float32[np.ndarray, "n 3"], bits: int) -> UInt8[np.nda
 def pack_rotations(quats: Float32[np.ndarray, "n 4"]) -> UInt8[np.ndarray, "n 4"]:
     """The three smaller components of the unit quaternion, 9 bits and a sign each; the largest
     is positive, and its place among xyzw stands in the upper two bits."""
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        xyzw = np.roll(quats / np.linalg.norm(quats, axis=1, keepdims=True), -1, axis=1)
-    largest = np.abs(xyzw).argmax(1)
-    rows = np.arange(len(quats))
-    others = xyzw[rows[:, None], _OTHERS[largest]]
-    negative = (others < 0) ^ (xyzw[rows, largest] < 0)[:, None]
+    others, largest = smallest_three(np.roll(quats, -1, axis=1))
+    others = others[:, ::-1]  # the last one in the lowest bits
     with np.errstate(invalid="ignore"):
         sizes = np.rint(np.abs(others) * (511 / _HALF_SQRT)).clip(0, 511).astype(np.uint32)
-    fields = (sizes | negative.astype(np.uint32) << 9) << np.array([0, 10, 20], np.uint32)
+    fields = (sizes | (others < 0).astype(np.uint32) << 9) << np.array([0, 10, 20], np.uint32)
     packed = np.bitwise_or.reduce(fields, axis=1) | largest.astype(np.uint32) << 30
     return packed.astype("<u4").view(np.uint8).reshape(-1, 4)
 
@@ -114,11 +106,7 @@ def _smallest_three(raw: UInt8[np.ndarray, "n 4"]) -> Float32[np.ndarray, "n 4"]
     fields = packed >> np.array([0, 10, 20], np.uint32)
     others = (fields & 511).astype(np.float32) * np.float32(_HALF_SQRT / 511)
     others = np.where(fields & 512, -others, others)
-    xyzw = np.empty((len(raw), 4), np.float32)
-    rows = np.arange(len(raw))
-    xyzw[rows[:, None], _OTHERS[largest]] = others
-    xyzw[rows, largest] = np.sqrt((1 - (others * others).sum(1)).clip(0))
-    return np.roll(xyzw, 1, axis=1)
+    return np.roll(from_smallest_three(others[:, ::-1], largest), 1, axis=1)
 
 
 def _bytes(values: np.ndarray) -> UInt8[np.ndarray, "..."]:

@@ -15,7 +15,7 @@ from jaxtyping import Float, Float64, Int
 
 from gsedit.scene.neighbors import k_nearest
 from gsedit.scene.quaternions import principal_axes, rotations
-from gsedit.scene.table import SplatTable
+from gsedit.scene.table import SplatTable, concatenate_tables
 
 NEIGHBORS = 8
 """Neighbors of each Gaussian that are tried as its partner."""
@@ -169,18 +169,10 @@ def represent(table: SplatTable, label: Int[np.ndarray, " n"]) -> SplatTable:
         return table
     _, group = np.unique(label[rows], return_inverse=True)
     joined = _represent(table[rows], group)
-    fields = {}
     place = np.empty(count, np.int64)
     place[label[single]] = np.arange(len(single))
     place[np.unique(label[rows])] = len(single) + np.arange(len(joined))
-    for name in ("means", "quats", "log_scales", "logit_opacities", "sh"):
-        both = np.concatenate([getattr(table, name)[single], getattr(joined, name)])
-        fields[name] = both[place]
-    extra = {
-        name: np.concatenate([column[single], joined.extra[name]])[place]
-        for name, column in table.extra.items()
-    }
-    return SplatTable(**fields, extra=extra)
+    return concatenate_tables([table[single], joined])[place]
 
 
 def mean_area(scales: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:

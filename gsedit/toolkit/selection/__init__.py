@@ -1,7 +1,7 @@
 """Selections of Gaussians: by volume, value, color, rank, neighbors, views or file.
 
 `where("opacity > 0.1 and not sphere(0, 0, 0, 1)")` makes a selection of an expression; the classes
-make the same in Python. They combine with `&`, `|` and `~`.
+and functions make the same in Python. They combine with `&`, `|` and `~`.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
     from gsedit.toolkit.selection.seen import Drawn, Seen
     from gsedit.toolkit.selection.values import Column, Compare, Distance, Named, Number
     from gsedit.toolkit.selection.volumes import (
-        Box,
-        Cylinder,
-        Ellipsoid,
-        HalfSpace,
-        OrientedBox,
-        Sphere,
+        box,
+        cylinder,
+        ellipsoid,
+        half_space,
+        oriented_box,
+        sphere,
     )
     from gsedit.toolkit.selection.where import where
 

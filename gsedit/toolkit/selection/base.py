@@ -47,7 +47,7 @@ class Selection(ABC):
         return Union((self, other))
 
     def __invert__(self) -> Selection:
-        return Complement(self)
+        return Complement((self,))
 
 
 @dataclass(frozen=True)
@@ -93,18 +93,18 @@ class Union(Combined):
 
 
 @dataclass(frozen=True)
-class Complement(Selection):
-    """Select the Gaussians that `inner` does not select."""
+class Complement(Combined):
+    """Select the Gaussians that the only part does not select."""
 
-    inner: Selection
+    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
+        (inner,) = self.parts
+        return ~inner.mask(table)
+
+
+@dataclass(frozen=True)
+class WholeSelection(Selection):
+    """A selection whose `mask` must be given all rows of the scene at once."""
 
     @property
     def whole(self) -> bool:
-        return self.inner.whole
-
-    @property
-    def view_dependent(self) -> bool:
-        return self.inner.view_dependent
-
-    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
-        return ~self.inner.mask(table)
+        return True

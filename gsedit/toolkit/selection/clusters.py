@@ -14,10 +14,10 @@ from itertools import product
 import numpy as np
 
 from gsedit.errors import UsageError
-from gsedit.scene.neighbors import k_nearest
+from gsedit.scene.neighbors import k_nearest, linked
 from gsedit.scene.shapes import Bool, Float64, Int
 from gsedit.scene.table import SplatTable
-from gsedit.toolkit.selection.base import EVERYTHING, Selection
+from gsedit.toolkit.selection.base import EVERYTHING, Selection, WholeSelection
 from gsedit.toolkit.selection.volumes import Vector, check_finite, check_positive
 
 TYPICAL = 8.0
@@ -31,7 +31,7 @@ than `gap`."""
 
 
 @dataclass(frozen=True)
-class Clusters(Selection):
+class Clusters(WholeSelection):
     """The `count` largest clusters among what `of` selects; with `at`, the one that has the center
     nearest to that point."""
 
@@ -47,10 +47,6 @@ class Clusters(Selection):
         if self.gap is not None:
             check_positive("cluster", "gap", self.gap)
         check_finite("cluster", *(self.at or ()))
-
-    @property
-    def whole(self) -> bool:
-        return True
 
     @property
     def view_dependent(self) -> bool:
@@ -165,10 +161,4 @@ def _touch(
 
 def _joined(labels: Int[np.ndarray, " c"], pairs: Int[np.ndarray, "p 2"]) -> Int[np.ndarray, " c"]:
     """Labels from 0 of which those of a pair's two cells are one."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
-    size = (int(labels.max()) + 1,) * 2
-    a, b = labels[pairs.T]
-    graph = coo_matrix((np.ones(len(a), bool), (a, b)), size)
-    return connected_components(graph, directed=False)[1].astype(np.int64)[labels]
+    return linked(labels[pairs], int(labels.max()) + 1)[labels]

@@ -20,51 +20,13 @@ from gsedit.toolkit.selection.saved import Flags
 from gsedit.toolkit.selection.seen import LEAST_PIXELS, Drawn, Seen
 from gsedit.toolkit.selection.values import Column, Computed, Distance, Value
 from gsedit.toolkit.selection.volumes import (
-    Box,
-    Cylinder,
-    Ellipsoid,
-    HalfSpace,
-    OrientedBox,
-    Sphere,
+    box,
+    cylinder,
+    ellipsoid,
+    half_space,
+    oriented_box,
+    sphere,
 )
-
-
-def box(x0: float, y0: float, z0: float, x1: float, y1: float, z1: float) -> Selection:
-    """Between two corners, along the axes; `-inf` and `inf` leave a side open."""
-    return Box((x0, y0, z0), (x1, y1, z1))
-
-
-def oriented_box(
-    x: float, y: float, z: float, a: float, b: float, c: float,
-    rx: float = 0.0, ry: float = 0.0, rz: float = 0.0,
-) -> Selection:  # fmt: skip
-    """About x,y,z, with sides of lengths a, b and c, turned by rx,ry,rz degrees."""
-    return OrientedBox((x, y, z), (a, b, c), (rx, ry, rz))
-
-
-def sphere(x: float, y: float, z: float, radius: float) -> Selection:
-    """Select a ball about (x, y, z)."""
-    return Sphere((x, y, z), radius)
-
-
-def ellipsoid(
-    x: float, y: float, z: float, a: float, b: float, c: float,
-    rx: float = 0.0, ry: float = 0.0, rz: float = 0.0,
-) -> Selection:  # fmt: skip
-    """About x,y,z, with radii a, b and c, turned by rx,ry,rz degrees."""
-    return Ellipsoid((x, y, z), (a, b, c), (rx, ry, rz))
-
-
-def cylinder(
-    x0: float, y0: float, z0: float, x1: float, y1: float, z1: float, radius: float
-) -> Selection:
-    """About the axis between two points."""
-    return Cylinder((x0, y0, z0), (x1, y1, z1), radius)
-
-
-def half_space(x: float, y: float, z: float, nx: float, ny: float, nz: float) -> Selection:
-    """The side of the plane through x,y,z that the direction nx,ny,nz points to."""
-    return HalfSpace((x, y, z), (nx, ny, nz))
 
 
 def near(color: str, difference: float = 10.0) -> Selection:
@@ -118,12 +80,12 @@ def shrink(selection: Selection, radius: float) -> Selection:
 def seen(cameras: str, pixels: float = LEAST_PIXELS) -> Selection:
     """Select Gaussians that contribute `pixels` or more to the pictures of a cameras.json or of
     posed photos."""
-    return Seen(Path(cameras), pixels)
+    return Seen(Path(cameras), pixels=pixels)
 
 
 def drawn(masks: str, cameras: str) -> Selection:
     """Select by masks (a .png or a folder) on photos, or on renders from a cameras.json."""
-    return Drawn(Path(masks).expanduser(), Path(cameras))
+    return Drawn(Path(cameras), masks=Path(masks).expanduser())
 
 
 def middle(within: float, cameras: str) -> Selection:
@@ -131,7 +93,7 @@ def middle(within: float, cameras: str) -> Selection:
 
     `within` is a multiple of the median distance of the cameras from that point.
     """
-    return InTheMiddle(Path(cameras), within)
+    return InTheMiddle(Path(cameras), within=within)
 
 
 def everything() -> Selection:
@@ -155,24 +117,13 @@ def absolute(value: Value) -> Value:
 
 
 SELECTIONS: dict[str, Callable[..., Selection]] = {
-    "box": box,
-    "oriented_box": oriented_box,
-    "sphere": sphere,
-    "ellipsoid": ellipsoid,
-    "cylinder": cylinder,
-    "half_space": half_space,
-    "near": near,
-    "flags": flags,
-    "largest": largest,
-    "smallest": smallest,
-    "inside": inside,
-    "cluster": cluster,
-    "cluster_at": cluster_at,
-    "grow": grow,
-    "shrink": shrink,
-    "seen": seen,
-    "drawn": drawn,
-    "middle": middle,
+    **{
+        form.__name__: form
+        for form in (
+            *(box, oriented_box, sphere, ellipsoid, cylinder, half_space, near, flags),
+            *(largest, smallest, inside, cluster, cluster_at, grow, shrink, seen, drawn, middle),
+        )
+    },
     "all": everything,
 }
 """By their names in expressions."""

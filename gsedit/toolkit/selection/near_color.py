@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from gsedit.errors import UsageError
+from gsedit.scene.color_space import lab_of_srgb
 from gsedit.scene.shapes import Bool
 from gsedit.scene.table import SplatTable
 from gsedit.storage.inputs import existing_file
-from gsedit.toolkit.color_space import lab_of_srgb
 from gsedit.toolkit.selection.base import QUIET, Selection
 from gsedit.toolkit.selection.volumes import check_positive
 

@@ -10,12 +10,12 @@ import numpy as np
 from gsedit.scene.neighbors import k_nearest
 from gsedit.scene.shapes import Bool, Float32
 from gsedit.scene.table import SplatTable
-from gsedit.toolkit.selection.base import Selection
+from gsedit.toolkit.selection.base import Selection, WholeSelection
 from gsedit.toolkit.selection.volumes import check_positive
 
 
 @dataclass(frozen=True)
-class AtDistance(Selection):
+class AtDistance(WholeSelection):
     """A selection by distance from what `inner` selects."""
 
     verb: ClassVar[str]
@@ -25,10 +25,6 @@ class AtDistance(Selection):
 
     def __post_init__(self) -> None:
         check_positive(self.verb, "radius", self.radius)
-
-    @property
-    def whole(self) -> bool:
-        return True
 
     @property
     def view_dependent(self) -> bool:

@@ -13,7 +13,7 @@ from gsedit.formats.streams import Blocks, SceneHeader, in_blocks
 from gsedit.scene.shapes import Bool
 from gsedit.scene.table import SplatTable, concatenate_tables
 from gsedit.toolkit.operation import Operation, Say, Whole, apply
-from gsedit.toolkit.selection.base import EVERYTHING, Selection
+from gsedit.toolkit.selection.base import EVERYTHING, Selection, WholeSelection
 
 
 @dataclass(frozen=True)
@@ -52,14 +52,10 @@ class OnOnePart(Operation):
 
 
 @dataclass(frozen=True, eq=False)
-class Given(Selection):
+class Given(WholeSelection):
     """Flags that are known already, one for each row."""
 
     flags: Bool[np.ndarray, " n"]
-
-    @property
-    def whole(self) -> bool:
-        return True
 
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
         return self.flags

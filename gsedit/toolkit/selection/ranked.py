@@ -11,7 +11,7 @@ import numpy as np
 from gsedit.errors import UsageError
 from gsedit.scene.shapes import Bool
 from gsedit.scene.table import SplatTable
-from gsedit.toolkit.selection.base import QUIET, Selection
+from gsedit.toolkit.selection.base import QUIET, WholeSelection
 from gsedit.toolkit.selection.values import Value
 
 
@@ -44,7 +44,7 @@ def parse_amount(text: str) -> Amount:
 
 
 @dataclass(frozen=True)
-class Ranked(Selection):
+class Ranked(WholeSelection):
     """The `amount` of rows with the largest values, or the smallest; of equals, the first ones.
 
     NaN comes last of both.
@@ -53,10 +53,6 @@ class Ranked(Selection):
     amount: Amount
     value: Value
     largest: bool = True
-
-    @property
-    def whole(self) -> bool:
-        return True
 
     @QUIET
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:

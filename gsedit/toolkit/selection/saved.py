@@ -11,18 +11,14 @@ import numpy as np
 from gsedit.formats.flags import read_flags
 from gsedit.scene.shapes import Bool
 from gsedit.scene.table import SplatTable
-from gsedit.toolkit.selection.base import Selection
+from gsedit.toolkit.selection.base import WholeSelection
 
 
 @dataclass(frozen=True)
-class Flags(Selection):
+class Flags(WholeSelection):
     """The flags of a file, one for each Gaussian of the scene."""
 
     path: Path
-
-    @property
-    def whole(self) -> bool:
-        return True
 
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
         return read_flags(self.path, len(table))

@@ -6,7 +6,7 @@ Both render the scene with torch, which is loaded when a mask is asked for.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +15,7 @@ import numpy as np
 from gsedit.errors import UsageError
 from gsedit.scene.shapes import Bool
 from gsedit.scene.table import SplatTable, gaussians_of
-from gsedit.toolkit.selection.base import Selection
+from gsedit.toolkit.selection.base import WholeSelection
 
 if TYPE_CHECKING:
     from gsedit.datasets.dataset import View
@@ -31,26 +31,45 @@ pass."""
 
 
 @dataclass(frozen=True)
-class Seen(Selection):
+class ThroughCameras(WholeSelection):
+    """A selection that looks at the scene through the cameras of its capture."""
+
+    cameras: Path
+    """A cameras.json, or a folder of posed photos (see `--data`)."""
+    scene: Path | None = field(default=None, kw_only=True)
+    """Scene file that the cameras belong to: the dataparser_transforms.json beside it tells the
+    frame of an export. None: the frame of the file that is selected from."""
+
+    @property
+    def views(self) -> Sequence[View | Viewpoint]:
+        """The cameras, on pictures `SIZE_PIXELS` wide. Raises InputError for what is none."""
+        from gsedit.datasets.cameras_json import NAME, read_cameras
+        from gsedit.datasets.export_frame import in_export_frame
+        from gsedit.datasets.load import load_dataset
+        from gsedit.datasets.viewpoints import same_size
+
+        path = self.cameras.expanduser()
+        if (path / NAME).is_file():
+            path = path / NAME
+        if path.is_file() and path.name != "transforms.json":
+            return same_size(read_cameras(path), SIZE_PIXELS)
+        photos = load_dataset(path, size=SIZE_PIXELS)
+        return (photos if self.scene is None else in_export_frame(photos, path, self.scene)).views
+
+
+@dataclass(frozen=True)
+class Seen(ThroughCameras):
     """Select Gaussians that contribute at least `pixels` to all pictures of a capture together.
 
     The contribution to a pixel is the blending weight: what is hidden has none. Pictures are
     `SIZE_PIXELS` pixels wide, of at most `CAMERAS` cameras.
     """
 
-    cameras: Path
-    """A cameras.json, or a folder of posed photos (see `--data`)."""
     pixels: float = LEAST_PIXELS
-    scene: Path | None = None
-    """The scene's file, whose dataparser_transforms.json tells the frame of an export."""
 
     def __post_init__(self) -> None:
         if not self.pixels > 0:
             raise UsageError(f"seen: {self.pixels:g} pixels: give more than 0")
-
-    @property
-    def whole(self) -> bool:
-        return True
 
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
         import torch
@@ -59,7 +78,7 @@ class Seen(Selection):
 
         if not len(table):
             return np.zeros(0, bool)
-        views = load_views(self.cameras, self.scene)
+        views = self.views
         with torch.no_grad():
             scene = gaussians_of(table)
             total = torch.zeros(len(scene))
@@ -69,46 +88,22 @@ class Seen(Selection):
 
 
 @dataclass(frozen=True)
-class Drawn(Selection):
-    """Select by masks that were drawn on photos or renders: see `gsedit.regions.masks`."""
+class Drawn(ThroughCameras):
+    """Select by masks that were drawn on photos or renders: see `gsedit.regions.masks`.
+
+    The cameras have the views of those names.
+    """
 
     masks: Path
     """A .png file named after its view, or a folder of them."""
-    cameras: Path
-    """A cameras.json, or a folder of posed photos, with the views of those names."""
-    scene: Path | None = None
-    """Scene file that the cameras belong to; None: the frame of the file that is selected from."""
-
-    @property
-    def whole(self) -> bool:
-        return True
 
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
         from gsedit.regions.lift import lift
         from gsedit.regions.masks import read_masks
         from gsedit.regions.subject import find_drawn
 
-        views = load_views(self.cameras, self.scene)
+        views = self.views
         masks = read_masks(self.masks, views)
         scene = gaussians_of(table)
         lifted = lift(scene, [views[i].camera for i in masks], list(masks.values()))
         return find_drawn(scene, lifted).numpy()
-
-
-def load_views(cameras: Path, scene: Path | None) -> Sequence[View | Viewpoint]:
-    """The cameras of a cameras.json, or of posed photos, on pictures `SIZE_PIXELS` pixels wide.
-
-    Raises InputError for what is neither.
-    """
-    from gsedit.datasets.cameras_json import NAME, read_cameras
-    from gsedit.datasets.export_frame import in_export_frame
-    from gsedit.datasets.load import load_dataset
-    from gsedit.datasets.viewpoints import same_size
-
-    path = cameras.expanduser()
-    if (path / NAME).is_file():
-        path = path / NAME
-    if path.is_file() and path.name != "transforms.json":
-        return same_size(read_cameras(path), SIZE_PIXELS)
-    photos = load_dataset(path, size=SIZE_PIXELS)
-    return (photos if scene is None else in_export_frame(photos, path, scene)).views

@@ -1,10 +1,12 @@
 """Selections by a volume that the center of a Gaussian is in; its surface is inside.
 
-Coordinates and lengths are those of the scene's file (see gsedit.scene.table).
+Coordinates and lengths are those of the scene's file (see gsedit.scene.table); angles are degrees
+about x, then y, then z.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf, isfinite, isnan
 
@@ -17,127 +19,103 @@ from gsedit.scene.volumes import inside_ball, inside_box, squared_norm
 from gsedit.toolkit.selection.base import QUIET, Selection
 
 Vector = tuple[float, float, float]
-UNTURNED: Vector = (0.0, 0.0, 0.0)
+Points = Float32[np.ndarray, "n 3"]
 
 
 @dataclass(frozen=True)
-class Box(Selection):
-    """Along the axes, between two corners; infinite where a side is open."""
+class Inside(Selection):
+    """Select the centers that a volume holds."""
 
-    low: Vector = (-inf, -inf, -inf)
-    high: Vector = (inf, inf, inf)
-
-    def __post_init__(self) -> None:
-        if any(isnan(number) for number in (*self.low, *self.high)):
-            raise UsageError("box: a corner is not a number")
-        for axis, low, high in zip("xyz", self.low, self.high):
-            if low > high:
-                raise UsageError(
-                    f"box: {axis} goes from {low:g} to {high:g}: give the lower corner first"
-                )
+    holds: Callable[[Points], Bool[np.ndarray, " n"]]
 
     @QUIET
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
-        return inside_box(table.means, self.low, self.high)
+        return self.holds(table.means)
 
 
-@dataclass(frozen=True)
-class OrientedBox(Selection):
-    """About `center`, of sides `size`, turned by `degrees` (see `gsedit.toolkit.steps.rotate`)."""
-
-    center: Vector
-    size: Vector
-    degrees: Vector = UNTURNED
-
-    def __post_init__(self) -> None:
-        check_finite("oriented_box", *self.center, *self.degrees)
-        check_positive("oriented_box", "side", *self.size)
-
-    @QUIET
-    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
-        half = np.array(self.size, np.float32) / 2
-        return np.all(np.abs(_along_axes(table, self.center, self.degrees)) <= half, axis=1)
+def box(x0: float, y0: float, z0: float, x1: float, y1: float, z1: float) -> Selection:
+    """Between two corners, along the axes; `-inf` and `inf` leave a side open."""
+    lows, highs = (x0, y0, z0), (x1, y1, z1)
+    if any(map(isnan, (*lows, *highs))):
+        raise UsageError("box: a corner is not a number")
+    for axis, low, high in zip("xyz", lows, highs):
+        if low > high:
+            raise UsageError(
+                f"box: {axis} goes from {low:g} to {high:g}: give the lower corner first"
+            )
+    return Inside(lambda points: inside_box(points, lows, highs))
 
 
-@dataclass(frozen=True)
-class Ellipsoid(Selection):
-    """About `center`, of three `radii`, turned by `degrees` (see `gsedit.toolkit.steps.rotate`)."""
+def oriented_box(
+    x: float, y: float, z: float, a: float, b: float, c: float,
+    rx: float = 0.0, ry: float = 0.0, rz: float = 0.0,
+) -> Selection:  # fmt: skip
+    """About x,y,z, with sides of lengths a, b and c, turned by rx,ry,rz degrees."""
+    check_finite("oriented_box", x, y, z, rx, ry, rz)
+    check_positive("oriented_box", "side", a, b, c)
 
-    center: Vector
-    radii: Vector
-    degrees: Vector = UNTURNED
+    def holds(points: Points) -> Bool[np.ndarray, " n"]:
+        half = np.array((a, b, c), np.float32) / 2
+        return np.all(np.abs(_along(points, (x, y, z), (rx, ry, rz))) <= half, axis=1)
 
-    def __post_init__(self) -> None:
-        check_finite("ellipsoid", *self.center, *self.degrees)
-        check_positive("ellipsoid", "radius", *self.radii)
-
-    @QUIET
-    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
-        scaled = _along_axes(table, self.center, self.degrees) / np.array(self.radii, np.float32)
-        return squared_norm(scaled) <= 1
+    return Inside(holds)
 
 
-@dataclass(frozen=True)
-class Sphere(Selection):
-    """Select a ball about `center`."""
+def ellipsoid(
+    x: float, y: float, z: float, a: float, b: float, c: float,
+    rx: float = 0.0, ry: float = 0.0, rz: float = 0.0,
+) -> Selection:  # fmt: skip
+    """About x,y,z, with radii a, b and c, turned by rx,ry,rz degrees."""
+    check_finite("ellipsoid", x, y, z, rx, ry, rz)
+    check_positive("ellipsoid", "radius", a, b, c)
 
-    center: Vector
-    radius: float
+    def holds(points: Points) -> Bool[np.ndarray, " n"]:
+        radii = np.array((a, b, c), np.float32)
+        return squared_norm(_along(points, (x, y, z), (rx, ry, rz)) / radii) <= 1
 
-    def __post_init__(self) -> None:
-        check_finite("sphere", *self.center)
-        check_positive("sphere", "radius", self.radius)
-
-    @QUIET
-    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
-        return inside_ball(table.means, self.center, self.radius)
+    return Inside(holds)
 
 
-@dataclass(frozen=True)
-class Cylinder(Selection):
-    """About the axis from `start` to `end`, where it ends too."""
+def sphere(x: float, y: float, z: float, radius: float) -> Selection:
+    """Select a ball about (x, y, z)."""
+    check_finite("sphere", x, y, z)
+    check_positive("sphere", "radius", radius)
+    return Inside(lambda points: inside_ball(points, (x, y, z), radius))
 
-    start: Vector
-    end: Vector
-    radius: float
 
-    def __post_init__(self) -> None:
-        check_finite("cylinder", *self.start, *self.end)
-        check_positive("cylinder", "radius", self.radius)
-        if self.start == self.end:
-            raise UsageError("cylinder: its axis goes from a point to the same one: give two")
+def cylinder(
+    x0: float, y0: float, z0: float, x1: float, y1: float, z1: float, radius: float
+) -> Selection:
+    """About the axis between two points, where it ends too."""
+    start, end = (x0, y0, z0), (x1, y1, z1)
+    check_finite("cylinder", *start, *end)
+    check_positive("cylinder", "radius", radius)
+    if start == end:
+        raise UsageError("cylinder: its axis goes from a point to the same one: give two")
 
-    @QUIET
-    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
-        axis = np.subtract(self.end, self.start)
+    def holds(points: Points) -> Bool[np.ndarray, " n"]:
+        axis = np.subtract(end, start)
         length = float(np.linalg.norm(axis))
         unit = (axis / length).astype(np.float32)
-        offset = table.means - np.array(self.start, np.float32)
+        offset = points - np.array(start, np.float32)
         along = offset @ unit
-        across = offset - along[:, None] * unit
-        return (
-            (along >= 0)
-            & (along <= length)
-            & (squared_norm(across) <= np.square(np.float64(self.radius)))
-        )
+        near = squared_norm(offset - along[:, None] * unit) <= np.square(np.float64(radius))
+        return (along >= 0) & (along <= length) & near
+
+    return Inside(holds)
 
 
-@dataclass(frozen=True)
-class HalfSpace(Selection):
-    """The side of the plane through `point` that `normal` points to."""
+def half_space(x: float, y: float, z: float, nx: float, ny: float, nz: float) -> Selection:
+    """The side of the plane through x,y,z that the direction nx,ny,nz points to."""
+    check_finite("half_space", x, y, z, nx, ny, nz)
+    if not any((nx, ny, nz)):
+        raise UsageError("half_space: the normal is 0,0,0: give a direction")
 
-    point: Vector
-    normal: Vector
+    def holds(points: Points) -> Bool[np.ndarray, " n"]:
+        normal = np.array((nx, ny, nz)) / np.linalg.norm((nx, ny, nz))
+        return (points - np.array((x, y, z), np.float32)) @ normal.astype(np.float32) >= 0
 
-    def __post_init__(self) -> None:
-        check_finite("half_space", *self.point, *self.normal)
-        if not any(self.normal):
-            raise UsageError("half_space: the normal is 0,0,0: give a direction")
-
-    @QUIET
-    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
-        normal = np.array(self.normal) / np.linalg.norm(self.normal)
-        return (table.means - np.array(self.point, np.float32)) @ normal.astype(np.float32) >= 0
+    return Inside(holds)
 
 
 def check_finite(form: str, *numbers: float) -> None:
@@ -153,10 +131,10 @@ def check_positive(form: str, what: str, *numbers: float) -> None:
             raise UsageError(f"{form}: {what} {number:g}: it must be more than 0, and finite")
 
 
-def _along_axes(table: SplatTable, center: Vector, degrees: Vector) -> Float32[np.ndarray, "n 3"]:
-    """Centers in the frame of a volume that is turned by `degrees`."""
-    offset = table.means - np.array(center, np.float32)
-    if degrees == UNTURNED:
+def _along(points: Points, center: Vector, degrees: Vector) -> Points:
+    """Positions in the frame of a volume that is turned by `degrees`."""
+    offset = points - np.array(center, np.float32)
+    if not any(degrees):
         return offset
     from gsedit.toolkit.steps import rotate  # which imports jaxtyping
 

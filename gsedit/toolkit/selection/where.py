@@ -131,7 +131,7 @@ class _Reader:
                 parts = tuple(self.selection(each) for each in values)
                 return Intersection(parts) if isinstance(op, ast.And) else Union(parts)
             case ast.UnaryOp(op=ast.Not(), operand=operand):
-                return Complement(self.selection(operand))
+                return Complement((self.selection(operand),))
             case ast.Compare():
                 return self.comparison(node)
             case ast.Call(func=ast.Name(id=name)) if name in self.selections:

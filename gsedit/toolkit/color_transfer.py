@@ -10,12 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from gsedit.toolkit.color_space import lab_of_srgb, srgb_of_lab
+from gsedit.scene.color_space import lab_of_srgb, srgb_of_lab
 
 ROTATIONS = 24
 """Steps of the transport, each along three axes."""
 QUANTILES = 64
 """Quantiles of a step along one axis; between them the map is straight."""
+DIRECTIONS = 64
+"""Random directions along which a distance of colors is measured."""
 TIES = 1e-9
 """Lab, between quantiles that are equal: knots must rise."""
 
@@ -58,18 +60,16 @@ def color_transport(
     weights: Float[np.ndarray, " n"],
     target: Float[np.ndarray, "m 3"],
     strength: float = 1.0,
-    seed: int = 0,
-    rotations: int = ROTATIONS,
 ) -> ColorTransport:
     """The map of `source` colors, of these weights, to those of a picture; all sRGB.
 
     Iterative distribution transfer (Pitie et al. 2007), which descends the sliced Wasserstein
     distance (Rabin et al. 2011): along random axes, quantiles are moved to quantiles.
     """
-    generator = np.random.default_rng(seed)
+    generator = np.random.default_rng(0)
     points, goal = lab_of_srgb(np.clip(source, 0, 1)), lab_of_srgb(target)
     steps = []
-    for _ in range(rotations):
+    for _ in range(ROTATIONS):
         axes = np.linalg.qr(generator.standard_normal((3, 3)))[0].T
         before = np.stack([quantiles(p, weights) for p in (points @ axes.T).T])
         after = np.stack([quantiles(p, np.ones(len(goal))) for p in (goal @ axes.T).T])
@@ -103,16 +103,13 @@ def sliced_distance(
     a: Float[np.ndarray, "n 3"],
     weights: Float[np.ndarray, " n"],
     b: Float[np.ndarray, "m 3"],
-    seed: int = 1,
-    directions: int = 64,
 ) -> float:
     """Sliced Wasserstein-2 distance of two sets of sRGB colors, in units of Lab (a difference of
     1 to 2 is just seen).
 
     The root of the mean over random directions of the squared difference of 256 quantiles.
     """
-    generator = np.random.default_rng(seed)
-    axes = generator.standard_normal((directions, 3))
+    axes = np.random.default_rng(1).standard_normal((DIRECTIONS, 3))
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
     here, there = (lab_of_srgb(np.clip(each, 0, 1)) @ axes.T for each in (a, b))
     even = np.ones(len(b))

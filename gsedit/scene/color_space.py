@@ -26,13 +26,13 @@ KNEE = 6 / 29
 """Bend of the Lab curve: a cube root above KNEE^3, a straight line below (CIE 15)."""
 
 
-def linear_of_srgb(srgb: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+def linear_of_srgb(srgb: Float[np.ndarray, "*s"]) -> Float[np.ndarray, "*s"]:
     """Linear light of display colors (IEC 61966-2-1)."""
     bent = ((np.maximum(srgb, 0.04045) + 0.055) / 1.055) ** 2.4
     return np.where(srgb > 0.04045, bent, srgb / 12.92)
 
 
-def srgb_of_linear(linear: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+def srgb_of_linear(linear: Float[np.ndarray, "*s"]) -> Float[np.ndarray, "*s"]:
     """Display colors of linear light."""
     bent = 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055
     return np.where(linear > 0.0031308, bent, linear * 12.92)
