@@ -62,7 +62,7 @@ From = Annotated[
 
 @dataclass(frozen=True)
 class Placing:
-    """Where a capture was taken from, or views are to be taken from."""
+    """Cameras of a capture, or points and an axis that place cameras."""
 
     data: Data = None
     up: Up = None
