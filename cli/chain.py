@@ -8,7 +8,7 @@ these names (`output`, `files`, `common`) is given its value.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -22,6 +22,7 @@ from .core.command import LazyCommand, argument, paragraphs, verb_command, verb_
 from .core.console import print_result
 from .core.levels import Levels
 from .core.process import Output, process
+from .core.renamed import split
 from .options.common import Common, current_scene, first_scene
 from .options.files import FileOptions
 
@@ -88,7 +89,7 @@ class OperationCommand(LazyCommand):
 
     def make_context(self, name: str, args: list[str], *rest: Any, **options: Any) -> Any:
         """Return the context of the first verb, which holds the verbs behind `then`."""
-        first, *others = split(args)
+        first, *others = split(args, THEN)
         context = super().make_context(name, first, *rest, **options)
         context.obj = (context.parent.command if context.parent else None, others)
         return context
@@ -100,31 +101,12 @@ class OperationCommand(LazyCommand):
             return command.invoke(context)
 
 
-def split(args: Iterable[str]) -> list[list[str]]:
-    """Split the arguments at the words `then`."""
-    pieces: list[list[str]] = [[]]
-    for each in args:
-        if each == THEN:
-            pieces.append([])
-        else:
-            pieces[-1].append(each)
-    return pieces
-
-
 def as_first(body: Callable[..., Any]) -> Callable[..., None]:
     """Make the first verb of a command, which takes SCENE and runs the whole chain."""
 
-    def verb(
-        ctx: typer.Context,
-        scene: Path,
-        output: Output,
-        files: FileOptions,
-        common: Common,
-        **values: Any,
-    ) -> None:
+    def verb(ctx: typer.Context, scene: Path, **values: Any) -> None:
         group, others = ctx.obj
-        piece = as_piece(body, output, files, common, values)
-        run_chain(scene, [piece, *(parse_piece(group, args) for args in others)])
+        run_chain(scene, [as_piece(body, values), *(parse_piece(group, args) for args in others)])
 
     return _with_parameters(verb, body, ("ctx", typer.Context), ("scene", SceneOrCheckpoint))
 
@@ -132,22 +114,15 @@ def as_first(body: Callable[..., Any]) -> Callable[..., None]:
 def as_later(body: Callable[..., Any]) -> Callable[..., Piece]:
     """Make the verb as it stands behind `then`."""
 
-    def verb(output: Output, files: FileOptions, common: Common, **values: Any) -> Piece:
-        return as_piece(body, output, files, common, values)
+    def verb(**values: Any) -> Piece:
+        return as_piece(body, values)
 
     return _with_parameters(verb, body)
 
 
-def as_piece(
-    body: Callable[..., Any],
-    output: Output,
-    files: FileOptions,
-    common: Common,
-    values: dict[str, Any],
-) -> Piece:
-    shared = {"output": output, "files": files, "common": common}
-    asked = inspect.signature(body).parameters
-    made = body(**values, **{name: each for name, each in shared.items() if name in asked})
+def as_piece(body: Callable[..., Any], values: dict[str, Any]) -> Piece:
+    asked, output = inspect.signature(body).parameters, values["output"]
+    made = body(**{name: each for name, each in values.items() if name in asked})
     several = made if isinstance(made, list | tuple) else [made]
     operations = tuple(each for each in several if not isinstance(each, Target | Levels))
     levels = next((each for each in several if isinstance(each, Levels)), None)
@@ -156,7 +131,7 @@ def as_piece(
             output = replace(output, out=one_place(each, output.out))
     if any(each.moves for each in operations):
         current_scene.set(None)  # the cameras beside it do not fit it any more
-    return Piece(verb_name(body), operations, levels, output, files, common)
+    return Piece(verb_name(body), operations, levels, output, values["files"], values["common"])
 
 
 def one_place(target: Target, out: Path | None) -> Path | None:

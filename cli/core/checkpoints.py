@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,7 +14,6 @@ from gsedit.storage.atomic import locked
 from .command import flag
 from .console import print_message
 from .exits import Interrupted
-from .progress import Show
 from .ranks import broadcast_state
 
 if TYPE_CHECKING:
@@ -166,21 +165,3 @@ def open_checkpoint(path: Path) -> SceneSource:
         table = table_of(optimized_scene(state.within("optimizer"), unedited))
     header = SceneHeader(table.degree)
     return SceneSource(path, "checkpoint", header, len(table), lambda: in_blocks(table))
-
-
-def run_to_result(items: Iterable[Any], show: Show, checkpoints: Checkpoints) -> Any:
-    """Show the events and keep the checkpoints of `items`; return the result, the last item."""
-    from gsedit.runs.events import Checkpoint, Event
-
-    result = None
-    for item in items:
-        match item:
-            case Event():
-                show(item)
-            case Checkpoint():
-                checkpoints.keep(item)
-            case _:
-                result = item
-    if result is None:
-        raise RuntimeError("the work ended without a result")
-    return result

@@ -97,7 +97,9 @@ class DataclassGroup:
         if "option" not in each.metadata:
             return kind
         more = {"rich_help_panel": getattr(self.record, "panel", None), **each.metadata["option"]}
-        flags = more.pop("flags") or [f"--{each.name.replace('_', '-')}"]
+        name = each.name.replace("_", "-")
+        own = f"--{name}/--no-{name}" if each.default is True else f"--{name}"
+        flags = more.pop("flags") or [own]
         return Annotated[kind, typer.Option(*flags, **more)]
 
     def gather(self, values: dict[str, Any]) -> Any:

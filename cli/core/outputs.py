@@ -12,12 +12,13 @@ from gsedit.storage.atomic import check_writable, is_temporary
 from .ranks import is_first
 
 
-def check_file(path: Path, force: bool) -> None:
-    """Raise UsageError unless a file can be written at `path`: checked before the work, by the
-    rank that writes."""
-    if not is_first():
+def check_file(path: Path | None, force: bool, suffix: str = "") -> None:
+    """Raise UsageError unless a file of that suffix can be written at `path`, if it is given:
+    checked before the work, by the rank that writes."""
+    if path is None or not is_first():
         return
-
+    if not path.name.lower().endswith(suffix):
+        raise UsageError(f"{path}: name a {suffix} file")
     check_writable(path, overwrite=force)
     _check_permission(path.parent)
 

@@ -127,7 +127,7 @@ def companions(path: Path, output: Output, operations: list[Operation]) -> Calla
     """
     saving = [each for each in operations if getattr(each, "save", None)]
     for each in saving:
-        check_file(each.save, output.force or output.dry_run)  # pyright: ignore[reportAttributeAccessIssue]
+        check_file(each.save, output.force or output.dry_run, ".json")  # pyright: ignore[reportAttributeAccessIssue]
     cameras = None
     if any(getattr(each, "cameras", False) for each in operations):
         from gsedit.toolkit.moved_cameras import CameraMove

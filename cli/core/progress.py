@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gsedit.measures.decibels import psnr_from_rmse
+from gsedit.runs.stopwatch import Stopwatch
 
 from .console import print_json, print_message, shown
 
@@ -32,6 +33,29 @@ def progress(*, as_json: bool) -> Iterator[Show]:
             yield show
     else:
         yield _plain_lines()
+
+
+@contextmanager
+def counting(stage: str, *, as_json: bool) -> Iterator[Callable[[int, int], None]]:
+    """Yield a function that shows how many steps of a stage are done, and their number."""
+    from gsedit.runs.events import Event
+
+    watch = Stopwatch()
+    with progress(as_json=as_json) as show:
+        yield lambda done, total: show(Event(stage, watch.seconds, done, total))
+
+
+def result_of(items: Iterable[Any], handlers: Mapping[type, Callable[[Any], None]]) -> Any:
+    """Hand each item to the function for its type; return the one without any, the last item."""
+    result = None
+    for item in items:
+        if handle := handlers.get(type(item)):
+            handle(item)
+        else:
+            result = item
+    if result is None:
+        raise RuntimeError("the work ended without a result")
+    return result
 
 
 def _print_as_json(event: Event) -> None:

@@ -59,19 +59,24 @@ MODIFIERS = ("--cluster-gap", "--grow", "--shrink", "--prompt", "--invert")
 
 def new_command(args: list[str], then: str) -> str | None:
     """Return the command line that replaces one with old names; None if nothing in it is old."""
-    pieces: list[list[str]] = [[]]
-    for each in args:
-        if each == then:
-            pieces.append([])
-        else:
-            pieces[-1].append(each)
+    pieces = split(args, then)
     renewed = [renew(piece) for piece in pieces]
     if renewed == pieces:
         return None
-    words = renewed[0]
-    for piece in renewed[1:]:
-        words = [*words, then, *piece]
-    return " ".join(map(quoted, ["gsedit", *words]))
+    return f" {then} ".join(
+        " ".join(map(quoted, p)) for p in (["gsedit", *renewed[0]], *renewed[1:])
+    )
+
+
+def split(args: Iterable[str], at: str) -> list[list[str]]:
+    """Split the arguments at a word."""
+    pieces: list[list[str]] = [[]]
+    for each in args:
+        if each == at:
+            pieces.append([])
+        else:
+            pieces[-1].append(each)
+    return pieces
 
 
 def quoted(word: str) -> str:

@@ -59,35 +59,41 @@ From = Annotated[
 
 
 @dataclass(frozen=True)
-class ViewOptions:
-    """The cameras of a verb that needs several."""
+class Placing:
+    """Cameras of a capture, or points and an axis that place cameras."""
 
     data: Data = None
-    size: Size = 256
     up: Up = None
     look_at: LookAt = None
     eye: From = None
 
     @property
     def placed(self) -> bool:
-        """Whether the views are to be found, even where a capture's cameras are known."""
+        """Whether an option says where views are taken from, even where cameras are known."""
         return not (self.up is None and self.look_at is None and self.eye is None)
+
+    def wish(self) -> ViewConstraints:
+        """Return the constraints on views. Raises UsageError for what is no axis or no point."""
+        from gsedit.cameras.search import ViewConstraints
+        from gsedit.scene.framing import up_vector
+
+        up = None if self.up is None else up_vector(self.up)
+        return ViewConstraints(up, point(self.look_at, "--look-at"), point(self.eye, "--from"))
+
+
+@dataclass(frozen=True)
+class ViewOptions(Placing):
+    """The cameras of a verb that needs several."""
+
+    size: Size = 256
 
     def check(self) -> None:
         """Raise UsageError for a name that is no axis, a text that is no point, or points beside
         photos: before a large file is read.
         """
-        constraints_of(self)
+        self.wish()
         if self.data is not None and (self.look_at or self.eye):
             raise UsageError("--look-at and --from place cameras: leave out --data")
-
-
-def constraints_of(options: ViewOptions) -> ViewConstraints:
-    """Return the constraints on the views to find. Raises UsageError."""
-    from gsedit.cameras.search import ViewConstraints
-
-    eye, target = point(options.eye, "--from"), point(options.look_at, "--look-at")
-    return ViewConstraints(up_vector(options.up), target, eye)
 
 
 def point(text: str | None, option: str) -> Tensor | None:
@@ -96,7 +102,6 @@ def point(text: str | None, option: str) -> Tensor | None:
         return None
     import torch
 
-    from gsedit.errors import UsageError
     from gsedit.formats.limits import MAX_POSITION
 
     found = torch.tensor(numbers(option, text, 3), dtype=torch.float64)
@@ -105,30 +110,15 @@ def point(text: str | None, option: str) -> Tensor | None:
     return found
 
 
-def up_vector(up: str | None) -> Tensor | None:
-    """The unit vector of an axis name; None where the library is to find it from the scene."""
-    if up is None:
-        return None
-    from gsedit.scene import framing
-
-    return framing.up_vector(up)
-
-
 def load_photos(data: Path, size: int, scene: Path | None) -> Dataset:
     """Load the photos of --data, in the frame of the scene file if nerfstudio exported it."""
     from gsedit.datasets.export_frame import in_export_frame
     from gsedit.datasets.load import load_dataset
 
     photos = load_dataset(data, size=size)
-    say_notes(photos)
-    say_if_smaller(photos, size)
-    return photos if scene is None else in_export_frame(photos, data, scene)
-
-
-def say_notes(photos: Dataset) -> None:
-    """Print the notes on how photos were read, a line each."""
     for note in photos.notes:
         print_message(note)
+    return photos if scene is None else in_export_frame(photos, data, scene)
 
 
 def framed_alike(dataset: Dataset) -> Dataset:
@@ -167,19 +157,6 @@ def recorded_viewpoints(path: Path | None, scene: Gaussians, size: int) -> tuple
     return viewpoints
 
 
-def rendered_where_seen(
-    viewpoints: Sequence[Viewpoint], scene: Gaussians, execution: Execution
-) -> Dataset:
-    """Render from the recorded cameras that see the scene; from a sample of many."""
-    from gsedit.datasets.viewpoints import rendered, that_see, thinned
-
-    some = thinned(viewpoints)
-    seeing = that_see(some, scene, execution)
-    if len(seeing) < len(some):
-        print_message(f"{len(some) - len(seeing)} cameras see nothing: they are skipped")
-    return rendered(scene, seeing, execution)
-
-
 def load_views(
     path: Path | None, scene: Gaussians, options: ViewOptions, execution: Execution
 ) -> Dataset:
@@ -201,13 +178,12 @@ def resolve_cameras(
 
     if options.data is not None:
         photos = load_photos(options.data, options.size, path)
+        say_if_smaller(photos, options.size)
         return ResolvedCameras(viewpoints_of(photos), photos)
     if not options.placed and (recorded := recorded_viewpoints(path, scene, options.size)):
         return ResolvedCameras(recorded)
     print_message("searching the scene for views; a cameras.json beside it saves this")
-    found = find_viewpoints(
-        scene, count, options.size, wish=constraints_of(options), execution=execution
-    )
+    found = find_viewpoints(scene, count, options.size, wish=options.wish(), execution=execution)
     say_if_empty(thinned(found, CHECKED_FOUND_VIEWS), scene, execution)
     return ResolvedCameras(found, found=True)
 
@@ -250,10 +226,14 @@ class ResolvedCameras:
 
     def dataset(self, scene: Gaussians, execution: Execution) -> Dataset:
         """The views with pictures: the photos, or renders; of many recorded cameras, of some."""
-        from gsedit.datasets.viewpoints import rendered
+        from gsedit.datasets.viewpoints import rendered, that_see, thinned
 
         if self.photos is not None:
             return self.photos
         if self.found:
             return rendered(scene, self.viewpoints, execution)
-        return rendered_where_seen(self.viewpoints, scene, execution)
+        some = thinned(self.viewpoints)
+        seeing = that_see(some, scene, execution)
+        if len(seeing) < len(some):
+            print_message(f"{len(some) - len(seeing)} cameras see nothing: they are skipped")
+        return rendered(scene, seeing, execution)

@@ -5,9 +5,7 @@ from __future__ import annotations
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Annotated
 
 from gsedit.errors import UsageError
 from rasterizer.numerics import DEFAULT, Numerics
@@ -65,11 +63,6 @@ DropInvalid = Annotated[
     bool, flag("--drop-invalid", "Skip Gaussians with NaN or Inf instead of refusing the file.")
 ]
 Force = Annotated[bool, flag("--force -f", "Replace files that exist at the output.")]
-
-
-def output(what: str) -> Any:
-    """The -o option of a verb that writes `what`."""
-    return typer.Option("--output", "-o", metavar="PATH", show_default=False, help=what)
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
-from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Literal
 
 from gsedit.errors import UsageError
 
 from ..core.command import option
-from .settings import Layout, Setting, Values, settings_of, with_values
+from .settings import Layout, Setting, Values, choices_text, settings_of, with_values
 
 if TYPE_CHECKING:
     from gsedit.editing.session.actions import Strategy
@@ -94,7 +93,7 @@ def edit_settings(own: Iterable[str] = ()) -> list[Setting]:
     choice = Setting(
         path=("strategy",),
         flag="--strategy",
-        type=Enum("strategy", {name: name for name in strategies}, type=str),
+        type=Literal[tuple(strategies)],
         meaning="When views are edited and when the scene is fitted to them "
         "(docs/concepts/strategies.md).",
         default=DEFAULT,
@@ -130,7 +129,7 @@ def strategy_options(strategies: dict[str, type[Strategy]], taken: Iterable[str]
 
 def check_same_field(earlier: Setting, setting: Setting, name: str) -> None:
     """Raise TypeError unless two strategies, the later one `name`, mean the same by a flag."""
-    if earlier.path != setting.path or accepted(earlier.type) != accepted(setting.type):
+    if earlier.path != setting.path or earlier.type != setting.type:
         raise TypeError(
             f"{setting.flag} of the strategy {name} is {describe(setting)}, and "
             f"{describe(earlier)} of a strategy before it: give the field another name, or another "
@@ -138,13 +137,8 @@ def check_same_field(earlier: Setting, setting: Setting, name: str) -> None:
         )
 
 
-def accepted(kind: type) -> Any:
-    """Return the values of an Enum that an option accepts, or the type itself."""
-    return [choice.value for choice in kind] if issubclass(kind, Enum) else kind
-
-
 def describe(setting: Setting) -> str:
-    return f"{setting.path[-1]} ({setting.type.__name__})"
+    return f"{setting.path[-1]} ({choices_text(setting.type) or setting.type.__name__})"
 
 
 def resolve(preset: str, values: Values, own: Iterable[str] = ()) -> tuple[EditSettings, Strategy]:

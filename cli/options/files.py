@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from ..core.command import option
 from ..core.console import print_message
@@ -14,19 +13,12 @@ if TYPE_CHECKING:
     from gsedit.formats.streams import ReadOptions, WriteOptions
 
 
-class SpzFrame(str, Enum):
-    """Axes of an .spz."""
-
-    rub = "rub"
-    rdf = "rdf"
-
-
 @dataclass(frozen=True)
 class FileOptions:
     """How files are read and written, where the format leaves a choice."""
 
-    spz_frame: SpzFrame = option(
-        SpzFrame.rub, "Axes of an .spz that names none: rub (its specification), or rdf."
+    spz_frame: Literal["rub", "rdf"] = option(
+        "rub", "Axes of an .spz that names none: rub (its specification), or rdf."
     )
     spz_version: int = option(3, "Version of the .spz to write.", min=3, max=4)
 
@@ -35,7 +27,7 @@ class FileOptions:
     def read(self) -> ReadOptions:
         from gsedit.formats.streams import ReadOptions
 
-        return ReadOptions(spz_frame=self.spz_frame.value, samples=self.samples)
+        return ReadOptions(spz_frame=self.spz_frame, samples=self.samples)
 
     def write(self, out: Path) -> WriteOptions:
         """For a scene at `out`: what its format rounds more than usual is printed."""
@@ -43,6 +35,6 @@ class FileOptions:
 
         return WriteOptions(
             spz_version=self.spz_version,
-            spz_frame=self.spz_frame.value,
+            spz_frame=self.spz_frame,
             say=lambda text: print_message(f"{out}: {text}"),
         )

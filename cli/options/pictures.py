@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -17,20 +16,13 @@ if TYPE_CHECKING:
     from gsedit.pictures.maps import MapName
 
 Kind = Literal["folder", "still", "animation"]
+PathKind = Literal["turntable", "orbit", "spline"]
+"""Kinds of camera paths, those of gsedit.cameras.paths, which imports torch."""
+FolderFormat = Literal["png", "exr", "npy"]
+"""Formats of pictures, those of gsedit.pictures.rendered_views."""
 STILLS, ANIMATIONS = (".png", ".exr", ".npy"), (".mp4", ".gif")
-OTHERS = (
-    ".jpg",
-    ".jpeg",
-    ".webp",
-    ".tif",
-    ".tiff",
-    ".bmp",
-    ".avi",
-    ".mov",
-    ".mkv",
-    ".webm",
-    ".m4v",
-)
+PHOTOS = (".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp")
+OTHERS = (*PHOTOS, ".avi", ".mov", ".mkv", ".webm", ".m4v")
 """Suffixes that are no folder's name, and are not written."""
 NAMES = ("color", "depth", "normals", "alpha")
 """Names of gsedit.pictures.maps.MAPS, which imports torch; a test compares them."""
@@ -38,22 +30,6 @@ MOST_PIXELS = 1 << 26
 FRAMES, FPS, ARC, CRF = 120, 30.0, 60.0, 18
 """Defaults of the options of these names, which are None: one that is given where it would change
 nothing is refused."""
-
-
-class PathKind(str, Enum):
-    """Kinds of camera paths, those of gsedit.cameras.paths.PathKind."""
-
-    turntable = "turntable"
-    orbit = "orbit"
-    spline = "spline"
-
-
-class FolderFormat(str, Enum):
-    """Formats of pictures, those of gsedit.pictures.rendered_views.Format."""
-
-    png = "png"
-    exr = "exr"
-    npy = "npy"
 
 
 @dataclass(frozen=True)
@@ -95,7 +71,7 @@ class PictureOptions:
     )
     depth: bool = option(False, "Short for --show color,depth.")
     format: FolderFormat = option(
-        FolderFormat.png,
+        "png",
         "Format of the files in a folder. exr holds linear light, npy sRGB; both are float32.",
     )
     resolution: str | None = option(None, "Exact size of the pictures, instead of --size.", "WxH")
@@ -174,14 +150,14 @@ def kind_of(out: Path) -> Kind:
 def check_path(path: PathOptions, kind: Kind, out: Path) -> None:
     """Raise UsageError for options of a path that would change nothing."""
     given = {name for name, value in vars(path).items() if value is not None}
-    taken = path.path or (PathKind.turntable if kind == "animation" else None)
+    taken = path.path or ("turntable" if kind == "animation" else None)
     if taken is None and (unused := given & {"frames", "arc", "elevation"}):
         raise UsageError(
             f"--{min(unused)} is for a path of cameras: add --path, or name an .mp4 or a .gif"
         )
-    if "arc" in given and taken != PathKind.orbit:
+    if "arc" in given and taken != "orbit":
         raise UsageError("--arc is for --path orbit: add it, or leave --arc out")
-    if "elevation" in given and taken == PathKind.spline:
+    if "elevation" in given and taken == "spline":
         raise UsageError("--elevation is for turntable and orbit: a spline keeps to the cameras")
     if "fps" in given and kind != "animation":
         raise UsageError(f"--fps is for .mp4 and .gif, not for -o {out}")
@@ -196,14 +172,14 @@ def check_pictures(out: Path, options: PictureOptions, path: PathOptions) -> Non
     if kind == "still" and path.path is not None:
         raise UsageError(f"-o {out} is one picture: name an .mp4, a .gif or a folder for --path")
     check_path(path, kind, out)
-    if kind != "folder" and options.format != FolderFormat.png:
+    if kind != "folder" and options.format != "png":
         raise UsageError(f"--format is for folders: -o {out} says it by its suffix")
     if suffix == ".npy" and len(maps) > 1:
         raise UsageError(f"-o {out} holds one map: show one, or name an .exr or a folder")
     if options.transparent:
         if kind == "animation" or suffix in (".exr", ".npy"):
             raise UsageError(f"--background transparent is for PNG pictures, not for -o {out}")
-        if options.format != FolderFormat.png:
+        if options.format != "png":
             raise UsageError("--background transparent is for PNG pictures: leave out --format")
         if "color" not in maps or (kind == "still" and len(maps) > 1):
             raise UsageError(
@@ -213,13 +189,11 @@ def check_pictures(out: Path, options: PictureOptions, path: PathOptions) -> Non
     if options.wipe is not None:
         if maps != ("color",) or options.transparent:
             raise UsageError("--wipe shows colors: leave out --show, --depth and transparent")
-        if suffix in (".exr", ".npy") or options.format != FolderFormat.png:
+        if suffix in (".exr", ".npy") or options.format != "png":
             raise UsageError("--wipe is written as .png, .mp4, .gif or a folder of PNG files")
     if options.crf is not None and suffix != ".mp4":
         raise UsageError(f"--crf is for .mp4, not for -o {out}: leave it out")
     if kind == "animation":
-        from gsedit.pictures.animations import check_fps, check_video
+        from gsedit.pictures.animations import check_format
 
-        check_fps(out, path.fps or FPS)
-        if suffix == ".mp4":
-            check_video()
+        check_format(out, path.fps or FPS)

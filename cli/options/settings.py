@@ -14,7 +14,6 @@ import re
 import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
-from enum import Enum
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
@@ -53,7 +52,7 @@ class Setting:
     path: FieldPath
     flag: str
     type: Any
-    """One of SIMPLE, or an Enum of the choices."""
+    """One of SIMPLE, or a Literal of the choices."""
     meaning: str
     default: str
     """Text of the default value; empty where there is none to show."""
@@ -92,9 +91,7 @@ class SettingsGroup:
 
     def gather(self, values: dict[str, Any]) -> Values:
         return {
-            tuple(name.split("__")): value.value if isinstance(value, Enum) else value
-            for name, value in values.items()
-            if value is not None
+            tuple(name.split("__")): value for name, value in values.items() if value is not None
         }
 
 
@@ -140,23 +137,21 @@ def flag_of(item: Field[Any], parents: FieldPath, taken: Iterable[str]) -> str:
 
 
 def option_type(path: FieldPath, annotation: Any) -> Any:
-    """The type of a field's option: the field's own, or an Enum of the choices of a Literal.
+    """The type of a field's option: the field's own, without None.
 
     Raises TypeError for a type that no option can hold.
     """
-    alternatives = [item for item in get_args(annotation) if item is not type(None)]
-    if get_origin(annotation) is Literal:
-        return Enum(path[-1], {choice: choice for choice in alternatives}, type=str)
-    if annotation in SIMPLE:
+    if get_origin(annotation) is Literal or annotation in SIMPLE:
         return annotation
+    alternatives = [item for item in get_args(annotation) if item is not type(None)]
     if len(alternatives) == 1 and type(None) in get_args(annotation):
         return option_type(path, alternatives[0])
     raise TypeError(f"setting {'.'.join(path)}: no option can hold a {annotation}")
 
 
 def choices_text(kind: Any) -> str | None:
-    """Return the choices of an Enum for the help; None for any other type, which typer names."""
-    return "|".join(str(each.value) for each in kind) if issubclass(kind, Enum) else None
+    """Return the choices of a Literal for the help; None for any other type, which typer names."""
+    return "|".join(get_args(kind)) or None
 
 
 def meaning_and_default(doc: str, default: Any) -> tuple[str, str]:

@@ -9,13 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 from gsedit.errors import UsageError
 
 from ..core.command import argument, flag, option
-from ..core.outputs import check_file
-from .cameras import From, LookAt, Up, load_photos, point, recorded_viewpoints, up_vector
-from .common import Data, scene_file
+from .cameras import Placing, load_photos, recorded_viewpoints
+from .common import scene_file
 
 if TYPE_CHECKING:
-    from torch import Tensor
-
     from gsedit.datasets.viewpoints import Viewpoint
     from gsedit.pictures.viewer.drawing import Look, Surroundings
     from rasterizer.camera import Camera
@@ -129,26 +126,8 @@ SelectionFile = Annotated[
 
 
 @dataclass(frozen=True)
-class ViewerCamera:
+class ViewerCamera(Placing):
     """Camera that looks at the scene."""
-
-    data: Data = None
-    up: Up = None
-    look_at: LookAt = None
-    eye: From = None
-
-    def check(self) -> None:
-        """Raise UsageError for a name that is no axis, or a text that is no point."""
-        _ = self.axis, point(self.look_at, "--look-at"), point(self.eye, "--from")
-
-    @property
-    def axis(self) -> Tensor | None:
-        return up_vector(self.up)
-
-    @property
-    def is_free(self) -> bool:
-        """Whether no option says where the camera stands."""
-        return self.up is None and self.look_at is None and self.eye is None
 
     def surroundings(self, path: Path, scene: Gaussians, *, wanted: bool) -> Surroundings:
         """The cameras and the sparse cloud of --data; else, if they are `wanted` or the view may
@@ -159,7 +138,7 @@ class ViewerCamera:
         if self.data is not None:
             photos = load_photos(self.data, 256, path)
             return Surroundings(viewpoints_of(photos), photos.points)
-        if wanted or self.is_free:
+        if wanted or not self.placed:
             return Surroundings(recorded_viewpoints(path, scene, 256))
         return Surroundings()
 
@@ -172,16 +151,7 @@ class ViewerCamera:
         from gsedit.datasets.viewpoints import framed
         from gsedit.scene.framing import framing_camera
 
-        if self.is_free:
+        if not self.placed:
             return framed(viewpoints[0].camera, *size) if viewpoints else None
-        eye, target = point(self.eye, "--from"), point(self.look_at, "--look-at")
-        return framing_camera(scene, up=self.axis, eye=eye, target=target, size=size)
-
-
-def check_suffix(out: Path | None, suffix: str, *, force: bool) -> None:
-    """Raise UsageError unless a file of that suffix can be written at `out`, if it is given."""
-    if out is None:
-        return
-    if out.suffix.lower() != suffix:
-        raise UsageError(f"-o {out}: name a {suffix} file")
-    check_file(out, force)
+        wish = self.wish()
+        return framing_camera(scene, up=wish.up, eye=wish.eye, target=wish.look_at, size=size)

@@ -56,8 +56,6 @@ def align(*, own: AlignOptions, files: FileOptions) -> Align:
     if len(chosen) != 1:
         given = " and ".join(chosen) or "nothing"
         raise UsageError(f"{given} was asked for: give one of --to-ground, --to, --length")
-    if own.save is not None and own.save.suffix != ".json":
-        raise UsageError(f"--save {own.save}: the similarity is written as .json")
     from gsedit.toolkit import align as kinds
 
     more: Any = {"save": own.save, "cameras": own.cameras}

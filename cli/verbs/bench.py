@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-from ..core.command import as_command
+from ..core.command import argument, as_command, flag
 from ..core.console import print_json, print_message, print_result
 from ..core.exits import Interrupted
 from ..core.outputs import check_folder
 from ..core.progress import progress
-from ..options.common import Common, Force, output
+from ..options.common import Common, Force
 from ..options.numbers import parse_indices
 
 if TYPE_CHECKING:
@@ -23,21 +23,20 @@ bench = typer.Typer(no_args_is_help=True, add_completion=False)
 
 Points = Annotated[
     Path | None,
-    typer.Option(
+    flag(
         "--points",
-        metavar="FILE",
+        "Points of the garden scene: garden.npz, a test asset of gsplat.",
+        "FILE",
         envvar="GSEDIT_GARDEN",
-        show_default=False,
-        help="Points of the garden scene: garden.npz, a test asset of gsplat.",
     ),
 ]
-Cache = Annotated[
-    Path,
-    typer.Option("--cache", metavar="FOLDER", help="Folder that keeps the reference's pictures."),
-]
-Quick = Annotated[bool, typer.Option("--quick", help="A short run: fewer and smaller cases.")]
-Runs = Annotated[int, typer.Option("--runs", min=1, help="Number of runs; times are medians.")]
-Folder = Annotated[Path, output("Folder for the results.")]
+Cache = Annotated[Path, flag("--cache", "Folder that keeps the reference's pictures.", "FOLDER")]
+Quick = Annotated[bool, flag("--quick", "A short run: fewer and smaller cases.")]
+Runs = Annotated[int, flag("--runs", "Number of runs; times are medians.", min=1)]
+Folder = Annotated[Path, flag("--output -o", "Folder for the results.", "PATH")]
+Instruction = Annotated[str, argument("INSTRUCTION", "Instruction of the editor closed-form.")]
+Strategy = Annotated[str, flag("--strategy", "How views and scene are edited.", "NAME")]
+Counts = Annotated[str, flag("--ranks", "Numbers of ranks, of one thread each.", "N,N,...")]
 
 Row = TypeVar("Row")
 
@@ -95,13 +94,9 @@ def targets(
 
 
 def edit(
-    instruction: Annotated[
-        str, typer.Argument(metavar="INSTRUCTION", help="Instruction of the editor closed-form.")
-    ] = "turn the bear into a bronze statue",
+    instruction: Instruction = "turn the bear into a bronze statue",
     out: Folder = Path("out/bench_edit"),
-    strategy: Annotated[
-        str, typer.Option("--strategy", metavar="NAME", help="How views and scene are edited.")
-    ] = "single-pass",
+    strategy: Strategy = "single-pass",
     quick: Quick = False,
     force: Force = False,
     *,
@@ -127,10 +122,7 @@ def edit(
 
 def ranks(
     out: Folder = Path("out/ranks"),
-    counts: Annotated[
-        str,
-        typer.Option("--ranks", metavar="N,N,...", help="Numbers of ranks, of one thread each."),
-    ] = "1,2",
+    counts: Counts = "1,2",
     runs: Runs = 3,
     quick: Quick = False,
     force: Force = False,

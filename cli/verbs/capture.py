@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 
 from gsedit.capture.settings import CaptureSettings
 
-from ..core.command import argument, shows
+from ..core.command import argument, flag, shows
 from ..core.console import print_message, print_result
 from ..core.exits import Interrupted
 from ..core.outputs import check_folder
-from ..core.progress import progress
-from ..options.common import Force, Seeded, output
+from ..core.progress import progress, result_of
+from ..options.common import Force, Seeded
 from ..options.settings import Layout, Setting, SettingsGroup, Values, settings_of, with_values
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def capture_settings() -> list[Setting]:
 @shows("--output", "--frames", "--lens", "--focal", "--mask", "--size", "--force", "--seed")
 def capture(
     photos: Source,
-    out: Annotated[Path, output("Folder to write: `gsedit fit` reads it.")],
+    out: Annotated[Path, flag("--output -o", "Folder to write: `gsedit fit` reads it.", "PATH")],
     force: Force = False,
     *,
     values: Annotated[Values, SettingsGroup(capture_settings)],
@@ -67,41 +67,23 @@ def run_capture(
     photos: Path, out: Path, settings: CaptureSettings, *, force: bool, as_json: bool
 ) -> CaptureResult:
     """Capture with progress on the terminal. Raises Interrupted with what is left of the work."""
-    from gsedit.capture.capture import (
-        WORK,
-        CaptureResult,
-        Line,
-        capture_steps,
-        check_frames,
-        check_places,
-        is_begun,
-        start_anew,
-    )  # fmt: skip
+    from gsedit.capture import capture as work
+    from gsedit.runs.events import Event
 
-    check_places(photos, out)
-    check_frames(photos, settings)
-    check_folder(out, force or is_begun(out))
+    work.check_places(photos, out)
+    work.check_frames(photos, settings)
+    check_folder(out, force or work.is_begun(out))
     if force:
-        start_anew(out)
-    result = None
+        work.start_anew(out)
     try:
         with progress(as_json=as_json) as show:
-            for item in capture_steps(photos, out, settings):
-                match item:
-                    case Line():
-                        print_message(item.text)
-                    case CaptureResult():
-                        result = item
-                    case _:
-                        show(item)
+            handlers = {work.Line: lambda line: print_message(line.text), Event: show}
+            return result_of(work.capture_steps(photos, out, settings), handlers)
     except KeyboardInterrupt:
         raise Interrupted(
-            f"interrupted; the stages that ended are kept in {out / WORK}: go on with the same "
-            "command"
+            f"interrupted; the stages that ended are kept in {out / work.WORK}: go on with the "
+            "same command"
         ) from None
-    if result is None:
-        raise RuntimeError("the work ended without a result")
-    return result
 
 
 def print_capture(result: CaptureResult, out: Path) -> None:

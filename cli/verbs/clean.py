@@ -29,30 +29,15 @@ if TYPE_CHECKING:
 class CleanOptions:
     """Reasons to remove a Gaussian, and their thresholds."""
 
-    invisible: bool = option(
-        True,
-        "Gaussians that every renderer skips: --least-opacity.",
-        flags="--invisible/--no-invisible",
-    )
-    giants: bool = option(
-        True, "Gaussians larger than the whole scene: --giant-size.", flags="--giants/--no-giants"
-    )
-    floaters: bool = option(
-        True, "Gaussians far from all others: --floater-distance.", flags="--floaters/--no-floaters"
-    )
-    needles: bool = option(
-        True,
-        "Long, thin streaks that end in the open: --needle-ratio.",
-        flags="--needles/--no-needles",
-    )
-    duplicates: bool = option(
-        True, "Rows equal to an earlier one.", flags="--duplicates/--no-duplicates"
-    )
+    invisible: bool = option(True, "Gaussians that every renderer skips: --least-opacity.")
+    giants: bool = option(True, "Gaussians larger than the whole scene: --giant-size.")
+    floaters: bool = option(True, "Gaussians far from all others: --floater-distance.")
+    needles: bool = option(True, "Long, thin streaks that end in the open: --needle-ratio.")
+    duplicates: bool = option(True, "Rows equal to an earlier one.")
     unseen: bool = option(
         True,
         "What none of the capture's cameras sees: those of --data or of the cameras.json "
         "beside the scene; without cameras nothing.",
-        flags="--unseen/--no-unseen",
     )
     least_opacity: float = option(
         1 / 255, "Invisible: of less opacity than this (1/255).", "0..1", min=0
@@ -118,8 +103,7 @@ def clean(*, options: CleanOptions, selection: SelectionOptions, output: Output)
     from gsedit.toolkit.clean import Clean
 
     limits, reasons = options.limits(), options.reasons
-    if reasons is not None:
-        check_file(reasons, output.force)
+    check_file(reasons, output.force)
     some = selection.selection() if selection.given else None
     cameras = partial(known_cameras, selection.data) if options.unseen else None
     return Clean(limits, cameras, some, options.mark, reasons, output.force)

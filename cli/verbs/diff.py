@@ -8,16 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gsedit.errors import UsageError
-from gsedit.runs.stopwatch import Stopwatch
 from gsedit.storage.inputs import existing_file
 from rasterizer.numerics import Execution, Numerics
 
-from ..core.command import option, output
+from ..core.command import argument, option, output
 from ..core.console import print_json, print_message, shown
 from ..core.kernel import say_kernel
 from ..core.outputs import check_file
-from ..core.progress import progress
+from ..core.progress import counting
 from ..options.cameras import ViewOptions, resolve_cameras
 from ..options.common import (
     Common,
@@ -38,6 +36,15 @@ if TYPE_CHECKING:
 
 PICTURED_VIEWS = 4
 """Most views in the picture: the worst one first."""
+
+Other = Annotated[
+    Path,
+    argument(
+        "OTHER",
+        "The scene to compare with the first, or the folder of an edit.",
+        callback=scene_file,
+    ),
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,15 +68,7 @@ class DiffOptions:
 
 def diff(
     scene: Scene,
-    other: Annotated[
-        Path,
-        typer.Argument(
-            metavar="OTHER",
-            help="The scene to compare with the first, or the folder of an edit.",
-            show_default=False,
-            callback=scene_file,
-        ),
-    ],
+    other: Other,
     drop_invalid: DropInvalid = False,
     force: Force = False,
     *,
@@ -133,10 +132,7 @@ def check_request(
     """Raise UsageError for options that make no sense, and InputError for a file that is not there,
     before large files are read."""
     cameras.check()
-    if out is not None:
-        if out.suffix.lower() != ".png":
-            raise UsageError(f"-o {out}: name a .png file")
-        check_file(out, force)
+    check_file(out, force, ".png")
     for path in scenes:
         if not path.is_dir():  # a scene may be a folder; the reader says what is wrong with it
             existing_file(path)
@@ -144,21 +140,12 @@ def check_request(
 
 def compare(pair: Pair, *, as_json: bool) -> SceneDifference:
     """The comparison, its progress shown."""
-    from gsedit.runs.events import Event
     from gsedit.toolkit.differences import diff
 
-    watch = Stopwatch()
-    with progress(as_json=as_json) as show:
-
-        def tell(done: int, total: int) -> None:
-            show(Event("compare", watch.seconds, done, total))
-
+    numerics, execution = pair.numerics, pair.execution
+    with counting("compare", as_json=as_json) as tell:
         return diff(
-            *pair.scenes,
-            pair.viewpoints,
-            numerics=pair.numerics,
-            execution=pair.execution,
-            progress=tell,
+            *pair.scenes, pair.viewpoints, numerics=numerics, execution=execution, progress=tell
         )
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ..core.command import argument
 from ..core.console import print_message, print_result
 from ..core.exits import UNREADABLE
 from ..options.common import Common
@@ -14,16 +15,16 @@ from ..options.common import Common
 if TYPE_CHECKING:
     from gsedit.editors.pix2pix.weights import Weights
 
+Model = Annotated[
+    str | None,
+    argument(
+        "MODEL", "A folder of InstructPix2Pix weights, or a Hugging Face id in the local cache."
+    ),
+]
+
 
 def doctor(
-    model: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="MODEL",
-            help="A folder of InstructPix2Pix weights, or a Hugging Face id in the local cache.",
-            show_default=False,
-        ),
-    ] = None,
+    model: Model = None,
     *,
     common: Common,
 ) -> None:
@@ -63,13 +64,8 @@ def check_weights(model: str, *, as_json: bool) -> None:
     from gsedit.editors.pix2pix.weights import inspect
 
     weights = inspect(find(model, offline=True))
-    record = {
-        "folder": weights.folder,
-        "complete": weights.complete,
-        "kind": weights.kind,
-        "parts": list(weights.parts),
-        "notes": list(weights.notes),
-    }
+    names = ("folder", "complete", "kind", "parts", "notes")
+    record = {name: getattr(weights, name) for name in names}
     print_result(record, as_text(weights), as_json=as_json)
     if not weights.complete:
         raise typer.Exit(UNREADABLE)

@@ -12,29 +12,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from gsedit.errors import UsageError
 
-from ..core.checkpoints import (
-    NAME,
-    Checkpoints,
-    Resume,
-    load_resume_state,
-    run_to_result,
-    say_threads,
-)
+from ..core.checkpoints import NAME, Checkpoints, Resume, load_resume_state, say_threads
 from ..core.command import argument, option, output, own_flags, shows
 from ..core.console import print_message, print_result
 from ..core.features import load_features
 from ..core.kernel import UPDATES, say_kernel
 from ..core.outputs import check_folder
-from ..core.progress import progress
+from ..core.progress import progress, result_of
 from ..core.ranks import drain, is_first, ranks
 from ..options.cameras import ViewOptions, framed_alike, load_views
 from ..options.common import DropInvalid, Force, Scene, Seeded, load_scene
-from ..options.editing import (
-    EditorOptions,
-    edit_settings,
-    resolve,
-    what_it_understood,
-)
+from ..options.editing import EditorOptions, edit_settings, resolve, what_it_understood
 from ..options.settings import Setting, SettingsGroup, Values
 
 if TYPE_CHECKING:
@@ -260,6 +248,7 @@ def run_and_write(
     from gsedit.editing.session.folder import write_edit
     from gsedit.measures.against import UNFINISHED
     from gsedit.pictures.stage_table import table
+    from gsedit.runs.events import Checkpoint, Event
     from gsedit.runs.journal import event_journal
 
     with checkpoints:
@@ -271,7 +260,8 @@ def run_and_write(
                     journal.write(event)
                 show(event)
 
-            result = run_to_result(steps, write_and_show, checkpoints)
+            handlers = {Event: write_and_show, Checkpoint: checkpoints.keep}
+            result = result_of(steps, handlers)
         write_cameras_and_views(dataset, result, out)
         copy_frame(request["scene"], out)
         write_edit(out, result, request=request, overwrite=True)

@@ -3,29 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
 from functools import partial
 from math import ceil
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from gsedit.fitting.budget import LEAST_STEPS
 from gsedit.fitting.settings import QUALITIES, FitSettings
 
-from ..core.checkpoints import (
-    Checkpoints,
-    Resume,
-    load_resume_state,
-    run_to_result,
-    say_threads,
-)
+from ..core.checkpoints import Checkpoints, Resume, load_resume_state, say_threads
 from ..core.command import argument, option, output, shows
 from ..core.console import print_message, print_result
 from ..core.kernel import FITS, say_kernel
 from ..core.outputs import check_scene_file
-from ..core.progress import progress
+from ..core.progress import progress, result_of
 from ..core.ranks import drain, is_first, ranks
-from ..options.cameras import say_notes
+from ..options.cameras import load_photos
 from ..options.common import DropInvalid, Force, Seeded, load_scene
 from ..options.files import FileOptions
 from ..options.settings import Layout, Setting, SettingsGroup, Values, settings_of, with_values
@@ -43,14 +36,6 @@ Dataset = Annotated[
 ]
 
 
-class Level(str, Enum):
-    """Names of the presets in gsedit.fitting.settings.QUALITIES."""
-
-    DRAFT = "draft"
-    NORMAL = "normal"
-    HIGH = "high"
-
-
 def fit_settings() -> list[Setting]:
     """Return an option for each field of FitSettings; --minutes stands for `seconds`."""
     panels = {"execution": "Rendering"}
@@ -64,8 +49,8 @@ class Recipe:
     size: int | None = option(
         None, "Longer side of the photos.", "PIXELS", min=16, show_default="256; 512 if high"
     )
-    quality: Level = option(
-        Level.NORMAL,
+    quality: Literal["draft", "normal", "high"] = option(
+        "normal",
         "draft: 1.5 minutes, 120,000 Gaussians. normal: 5 minutes, 150,000. high: 15 minutes, "
         "300,000, SH degree 2, photos of 512 pixels. Options that are given win.",
         "draft|normal|high",
@@ -76,7 +61,7 @@ class Recipe:
 
     def pixels(self) -> int:
         """Return the longer side of the photos."""
-        return self.size or QUALITIES[self.quality.value].size
+        return self.size or QUALITIES[self.quality].size
 
     def settings(self, values: Values) -> FitSettings:
         """Return the settings: those of the quality, replaced by given `values`.
@@ -86,7 +71,7 @@ class Recipe:
         budget = {}
         if self.minutes is not None or ("steps",) in values:
             budget = {("seconds",): self.minutes and 60 * self.minutes}
-        return with_values(QUALITIES[self.quality.value].settings, {**values, **budget})
+        return with_values(QUALITIES[self.quality].settings, {**values, **budget})
 
 
 @dataclass(frozen=True)
@@ -141,9 +126,10 @@ def run_fit(
 
     from gsedit.fitting.fit import fit_steps
     from gsedit.formats.scenes import save
+    from gsedit.runs.events import Checkpoint, Event
 
     first = None if own.start is None else load_scene(own.start, drop_invalid=own.drop_invalid)
-    photos = read_photos(dataset, size, own.start)
+    photos = load_photos(dataset, size, own.start)
     frame = check_places(photos, dataset, own)
     say_kernel(settings.execution, FITS)
     steps = fit_steps(
@@ -153,21 +139,11 @@ def run_fit(
         return drain(steps)
     with checkpoints:
         with progress(as_json=common.json) as show:
-            result = run_to_result(steps, show, checkpoints)
+            result = result_of(steps, {Event: show, Checkpoint: checkpoints.keep})
         say_too_short(result, settings)
         save(result.scene, own.out, overwrite=own.force, options=FileOptions().write(own.out))
         write_places(photos, frame, own.out, own.force)
     return result
-
-
-def read_photos(dataset: Path, size: int, start: Path | None) -> Photos:
-    """Read the photos, in the frame of the scene that the fit starts from."""
-    from gsedit.datasets.export_frame import in_export_frame
-    from gsedit.datasets.load import load_dataset
-
-    photos = load_dataset(dataset, size=size)
-    say_notes(photos)
-    return photos if start is None else in_export_frame(photos, dataset, start)
 
 
 def check_places(photos: Photos, dataset: Path, own: FitOptions) -> Similarity | None:

@@ -61,8 +61,7 @@ def info(
     if checks.check and plot is not None:
         raise UsageError("--check draws no histograms: leave out --plot")
     common.apply()
-    if plot is not None:
-        check_file(plot, force)
+    check_file(plot, force)
     source = open_scene(scene, files.read())
     if checks.check:
         check_scene(scene, source, checks, as_json=common.json)

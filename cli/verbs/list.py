@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from gsedit.errors import UsageError
 
@@ -16,16 +15,8 @@ if TYPE_CHECKING:
     from gsedit.editors import Listing
 
 
-class Kind(str, Enum):
-    """Things that can be listed."""
-
-    editors = "editors"
-    looks = "looks"
-    settings = "settings"
-
-
 What = Annotated[
-    Kind,
+    Literal["editors", "looks", "settings"],
     argument(
         "editors|looks|settings",
         "editors: the 2D editors and what each needs. looks: the changes that the editor small "
@@ -61,13 +52,13 @@ def list_(
     gsedit list settings edit
     """
     common.apply()
-    if out is not None and what is not Kind.looks:
-        raise UsageError(f"-o writes the picture of the looks: leave it out for {what.value}")
-    if what is Kind.editors:
+    if out is not None and what != "looks":
+        raise UsageError(f"-o writes the picture of the looks: leave it out for {what}")
+    if what == "editors":
         if name is not None:
             raise UsageError(f"{name}: list editors takes no name")
         list_editors(as_json=common.json)
-    elif what is Kind.settings:
+    elif what == "settings":
         list_settings(name or "edit", as_json=common.json)
     elif out is not None:
         from gsedit.editors.small.look_sheet import write_sheet

@@ -146,7 +146,7 @@ class Work:
             asked |= {name: getattr(self.posing, name) for name in POSING}
             what, last = "where each photo was taken from", self.dataset / "capture.json"
             stages.append(Stage("capture", what, dict(asked), last, self.capture_photos))
-        asked |= {"size": self.recipe.pixels(), "quality": self.recipe.quality.value}
+        asked |= {"size": self.recipe.pixels(), "quality": self.recipe.quality}
         asked["minutes"] = self.recipe.minutes
         stages.append(Stage("fit", "the scene", dict(asked), self.scene, self.fit_scene))
         asked |= {"instruction": self.instruction, "editor": plain(self.editor)}

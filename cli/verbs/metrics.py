@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gsedit.errors import InputError, UsageError
-from gsedit.runs.stopwatch import Stopwatch
 from rasterizer.numerics import Execution
 
 from ..core.command import argument, option, output, shows
 from ..core.console import print_json, print_message, shown
 from ..core.kernel import say_kernel
 from ..core.outputs import check_file
-from ..core.progress import progress
+from ..core.progress import counting
 from ..options.cameras import ViewOptions, load_views
 from ..options.common import Common, Data, DropInvalid, Force, load_scene
 from ..options.settings import SettingsGroup, Values, with_values
@@ -133,10 +132,10 @@ def metrics(
     docs/reference/metrics.md defines every measure.
     """
     scene, reference = what_to_measure(scene, own.against)
-    check_files(
+    for path, suffix in (
         (outputs.out, ".json"), (listed.save_views, ".json"), (outputs.picture, ".png"),
-        force=outputs.force,
-    )  # fmt: skip
+    ):  # fmt: skip
+        check_file(path, outputs.force, suffix)
     common.apply()
 
     from gsedit.datasets.view_list_files import write_view_list
@@ -169,14 +168,10 @@ def measure_and_show(
     from gsedit.measures.evaluation import evaluate
     from gsedit.measures.evaluation_table import evaluation_record, evaluation_table
     from gsedit.pictures.difference_sheet import difference_sheet
-    from gsedit.runs.events import Event
     from gsedit.runs.json_lines import write_record
 
-    watch = Stopwatch()
-    with progress(as_json=as_json) as show:
-        evaluation = evaluate(
-            subject, lambda done, total: show(Event("measure", watch.seconds, done, total))
-        )
+    with counting("measure", as_json=as_json) as tell:
+        evaluation = evaluate(subject, tell)
     record = evaluation_record(evaluation, request, against)
     if outputs.out is not None:
         write_record(record, outputs.out, overwrite=outputs.force)
@@ -207,15 +202,6 @@ def what_to_measure(scene: Path, against: Path | None) -> tuple[Path, Path]:
             "edit, photos or pictures"
         )
     return scene, against
-
-
-def check_files(*files: tuple[Path | None, str], force: bool) -> None:
-    """Raise UsageError for a file that cannot be written, or has another suffix."""
-    for path, suffix in files:
-        if path is not None:
-            if path.suffix.lower() != suffix:
-                raise UsageError(f"{path}: name a {suffix} file")
-            check_file(path, force)
 
 
 def check_views(against: Reference, listed: ListedViews) -> None:
@@ -296,7 +282,7 @@ def place_views(
     # cameras beside the unedited scene: those of edited ones may differ from edit to edit
     beside_own = against.kind != "scene" or (cameras_file(path) and not cameras_file(against.path))
     place, seen = (path, scene) if beside_own or unedited is None else (against.path, unedited)
-    dataset = load_views(place, seen, ViewOptions(of_photos, size), execution)
+    dataset = load_views(place, seen, ViewOptions(of_photos, size=size), execution)
     views = by_capture(viewpoints_of(dataset))
     if against.kind != "photos":
         return views, find_pictures(against, views), {}

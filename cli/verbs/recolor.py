@@ -4,23 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Annotated
 
 from gsedit.errors import UsageError
 
-from ..core.command import option, shows
+from ..core.command import flag, option, shows
 from ..options.selection import SelectionOptions
 
 if TYPE_CHECKING:
     from gsedit.toolkit.grade import Grade
     from gsedit.toolkit.operation import Operation
-
-
-def slider(flag: str, metavar: str, panel: str, help: str, **more: Any) -> Any:
-    """An option of the grading."""
-    return typer.Option(flag, metavar=metavar, rich_help_panel=panel, help=help, **more)
 
 
 @dataclass(frozen=True)
@@ -52,13 +45,12 @@ class GradeOptions:
 
 Palette = Annotated[
     Path | None,
-    slider(
+    flag(
         "--palette",
-        "PICTURE",
-        "Palette",
         "Give the scene the colors of a picture, after the grading. The whole scene is held in "
         "memory.",
-        show_default=False,
+        "PICTURE",
+        rich_help_panel="Palette",
     ),
 ]
 

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated
 
 from gsedit.errors import UsageError
 from gsedit.regions.parse import parse_region
-from gsedit.runs.stopwatch import Stopwatch
 from rasterizer.numerics import Execution, Numerics
 
 from ..core.command import option, output, shows
 from ..core.console import print_message, print_result
 from ..core.kernel import say_kernel
 from ..core.outputs import check_file, check_folder
-from ..core.progress import Show, progress
-from ..options.cameras import ResolvedCameras, ViewOptions, resolve_cameras, up_vector
+from ..core.progress import counting
+from ..options.cameras import ResolvedCameras, ViewOptions, resolve_cameras
 from ..options.common import (
     Common,
     DropInvalid,
@@ -33,7 +32,6 @@ from ..options.pictures import (
     CRF,
     FPS,
     FRAMES,
-    Kind,
     PathKind,
     PathOptions,
     PictureOptions,
@@ -43,6 +41,8 @@ from ..options.pictures import (
 from ..options.settings import Layout, Setting, SettingsGroup, Values, settings_of, with_values
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from gsedit.pictures.frames import Animation
     from rasterizer.camera import Camera
     from rasterizer.scene import Gaussians
@@ -109,9 +109,7 @@ def render(
     The cameras come from --data, else from the cameras.json beside the scene, else from viewpoints
     that gsedit finds.
     """
-    check(
-        scene, own.out, own.views, own.count, own.region, own.prompt, cameras, path, pictures, force
-    )
+    check(scene, own, cameras, path, pictures, force)
     common.apply()
 
     from gsedit.cameras.around import FOUND_VIEWS
@@ -120,7 +118,7 @@ def render(
     execution = with_values(Execution(), values)
     gaussians, second, numerics = read_scenes(scene, pictures.wipe, drop_invalid=drop_invalid)
     say_kernel(execution)
-    moving = path.path or (PathKind.turntable if kind_of(own.out) == "animation" else None)
+    moving = path.path or ("turntable" if kind_of(own.out) == "animation" else None)
     wanted = own.count or (COUNT if kind_of(own.out) == "folder" else 1)
     searched = FOUND_VIEWS if moving or own.region is not None else wanted
     resolved = resolve_cameras(scene, gaussians, cameras, searched, execution)
@@ -137,22 +135,18 @@ def render(
 
 def check(
     scene: Path,
-    out: Path,
-    views: str | None,
-    count: int | None,
-    region: str | None,
-    prompt: str | None,
+    own: RenderOptions,
     cameras: ViewOptions,
     path: PathOptions,
     pictures: PictureOptions,
     force: bool,
 ) -> None:
     """Raise UsageError for what makes no sense, before a large file is read."""
-    check_pictures(out, pictures, path)
-    check_views(views, count, scene, cameras, path, kind_of(out))
-    check_region(region, prompt, pictures)
+    check_pictures(own.out, pictures, path)
+    check_views(own, scene, cameras, path)
+    check_region(own.region, own.prompt, pictures)
     cameras.check()
-    (check_folder if kind_of(out) == "folder" else check_file)(out, force)
+    (check_folder if kind_of(own.out) == "folder" else check_file)(own.out, force)
 
 
 def numbers_of(resolved: ResolvedCameras, views: str | None, wanted: int | None) -> list[int]:
@@ -189,15 +183,15 @@ def follow(
     from gsedit.cameras.paths import camera_path, common_point
     from gsedit.scene.framing import bounds
 
-    if kind is not PathKind.spline and common_point(cameras) is None:
+    if kind != "spline" and common_point(cameras) is None:
         print_message(
             "the cameras look at no common point: the path goes around the middle of the scene"
         )
     along = camera_path(
-        kind.value,
+        kind,
         cameras,
         path.frames or FRAMES,
-        up=up_vector(options.up),
+        up=options.wish().up,
         elevation=path.elevation,
         arc=path.arc or ARC,
         fallback=bounds(scene),
@@ -219,18 +213,12 @@ def sized(camera: Camera, pictures: PictureOptions, out: Path) -> Camera:
     return camera
 
 
-def check_views(
-    views: str | None,
-    count: int | None,
-    scene: Path,
-    options: ViewOptions,
-    path: PathOptions,
-    kind: Kind,
-) -> None:
+def check_views(own: RenderOptions, scene: Path, options: ViewOptions, path: PathOptions) -> None:
     """Raise UsageError for numbers of views where there is no capture, or a number of views where
     there is one picture or a path."""
     from gsedit.datasets.cameras_json import cameras_file
 
+    views, kind = own.views, kind_of(own.out)
     recorded = options.data or (not options.placed and cameras_file(scene))
     if views is not None and not recorded:
         raise UsageError(
@@ -238,7 +226,7 @@ def check_views(
             "the scene, or use --count"
         )
     moving = path.path is not None or kind == "animation"
-    if count is not None and (moving or kind == "still"):
+    if own.count is not None and (moving or kind == "still"):
         raise UsageError("--count is for views in a folder: a path has --frames")
     if views is not None and len(parse_indices(views, "--views")) > 1 and kind == "still":
         raise UsageError(f"--views {views}: name a folder for several pictures")
@@ -284,9 +272,6 @@ def tint(
     return tinted(scene, found)
 
 
-Item = TypeVar("Item")
-
-
 def write(
     animation: Animation,
     names: Sequence[str],
@@ -301,18 +286,18 @@ def write(
     from gsedit.pictures.animations import write_gif, write_mp4
 
     count, as_json = len(animation), common.json
-    with progress(as_json=as_json) as show:
+    with counting("render", as_json=as_json) as tell:
         if kind_of(out) == "folder":
-            for index in tracked(range(count), count, show):
-                stem = out / names[index]
-                for path in write_files(animation, index, stem, pictures, force):
+            for index, name in enumerate(names):
+                for path in write_files(animation, index, out / name, pictures, force):
                     print_result({"picture": path}, str(path), as_json=as_json)
+                tell(index + 1, count)
             print_message(f"{count} views are in {out}")
         elif kind_of(out) == "still":
             write_one(animation, out, pictures, force)
             print_result({"picture": out}, str(out), as_json=as_json)
         else:
-            frames = tracked(animation.frames(), count, show)
+            frames = tracked(animation, tell)
             if out.suffix.lower() == ".gif":
                 write_gif(frames, out, fps, overwrite=force)
             else:
@@ -323,14 +308,11 @@ def write(
             print_message(f"{count} frames, {count / fps:.1f} s, {out.stat().st_size / 1e6:.1f} MB")
 
 
-def tracked(items: Iterable[Item], count: int, show: Show) -> Iterator[Item]:
-    """Yield the items, each shown as a step when the next one is requested."""
-    from gsedit.runs.events import Event
-
-    watch = Stopwatch()
-    for step, item in enumerate(items, 1):
-        yield item
-        show(Event("render", watch.seconds, step, count))
+def tracked(animation: Animation, tell: Callable[[int, int], None]) -> Iterator[np.ndarray]:
+    """Yield the frames, each told as a step when the next one is requested."""
+    for step, frame in enumerate(animation.frames(), 1):
+        yield frame
+        tell(step, len(animation))
 
 
 def write_files(
@@ -348,7 +330,7 @@ def write_files(
         animation.cameras[index],
         stem,
         show=animation.show,
-        format=pictures.format.value,
+        format=pictures.format,
         background=animation.background,
         transparent=pictures.transparent,
         numerics=animation.numerics[0],

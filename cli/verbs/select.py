@@ -48,10 +48,7 @@ def select(
     """
     if own.out is None and not own.dry_run:
         raise UsageError("name the file of flags to write with -o, or add --dry-run")
-    if own.out is not None:
-        if own.out.suffix.lower() != ".npy":
-            raise UsageError(f"-o {own.out}: name a .npy file")
-        check_file(own.out, force or own.dry_run)
+    check_file(own.out, force or own.dry_run, ".npy")
     chosen = need_selection(selection, "select")
     common.apply()
 

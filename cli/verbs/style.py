@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,17 +12,15 @@ from ..core.features import load_features
 from ..core.kernel import UPDATES, say_kernel
 from ..core.outputs import check_scene_file
 from ..core.process import fitted
-from ..core.progress import progress
+from ..core.progress import progress, result_of
 from ..options.cameras import ViewOptions, load_views
-from ..options.common import DropInvalid, Force, Scene, Seeded, load_file, output
+from ..options.common import DropInvalid, Force, Scene, Seeded, load_file
 from ..options.files import FileOptions
 from ..options.selection import Where, parse_where
 from ..options.settings import Layout, Setting, SettingsGroup, Values, settings_of, with_values
 
 if TYPE_CHECKING:
-    from gsedit.editing.style.style import StyleResult
     from gsedit.formats.scenes import SceneFile
-    from gsedit.runs.events import Event
     from rasterizer.scene import Gaussians
 
 Picture = Annotated[Path, argument("PICTURE", "Painting or photo that gives the style.")]
@@ -52,7 +49,7 @@ def style_settings() -> list[Setting]:
 def style(
     scene: Scene,
     picture: Picture,
-    out: Annotated[Path, output("Scene to write; its suffix is the format.")],
+    out: Annotated[Path, flag("--output -o", "Scene to write; its suffix is the format.", "PATH")],
     drop_invalid: DropInvalid = False,
     force: Force = False,
     *,
@@ -78,6 +75,7 @@ def style(
     from gsedit.editing.style.settings import StyleSettings
     from gsedit.editing.style.style import style_steps
     from gsedit.formats.pictures import read_picture
+    from gsedit.runs.events import Event
     from gsedit.toolkit.selection.base import EVERYTHING
 
     part = EVERYTHING if where is None else parse_where(where, views.data)
@@ -96,7 +94,8 @@ def style(
         where=part,
         generator=common.generator(),
     )
-    result = shown(steps, as_json=common.json)
+    with progress(as_json=common.json) as show:
+        result = result_of(steps, {Event: show})
     write(result.scene, file, out, force)
     print_message(f"look: {shlex.join(['gsedit', 'view', f'{scene}', f'{out}'])}")
     record = {"scene": out, "gaussians": len(result.scene), "measures": result.measures}
@@ -112,15 +111,3 @@ def write(scene: Gaussians, file: SceneFile, out: Path, force: bool) -> None:
     table = table_of(scene).replace(extra=file.extra)
     header, blocks = fitted(file.header, in_blocks(table), out)
     write_scene(out, header, blocks, options=FileOptions().write(out), overwrite=force)
-
-
-def shown(steps: Iterator[Event | StyleResult], *, as_json: bool) -> StyleResult:
-    """Return the result of the steps, and show their events."""
-    from gsedit.runs.events import Event
-
-    with progress(as_json=as_json) as show:
-        for item in steps:
-            if not isinstance(item, Event):
-                return item
-            show(item)
-    raise AssertionError("the steps ended without a result")

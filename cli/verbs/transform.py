@@ -26,9 +26,9 @@ class Step(str):
     place: int
 
 
-def step_option(flag: str, metavar: str, help: str) -> Any:
+def step_option(name: str, metavar: str, help: str) -> Any:
     """A typer.Option whose parameter is `list[str] | None`: a `Step` if it was given."""
-    return typer.Option(flag, metavar=metavar, show_default=False, help=help, callback=_placed)
+    return flag(name, help, metavar, callback=_placed)
 
 
 def in_order(steps: dict[str, list[str] | None]) -> list[tuple[str, str]]:

@@ -11,8 +11,9 @@ from gsedit.errors import InputError
 
 from ..core.command import flag, shows
 from ..core.console import print_message, print_result
-from ..options.common import Common, DropInvalid, Force, Scene, load_file, output
-from ..options.viewer import After, PointOptions, SelectionFile, ViewerCamera, check_suffix
+from ..core.outputs import check_file
+from ..options.common import Common, DropInvalid, Force, Scene, load_file
+from ..options.viewer import After, PointOptions, SelectionFile, ViewerCamera
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -41,7 +42,11 @@ def view(
     after: After = None,
     out: Annotated[
         Path | None,
-        output("File to write: an .html page that opens from disk, or a .png of points."),
+        flag(
+            "--output -o",
+            "File to write: an .html page that opens from disk, or a .png of points.",
+            "PATH",
+        ),
     ] = None,
     selection: SelectionFile = None,
     port: Port = 8080,
@@ -64,14 +69,14 @@ def view(
     is reached from this machine only; Ctrl-C ends it. The page shows colors of SH degree 0, the
     cameras of the capture, and the region of an edit as the selection.
     """
-    viewer.check()
+    viewer.wish()  # it raises
     as_points = points.window or (out is not None and out.suffix.lower() == ".png")
     if as_points:
         points.check(viewer.data, after, selection)
-        check_suffix(out, ".png", force=force)
+        check_file(out, force, ".png")
     else:
         points.check_unused()
-        check_suffix(out, ".html", force=force)
+        check_file(out, force, ".html")
     common.apply()
     scenes = Scenes(scene, after, selection, drop_invalid)
     if as_points:

@@ -22,13 +22,14 @@ from PIL import Image, ImageSequence
 
 import gsedit
 from gsedit.cameras.paths import camera_path
-from gsedit.pictures.animations import read_frames, write_gif, write_mp4
+from gsedit.pictures.animations import write_gif, write_mp4
 from gsedit.pictures.frames import Animation
 from gsedit.pictures.maps import MapName, render_maps
 from gsedit.pictures.rendered_views import write_still
 from gsedit.scene.color_space import srgb_of_linear
 from rasterizer import Camera, Execution, Gaussians
 from research.exr import read_exr
+from research.videos import read_frames
 
 SIZES = (128, 256, 512, 1024)
 SHOWN: dict[str, tuple[MapName, ...]] = {

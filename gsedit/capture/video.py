@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import UInt8
 
-from gsedit.errors import GseditError, InputError
+from gsedit.errors import InputError
+from gsedit.runs.environment import load_package
 from gsedit.storage.inputs import existing_file
 
 COMPLETE = 0.95
@@ -135,13 +136,8 @@ class Video:
 @contextmanager
 def open_video(path: Path) -> Iterator[Video]:
     """A video. Raises InputError for a file that is none, GseditError without PyAV."""
-    try:
-        import av.error
-    except (ImportError, OSError) as error:
-        raise GseditError(
-            f"a video is read with PyAV ({error}): pip install 'gsedit[video]', or give a folder "
-            "of photos"
-        ) from error
+    move = "pip install 'gsedit[video]', or give a folder of photos"
+    av = load_package("av", "a video is read with PyAV", move)
     try:
         container = av.open(str(existing_file(path)), container_options=TRUSTED)
     except av.error.FFmpegError as error:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from gsedit.errors import GseditError
+from gsedit.runs.environment import load_package
 from gsedit.storage.atomic import atomic_path
 
 Channels = Mapping[str, Float[np.ndarray, "h w"]]
@@ -44,10 +44,5 @@ def write_exr(
 
 
 def _import() -> Any:
-    try:
-        import OpenEXR
-    except (ImportError, OSError) as error:
-        raise GseditError(
-            f"EXR files need the package OpenEXR ({error}): pip install OpenEXR, or write .npy"
-        ) from error
-    return OpenEXR
+    what = "EXR files need the package OpenEXR"
+    return load_package("OpenEXR", what, "pip install OpenEXR, or write .npy")

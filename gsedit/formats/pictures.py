@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 from PIL import ExifTags, Image, ImageOps
 from torch import Tensor
 
@@ -139,8 +139,12 @@ def fitted_size(width: int, height: int, size: int | None) -> tuple[int, int]:
 
 def as_picture(image: Float[Tensor, "h w 3"]) -> Image.Image:
     """An 8-bit picture of sRGB values in [0, 1]; values outside are clipped."""
-    levels = (image.detach().clamp(0, 1) * 255).round().to(torch.uint8)
-    return Image.fromarray(levels.cpu().numpy())
+    return Image.fromarray(eight_bits(image))
+
+
+def eight_bits(values: Float[Tensor, "*s"]) -> UInt8[np.ndarray, "*s"]:
+    """Values in [0, 1] as levels from 0 to 255; values outside are clipped."""
+    return (values.detach().clamp(0, 1) * 255).round().to(torch.uint8).cpu().numpy()
 
 
 def save_picture(picture: Image.Image, path: Path | str, *, overwrite: bool = False) -> None:

@@ -15,7 +15,8 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import Image
 
-from gsedit.errors import GseditError, UsageError
+from gsedit.errors import UsageError
+from gsedit.runs.environment import load_package
 from gsedit.storage.atomic import atomic_path
 
 Frame = UInt8[np.ndarray, "h w 3"]
@@ -28,13 +29,11 @@ MOST_FPS_GIF = 50
 """A GIF counts in hundredths of a second, and browsers slow down frames of less than two."""
 
 
-def check_video() -> None:
-    """Raise GseditError where MP4 files cannot be written: before the frames are rendered."""
-    _import()
-
-
-def check_fps(path: Path, fps: float) -> None:
-    """Raise UsageError for a frame rate that the format of `path` cannot hold."""
+def check_format(path: Path, fps: float) -> None:
+    """Raise UsageError for a frame rate that the format of `path` cannot hold, GseditError where
+    MP4 files cannot be written: before the frames are rendered."""
+    if path.suffix.lower() == ".mp4":
+        _import()
     if path.suffix.lower() == ".gif" and fps > MOST_FPS_GIF:
         raise UsageError(f"--fps {fps:g}: a GIF shows at most {MOST_FPS_GIF}; write an .mp4")
 
@@ -77,7 +76,7 @@ def write_mp4(
                     dst_colorspace="ITU709",
                     src_color_range="JPEG",
                     dst_color_range="MPEG",
-                    interpolation=_flags("AREA", "FULL_CHR_H_INP"),
+                    interpolation=converter_flags("AREA", "FULL_CHR_H_INP"),
                 )
                 container.mux(stream.encode(converted))
             container.mux(stream.encode(None))
@@ -92,7 +91,7 @@ def write_gif(
     all of them together are not. Raises UsageError for no frames, more than 50 a second, and as
     `atomic_path` does.
     """
-    check_fps(Path("a.gif"), fps)
+    check_format(Path("a.gif"), fps)
     first, frames = _first(frames)
     _, *pictures = (_indexed(frame) for frame in frames)
     count = 1 + len(pictures)
@@ -105,22 +104,6 @@ def write_gif(
         )  # fmt: skip
 
 
-def read_frames(path: str | Path) -> Iterator[Frame]:
-    """The frames of an MP4, decoded. Raises GseditError without PyAV."""
-    av = _import()
-    with av.open(str(path)) as container:
-        for frame in container.decode(video=0):
-            converted = frame.reformat(
-                format="rgb24",
-                src_colorspace="ITU709",
-                dst_colorspace="ITU709",
-                src_color_range="MPEG",
-                dst_color_range="JPEG",
-                interpolation=_flags("BICUBIC", "FULL_CHR_H_INT"),
-            )
-            yield converted.to_ndarray()
-
-
 def _first(frames: Iterable[Frame]) -> tuple[Frame, Iterator[Frame]]:
     """The first frame, and all of them."""
     frames = iter(frames)
@@ -130,7 +113,7 @@ def _first(frames: Iterable[Frame]) -> tuple[Frame, Iterator[Frame]]:
     return first, chain((first,), frames)
 
 
-def _flags(*names: str) -> int:
+def converter_flags(*names: str) -> int:
     """Flags of FFmpeg's converter. Without ACCURATE_RND its colors are darker by half a step."""
     from av.video.reformatter import Interpolation
 
@@ -145,10 +128,4 @@ def _indexed(frame: Frame) -> Image.Image:
 
 
 def _import() -> Any:
-    try:
-        import av
-    except (ImportError, OSError) as error:
-        raise GseditError(
-            f"MP4 files need PyAV ({error}): pip install 'gsedit[video]', or write a .gif"
-        ) from error
-    return av
+    return load_package("av", "MP4 files need PyAV", "pip install 'gsedit[video]', or write a .gif")

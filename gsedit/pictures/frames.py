@@ -12,6 +12,7 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from gsedit.datasets.dataset import evenly_spaced
+from gsedit.formats.pictures import eight_bits
 from gsedit.pictures.depth_pictures import SOLID, depth_colors, depth_range
 from gsedit.pictures.maps import MapName, Maps, render_maps, wipe
 from rasterizer.camera import Camera
@@ -95,21 +96,11 @@ def depth_scale(
     return depth_range(torch.cat(depths), torch.cat(alphas))
 
 
-def eight_bits(color: Float[Tensor, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
-    """sRGB in [0, 1] as levels; values outside are clipped."""
-    return (color.clamp(0, 1) * 255).round().to(torch.uint8).cpu().numpy()
-
-
 def normal_colors(maps: Maps) -> UInt8[np.ndarray, "h w 3"]:
     """Normals as colors: red right, green up, blue towards the viewer, -1 to 1; black where less
     than half of a pixel is covered."""
     assert maps.normals is not None
     return eight_bits((maps.normals / 2 + 0.5) * (maps.alpha > SOLID)[..., None])
-
-
-def alpha_levels(maps: Maps) -> UInt8[np.ndarray, "h w"]:
-    """Alpha as grey, white where it is 1."""
-    return (maps.alpha.clamp(0, 1) * 255).round().to(torch.uint8).cpu().numpy()
 
 
 def _panel(
@@ -123,5 +114,5 @@ def _panel(
         case "normals":
             return normal_colors(maps)
         case "alpha":
-            return np.repeat(alpha_levels(maps)[..., None], 3, -1)
+            return np.repeat(eight_bits(maps.alpha)[..., None], 3, -1)
     return eight_bits(maps.color)

@@ -14,9 +14,9 @@ from torch import Tensor
 
 from gsedit.errors import UsageError
 from gsedit.formats.exr import write_exr
-from gsedit.formats.pictures import as_picture, save_picture
+from gsedit.formats.pictures import as_picture, eight_bits, save_picture
 from gsedit.pictures.depth_pictures import depth_picture
-from gsedit.pictures.frames import alpha_levels, normal_colors, panels
+from gsedit.pictures.frames import normal_colors, panels
 from gsedit.pictures.maps import MapName, Maps, render_maps
 from gsedit.scene.color_space import linear_of_srgb
 from gsedit.storage.atomic import atomic_path
@@ -120,16 +120,15 @@ def map_picture(maps: Maps, name: MapName, transparent: bool = False) -> Image.I
         case "normals":
             return Image.fromarray(normal_colors(maps))
         case "alpha":
-            return Image.fromarray(alpha_levels(maps))
+            return Image.fromarray(eight_bits(maps.alpha))
     return rgba_picture(maps) if transparent else as_picture(maps.color)
 
 
 def rgba_picture(maps: Maps) -> Image.Image:
     """Colors with alpha, not premultiplied, as PNG has them. The background must be black."""
     alpha = maps.alpha[..., None]
-    color = (maps.color / alpha.clamp_min(1e-6)).clamp(0, 1)
-    levels = (torch.cat((color, alpha), -1).clamp(0, 1) * 255).round().to(torch.uint8)
-    return Image.fromarray(levels.cpu().numpy(), "RGBA")
+    color = maps.color / alpha.clamp_min(1e-6)
+    return Image.fromarray(eight_bits(torch.cat((color, alpha), -1)), "RGBA")
 
 
 def exr_channels(maps: Maps, show: Shown) -> dict[str, Float[np.ndarray, "h w"]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby, pairwise
 
@@ -29,13 +29,16 @@ def spans(events: Iterable[Event]) -> Iterator[Span]:
     stretches = [list(stretch) for _, stretch in groupby(events, key=lambda event: event.stage)]
     ends = [0.0, *(stretch[-1].seconds for stretch in stretches)]
     for stretch, (start, end) in zip(stretches, pairwise(ends)):
-        yield Span(
-            stretch[-1].stage,
-            end - start,
-            stretch[-1].step,
-            next((e.loss for e in reversed(stretch) if e.loss is not None), None),
-            next((e.error for e in reversed(stretch) if e.error is not None), None),
-        )
+        yield _span(stretch, end - start)
+
+
+def _span(parts: Sequence[Event | Span], seconds: float) -> Span:
+    """All of a stage's events, or of its stretches, as one stretch."""
+    loss, error = (
+        next((value for e in reversed(parts) if (value := getattr(e, name)) is not None), None)
+        for name in ("loss", "error")
+    )
+    return Span(parts[-1].stage, seconds, parts[-1].step, loss, error)
 
 
 MOST_ROWS = 60
@@ -47,14 +50,8 @@ def by_stage(stretches: Iterable[Span]) -> Iterator[Span]:
     stages: dict[str, list[Span]] = {}
     for span in stretches:
         stages.setdefault(span.stage, []).append(span)
-    for stage, parts in stages.items():
-        yield Span(
-            stage,
-            sum(part.seconds for part in parts),
-            parts[-1].step,
-            next((part.loss for part in reversed(parts) if part.loss is not None), None),
-            next((part.error for part in reversed(parts) if part.error is not None), None),
-        )
+    for parts in stages.values():
+        yield _span(parts, sum(part.seconds for part in parts))
 
 
 def table(events: Iterable[Event]) -> str:

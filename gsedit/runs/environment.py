@@ -1,10 +1,13 @@
-"""Versions and threads, which decide a result beside the request."""
+"""Versions and threads, which decide a result beside the request, and packages to load."""
 
 from __future__ import annotations
 
 import platform
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
+
+from gsedit.errors import GseditError
 
 PACKAGES = ("gsedit", "torch", "numpy", "kornia")
 
@@ -19,6 +22,17 @@ def environment() -> dict[str, Any]:
         "platform": platform.platform(),
         "threads": torch.get_num_threads(),
     }
+
+
+def load_package(name: str, what: str, move: str) -> Any:
+    """Import a package that only a part of gsedit needs.
+
+    Raises GseditError, with `what` needs it and the next `move`, where that fails.
+    """
+    try:
+        return import_module(name)
+    except (ImportError, OSError) as error:
+        raise GseditError(f"{what} ({error}): {move}") from error
 
 
 def installed_version(package: str) -> str | None:

@@ -156,7 +156,7 @@ def test_a_known_length_is_saved_as_a_similarity(scene, tmp_path):
         (("--length", "1,2=3"), "--length 1,2"),
         (("--to", "none.ply"), "none.ply"),
         (("--to-ground", "--up", "w"), "axis w"),
-        (("--to-ground", "--save", "a.txt"), "as .json"),
+        (("--to-ground", "--save", "a.txt"), "name a .json file"),
     ],
 )
 def test_wrong_alignments_are_one_line(scene, tmp_path, words, message):

@@ -11,6 +11,7 @@ import torch
 from command_line import files, gsedit, one_line
 from PIL import Image
 from research.exr import read_exr
+from research.videos import read_frames
 
 from gsedit import orbit
 from gsedit.cameras import around
@@ -57,7 +58,7 @@ def test_an_mp4_has_even_sides(shot, tmp_path):
     out = tmp_path / "turn.mp4"
     result = gsedit("render", shot, "--frames", 3, "--resolution", "33x25", "-o", out)
     assert result.exit_code == 0, result.stderr
-    assert [frame.shape for frame in animations.read_frames(out)] == [(24, 32, 3)] * 3
+    assert [frame.shape for frame in read_frames(out)] == [(24, 32, 3)] * 3
 
 
 def test_single_pictures_in_every_format_agree(shot, tmp_path):

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from PIL import Image
 from research.exr import read_exr
+from research.videos import read_frames
 
 from gsedit import write_gif, write_mp4
 from gsedit.errors import GseditError, UsageError
 from gsedit.formats.exr import write_exr
-from gsedit.pictures.animations import read_frames
 from gsedit.scene.color_space import linear_of_srgb, srgb_of_linear
 
 

@@ -126,8 +126,8 @@ def test_a_wipe_is_one_scene_on_the_left_and_the_other_on_the_right(share):
 
 def test_the_command_line_names_what_there_is():
     assert NAMES == MAPS
-    assert tuple(kind.value for kind in PathKind) == get_args(paths.PathKind)
-    assert tuple(each.value for each in FolderFormat) == get_args(Format)
+    assert get_args(PathKind) == get_args(paths.PathKind)
+    assert get_args(FolderFormat) == get_args(Format)
 
 
 def test_a_scene_without_gaussians_has_empty_maps():

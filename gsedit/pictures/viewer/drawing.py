@@ -15,6 +15,7 @@ from torch import Tensor
 
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.errors import UsageError
+from gsedit.formats.pictures import eight_bits
 from gsedit.pictures.viewer.frustums import EDGES, frustum, frustum_length
 from gsedit.pictures.viewer.libraries import import_pyvista
 from gsedit.pictures.viewer.point_clouds import splat_colors
@@ -204,7 +205,7 @@ def panel_colors(panel: Panel, look: Look) -> UInt8[np.ndarray, "n 3"]:
     if look.color_by == SELECTION and panel.selection is not None:
         tint = torch.tensor(TINT).to(colors)
         colors[panel.selection] = torch.lerp(colors[panel.selection], tint, TINT_STRENGTH)
-    return (colors * 255).round().to(torch.uint8).cpu().numpy()
+    return eight_bits(colors)
 
 
 def aim(view: Any, camera: Camera) -> None:

@@ -12,54 +12,30 @@ from threading import Lock
 from typing import Any
 from urllib.parse import urlsplit
 
-from gsedit.errors import GseditError
+from gsedit.errors import GseditError, UsageError
+from gsedit.runs.environment import load_package
 
 
 def import_open3d() -> Any:
     """The module open3d. Raises GseditError where it cannot be loaded."""
-    try:
-        import open3d
-    except (ImportError, OSError) as error:
-        raise GseditError(
-            f"open3d cannot be loaded ({error}); try: pip install open3d-cpu, and on Debian "
-            "apt-get install -y libusb-1.0-0 libegl1 libgl1 libx11-6 libudev1 libidn2-0"
-        ) from error
-    return open3d
+    return load_package(
+        "open3d",
+        "open3d cannot be loaded",
+        "pip install open3d-cpu, and on Debian "
+        "apt-get install -y libusb-1.0-0 libegl1 libgl1 libx11-6 libudev1 libidn2-0",
+    )
 
 
 def import_pyvista() -> Any:
     """The module pyvista. Raises GseditError where it cannot be loaded."""
     if not has_screen():  # must be set before VTK is loaded: without it VTK wants an X server
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
-    try:
-        import pyvista
-    except (ImportError, OSError) as error:
-        raise GseditError(
-            f"pyvista cannot be loaded ({error}); try: pip install pyvista"
-        ) from error
-    return pyvista
-
-
-def import_trimesh() -> Any:
-    """The module trimesh. Raises GseditError where it cannot be loaded."""
-    try:
-        import trimesh
-    except (ImportError, OSError) as error:
-        raise GseditError(
-            f"trimesh cannot be loaded ({error}); try: pip install trimesh"
-        ) from error
-    return trimesh
+    return load_package("pyvista", "pyvista cannot be loaded", "pip install pyvista")
 
 
 def import_viser() -> Any:
     """The module viser. Raises GseditError where it cannot be loaded."""
-    try:
-        import viser
-    except (ImportError, OSError) as error:
-        raise GseditError(
-            f"viser cannot be loaded ({error}); try: pip install 'gsedit[web]'"
-        ) from error
-    return viser
+    return load_package("viser", "viser cannot be loaded", "pip install 'gsedit[web]'")
 
 
 def has_screen() -> bool:
@@ -67,6 +43,12 @@ def has_screen() -> bool:
     return sys.platform != "linux" or bool(
         os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     )
+
+
+def check_screen() -> None:
+    """Raise UsageError where no window can be opened."""
+    if not has_screen():
+        raise UsageError("there is no screen to open a window on: give -o picture.png")
 
 
 PROBE_TIMEOUT = 120

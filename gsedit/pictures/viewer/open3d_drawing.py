@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -19,10 +19,9 @@ from jaxtyping import Bool, Float
 from PIL import Image
 from torch import Tensor
 
-from gsedit.errors import UsageError
 from gsedit.formats.pictures import save_picture
-from gsedit.pictures.viewer.libraries import has_screen, import_open3d
-from gsedit.pictures.viewer.point_clouds import splat_colors, to_open3d
+from gsedit.pictures.viewer.libraries import check_screen, import_open3d
+from gsedit.pictures.viewer.point_clouds import open3d_cloud, solid, splat_colors, to_open3d
 from gsedit.scene.framing import framing_camera
 from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians
@@ -59,14 +58,6 @@ open3d.io.write_image(folder + "/picture.png", renderer.render_to_image())
 """
 
 
-@dataclass(frozen=True, eq=False)
-class Open3dPicture:
-    """A picture, and what a person should know of it."""
-
-    picture: Image.Image
-    note: str = ""
-
-
 def preview_open3d(
     scene: Gaussians,
     path: Path | str | None = None,
@@ -85,28 +76,22 @@ def preview_open3d(
     import_open3d()
     camera = camera or framing_camera(scene, size=size)
     if path is None:
-        if not has_screen():
-            raise UsageError("there is no screen to open a window on: give -o picture.png")
-        show_points(solid(scene, min_opacity), camera)
+        check_screen()
+        show_points(scene[solid(scene, min_opacity)], camera)
         return ""
-    drawn = draw_splats(scene, camera)
-    if drawn is None:
-        drawn = Open3dPicture(draw_points(solid(scene, min_opacity), camera), NO_VULKAN)
-    save_picture(drawn.picture, path, overwrite=overwrite)
-    return drawn.note
+    picture, note = draw_splats(scene, camera) or (
+        draw_points(scene[solid(scene, min_opacity)], camera),
+        NO_VULKAN,
+    )
+    save_picture(picture, path, overwrite=overwrite)
+    return note
 
 
-def solid(scene: Gaussians, min_opacity: float) -> Gaussians:
-    """Gaussians of at least this opacity. Raises UsageError where none is left."""
-    chosen = scene[scene.opacities >= min_opacity]
-    if not len(chosen):
-        raise UsageError(f"no Gaussian has an opacity of {min_opacity} or more: lower min_opacity")
-    return chosen
-
-
-def draw_splats(scene: Gaussians, camera: Camera, program: str = _CHILD) -> Open3dPicture | None:
-    """The splats over white, by software Vulkan; None where Open3D, in a process that runs
-    `program`, does not get to a picture."""
+def draw_splats(
+    scene: Gaussians, camera: Camera, program: str = _CHILD
+) -> tuple[Image.Image, str] | None:
+    """The splats over white, by software Vulkan, and what a person should know of the picture; None
+    where Open3D, in a process that runs `program`, does not get to one."""
     scene = scene[in_reach(scene, camera)].detach()
     scene = replace(scene, quats=torch.nn.functional.normalize(scene.quats, dim=1))
     intrinsics, pose = matrices(camera)
@@ -123,7 +108,7 @@ def draw_splats(scene: Gaussians, camera: Camera, program: str = _CHILD) -> Open
         if done.returncode or not picture.is_file():
             return None
         with Image.open(picture) as image:
-            return Open3dPicture(image.convert("RGB"), driver_note(done.stdout + done.stderr))
+            return image.convert("RGB"), driver_note(done.stdout + done.stderr)
 
 
 def driver_note(log: bytes) -> str:
@@ -144,11 +129,7 @@ def draw_points(scene: Gaussians, camera: Camera) -> Image.Image:
     share = (camera.width * camera.height / max(len(scene), 1)) ** 0.5
     zoom = round(min(max(share, 3.0), 8.0))
     small = camera.resized(max(1, camera.width // zoom), max(1, camera.height // zoom))
-    cloud = open3d.t.geometry.PointCloud()
-    fields = {"positions": scene.means.detach(), "colors": splat_colors(scene)}
-    for name, field in fields.items():
-        values = field.float().contiguous().cpu().numpy()
-        cloud.point[name] = open3d.core.Tensor.from_numpy(values).clone()
+    cloud = open3d_cloud(open3d, {"positions": scene.means, "colors": splat_colors(scene)})
     # its z-buffer rounds: the middle of a pixel is at whole numbers, ours at halves
     small = replace(small, cx=small.cx - 0.5, cy=small.cy - 0.5)
     intrinsics, pose = (open3d.core.Tensor(matrix) for matrix in matrices(small))

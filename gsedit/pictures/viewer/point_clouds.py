@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.pictures.viewer.libraries import import_open3d, import_pyvista, import_trimesh
+from gsedit.errors import UsageError
+from gsedit.formats.pictures import eight_bits
+from gsedit.pictures.viewer.libraries import import_open3d, import_pyvista
+from gsedit.runs.environment import load_package
 from gsedit.scene.table import SplatTable, gaussians_of
 from rasterizer.numerics import sh_to_color
 from rasterizer.scene import Gaussians
@@ -17,6 +21,14 @@ from rasterizer.scene import Gaussians
 def splat_colors(scene: Gaussians) -> Float[Tensor, "n 3"]:
     """The color of every Gaussian without its view dependence (SH degree 0), in [0, 1]."""
     return sh_to_color(scene.sh[:, 0]).detach().clamp(0, 1)
+
+
+def solid(scene: Gaussians, min_opacity: float) -> Bool[Tensor, " n"]:
+    """Flag Gaussians of at least this opacity. Raises UsageError where there is none."""
+    flags = scene.opacities >= min_opacity
+    if not flags.any():
+        raise UsageError(f"no Gaussian has an opacity of {min_opacity} or more: lower min_opacity")
+    return flags
 
 
 def as_gaussians(scene: Gaussians | SplatTable) -> Gaussians:
@@ -40,11 +52,17 @@ def to_open3d(scene: Gaussians | SplatTable) -> Any:
         "f_dc": scene.sh[:, 0],
         "f_rest": scene.sh[:, 1:],
     }
+    if not fields["f_rest"].numel():
+        del fields["f_rest"]
+    return open3d_cloud(open3d, fields)
+
+
+def open3d_cloud(open3d: Any, fields: Mapping[str, Tensor]) -> Any:
+    """An `open3d.t.geometry.PointCloud` with these attributes, float32."""
     cloud = open3d.t.geometry.PointCloud()
     for name, field in fields.items():
-        if field.numel() or name != "f_rest":
-            values = field.detach().float().contiguous().cpu().numpy()
-            cloud.point[name] = open3d.core.Tensor.from_numpy(values).clone()
+        values = field.detach().float().contiguous().cpu().numpy()
+        cloud.point[name] = open3d.core.Tensor.from_numpy(values).clone()
     return cloud
 
 
@@ -55,7 +73,7 @@ def to_pyvista(scene: Gaussians | SplatTable) -> Any:
     """
     pyvista, scene = import_pyvista(), as_gaussians(scene)
     cloud = pyvista.PolyData(scene.means.detach().double().cpu().numpy())
-    cloud["rgb"] = (splat_colors(scene) * 255).round().to(torch.uint8).cpu().numpy()
+    cloud["rgb"] = eight_bits(splat_colors(scene))
     cloud["opacity"] = scene.opacities.detach().cpu().numpy()
     cloud["scales"] = scene.scales.detach().cpu().numpy()
     return cloud
@@ -68,9 +86,8 @@ def to_trimesh(scene: Gaussians | SplatTable) -> Any:
 
     Raises GseditError where trimesh cannot be loaded.
     """
-    trimesh, scene = import_trimesh(), as_gaussians(scene)
+    trimesh = load_package("trimesh", "trimesh cannot be loaded", "pip install trimesh")
+    scene = as_gaussians(scene)
     rgba = torch.cat((splat_colors(scene), scene.opacities.detach()[:, None]), dim=1)
-    return trimesh.PointCloud(
-        vertices=scene.means.detach().double().cpu().numpy(),
-        colors=(rgba * 255).round().to(torch.uint8).cpu().numpy(),
-    )
+    vertices = scene.means.detach().double().cpu().numpy()
+    return trimesh.PointCloud(vertices=vertices, colors=eight_bits(rgba))

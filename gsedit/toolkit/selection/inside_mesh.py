@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from gsedit.errors import GseditError, InputError
+from gsedit.runs.environment import load_package
 from gsedit.scene.shapes import Bool
 from gsedit.scene.table import SplatTable
 from gsedit.storage.inputs import existing_file
@@ -69,10 +69,5 @@ def _casting(path: Path, changed: int) -> tuple[Any, Any, Any]:
 
 
 def _library(name: str) -> Any:
-    try:
-        return import_module(name)
-    except (ImportError, OSError) as error:
-        raise GseditError(
-            f"a mesh needs {name}, which cannot be loaded ({error}): gsedit doctor says what to "
-            "install"
-        ) from error
+    what = f"a mesh needs {name}, which cannot be loaded"
+    return load_package(name, what, "gsedit doctor says what to install")

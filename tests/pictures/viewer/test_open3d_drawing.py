@@ -13,7 +13,7 @@ from point_clouds import ball, cloud
 
 from gsedit.errors import UsageError
 from gsedit.formats.scenes import save
-from gsedit.pictures.viewer import open3d_drawing
+from gsedit.pictures.viewer import libraries, open3d_drawing
 from rasterizer import Camera
 
 
@@ -79,7 +79,7 @@ def test_splats_are_drawn_where_there_is_vulkan(open3d):
     drawn = open3d_drawing.draw_splats(cloud(torch.tensor([[0.0, 0.0, 2.0]])), ahead())
     if drawn is None:
         pytest.skip("no Vulkan here")
-    picture = np.asarray(drawn.picture).astype(int)
+    picture = np.asarray(drawn[0]).astype(int)
     y, x = np.nonzero(picture[..., 0] - picture[..., 1] > 60)
     assert np.abs(np.array([x.mean() + 0.5, y.mean() + 0.5]) - [20, 30]).max() < 1
 
@@ -93,6 +93,6 @@ def test_what_open3d_does_not_draw_is_refused(words, tmp_path):
 
 
 def test_a_window_needs_a_screen(open3d, monkeypatch):
-    monkeypatch.setattr(open3d_drawing, "has_screen", lambda: False)
+    monkeypatch.setattr(libraries, "has_screen", lambda: False)
     with pytest.raises(UsageError, match=r"-o picture\.png"):
         open3d_drawing.preview_open3d(ball())
