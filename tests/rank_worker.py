@@ -60,7 +60,7 @@ def run_edit(ranks: Ranks, editor, views: int, rounds: int = 1):
         sampler=SamplerSettings(steps=2, precision="float32"),
         update=UpdateSettings(patches=3, patch=16),
         views_per_batch=views,
-        rounds=rounds,
+        batches=rounds,
         coverage=1.0,
         region="all",
         held_out_edits=1,

@@ -25,7 +25,7 @@ from gsedit.synthetic import demo_scene, ring_cameras, scenes, surface_gaussians
 from rasterizer import concatenate
 
 PROMPT = "turn the bear into a bronze statue"
-SMALL = EditSettings(update=UpdateSettings(patches=3, patch=32), views_per_batch=3, rounds=2)
+SMALL = EditSettings(update=UpdateSettings(patches=3, patch=32), views_per_batch=3, batches=2)
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +122,7 @@ def test_an_editor_is_heard_before_the_work_and_its_defaults_are_on_record(scene
             advice=lambda prompt: f"nobody taught me {prompt!r}",
         )
 
-    settings = replace(SMALL, rounds=1)
+    settings = replace(SMALL, batches=1)
     first, *_, result = run(scene, data, Wary(), settings, prompt="as a dinosaur", steps=2)
     assert (first.stage, first.note) == ("advice", "nobody taught me 'as a dinosaur'")
     assert result.settings.sampler.scales == (2.0, 1.0)
@@ -151,7 +151,7 @@ def test_views_need_not_divide_into_cells(scene, preset):
 
 
 def test_one_view_can_be_edited_alone(scene, data):
-    quick = replace(SMALL, views_per_batch=1, rounds=1)
+    quick = replace(SMALL, views_per_batch=1, batches=1)
     result = run(scene, Dataset(data.views[:1]), make_editor("closed-form"), quick, steps=2)[-1]
     assert result.metrics.matched is None
     assert result.metrics.psnr_to_ground_truth is None
@@ -159,7 +159,7 @@ def test_one_view_can_be_edited_alone(scene, data):
 
 
 def test_appearance_leaves_geometry_alone_and_full_does_not(scene, data):
-    quick = replace(SMALL, rounds=1)
+    quick = replace(SMALL, batches=1)
     still = run(scene, data, Swapped(), quick, steps=3)[-1].scene
     moved = run(scene, data, Swapped(), replace(quick, geometry="full"), steps=3)[-1].scene
     for name in ("means", "quats", "log_scales"):
@@ -180,7 +180,7 @@ def test_the_closed_form_edit_agrees_and_beats_views_that_share_nothing(scene, d
 def test_photos_can_be_the_condition(scene, data):
     grey = Dataset(tuple(replace(v, image=torch.full_like(v.image, 0.5)) for v in data.views))
     editor = Swapped()
-    quick = replace(SMALL, rounds=1)
+    quick = replace(SMALL, batches=1)
     run(scene, grey, editor, replace(quick, condition="photo"), steps=1)
     assert (editor.batch.originals == 0.5).all()
     run(scene, grey, editor, quick, steps=1)
@@ -190,7 +190,7 @@ def test_photos_can_be_the_condition(scene, data):
 def test_an_edit_without_cameras_places_them(scene, monkeypatch):
     few = SearchEffort(places=12, rendered=8, varied=4)
     monkeypatch.setattr(around, "find_views", partial(find_views, effort=few))
-    quick = replace(SMALL, rounds=1)
+    quick = replace(SMALL, batches=1)
     result = run(scene, None, Swapped(), quick, steps=1)[-1]
     assert all(v.name.startswith("view") for v in result.targets)
     assert result.metrics.matched > 0
@@ -245,7 +245,7 @@ def test_an_update_lowers_the_loss(scene, data):
 def test_the_python_api_reads_edits_and_writes(tmp_path, scene):
     path = tmp_path / "scene.ply"
     gsedit.save(scene, path)
-    quick = replace(SMALL, rounds=1)
+    quick = replace(SMALL, batches=1)
     result = gsedit.edit(gsedit.load(path), "make it snow", settings=quick, strategy=SinglePass(1))
     gsedit.save(result.scene, tmp_path / "edited.ply")
     again = gsedit.load(tmp_path / "edited.ply")

@@ -22,7 +22,7 @@ SETTINGS = gsedit.EditSettings(
     sampler=SamplerSettings(steps=4),
     update=UpdateSettings(patches=1, patch=32, gram_weight=0.0),
     views_per_batch=2,
-    rounds=2,
+    batches=2,
     held_out_edits=0,
 )
 PROMPT = "as bronze"

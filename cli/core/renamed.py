@@ -22,6 +22,7 @@ RENAMED_VERBS: dict[str, tuple[str, ...]] = {
 """First words of the new command line, by old verb."""
 
 RENAMED_OPTIONS: dict[str, dict[str, str]] = {
+    "edit": {"--rounds": "--batches"},
     "order": {"--by": "--order"},
     "reduce-sh": {"--degree": "--sh-degree"},
 }

@@ -40,7 +40,7 @@ class EditorOptions:
     )
     timeout: float | None = option(
         None,
-        "command: seconds that the program may take for the views of a round.",
+        "command: seconds that the program may take for the views of a batch.",
         "SECONDS",
         show_default="no limit",
     )

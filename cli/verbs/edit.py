@@ -65,7 +65,7 @@ class EditOptions:
 
 
 @shows(
-    "--output", "--data", "--region", "--editor", "--strategy", "--rounds", "--views",
+    "--output", "--data", "--region", "--editor", "--strategy", "--batches", "--views",
     "--size", "--explain", "--resume", "--force", "--seed",
 )  # fmt: skip
 def edit(

@@ -114,7 +114,7 @@ def run(scene, data, editor, arm, seed, pixels, steps):
     settings = gsedit.EditSettings(
         update=update,
         views_per_batch=8,
-        rounds=1,
+        batches=1,
         held_out_edits=0,
     )
     result = gsedit.edit(

@@ -173,13 +173,13 @@ def _update(ranks: Ranks, scene, data, patches: int, steps: int) -> None:
     from gsedit.fitting.update import Target, rates, update_steps
     from gsedit.measures.features import FilterBank
 
-    optimizer = SceneOptimizer(scene, rates("appearance", 1.0))
+    optimizer = SceneOptimizer(scene, rates("appearance", 1.0), ranks=ranks)
     targets = [Target(replace(view, image=1 - view.image)) for view in data.views]
     seen = torch.ones(len(scene), dtype=torch.bool)
     settings = UpdateSettings(patches=patches)
     for _ in update_steps(
         optimizer, targets, seen, range(steps), steps, settings, FilterBank(),
-        torch.Generator().manual_seed(0), ranks=ranks,
+        torch.Generator().manual_seed(0),
     ):  # fmt: skip
         pass
 

@@ -99,3 +99,22 @@ class Predictor(Protocol):
         `t` is a training step, between two of them where the schedule is interpolated.
         """
         ...
+
+
+class Around:
+    """A predictor with the properties of another; classes that extend it have `branches`."""
+
+    def __init__(self, network: Predictor) -> None:
+        self.network = network
+
+    @property
+    def name(self) -> str:
+        return self.network.name
+
+    @property
+    def schedule(self) -> Schedule:
+        return self.network.schedule
+
+    @property
+    def predicts(self) -> Prediction:
+        return self.network.predicts

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.diffusion.guidance import Branches, Need, Predictor
-from gsedit.diffusion.predictions import Prediction
-from gsedit.diffusion.schedules import Schedule
+from gsedit.diffusion.guidance import Around, Branches, Need, Predictor
 from gsedit.diffusion.settings import Precision
 
 MAX_ERROR = 0.02
@@ -30,24 +27,9 @@ def has_bfloat16() -> bool:
     return bool({"avx512_bf16", "amx_bf16", "bf16"}.intersection(words))
 
 
-@dataclass(frozen=True, eq=False)
-class InBfloat16:
+class InBfloat16(Around):
     """A Predictor whose convolutions and matrix products are in bfloat16; its weights keep their
     dtype."""
-
-    network: Predictor
-
-    @property
-    def name(self) -> str:
-        return self.network.name
-
-    @property
-    def schedule(self) -> Schedule:
-        return self.network.schedule
-
-    @property
-    def predicts(self) -> Prediction:
-        return self.network.predicts
 
     def branches(
         self, x: Float[Tensor, "v c y x"], t: float, condition: Any, need: Need

@@ -38,15 +38,15 @@ SEEDS = 96
 
 @dataclass(frozen=True)
 class ViewPlan:
-    """Views to edit, a batch a round, none twice."""
+    """Views to edit, in batches, none twice."""
 
-    rounds: tuple[tuple[int, ...], ...]
+    batches: tuple[tuple[int, ...], ...]
     coverage: tuple[float, ...]
-    """After each round: share of what all views see that the edited ones show well, in [0, 1]."""
+    """After each batch: share of what all views see that the edited ones show well, in [0, 1]."""
 
     @property
     def views(self) -> tuple[int, ...]:
-        return tuple(view for batch in self.rounds for view in batch)
+        return tuple(view for batch in self.batches for view in batch)
 
 
 def survey(
@@ -80,7 +80,7 @@ def covers(weights: Float[Tensor, "v n"]) -> Bool[Tensor, "v n"]:
 def plan_views(
     weights: Float[Tensor, "v n"],
     views_per_batch: int,
-    rounds: int,
+    most: int,
     coverage: float,
     *,
     overlap: float = 0.0,
@@ -88,20 +88,20 @@ def plan_views(
 ) -> ViewPlan:
     """Batches of views that see most of the scene, each other and the subject whole.
 
-    Round by round, the batch of greatest value is taken: the coverage that is reached with it, less
+    Batch by batch, the one of greatest value is taken: the coverage that is reached with it, less
     `TIE_WEIGHT` times what the overlaps lack, less `WHOLE_WEIGHT` times what its views lack of the
     whole subject (`whole`, in [0, 1]; None: all show it). The overlap of a view is the mean of
     `view_overlap` with the rest of its batch; that of a batch with what was planned before is its
     best-tied pair's; both lack what they have less than `overlap`. Of each first view, a batch is
     completed greedily.
 
-    Stops after `rounds`, when `coverage` is reached at the end of a round, or when no view is left.
+    Stops after `most` batches, when a batch reaches `coverage`, or when no view is left.
     """
     planner = _Planner(weights, overlap, torch.ones(len(weights)) if whole is None else whole)
     chosen: list[int] = []
     batches: list[tuple[int, ...]] = []
     reached: list[float] = []
-    while len(batches) < rounds and len(chosen) < len(weights):
+    while len(batches) < most and len(chosen) < len(weights):
         batch = planner.best_batch(chosen, min(views_per_batch, len(weights) - len(chosen)))
         batches.append(batch)
         chosen += batch

@@ -1,16 +1,28 @@
-"""An editor on several ranks: its views are shared out, or rank 0 edits for all."""
+"""An editor on several ranks: its views are shared out, or rank 0 edits for all.
+
+`v` views of `h w` pixels, `c y x` latents; `n` of the views are this rank's.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar, cast
 
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
+from gsedit.diffusion.guidance import Branches, Need, Predictor
+from gsedit.diffusion.memory import peak_bytes, views_at_once
+from gsedit.diffusion.precision import InBfloat16, with_precision
+from gsedit.diffusion.sampler import levels_of, predict_guided
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors.protocol import Capabilities, EditBatch, Editor, EditProgress
+from gsedit.editors.protocol import Capabilities, Denoiser, EditBatch, Editor, EditProgress
 from gsedit.errors import UsageError
 from gsedit.runs.ranks import Ranks
+
+D = TypeVar("D", bound=Denoiser)
 
 
 def with_ranks(editor: Editor, ranks: Ranks) -> Editor:
@@ -67,3 +79,115 @@ class OnRankZero:
                 break
             yield EditProgress(*sent)
         generator.set_state(self.ranks.first(generator.get_state()))
+
+
+def shared_out(denoiser: D, ranks: Ranks) -> D:
+    """The denoiser with its views shared out over ranks. Itself unless it runs a network (it
+    declares with_micro_batch): all ranks then do the same, in less time than a message takes."""
+    if denoiser.capabilities.with_micro_batch is None:
+        return denoiser
+    return cast(D, SharedDenoiser(denoiser, ranks))
+
+
+class SharedDenoiser:
+    """A Denoiser of which each rank encodes, predicts and decodes its share of the views, and all
+    get all of them. Its condition is that of this rank's views; None where it has none."""
+
+    def __init__(self, denoiser: Denoiser, ranks: Ranks) -> None:
+        self._denoiser, self._ranks = denoiser, ranks
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._denoiser, name)
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """The denoiser's, and the denoiser itself, for who computes the same on all ranks."""
+        declared = self._denoiser.capabilities
+        masked = declared.with_subject
+        return replace(
+            declared,
+            denoiser=self._denoiser,
+            with_subject=masked and (lambda subject: self._with(masked(self._mine(subject)))),
+        )
+
+    def encode(self, images: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v c y x"]:
+        return self._ranks.rows(self._denoiser.encode, images)
+
+    def encode_edited(
+        self, images: Float[Tensor, "v h w 3"], originals: Float[Tensor, "v h w 3"], prompt: str
+    ) -> Float[Tensor, "v c y x"]:
+        encode = self._denoiser.encode_edited
+        return self._ranks.rows(lambda *mine: encode(*mine, prompt=prompt), images, originals)
+
+    def decode(self, latents: Float[Tensor, "v c y x"]) -> Float[Tensor, "v h w 3"]:
+        return self._ranks.rows(self._denoiser.decode, latents)
+
+    def condition(
+        self, originals: Float[Tensor, "v h w 3"], prompt: str, generator: torch.Generator
+    ) -> Any:
+        mine = self._mine(originals)
+        return self._denoiser.condition(mine, prompt, generator) if len(mine) else None
+
+    def branches(
+        self, x: Float[Tensor, "v c y x"], t: float, condition: Any, need: Need
+    ) -> Branches:
+        def predict(mine: Float[Tensor, "n c y x"]) -> Float[Tensor, "n b c y x"]:
+            predicted = self._denoiser.branches(mine, t, condition, need)
+            return torch.stack([branch for branch in predicted if branch is not None], 1)
+
+        predicted = iter(self._ranks.rows(predict, x).unbind(1))
+        return Branches(*(next(predicted) if needed else None for needed in need))
+
+    def prepared(
+        self,
+        x: Float[Tensor, "v c y x"],
+        originals: Float[Tensor, "v h w 3"],
+        prompt: str,
+        settings: SamplerSettings,
+    ) -> Predictor:
+        """See `prepared`. Ranks of one machine share its memory, and all compute in the precision
+        that rank 0 finds."""
+        own: Predictor = self._denoiser
+        if len(mine := self._mine(x)):
+            originals, local = self._mine(originals), self._ranks.local
+            own = prepared(self._denoiser, mine, originals, prompt, settings, local)
+        rounded = self._ranks.first(isinstance(own, InBfloat16))
+        network = own.network if isinstance(own, InBfloat16) else own
+        return self._with(InBfloat16(network) if rounded else network)
+
+    def _mine(self, rows: Tensor) -> Tensor:
+        return rows[self._ranks.share(len(rows))]
+
+    def _with(self, denoiser: Any) -> Any:
+        return SharedDenoiser(denoiser, self._ranks)
+
+
+def prepared(
+    denoiser: Denoiser,
+    x: Float[Tensor, "v c y x"],
+    originals: Float[Tensor, "v h w 3"],
+    prompt: str,
+    settings: SamplerSettings,
+    sharers: int = 1,
+) -> Predictor:
+    """The denoiser with as many views in a pass as fit in memory, which so many processes share,
+    and in bfloat16 if that is exact enough (see gsedit.diffusion.precision).
+
+    A denoiser that runs a network (with_micro_batch is declared) is measured on the first view:
+    the memory of a pass and of a decoding, and the error of bfloat16. Others are left alone.
+    """
+    if isinstance(denoiser, SharedDenoiser):
+        return denoiser.prepared(x, originals, prompt, settings)
+    with_micro_batch = denoiser.capabilities.with_micro_batch
+    if with_micro_batch is None:
+        return denoiser
+    first = levels_of(denoiser.schedule, settings)[0]
+    condition = denoiser.condition(originals[:1], prompt, torch.Generator())
+
+    def guided(predictor: Predictor) -> Tensor:
+        return predict_guided(predictor, condition, x[:1], first, settings)
+
+    held = max(peak_bytes(lambda: guided(denoiser)), peak_bytes(lambda: denoiser.decode(x[:1])))
+    chosen = with_precision(denoiser, guided, settings.precision)
+    sized = with_micro_batch(views_at_once(len(x), held * sharers, settings.memory))
+    return sized if chosen is denoiser else InBfloat16(sized)

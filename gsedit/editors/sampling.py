@@ -16,16 +16,12 @@ from torch import Tensor
 
 from gsedit.consistency.consensus import consensus, share_noise
 from gsedit.datasets.padding import pad_to, pad_to_multiple, round_up
-from gsedit.diffusion.guidance import Branches, Need, Predictor
-from gsedit.diffusion.memory import peak_bytes, views_at_once
-from gsedit.diffusion.precision import InBfloat16, with_precision
-from gsedit.diffusion.predictions import Prediction
-from gsedit.diffusion.sampler import Anchor, Hook, add_noise, levels_of, predict_guided, sample
-from gsedit.diffusion.schedules import Schedule
+from gsedit.diffusion.guidance import Around, Branches, Need
+from gsedit.diffusion.sampler import Anchor, Hook, add_noise, levels_of, sample
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editors.protocol import Capabilities, Denoiser, EditBatch, EditProgress
+from gsedit.editors.ranked import prepared, shared_out
 from gsedit.errors import UsageError
-from gsedit.runs.ranks import ALONE, Ranks
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +29,6 @@ class DiffusionEditor:
     """An Editor: the regularised sampler over one denoiser."""
 
     denoiser: Denoiser
-    ranks: Ranks = ALONE
-    """Among which views are shared out, if the denoiser runs a network."""
 
     @property
     def name(self) -> str:
@@ -47,10 +41,11 @@ class DiffusionEditor:
     @property
     def capabilities(self) -> Capabilities:
         """The denoiser's, the denoiser itself, and that views can be shared out."""
+        declared = self.denoiser.capabilities
         return replace(
-            self.denoiser.capabilities,
-            denoiser=self.denoiser,
-            with_ranks=lambda ranks: replace(self, ranks=ranks),
+            declared,
+            denoiser=declared.denoiser or self.denoiser,
+            with_ranks=lambda ranks: replace(self, denoiser=shared_out(self.denoiser, ranks)),
         )
 
     def check(self, prompt: str) -> None:
@@ -74,20 +69,16 @@ class DiffusionEditor:
             yield EditProgress(settings.steps, settings.steps, batch.images.clone())
             return
         whole = padded(batch, self.denoiser)
-        ranks = sharing(self.denoiser, self.ranks)
         free = _free(batch)
-        mine = free[ranks.share(len(free))]
-        denoiser = with_subject_mask(self.denoiser, whole.subject, mine)
-        z0, anchor = _encoded(whole, self.denoiser, ranks)
+        denoiser = with_subject_mask(self.denoiser, whole.subject, free)
+        z0, anchor = _encoded(whole, self.denoiser)
         agree, share = _hooks(whole, settings, self.capabilities)
         noise = torch.randn(z0.shape, generator=generator, dtype=z0.dtype)
         start = levels_of(self.denoiser.schedule, settings)[0]
         x = add_noise(z0, settings.noise_scale * share(noise), start)
-        condition = None
-        if len(mine):
-            condition = denoiser.condition(whole.originals[mine], batch.prompt, generator)
-        sized = prepared(denoiser, x[mine], whole.originals[mine], batch.prompt, settings, ranks)
-        counted = Counted(sized if ranks.size == 1 else Shared(sized, ranks))
+        originals = whole.originals[free]
+        condition = denoiser.condition(originals, batch.prompt, generator)
+        counted = Counted(prepared(denoiser, x[free], originals, batch.prompt, settings))
         steps = sample(
             counted,
             condition,
@@ -102,30 +93,11 @@ class DiffusionEditor:
             x = step.x
             if step.step < step.steps:
                 yield EditProgress(step.step, step.steps, evaluations=counted.evaluations)
-        images = _completed(batch, ranks.rows(self.denoiser.decode, x[free]))
+        images = _completed(batch, self.denoiser.decode(x[free]))
         yield EditProgress(settings.steps, settings.steps, images, counted.evaluations)
 
 
-class _Around:
-    """A predictor with the properties of another."""
-
-    def __init__(self, predictor: Predictor) -> None:
-        self._predictor = predictor
-
-    @property
-    def name(self) -> str:
-        return self._predictor.name
-
-    @property
-    def schedule(self) -> Schedule:
-        return self._predictor.schedule
-
-    @property
-    def predicts(self) -> Prediction:
-        return self._predictor.predicts
-
-
-class Counted(_Around):
+class Counted(Around):
     """A predictor that counts the evaluations of its network."""
 
     evaluations = 0
@@ -136,34 +108,7 @@ class Counted(_Around):
     ) -> Branches:
         """Branches of the wrapped predictor, counted."""
         self.evaluations += len(x) * sum(need)
-        return self._predictor.branches(x, t, condition, need)
-
-
-class Shared(_Around):
-    """A predictor whose views are shared out over ranks: each predicts its own from their
-    condition, and all get all predictions."""
-
-    def __init__(self, predictor: Predictor, ranks: Ranks) -> None:
-        super().__init__(predictor)
-        self._ranks = ranks
-
-    def branches(
-        self, x: Float[Tensor, "v c y x"], t: float, condition: Any, need: Need
-    ) -> Branches:
-        """The predictor's, of the views of all ranks; `condition` is of this rank's views."""
-
-        def predict(mine: Float[Tensor, "n c y x"]) -> Float[Tensor, "n b c y x"]:
-            predicted = self._predictor.branches(mine, t, condition, need)
-            return torch.stack([branch for branch in predicted if branch is not None], 1)
-
-        predicted = iter(self._ranks.rows(predict, x).unbind(1))
-        return Branches(*(next(predicted) if needed else None for needed in need))
-
-
-def sharing(denoiser: Denoiser, ranks: Ranks) -> Ranks:
-    """The ranks among which views are shared out: `ALONE` unless the denoiser runs a network (it
-    declares with_micro_batch). All ranks then do the same, in less time than a message takes."""
-    return ranks if denoiser.capabilities.with_micro_batch else ALONE
+        return self.network.branches(x, t, condition, need)
 
 
 def with_subject_mask(
@@ -179,39 +124,6 @@ def with_subject_mask(
     if subject is None or with_subject is None:
         return denoiser
     return with_subject(subject if views is None else subject[views])
-
-
-def prepared(
-    denoiser: Denoiser,
-    x: Float[Tensor, "v c y x"],
-    originals: Float[Tensor, "v h w 3"],
-    prompt: str,
-    settings: SamplerSettings,
-    ranks: Ranks = ALONE,
-) -> Predictor:
-    """The denoiser with as many views in a pass as fit in memory, and in bfloat16 if that is exact
-    enough (see gsedit.diffusion.precision).
-
-    A denoiser that runs a network (with_micro_batch is declared) is measured on the first view:
-    the memory of a pass and of a decoding, and the error of bfloat16. Others are left alone. Ranks
-    of one machine share its memory, and all compute in the precision that rank 0 finds; a rank
-    may have no view.
-    """
-    with_micro_batch = denoiser.capabilities.with_micro_batch
-    if with_micro_batch is None:
-        return denoiser
-    if not len(x):
-        return InBfloat16(denoiser) if ranks.first(False) else denoiser
-    first = levels_of(denoiser.schedule, settings)[0]
-    condition = denoiser.condition(originals[:1], prompt, torch.Generator())
-
-    def guided(predictor: Predictor) -> Tensor:
-        return predict_guided(predictor, condition, x[:1], first, settings)
-
-    held = max(peak_bytes(lambda: guided(denoiser)), peak_bytes(lambda: denoiser.decode(x[:1])))
-    chosen = with_precision(denoiser, guided, settings.precision)
-    sized = with_micro_batch(views_at_once(len(x), held * ranks.local, settings.memory))
-    return InBfloat16(sized) if ranks.first(chosen is not denoiser) else sized
 
 
 def padded(batch: EditBatch, denoiser: Denoiser) -> EditBatch:
@@ -272,19 +184,16 @@ def _completed(batch: EditBatch, decoded: Float[Tensor, "n H W 3"]) -> Float[Ten
 
 
 def _encoded(
-    batch: EditBatch, denoiser: Denoiser, ranks: Ranks
+    batch: EditBatch, denoiser: Denoiser
 ) -> tuple[Float[Tensor, "v c y x"], Anchor | None]:
     """(clean latents, those of the anchored views as finished edits)."""
-    z0 = ranks.rows(denoiser.encode, batch.images)
+    z0 = denoiser.encode(batch.images)
     anchored: Bool[Tensor, " v"] | None = batch.anchored
     if anchored is None or not anchored.any():
         return z0, None
     z0 = z0.clone()
-    z0[anchored] = ranks.rows(
-        lambda images, originals: denoiser.encode_edited(images, originals, batch.prompt),
-        batch.images[anchored],
-        batch.originals[anchored],
-    )
+    finished, originals = batch.images[anchored], batch.originals[anchored]
+    z0[anchored] = denoiser.encode_edited(finished, originals, batch.prompt)
     return z0, Anchor(anchored, z0)
 
 

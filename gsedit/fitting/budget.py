@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from gsedit.runs.ranks import ALONE, Ranks
 from gsedit.runs.stopwatch import Stopwatch
 
 LEAST_STEPS = 10
@@ -15,8 +14,8 @@ LEAST_STEPS = 10
 class Budget:
     """Counts `step` and runs from its construction; None: no limit of that kind.
 
-    `step` and `spent` seconds were done before; seconds are the clock's. Of several ranks the clock
-    of rank 0 decides, read after each step.
+    `step` and `spent` seconds were done before; seconds are the clock's. With `agree`, those count
+    that it makes of them after each step.
     """
 
     def __init__(
@@ -26,19 +25,19 @@ class Budget:
         *,
         step: int = 0,
         spent: float = 0.0,
-        ranks: Ranks = ALONE,
+        agree: Callable[[float], float] | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._steps, self._seconds, self._ranks = steps, seconds, ranks
+        self._steps, self._seconds, self._agree = steps, seconds, agree
         self._stopwatch = Stopwatch(spent, clock=clock)
-        self._read = spent
+        self._agreed = spent
         self.step = step
 
     def count_step(self) -> None:
-        """A step is done. Raises LostRankError."""
+        """A step is done."""
         self.step += 1
-        if self._seconds is not None and self._ranks.size > 1:
-            self._read = self._ranks.first(self.seconds)
+        if self._seconds is not None and self._agree is not None:
+            self._agreed = self._agree(self.seconds)
 
     @property
     def seconds(self) -> float:
@@ -50,7 +49,7 @@ class Budget:
         """Fraction of the budget that is spent: of the steps or of the seconds, the larger; 1 where
         the last step, or LEAST_STEPS, took longer."""
         by_step = 0.0 if self._steps is None else self.step / self._steps
-        seconds = self.seconds if self._ranks.size == 1 else self._read
+        seconds = self.seconds if self._agree is None else self._agreed
         by_time = 0.0 if self._seconds is None else seconds / self._seconds
         return min(1.0, max(by_step, by_time))
 

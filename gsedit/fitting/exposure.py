@@ -47,7 +47,7 @@ class Exposures:
         self._rows = {view.name: i for i, view in enumerate(views)}
         self.maps = torch.eye(3, 4).repeat(len(views), 1, 1)
         self.moves = torch.zeros_like(self.maps)
-        """Of the maps in this step: to be summed over ranks, and then made by `move`."""
+        """Moves of the maps in this step, made by `move`."""
         self.seen = torch.zeros(len(views))
         """How many times each photo was drawn; moves with the maps."""
         self._new = torch.zeros_like(self.seen)
@@ -90,7 +90,7 @@ class Exposures:
 
     @property
     def of_step(self) -> tuple[Tensor, Tensor]:
-        """Sums of a step: tensors that ranks add up."""
+        """Sums over the photos of a step."""
         return self.moves, self._new
 
     def move(self) -> None:

@@ -24,7 +24,7 @@ from gsedit.errors import UsageError
 from gsedit.fitting.budget import Budget
 from gsedit.fitting.densify import ScreenGradients, densify
 from gsedit.fitting.exposure import Exposures
-from gsedit.fitting.initial import initial_scene
+from gsedit.fitting.initial import Once, initial_scene
 from gsedit.fitting.optimizer import SceneOptimizer, optimized_scene
 from gsedit.fitting.photometric import photometric, supervised
 from gsedit.fitting.pyramid import check_sizes, pyramid
@@ -127,11 +127,16 @@ def fit_steps(
         with restoring(resume):
             check_same(asked, resume.record["request"], "fit")
             start = optimized_scene(resume.within("optimizer"))
-    budget = _budget(settings, resume, ranks, clock)
+    agree = None if ranks.size == 1 else ranks.first  # the clock of rank 0 decides
+    done = (
+        {} if resume is None else {"step": resume.record["step"], "spent": resume.record["seconds"]}
+    )
+    # it runs from here on: the start from the photos is part of it
+    budget = Budget(settings.steps, settings.seconds, agree=agree, clock=clock, **done)
     if start is None:
-        start = _start(dataset, settings, generator, ranks, budget)
+        start = _start(dataset, settings, generator, budget, ranks.once)
     extent = _camera_extent(dataset.views)
-    work = _Fit(start, train, held_out, extent, settings, generator, asked, ranks, budget)
+    work = _Fit(start, train, held_out, extent, settings, generator, asked, budget, ranks)
     del start  # the optimizer has copies
     if resume is not None:
         with restoring(resume):
@@ -188,14 +193,15 @@ class _Fit:
     def __init__(
         self, scene: Gaussians, train: tuple[View, ...], held_out: tuple[View, ...],
         extent: float, settings: FitSettings, generator: torch.Generator, asked: dict[str, Any],
-        ranks: Ranks, budget: Budget,
+        budget: Budget, ranks: Ranks,
     ) -> None:  # fmt: skip
-        self.asked, self.ranks, self.budget = asked, ranks, budget
+        self.asked, self.budget = asked, budget
         self.settings, self.generator, self.held_out = settings, generator, held_out
         self.batch = settings.batch or 1
         rates = {**RATES, "means": RATES["means"] * extent}
         rates = {name: rate * sqrt(self.batch) for name, rate in rates.items()}
-        self.optimizer = SceneOptimizer(scene, rates, compiled=is_compiled(settings.execution))
+        compiled = is_compiled(settings.execution)
+        self.optimizer = SceneOptimizer(scene, rates, compiled=compiled, ranks=ranks)
         self.pyramid = pyramid(train, (factor for _, factor in settings.coarse))
         self.gradients = ScreenGradients(len(scene))
         self.started_with = len(scene)
@@ -234,22 +240,21 @@ class _Fit:
         self.curve = [(seconds, decibels) for seconds, decibels in record["curve"]]
 
     def step(self) -> None:
-        """One optimizer step on a batch of photos, of which every rank renders its share."""
-        optimizer, ranks = self.optimizer, self.ranks
-        scene = optimizer.scene
+        """One optimizer step on a batch of photos, or on this process's share of them."""
+        optimizer, scene = self.optimizer, self.optimizer.scene
         # in front of a random color, every hole in the scene costs where the photo is opaque
         photos = [
             (self._next_view(), torch.rand(3, generator=self.generator)) for _ in range(self.batch)
         ]
         seen, loss = ScreenGradients(len(scene)), torch.zeros(())
-        for view, background in photos[ranks.share(self.batch)]:
+        for view, background in optimizer.share(photos):
             one = self._loss(scene, view, background)
             # called with the gradient of this photo alone, before it is added to that of the others
             hook = scene.means.register_hook(partial(seen.add, scene=scene, camera=view.camera))
             one.backward()
             hook.remove()
             loss += one.detach()
-        optimizer.add_up(ranks, seen.total, seen.pictures, loss, *self.exposures.of_step)
+        optimizer.add_up(seen.total, seen.pictures, loss, *self.exposures.of_step)
         self.exposures.move()
         self.gradients.include(seen)
         optimizer.step({k: v**self.budget.progress for k, v in FINAL_RATE.items()})
@@ -327,7 +332,7 @@ class _Fit:
         yield FitResult(scene, self.curve[-1][1], steps, seconds, tuple(self.curve))
 
     def _measure(self, scene: Gaussians) -> Event:
-        decibels = evaluate(scene, self.held_out, self.settings.execution, self.ranks)
+        decibels = evaluate(scene, self.held_out, self.settings.execution, self.optimizer.ranks)
         self.curve.append((self.budget.seconds, decibels))
         note = f"{len(scene):,} Gaussians, {decibels:.2f} dB"
         return self._event("measure", note, rmse_from_psnr(decibels))
@@ -337,19 +342,9 @@ class _Fit:
         return Event(stage, budget.seconds, budget.step, budget.steps, self.loss, error, note)
 
 
-def _budget(
-    settings: FitSettings, resume: State | None, ranks: Ranks, clock: Callable[[], float]
-) -> Budget:
-    """It runs from here on: the start from the photos is part of it."""
-    step, spent = (0, 0.0) if resume is None else (resume.record["step"], resume.record["seconds"])
-    return Budget(
-        settings.steps, settings.seconds, step=step, spent=spent, ranks=ranks, clock=clock
-    )
-
-
 def _start(
-    dataset: Dataset, settings: FitSettings, generator: torch.Generator, ranks: Ranks,
-    budget: Budget,
+    dataset: Dataset, settings: FitSettings, generator: torch.Generator, budget: Budget,
+    once: Once,
 ) -> Gaussians:  # fmt: skip
     """Start of a fit that is given no scene."""
     return initial_scene(
@@ -358,7 +353,7 @@ def _start(
         generator,
         swept=settings.dense_start,
         at_most=settings.max_gaussians,
-        ranks=ranks,
+        once=once,
         out_of_time=lambda: budget.seconds > SWEEP_SHARE * (settings.seconds or inf),
     )
 

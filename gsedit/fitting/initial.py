@@ -12,7 +12,6 @@ from torch import Tensor
 
 from gsedit.datasets.dataset import Dataset, View
 from gsedit.formats import mesh
-from gsedit.runs.ranks import ALONE, Ranks
 from rasterizer.camera import Camera
 from rasterizer.numerics import color_to_sh
 from rasterizer.scene import Gaussians
@@ -27,6 +26,8 @@ MEASURED_POINTS = 50_000
 
 Points = tuple[Float[Tensor, "m 3"], Float[Tensor, "m 3"]]
 """World positions and RGB colors in [0, 1]."""
+Once = Callable[[Callable[[], Points]], Points]
+"""Call of a function whose result is shared with other processes."""
 
 
 def initial_scene(
@@ -36,21 +37,21 @@ def initial_scene(
     *,
     swept: int = 0,
     at_most: int | None = None,
-    ranks: Ranks = ALONE,
+    once: Once = lambda work: work(),
     out_of_time: Callable[[], bool] = lambda: False,
 ) -> Gaussians:
     """Round Gaussians at the sparse points, as wide as their neighbors are far.
 
     `swept` patches of the photos that are not held out are looked for in space besides (see
-    `swept_points`), until `out_of_time`. With fewer than 4 points of both kinds, at random places
-    where the cameras look. Colors are the points', or grey where they have none. Of more points
-    than `at_most`, a random choice is taken.
+    `swept_points`), until `out_of_time`; `once` makes that call. With fewer than 4 points of both
+    kinds, at random places where the cameras look. Colors are the points', or grey where they have
+    none. Of more points than `at_most`, a random choice is taken.
     """
     points = torch.zeros(0, 3) if dataset.points is None else dataset.points.float()
     grey = torch.full_like(points, 0.5)
     colors = grey if dataset.point_colors is None else dataset.point_colors.float()
     if swept:
-        more, theirs = _swept(dataset.split()[0], points, swept, generator, ranks, out_of_time)
+        more, theirs = _swept(dataset.split()[0], points, swept, generator, once, out_of_time)
         points, colors = torch.cat((points, more)), torch.cat((colors, theirs))
     if len(points) < MIN_POINTS:
         points = _random_points(dataset.views, RANDOM_POINTS, generator)
@@ -82,19 +83,16 @@ def _swept(
     points: Float[Tensor, "n 3"],
     count: int,
     generator: torch.Generator,
-    ranks: Ranks,
+    once: Once,
     out_of_time: Callable[[], bool],
 ) -> Points:
-    """Sweep on rank 0 for all: another machine's rounding might find one point more."""
-    seed = int(torch.randint(2**31, (), generator=generator))
-    found = None
-    if ranks.rank == 0:
-        inverse_depths = _inverse_depths(views, points)
-        own = torch.Generator().manual_seed(seed)
-        found = swept_points(views, count, inverse_depths, own, out_of_time)
-    shared = ranks.first(found)
-    assert shared is not None
-    return shared
+    """Sweep once for all: another machine's rounding might find one point more."""
+    own = torch.Generator().manual_seed(int(torch.randint(2**31, (), generator=generator)))
+
+    def sweep() -> Points:
+        return swept_points(views, count, _inverse_depths(views, points), own, out_of_time)
+
+    return once(sweep)
 
 
 def _inverse_depths(

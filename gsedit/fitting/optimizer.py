@@ -5,15 +5,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import isqrt
+from typing import TypeVar
 
 import torch
 from jaxtyping import Bool, Int
 from torch import Tensor
 
 from gsedit.fitting.lazy_adam import LazyAdam
-from gsedit.runs.ranks import Ranks
+from gsedit.runs.ranks import ALONE, Ranks
 from gsedit.runs.state import tensor_like
 from rasterizer.numerics import color_to_sh
 from rasterizer.scene import Gaussians
@@ -21,6 +22,8 @@ from rasterizer.scene import Gaussians
 SH_REST = 1 / 20
 """View-dependent color learns this much slower than base color (Kerbl et al. 2023): it is where
 contradictions between views would hide. A rate of its own: Adam does not feel a scaled gradient."""
+
+T = TypeVar("T")
 
 LOWEST_COLOR = 1 / 255
 """Lowest base color of a Gaussian to be fitted: one step of an 8-bit picture, above the clamp at
@@ -43,8 +46,11 @@ class SceneOptimizer:
         rates: Mapping[str, float],
         *,
         compiled: bool = False,
+        ranks: Ranks = ALONE,
     ) -> None:
-        """`compiled`: steps by a C++ kernel, where there is one; equal to rounding."""
+        """`compiled`: steps by a C++ kernel, where there is one; equal to rounding. `ranks` share
+        out the work of a step (`share`) and add up its gradients (`add_up`)."""
+        self.ranks = ranks
         self._rates = dict(rates)
         values = vars(scene.detach())
         self._constant = {k: v for k, v in values.items() if k not in self._rates}
@@ -79,11 +85,16 @@ class SceneOptimizer:
         leaf = self._leaves[name]
         return torch.zeros_like(leaf) if leaf.grad is None else leaf.grad
 
-    def add_up(self, ranks: Ranks, *more: Tensor) -> None:
+    def share(self, items: Sequence[T]) -> Sequence[T]:
+        """This rank's share of what the next step is computed from: maybe none."""
+        return items[self.ranks.share(len(items))]
+
+    def add_up(self, *more: Tensor) -> None:
         """Sum the gradients of the next step over the ranks, and with them `more`, in place.
 
         Ranks may have drawn other rows, or none. Raises LostRankError.
         """
+        ranks = self.ranks
         if ranks.size == 1:
             return
         rows, leaves = self._drawn or (None, self._leaves)

@@ -19,7 +19,6 @@ from gsedit.fitting.photometric import supervised
 from gsedit.fitting.random_crops import cut, random_patch, share_of_crops, shown_at
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.measures.features import FeatureExtractor
-from gsedit.runs.ranks import ALONE, Ranks
 from rasterizer.project import Box
 
 APPEARANCE_RATES = {"sh": 2.5e-2, "logit_opacities": 5e-3}
@@ -86,7 +85,6 @@ def update_steps(
     features: FeatureExtractor,
     generator: torch.Generator,
     crops: ExactCrops | None = None,
-    ranks: Ranks = ALONE,
 ) -> Iterator[float]:
     """Fit the scene to random patches of the edited views; yields the loss of every step.
 
@@ -94,8 +92,7 @@ def update_steps(
     negative base colors are raised before the round's first step. The learning rates fall linearly
     over the round. Of large targets, the first steps use smaller copies. `crops` draws the scene
     (None: renders it). Where the targets say what is shown of a region, the patches are those in
-    which it shows. All ranks choose the same patches, each draws its share of them, and the
-    gradients are summed.
+    which it shows. The optimizer says which of a step's patches are drawn here.
     """
     crops = crops or ExactCrops()
     if span.start == 0:
@@ -110,7 +107,7 @@ def update_steps(
             random_patch(views, masks, settings.patch, generator) for _ in range(settings.patches)
         ]
         whole_loss = torch.zeros(())
-        if mine := patches[ranks.share(len(patches))]:
+        if mine := optimizer.share(patches):
             rendered = crops.draw(optimizer, mine)
             expected = torch.stack([cut(v.image, box) for v, box in mine])
             rendered, expected = supervised(rendered, expected, _masks_of(mine))
@@ -118,7 +115,7 @@ def update_steps(
             loss = loss * (len(mine) / len(patches))  # a mean over patches: shares add up to it
             loss.backward()
             whole_loss += loss.detach()
-        optimizer.add_up(ranks, whole_loss)
+        optimizer.add_up(whole_loss)
         optimizer.step(rate_scale(step, steps), only=seen)
         yield whole_loss.item()
 

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from gsedit.errors import GseditError
 
@@ -139,6 +139,10 @@ class Ranks:
             message = torch.frombuffer(bytearray(data.getvalue()), dtype=torch.uint8)
         _wait(distributed.broadcast(message, 0, async_op=True))
         return torch.load(io.BytesIO(message.numpy().tobytes()), weights_only=True)
+
+    def once(self, work: Callable[[], T]) -> T:
+        """Do this work on rank 0 alone; its result is that of every rank (see `first`)."""
+        return cast(T, self.first(None if self.rank else work()))
 
     def check_same(self, what: str, values: Iterable[Any]) -> None:
         """Raise GseditError, naming a rank, unless these tensors, numbers and texts are the same

@@ -69,7 +69,7 @@ def stub_edit(monkeypatch, *, end: BaseException | None = None):
 def test_edit_leaves_the_scene_and_its_evidence(monkeypatch, scene, photos, tmp_path):
     given = stub_edit(monkeypatch)
     out = tmp_path / "out"
-    result = gsedit("edit", scene, "make it snow", "--data", photos, "-o", out, "--rounds", 1)
+    result = gsedit("edit", scene, "make it snow", "--data", photos, "-o", out, "--batches", 1)
     assert result.exit_code == 0, result.stderr
     assert result.stdout.strip() == str(out / "scene.ply")
     names = {"scene.ply", "edit.json", "metrics.jsonl", "before_after.png", "error_vs_time.png"}
@@ -79,7 +79,7 @@ def test_edit_leaves_the_scene_and_its_evidence(monkeypatch, scene, photos, tmp_
     assert [event.stage for event in read_events(out / "metrics.jsonl")] == ["update", "measure"]
     record = json.loads((out / "edit.json").read_text())
     assert record["instruction"] == given["prompt"] == "make it snow"
-    assert record["settings"]["rounds"] == 1
+    assert record["settings"]["batches"] == 1
     assert record["settings"]["sampler"]["steps"] == SamplerSettings().steps
     assert record["measured"]["psnr_to_targets"]["edited"]["value"] is None  # JSON has no infinity
     assert set(record) >= {"seed", "versions", "threads", "timings", "platform", "python"}

@@ -25,7 +25,7 @@ def folder(tmp_path_factory):
     write_cameras(cameras[:9], place / "cameras.json")
     done = gsedit(
         "edit", place / "demo.ply", "as bronze", "-o", place / "out", "--editor", "closed-form",
-        "--size", 32, "--rounds", 1, "--views", 3, "--update-steps", 5, "--steps", 3,
+        "--size", 32, "--batches", 1, "--views", 3, "--update-steps", 5, "--steps", 3,
         "--patch", 16, "--overlap", 1, "--coverage", 1,
     )  # fmt: skip
     assert done.exit_code == 0, done.stderr

@@ -72,6 +72,7 @@ def test_an_old_selection_answers_with_an_expression_that_says_the_same(scene, w
         ("order a.ply -o b.ply", "convert a.ply -o b.ply --order morton"),
         ("order a.ply --by importance", "convert a.ply --order importance"),
         ("reduce-sh a.ply --degree 1", "convert a.ply --sh-degree 1"),
+        ("edit a.ply gold --rounds 2", "edit a.ply gold --batches 2"),
         ("lod a.ply --share 30% -o out", "decimate a.ply 30% -o out --levels 4"),
         ("recover out -o b.ply", "convert out -o b.ply"),
         ("preview a.ply", "view a.ply --window"),

@@ -19,7 +19,7 @@ from gsedit.fitting.settings import UpdateSettings
 
 FLAGS = (
     "--steps --guidance --image-guidance --temperature --consensus --solver --memory --precision "
-    "--update-steps --patches --patch --gram-weight --views --rounds --coverage --overlap "
+    "--update-steps --patches --patch --gram-weight --views --batches --coverage --overlap "
     "--geometry --condition --kernel"
 )
 
@@ -106,7 +106,7 @@ def test_the_listed_defaults_are_the_librarys():
         "--patch": update.patch,
         "--gram-weight": f"{update.gram_weight:g}",
         "--views": edit.views_per_batch,
-        "--rounds": edit.rounds,
+        "--batches": edit.batches,
         "--coverage": edit.coverage,
         "--geometry": edit.geometry,
         "--condition": edit.condition,

@@ -38,7 +38,7 @@ def no_opengl():
 
 def test_a_video_becomes_an_edited_scene(video, tmp_path, monkeypatch):
     few = {
-        ("sampler", "steps"): 2, ("strategy", "update_steps"): 2, ("rounds",): 1,
+        ("sampler", "steps"): 2, ("strategy", "update_steps"): 2, ("batches",): 1,
         ("held_out_edits",): 0,
     }  # fmt: skip
     run_edit = verb.run_edit  # its last arguments are the values of settings and common options

@@ -26,7 +26,7 @@ def arcs(views: int, gaussians: int, width: int) -> torch.Tensor:
 def shared_in_batches(weights: torch.Tensor, plan: ViewPlan) -> float:
     """Mean overlap of two views of a batch."""
     shared = view_overlap(weights, weights)
-    pairs = [float(shared[a, b]) for batch in plan.rounds for a in batch for b in batch if a != b]
+    pairs = [float(shared[a, b]) for batch in plan.batches for a in batch for b in batch if a != b]
     return sum(pairs) / len(pairs)
 
 
@@ -36,7 +36,7 @@ def default_plan(weights: torch.Tensor, whole: torch.Tensor | None = None) -> Vi
     return plan_views(
         weights,
         some.views_per_batch,
-        some.rounds,
+        some.batches,
         some.coverage,
         overlap=some.overlap,
         whole=whole,
@@ -48,18 +48,18 @@ def test_batches_overlap_as_asked_and_hold_on_to_each_other():
     plan = plan_views(weights, 4, 6, 1.0, overlap=0.5)
     shared = view_overlap(weights, weights)
     assert len(set(plan.views)) == len(plan.views)
-    for number, batch in enumerate(plan.rounds):
+    for number, batch in enumerate(plan.batches):
         ties = (shared[list(batch)][:, list(batch)].sum(1) - 1) / (len(batch) - 1)
         assert ties.mean() >= 0.45
         if number:
-            before = [view for earlier in plan.rounds[:number] for view in earlier]
+            before = [view for earlier in plan.batches[:number] for view in earlier]
             assert shared[list(batch)][:, before].max() >= 0.5
     assert plan.coverage[-1] == 1.0
 
 
 def test_without_overlap_the_fewest_views_that_cover_are_taken():
     weights = arcs(24, 240, 60)
-    assert len(plan_views(weights, 4, 5, 1.0).rounds) == 1
+    assert len(plan_views(weights, 4, 5, 1.0).batches) == 1
     assert plan_views(weights, 4, 5, 1.0).coverage == (1.0,)
 
 
@@ -77,7 +77,7 @@ def test_planning_stops_when_enough_is_covered():
     weights = arcs(24, 240, 120)
     plan = plan_views(weights, 2, 10, 0.9)
     assert plan.coverage[-1] >= 0.9
-    assert len(plan.rounds) < 10
+    assert len(plan.batches) < 10
     assert all(c < 0.9 for c in plan.coverage[:-1])
 
 
@@ -118,8 +118,8 @@ def test_views_that_show_the_subject_whole_come_first():
     wide = [i for i in range(len(cameras)) if i not in close_ups]
     assert whole[wide].min() > whole[close_ups].max() + 0.2
     plan = default_plan(weights, whole)
-    assert not set(plan.rounds[0]) & set(close_ups)
-    first = [bool(set(batch) & set(close_ups)) for batch in plan.rounds]
+    assert not set(plan.batches[0]) & set(close_ups)
+    first = [bool(set(batch) & set(close_ups)) for batch in plan.batches]
     assert first == sorted(first)  # no whole batch after one with a close-up
 
 
@@ -159,7 +159,7 @@ def test_in_a_room_wide_views_come_before_pieces_of_wall():
     weights = survey(scene, cameras)
     whole = wholeness(scene.means, cameras, weights)
     plan = default_plan(weights, whole)
-    assert all(view < 24 for view in plan.rounds[0])
+    assert all(view < 24 for view in plan.batches[0])
     assert shared_in_batches(weights, plan) >= 0.4
 
 

@@ -71,7 +71,7 @@ def scene(tmp_path) -> Path:
 def edit_words(scene: Path, out: Path, command: str) -> list[str]:
     return [
         "edit", str(scene), "fade $(it) \"now\"", "-o", str(out), "--editor", "command",
-        "--run", command, "--size", "48", "--views", "2", "--rounds", "2", "--coverage", "1",
+        "--run", command, "--size", "48", "--views", "2", "--batches", "2", "--coverage", "1",
         "--update-steps", "4", "--patch", "16",
     ]  # fmt: skip
 

@@ -48,7 +48,7 @@ def test_a_gsplat_script_renders_a_turn(tmp_path, capsys):
 def test_an_editor_of_one_s_own_edits_the_bear(tmp_path):
     assert isinstance(Fade(), Editor)
     quick = gsedit.EditSettings(
-        update=UpdateSettings(patches=2, patch=16), views_per_batch=2, rounds=1
+        update=UpdateSettings(patches=2, patch=16), views_per_batch=2, batches=1
     )
     run(tmp_path, count=1000, size=48, settings=quick, strategy=SinglePass(4))
     assert len(gsedit.load(tmp_path / "scene.ply")) == 1000

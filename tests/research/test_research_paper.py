@@ -31,7 +31,7 @@ from gsedit.editing.strategies import find_strategy
 from gsedit.errors import InputError, UsageError
 
 CASE = Case("globe", "make it night", 32, 1, 32, 150, 9)
-SHORT = Arm("single-pass", "single-pass", {"update_steps": 12}, {"rounds": 1})
+SHORT = Arm("single-pass", "single-pass", {"update_steps": 12}, {"batches": 1})
 SLOW = Arm("iterative", "iterative", {"total_steps": 10, "steps_between": 5})
 
 
@@ -94,7 +94,7 @@ def test_equal_work_has_one_key_whatever_it_is_called():
     run = Run(SHORT, CASE, "closed-form", 0)
     assert run.key == replace(run, arm=replace(SHORT, label="another")).key
     assert run.key != replace(run, seed=1).key
-    assert run.key != replace(run, arm=replace(SHORT, settings={"rounds": 2})).key
+    assert run.key != replace(run, arm=replace(SHORT, settings={"batches": 2})).key
 
 
 def test_settings_reach_the_records_inside():

@@ -120,7 +120,7 @@ def _energy(pictures: Sequence[Float[Tensor, "h w 3"]] | Float[Tensor, "v h w 3"
 def _pictures(observer: Observer, session: Session) -> list[Float[Tensor, "h w 3"]]:
     """Two unedited views, what the editor made of them (else unedited), a held-out view unedited,
     edited, and as it should be."""
-    first = session.surveyed.plan.rounds[0][:2]
+    first = session.surveyed.plan.batches[0][:2]
     shown = (first * 2)[:2]
     unedited = {i: session.unedited.picture(i) for i in shown}
     targets = {i: view.image for i, view in session.progress.edited.targets.items()}

@@ -194,7 +194,7 @@ def view_arms() -> list[Arm]:
     """Twelve views and as many fitting steps, in batches of 1 to 6."""
     return [
         Arm(f"{views} a batch", SINGLE_PASS, {"update_steps": UPDATE * views // 3},
-            {"views_per_batch": views, "rounds": 12 // views})
+            {"views_per_batch": views, "batches": 12 // views})
         for views in (1, 2, 3, 4, 6)
     ]  # fmt: skip
 
@@ -244,7 +244,7 @@ def _rounds(label: str, steps: int, settings: dict[str, Any]) -> Arm:
     """Two rounds of the paper's four views."""
     return Arm(
         label, SINGLE_PASS, {"update_steps": steps},
-        {"views_per_batch": 4, "rounds": 2, **settings},
+        {"views_per_batch": 4, "batches": 2, **settings},
     )  # fmt: skip
 
 

@@ -81,7 +81,7 @@ class Case:
         """A short edit of the kind."""
         return EditSettings(
             update=UpdateSettings(patches=2, patch=32),
-            rounds=2,
+            batches=2,
             geometry="full" if self.geometry else "appearance",
             held_out_edits=0,
             region="all",

@@ -48,7 +48,6 @@ def fit_targets(
             request.features,
             request.generator,
             progress.crops,
-            request.ranks,
         )
         for step, loss in enumerate(losses, start=done + span.start + 1):
             progress.work.steps += 1

@@ -84,6 +84,7 @@ def start_progress(
         scene,
         rates(settings.geometry, bounds(scene).radius),
         compiled=is_compiled(settings.execution),
+        ranks=request.ranks,
     )
     return Progress(optimizer, _crops(request, surveyed, unedited), stopwatch, noise_seed)
 

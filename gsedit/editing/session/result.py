@@ -128,7 +128,7 @@ class EditResult:
     strategy_name: str
     """The strategy's name, as in `--strategy NAME`."""
     view_plan: ViewPlan
-    """The views that were to be edited, by round, and what they cover."""
+    """The views that were to be edited, by batch, and what they cover."""
     region: Region
     """The Gaussians that could change."""
     metrics: EditMetrics

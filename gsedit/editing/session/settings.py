@@ -26,14 +26,14 @@ class EditSettings:
     update: UpdateSettings = field(default_factory=UpdateSettings)
     """How the scene is fitted to the edited views."""
     views_per_batch: int = field(default=3, metadata={"flag": "--views"})
-    """Views that are edited together in a round."""
-    rounds: int = 4
-    """Most rounds of views that are edited."""
+    """Views that are edited together."""
+    batches: int = 4
+    """Most batches of views that are edited."""
     coverage: float = 0.95
-    """Stop after the round that covers this share of what the camera set sees, in (0, 1]."""
+    """Stop after the batch that covers this share of what the camera set sees, in (0, 1]."""
     overlap: float = 0.5
-    """How much of what a view shows the other views of its round should show as well, on average,
-    in [0, 1]: with more of it the views agree better, and more rounds are needed to cover as
+    """How much of what a view shows the other views of its batch should show as well, on average,
+    in [0, 1]: with more of it the views agree better, and more batches are needed to cover as
     much."""
     visibility: bool = True
     """Whether cells of two views must pass every rule to correspond (depths agree, no silhouette,
@@ -57,7 +57,7 @@ class EditSettings:
     """Optimisations that the edit does without, by name and separated by commas, as in
     crops,gaussians, or all: the work is done that they would skip. --explain lists them."""
     checkpoint_seconds: float = field(default=30.0, metadata={"flag": "--checkpoint-every"})
-    """Seconds between checkpoints, at least; the views of a round are edited without one."""
+    """Seconds between checkpoints, at least; the views of a batch are edited without one."""
     execution: Execution = AUTO
     """How pictures are rendered; it changes the run time, not the pictures."""
 
@@ -68,8 +68,8 @@ class EditSettings:
                 f"{', '.join(sorted(unknown))}: nothing that can be disabled; give some of "
                 f"{', '.join(DECISIONS)}, or all"
             )
-        if self.views_per_batch < 1 or self.rounds < 1:
-            raise UsageError("views and rounds must be 1 or more")
+        if self.views_per_batch < 1 or self.batches < 1:
+            raise UsageError("views and batches must be 1 or more")
         if self.held_out_edits < 0:
             raise UsageError(f"held-out edits must be 0 or more, not {self.held_out_edits}")
         if not self.checkpoint_seconds >= 0:

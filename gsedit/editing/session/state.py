@@ -22,7 +22,7 @@ from gsedit.regions.region import Region, everything
 from gsedit.runs.state import State, check_same, restoring, tensor_like
 from gsedit.runs.stopwatch import Stopwatch
 
-FORMAT = 3
+FORMAT = 4
 """Version of an edit's state: raised when older states can no longer be restored."""
 
 
@@ -72,8 +72,8 @@ def view_plan_of(state: State) -> ViewPlan:
     """The plan of views of a state: it is not made again, so that it is certainly the same."""
     with restoring(state):
         plan = state.record["view_plan"]
-        rounds = tuple(tuple(map(index, batch)) for batch in plan["rounds"])
-        return ViewPlan(rounds, tuple(map(float, plan["coverage"])))
+        batches = tuple(tuple(map(index, batch)) for batch in plan["batches"])
+        return ViewPlan(batches, tuple(map(float, plan["coverage"])))
 
 
 def stopwatch_of(state: State) -> Stopwatch:

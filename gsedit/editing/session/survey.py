@@ -81,7 +81,7 @@ def _plan(request: Request, weights: Float[Tensor, "v n"]) -> ViewPlan:
     return plan_views(
         weights,
         settings.views_per_batch,
-        settings.rounds,
+        settings.batches,
         settings.coverage if settings.skips("views") else 1.0,
         overlap=settings.overlap,
         whole=wholeness(request.scene.means, cameras, weights),

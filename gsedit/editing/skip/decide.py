@@ -29,7 +29,7 @@ def explain_skips(session: Session) -> tuple[Decision, ...]:
     touching = 1.0 if masks is None else share_of_crops(masks, update.patch)
     needed = crops_needed(update.patches, touching)
     is_known = session.progress.edited.region is not None
-    budget = min(settings.rounds * settings.views_per_batch, len(request.views))
+    budget = min(settings.batches * settings.views_per_batch, len(request.views))
     marked = [surveyed.renderings[i].marked for i in planned]
     maps = [mark.flatten() for mark in marked if mark is not None]
     covered = torch.stack(maps) if maps else torch.zeros(len(planned), 1)

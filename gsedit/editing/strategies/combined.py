@@ -50,7 +50,7 @@ class Combined:
 
     def schedule(self, session: Session) -> Iterator[Action]:
         """Batch by batch of the plan, then a view at a time."""
-        done = len(session.surveyed.plan.rounds) * self.update_steps
+        done = len(session.surveyed.plan.batches) * self.update_steps
         total = done + self.further_steps
         yield from single_pass(session, self.update_steps, total)
         views = dataset_views(session, self.dataset_views)

@@ -26,13 +26,13 @@ class SinglePass:
 
     def schedule(self, session: Session) -> Iterator[Action]:
         """Batch by batch of the plan."""
-        total = len(session.surveyed.plan.rounds) * self.update_steps
+        total = len(session.surveyed.plan.batches) * self.update_steps
         yield from single_pass(session, self.update_steps, total)
 
 
 def single_pass(session: Session, update_steps: int, total: int) -> Iterator[Action]:
     """Every batch of the plan once, `update_steps` after each, of `total` in the whole edit."""
-    batches = session.surveyed.plan.rounds
+    batches = session.surveyed.plan.batches
     for number, batch in enumerate(batches):
         yield EditViews(batch, number + 1, len(batches))
         yield from update_round(update_steps, done=number * update_steps, total=total)

@@ -9,9 +9,9 @@ import torch
 
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editors.protocol import Capabilities, EditBatch, EditProgress
+from gsedit.editors.ranked import shared_out
 from gsedit.editors.sampling import DiffusionEditor
 from gsedit.editors.small.denoiser import Small
-from gsedit.runs.ranks import ALONE, Ranks
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,8 +20,6 @@ class SmallEditor:
     scene's pass. The network was trained on both at once too, and mostly applies only one."""
 
     small: Small
-    ranks: Ranks = ALONE
-    """Among which views are shared out."""
 
     @property
     def name(self) -> str:
@@ -34,7 +32,8 @@ class SmallEditor:
     @property
     def capabilities(self) -> Capabilities:
         return replace(
-            self._sampler.capabilities, with_ranks=lambda ranks: replace(self, ranks=ranks)
+            self._sampler.capabilities,
+            with_ranks=lambda ranks: replace(self, small=shared_out(self.small, ranks)),
         )
 
     def check(self, prompt: str) -> None:
@@ -75,4 +74,4 @@ class SmallEditor:
 
     @property
     def _sampler(self) -> DiffusionEditor:
-        return DiffusionEditor(self.small, self.ranks)
+        return DiffusionEditor(self.small)

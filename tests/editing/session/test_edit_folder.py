@@ -35,7 +35,7 @@ def edited():
         sampler=SamplerSettings(steps=2),
         update=UpdateSettings(patches=1, patch=16),
         views_per_batch=2,
-        rounds=1,
+        batches=1,
     )
     *events, result = gsedit.edit_steps(
         scene,
@@ -63,7 +63,7 @@ def test_one_call_writes_the_folder_of_the_command(edited, tmp_path):
     assert record["settings"]["update"]["patch"] == 16
     truth = record["measured"]["psnr_to_ground_truth"]["held_out"]
     assert truth == {"value": pytest.approx(result.metrics.psnr_to_ground_truth), "views": 2}
-    assert record["view_plan"]["rounds"] == [list(batch) for batch in result.view_plan.rounds]
+    assert record["view_plan"]["batches"] == [list(batch) for batch in result.view_plan.batches]
     assert [each["name"] for each in record["decisions"]] == list(DECISIONS)
     assert record["edited_views"] == [view.name for view in result.targets]
     assert record["versions"]["torch"] == torch.__version__

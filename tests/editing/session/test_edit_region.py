@@ -31,7 +31,7 @@ QUICK = EditSettings(
     sampler=SamplerSettings(steps=2),
     update=UpdateSettings(patches=1, patch=24),
     views_per_batch=3,
-    rounds=1,
+    batches=1,
 )
 
 

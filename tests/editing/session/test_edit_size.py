@@ -87,7 +87,7 @@ def test_the_setting_overrules_the_editor_and_nothing_is_made_larger(scene, data
         (Swapped(best_size=512), {}),
         (Swapped(best_size=36), {"edit_size": 72}),
     ):
-        *items, _ = run(scene, data, editor, rounds=1, **settings)
+        *items, _ = run(scene, data, editor, batches=1, **settings)
         assert editor.batches[0].images.shape == (2, 48, 72, 3)
         assert not any("edited at" in item.note for item in items if isinstance(item, Event))
 

@@ -25,7 +25,7 @@ SETTINGS = gsedit.EditSettings(
     sampler=SamplerSettings(steps=6),
     update=UpdateSettings(patches=3, patch=32),
     views_per_batch=3,
-    rounds=2,
+    batches=2,
 )
 
 
@@ -143,7 +143,7 @@ def test_the_folder_holds_the_numbers_and_shows_the_held_out_cameras(result, tmp
 
 
 def test_without_held_out_views_nothing_is_held_out(scene, data):
-    settings = replace(SETTINGS, views_per_batch=1, rounds=1)
+    settings = replace(SETTINGS, views_per_batch=1, batches=1)
     alone = run(scene, Dataset(data.views[:1]), settings)
     assert alone.held_out.originals == ()
     assert alone.metrics.evaluation.warp == ()

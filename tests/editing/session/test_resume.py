@@ -29,7 +29,7 @@ SETTINGS = EditSettings(
     sampler=SamplerSettings(steps=4),
     update=UpdateSettings(patches=2, patch=16),
     views_per_batch=2,
-    rounds=2,
+    batches=2,
     coverage=1.0,
     held_out_edits=0,
     checkpoint_seconds=0.0,  # after every action
@@ -190,7 +190,7 @@ def test_a_crafted_checkpoint_is_refused_by_its_file(request_, tmp_path):
         with pytest.raises(InputError, match=f"{path} is damaged"):
             deque(request_.steps(load_state(path)))
     for changed in (
-        {"targets": [-1]}, {"view_plan": {"rounds": 1}}, {"work": {"steps": "x"}},
+        {"targets": [-1]}, {"view_plan": {"batches": 1}}, {"work": {"steps": "x"}},
         {"stages": {"a": []}}, {"events": [{"x": 1}]},
     ):  # fmt: skip
         save_state(state.along_with(**changed), path)
@@ -233,7 +233,7 @@ def test_an_edit_goes_on_with_another_kernel(request_, tmp_path, first, then):
     """What renders is no part of what was asked for."""
 
     def by(kernel):
-        return replace(SETTINGS, rounds=1, execution=Execution(kernel=kernel))
+        return replace(SETTINGS, batches=1, execution=Execution(kernel=kernel))
 
     whole = write(request_.steps(settings=by(first)), tmp_path)
     states = sorted(tmp_path.iterdir())

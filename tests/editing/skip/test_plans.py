@@ -26,7 +26,7 @@ QUICK = EditSettings(
     sampler=SamplerSettings(steps=2),
     update=UpdateSettings(patches=2, patch=24),
     views_per_batch=2,
-    rounds=3,
+    batches=3,
     held_out_edits=0,
 )
 PLANS = {
@@ -108,7 +108,7 @@ def test_explain_edits_nothing_and_needs_no_folder(tmp_path):
     write_cameras(exhibit.data.views, tmp_path / "cameras.json")
     words = ("edit", tmp_path / "ball.ply", "as gold", "--editor", "closed-form", "--size", SIZE)
     before = sorted(tmp_path.rglob("*"))
-    shown = gsedit(*words, "--explain", "--rounds", 1)
+    shown = gsedit(*words, "--explain", "--batches", 1)
     assert shown.exit_code == 0, shown.stderr
     assert "- gaussians " in shown.stdout
     assert max(map(len, shown.stdout.splitlines())) <= 80

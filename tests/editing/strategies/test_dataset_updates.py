@@ -91,7 +91,7 @@ def test_combined_is_the_single_pass_and_then_the_iterative_update():
     strategy = Combined(update_steps=10, further_steps=30, dataset_views="planned")
     result, events = run(strategy, editor=editor)
     single, _ = run(SinglePass(10), editor=alone)
-    batches = len(single.view_plan.rounds)
+    batches = len(single.view_plan.batches)
     for (a, _), (b, _) in zip(editor.asked, alone.asked):
         torch.testing.assert_close(a.images, b.images)
     assert len(editor.asked) == batches + 3

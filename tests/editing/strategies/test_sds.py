@@ -45,7 +45,7 @@ def test_sds_counts_what_its_denoiser_evaluates(free):
 
 
 def test_sds_moves_what_its_views_see_and_nothing_else():
-    one = replace(SETTINGS, views_per_batch=1, rounds=1)
+    one = replace(SETTINGS, views_per_batch=1, batches=1)
     result, _ = run(Sds(total_steps=5, dataset_views="planned"), one)
     views, _ = data().split()
     weights = survey(scene(), [views[i].camera for i in result.view_plan.views])

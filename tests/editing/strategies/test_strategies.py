@@ -71,7 +71,7 @@ def test_another_strategy_needs_nothing_but_itself(scene, data):
         sampler=SamplerSettings(steps=4),
         update=UpdateSettings(patches=2, patch=16),
         views_per_batch=3,
-        rounds=1,
+        batches=1,
         checkpoint_seconds=0.0,
     )
     strategy = DatasetUpdate()
@@ -115,7 +115,7 @@ def test_a_strategy_may_edit_no_picture(scene, data, tmp_path):
         editor=make_editor("closed-form"),
         generator=torch.Generator().manual_seed(0),
         dataset=data,
-        settings=EditSettings(views_per_batch=2, rounds=1),
+        settings=EditSettings(views_per_batch=2, batches=1),
         strategy=WithoutTargets(),
     )
     assert result.targets == ()
