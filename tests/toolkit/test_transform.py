@@ -35,7 +35,7 @@ def glossy(n: int = 80, degree: int = 4) -> SplatTable:
 
 
 def picture(table: SplatTable, camera: Camera) -> torch.Tensor:
-    """Of the float32 values, rendered in float64."""
+    """Picture of the float32 values, rendered in float64."""
     fields = (torch.from_numpy(getattr(table, name)).double() for name in SPLAT_FIELDS)
     return render(Gaussians(*fields), camera).color
 
