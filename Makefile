@@ -41,7 +41,7 @@ check: docs
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/basedpyright
-	$(BIN)/python tests/docstrings.py gsedit rasterizer cli
+	$(BIN)/python tests/docstrings.py gsedit rasterizer cli examples tests
 
 docs: setup
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet

@@ -16,7 +16,7 @@ PLY_COLUMNS = columns(4)  # SH degree 1: small, and every kind of column is ther
 
 
 class BadFile(NamedTuple):
-    """One bad input."""
+    """A bad input, and what gsedit must say of it."""
 
     name: str
     build: Callable[[Path], Path]
@@ -24,7 +24,7 @@ class BadFile(NamedTuple):
     kind: str
     """ "scene" or "dataset": which reader it is for."""
     words: tuple[str, ...]
-    """What the one-line message must contain: the place and the next move."""
+    """Text that the one-line message must contain: the place and the next move."""
 
 
 def scene_table(rows: int = 5) -> np.ndarray:

@@ -14,7 +14,7 @@ SIZE = 48
 
 
 def blobs(points: torch.Tensor, radius: float) -> Gaussians:
-    """Opaque grey balls."""
+    """Make an opaque grey ball at each point."""
     n = len(points)
     quats = torch.tensor([1.0, 0.0, 0.0, 0.0]).repeat(n, 1)
     log_scales = torch.full((n, 3), radius).log()

@@ -1,4 +1,4 @@
-"""What "close" means in these tests, by cause."""
+"""Tolerances of these tests, each by its cause."""
 
 from __future__ import annotations
 

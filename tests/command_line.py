@@ -49,7 +49,7 @@ def stub_fit(monkeypatch, *, end: BaseException | None = None, checkpoints: int 
 
 
 def stub_checkpoint(step: int) -> Checkpoint:
-    """Of a fit: all of `stub_scene` moves."""
+    """Checkpoint of a fit in which all of `stub_scene` moves."""
     state = SceneOptimizer(stub_scene(), RATES).state()
     tensors = {f"optimizer.{name}": each for name, each in state.items()}
     return Checkpoint(State({"events": []}, tensors), step, 1.5, stub_scene)

@@ -1,6 +1,6 @@
 """Lint of docstrings: each stands alone, with four words or more and a subject.
 
-    python tests/docstrings.py gsedit rasterizer cli
+    python tests/docstrings.py gsedit rasterizer cli examples tests
 
 Writes one line for each docstring that begins with a word that continues another sentence, or that
 has fewer than four words. Exits with 1 where there is one.

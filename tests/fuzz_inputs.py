@@ -40,7 +40,7 @@ class Input:
     damaged: tuple[str, ...]
     """Relative to the folder."""
     read: Callable[[Path], object]
-    """Of the folder."""
+    """Reads the folder, or raises."""
     inner: Damage | None = None
     """Damage below the syntax."""
 

@@ -43,7 +43,7 @@ ROWS, DEGREE = 24, 1
 BASE = 64 << 20
 """Bytes beside the rows that reading any file may take: blocks, pictures, decoders."""
 SECONDS = 5.0
-"""Of the processor, for one file."""
+"""CPU time that one file may take."""
 Damage = Callable[[bytes, np.random.Generator], bytes]
 
 NUMBERS = (b"0", b"-1", b"1e999", b"nan", b"1000000000000", b"4294967295", b"9" * 30, b"")
@@ -180,7 +180,7 @@ def in_member(name: str, data: bytes, rng: np.random.Generator) -> bytes:
 
 
 def picture(rng: np.random.Generator) -> bytes:
-    """Of another size or other values: sometimes giant and empty."""
+    """A picture of another size or other values: sometimes giant and empty."""
     if rng.random() < 0.03:
         return giant()
     size = tuple(rng.integers(1, 30, 2).tolist())
@@ -219,7 +219,7 @@ class Subject:
     """A format to be damaged."""
 
     name: str
-    """Of the file."""
+    """Name of the file."""
     build: Callable[[Path, SplatTable], object]
     inner: Damage | None = None
     """Damage below what checksums and brackets protect."""
@@ -277,14 +277,14 @@ SUBJECTS = (
 
 @dataclass
 class Outcome:
-    """What became of the damaged files of one format."""
+    """Counts and failures of the damaged files of one format."""
 
     valid: int = 0
     refused: int = 0
     failures: list[str] = field(default_factory=list)
-    """What went wrong, each with the number that repeats it."""
+    """Descriptions of failures, each with the number that repeats it."""
     slowest: float = 0.0
-    """Seconds."""
+    """CPU seconds of the slowest file."""
     largest: int = 0
     """Bytes that Python held at the most, of one file."""
     messages: Counter[str] = field(default_factory=Counter)

@@ -51,7 +51,7 @@ class Hang(BaseException):
 
 @dataclass(frozen=True)
 class Ended:
-    """What a command left: its exit code, and what it printed."""
+    """Exit code and output of a command."""
 
     code: int
     printed: str

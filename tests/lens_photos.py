@@ -39,11 +39,11 @@ class RealLens:
 
 @dataclass(frozen=True)
 class Room:
-    """What is painted on the walls and on the box."""
+    """Paint on the walls and on the box."""
 
     seed: int = 0
     contrast: float = 1.0
-    """0: grey everywhere."""
+    """Factor of the differences; 0: grey everywhere."""
     texture: np.ndarray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -72,7 +72,7 @@ class Room:
         return upper * (1 - t) + lower * t
 
     def photo(self, world_to_camera: np.ndarray, lens: RealLens) -> np.ndarray:
-        """What a camera inside the room sees, uint8 [h, w, 3]."""
+        """Picture of a camera inside the room, uint8 [h, w, 3]."""
         to_world = np.linalg.inv(world_to_camera)
         origin, direction = to_world[:3, 3], lens.rays() @ to_world[:3, :3].T
         with np.errstate(divide="ignore"):

@@ -1,4 +1,4 @@
-"""What one and two ranks must compute alike: `python rank_worker.py FILE` saves it."""
+"""Work that one and two ranks must compute alike: `python rank_worker.py FILE` saves it."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def run_fit(ranks: Ranks, **more):
 
 
 def run_primitives(ranks: Ranks):
-    """What every rank receives."""
+    """Values that every rank receives of the others."""
     x = torch.arange(10.0).reshape(5, 2)
     total = torch.full((2,), float(ranks.rank + 1))
     ranks.add_up([total])

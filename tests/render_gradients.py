@@ -19,7 +19,7 @@ BACKGROUND = torch.tensor((0.2, 0.5, 0.9), dtype=torch.float64)
 
 
 def gradients(function, scene: Gaussians, camera: Camera, **options) -> dict[str, torch.Tensor]:
-    """Of a loss that hides no pixel, by every input: the pose and the background too."""
+    """Gradients of a loss that hides no pixel, by every input: the pose and the background too."""
     inputs, pose = leaves(scene), camera.world_to_camera.clone().requires_grad_()
     background = BACKGROUND.clone().requires_grad_()
     view = replace(camera, world_to_camera=pose)
@@ -32,5 +32,5 @@ def gradients(function, scene: Gaussians, camera: Camera, **options) -> dict[str
 
 
 def largest_difference(found: dict[str, torch.Tensor], wanted: dict[str, torch.Tensor]) -> float:
-    """Of any input's gradient, relative."""
+    """Largest relative difference of an input's gradients."""
     return max(relative(found[of], wanted[of]) for of in wanted)

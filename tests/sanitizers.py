@@ -40,7 +40,7 @@ class Sanitizer:
     options: dict[str, str]
     threads: tuple[int, ...]
     share: float
-    """Of RUNS."""
+    """Share of RUNS that this sanitizer makes."""
 
 
 SANITIZERS = (

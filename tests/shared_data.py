@@ -1,4 +1,4 @@
-"""Where real captures lie, beside the checkout; tests that need one skip where it is absent."""
+"""Folder of real captures, beside the checkout; tests that need one skip where it is absent."""
 
 from __future__ import annotations
 

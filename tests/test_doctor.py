@@ -1,4 +1,4 @@
-"""What the doctor says of a machine, and of one that lacks something."""
+"""Lines of the doctor about a machine, and about one that lacks something."""
 
 from __future__ import annotations
 

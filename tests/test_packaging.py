@@ -1,4 +1,4 @@
-"""What a wheel holds: every package of the tree, what it reads at run time, and nothing else."""
+"""A wheel holds every package of the tree, what it reads at run time, and nothing else."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ def alone():
 
 @pytest.fixture(scope="module")
 def together(tmp_path_factory):
-    """What each of two ranks computes."""
+    """Results that each of two ranks computes."""
     out = tmp_path_factory.mktemp("ranks") / "found"
     processes = [
         subprocess.Popen(

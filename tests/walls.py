@@ -11,7 +11,7 @@ UP = torch.tensor([0.0, -1.0, 0.0])
 FRONTAL = (torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64), 4.0)
 """A wall across the view: planes are (normal, offset), points with normal @ x = offset."""
 SLANTED = (torch.tensor([0.6, 0.2, 1.0], dtype=torch.float64), 4.0)
-"""The same wall turned by 32 degrees: depth, scale and rounding differ all over the picture."""
+"""A wall turned by 32 degrees: depth, scale and rounding differ all over the picture."""
 
 
 def camera(x, y=0.0, z=0.0, size=128):

@@ -153,7 +153,7 @@ def test_a_long_lens_without_exif(tmp_path):
 
 
 def drained(working):
-    """What some work came to, and what it yielded."""
+    """Return the result of some work, and the items that it yielded."""
     shown = []
     while True:
         try:
@@ -210,7 +210,7 @@ def test_a_retry_that_finds_nothing_does_not_discard_what_was_posed(monkeypatch,
 
 
 def homographies(focal, translation):
-    """Of a camera that turns by 10, 20, ... degrees, before a wall one unit away."""
+    """Homographies of a camera that turns by 10, 20, ... degrees, before a wall one unit away."""
     inner = np.diag([focal, focal, 1.0])
     for degrees in range(10, 60, 10):
         c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))

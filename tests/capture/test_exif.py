@@ -1,4 +1,4 @@
-"""What photos say of their camera, against files with known tags."""
+"""Camera data that are read from photos, against files with known tags."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which photos a folder holds: those of its folders too, and a line about what is left out."""
+"""Search for the photos of a folder and of its folders, and a line about what is left out."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ def cameras(rotations):
 
 
 def seen_from(world: np.ndarray, poses: np.ndarray) -> np.ndarray:
-    """The same cameras, in a world that was turned."""
+    """Cameras of the same pictures in a world that was turned."""
     poses = poses.copy()
     poses[:, :3, :3] = poses[:, :3, :3] @ world.T
     return poses

@@ -55,7 +55,7 @@ def test_the_option_of_before_is_told_what_became_of_it(scene, tmp_path):
 
 @pytest.fixture
 def made(monkeypatch):
-    """What becomes of each C++ file, by its name: a failure, or a note; none is compiled."""
+    """Outcome of each C++ file by its name, a failure or a note; none is compiled."""
     says = {}
 
     def make(source):

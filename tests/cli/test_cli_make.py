@@ -32,7 +32,7 @@ def out(tmp_path):
 
 @pytest.fixture
 def stages(monkeypatch):
-    """What ran, in order; `end` maps a stage to the error that it ends with."""
+    """Names of the stages that ran, in order; `end` maps a stage to the error that it ends with."""
     ran, end = [], {}
 
     def stage(name, file, result):

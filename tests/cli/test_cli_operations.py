@@ -25,10 +25,11 @@ def test_a_chain_does_its_verbs_in_order_and_writes_once(scene, tmp_path):
 
 def test_dry_run_writes_nothing_and_counts(scene, tmp_path):
     before = sorted(tmp_path.rglob("*"))
-    done = gsedit("convert", scene, "--sh-degree", 0, "--dry-run", "--json")
-    assert done.exit_code == 0, done.stderr
-    assert json.loads(done.stdout)["gaussians"] == len(load(scene))
-    assert sorted(tmp_path.rglob("*")) == before
+    for out in ((), ("-o", tmp_path / "out.ply")):
+        done = gsedit("convert", scene, "--sh-degree", 0, *out, "--dry-run", "--json")
+        assert done.exit_code == 0, done.stderr
+        assert json.loads(done.stdout)["gaussians"] == len(load(scene))
+        assert sorted(tmp_path.rglob("*")) == before
 
 
 @pytest.mark.parametrize(

@@ -41,16 +41,16 @@ class Outer:
     """Steps of `everything`,
     on two lines."""
     mode: Mode = "soft"
-    """How."""
+    """How sharp it is."""
     gentle: bool = True
     fast: bool = False
-    """Be quick."""
+    """Be quick about it."""
     views_per_batch: int = field(default=4, metadata={"flag": "--views"})
-    """Views together."""
+    """Views edited in turn."""
     file: Path | None = None
-    """Where."""
+    """File to write to."""
     inner: Inner = field(default_factory=lambda: Inner(steps=9))
-    """The inner part."""
+    """Settings of the inner part."""
     library_only: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
@@ -85,7 +85,7 @@ def two_quick(
     *,
     settings: Annotated[Any, SettingsGroup(lambda: settings_of(Fast(), Layout("Panel")))],
 ) -> None:
-    """Do it."""
+    """Do it to nothing."""
 
 
 @pytest.fixture
@@ -107,12 +107,12 @@ def test_every_field_is_an_option_with_help_and_default(run):
     text = " ".join(run("--help-all")[0].output.split())
     for words in (
         "Steps of everything, on two lines. [default: 20]",
-        "--mode soft|hard-edged How. [default: soft]",
+        "--mode soft|hard-edged How sharp it is. [default: soft]",
         "--gentle",
         "gentle. [default: on]",
-        "Be quick.",
-        "--views N Views together. [default: 4]",
-        "--file PATH Where.",
+        "Be quick about it.",
+        "--views N Views edited in turn. [default: 4]",
+        "--file PATH File to write to.",
         "Steps of the inner part. [default: 9]",
         "Share of it, in [0, 1]. [default: all that is left]",
     ):
@@ -158,13 +158,13 @@ def test_a_new_field_is_a_new_option_without_another_change():
     @dataclass(frozen=True)
     class Grown(Outer):
         color: str = "red"
-        """What color."""
+        """Color of the result."""
 
     (new,) = (each for each in settings_of(Grown(), LAYOUT) if each.flag not in before)
     assert (new.flag, new.type, new.meaning, new.default) == (
         "--color",
         str,
-        "What color.",
+        "Color of the result.",
         "red",
     )
 
@@ -205,11 +205,11 @@ def test_docstrings_are_read_from_the_source_and_from_bases():
     @dataclass(frozen=True)
     class Derived(Inner):
         more: int = 1
-        """More of it."""
+        """More of the same."""
         """Not this."""
 
     docs = field_docs(Derived)
-    assert docs == {**field_docs(Inner), "more": "More of it."}
+    assert docs == {**field_docs(Inner), "more": "More of the same."}
     assert field_docs(type("Made", (), {})) == {}  # no source
 
 

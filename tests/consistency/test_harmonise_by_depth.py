@@ -21,7 +21,7 @@ def painted(camera, depth, fine=0.05):
 
 @pytest.fixture(scope="module")
 def surfaces():
-    """A grey scene."""
+    """Surfaces of a grey scene, seen from four cameras."""
     cameras = [camera.resized(64, 64) for camera in FOUR]
     return [
         Surface(c, occluded_depth(c).float(), torch.ones(64, 64), torch.full((64, 64, 3), 0.5))

@@ -77,7 +77,7 @@ APPLIED = [[0.0, 1.0, 0.0, 0.5], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.1]]
     [{}, {"applied_transform": APPLIED}, {"applied_transform": APPLIED, "applied_scale": 2.0}],
 )
 def test_the_way_back_is_beside_the_scene(applied, tmp_path):
-    """What is fitted in the moved frame meets the photos again, and the files' frame."""
+    """A scene that is fitted in the moved frame meets the photos again, and the files' frame."""
     folder = far_dataset(tmp_path / "photos", **applied)
     data, scene = load_dataset(folder), tmp_path / "scene.ply"
     assert write_beside(data, folder, scene) == tmp_path / NAME

@@ -1,4 +1,4 @@
-"""What loading a library leaves behind."""
+"""Settings and handlers that loading a library leaves behind."""
 
 from __future__ import annotations
 

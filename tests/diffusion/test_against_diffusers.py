@@ -1,4 +1,4 @@
-"""The same tiny random network in diffusers' InstructPix2Pix pipeline and in our sampler.
+"""One tiny random network in diffusers' InstructPix2Pix pipeline and in our sampler.
 
 Its text features are given, so the pipeline needs no text encoder.
 """

@@ -228,7 +228,7 @@ def test_consensus_acts_only_above_its_noise_level(target):
 
 @pytest.mark.parametrize("target", ["x0", "xt", "eps"])
 def test_targets_agree_where_views_share_everything(target):
-    """Where corresponding cells have one answer and one noise, consensus changes nothing."""
+    """Consensus changes nothing where corresponding cells have one answer and one noise."""
     answer = share_noise(noise(3, 2, 1, 3), LABELS)
     x = share_noise(noise(3, 2, 1, 3, seed=1), LABELS)
     model = Point(answer)

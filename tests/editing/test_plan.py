@@ -31,7 +31,7 @@ def shared_in_batches(weights: torch.Tensor, plan: ViewPlan) -> float:
 
 
 def default_plan(weights: torch.Tensor, whole: torch.Tensor | None = None) -> ViewPlan:
-    """What `gsedit edit` plans."""
+    """Plan that `gsedit edit` makes for its views."""
     some = SETTINGS
     return plan_views(
         weights,

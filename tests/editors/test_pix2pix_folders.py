@@ -103,7 +103,7 @@ def test_a_model_that_is_nowhere(tmp_path):
 
 
 def snapshot(cache: Path, source: Path) -> Path:
-    """What a download of owner/name leaves in the hub's cache."""
+    """Files that a download of owner/name leaves in the hub's cache."""
     model = cache / "models--owner--name"
     (model / "refs").mkdir(parents=True)
     (model / "refs" / "main").write_text("abc")

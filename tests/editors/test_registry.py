@@ -61,7 +61,7 @@ number = 3
 
 
 def install(folder: Path, name: str, entries: str, code: str = "") -> None:
-    """What pip leaves of a package with entry points: metadata, and a module."""
+    """Files that pip installs of a package with entry points: metadata, and a module."""
     info = folder / f"{name}-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")

@@ -89,7 +89,7 @@ def test_masked_pixels_say_nothing_about_the_exposure():
 
 
 GAINS = (1.0, 0.6, 1.4, 0.6, 1.4, 0.6, 1.4, 1.0, 1.0)
-"""Of the photos; the first and the last are held out."""
+"""Exposures of the photos; the first and the last are held out."""
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""Of many views no more lists are kept than fit in memory; the steps stay the same."""
+"""Only as many lists of views are kept as fit in memory; the steps stay the same."""
 
 from __future__ import annotations
 

@@ -117,7 +117,7 @@ def test_a_smaller_pixel_is_masked_where_any_under_it_is():
 
 
 def test_a_transparent_photo_asks_for_a_transparent_scene(scene, views):
-    """As in Blender's sets: what surrounds the object is empty, and gets no shell of a color.
+    """Surroundings that are empty, as in Blender's sets, get no shell of a color.
 
     The scene that made the photos fits them in front of any background, so that a fit has no
     reason to put anything around it; with the photos laid over white it has.

@@ -28,7 +28,7 @@ def generator(seed: int = 3) -> torch.Generator:
 
 
 def first_state(photos, settings):
-    """Of the first checkpoint."""
+    """State of the first checkpoint."""
     items = fit_steps(photos, settings, generator=generator())
     return next(item for item in items if isinstance(item, Checkpoint)).state
 

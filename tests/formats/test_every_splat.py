@@ -45,12 +45,13 @@ class Kept(NamedTuple):
     opacities: float
     colors: float
     decibels: float
-    """Of a picture of the scene, against one of what was written."""
+    """PSNR of a picture of the written scene against one of the scene."""
     degree: int = 3
     version: int = 3
     scale_range: tuple[float, float] = (-np.inf, np.inf)
-    """Of the logarithms; what is beyond stops at its ends. So with f_dc."""
+    """Range of the log-scales; values beyond stop at its ends."""
     color_range: tuple[float, float] = (-np.inf, np.inf)
+    """Range of f_dc; values beyond stop at its ends."""
 
 
 SPZ = {"scale_range": (-10, 5.9375), "color_range": (-0.5 / 0.15, 0.5 / 0.15)}
@@ -101,7 +102,7 @@ def within(table: SplatTable, degree: int) -> SplatTable:
 
 
 def again(table: SplatTable, kept: Kept, folder: Path) -> SplatTable:
-    """Written, and read."""
+    """Write the table, and read it again."""
     path = folder / f"a{kept.suffix}"
     options = WriteOptions(spz_version=kept.version)
     write_scene(path, SceneHeader(table.degree), in_blocks(table), options=options)
@@ -164,7 +165,7 @@ def assert_kept(kept: Kept, table: SplatTable, back: SplatTable) -> None:
 
 
 def test_a_ksplat_converts(tmp_path):
-    """Which is read only."""
+    """A .ksplat is only read: it converts to other formats."""
     ksplat(tmp_path / "a.ksplat", 1, near_grey(40, 2))
     table = open_scene(tmp_path / "a.ksplat").table()
     for kept in FORMATS[:2]:

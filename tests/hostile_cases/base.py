@@ -21,7 +21,7 @@ from rasterizer import Gaussians
 Words = list[Any]
 Record = dict[str, Any]
 EDIT = ("--size", 64, "--update-steps", 2, "--batches", 1, "--views", 2, "--steps", 1)
-"""The shortest edit."""
+"""Options of the shortest edit."""
 DEEP = 100_000
 LONG = 10**5000 - 1
 """More digits than Python reads."""

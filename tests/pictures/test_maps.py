@@ -18,7 +18,7 @@ from rasterizer import Camera, Gaussians, look_at, render
 
 
 def front() -> Camera:
-    """Of the shell, whose center is (0, 0, 3) and whose radius is 0.8; turned a little."""
+    """Discs on the shell with center (0, 0, 3) and radius 0.8, turned a little."""
     target = torch.tensor([0.0, 0.0, 3.0])
     return look_at(
         torch.tensor([0.7, -0.4, 0.0]), target, torch.tensor([0.1, -1.0, 0.0]), 40.0, 96, 96

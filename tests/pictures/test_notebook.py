@@ -1,4 +1,4 @@
-"""What a notebook shows: pictures of scenes and results, quickly, and never an error."""
+"""Notebooks show pictures of scenes and results, quickly, and never an error."""
 
 from __future__ import annotations
 

@@ -81,8 +81,8 @@ def test_a_cap_that_lets_nothing_through_has_finite_gradients():
 
 
 def test_stopping_early_keeps_the_gradients_of_opaque_discs():
-    """Of an opacity, the stop's error is what is left out, divided by what the disc lets through:
-    blocks of pixels that close at the whole stop are wrong by 3.4e-4."""
+    """The stop's error in an opacity's gradient is the part left out, divided by what the disc lets
+    through: blocks of pixels that close at the whole stop are wrong by 3.4e-4."""
     (columns,) = synthetic(("columns",), 15_000, 128)
     scene = columns.scene.to(torch.float64)
     wanted, exact = gradients(scene, columns.camera, COMPILED)

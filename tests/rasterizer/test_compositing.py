@@ -93,7 +93,7 @@ def test_equal_positions_are_sorted_stably():
 
 
 def elsewhere(scene: Gaussians, camera: Camera, **options):
-    """The same view of the same scene, both moved to another place and turned."""
+    """One view of one scene, both moved to another place and turned."""
     turn = look_at(*torch.tensor([[1.0, 2, 3], [4, 1, -2], [0, -1, 0]]), 50.0, 8, 8)
     means = scene.means @ turn.rotation.T + turn.world_to_camera[:3, 3]
     moved = replace(scene, means=means, quats=_rotated(scene.quats, turn.rotation))

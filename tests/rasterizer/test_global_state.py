@@ -18,7 +18,7 @@ BY_NAME = {case.name: case for case in EDGE_CASES}
 
 
 ROUNDING = CROWD * EPS32
-"""Of a color in [0, 1]: a rounding for each Gaussian that one pixel can blend."""
+"""Error of a color in [0, 1]: a rounding for each Gaussian that one pixel can blend."""
 
 
 def flags() -> dict[str, object]:

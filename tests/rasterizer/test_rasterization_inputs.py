@@ -163,7 +163,7 @@ def test_colors_may_differ_by_camera(harmonic):
 
 
 def test_features_live_one_image_at_a_time(monkeypatch):
-    """Of 24 cameras with 64 channels they were half of all memory."""
+    """The features of 24 cameras with 64 channels would be half of all memory."""
     views = [replace(camera(), cx=cx) for cx in (15.0, 20.0, 25.0)]
     features = torch.rand(60, 64, generator=torch.Generator().manual_seed(0)).double()
     made, alive = [], []

@@ -1,4 +1,4 @@
-"""What `rasterization` reports of each Gaussian: positions with gradients, radii, what is drawn."""
+"""Report of `rasterization` on each Gaussian: positions with gradients, radii, what is drawn."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_means2d_takes_the_gradient_of_the_centers_on_the_picture():
 
 
 def test_meta_serves_densification():
-    """What gsplat's default strategy reads after a backward pass with packed=False."""
+    """gsplat's default strategy reads these after a backward pass with packed=False."""
     scene = leaves(cloud().to(torch.float32))
     views = camera(), replace(camera(), cx=30.0)
     color, _, meta = rasterization(**gsplat_arguments(scene, *views), packed=False)

@@ -104,7 +104,7 @@ def test_gradcheck_in_float64():
 
 
 def errors32(scene: Gaussians, camera: Camera, numerics: Numerics) -> torch.Tensor:
-    """Of every color, [h w 3]."""
+    """Error of every color in float32, [h w 3]."""
     single = scene.to(torch.float32)
     found = render(single, camera, background=BACKGROUND, numerics=numerics).color
     return (found - render_reference(single, camera, background=BACKGROUND).color).abs()

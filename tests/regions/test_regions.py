@@ -107,7 +107,7 @@ def test_coverage_and_what_is_left_make_the_picture(labelled, cameras):
 
 
 def test_a_change_of_color_inside_is_the_composite(labelled, cameras):
-    """Where all of a region turns one color, the composite over the unedited picture is exact:
+    """The composite over the unedited picture is exact where all of a region turns one color:
     the Gaussians inside can show it, and those outside need not move."""
     scene, inside = labelled.gaussians, labelled.subject
     edited = replace(scene, sh=torch.where(inside[:, None, None], 0.0, scene.sh))  # 0 is grey

@@ -1,4 +1,4 @@
-"""Slopes of logarithms."""
+"""Slopes of fitted lines through logarithms."""
 
 from __future__ import annotations
 

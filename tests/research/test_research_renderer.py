@@ -30,7 +30,7 @@ def alone(monkeypatch):
 
 
 def measure(monkeypatch, *words: object) -> int:
-    """The exit code."""
+    """Exit code of the command with these words."""
     monkeypatch.setattr(sys, "argv", ["renderer", *(str(word) for word in words)])
     with pytest.raises(SystemExit) as ended:
         command.run(main.renderer)

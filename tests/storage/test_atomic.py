@@ -23,7 +23,7 @@ with atomic_path(sys.argv[1]) as temporary:
 
 
 def killed_write(path: Path) -> None:
-    """What a process leaves that is killed while it writes."""
+    """Files that a process leaves that is killed while it writes."""
     command = [sys.executable, "-c", LEFT, str(path)]
     assert subprocess.run(command, check=False).returncode == 9
 

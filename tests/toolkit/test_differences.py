@@ -1,4 +1,4 @@
-"""What a comparison of two scenes says: nothing of equal ones, and what was done to the others."""
+"""Comparison of two scenes: it says nothing of equal ones, and what was done to the others."""
 
 from __future__ import annotations
 

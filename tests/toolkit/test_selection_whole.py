@@ -20,7 +20,7 @@ CAMERA = {
 
 
 def at(points: np.ndarray, size: float = 0.1) -> SplatTable:
-    """Opaque grey balls."""
+    """Make an opaque grey ball at each point."""
     n = len(points)
     quats = np.tile(np.float32([1, 0, 0, 0]), (n, 1))
     log_scales = np.full((n, 3), np.log(size), np.float32)

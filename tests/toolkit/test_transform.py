@@ -35,7 +35,7 @@ def glossy(n: int = 80, degree: int = 4) -> SplatTable:
 
 
 def picture(table: SplatTable, camera: Camera) -> torch.Tensor:
-    """Of the float32 values, rendered in float64."""
+    """Picture of the float32 values, rendered in float64."""
     fields = (torch.from_numpy(getattr(table, name)).double() for name in SPLAT_FIELDS)
     return render(Gaussians(*fields), camera).color
 
@@ -55,7 +55,9 @@ def test_the_picture_stays_when_the_camera_moves_along(steps, degree):
     table = glossy(degree=degree)
     similarity = compose(steps.items())
     before = picture(table, CAMERA)
-    after = picture(transform(table, **steps), moved_camera(CAMERA, similarity))
+    moved = transform(table, **steps)
+    assert not np.allclose(moved.means, table.means, atol=0.1)
+    after = picture(moved, moved_camera(CAMERA, similarity))
     if similarity.mirrors:
         after = after.flip(1)
     assert before.amax() > 0.5

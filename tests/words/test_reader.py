@@ -1,4 +1,4 @@
-"""What sentences are understood as. The strangers' sentences are used nowhere else."""
+"""Understanding of sentences. The strangers' sentences are used nowhere else."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gsedit.words.reader import understand
 from gsedit.words.understanding import Understanding
 
 NEAREST, BOTH, REFUSED, WRONGLY_REFUSED = 51, 11, 14, 10
-"""Of 65, 15, 20 and 65: two below what was measured (docs/measurements/instructions.md)."""
+"""Counts out of 65, 15, 20 and 65: two below the measured (docs/measurements/instructions.md)."""
 STRANGERS = json.loads(Path(__file__).with_name("strangers.json").read_text())
 
 

@@ -1,4 +1,4 @@
-"""Which finished views tie the next batch to those before it."""
+"""Choice of the finished views that tie the next batch to those before it."""
 
 from __future__ import annotations
 

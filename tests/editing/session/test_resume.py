@@ -55,7 +55,7 @@ def make_data(scene):
 
 
 class Request:
-    """The same edit, as often as it is asked for: a fresh generator and editor each time."""
+    """One edit, repeated as often as asked: with a fresh generator and editor each time."""
 
     def __init__(self, scene, data):
         self.scene, self.data = scene, data
@@ -230,7 +230,7 @@ def test_an_edit_goes_on_after_kill_9(request_, tmp_path):
 
 @pytest.mark.parametrize(("first", "then"), [("auto", "torch"), ("torch", "auto")])
 def test_an_edit_goes_on_with_another_kernel(request_, tmp_path, first, then):
-    """What renders is no part of what was asked for."""
+    """The kernel that renders is no part of the request."""
 
     def by(kernel):
         return replace(SETTINGS, batches=1, execution=Execution(kernel=kernel))

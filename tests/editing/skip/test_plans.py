@@ -58,7 +58,7 @@ def test_each_scene_has_its_decisions(name):
 
 
 def pictures(scene, exhibit, names):
-    """Of these views, or of all."""
+    """Pictures of the named views, or of all."""
     views = [view for view in exhibit.data.views if not names or view.name in names]
     with torch.no_grad():
         drawn = [render(scene, view.camera).color.clamp(0, 1) for view in views]

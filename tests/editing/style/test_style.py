@@ -105,7 +105,7 @@ def test_the_loss_is_0_at_the_style_itself_and_falls_towards_it(stripes):
 
 
 def test_the_style_of_a_part_is_that_of_the_part():
-    """What is outside the mask hardly counts."""
+    """Pixels outside the mask hardly count."""
     stripes = (torch.arange(48) // 4 % 2).float()[None, :, None].repeat(48, 1, 3)
     loss, mask = StyleLoss(stripes, FilterBank(), content=0.0), torch.zeros(48, 48)
     mask[:24] = 1

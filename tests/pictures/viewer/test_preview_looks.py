@@ -1,4 +1,4 @@
-"""What a preview draws: the attribute that was asked for, cameras, ellipsoids, two scenes."""
+"""Previews draw the attribute that was asked for, cameras, ellipsoids, two scenes."""
 
 from __future__ import annotations
 
