@@ -55,9 +55,7 @@ class Sharing:
     """One beside a loop that keeps one processor."""
 
 
-def measure_sharing(
-    kernel: Kernel, runs: int, seconds: float, *, watched: bool = True
-) -> Sharing:
+def measure_sharing(kernel: Kernel, runs: int, seconds: float, *, watched: bool = True) -> Sharing:
     """Medians over runs that take turns, each of so many seconds a case.
 
     Not `watched`: all threads are taken whatever other programs do.
