@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from itertools import pairwise
 
 import pytest
 import torch
@@ -63,7 +64,7 @@ def test_all_are_tried_again_and_taken_once_the_others_have_gone():
     machine.others = 3.0
     taken = machine.steps(400)
     trials = [i for i, each in enumerate(taken) if each == COUNT][2:]
-    gaps = [WINDOW_S * (b - a) for a, b in zip(trials, trials[1:])]
+    gaps = [WINDOW_S * (b - a) for a, b in pairwise(trials)]
     assert gaps[0] < gaps[1] <= max(gaps) < HOLDS_S[1] + 3 * WINDOW_S
     assert len(trials) < 20
     machine.others = 0.0
