@@ -143,6 +143,8 @@ def check_threads() -> Check:
     """How many threads torch takes of the processors that this process may use."""
     import torch
 
+    from gsedit.runs.step_threads import is_decided, waited_seconds
+
     may = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     threads = torch.get_num_threads()
     advice = ""
@@ -150,7 +152,10 @@ def check_threads() -> Check:
         advice = f"more threads than processors stall each other: add --threads {may}"
     elif threads < may and "OMP_NUM_THREADS" in os.environ:
         advice = f"OMP_NUM_THREADS={os.environ['OMP_NUM_THREADS']} leaves processors idle"
-    return Check("threads", f"{threads} of {may} processors", advice)
+    state = f"{threads} of {may} processors"
+    if threads > 1 and not is_decided() and waited_seconds() is not None:
+        state += "; steps take fewer while other programs take them"
+    return Check("threads", state, advice)
 
 
 def check_waiting() -> Check:

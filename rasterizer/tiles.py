@@ -60,7 +60,7 @@ def choose_tile_size(footprints: Footprints, width: int, height: int, pair_overh
     y = _overlap(xy[1], variances[1], radius, height)
 
     def cost(size: int) -> float:
-        tiles = ((x / size).add_(1) * (y / size).add_(1)).sum().item()
+        tiles = ((x / size).add_(1) * (y / size).add_(1)).sum(dtype=torch.float64).item()
         return tiles * (size * size + pair_overhead)
 
     return min(TILE_SIZES, key=cost)

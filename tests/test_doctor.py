@@ -92,9 +92,17 @@ def test_threads_that_do_not_fit_the_processors(monkeypatch, threads, limit, adv
     if limit:
         monkeypatch.setenv("OMP_NUM_THREADS", limit)
     check = doctor.check_threads()
-    assert check.state == f"{threads} of 2 processors"
+    assert check.state.startswith(f"{threads} of 2 processors")
     assert advice in check.advice
     assert bool(advice) == bool(check.advice)
+
+
+@pytest.mark.parametrize("decided", [True, False])
+def test_whether_steps_take_fewer_threads(monkeypatch, decided):
+    monkeypatch.setattr("torch.get_num_threads", lambda: 2)
+    monkeypatch.setattr("gsedit.runs.step_threads.is_decided", lambda: decided)
+    monkeypatch.setattr("gsedit.runs.step_threads.waited_seconds", lambda: 0.0)
+    assert ("steps take fewer" in doctor.check_threads().state) is not decided
 
 
 @pytest.mark.parametrize(

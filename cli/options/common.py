@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
@@ -76,10 +77,11 @@ class Common:
     )
 
     def apply(self) -> None:
-        """Set torch's number of threads."""
+        """Set the number of threads, of torch and of programs that are started, for good."""
         if self.threads:
             import torch
 
+            os.environ["OMP_NUM_THREADS"] = str(self.threads)
             torch.set_num_threads(self.threads)
 
 

@@ -77,7 +77,8 @@ def settle(
     `shares`: of `missed`, that each of a row's values has."""
     like = moving.value
     missed = missed.to(like)
-    fade_1, fade_2 = (torch.pow(beta, steps).to(like) for beta in (BETA_1, BETA_2))
+    powers = torch.arange(int(steps.max()) + 1 if len(steps) else 0, dtype=torch.float64)
+    fade_1, fade_2 = ((beta**powers).to(like)[steps] for beta in (BETA_1, BETA_2))
     if compiled and _accepts(moving, None, rows):
         fading = {"fade_1": fade_1, "fade_2": fade_2}
         return _run("settle", moving, None, rows, shares, missed=missed, **fading)

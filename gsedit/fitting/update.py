@@ -19,6 +19,7 @@ from gsedit.fitting.photometric import supervised
 from gsedit.fitting.random_crops import cut, random_patch, share_of_crops, shown_at
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.measures.features import FeatureExtractor
+from gsedit.runs.step_threads import StepThreads
 from rasterizer.project import Box
 
 APPEARANCE_RATES = {"sh": 2.5e-2, "logit_opacities": 5e-3}
@@ -94,7 +95,7 @@ def update_steps(
     (None: renders it). Where the targets say what is shown of a region, the patches are those in
     which it shows. The optimizer says which of a step's patches are drawn here.
     """
-    crops = crops or ExactCrops()
+    crops, threads = crops or ExactCrops(), StepThreads()
     if span.start == 0:
         optimizer.raise_negative_colors(seen)
     for step in span:
@@ -107,16 +108,17 @@ def update_steps(
             random_patch(views, masks, settings.patch, generator) for _ in range(settings.patches)
         ]
         whole_loss = torch.zeros(())
-        if mine := optimizer.share(patches):
-            rendered = crops.draw(optimizer, mine)
-            expected = torch.stack([cut(v.image, box) for v, box in mine])
-            rendered, expected = supervised(rendered, expected, _masks_of(mine))
-            loss = edit_loss(rendered, expected, settings.terms, features)
-            loss = loss * (len(mine) / len(patches))  # a mean over patches: shares add up to it
-            loss.backward()
-            whole_loss += loss.detach()
-        optimizer.add_up(whole_loss)
-        optimizer.step(rate_scale(step, steps), only=seen)
+        with threads.step():
+            if mine := optimizer.share(patches):
+                rendered = crops.draw(optimizer, mine)
+                expected = torch.stack([cut(v.image, box) for v, box in mine])
+                rendered, expected = supervised(rendered, expected, _masks_of(mine))
+                loss = edit_loss(rendered, expected, settings.terms, features)
+                loss = loss * (len(mine) / len(patches))  # a mean over patches: shares add up to it
+                loss.backward()
+                whole_loss += loss.detach()
+            optimizer.add_up(whole_loss)
+            optimizer.step(rate_scale(step, steps), only=seen)
         yield whole_loss.item()
 
 

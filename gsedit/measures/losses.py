@@ -14,12 +14,12 @@ SSIM_WINDOW = 11
 
 def mse(image: Float[Tensor, "*s"], target: Float[Tensor, "*s"]) -> Float[Tensor, ""]:
     """Mean squared error over all elements; the color term of eq. (loss)."""
-    return (image - target).square().mean()
+    return _mean((image - target).square())
 
 
 def l1(image: Float[Tensor, "*s"], target: Float[Tensor, "*s"]) -> Float[Tensor, ""]:
     """Mean absolute error over all elements."""
-    return (image - target).abs().mean()
+    return _mean((image - target).abs())
 
 
 def ssim(image: Float[Tensor, "*n h w 3"], target: Float[Tensor, "*n h w 3"]) -> Float[Tensor, ""]:
@@ -27,7 +27,7 @@ def ssim(image: Float[Tensor, "*n h w 3"], target: Float[Tensor, "*n h w 3"]) ->
     from kornia.metrics import ssim as ssim_map
 
     a, b = (t.reshape(-1, *t.shape[-3:]).movedim(-1, 1) for t in (image, target))
-    return ssim_map(a, b, SSIM_WINDOW, max_val=1.0).mean()
+    return _mean(ssim_map(a, b, SSIM_WINDOW, max_val=1.0))
 
 
 def dssim(image: Float[Tensor, "*n h w 3"], target: Float[Tensor, "*n h w 3"]) -> Float[Tensor, ""]:
@@ -54,3 +54,10 @@ def gram_loss(
     return torch.stack(
         [mse(gram(f), gram(t)) for f, t in zip(features, targets, strict=True)]
     ).sum()
+
+
+def _mean(values: Float[Tensor, "*s"]) -> Float[Tensor, ""]:
+    """The mean, axis by axis: of many values at once, torch's depends on the number of threads."""
+    while values.ndim:
+        values = values.mean(-1)
+    return values

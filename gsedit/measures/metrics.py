@@ -45,7 +45,9 @@ def squared_error(
     difference = (image - target).double()
     if mask is not None:
         difference = difference[mask]
-    return SquaredError(difference.square().sum().item(), difference.numel())
+    # by NumPy: torch's sum depends on the number of threads
+    total = difference.square().detach().numpy().sum()
+    return SquaredError(float(total), difference.numel())
 
 
 def pooled_rmse(errors: Iterable[SquaredError]) -> float | None:

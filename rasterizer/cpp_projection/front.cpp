@@ -18,6 +18,7 @@ namespace {
 constexpr int64_t REFUSED = -1, NO_MEMORY = -2;
 constexpr int64_t LEAST = 1 << 12;  // Gaussians that are worth a thread
 constexpr int64_t PART = 64;        // of them that fit into the fastest cache
+constexpr int64_t SUMMED = 1 << 10; // whose tiles are summed up, however many threads there are
 
 // Whether all are finite; `below`, `above`: whether -inf, and inf, are allowed.
 template <typename T>
@@ -288,7 +289,7 @@ int64_t choose_tile_size(const Job<T>& job, const std::vector<double>& tiles) {
   int64_t chosen = TILE_SIZES[0];
   for (int s = 0; s < SIZES; s++) {
     double sum = 0;
-    for (int64_t t = 0; t < job.threads; t++) sum += tiles[t * SIZES + s];
+    for (size_t at = s; at < tiles.size(); at += SIZES) sum += tiles[at];
     const double cost = sum * (double(TILE_SIZES[s]) * TILE_SIZES[s] + job.pair_overhead);
     if (cost < cheapest) cheapest = cost, chosen = TILE_SIZES[s];
   }
@@ -303,19 +304,22 @@ int64_t project(Job<T>& job) {
   double* depths = scratch.depths.at_least(job.drawn);
   T* shapes = reinterpret_cast<T*>(scratch.footprints.at_least(job.drawn * FOOTPRINT));
   std::copy_n(scratch.rows.data(), job.drawn, job.rows);
-  std::vector<double> tiles(job.threads * SIZES, 0.0);
+  std::vector<double> tiles((job.drawn / SUMMED + 1) * SIZES, 0.0);
   std::atomic<bool> good{true};
-  in_parallel(job.threads, job.drawn, LEAST / 4, PART, [&](int64_t begin, int64_t end, int64_t thread) {
-    Taken<T> taken;
-    for (int64_t i = begin; i < end; i += LANES) {
-      const int64_t count = std::min<int64_t>(LANES, end - i);
-      const Lanes<T> lanes(job, i, count);
-      if (!project_lanes(job, view, lanes, i, count, depths, shapes, taken) ||
-          !colors_of(job, view, lanes, i, count))
-        good = false;
+  in_parallel(job.threads, job.drawn, SUMMED, SUMMED, [&](int64_t begin, int64_t last, int64_t) {
+    for (int64_t part = begin; part < last; part += SUMMED) {
+      const int64_t end = std::min(last, part + SUMMED);
+      Taken<T> taken;
+      for (int64_t i = part; i < end; i += LANES) {
+        const int64_t count = std::min<int64_t>(LANES, end - i);
+        const Lanes<T> lanes(job, i, count);
+        if (!project_lanes(job, view, lanes, i, count, depths, shapes, taken) ||
+            !colors_of(job, view, lanes, i, count))
+          good = false;
+      }
+      for (int s = 0; s < SIZES; s++)
+        for (int i = 0; i < LANES; i++) tiles[part / SUMMED * SIZES + s] += taken.of[s][i];
     }
-    for (int s = 0; s < SIZES; s++)
-      for (int i = 0; i < LANES; i++) tiles[thread * SIZES + s] += taken.of[s][i];
   });
   if (!good) return REFUSED;
   if (!job.tile_size) job.tile_size = choose_tile_size(job, tiles);

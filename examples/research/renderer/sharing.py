@@ -6,19 +6,24 @@ import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
+from math import inf
 from typing import Any, NamedTuple
 
 import torch
 
+from gsedit.datasets.dataset import Dataset
 from gsedit.fitting.fit import fit_steps
 from gsedit.fitting.settings import FitSettings
+from gsedit.runs import step_threads
+from gsedit.runs.step_threads import LEAST_WAITING
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians, traced_dataset
 from rasterizer.numerics import AUTO, Kernel
+from rasterizer.scene import Gaussians
 from research.renderer.worker import Worker
 
 LIBGOMP_SPINS = 300_000
@@ -50,27 +55,31 @@ class Sharing:
     """One beside a loop that keeps one processor."""
 
 
-def measure_sharing(kernel: Kernel, runs: int, seconds: float) -> Sharing:
-    """Medians over runs that take turns, each of so many seconds a case."""
+def measure_sharing(kernel: Kernel, runs: int, seconds: float, *, watched: bool = True) -> Sharing:
+    """Medians over runs that take turns, each of so many seconds a case.
+
+    Not `watched`: all threads are taken whatever other programs do.
+    """
+    count = partial(count_steps, kernel, watched=watched)
     with (
         Worker() as first,
         Worker() as second,
         Worker(GOMP_SPINCOUNT=str(LIBGOMP_SPINS)) as spinner,
     ):
         for worker in (first, second, spinner):
-            worker.call(count_steps, kernel, 0.0)
-        turns = [_turn(kernel, seconds, first, second, spinner) for _ in range(runs)]
+            worker.call(count, 0.0)
+        turns = [_turn(partial(count, seconds), first, second, spinner) for _ in range(runs)]
     return Sharing(*(statistics.median(column) for column in zip(*turns)))
 
 
 def _turn(
-    kernel: Kernel, seconds: float, first: Worker, second: Worker, spinner: Worker
+    count: Callable[[], float], first: Worker, second: Worker, spinner: Worker
 ) -> tuple[float, float, float]:
     """The ratios of `Sharing`, once."""
 
     def rate(*workers: Worker) -> float:
         with ThreadPoolExecutor(len(workers)) as pool:
-            calls = [pool.submit(each.call, count_steps, kernel, seconds) for each in workers]
+            calls = [pool.submit(each.call, count) for each in workers]
             return sum(call.result() for call in calls)
 
     alone = rate(first)
@@ -80,8 +89,14 @@ def _turn(
     return spinning / alone, two / alone, busy / alone
 
 
-def count_steps(kernel: Kernel, seconds: float, size: FitSize = FIT_SIZE) -> float:
-    """Steps in a second of the process's fit, which is begun at the first call; 0 seconds: none."""
+def count_steps(
+    kernel: Kernel, seconds: float, size: FitSize = FIT_SIZE, *, watched: bool = True
+) -> float:
+    """Steps in a second of a fit that begins, and knows of no other program; 0 seconds: none.
+
+    `watched`: see `measure_sharing`.
+    """
+    step_threads.LEAST_WAITING = LEAST_WAITING if watched else inf
     steps = _fit(kernel, size)
     began, count = time.perf_counter(), 0
     while (spent := time.perf_counter() - began) < seconds:
@@ -90,21 +105,26 @@ def count_steps(kernel: Kernel, seconds: float, size: FitSize = FIT_SIZE) -> flo
     return count / max(spent, 1e-9)
 
 
-@cache
 def _fit(kernel: Kernel, size: FitSize) -> Iterator[Any]:
-    """An event for each step of a fit that does not end."""
-    scene = demo_scene()
+    """An event for each step of a fit that does not end, after its first steps."""
     settings = FitSettings(
         steps=10**9, seconds=None, coarse=(), densify_until=0.0, report_every=1, evaluations=1,
         checkpoint_seconds=1e9, execution=replace(AUTO, kernel=kernel),
     )  # fmt: skip
+    photos, start = _inputs(size)
     generator = torch.Generator().manual_seed(0)
-    start = surface_gaussians(scene, size.gaussians, generator)
-    photos = traced_dataset(scene, ring_cameras(scene, size.photos, size.side))
     steps = fit_steps(photos, settings, generator=generator, start=start)
     for _ in range(size.warm_up_steps):
         next(steps)
     return steps
+
+
+@cache
+def _inputs(size: FitSize) -> tuple[Dataset, Gaussians]:
+    """The photos of a fit and the scene that it starts from."""
+    scene = demo_scene()
+    start = surface_gaussians(scene, size.gaussians, torch.Generator().manual_seed(0))
+    return traced_dataset(scene, ring_cameras(scene, size.photos, size.side)), start
 
 
 @contextmanager

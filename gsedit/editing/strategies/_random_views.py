@@ -14,6 +14,7 @@ from gsedit.editing.session.fit_targets import REPORT_EVERY_STEPS
 from gsedit.editing.session.session import Session, seen_gaussians
 from gsedit.fitting.update import FINAL_RATE
 from gsedit.runs.events import Event
+from gsedit.runs.step_threads import StepThreads
 from rasterizer.camera import Camera
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
@@ -72,11 +73,12 @@ class RandomViews(ABC):
 
     def __call__(self, session: Session) -> Iterator[Event]:
         optimizer, generator = session.progress.optimizer, session.request.generator
+        threads = StepThreads()
         seen = seen_gaussians(session, self.views)
         if self.first == 0:
             optimizer.raise_negative_colors(seen)
         for step in range(self.first, self.last):
-            with session.progress.stopwatch.stage("update"):
+            with session.progress.stopwatch.stage("update"), threads.step():
                 view = self.views[int(torch.randint(len(self.views), (), generator=generator))]
                 scene, camera = optimizer.scene, self.camera(session, view)
                 image = render(scene, camera, execution=session.request.settings.execution).color

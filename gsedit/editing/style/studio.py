@@ -23,6 +23,7 @@ from gsedit.fitting.optimizer import SceneOptimizer
 from gsedit.formats.pictures import fitted_size
 from gsedit.measures.features import FeatureExtractor, FilterBank
 from gsedit.measures.losses import gram, mse
+from gsedit.runs.step_threads import StepThreads
 from gsedit.scene.color_space import LUMINANCE
 from gsedit.scene.merging.cells import coarsen
 from gsedit.scene.picture import render_picture
@@ -212,16 +213,17 @@ class Studio:
         masks = [self.coverage(scene, camera) for camera in self.cameras]
         optimizer = SceneOptimizer(small, {"sh": settings.rate})
         optimizer.raise_negative_colors(moving)
-        crops = self._crops(scene, small)
+        crops, threads = self._crops(scene, small), StepThreads()
         views = [View(str(i), c, s) for i, (c, s) in enumerate(zip(self.cameras, before))]
         for step in range(settings.steps):
             i = int(torch.randint(len(views), (), generator=generator))
             view = views[i]
             box = (0, 0, view.camera.width, view.camera.height)
-            (drawn,) = crops.draw(optimizer, [(view, box)])
-            value = loss(drawn + behind[i], view.image + behind[i], masks[i])
-            value.backward()
-            optimizer.step(1 - (1 - FINAL_RATE_SHARE) * step / settings.steps, only=moving)
+            with threads.step():
+                (drawn,) = crops.draw(optimizer, [(view, box)])
+                value = loss(drawn + behind[i], view.image + behind[i], masks[i])
+                value.backward()
+                optimizer.step(1 - (1 - FINAL_RATE_SHARE) * step / settings.steps, only=moving)
             yield step + 1, value.item()
         edited = optimizer.scene.detach()
         styled = coarse.transfer(edited) if coarse else edited

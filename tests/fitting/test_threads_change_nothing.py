@@ -1,0 +1,103 @@
+"""With the compiled kernel a fit and an update give the same bits on any number of threads.
+
+The scene has more rows than torch gives to one thread (32,768), and the pictures more values.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import pytest
+import torch
+
+from gsedit import FitSettings, fit
+from gsedit.fitting import lazy_adam
+from gsedit.fitting.optimizer import SceneOptimizer
+from gsedit.fitting.settings import UpdateSettings
+from gsedit.fitting.update import Target, rates, update_steps
+from gsedit.measures.features import FilterBank
+from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians, traced_dataset
+from rasterizer import Execution
+from rasterizer.blending.choose import is_compiled
+
+ROWS = 41_209
+COMPILED = Execution(kernel="compiled")
+
+
+@pytest.fixture(params=[2, 3])
+def threads(request):
+    """A number of threads, which the test is to compare with one."""
+    before = torch.get_num_threads()
+    yield request.param
+    torch.set_num_threads(before)
+
+
+@pytest.fixture
+def kernel():
+    if not is_compiled(Execution()):
+        pytest.skip("no C++ compiler on this machine")
+
+
+@cache
+def start():
+    return surface_gaussians(demo_scene(), ROWS, torch.Generator().manual_seed(0))
+
+
+@cache
+def photos(count: int, side: int):
+    scene = demo_scene()
+    return traced_dataset(scene, ring_cameras(scene, count, side))
+
+
+@cache
+def fitted(threads: int):
+    torch.set_num_threads(threads)
+    settings = FitSettings(
+        steps=5, seconds=None, coarse=(), densify_every=2, exposure="on", execution=COMPILED
+    )
+    return fit(photos(4, 110), settings, start=start())
+
+
+@cache
+def updated(threads: int):
+    torch.set_num_threads(threads)
+    optimizer = SceneOptimizer(start(), rates("appearance", 1.0), compiled=True)
+    targets = [Target(replace(v, image=1 - v.image)) for v in photos(4, 110).views]
+    losses = update_steps(
+        optimizer, targets, torch.ones(ROWS, dtype=torch.bool), range(2), 2, UpdateSettings(),
+        FilterBank(), torch.Generator().manual_seed(0),
+    )  # fmt: skip
+    return list(losses), optimizer.scene.detach()
+
+
+def same(one, other) -> bool:
+    return all(torch.equal(a, b) for a, b in zip(vars(one).values(), vars(other).values()))
+
+
+def test_a_fit(kernel, threads):
+    one, more = fitted(1), fitted(threads)
+    assert len(one.scene) != ROWS  # it was densified
+    assert same(one.scene, more.scene)
+    assert one.psnr == more.psnr
+
+
+def test_an_update(kernel, threads):
+    (losses, scene), (more_losses, more_scene) = updated(1), updated(threads)
+    assert losses == more_losses
+    assert same(scene, more_scene)
+
+
+@cache
+def settled(threads: int):
+    torch.set_num_threads(threads)
+    random = torch.Generator().manual_seed(0)
+    moving = lazy_adam.Moving(*torch.rand(3, ROWS, 3, generator=random).unbind())
+    missed = torch.rand(ROWS, generator=random)
+    steps = torch.randint(1, 400, (ROWS,), generator=random)
+    lazy_adam.settle(moving, torch.arange(ROWS), missed, steps)
+    return moving
+
+
+def test_rows_that_missed_steps(threads):
+    assert all(map(torch.equal, settled(1), settled(threads)))
