@@ -189,12 +189,10 @@ class Studio:
             raise UsageError("no view shows what is to change: give other views with --data")
         return np.concatenate(colors), weight
 
-    def with_colors(self, scene: Gaussians, seed: int) -> Gaussians:
+    def with_colors(self, scene: Gaussians) -> Gaussians:
         """The scene with the colors of the picture: the map of the renders', of every Gaussian."""
         colors, weights = self._colors(scene, self.cameras, self.shots(scene, self.cameras))
-        transport = color_transport(
-            colors, weights, _thinned(self.picture), self.settings.strength, seed
-        )
+        transport = color_transport(colors, weights, _thinned(self.picture), self.settings.strength)
         table = table_of(scene)
         rows = np.ones(len(table), bool) if self.inside is None else self.inside.numpy()
         return replace(scene, sh=gaussians_of(recolored(table, rows, as_table(transport))).sh)

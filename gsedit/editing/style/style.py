@@ -67,8 +67,7 @@ def style_steps(
     studio = _studio(scene, picture, dataset, settings, as_selection(where))
     measures = [studio.measure("before", scene, scene, watch.seconds)]
     yield Event("before", watch.seconds, 1, 1, note=str(measures[-1]))
-    seed = int(torch.randint(1 << 31, (), generator=generator))
-    colored = studio.with_colors(scene, seed) if settings.strength else scene
+    colored = studio.with_colors(scene) if settings.strength else scene
     measures.append(studio.measure("colors", colored, scene, watch.seconds))
     yield Event("colors", watch.seconds, 1, 1, note=str(measures[-1]))
     styled = colored
