@@ -13,6 +13,7 @@ from torch import Tensor
 
 from gsedit.fitting.settings import FitSettings
 from gsedit.runs.state import tensor_like
+from gsedit.runs.step_threads import on_threads
 from rasterizer.camera import Camera
 from rasterizer.project import rotation_matrices
 from rasterizer.scene import Gaussians, concatenate
@@ -72,6 +73,7 @@ class ScreenGradients:
 
 
 @torch.no_grad()
+@on_threads(1)  # the last digits of torch's sigmoid depend on where a thread's part ends
 def densify(
     scene: Gaussians, gradients: Float[Tensor, " n"], settings: FitSettings, target: int
 ) -> Densified:

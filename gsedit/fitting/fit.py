@@ -36,7 +36,7 @@ from gsedit.runs.events import Checkpoint, Event
 from gsedit.runs.json_lines import plain
 from gsedit.runs.ranks import ALONE, Ranks
 from gsedit.runs.state import State, check_same, digest, digest_of, restoring, tensor_like
-from gsedit.runs.step_threads import StepThreads, on_threads
+from gsedit.runs.step_threads import StepThreads
 from gsedit.scene.picture import render_picture
 from rasterizer.blending.choose import is_compiled
 from rasterizer.numerics import AUTO, Execution
@@ -296,10 +296,9 @@ class _Fit:
         settings, budget, optimizer = self.settings, self.budget, self.optimizer
         due = budget.step % settings.densify_every == 0
         if due and budget.progress < settings.densify_until:
-            with on_threads(1):  # torch's sigmoid is another one where a thread's part ends
-                grown = densify(
-                    optimizer.scene.detach(), self.gradients.mean, settings, self._gaussians_due()
-                )
+            grown = densify(
+                optimizer.scene.detach(), self.gradients.mean, settings, self._gaussians_due()
+            )
             optimizer.replace(*grown)
             self.gradients = ScreenGradients(len(grown.scene))
 
