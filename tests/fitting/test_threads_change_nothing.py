@@ -41,13 +41,18 @@ def kernel():
 
 @cache
 def start():
-    return surface_gaussians(demo_scene(), ROWS, torch.Generator().manual_seed(0))
+    random = torch.Generator().manual_seed(0)
+    few = surface_gaussians(demo_scene(), 1000, random)
+    many = few[torch.arange(ROWS) % 1000]
+    moved, faded = (torch.randn(each.shape, generator=random) for each in (many.means, many.sh))
+    logits = many.logit_opacities + faded[:, 0, 0]
+    return replace(many, means=many.means + 0.02 * moved, logit_opacities=logits)
 
 
 @cache
-def photos(count: int, side: int):
+def photos():
     scene = demo_scene()
-    return traced_dataset(scene, ring_cameras(scene, count, side))
+    return traced_dataset(scene, ring_cameras(scene, 2, 110))
 
 
 @cache
@@ -56,14 +61,14 @@ def fitted(threads: int):
     settings = FitSettings(
         steps=5, seconds=None, coarse=(), densify_every=2, exposure="on", execution=COMPILED
     )
-    return fit(photos(4, 110), settings, start=start())
+    return fit(photos(), settings, start=start())
 
 
 @cache
 def updated(threads: int):
     torch.set_num_threads(threads)
     optimizer = SceneOptimizer(start(), rates("appearance", 1.0), compiled=True)
-    targets = [Target(replace(v, image=1 - v.image)) for v in photos(4, 110).views]
+    targets = [Target(replace(v, image=1 - v.image)) for v in photos().views]
     losses = update_steps(
         optimizer, targets, torch.ones(ROWS, dtype=torch.bool), range(2), 2, UpdateSettings(),
         FilterBank(), torch.Generator().manual_seed(0),
