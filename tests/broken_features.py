@@ -78,10 +78,16 @@ FEATURES: dict[str, tuple[Broken, ...]] = {
         Broken("gsedit.toolkit.selection.values:Column.of"),
     ),
     "box, sphere": (
-        *masked("volumes", "Box", "Sphere", "OrientedBox", "Ellipsoid", "Cylinder", "HalfSpace"),
+        *(
+            Broken(
+                f"gsedit.toolkit.selection.volumes:{form}",
+                "return Inside(lambda points: np.zeros(len(points), bool))",
+            )
+            for form in ("box", "sphere", "oriented_box", "ellipsoid", "cylinder", "half_space")
+        ),
         Broken(
-            "gsedit.toolkit.selection.volumes:_along_axes",
-            "return table.means - np.array(center, np.float32)",
+            "gsedit.toolkit.selection.volumes:_along",
+            "return points - np.array(center, np.float32)",
         ),
     ),
     "inside a mesh": masked("inside_mesh", "InsideMesh"),
