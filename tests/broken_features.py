@@ -4,7 +4,7 @@
 
 Breaks every feature of docs/reference/toolkit.md in a copy of the tree, one function at a time, and
 runs the tests that its row names. Writes one line for each function; exits with 1 where the tests
-of a row pass without it. All rows take five minutes on two idle cores.
+of a row pass without it. All rows take five to ten minutes on two cores.
 """
 
 from __future__ import annotations
