@@ -4,7 +4,7 @@
 
 Breaks every feature of docs/reference/toolkit.md in a copy of the tree, one function at a time, and
 runs the tests that its row names. Writes one line for each function; exits with 1 where the tests
-of a row pass without it. All rows take a quarter of an hour on two cores.
+of a row pass without it. All rows take five to ten minutes on two cores.
 """
 
 from __future__ import annotations
@@ -78,10 +78,16 @@ FEATURES: dict[str, tuple[Broken, ...]] = {
         Broken("gsedit.toolkit.selection.values:Column.of"),
     ),
     "box, sphere": (
-        *masked("volumes", "Box", "Sphere", "OrientedBox", "Ellipsoid", "Cylinder", "HalfSpace"),
+        *(
+            Broken(
+                f"gsedit.toolkit.selection.volumes:{form}",
+                "return Inside(lambda points: np.zeros(len(points), bool))",
+            )
+            for form in ("box", "sphere", "oriented_box", "ellipsoid", "cylinder", "half_space")
+        ),
         Broken(
-            "gsedit.toolkit.selection.volumes:_along_axes",
-            "return table.means - np.array(center, np.float32)",
+            "gsedit.toolkit.selection.volumes:_along",
+            "return points - np.array(center, np.float32)",
         ),
     ),
     "inside a mesh": masked("inside_mesh", "InsideMesh"),
@@ -267,7 +273,10 @@ def fails(tree: Path, tests: list[str]) -> bool:
 
 
 def main(features: list[str]) -> int:
-    """Break the features, all or the named ones; 1 where the tests of one pass."""
+    """Break the features, all or the named ones; 1 where the tests of one pass.
+
+    Raises RuntimeError where they fail in the whole tree.
+    """
     tests, passing = tests_of_rows(), 0
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder).resolve() / "tree"
@@ -277,6 +286,8 @@ def main(features: list[str]) -> int:
         for library in LIBRARIES:
             import_module(library)
         for feature in features or tests:
+            if fails(tree, tests[feature]):
+                raise RuntimeError(f"{feature}: its tests fail in the whole tree")
             for each in FEATURES[feature]:
                 start, (path, definition) = time.monotonic(), place(each.function)
                 whole = (tree / path).read_text()
