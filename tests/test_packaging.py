@@ -70,4 +70,5 @@ def test_every_dependency_is_imported(pyproject):
     for requirement in strings(section):
         name = re.split(r"[><=;\s]", requirement)[0]
         module = modules.get(name, name)
-        assert re.search(rf"^\s*(from|import) {module}\b", code, re.MULTILINE), requirement
+        used = rf'^\s*(from|import) {module}\b|load_package\("{module}[".]'
+        assert re.search(used, code, re.MULTILINE), requirement
