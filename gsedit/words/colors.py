@@ -1,0 +1,113 @@
+"""Colors by name and number: the xkcd survey, CSS, `#rrggbb`, `rgb(...)`, and modifiers in Lab."""
+
+from __future__ import annotations
+
+import re
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from gsedit.toolkit.color_space import lab_of_srgb, srgb_of_lab
+
+TABLE = Path(__file__).with_name("colors.txt")
+LONGEST = 4
+"""Most words of a color's name."""
+MODIFIERS = {
+    "light": (18, 0.8), "lighter": (18, 0.8), "pale": (25, 0.55), "pastel": (25, 0.6), "soft": (12, 0.7),
+    "dark": (-20, 0.85), "darker": (-20, 0.85), "deep": (-14, 1.05), "rich": (-5, 1.15),
+    "bright": (8, 1.2), "brighter": (8, 1.2), "vivid": (4, 1.3), "neon": (8, 1.4), "hot": (0, 1.2),
+    "dusty": (4, 0.55), "muted": (0, 0.6), "dull": (-4, 0.55), "medium": (0, 1.0), "faded": (12, 0.55),
+}  # fmt: skip
+"""Step in lightness L* and factor of chroma of a word before a color."""
+OWN = {
+    "gray": "#808080", "off white": "#faf9f6", "rosy": "#e8a0a0", "jet black": "#0a0a0a",
+    "pitch black": "#000000", "fire engine red": "#ce2029", "racing green": "#004225",
+    "british racing green": "#004225", "rose gold": "#b76e79", "cobalt": "#0047ab",
+    "crimson red": "#b0001e", "pure white": "#ffffff", "snow white": "#fffafa",
+    "midnight black": "#0a0a14", "blood red": "#8a0303", "cherry red": "#d2042d",
+}  # fmt: skip
+"""Names that neither list has, or that mean another color in a sentence."""
+ISH = re.compile(r"^(\w+?)(d?d?ish|y)$")
+ROOTS = {"blu": "blue", "whit": "white", "purpl": "purple", "orang": "orange", "re": "red"}
+PLAIN = frozenset(
+    "red orange yellow green blue purple violet pink brown black white grey gray".split()
+)
+
+
+@lru_cache(1)
+def colors() -> dict[str, str]:
+    """Hex colors, as "#rrggbb", by lower-case names: 949 of xkcd, those of CSS, and `OWN`."""
+    lines = TABLE.read_text(encoding="utf-8").splitlines()
+    table = dict(line.rsplit(" ", 1) for line in lines if not line.startswith("# "))
+    spaced = {name.replace("/", " "): value for name, value in table.items()}
+    return {**spaced, **OWN}
+
+
+def named(name: str) -> str | None:
+    """Hex color of a name, in either spelling of gray; None if no list has it."""
+    table = colors()
+    return table.get(name) or table.get(name.replace("gray", "grey"))
+
+
+def hexadecimal(text: str) -> str | None:
+    """Color "#rrggbb" of `#rgb`, `#rrggbb`, `rgb(r, g, b)` with 0 to 255; None for other text."""
+    if match := re.fullmatch(r"#([0-9a-f]{6}|[0-9a-f]{3})", text):
+        digits = match[1]
+        return "#" + (digits if len(digits) == 6 else "".join(each * 2 for each in digits))
+    if match := re.fullmatch(r"rgb\s*\(?\s*(\d+)[\s,]+(\d+)[\s,]+(\d+)\s*\)?", text):
+        values = [int(each) for each in match.groups()]
+        return "#{:02x}{:02x}{:02x}".format(*values) if max(values) < 256 else None
+    return None
+
+
+def modified(color: str, modifier: str, times: float = 1.0) -> str:
+    """Color that a word of `MODIFIERS` makes of another, in Lab."""
+    step, chroma = MODIFIERS[modifier]
+    lab = lab_of(color)
+    lab = np.array([np.clip(lab[0] + times * step, 3, 98), *(lab[1:] * chroma**times)])
+    return _hex(lab)
+
+
+def between(first: str, second: str) -> str:
+    """Color midway between two, in Lab."""
+    return _hex((lab_of(first) + lab_of(second)) / 2)
+
+
+def distance(first: str, second: str) -> float:
+    """CIE 1976 difference of two colors."""
+    return float(np.linalg.norm(lab_of(first) - lab_of(second)))
+
+
+def lab_of(color: str) -> np.ndarray:
+    """CIE Lab of "#rrggbb"."""
+    return lab_of_srgb(np.array([int(color[i : i + 2], 16) for i in (1, 3, 5)]) / 255)
+
+
+def _hex(lab: np.ndarray) -> str:
+    levels = np.clip(np.rint(srgb_of_lab(lab) * 255), 0, 255).astype(int)
+    return "#{:02x}{:02x}{:02x}".format(*levels)
+
+
+def longest(words: list[str]) -> tuple[int, str] | None:
+    """(words used, color) of the longest color that a list of words begins with."""
+    for count in range(min(LONGEST, len(words)), 0, -1):
+        if color := named(" ".join(words[:count])):
+            after = words[count : count + 1]
+            return (count + 1, color) if after and after[0] in PLAIN else (count, color)
+    word = words[0]
+    if word in ("very", "really") and len(words) > 2 and words[1] in MODIFIERS:
+        rest = longest(words[2:])
+        return rest and (2 + rest[0], modified(rest[1], words[1], 1.6))
+    if word in MODIFIERS and len(words) > 1:
+        rest = longest(words[1:])
+        return rest and (1 + rest[0], modified(rest[1], word))
+    if (root := _root(word)) and len(words) > 1 and (rest := longest(words[1:])):
+        return 1 + rest[0], between(between(root, rest[1]), rest[1])
+    return None
+
+
+def _root(word: str) -> str | None:
+    """Color of "bluish", "greeny"."""
+    match = ISH.match(word)
+    return match and named(ROOTS.get(match[1], match[1]))

@@ -1,0 +1,357 @@
+"""Reader of a sentence: parsed first; what its words mean together is asked of the encoder last."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+
+from gsedit.words import amounts, colors, lexicon
+from gsedit.words.instruction import Change, Instruction, Target
+from gsedit.words.looks import LOOKS, Look
+from gsedit.words.refusals import ACTS, GEOMETRY, NEGATION, PARTS, REASONS, first_refusal
+from gsedit.words.scan import Word, scanned
+from gsedit.words.targets import (
+    BACKGROUND, IT, KEEP_BACKGROUND, KEEP_SUBJECT, MARKERS, ONLY, PLACE, SCENE, SUBJECT, marked,
+)  # fmt: skip
+from gsedit.words.tokens import clauses, normalised, words
+from gsedit.words.tones import hues, manner, tones
+
+FLOOR = 0.6
+"""Least probability of a look that the encoder alone names; chosen on sentences of development."""
+MOST = 9.0
+"""Largest share of a tone that can be added."""
+CLOSE = 25.0
+"""Largest CIE 1976 difference of a material's asked color from that of the look of `small`."""
+_MADE = re.compile(r"\b(made|out of|carve|carved|cast|material|turn <\w+> (?:in)?to|statue of|solid|chisel|forged?|sculpted|stone|rock)\b")
+_PAINT = re.compile(r"\b(paint|painted|color|colored|dye|dyed|spray|sprayed|tint|lacquer|hue)\b")
+_MEND = re.compile(r"^(?:can you |please |could you |now )*(?:fix|reduce|lift|correct|soften|mend|adjust|turndown|brighten|darken|tone)\b")
+
+
+_THINGS = frozenset("sea sky dust dirt leaf grass desert camel water fire blood ocean ice tea earth".split())
+"""Colors whose name is a thing first."""
+
+
+class _Refused(Exception):
+    """Kind of refusal of a sentence."""
+
+
+@dataclass
+class _Reading:
+    """What the clauses before have said."""
+
+    changes: list[Change]
+    target: str | None = None
+    kept: str | None = None
+    direction: int = 0
+    negated: bool = False
+
+
+def read_instruction(sentence: str) -> Instruction:
+    """Changes that a sentence asks for, or why it is refused. Never a change that it forbids.
+
+    The encoder is loaded only where no word of the sentence names a change. Raises InputError
+    where its files are missing or damaged.
+    """
+    text = normalised(sentence)
+    try:
+        if kind := first_refusal(sentence, text):
+            raise _Refused(kind)
+        changes = _parsed(_prepared(text)) or _meant(sentence, text)
+        _check(changes)
+    except _Refused as refused:
+        return Instruction(sentence, False, REASONS[str(refused)], ())
+    return Instruction(sentence, True, "; ".join(map(str, changes)), tuple(changes))
+
+
+def look_of(change: Change) -> Look | None:
+    """Look of the editor `small` that does a change; None where none of its looks fits."""
+    table = {
+        "material": lexicon.SMALL_MATERIALS, "light": lexicon.SMALL_LIGHTS, "look": lexicon.SMALL_LOOKS,
+    }  # fmt: skip
+    names = table.get(change.kind, {})
+    name = names.get(change.name) or names.get(change.name.split()[-1])
+    if change.kind == "material" and not name:
+        name = names.get(material_of(change.name))
+    return LOOKS[name] if name else None
+
+
+def material_of(name: str) -> str:
+    """Material of the table that a name such as "polished black granite" means; "" for none."""
+    found = [word.value for word in scanned(words(name)) if word.kind == "material"]
+    return found[-1 if "with" not in name else 0] if found else ""
+
+
+def _prepared(text: str) -> str:
+    """Text with numbers as digits, colors by number as "#rrggbb", parts marked and every "not"
+    at the head of its own clause."""
+    text = re.sub(r"rgb\s*\([^)]*\)|rgb \d+[, ]+\d+[, ]+\d+", lambda m: colors.hexadecimal(m[0]) or "unknowncolor", text)
+    text = re.sub(r"\bhex(?: code)?:? #?([0-9a-f]{6})\b|(?<![\w#])#?(?=[0-9a-f]*\d)([0-9a-f]{6})\b", lambda m: f"#{m[1] or m[2]}", text)
+    text = re.sub(r"\b(?:half ?way |somewhere |midway |in )?between ([a-z ]+?) and ((?:light |dark )?[a-z]+)", _midway, text)
+    text = re.sub(r"\bas (?=[a-z ]+ as\b)([a-z]+) as (?!is\b)[^,;.]*", r"\1", text) if re.search(r"\bas (?:" + "|".join(colors.PLAIN) + r") as\b", text) else text
+    text = re.sub(r"\b(copper|bronze|brass) with (?:a |some )?(?:green |greenish |light )*(?:patina|verdigris)", r"patinated \1", text)
+    text = re.sub(r"\b(?:the )?color of\b", "color", marked(amounts.digits(text)))
+    text = re.sub(r"\b(?:anything|any color|any other color|all|everything|whatever) (?:you like |you want )?(?:but|except|other than|besides|apart from)(?: for)?\b|\binstead of\b|\brather than\b|\bwithout\b|\b(?:but )?no\b(?! more than)", ", not ", text)
+    return re.sub(r"(?<=\S)\s+not\b(?![^,;.]*\b(?:enough|so|too|as|that|quite)\b)", ", not", text)
+
+
+def _midway(match: re.Match[str]) -> str:
+    first, second = colors.named(match[1].strip()), colors.named(match[2].strip())
+    return colors.between(first, second) if first and second else match[0]
+
+
+def _parsed(text: str) -> list[Change]:
+    """Changes that the words of a text name; empty where none does. Raises _Refused."""
+    parts = clauses(text)
+    kept = [mark for mark in (KEEP_SUBJECT, KEEP_BACKGROUND) if mark in text]
+    reading = _Reading([], kept=kept[0] if len(set(kept)) == 1 else None)
+    for index, part in enumerate(parts):
+        followed = index + 1 < len(parts) and bool(_MEND.match(parts[index + 1]))
+        _read_clause(part, followed, reading)
+    if not reading.changes and (reading.negated or (kept and not reading.changes)):
+        raise _Refused("negation")
+    return _placed(_merged(reading.changes), reading)
+
+
+def _read_clause(text: str, followed: bool, reading: _Reading) -> None:
+    found = scanned(words(text))
+    named = [word.value for word in found if word.value in (SUBJECT, BACKGROUND, SCENE, PLACE)]
+    how = manner(text, found, followed)
+    negative = bool(NEGATION.search(text))
+    softened = negative and (how.complaint or how.lacking)
+    plain = re.sub(r"<\w+>", " ", text)
+    _refuse_parts(plain, text, found)
+    changes = _clause_changes(how, found, text, reading)
+    if re.search(r"\b(?:remove|rid of|take away|reduce|lose)\b.*\b(?:cast|tint|tinge)\b", text):
+        negative, changes = False, hues(replace(how, complaint=True), found)
+    elif softened and reading.changes and not any(c.kind == "tone" for c in reading.changes):
+        return
+    if negative and not softened:
+        reading.negated = True
+        if re.search(r"\b(?:remove|delete|erase|rid of)\b", text) and not changes:
+            raise _Refused("geometry")
+        return
+    if how.down and changes and not any(change.kind == "tone" for change in changes):
+        raise _Refused("negation")
+    if how.up or how.down:
+        reading.direction = -1 if how.down else 1
+    _join(changes, found, named, text, reading)
+
+
+def _refuse_parts(plain: str, text: str, found: list[Word]) -> None:
+    """Raise _Refused for a clause about shape, or about a part that nothing finds."""
+    told = re.sub(r"\b(?:as if|as though|like)\b.*", "", plain)
+    if re.search(r"\b(?:sky|wall|trees?|rocks?|ground|floor|grass|lawn)\b", told) and re.search(r"\b(?:paint|make|turn|darken|brighten|color)\b", told) and not any(w.kind in ("light", "look") for w in found):
+        raise _Refused("part")
+    lit = any(word.kind in ("light", "look", "noun", "word", "turn") for word in found)
+    if GEOMETRY.search(told) and not re.search(r"\b(?:like|as if)\b", plain) and not lit:
+        raise _Refused("geometry")
+    if PARTS.search(told) and not any(word.kind in ("light", "look") for word in found):
+        raise _Refused("part")
+    unknown = [word for word in found if word.kind == "unknown"]
+    if ACTS.search(told) and unknown and not lit and unknown[-1].at > 0:
+        raise _Refused("geometry")
+    if re.search(r"<s>", text) and any(re.search(rf"<s> {word.text}$", text) for word in unknown):
+        raise _Refused("part")
+    if any(re.search(rf"\b(?:the|its|his|her|left|right) {word.text}\b", told) for word in unknown):
+        if any(word.kind in ("color", "material", "turn") for word in found):
+            raise _Refused("part")
+
+
+def _clause_changes(how, found: list[Word], text: str, reading: _Reading) -> list[Change]:  # noqa: ANN001
+    """Changes of one clause, of its parts yet unsaid."""
+    kinds = {word.kind for word in found}
+    lights = _scenes(found)
+    if "hue" in kinds or re.search(r"\b(?:hue|tint|tinge|cast)\b", text) and "material" not in kinds:
+        return hues(how, found) or tones(how, found, reading.direction)
+    if "light" in set(words(text)) and (how.up or how.down or how.lacking or "too" in text) and not lights:
+        found = [*found, Word("light", "noun", "brightness", 0)]
+        kinds.add("noun")
+    if re.search(r"\b(?:too|less|more|so)\b", text) and "color" in kinds and not {"material", "light", "look"} & kinds:
+        return hues(how, found)
+    solid = _solids(how, found, text)
+    tone = tones(how, found, reading.direction)
+    if lights or solid:
+        sure = {"turn"} | ({"noun"} if (how.up or how.down) else set())
+        base = [word for word in found if word.kind in sure | {"style"} and not (word.value == "saturation" and solid)]
+        tone = tones(how, base, reading.direction) if base else []
+    return solid + lights + tone
+
+
+def _scenes(found: list[Word]) -> list[Change]:
+    """Lights and looks of a clause, each look of `small` once."""
+    changes = list[Change]()
+    for word in found:
+        if word.kind in ("light", "look"):
+            draft = Change("scene", word.kind, word.value, None, None, "pix2pix")
+            fits = look_of(draft)
+            if not any(look_of(each) == fits and (fits or each.name == draft.name) for each in changes):
+                changes.append(replace(draft, route="small") if fits else draft)
+    return changes
+
+
+def _solids(how, found: list[Word], text: str) -> list[Change]:  # noqa: ANN001
+    """Materials and paints of a clause, of target "subject" unless a part stands nearer."""
+    finish = next((word.value for word in found if word.kind == "finish"), None)
+    if "flat" in words(text) and any(word.kind == "color" for word in found):
+        finish = finish or "matte"
+    painted = bool(_PAINT.search(text))
+    made = bool(_MADE.search(text))
+    changes, hint = list[tuple[int, Change]](), None
+    for index, word in enumerate(found):
+        as_color = word.color and (painted or word.text in lexicon.COLOR_FIRST) and not made
+        if word.kind == "material" and not as_color:
+            changes.append((word.at, _material(word, found[:index], text)))
+        elif word.color and word.kind in ("color", "material"):
+            after = found[index + 1].kind if index + 1 < len(found) else ""
+            if after in ("material", "light", "look") and not painted:
+                continue
+            if word.text in _THINGS and not painted:
+                continue
+            name = word.text if not finish else f"{finish} {word.text}"
+            changes.append((word.at, Change("subject", "paint", name, word.color, None, "paint")))
+    return [replace(c, target=_nearest(at, found)) for at, c in changes]
+
+
+def _material(word: Word, before: list[Word], text: str) -> Change:
+    """A material with the words before it that belong to it."""
+    own, color = [word.text], None
+    for each in reversed(before):
+        first = each.text.split()[0]
+        if each.kind in ("color", "finish") or first in lexicon.MATERIAL_WORDS:
+            own.insert(0, each.text)
+            color = color or (each.color if each.kind == "color" else None)
+        else:
+            break
+    base = lexicon.MATERIALS[word.value]
+    if "patinated" in own and word.value != "verdigris":
+        return Change("subject", "material", f"{word.value} with green patina", "#5f9e8f", None, "small")
+    name = word.value if len(own) == 1 else " ".join([*own[:-1], word.value])
+    fits = word.value in lexicon.SMALL_MATERIALS and (not color or colors.distance(color, base) < CLOSE)
+    return Change("subject", "material", name, color or base, None, "small" if fits else "paint")
+
+
+def _nearest(at: int, found: list[Word]) -> Target:
+    """Part that is named nearest to a word of a clause; the subject where none is."""
+    marks = [word for word in found if word.value in (SUBJECT, BACKGROUND, SCENE, PLACE)]
+    if not marks:
+        return "subject"
+    value = min(marks, key=lambda mark: (abs(mark.at - at), -mark.at)).value
+    return {SUBJECT: "subject", BACKGROUND: "background", SCENE: "scene", PLACE: "background"}[value]  # pyright: ignore[reportReturnType]
+
+
+def _join(changes: list[Change], found: list[Word], named: list[str], text: str, reading: _Reading) -> None:
+    """Add a clause's changes to what was read, each with its part."""
+    it = any(word.value == IT for word in found)
+    explicit = named[0] if named else None
+    if not changes:
+        unknown = [word for word in found if word.kind == "unknown"]
+        if any(word.kind == "finish" for word in found) and reading.changes and reading.changes[-1].kind == "paint":
+            finish = next(word.value for word in found if word.kind == "finish")
+            reading.changes[-1] = replace(reading.changes[-1], name=f"{finish} {reading.changes[-1].name}")
+        elif ACTS.search(text) and unknown and reading.changes and not re.search("like|as if", text):
+            raise _Refused("geometry")
+        elif explicit and explicit != PLACE and reading.changes and not reading.target:
+            reading.changes[:] = [replace(c, target=_part(explicit, c)) for c in reading.changes]
+        reading.target = explicit or reading.target
+        return
+    hint = changes[0].kind == "paint" and len(changes) == 1 and not named and not it and reading.changes
+    if hint and reading.changes[-1].kind in ("light", "look", "material") and not re.search(r"\b(?:paint|make|turn|color)\b", text):
+        if reading.changes[-1].kind == "material":
+            reading.changes[-1] = replace(reading.changes[-1], color=changes[0].color, route="paint")
+        return
+    unknown = [word for word in found if word.kind == "unknown"]
+    wish = re.search(r"\b(?:make|turn|paint|want|color|like|in|as|should|give|use|render|look)\b", text)
+    if changes[0].kind in ("paint", "material") and len(unknown) >= 2 and not named and not wish:
+        raise _Refused("nonsense")
+    if changes[0].kind == "tone" and len(unknown) >= 3 and not named and not wish:
+        raise _Refused("nonsense")
+    mark = explicit or reading.target if (explicit or it or not reading.changes or _again(changes, reading)) else None
+    exclusive = reading.kept is not None
+    for change in changes:
+        if change.kind in ("tone", "look") or (change.kind == "light" and (exclusive or mark == BACKGROUND)):
+            of = re.search(r"\b(?:of|over|around|in|on|for) <s>", text) and change.kind == "look" and not exclusive
+            change = replace(change, target=_part(mark, change) if mark and not of else "scene")
+        elif change.kind in ("paint", "material") and not explicit and mark:
+            change = replace(change, target=_part(mark, change))
+        reading.changes.append(change)
+    reading.target = explicit or reading.target
+
+
+def _again(changes: list[Change], reading: _Reading) -> bool:
+    """Whether a clause goes on with the kind of change of the one before it."""
+    return changes[0].kind == reading.changes[-1].kind == "tone"
+
+
+def _part(mark: str, change: Change) -> Target:
+    if mark == SUBJECT:
+        return "subject"
+    if mark == BACKGROUND:
+        return "background"
+    return "background" if mark == PLACE and change.kind in ("paint", "material") else "scene"
+
+
+def _placed(changes: list[Change], reading: _Reading) -> list[Change]:
+    """Changes that keep what the sentence leaves alone."""
+    other: dict[str | None, Target] = {KEEP_SUBJECT: "background", KEEP_BACKGROUND: "subject"}
+    if reading.kept is None:
+        return changes
+    target, alone = other[reading.kept], {KEEP_SUBJECT: "subject", KEEP_BACKGROUND: "background"}[reading.kept]
+    if any(c.target == alone and c.kind == "tone" for c in changes) and len(changes) == 1:
+        raise _Refused("negation")
+    others = any(change.target != alone for change in changes)
+    return [change if others and change.target == alone else replace(change, target=target) for change in changes]
+
+
+def _merged(changes: list[Change]) -> list[Change]:
+    """Changes without those that repeat another one. Raises _Refused for two colors of one part."""
+    kept = list[Change]()
+    for change in changes:
+        same = [c for c in kept if c.kind == change.kind and c.target == change.target]
+        if change.kind == "paint" and any(c.color != change.color for c in same):
+            raise _Refused("two")
+        if any(c.name == change.name or (change.kind == "light" and look_of(c) and look_of(c) == look_of(change)) for c in same):
+            continue
+        kept.append(change)
+    return kept
+
+
+def _check(changes: list[Change]) -> None:
+    for change in changes:
+        if change.amount is not None and not -1 <= change.amount <= MOST:
+            raise _Refused("amount")
+
+
+def _meant(sentence: str, text: str) -> list[Change]:
+    """Changes that the encoder finds in a sentence whose words name none. Raises _Refused."""
+    from gsedit.words.reader import understand
+
+    plain = words(text)
+    kinds = {word.kind for word in scanned(plain)}
+    if "finish" in kinds and "unknown" not in kinds:
+        raise _Refused("finish")
+    if not plain:
+        raise _Refused("empty")
+    if NEGATION.search(text) or "down" in kinds:
+        raise _Refused("negation")
+    understood = understand(sentence)
+    if not understood.known or understood.looks[0].score < FLOOR or len(plain) < 3:
+        raise _Refused("nonsense")
+    return [_of_look(each.look) for each in understood.looks if each.score >= FLOOR]
+
+
+def _of_look(look: Look) -> Change:
+    """Change that a look of `small` is."""
+    signs = {
+        "warmer": ("warmth", 0.25), "cooler": ("warmth", -0.25), "brighter": ("brightness", 0.2), "darker": ("brightness", -0.2),
+        "high-contrast": ("contrast", 0.25), "vivid": ("saturation", 0.3), "black-and-white": ("grayscale", None),
+        "sepia": ("sepia", None), "negative": ("negative", None),
+    }  # fmt: skip
+    if look.name in signs:
+        return Change("scene", "tone", signs[look.name][0], None, signs[look.name][1], "tone")
+    if look.name in lexicon.SMALL_LIGHTS:
+        return Change("scene", "light", look.name, None, None, "small")
+    if look.scope == "scene":
+        return Change("scene", "look", look.name, None, None, "small")
+    if look.name in colors.PLAIN:
+        return Change("subject", "paint", look.name, colors.named(look.name), None, "paint")
+    return Change("subject", "material", look.name, lexicon.MATERIALS.get(look.name), None, "small")

@@ -1,0 +1,131 @@
+"""Grader of read sentences against a file of them: counts by tag, and opposites."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from collections import Counter
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from gsedit.words.colors import distance, lab_of
+from gsedit.words.instruction import Change
+from gsedit.words.read import look_of, read_instruction
+
+SAME = {
+    "aluminium": "aluminum", "fibre": "fiber", "grey": "gray", "rusted": "rust", "rusty": "rust", "oak": "wood",
+    "comic": "cartoon", "mist": "fog", "candle": "candlelight", "overcast": "cloudy", "midday": "noon",
+}  # fmt: skip
+"""Words of one meaning."""
+MODES = {"grayscale": ("saturation", -1.0), "black and white": ("saturation", -1.0)}
+
+
+def sign_of(change: dict[str, Any]) -> int:
+    """Sign that a made tone has; +1 without an amount."""
+    return 1 if change["amount"] is None or change["amount"] > 0 else -1
+
+
+def mode(change: dict[str, Any]) -> dict[str, Any]:
+    """A change to gray as full desaturation, whatever it is called."""
+    if change["kind"] in ("tone", "look") and change["name"] in MODES:
+        name, amount = MODES[change["name"]]
+        return {**change, "kind": "tone", "name": name, "amount": amount, "sign": -1}
+    return change
+
+
+def tokens(name: str) -> set[str]:
+    return {SAME.get(word, word) for word in re.findall(r"[a-z]+", name.lower())}
+
+
+def agrees(made: dict[str, Any], asked: dict[str, Any]) -> bool:
+    """Whether one made change is one that was asked for."""
+    made, asked = mode(made), mode(asked)
+    if (made["target"], made["kind"]) != (asked["target"], asked["kind"]):
+        lit = {made["kind"], asked["kind"]} == {"light", "look"}
+        if not (lit and made["target"] == asked["target"]):
+            return False
+    if made["kind"] == "tone":
+        return tone_agrees(made, asked)
+    if made["kind"] == "paint":
+        finish = asked.get("finish")
+        return distance(made["color"], asked["color"]) <= 15 and (not finish or finish in made["name"])
+    one, other = tokens(made["name"]), tokens(asked["name"])
+    return one <= other or other <= one
+
+
+def tone_agrees(made: dict[str, Any], asked: dict[str, Any]) -> bool:
+    if made["name"] != asked["name"] or (asked.get("sign") or 1) != sign_of(made):
+        return False
+    if asked.get("amount") is not None and abs((made["amount"] or 0) - asked["amount"]) > 0.02:
+        return False
+    return not asked.get("color") or bool(made["color"]) and distance(made["color"], asked["color"]) < 60
+
+
+def fulfils(made: list[dict[str, Any]], asked: list[dict[str, Any]]) -> bool:
+    """Whether changes are those that were asked for, in any order."""
+    left = list(asked)
+    for change in made:
+        match = next((each for each in left if agrees(change, each)), None)
+        if match is None:
+            return False
+        left.remove(match)
+    return not left
+
+
+def opposes(made: dict[str, Any], pattern: dict[str, Any]) -> bool:
+    """Whether a made change matches every key of a pattern of what is plainly wrong."""
+    rows = {**made, "sign": sign_of(made)}
+    for key, value in pattern.items():
+        if key == "toward":
+            color = made["color"]
+            if made["name"] != "hue" or not color:
+                return False
+            toward = float(lab_of(color)[1:] @ lab_of(value)[1:]) * sign_of(made) > 0
+            if not toward:
+                return False
+        elif key == "color":
+            if not made["color"] or distance(made["color"], value) > 15:
+                return False
+        elif key == "name" and made["kind"] == "material":
+            if not tokens(value) <= tokens(made["name"]):
+                return False
+        elif rows.get(key) != value:
+            return False
+    return True
+
+
+def grade(entry: dict[str, Any], changes: tuple[Change, ...], known: bool) -> str:
+    """One of right, refused rightly, wrong, opposite; a wrong refusal is wrong."""
+    made = [asdict(change) for change in changes]
+    if any(opposes(change, pattern) for change in made for pattern in entry["opposite"]):
+        right = entry["known"] and any(fulfils(made, a) for a in [entry["changes"], *entry["alternatives"]])
+        return "right" if right else "opposite"
+    if not entry["known"]:
+        return "wrong" if known else "refused rightly"
+    asked = [entry["changes"], *entry["alternatives"]]
+    return "right" if known and any(fulfils(made, each) for each in asked) else "wrong"
+
+
+def graded(path: Path) -> tuple[Counter[str], dict[str, Counter[str]], list[tuple[str, str]]]:
+    """(counts, counts by tag, sentences that are not right with their grade) of a file."""
+    total, tags, missed = Counter[str](), dict[str, Counter[str]](), list[tuple[str, str]]()
+    for entry in json.loads(path.read_text(encoding="utf-8")):
+        read = read_instruction(entry["text"])
+        result = grade(entry, read.changes, read.known)
+        total[result] += 1
+        for tag in entry["tags"]:
+            tags.setdefault(tag, Counter())[result] += 1
+        if result in ("wrong", "opposite"):
+            missed.append((result, f"{entry['text']!r} -> {read}"))
+    return total, tags, missed
+
+
+if __name__ == "__main__":
+    counts, by_tag, misses = graded(Path(sys.argv[1]))
+    print(dict(counts))
+    for tag, each in sorted(by_tag.items()):
+        print(f"{tag:<16}", dict(each))
+    if "-v" in sys.argv:
+        print("\n".join(f"{result}: {text}" for result, text in misses))
