@@ -103,7 +103,8 @@ class Verbs(TyperGroup):
         end(code or OK)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        name, command, rest = super().resolve_command(ctx, args)
+        short = args[:1] == ["looks"]  # gsedit looks SENTENCE: what a sentence asks for
+        name, command, rest = super().resolve_command(ctx, ["list", *args] if short else args)
         meet(name)
         return name, command, rest
 

@@ -10,7 +10,6 @@ RENAMED_VERBS: dict[str, tuple[str, ...]] = {
     "crop": ("filter",),
     "editors": ("list", "editors"),
     "lod": ("decimate",),
-    "looks": ("list", "looks"),
     "order": ("convert",),
     "preview": ("view",),
     "recover": ("convert",),

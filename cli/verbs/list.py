@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -27,7 +28,7 @@ Name = Annotated[
     str | None,
     argument(
         "NAME",
-        "looks: a sentence, to see which looks it asks for. settings: a verb, as edit or fit.",
+        "looks: a sentence, to see what it asks for. settings: a verb, as edit or fit.",
     ),
 ]
 Sheet = Annotated[
@@ -110,19 +111,17 @@ def list_looks(*, as_json: bool) -> None:
 
 
 def explain_sentence(sentence: str, *, as_json: bool) -> None:
-    """Print the looks that a sentence asks for. Raises UsageError for an empty one."""
-    from gsedit.words.reader import understand
+    """Print the changes that a sentence asks for, or why it is refused.
+
+    Raises UsageError for an empty one.
+    """
+    from gsedit.words.read import read_instruction
 
     if not sentence.strip():
         raise UsageError("the sentence is empty: say what should change, as in 'make it snow'")
-    understood = understand(sentence)
-    record = {
-        "looks": [{"name": each.name, "score": each.score} for each in understood.looks],
-        "known": understood.known,
-    }
-    scores = ", ".join(f"{each.name} {each.score:.2f}" for each in understood.looks)
-    text = scores if understood.known else f"none of the known looks; the nearest: {scores}"
-    print_result(record, text, as_json=as_json)
+    read = read_instruction(sentence)
+    text = "\n".join(map(str, read.changes)) if read.known else f"refused: {read.why}"
+    print_result(json.loads(read.as_json()), text, as_json=as_json)
 
 
 def list_settings(verb: str, *, as_json: bool) -> None:

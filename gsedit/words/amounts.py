@@ -6,7 +6,7 @@ import re
 
 NUMBERS = {
     word: value for value, word in enumerate(
-        "zero one two three four five six seven eight nine ten eleven twelve thirteen fourteen fifteen".split()
+        ["zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve", "thirteen", "fourteen", "fifteen"]
     )
 } | {"twenty": 20, "thirty": 30, "forty": 40, "fifty": 50, "sixty": 60, "seventy": 70, "eighty": 80,
      "ninety": 90, "hundred": 100, "twentyfive": 25}  # fmt: skip
@@ -30,7 +30,7 @@ def digits(text: str) -> str:
 
 def factor(text: str) -> float | None:
     """Factor of "half as", "to 70 %", "three times", "double"; None where none is said."""
-    if re.search(r"\b(?:halve|half as|half the|in half|by half|to half|cut by half|halved)\b", text):
+    if re.search(r"\b(?:halve|half as|half the|to half|halved)\b", text):
         return 0.5
     if match := re.search(rf"(?:\bto {_NUMBER} ?%)|(?:{_NUMBER} ?% (?:of|as)\b)", text):
         return float(match[1] or match[2]) / 100

@@ -28,10 +28,12 @@ OWN = {
     "midnight black": "#0a0a14", "blood red": "#8a0303", "cherry red": "#d2042d",
 }  # fmt: skip
 """Names that neither list has, or that mean another color in a sentence."""
+WEATHER = frozenset(("snow", "desert", "bland"))
+"""Names of a color that mean another thing in a sentence."""
 ISH = re.compile(r"^(\w+?)(d?d?ish|y)$")
 ROOTS = {"blu": "blue", "whit": "white", "purpl": "purple", "orang": "orange", "re": "red"}
 PLAIN = frozenset(
-    "red orange yellow green blue purple violet pink brown black white grey gray".split()
+    ["red", "orange", "yellow", "green", "blue", "purple", "violet", "pink", "brown", "black", "white", "grey", "gray"]
 )
 
 
@@ -41,7 +43,7 @@ def colors() -> dict[str, str]:
     lines = TABLE.read_text(encoding="utf-8").splitlines()
     table = dict(line.rsplit(" ", 1) for line in lines if not line.startswith("# "))
     spaced = {name.replace("/", " "): value for name, value in table.items()}
-    return {**spaced, **OWN}
+    return {name: value for name, value in (spaced | OWN).items() if name not in WEATHER}
 
 
 def named(name: str) -> str | None:

@@ -9,9 +9,7 @@ from __future__ import annotations
 
 def _listed(table: dict[str, str]) -> dict[str, str]:
     """Meaning by phrase, from phrases separated by commas by meaning."""
-    return {
-        phrase.strip(): meaning for meaning, row in table.items() for phrase in row.split(",")
-    }
+    return {phrase.strip(): meaning for meaning, row in table.items() for phrase in row.split(",")}
 
 
 def _words(text: str) -> frozenset[str]:
@@ -27,19 +25,19 @@ TONE_NOUNS = _listed({
 })  # fmt: skip
 TONE_WORDS = _listed({
     "brightness +": "bright, overexposed, blinding, glaring, blown out, over exposed, luminous, glary, well lit",
-    "brightness -": "dark, dim, gloomy, underexposed, under exposed, murky, dingy, shadowy, somber, sombre, dusky",
+    "brightness -": "dark, dim, gloomy, darkness, gloom, underexposed, under exposed, murky, dingy, shadowy, somber, sombre, dusky",
     "contrast +": "contrasty, punchy, high contrast, crisp, contrasted, harsh contrast, crushed",
     "contrast -": "flat, low contrast, hazy looking",
     "saturation +": "vivid, vibrant, colorful, saturated, garish, gaudy, lurid, rich, vibrent, oversaturated, loud",
-    "saturation -": "dull, faded, muted, washed out, subdued, drab, pale, desaturated looking, lifeless, bland, undersaturated, washed, colorless looking",
+    "saturation -": "dull, dullness, faded, muted, washed out, subdued, drab, pale, desaturated looking, lifeless, bland, undersaturated, washed, colorless looking",
     "warmth +": "warm, cozy, cosy, sunny looking, toasty",
-    "warmth -": "cool, cold, chilly, icy looking, bluish",
+    "warmth -": "cool, cold, coldness, chilly, icy looking, bluish",
 })  # fmt: skip
 """Adjectives that say how a picture is: of one as bright, too bright, more or less bright."""
 TONE_TURNS = _listed({
     "brightness +": "brighter, brighten, brightens, brightening, lighter, lighten, lightens, brighten up, illuminate, light up",
     "brightness -": "darker, darken, darkens, darkening, dimmer, dimmed, darken down, moodier",
-    "contrast +": "contrastier, punchier, crisper, high contrast look",
+    "contrast +": "contrastier, punchier, deeper blacks, whiter whites, whites whiter, blacks blacker, deeper shadows, crisper, high contrast look",
     "contrast -": "flatter, flatten",
     "saturation +": "saturate, more saturated, livelier, richer",
     "saturation -": "desaturate, desaturated, desaturation, duller, mute, paler, fade",
@@ -75,9 +73,23 @@ DOWN = _words(
     "weaker fewer diminish lessen minus turndown ease dial tame drain minimize dampen halve lose shave "
     "trim drop subtract gentler restrain limit knock"
 )
-SLIGHT = _words("slightly slight little bit tad somewhat touch smidge hair gently subtly subtle mildly shade hint lightly tiny")
-STRONG = _words("much lot far really significantly strongly very considerably heavily way drastically dramatically hugely extremely super greatly massively")
-INTENSE = {"strong": 1, "intense": 1, "high": 1, "heavy": 1, "harsh": 1, "weak": -1, "faint": -1, "low": -1, "poor": -1}
+SLIGHT = _words(
+    "slightly slight little bit tad somewhat touch smidge hair gently subtly subtle mildly shade hint lightly tiny"
+)
+STRONG = _words(
+    "much lot far really significantly strongly very considerably heavily way drastically dramatically hugely extremely super greatly massively"
+)
+INTENSE = {
+    "strong": 1,
+    "intense": 1,
+    "high": 1,
+    "heavy": 1,
+    "harsh": 1,
+    "weak": -1,
+    "faint": -1,
+    "low": -1,
+    "poor": -1,
+}
 """Adjectives of a tone's noun, by sign."""
 FINISHES = _listed({
     "matte": "matte, matt, mat, chalky, non glossy, unvarnished, dull finish, powdery, powder coated, velvety",
@@ -136,9 +148,7 @@ COLOR_FIRST = _words(
 )
 """Materials whose name is a color where nothing says that it is made of it."""
 SMALL_MATERIALS = {"stone": "sandstone", "snow": "white"} | {
-    name: name for name in (
-        "bronze gold silver verdigris rust marble sandstone slate wood terracotta chocolate jade ice lava moss"
-    ).split()
+    name: name for name in ["bronze", "gold", "silver", "verdigris", "rust", "marble", "sandstone", "slate", "wood", "terracotta", "chocolate", "jade", "ice", "lava", "moss"]
 }  # fmt: skip
 """Look of the editor `small` for a material."""
 
@@ -155,7 +165,7 @@ LIGHTS = _listed({
     "candlelight": "candlelight, candle, candles, candlelit, firelight, campfire, fireplace, torchlight, bonfire, lantern, candle light",
     "lamp": "lamp, lamp light, lamplight, spotlight, studio light, studio lighting, spot light, flashlight, street lamp, streetlight, light bulb, softbox, headlight, floodlight, disco lights, stage light, studio lights",
     "storm": "storm, stormy, thunderstorm, lightning", "backlight": "backlit, backlight, rim light, backlighting, silhouette",
-    "daylight": "daylight, daytime",
+    "daylight": "daylight, daytime, into day, to day, daytime light, full day",
 })  # fmt: skip
 SMALL_LIGHTS = {
     "night": "night", "moonlight": "night", "dusk": "sunset", "blue hour": "night", "sunset": "sunset",
@@ -182,7 +192,7 @@ LOOK_NAMES = _listed({
 })  # fmt: skip
 SMALL_LOOKS = {
     name: name for name in (
-        "snow rain desert underwater autumn spring sketch watercolor cartoon pop-art blueprint thermal polaroid".split()
+        ["snow", "rain", "desert", "underwater", "autumn", "spring", "sketch", "watercolor", "cartoon", "pop-art", "blueprint", "thermal", "polaroid"]
     )
 } | {"impressionist": "watercolor", "frost": "snow"}  # fmt: skip
 """Look of the editor `small` for a look of a sentence."""

@@ -11,23 +11,36 @@ from gsedit.words.looks import LOOKS, Look
 from gsedit.words.refusals import ACTS, GEOMETRY, NEGATION, PARTS, REASONS, first_refusal
 from gsedit.words.scan import Word, scanned
 from gsedit.words.targets import (
-    BACKGROUND, IT, KEEP_BACKGROUND, KEEP_SUBJECT, MARKERS, ONLY, PLACE, SCENE, SUBJECT, marked,
+    BACKGROUND,
+    IT,
+    KEEP_BACKGROUND,
+    KEEP_SUBJECT,
+    PLACE,
+    SCENE,
+    SUBJECT,
+    marked,
 )  # fmt: skip
 from gsedit.words.tokens import clauses, normalised, words
 from gsedit.words.tones import hues, manner, tones
 
-FLOOR = 0.6
+FLOOR = 0.5
 """Least probability of a look that the encoder alone names; chosen on sentences of development."""
 MOST = 9.0
 """Largest share of a tone that can be added."""
 CLOSE = 25.0
 """Largest CIE 1976 difference of a material's asked color from that of the look of `small`."""
-_MADE = re.compile(r"\b(made|out of|carve|carved|cast|material|turn <\w+> (?:in)?to|statue of|solid|chisel|forged?|sculpted|stone|rock)\b")
+_MADE = re.compile(
+    r"\b(made|out of|carve|carved|cast|material|turn <\w+> (?:in)?to|statue of|solid|chisel|forged?|sculpted|stone|rock)\b"
+)
 _PAINT = re.compile(r"\b(paint|painted|color|colored|dye|dyed|spray|sprayed|tint|lacquer|hue)\b")
-_MEND = re.compile(r"^(?:can you |please |could you |now )*(?:fix|reduce|lift|correct|soften|mend|adjust|turndown|brighten|darken|tone)\b")
+_MEND = re.compile(
+    r"^(?:can you |please |could you |now )*(?:fix|reduce|lift|correct|soften|mend|adjust|turndown|brighten|darken|tone)\b"
+)
 
 
-_THINGS = frozenset("sea sky dust dirt leaf grass desert camel water fire blood ocean ice tea earth".split())
+_THINGS = frozenset(
+    ["sea", "sky", "dust", "dirt", "leaf", "grass", "desert", "camel", "water", "fire", "blood", "ocean", "ice", "tea", "earth"]
+)
 """Colors whose name is a thing first."""
 
 
@@ -84,14 +97,50 @@ def material_of(name: str) -> str:
 def _prepared(text: str) -> str:
     """Text with numbers as digits, colors by number as "#rrggbb", parts marked and every "not"
     at the head of its own clause."""
-    text = re.sub(r"rgb\s*\([^)]*\)|rgb \d+[, ]+\d+[, ]+\d+", lambda m: colors.hexadecimal(m[0]) or "unknowncolor", text)
-    text = re.sub(r"\bhex(?: code)?:? #?([0-9a-f]{6})\b|(?<![\w#])#?(?=[0-9a-f]*\d)([0-9a-f]{6})\b", lambda m: f"#{m[1] or m[2]}", text)
-    text = re.sub(r"\b(?:half ?way |somewhere |midway |in )?between ([a-z ]+?) and ((?:light |dark )?[a-z]+)", _midway, text)
-    text = re.sub(r"\bas (?=[a-z ]+ as\b)([a-z]+) as (?!is\b)[^,;.]*", r"\1", text) if re.search(r"\bas (?:" + "|".join(colors.PLAIN) + r") as\b", text) else text
-    text = re.sub(r"\b(copper|bronze|brass) with (?:a |some )?(?:green |greenish |light )*(?:patina|verdigris)", r"patinated \1", text)
+    text = re.sub(
+        r"rgb\s*\([^)]*\)|rgb \d+[, ]+\d+[, ]+\d+",
+        lambda m: colors.hexadecimal(m[0]) or "unknowncolor",
+        text,
+    )
+    text = re.sub(
+        r"\bhex(?: code)?:? #?([0-9a-f]{6})\b|(?<![\w#])#?(?=[0-9a-f]*\d)([0-9a-f]{6})\b",
+        lambda m: f"#{m[1] or m[2]}",
+        text,
+    )
+    text = re.sub(
+        r"\b(?:half ?way |somewhere |midway |in )?between ([a-z ]+?) and ((?:light |dark )?[a-z]+)",
+        _midway,
+        text,
+    )
+    text = (
+        re.sub(r"\bas (?=[a-z ]+ as\b)([a-z]+) as (?!is\b)[^,;.]*", r"\1", text)
+        if re.search(r"\bas (?:" + "|".join(colors.PLAIN) + r") as\b", text)
+        else text
+    )
+    text = re.sub(r"\bfrom (?:the )?(?:\w+ ){1,2}to\b", "to", text)
+    text = re.sub(
+        r"\b(?:turn|change|convert|transform|replace) (?:the |this |that )?(\w+(?: \w+)?) (?:in)?(to|with|by)\b",
+        _exchanged,
+        text,
+    )
+    text = re.sub(
+        r"\b(copper|bronze|brass) with (?:a |some )?(?:green |greenish |light )*(?:patina|verdigris)",
+        r"patinated \1",
+        text,
+    )
     text = re.sub(r"\b(?:the )?color of\b", "color", marked(amounts.digits(text)))
-    text = re.sub(r"\b(?:anything|any color|any other color|all|everything|whatever) (?:you like |you want )?(?:but|except|other than|besides|apart from)(?: for)?\b|\binstead of\b|\brather than\b|\bwithout\b|\b(?:but )?no\b(?! more than)", ", not ", text)
+    text = re.sub(
+        r"\b(?:anything|any color|any other color|all|everything|whatever) (?:you like |you want )?(?:but|except|other than|besides|apart from)(?: for)?\b|\binstead of\b|\brather than\b|\bwithout\b|\b(?:but )?no\b(?! more than)",
+        ", not ",
+        text,
+    )
     return re.sub(r"(?<=\S)\s+not\b(?![^,;.]*\b(?:enough|so|too|as|that|quite)\b)", ", not", text)
+
+
+def _exchanged(match: re.Match[str]) -> str:
+    """Text without a light or a look that gives way to another."""
+    scenic = any(word.kind in ("light", "look") for word in scanned(words(match[1])))
+    return f"make {match[2]}" if scenic else match[0]
 
 
 def _midway(match: re.Match[str]) -> str:
@@ -140,7 +189,11 @@ def _read_clause(text: str, followed: bool, reading: _Reading) -> None:
 def _refuse_parts(plain: str, text: str, found: list[Word]) -> None:
     """Raise _Refused for a clause about shape, or about a part that nothing finds."""
     told = re.sub(r"\b(?:as if|as though|like)\b.*", "", plain)
-    if re.search(r"\b(?:sky|wall|trees?|rocks?|ground|floor|grass|lawn)\b", told) and re.search(r"\b(?:paint|make|turn|darken|brighten|color)\b", told) and not any(w.kind in ("light", "look") for w in found):
+    if (
+        re.search(r"\b(?:sky|wall|trees?|rocks?|ground|floor|grass|lawn)\b", told)
+        and re.search(r"\b(?:paint|make|turn|darken|brighten|color)\b", told)
+        and not any(w.kind in ("light", "look") for w in found)
+    ):
         raise _Refused("part")
     lit = any(word.kind in ("light", "look", "noun", "word", "turn") for word in found)
     if GEOMETRY.search(told) and not re.search(r"\b(?:like|as if)\b", plain) and not lit:
@@ -157,22 +210,46 @@ def _refuse_parts(plain: str, text: str, found: list[Word]) -> None:
             raise _Refused("part")
 
 
-def _clause_changes(how, found: list[Word], text: str, reading: _Reading) -> list[Change]:  # noqa: ANN001
+def _clause_changes(how, found: list[Word], text: str, reading: _Reading) -> list[Change]:
     """Changes of one clause, of its parts yet unsaid."""
     kinds = {word.kind for word in found}
     lights = _scenes(found)
-    if "hue" in kinds or re.search(r"\b(?:hue|tint|tinge|cast)\b", text) and "material" not in kinds:
+    if any(word.value == "warmth" and word.kind == "noun" for word in found) and "color" in kinds:
+        tint = [
+            word.text
+            for word in found
+            if word.kind == "color" and word.text in lexicon.COLOR_WARMTH
+        ]
+        sign = lexicon.COLOR_WARMTH[tint[0]] * how.direction if tint else 0
+        return [_tone("warmth", 0.25 * sign)] if sign else []
+    if (
+        "hue" in kinds
+        or (re.search(r"\b(?:hue|tint|tinge|cast)\b", text)
+        and "material" not in kinds)
+    ):
         return hues(how, found) or tones(how, found, reading.direction)
-    if "light" in set(words(text)) and (how.up or how.down or how.lacking or "too" in text) and not lights:
+    if (
+        "light" in set(words(text))
+        and (how.up or how.down or how.lacking or "too" in text)
+        and not lights
+    ):
         found = [*found, Word("light", "noun", "brightness", 0)]
         kinds.add("noun")
-    if re.search(r"\b(?:too|less|more|so)\b", text) and "color" in kinds and not {"material", "light", "look"} & kinds:
+    if (
+        re.search(r"\b(?:too|less|more|so)\b", text)
+        and "color" in kinds
+        and not {"material", "light", "look"} & kinds
+    ):
         return hues(how, found)
     solid = _solids(how, found, text)
     tone = tones(how, found, reading.direction)
     if lights or solid:
         sure = {"turn"} | ({"noun"} if (how.up or how.down) else set())
-        base = [word for word in found if word.kind in sure | {"style"} and not (word.value == "saturation" and solid)]
+        base = [
+            word
+            for word in found
+            if word.kind in sure | {"style"} and not (word.value == "saturation" and solid)
+        ]
         tone = tones(how, base, reading.direction) if base else []
     return solid + lights + tone
 
@@ -184,12 +261,14 @@ def _scenes(found: list[Word]) -> list[Change]:
         if word.kind in ("light", "look"):
             draft = Change("scene", word.kind, word.value, None, None, "pix2pix")
             fits = look_of(draft)
-            if not any(look_of(each) == fits and (fits or each.name == draft.name) for each in changes):
+            if not any(
+                look_of(each) == fits and (fits or each.name == draft.name) for each in changes
+            ):
                 changes.append(replace(draft, route="small") if fits else draft)
     return changes
 
 
-def _solids(how, found: list[Word], text: str) -> list[Change]:  # noqa: ANN001
+def _solids(how, found: list[Word], text: str) -> list[Change]:
     """Materials and paints of a clause, of target "subject" unless a part stands nearer."""
     finish = next((word.value for word in found if word.kind == "finish"), None)
     if "flat" in words(text) and any(word.kind == "color" for word in found):
@@ -224,9 +303,13 @@ def _material(word: Word, before: list[Word], text: str) -> Change:
             break
     base = lexicon.MATERIALS[word.value]
     if "patinated" in own and word.value != "verdigris":
-        return Change("subject", "material", f"{word.value} with green patina", "#5f9e8f", None, "small")
+        return Change(
+            "subject", "material", f"{word.value} with green patina", "#5f9e8f", None, "small"
+        )
     name = word.value if len(own) == 1 else " ".join([*own[:-1], word.value])
-    fits = word.value in lexicon.SMALL_MATERIALS and (not color or colors.distance(color, base) < CLOSE)
+    fits = word.value in lexicon.SMALL_MATERIALS and (
+        not color or colors.distance(color, base) < CLOSE
+    )
     return Change("subject", "material", name, color or base, None, "small" if fits else "paint")
 
 
@@ -236,40 +319,76 @@ def _nearest(at: int, found: list[Word]) -> Target:
     if not marks:
         return "subject"
     value = min(marks, key=lambda mark: (abs(mark.at - at), -mark.at)).value
-    return {SUBJECT: "subject", BACKGROUND: "background", SCENE: "scene", PLACE: "background"}[value]  # pyright: ignore[reportReturnType]
+    return {SUBJECT: "subject", BACKGROUND: "background", SCENE: "scene", PLACE: "background"}[
+        value
+    ]  # pyright: ignore[reportReturnType]
 
 
-def _join(changes: list[Change], found: list[Word], named: list[str], text: str, reading: _Reading) -> None:
+def _join(
+    changes: list[Change], found: list[Word], named: list[str], text: str, reading: _Reading
+) -> None:
     """Add a clause's changes to what was read, each with its part."""
     it = any(word.value == IT for word in found)
     explicit = named[0] if named else None
     if not changes:
         unknown = [word for word in found if word.kind == "unknown"]
-        if any(word.kind == "finish" for word in found) and reading.changes and reading.changes[-1].kind == "paint":
+        if (
+            any(word.kind == "finish" for word in found)
+            and reading.changes
+            and reading.changes[-1].kind == "paint"
+        ):
             finish = next(word.value for word in found if word.kind == "finish")
-            reading.changes[-1] = replace(reading.changes[-1], name=f"{finish} {reading.changes[-1].name}")
-        elif ACTS.search(text) and unknown and reading.changes and not re.search("like|as if", text):
+            reading.changes[-1] = replace(
+                reading.changes[-1], name=f"{finish} {reading.changes[-1].name}"
+            )
+        elif (
+            ACTS.search(text) and unknown and reading.changes and not re.search("like|as if", text)
+        ):
             raise _Refused("geometry")
         elif explicit and explicit != PLACE and reading.changes and not reading.target:
             reading.changes[:] = [replace(c, target=_part(explicit, c)) for c in reading.changes]
         reading.target = explicit or reading.target
         return
-    hint = changes[0].kind == "paint" and len(changes) == 1 and not named and not it and reading.changes
-    if hint and reading.changes[-1].kind in ("light", "look", "material") and not re.search(r"\b(?:paint|make|turn|color)\b", text):
+    hint = (
+        changes[0].kind == "paint"
+        and len(changes) == 1
+        and not named
+        and not it
+        and reading.changes
+    )
+    if (
+        hint
+        and reading.changes[-1].kind in ("light", "look", "material")
+        and not re.search(r"\b(?:paint|make|turn|color)\b", text)
+    ):
         if reading.changes[-1].kind == "material":
-            reading.changes[-1] = replace(reading.changes[-1], color=changes[0].color, route="paint")
+            reading.changes[-1] = replace(
+                reading.changes[-1], color=changes[0].color, route="paint"
+            )
         return
     unknown = [word for word in found if word.kind == "unknown"]
-    wish = re.search(r"\b(?:make|turn|paint|want|color|like|in|as|should|give|use|render|look)\b", text)
+    wish = re.search(
+        r"\b(?:make|turn|paint|want|color|like|in|as|should|give|use|render|look)\b", text
+    )
     if changes[0].kind in ("paint", "material") and len(unknown) >= 2 and not named and not wish:
         raise _Refused("nonsense")
     if changes[0].kind == "tone" and len(unknown) >= 3 and not named and not wish:
         raise _Refused("nonsense")
-    mark = explicit or reading.target if (explicit or it or not reading.changes or _again(changes, reading)) else None
+    mark = (
+        explicit or reading.target
+        if (explicit or it or not reading.changes or _again(changes, reading))
+        else None
+    )
     exclusive = reading.kept is not None
     for change in changes:
-        if change.kind in ("tone", "look") or (change.kind == "light" and (exclusive or mark == BACKGROUND)):
-            of = re.search(r"\b(?:of|over|around|in|on|for) <s>", text) and change.kind == "look" and not exclusive
+        if change.kind in ("tone", "look") or (
+            change.kind == "light" and (exclusive or mark == BACKGROUND)
+        ):
+            of = (
+                re.search(r"\b(?:of|over|around|in|on|for) <s>", text)
+                and change.kind == "look"
+                and not exclusive
+            )
             change = replace(change, target=_part(mark, change) if mark and not of else "scene")
         elif change.kind in ("paint", "material") and not explicit and mark:
             change = replace(change, target=_part(mark, change))
@@ -295,11 +414,17 @@ def _placed(changes: list[Change], reading: _Reading) -> list[Change]:
     other: dict[str | None, Target] = {KEEP_SUBJECT: "background", KEEP_BACKGROUND: "subject"}
     if reading.kept is None:
         return changes
-    target, alone = other[reading.kept], {KEEP_SUBJECT: "subject", KEEP_BACKGROUND: "background"}[reading.kept]
+    target, alone = (
+        other[reading.kept],
+        {KEEP_SUBJECT: "subject", KEEP_BACKGROUND: "background"}[reading.kept],
+    )
     if any(c.target == alone and c.kind == "tone" for c in changes) and len(changes) == 1:
         raise _Refused("negation")
     others = any(change.target != alone for change in changes)
-    return [change if others and change.target == alone else replace(change, target=target) for change in changes]
+    return [
+        change if others and change.target == alone else replace(change, target=target)
+        for change in changes
+    ]
 
 
 def _merged(changes: list[Change]) -> list[Change]:
@@ -309,7 +434,11 @@ def _merged(changes: list[Change]) -> list[Change]:
         same = [c for c in kept if c.kind == change.kind and c.target == change.target]
         if change.kind == "paint" and any(c.color != change.color for c in same):
             raise _Refused("two")
-        if any(c.name == change.name or (change.kind == "light" and look_of(c) and look_of(c) == look_of(change)) for c in same):
+        if any(
+            c.name == change.name
+            or (change.kind == "light" and look_of(c) and look_of(c) == look_of(change))
+            for c in same
+        ):
             continue
         kept.append(change)
     return kept
@@ -339,6 +468,10 @@ def _meant(sentence: str, text: str) -> list[Change]:
     return [_of_look(each.look) for each in understood.looks if each.score >= FLOOR]
 
 
+def _tone(name: str, amount: float | None) -> Change:
+    return Change("scene", "tone", name, None, amount, "tone")
+
+
 def _of_look(look: Look) -> Change:
     """Change that a look of `small` is."""
     signs = {
@@ -347,7 +480,7 @@ def _of_look(look: Look) -> Change:
         "sepia": ("sepia", None), "negative": ("negative", None),
     }  # fmt: skip
     if look.name in signs:
-        return Change("scene", "tone", signs[look.name][0], None, signs[look.name][1], "tone")
+        return _tone(*signs[look.name])
     if look.name in lexicon.SMALL_LIGHTS:
         return Change("scene", "light", look.name, None, None, "small")
     if look.scope == "scene":

@@ -21,11 +21,11 @@ PARTS = re.compile(
 )
 ACTS = re.compile(r"\b(put|add|place|insert|attach|give|draw|hang|bring|set)\b")
 FOREIGN = frozenset(
-    "mach mache den dem der das des und ist bitte rot blau gruen grun schwarz weiss baer baren dunkler heller statt haz hazlo la el los las una pon pinta rojo azul oso le les une rends fais "
-    "ours rouge bleu en il lo di del della rendi fai rosso tavolo orso marmo mas o de da maak het een rood beer blauw zet gor niedzwiedzia na czerwono hintergrund fond fondo estatua statua "
-    "sombre mettre mets faire colorie colora favor gjor svart rod bjornen ayiyi yap kirmizi kilise faca urso vermelho vermelha preto noir blanc zwart wit masa yesil peins verwandle verander auf nacht tisch ein eine".split()
+    ["mach", "mache", "den", "dem", "der", "das", "des", "und", "ist", "bitte", "rot", "blau", "gruen", "grun", "schwarz", "weiss", "baer", "baren", "dunkler", "heller", "statt", "haz", "hazlo", "la", "el", "los", "las", "una", "pon", "pinta", "rojo", "azul", "oso", "le", "les", "une", "rends", "fais", "ours", "rouge", "bleu", "en", "il", "lo", "di", "del", "della", "rendi", "fai", "rosso", "tavolo", "orso", "marmo", "mas", "o", "de", "da", "maak", "het", "een", "rood", "beer", "blauw", "zet", "gor", "niedzwiedzia", "na", "czerwono", "hintergrund", "fond", "fondo", "estatua", "statua", "sombre", "mettre", "mets", "faire", "colorie", "colora", "favor", "gjor", "svart", "rod", "bjornen", "ayiyi", "yap", "kirmizi", "kilise", "faca", "urso", "vermelho", "vermelha", "preto", "noir", "blanc", "zwart", "wit", "masa", "yesil", "peins", "verwandle", "verander", "auf", "nacht", "tisch", "ein", "eine"]
 )
-QUESTION = re.compile(r"^(who|when|where|why|whose|how (?:much|many|old|far|long|are)|what (?:is|time|are|was|day)|which|tell me|is (?:it|there|this)|are you|do you)\b")
+QUESTION = re.compile(
+    r"^(who|when|where|why|whose|how (?:much|many|old|far|long|are)|what (?:is|time|are|was|day)|which|tell me|is (?:it|there|this)|are you|do you)\b"
+)
 NEGATION = re.compile(
     r"\b(not|no|without|remove|removing|rid|anything but|any color (?:but|except|other)|except|avoid|neither|nor|none|stop|nothing|minus|dont|refuse|instead of|rather than|undo|take away|clear (?:away|the|up)|wash off|melt|hide|prevent|forbid|nope|lose the|skip)\b"
 )

@@ -12,15 +12,12 @@ from gsedit.words.targets import MARKERS
 LONGEST = 4
 """Most words of a phrase of the lexicon."""
 FILLERS = frozenset(
-    "a an the please pls kindly could can would you make made turn turned into paint painted color change changed give get want i like look looks as if though of to in on at for with from out "
-    "be is are was were should ought must may let do now then just only so too very more this that these those there its his her my your our their some really nice all by up it want wants need "
-    "style version it them me us we and or but coat layer finish finished material appearance feel feeling effect tone tones texture side half percent thick rendered render swap use using set "
-    "would could might cover covered wrap wrapped cast carve carved spray sprayed dye dyed whole thing ones one first lit under during over light lights day time image picture photo job lol thanks thank ok "
-    "see show imagine think maybe perhaps how what about something somewhere kind sort place instead have has been had looking go going bathe try put fix shift bring toward towards also please again same morning "
-    "sky weather colored work solid made everything will statue bust figurine figure sculpture hi hey hello reckon favor again current original overall now ground leaves foliage left right front above below top".split()
+    ["a", "an", "the", "please", "pls", "kindly", "could", "can", "would", "you", "make", "made", "turn", "turned", "into", "paint", "painted", "color", "change", "changed", "give", "get", "want", "i", "like", "look", "looks", "as", "if", "though", "of", "to", "in", "on", "at", "for", "with", "from", "out", "be", "is", "are", "was", "were", "should", "ought", "must", "may", "let", "do", "now", "then", "just", "only", "so", "too", "very", "more", "this", "that", "these", "those", "there", "its", "his", "her", "my", "your", "our", "their", "some", "really", "nice", "all", "by", "up", "it", "want", "wants", "need", "style", "version", "it", "them", "me", "us", "we", "and", "or", "but", "coat", "layer", "finish", "finished", "material", "appearance", "feel", "feeling", "effect", "tone", "tones", "texture", "side", "half", "percent", "thick", "rendered", "render", "swap", "use", "using", "set", "would", "could", "might", "cover", "covered", "wrap", "wrapped", "cast", "carve", "carved", "spray", "sprayed", "dye", "dyed", "whole", "thing", "ones", "one", "first", "lit", "under", "during", "over", "light", "lights", "day", "time", "image", "picture", "photo", "job", "lol", "thanks", "thank", "ok", "see", "show", "imagine", "think", "maybe", "perhaps", "how", "what", "about", "something", "somewhere", "kind", "sort", "place", "instead", "have", "has", "been", "had", "looking", "go", "going", "bathe", "try", "put", "fix", "shift", "bring", "toward", "towards", "also", "please", "again", "same", "morning", "sky", "weather", "colored", "work", "solid", "made", "everything", "will", "statue", "bust", "figurine", "figure", "sculpture", "hi", "hey", "hello", "reckon", "favor", "again", "current", "original", "overall", "now", "ground", "leaves", "foliage", "left", "right", "front", "above", "below", "top"]
 )
-STATEMENTS = frozenset("is are look looks feels feel seems seem appears was were looking".split())
-WISHES = frozenset("make turn want like should be get give let paint need ought must could would can please render set".split())
+STATEMENTS = frozenset(["is", "are", "look", "looks", "feels", "feel", "seems", "seem", "appears", "was", "were", "looking"])
+WISHES = frozenset(
+    ["make", "turn", "want", "like", "should", "be", "get", "give", "let", "paint", "need", "ought", "must", "could", "would", "can", "please", "render", "set"]
+)
 
 
 @dataclass(frozen=True)
@@ -71,7 +68,11 @@ def _next(words: list[str], at: int) -> tuple[Word, int]:
     if words[at].startswith("#") and (color := colors.hexadecimal(words[at])):
         return Word(color, "color", color, at, color), 1
     phrase = _phrase(words, at)
-    hue = colors.longest(words[at : at + 6]) if words[at] not in ("light", "dark") or len(words) > at + 1 else None
+    hue = (
+        colors.longest(words[at : at + 6])
+        if words[at] not in ("light", "dark") or len(words) > at + 1
+        else None
+    )
     if hue and hue[0] > (phrase[0] if phrase else 0):
         text = " ".join(words[at : at + hue[0]])
         return Word(text, "color", text, at, hue[1]), hue[0]
@@ -94,7 +95,7 @@ def _single(word: str, at: int) -> Word:
     if word in FILLERS or word in lexicon.MATERIAL_WORDS or not word.isalpha():
         return Word(word, "fill", "", at)
     if len(word) >= 6:  # fewer letters are too near to other words
-        known = [each for each in _spellings() if each[0] == word[0]]
+        known = [each for each in _spellings() if each[0] == word[0] and word != f"{each}s"]
         if near := get_close_matches(word, known, n=1, cutoff=0.82):
             return Word(near[0], *phrases()[near[0]], at) if near[0] in phrases() else Word(
                 near[0], "color", near[0], at, colors.named(near[0]))  # fmt: skip

@@ -41,7 +41,7 @@ PATTERNS = tuple(
         (f"\\b{_ELSE}", "<else>"), (f"\\b{_THE}{_BACKGROUNDS}\\b", BACKGROUND),
         (f"\\b{_THE}(?:(?:whole|entire|full|complete) )?(?:scene|pictures?|image|photo|photograph|shot|view|frame)\\b|\\beverything\\b|\\beverywhere\\b|\\b(?:the )?(?:whole|entire) (?:thing|lot|place|world|room|garden|park|courtyard)\\b|\\ball over\\b|\\ball of it\\b|\\bit all\\b", SCENE),
         (f"\\b(?:(?:in|over|to|of|on|across) )?{_THE}{_PLACES}\\b", PLACE),
-        (f"\\b(?:as|like|into|to) an? (?:\\w+ ){{0,3}}(?:statue|sculpture|bust|figurine|figure|thing)\\b(?<!\\w statue of)", "<like>"),
+        ("\\b(?:as|like|into|to) an? (?:\\w+ ){0,3}(?:statue|sculpture|bust|figurine|figure|thing)\\b(?<!\\w statue of)", "<like>"),
         (f"\\b{_THE}{_SUBJECTS}\\b|\\bme\\b", SUBJECT), (r"\b(?:it|him|them)\b", IT),
     )
 )  # fmt: skip

@@ -20,7 +20,9 @@ SPELLINGS = (
     (r"\bdesaturate (it |everything |the \w+ )?(completely|fully|entirely|totally)\b|\b(?:completely|fully|totally) desaturate(?:d)?\b", r"grayscale \1"),
 )  # fmt: skip
 """Patterns and what stands in their place, in order."""
-MARKS = re.compile(r"[;.!?:\n,]+|\b(?:and then|and also|and|then|but|while|whereas|plus|however|afterwards|although)\b|[&|]|--+|\u2014|(?<=\s)-(?=\s)")
+MARKS = re.compile(
+    r"[;.!?:\n,]+|\b(?:and then|and also|and|then|but|while|whereas|plus|however|afterwards|although)\b|[&|]|--+|\u2014|(?<=\s)-(?=\s)"
+)
 WORD = re.compile(r"<\w+>|#[0-9a-f]{3,6}\b|[+-]?\d+(?:\.\d+)?|%|[a-z]+|\+")
 
 

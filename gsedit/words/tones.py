@@ -44,7 +44,9 @@ def manner(text: str, found: list[Word], followed: bool) -> Manner:
     plain = set(re.findall(r"[a-z]+", text))
     states = bool(plain & STATEMENTS) and not plain & (WISHES - {"like", "can", "please"})
     lacking = "enough" in plain
-    complaint = bool(plain & {"too", "so", "overly", "excessively"}) or bool(re.search(r"\bthat (?:dark|bright|warm|cold|vivid)", text))
+    complaint = bool(plain & {"too", "so", "overly", "excessively"}) or bool(
+        re.search(r"\bthat (?:dark|bright|warm|cold|vivid)", text)
+    )
     complaint |= states or followed or bool(plain & {"underexposed", "overexposed", "fix"})
     scale = SLIGHT if "slight" in kinds else STRONG if "strong" in kinds and not complaint else 1.0
     return Manner(text, "up" in kinds, "down" in kinds, complaint and not lacking, lacking, scale)
@@ -63,6 +65,9 @@ def tones(how: Manner, found: list[Word], before: int) -> list[Change]:
             name, sign = word.value.split()
             turned = -1 if how.down or (how.complaint and word.kind == "word") else 1
             turned = 1 if how.lacking else turned
+            times = amounts.factor(how.text)
+            if word.kind == "word" and times is not None and times < 1:
+                turned = -turned
             if nouns and how.up and word.kind == "word" and "more" not in how.text:
                 continue
             signs.setdefault(name, (1 if sign == "+" else -1) * turned)
@@ -123,6 +128,8 @@ def _amount(how: Manner, name: str, sign: int) -> float:
     if times == 0:
         return -1.0
     size = amounts.share(how.text)
+    if size is not None and size < 0:
+        return size
     return sign * (abs(size) if size is not None else round(DEFAULT[name] * how.scale, 4))
 
 

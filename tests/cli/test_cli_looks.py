@@ -19,19 +19,28 @@ def test_every_look_is_listed():
     assert all(name in gsedit("list", "looks").stdout for name in LOOKS)
 
 
-def test_a_sentence_is_understood():
-    record = json.loads(gsedit("list", "looks", "a golden statue in the snow", "--json").stdout)
-    assert [each["name"] for each in record["looks"]] == ["gold", "snow"]
-    assert all(0.5 < each["score"] <= 1 for each in record["looks"])
+def test_a_sentence_is_read():
+    result = gsedit("looks", "paint the bear teal and lower the contrast by 20%", "--json")
+    record = json.loads(result.stdout)
     assert record["known"] is True
-    assert gsedit("list", "looks", "dip it in gold").stdout.startswith("gold ")
+    assert record["changes"] == [
+        {
+            "target": "subject", "kind": "paint", "name": "teal", "color": "#029386",
+            "amount": None, "route": "paint",
+        },
+        {
+            "target": "scene", "kind": "tone", "name": "contrast", "color": None,
+            "amount": -0.2, "route": "tone",
+        },
+    ]  # fmt: skip
+    assert gsedit("list", "looks", "dip it in gold").stdout.startswith("subject: material gold")
 
 
-def test_a_sentence_that_no_look_fulfils_is_not_known():
-    record = json.loads(gsedit("list", "looks", "give it a hat", "--json").stdout)
-    assert record["known"] is False
-    assert len(record["looks"]) == 1
-    assert gsedit("list", "looks", "give it a hat").stdout.startswith("none of the known looks")
+def test_a_sentence_that_nothing_fulfills_is_refused_with_the_reason():
+    record = json.loads(gsedit("looks", "give it a hat", "--json").stdout)
+    assert (record["known"], record["changes"]) == (False, [])
+    assert "add, remove, move or reshape" in record["why"]
+    assert gsedit("list", "looks", "give it a hat").stdout.startswith("refused: ")
     assert gsedit("list", "looks", " ").exit_code == 2
 
 

@@ -77,7 +77,6 @@ def test_an_old_selection_answers_with_an_expression_that_says_the_same(scene, w
         ("recover out -o b.ply", "convert out -o b.ply"),
         ("preview a.ply", "view a.ply --window"),
         ("preview a.ply -o b.png", "view a.ply -o b.png"),
-        ("looks", "list looks"),
         ("editors --json", "list editors --json"),
         ("settings edit", "list settings edit"),
         ("remove-background a.ply --data b", "filter a.ply --data b --where subject()"),

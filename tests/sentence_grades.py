@@ -12,7 +12,7 @@ from typing import Any
 
 from gsedit.words.colors import distance, lab_of
 from gsedit.words.instruction import Change
-from gsedit.words.read import look_of, read_instruction
+from gsedit.words.read import read_instruction
 
 SAME = {
     "aluminium": "aluminum", "fibre": "fiber", "grey": "gray", "rusted": "rust", "rusty": "rust", "oak": "wood",
@@ -50,7 +50,9 @@ def agrees(made: dict[str, Any], asked: dict[str, Any]) -> bool:
         return tone_agrees(made, asked)
     if made["kind"] == "paint":
         finish = asked.get("finish")
-        return distance(made["color"], asked["color"]) <= 15 and (not finish or finish in made["name"])
+        return distance(made["color"], asked["color"]) <= 15 and (
+            not finish or finish in made["name"]
+        )
     one, other = tokens(made["name"]), tokens(asked["name"])
     return one <= other or other <= one
 
@@ -60,7 +62,11 @@ def tone_agrees(made: dict[str, Any], asked: dict[str, Any]) -> bool:
         return False
     if asked.get("amount") is not None and abs((made["amount"] or 0) - asked["amount"]) > 0.02:
         return False
-    return not asked.get("color") or bool(made["color"]) and distance(made["color"], asked["color"]) < 60
+    return (
+        not asked.get("color")
+        or (bool(made["color"])
+        and distance(made["color"], asked["color"]) < 60)
+    )
 
 
 def fulfils(made: list[dict[str, Any]], asked: list[dict[str, Any]]) -> bool:
@@ -100,7 +106,9 @@ def grade(entry: dict[str, Any], changes: tuple[Change, ...], known: bool) -> st
     """One of right, refused rightly, wrong, opposite; a wrong refusal is wrong."""
     made = [asdict(change) for change in changes]
     if any(opposes(change, pattern) for change in made for pattern in entry["opposite"]):
-        right = entry["known"] and any(fulfils(made, a) for a in [entry["changes"], *entry["alternatives"]])
+        right = entry["known"] and any(
+            fulfils(made, a) for a in [entry["changes"], *entry["alternatives"]]
+        )
         return "right" if right else "opposite"
     if not entry["known"]:
         return "wrong" if known else "refused rightly"

@@ -1,0 +1,155 @@
+"""What sentences ask for, and which are refused. Written before the rules that read them."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+from sentence_grades import graded
+
+from gsedit.words.instruction import Change
+from gsedit.words.read import look_of, read_instruction
+
+DATA = Path(__file__).parents[1] / "data" / "sentences"
+
+
+def only(sentence: str) -> Change:
+    read = read_instruction(sentence)
+    assert read.known, read.why
+    assert len(read.changes) == 1
+    return read.changes[0]
+
+
+def test_sentences_are_read_and_none_is_done_the_opposite_way():
+    counts, _, _ = graded(DATA / "open.json")
+    assert counts["opposite"] == 0
+    assert counts["right"] + counts["refused rightly"] >= 219
+    assert counts.total() == 222
+
+
+@pytest.mark.parametrize(
+    ("sentence", "name", "sign"),
+    [
+        ("lower the contrast", "contrast", -1), ("make it less warm", "warmth", -1),
+        ("make it 20% brighter", "brightness", 1), ("reduce the saturation", "saturation", -1),
+        ("it is too dark", "brightness", 1), ("not so warm", "warmth", -1),
+        ("not warm enough", "warmth", 1), ("half as bright", "brightness", -1),
+        ("twice as dark", "brightness", -1), ("reduce the darkness", "brightness", 1),
+    ],
+)  # fmt: skip
+def test_a_tone_has_the_sign_that_is_said(sentence, name, sign):
+    change = only(sentence)
+    assert (change.kind, change.name, change.route) == ("tone", name, "tone")
+    assert change.amount is not None
+    assert change.amount * sign > 0
+
+
+@pytest.mark.parametrize(
+    ("sentence", "amount"),
+    [
+        ("reduce the contrast by 30 %", -0.3), ("half the saturation", -0.5),
+        ("double the brightness", 1.0), ("darken it by a third", -1 / 3),
+        ("brightness to 80%", -0.2), ("raise the contrast by twenty-five percent", 0.25),
+    ],
+)  # fmt: skip
+def test_an_amount_is_a_signed_share(sentence, amount):
+    assert only(sentence).amount == pytest.approx(amount, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "do not paint it red", "anything but gold", "remove the snow", "no fog", "less snow",
+        "never make it night", "make it any color other than green", "leave the bear as it is",
+    ],
+)  # fmt: skip
+def test_what_must_not_be_is_never_done(sentence):
+    read = read_instruction(sentence)
+    assert not read.known
+    assert read.changes == ()
+    assert "say what it should be instead" in read.why
+
+
+def test_what_is_denied_beside_what_is_asked_is_left_out():
+    assert only("blue, not red").name == only("not red but blue").name == "blue"
+    assert only("turn night into day").name == "daylight"
+
+
+@pytest.mark.parametrize(
+    ("sentence", "target"),
+    [
+        ("paint the background blue", "background"), ("paint it blue", "subject"),
+        ("everything except the statue in bronze", "background"), ("make it night", "scene"),
+        ("make the bear darker, but don't change the garden", "subject"),
+        ("darken the whole picture", "scene"), ("darken it, but leave the bear alone", "background"),
+    ],
+)  # fmt: skip
+def test_the_target_is_the_part_that_is_named(sentence, target):
+    assert only(sentence).target == target
+
+
+def test_a_part_that_nothing_finds_is_refused_with_the_next_move():
+    for sentence in ("paint the ears red", "make only the rock red"):
+        assert "--region" in read_instruction(sentence).why
+
+
+@pytest.mark.parametrize(
+    ("sentence", "color", "name"),
+    [
+        ("paint it teal", "#029386", "teal"), ("paint it #3aa17e", "#3aa17e", "#3aa17e"),
+        ("rgb(255, 0, 128)", "#ff0080", "#ff0080"), ("matte black", "#000000", "matte black"),
+        ("off-white", "#faf9f6", "off white"),
+    ],
+)  # fmt: skip
+def test_a_color_is_read_by_name_and_by_number(sentence, color, name):
+    change = only(sentence)
+    assert (change.kind, change.color, change.name) == ("paint", color, name)
+
+
+def test_a_material_without_a_look_is_painted_in_its_color():
+    assert only("polished pewter").route == "paint"
+    assert only("polished pewter").color == "#8e9294"
+    assert only("bronze").route == "small"
+    look = look_of(only("bronze"))
+    assert look is not None
+    assert look.name == "bronze"
+
+
+def test_two_changes_are_in_the_order_of_the_sentence():
+    read = read_instruction("make the statue marble and the background darker")
+    assert [(c.target, c.name) for c in read.changes] == [
+        ("subject", "marble"), ("background", "brightness"),
+    ]  # fmt: skip
+
+
+def test_a_metaphor_is_read_by_the_encoder():
+    assert only("make it look as if it fell into a volcano").name == "lava"
+
+
+@pytest.mark.parametrize("sentence", ["", "?!", "日本語", "x" * 5000, "buy milk tomorrow", "seven"])
+def test_what_asks_for_nothing_is_refused_with_a_reason(sentence):
+    read = read_instruction(sentence)
+    assert not read.known
+    assert read.why
+
+
+def test_an_amount_out_of_range_is_refused():
+    assert "out of range" in read_instruction("make it 5000% brighter").why
+
+
+def test_a_record_is_one_line_of_json():
+    line = read_instruction("paint it red").as_json()
+    assert line.startswith('{"known": true, "why": ')
+    assert '"changes": [{"target": "subject", "kind": "paint", "name": "red"' in line
+    assert "\n" not in line
+
+
+def test_plain_words_are_read_without_the_encoder():
+    import subprocess
+
+    code = (
+        "import sys; from gsedit.words.read import read_instruction; "
+        "read_instruction('paint it red'); sys.exit('torch' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
