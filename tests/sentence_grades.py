@@ -15,8 +15,10 @@ from gsedit.words.instruction import Change
 from gsedit.words.read import read_instruction
 
 SAME = {
-    "aluminium": "aluminum", "fibre": "fiber", "grey": "gray", "rusted": "rust", "rusty": "rust", "oak": "wood",
-    "comic": "cartoon", "mist": "fog", "candle": "candlelight", "overcast": "cloudy", "midday": "noon",
+    "aluminium": "aluminum", "fibre": "fiber", "grey": "gray", "rusted": "rust", "rusty": "rust",
+    "oak": "wood",
+    "comic": "cartoon", "mist": "fog", "candle": "candlelight",
+    "overcast": "cloudy", "midday": "noon",
 }  # fmt: skip
 """Words of one meaning."""
 MODES = {"grayscale": ("saturation", -1.0), "black and white": ("saturation", -1.0)}
@@ -62,10 +64,8 @@ def tone_agrees(made: dict[str, Any], asked: dict[str, Any]) -> bool:
         return False
     if asked.get("amount") is not None and abs((made["amount"] or 0) - asked["amount"]) > 0.02:
         return False
-    return (
-        not asked.get("color")
-        or (bool(made["color"])
-        and distance(made["color"], asked["color"]) < 60)
+    return not asked.get("color") or (
+        bool(made["color"]) and distance(made["color"], asked["color"]) < 60
     )
 
 
@@ -106,10 +106,7 @@ def grade(entry: dict[str, Any], changes: tuple[Change, ...], known: bool) -> st
     """One of right, refused rightly, wrong, opposite; a wrong refusal is wrong."""
     made = [asdict(change) for change in changes]
     if any(opposes(change, pattern) for change in made for pattern in entry["opposite"]):
-        right = entry["known"] and any(
-            fulfils(made, a) for a in [entry["changes"], *entry["alternatives"]]
-        )
-        return "right" if right else "opposite"
+        return "opposite"
     if not entry["known"]:
         return "wrong" if known else "refused rightly"
     asked = [entry["changes"], *entry["alternatives"]]
@@ -132,8 +129,8 @@ def graded(path: Path) -> tuple[Counter[str], dict[str, Counter[str]], list[tupl
 
 if __name__ == "__main__":
     counts, by_tag, misses = graded(Path(sys.argv[1]))
-    print(dict(counts))
-    for tag, each in sorted(by_tag.items()):
-        print(f"{tag:<16}", dict(each))
+    lines = [str(dict(counts))]
+    lines += [f"{tag:<16} {dict(each)}" for tag, each in sorted(by_tag.items())]
     if "-v" in sys.argv:
-        print("\n".join(f"{result}: {text}" for result, text in misses))
+        lines += [f"{result}: {text}" for result, text in misses]
+    sys.stdout.write("\n".join(lines) + "\n")

@@ -8,32 +8,72 @@ from pathlib import Path
 
 import numpy as np
 
-from gsedit.toolkit.color_space import lab_of_srgb, srgb_of_lab
+from gsedit.scene.color_space import lab_of_srgb, srgb_of_lab
 
 TABLE = Path(__file__).with_name("colors.txt")
 LONGEST = 4
 """Most words of a color's name."""
 MODIFIERS = {
-    "light": (18, 0.8), "lighter": (18, 0.8), "pale": (25, 0.55), "pastel": (25, 0.6), "soft": (12, 0.7),
-    "dark": (-20, 0.85), "darker": (-20, 0.85), "deep": (-14, 1.05), "rich": (-5, 1.15),
-    "bright": (8, 1.2), "brighter": (8, 1.2), "vivid": (4, 1.3), "neon": (8, 1.4), "hot": (0, 1.2),
-    "dusty": (4, 0.55), "muted": (0, 0.6), "dull": (-4, 0.55), "medium": (0, 1.0), "faded": (12, 0.55),
-}  # fmt: skip
+    "light": (18, 0.8),
+    "lighter": (18, 0.8),
+    "pale": (25, 0.55),
+    "pastel": (25, 0.6),
+    "soft": (12, 0.7),
+    "dark": (-20, 0.85),
+    "darker": (-20, 0.85),
+    "deep": (-14, 1.05),
+    "rich": (-5, 1.15),
+    "bright": (8, 1.2),
+    "brighter": (8, 1.2),
+    "vivid": (4, 1.3),
+    "neon": (8, 1.4),
+    "hot": (0, 1.2),
+    "dusty": (4, 0.55),
+    "muted": (0, 0.6),
+    "dull": (-4, 0.55),
+    "medium": (0, 1.0),
+    "faded": (12, 0.55),
+}
 """Step in lightness L* and factor of chroma of a word before a color."""
 OWN = {
-    "gray": "#808080", "off white": "#faf9f6", "rosy": "#e8a0a0", "jet black": "#0a0a0a",
-    "pitch black": "#000000", "fire engine red": "#ce2029", "racing green": "#004225",
-    "british racing green": "#004225", "rose gold": "#b76e79", "cobalt": "#0047ab",
-    "crimson red": "#b0001e", "pure white": "#ffffff", "snow white": "#fffafa",
-    "midnight black": "#0a0a14", "blood red": "#8a0303", "cherry red": "#d2042d",
-}  # fmt: skip
+    "gray": "#808080",
+    "off white": "#faf9f6",
+    "rosy": "#e8a0a0",
+    "jet black": "#0a0a0a",
+    "pitch black": "#000000",
+    "fire engine red": "#ce2029",
+    "racing green": "#004225",
+    "british racing green": "#004225",
+    "rose gold": "#b76e79",
+    "cobalt": "#0047ab",
+    "crimson red": "#b0001e",
+    "pure white": "#ffffff",
+    "snow white": "#fffafa",
+    "midnight black": "#0a0a14",
+    "blood red": "#8a0303",
+    "cherry red": "#d2042d",
+}
 """Names that neither list has, or that mean another color in a sentence."""
 WEATHER = frozenset(("snow", "desert", "bland"))
 """Names of a color that mean another thing in a sentence."""
 ISH = re.compile(r"^(\w+?)(d?d?ish|y)$")
 ROOTS = {"blu": "blue", "whit": "white", "purpl": "purple", "orang": "orange", "re": "red"}
 PLAIN = frozenset(
-    ["red", "orange", "yellow", "green", "blue", "purple", "violet", "pink", "brown", "black", "white", "grey", "gray"]
+    [
+        "red",
+        "orange",
+        "yellow",
+        "green",
+        "blue",
+        "purple",
+        "violet",
+        "pink",
+        "brown",
+        "black",
+        "white",
+        "grey",
+        "gray",
+    ]
 )
 
 

@@ -19,7 +19,7 @@ from gsedit.words.targets import (
     SCENE,
     SUBJECT,
     marked,
-)  # fmt: skip
+)
 from gsedit.words.tokens import clauses, normalised, words
 from gsedit.words.tones import hues, manner, tones
 
@@ -30,16 +30,34 @@ MOST = 9.0
 CLOSE = 25.0
 """Largest CIE 1976 difference of a material's asked color from that of the look of `small`."""
 _MADE = re.compile(
-    r"\b(made|out of|carve|carved|cast|material|turn <\w+> (?:in)?to|statue of|solid|chisel|forged?|sculpted|stone|rock)\b"
+    r"\b(made|out of|carve|carved|cast|material|turn <\w+> (?:in)?to|statue of|"
+    r"solid|chisel|forged?|sculpted|stone|rock)\b"
 )
 _PAINT = re.compile(r"\b(paint|painted|color|colored|dye|dyed|spray|sprayed|tint|lacquer|hue)\b")
 _MEND = re.compile(
-    r"^(?:can you |please |could you |now )*(?:fix|reduce|lift|correct|soften|mend|adjust|turndown|brighten|darken|tone)\b"
+    r"^(?:can you |please |could you |now )*(?:fix|reduce|lift|correct|soften|mend|"
+    r"adjust|turndown|brighten|darken|tone)\b"
 )
 
 
 _THINGS = frozenset(
-    ["sea", "sky", "dust", "dirt", "leaf", "grass", "desert", "camel", "water", "fire", "blood", "ocean", "ice", "tea", "earth"]
+    [
+        "sea",
+        "sky",
+        "dust",
+        "dirt",
+        "leaf",
+        "grass",
+        "desert",
+        "camel",
+        "water",
+        "fire",
+        "blood",
+        "ocean",
+        "ice",
+        "tea",
+        "earth",
+    ]
 )
 """Colors whose name is a thing first."""
 
@@ -50,7 +68,7 @@ class _Refused(Exception):
 
 @dataclass
 class _Reading:
-    """What the clauses before have said."""
+    """Changes and parts that the clauses before have named."""
 
     changes: list[Change]
     target: str | None = None
@@ -79,8 +97,10 @@ def read_instruction(sentence: str) -> Instruction:
 def look_of(change: Change) -> Look | None:
     """Look of the editor `small` that does a change; None where none of its looks fits."""
     table = {
-        "material": lexicon.SMALL_MATERIALS, "light": lexicon.SMALL_LIGHTS, "look": lexicon.SMALL_LOOKS,
-    }  # fmt: skip
+        "material": lexicon.SMALL_MATERIALS,
+        "light": lexicon.SMALL_LIGHTS,
+        "look": lexicon.SMALL_LOOKS,
+    }
     names = table.get(change.kind, {})
     name = names.get(change.name) or names.get(change.name.split()[-1])
     if change.kind == "material" and not name:
@@ -119,18 +139,22 @@ def _prepared(text: str) -> str:
     )
     text = re.sub(r"\bfrom (?:the )?(?:\w+ ){1,2}to\b", "to", text)
     text = re.sub(
-        r"\b(?:turn|change|convert|transform|replace) (?:the |this |that )?(\w+(?: \w+)?) (?:in)?(to|with|by)\b",
+        r"\b(?:turn|change|convert|transform|replace) (?:the |this |that )?(\w+(?: \w+)"
+        r"?) (?:in)?(to|with|by)\b",
         _exchanged,
         text,
     )
     text = re.sub(
-        r"\b(copper|bronze|brass) with (?:a |some )?(?:green |greenish |light )*(?:patina|verdigris)",
+        r"\b(copper|bronze|brass) with (?:a |some )?(?:green |greenish |light )"
+        r"*(?:patina|verdigris)",
         r"patinated \1",
         text,
     )
     text = re.sub(r"\b(?:the )?color of\b", "color", marked(amounts.digits(text)))
     text = re.sub(
-        r"\b(?:anything|any color|any other color|all|everything|whatever) (?:you like |you want )?(?:but|except|other than|besides|apart from)(?: for)?\b|\binstead of\b|\brather than\b|\bwithout\b|\b(?:but )?no\b(?! more than)",
+        r"\b(?:anything|any color|any other color|all|everything|whatever) (?:you like |"
+        r"you want )?(?:but|except|other than|besides|apart from)(?: for)?\b|\binstead "
+        r"of\b|\brather than\b|\bwithout\b|\b(?:but )?no\b(?! more than)",
         ", not ",
         text,
     )
@@ -154,7 +178,9 @@ def _parsed(text: str) -> list[Change]:
     kept = [mark for mark in (KEEP_SUBJECT, KEEP_BACKGROUND) if mark in text]
     reading = _Reading([], kept=kept[0] if len(set(kept)) == 1 else None)
     for index, part in enumerate(parts):
-        followed = index + 1 < len(parts) and bool(_MEND.match(parts[index + 1]))
+        followed = index + 1 < len(parts) and bool(
+            _MEND.match(parts[index + 1]) and not re.search("<[sb]>", parts[index + 1])
+        )
         _read_clause(part, followed, reading)
     if not reading.changes and (reading.negated or (kept and not reading.changes)):
         raise _Refused("negation")
@@ -166,7 +192,7 @@ def _read_clause(text: str, followed: bool, reading: _Reading) -> None:
     named = [word.value for word in found if word.value in (SUBJECT, BACKGROUND, SCENE, PLACE)]
     how = manner(text, found, followed)
     negative = bool(NEGATION.search(text))
-    softened = negative and (how.complaint or how.lacking)
+    softened = negative and bool(re.search(r"\b(?:too|so|that|enough|overly|as)\b", text))
     plain = re.sub(r"<\w+>", " ", text)
     _refuse_parts(plain, text, found)
     changes = _clause_changes(how, found, text, reading)
@@ -205,9 +231,9 @@ def _refuse_parts(plain: str, text: str, found: list[Word]) -> None:
         raise _Refused("geometry")
     if re.search(r"<s>", text) and any(re.search(rf"<s> {word.text}$", text) for word in unknown):
         raise _Refused("part")
-    if any(re.search(rf"\b(?:the|its|his|her|left|right) {word.text}\b", told) for word in unknown):
-        if any(word.kind in ("color", "material", "turn") for word in found):
-            raise _Refused("part")
+    named = any(re.search(rf"\b(?:the|its|his|her) {word.text}\b", told) for word in unknown)
+    if named and any(word.kind in ("color", "material", "turn") for word in found):
+        raise _Refused("part")
 
 
 def _clause_changes(how, found: list[Word], text: str, reading: _Reading) -> list[Change]:
@@ -222,10 +248,8 @@ def _clause_changes(how, found: list[Word], text: str, reading: _Reading) -> lis
         ]
         sign = lexicon.COLOR_WARMTH[tint[0]] * how.direction if tint else 0
         return [_tone("warmth", 0.25 * sign)] if sign else []
-    if (
-        "hue" in kinds
-        or (re.search(r"\b(?:hue|tint|tinge|cast)\b", text)
-        and "material" not in kinds)
+    if "hue" in kinds or (
+        re.search(r"\b(?:hue|tint|tinge|cast)\b", text) and "material" not in kinds
     ):
         return hues(how, found) or tones(how, found, reading.direction)
     if (
@@ -236,7 +260,7 @@ def _clause_changes(how, found: list[Word], text: str, reading: _Reading) -> lis
         found = [*found, Word("light", "noun", "brightness", 0)]
         kinds.add("noun")
     if (
-        re.search(r"\b(?:too|less|more|so)\b", text)
+        re.search(r"\b(?:too(?= *[^ ])|less|more|so)\b", text)
         and "color" in kinds
         and not {"material", "light", "look"} & kinds
     ):
@@ -275,7 +299,7 @@ def _solids(how, found: list[Word], text: str) -> list[Change]:
         finish = finish or "matte"
     painted = bool(_PAINT.search(text))
     made = bool(_MADE.search(text))
-    changes, hint = list[tuple[int, Change]](), None
+    changes = list[tuple[int, Change]]()
     for index, word in enumerate(found):
         as_color = word.color and (painted or word.text in lexicon.COLOR_FIRST) and not made
         if word.kind == "material" and not as_color:
@@ -463,6 +487,10 @@ def _meant(sentence: str, text: str) -> list[Change]:
     if NEGATION.search(text) or "down" in kinds:
         raise _Refused("negation")
     understood = understand(sentence)
+    if kinds & {"noun", "word", "turn", "up"} and understood.known:
+        toned = all(_of_look(each.look).kind == "tone" for each in understood.looks)
+        if toned:  # a tone is named and its direction is not understood
+            raise _Refused("nonsense")
     if not understood.known or understood.looks[0].score < FLOOR or len(plain) < 3:
         raise _Refused("nonsense")
     return [_of_look(each.look) for each in understood.looks if each.score >= FLOOR]
@@ -475,10 +503,16 @@ def _tone(name: str, amount: float | None) -> Change:
 def _of_look(look: Look) -> Change:
     """Change that a look of `small` is."""
     signs = {
-        "warmer": ("warmth", 0.25), "cooler": ("warmth", -0.25), "brighter": ("brightness", 0.2), "darker": ("brightness", -0.2),
-        "high-contrast": ("contrast", 0.25), "vivid": ("saturation", 0.3), "black-and-white": ("grayscale", None),
-        "sepia": ("sepia", None), "negative": ("negative", None),
-    }  # fmt: skip
+        "warmer": ("warmth", 0.25),
+        "cooler": ("warmth", -0.25),
+        "brighter": ("brightness", 0.2),
+        "darker": ("brightness", -0.2),
+        "high-contrast": ("contrast", 0.25),
+        "vivid": ("saturation", 0.3),
+        "black-and-white": ("grayscale", None),
+        "sepia": ("sepia", None),
+        "negative": ("negative", None),
+    }
     if look.name in signs:
         return _tone(*signs[look.name])
     if look.name in lexicon.SMALL_LIGHTS:

@@ -10,10 +10,16 @@ from gsedit.words.instruction import Change
 from gsedit.words.scan import STATEMENTS, WISHES, Word
 
 DEFAULT = {
-    "brightness": 0.2, "contrast": 0.25, "saturation": 0.3, "warmth": 0.25, "hue": 1 / 12,
-}  # fmt: skip
+    "brightness": 0.2,
+    "contrast": 0.25,
+    "saturation": 0.3,
+    "warmth": 0.25,
+    "hue": 1 / 12,
+}
 """Share of a tone that is asked for without a number; plain to see, and no color is clipped."""
 NO_SIGN = 0
+PARTICLES = frozenset(("down", "ease"))
+"""Words that go with a verb: to cool it down is no less cool."""
 SLIGHT, STRONG = 0.5, 1.75
 
 
@@ -43,10 +49,16 @@ def manner(text: str, found: list[Word], followed: bool) -> Manner:
     kinds = {word.kind for word in found}
     plain = set(re.findall(r"[a-z]+", text))
     states = bool(plain & STATEMENTS) and not plain & (WISHES - {"like", "can", "please"})
-    lacking = "enough" in plain
-    complaint = bool(plain & {"too", "so", "overly", "excessively"}) or bool(
+    lacking = "enough" in plain or bool(
+        re.search(r"\btoo (?:little|few)\b|\black(?:s|ing)?\b", text)
+    )
+    complaint = bool(plain & {"overly", "excessively"}) or bool(
         re.search(r"\bthat (?:dark|bright|warm|cold|vivid)", text)
     )
+    wished = bool(plain & {"make", "turn", "give"}) and "not" not in plain and "stop" not in plain
+    complaint |= bool(re.search(r"\bnot (?:nearly |quite )?(?:as|that)\b", text))
+    complaint |= "so" in plain and not wished
+    complaint |= bool(re.search(r"\btoo\b(?= *[^ ])", text))
     complaint |= states or followed or bool(plain & {"underexposed", "overexposed", "fix"})
     scale = SLIGHT if "slight" in kinds else STRONG if "strong" in kinds and not complaint else 1.0
     return Manner(text, "up" in kinds, "down" in kinds, complaint and not lacking, lacking, scale)
@@ -60,10 +72,11 @@ def tones(how: Manner, found: list[Word], before: int) -> list[Change]:
     styles = [_change(word.value, None, None) for word in found if word.kind == "style"]
     if styles:
         return styles
-    for word in found:
+    for word in sorted(found, key=lambda each: each.kind == "word"):
         if word.kind in ("word", "turn"):
             name, sign = word.value.split()
-            turned = -1 if how.down or (how.complaint and word.kind == "word") else 1
+            flipped = any(each.kind == "down" and each.text not in PARTICLES for each in found)
+            turned = -1 if flipped or (how.complaint and word.kind == "word") else 1
             turned = 1 if how.lacking else turned
             times = amounts.factor(how.text)
             if word.kind == "word" and times is not None and times < 1:
