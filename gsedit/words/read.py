@@ -231,7 +231,9 @@ def _refuse_parts(plain: str, text: str, found: list[Word]) -> None:
         raise _Refused("geometry")
     if re.search(r"<s>", text) and any(re.search(rf"<s> {word.text}$", text) for word in unknown):
         raise _Refused("part")
-    named = any(re.search(rf"\b(?:the|its|his|her) {word.text}\b", told) for word in unknown)
+    named = any(
+        re.search(rf"\b(?:the|its|his|her|left|right) {word.text}\b", told) for word in unknown
+    )
     if named and any(word.kind in ("color", "material", "turn") for word in found):
         raise _Refused("part")
 
