@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import torch
-from jaxtyping import Bool
+from jaxtyping import Float
 from torch import Tensor
 
+from gsedit.datasets.dataset import evenly_spaced
 from gsedit.editing.routes.colors import parse_hex
 from gsedit.editing.routes.paint import finish_of, painted
 from gsedit.editing.routes.tone import toned
 from gsedit.errors import UsageError
+from gsedit.regions.lift import lift
 from gsedit.regions.region import Region, everything
 from gsedit.scene.table import table_of
-from gsedit.words.instruction import Change, Instruction
+from gsedit.words.instruction import Change, Instruction, Target
+from rasterizer.camera import Camera
+from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
 EXACT_ROUTES = ("tone", "paint")
+SEEN_VIEWS = 12
+"""Most pictures that tell which Gaussians are seen."""
+SEEN_PIXELS = 128
+"""Longer side of these pictures."""
 
 FindRegion = Callable[[Gaussians], Region]
 """Finds the subject of a scene."""
@@ -29,10 +37,8 @@ class Routed:
     """A scene that routes changed."""
 
     scene: Gaussians
-    inside: Bool[Tensor, " n"]
+    region: Region
     """Gaussians that any of the changes could reach."""
-    note: str
-    """How the regions were found, for a person."""
 
 
 def is_exact(instruction: Instruction) -> bool:
@@ -41,9 +47,22 @@ def is_exact(instruction: Instruction) -> bool:
     return instruction.known and bool(changes) and all(c.route in EXACT_ROUTES for c in changes)
 
 
-def apply_change(scene: Gaussians, change: Change, region: Region) -> Gaussians:
+def seen_weights(
+    scene: Gaussians, cameras: Sequence[Camera], execution: Execution = AUTO
+) -> Float[Tensor, " n"] | None:
+    """How many pixels of small pictures from some of the cameras each Gaussian fills; None without
+    cameras."""
+    chosen = [cameras[i].fitted(SEEN_PIXELS) for i in evenly_spaced(len(cameras), SEEN_VIEWS)]
+    ones = [torch.ones(camera.height, camera.width) for camera in chosen]
+    return lift(scene, chosen, ones, execution).weight if chosen else None
+
+
+def apply_change(
+    scene: Gaussians, change: Change, region: Region, seen: Float[Tensor, " n"] | None = None
+) -> Gaussians:
     """The scene with one change on the Gaussians of a region; the others are the same bits.
 
+    Paint weighs Gaussians by how much of them is `seen` (`seen_weights`; None: by their size).
     Raises UsageError for a region of no Gaussians, a route that is not exact, an unknown tone, an
     amount out of range, or a color that is none.
     """
@@ -57,37 +76,46 @@ def apply_change(scene: Gaussians, change: Change, region: Region) -> Gaussians:
         case "tone":
             after = toned(table, inside, change.name, change.amount, change.color)
         case "paint":
-            after = painted(table, inside, parse_hex(change.color), finish_of(change.name))
+            weights = None if seen is None else seen.cpu().numpy()
+            finish = finish_of(change.name)
+            after = painted(table, inside, parse_hex(change.color), finish, weights)
         case _:
             raise UsageError(f"{change} has no exact route: edit with --editor small")
     return replace(scene, sh=torch.from_numpy(after.sh).to(scene.sh))
 
 
 def apply_instruction(
-    scene: Gaussians, instruction: Instruction, find_region: FindRegion
+    scene: Gaussians,
+    instruction: Instruction,
+    find_region: FindRegion,
+    cameras: Sequence[Camera] = (),
+    execution: Execution = AUTO,
 ) -> Routed:
     """The scene with every change of the instruction, in order; the subject is searched once.
 
+    The cameras, if any, tell which Gaussians are seen: paint is adjusted to those.
     Raises UsageError where a change has no exact route, and as `apply_change`, `find_region`.
     """
     if not is_exact(instruction):
         raise UsageError(f"{instruction} has no exact route: edit with --editor small")
-    found: dict[str, Region] = {}
+    changes = instruction.changes
+    paints = any(change.route == "paint" for change in changes)
+    seen = seen_weights(scene, cameras, execution) if paints else None
+    regions = _regions(scene, {change.target for change in changes}, find_region)
     after, inside = scene, torch.zeros(len(scene), dtype=torch.bool)
-    for change in instruction.changes:
-        if change.target not in found:
-            found |= _regions(scene, change.target, find_region)
-        region = found[change.target]
-        after = apply_change(after, change, region)
-        inside |= region.inside
-    used = dict.fromkeys(change.target for change in instruction.changes)
-    return Routed(after, inside, "; ".join(found[target].note for target in used))
+    for change in changes:
+        after = apply_change(after, change, regions[change.target], seen)
+        inside |= regions[change.target].inside
+    used = dict.fromkeys(change.target for change in changes)
+    return Routed(after, Region(inside, "; ".join(regions[target].note for target in used)))
 
 
-def _regions(scene: Gaussians, target: str, find_region: FindRegion) -> Iterator[tuple[str, Region]]:
-    """The region of a target, with that of its opposite where the subject was searched."""
-    if target == "scene":
-        return iter([("scene", everything(scene))])
+def _regions(
+    scene: Gaussians, targets: set[Target], find_region: FindRegion
+) -> dict[Target, Region]:
+    """Regions by target; the subject is searched only where a target needs it."""
+    if targets == {"scene"}:
+        return {"scene": everything(scene)}
     subject = find_region(scene)
     background = Region(~subject.inside, f"all but {subject.note}")
-    return iter([("subject", subject), ("background", background)])
+    return {"scene": everything(scene), "subject": subject, "background": background}

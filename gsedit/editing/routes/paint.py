@@ -21,12 +21,14 @@ from rasterizer.numerics import SH_DC
 SMOOTHING_ROUNDS = 24
 """Means over the nearest neighbors, one after the other: together they reach about five times as
 far as the neighbors are."""
-DETAIL = (0.5, 1.5)
+DETAIL = (0.5, 1.25)
 """Least and largest ratio to the surroundings, in linear light: dark carving is deep, bright specks
 are paint or noise."""
 SHADE = (0.15, 3.0)
 """Least and largest light against its median: beyond, it is another paint."""
-LIT = 0.95
+BLACKEST = 0.006
+"""Least share of the light that paint reflects: less would be a hole in the picture."""
+LIT = 0.8
 """Quantile of the light at which no channel may pass the display's white: white paint keeps its
 shading."""
 LARGEST_GAIN = 3.0
@@ -68,11 +70,16 @@ def painted(
     inside: Bool[np.ndarray, " n"],
     color: Float64[np.ndarray, "3"],
     finish: Finish = SATIN,
+    seen: Float[np.ndarray, " n"] | None = None,
 ) -> SplatTable:
-    """Paint the Gaussians inside in a display color; the others' coefficients are the same bits."""
+    """Paint the Gaussians inside in a display color; the others' coefficients are the same bits.
+
+    `seen` says how much of pictures each Gaussian fills; None: its opacity times its area.
+    """
     part = table[inside]
+    weights = visible_area(part) if seen is None else seen[inside].astype(np.float64)
     before = np.clip(part.colors.astype(np.float64), 0, 1)
-    after = repainted(part, before, color, scene_light(table))
+    after = repainted(part, before, weights + 1e-12, color, scene_light(table))
     sh = table.sh.copy()
     sh[inside] = _coefficients(part.sh, before, after, finish)
     return table.replace(sh=sh)
@@ -81,11 +88,12 @@ def painted(
 def repainted(
     part: SplatTable,
     before: Float64[np.ndarray, "m 3"],
+    weights: Float64[np.ndarray, " m"],
     color: Float64[np.ndarray, "3"],
     light: float,
 ) -> Float64[np.ndarray, "m 3"]:
     """Display colors in which the mean is the color under a light in (0, 1]."""
-    weights, base = visible_area(part), linear_of_srgb(color)
+    base = np.maximum(linear_of_srgb(color), BLACKEST)
     shade = shading(part.means, linear_of_srgb(before) @ LUMINANCE, weights)
     factor = light * _exposure(shade, weights, base)
     return srgb_of_linear(np.minimum(factor * shade[:, None] * base, 1))
@@ -120,7 +128,7 @@ def spatial_mean(
 def visible_area(table: SplatTable) -> Float64[np.ndarray, " n"]:
     """Opacity times the area of the largest face: how much of a picture a Gaussian fills."""
     ordered = np.sort(table.scales.astype(np.float64), 1)
-    return table.opacities * ordered[:, 1] * ordered[:, 2] + 1e-12
+    return table.opacities * ordered[:, 1] * ordered[:, 2]
 
 
 def scene_light(table: SplatTable) -> float:
