@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,15 +21,11 @@ if TYPE_CHECKING:
     from gsedit.datasets.viewpoints import Viewpoint
     from gsedit.editing.routes.apply import Routed
     from gsedit.editing.routes.folder import Compared
-    from gsedit.regions.region import Region
     from gsedit.words.instruction import Instruction
-    from rasterizer.numerics import Execution
     from rasterizer.scene import Gaussians
 
 SHOWN_VIEWS = 4
 """Held-out views of before_after.png, at which the edit is measured."""
-SUBJECT_WORDING = "turn it into a bronze statue"
-"""Instruction that `small` is asked about to find the subject: it knows it best."""
 SETTINGS = ("region", "execution")
 """Settings that exact routes heed; any other one asks for the 2D editor."""
 
@@ -69,6 +66,7 @@ def run_routes(
     from gsedit.datasets.viewpoints import same_size
     from gsedit.editing.routes.apply import apply_instruction
     from gsedit.editing.routes.folder import compare
+    from gsedit.editing.routes.subject import find_part
     from gsedit.editing.session.settings import EditSettings
     from gsedit.runs.stopwatch import Stopwatch
 
@@ -82,7 +80,9 @@ def run_routes(
         say_kernel(execution)
         resolved = resolve_cameras(scene, gaussians, views, FOUND_VIEWS, execution)
         viewpoints = same_size(resolved.viewpoints, views.size)
-    find = partial(find_part, viewpoints=viewpoints, text=settings.region, execution=execution)
+    find = partial(
+        find_part, viewpoints=viewpoints, region=settings.region, execution=execution
+    )
     with watch.stage("change"):
         asked = only_in_region(instruction) if settings.region != AUTO else instruction
         cameras = [viewpoint.camera for viewpoint in viewpoints]
@@ -94,23 +94,8 @@ def run_routes(
     print_routed(folder, compared, timings, as_json=as_json)
 
 
-def find_part(
-    scene: Gaussians, *, viewpoints: Sequence[Viewpoint], text: str, execution: Execution
-) -> Region:
-    """Find the region that `--region` names; the subject for auto."""
-    from gsedit.datasets.dataset import Dataset, View
-    from gsedit.editing.session.choose_region import find_region
-    from gsedit.scene.picture import render_picture
-
-    lazy: Any = (partial(render_picture, scene, each.camera, execution) for each in viewpoints)
-    dataset = Dataset(tuple(View(v.name, v.camera, image) for v, image in zip(viewpoints, lazy)))
-    return find_region(scene, text, dataset=dataset, prompt=SUBJECT_WORDING, execution=execution)
-
-
 def only_in_region(instruction: Instruction) -> Instruction:
     """Return the instruction with every change in the part that is found, as `--region` says."""
-    from dataclasses import replace
-
     changes = tuple(replace(change, target="subject") for change in instruction.changes)
     return replace(instruction, changes=changes)
 
@@ -135,8 +120,6 @@ def write_folder(
     timings: dict[str, float],
 ) -> None:
     """Write the scene, its pictures and cameras, and last the record."""
-    from dataclasses import asdict
-
     from gsedit.datasets.cameras_json import write_cameras
     from gsedit.datasets.view_list_files import by_edit, write_view_list
     from gsedit.editing.routes.folder import write_routed
