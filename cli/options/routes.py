@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from gsedit.errors import UsageError
 
@@ -80,9 +80,7 @@ def run_routes(
         say_kernel(execution)
         resolved = resolve_cameras(scene, gaussians, views, FOUND_VIEWS, execution)
         viewpoints = same_size(resolved.viewpoints, views.size)
-    find = partial(
-        find_part, viewpoints=viewpoints, region=settings.region, execution=execution
-    )
+    find = partial(find_part, viewpoints=viewpoints, region=settings.region, execution=execution)
     with watch.stage("change"):
         asked = only_in_region(instruction) if settings.region != AUTO else instruction
         cameras = [viewpoint.camera for viewpoint in viewpoints]

@@ -36,8 +36,12 @@ def _saturating(chroma: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
 
 
 def _hue_weight(hue: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
-    terms = ((-0.17, 1, -30), (0.24, 2, 0), (0.32, 3, 6), (-0.20, 4, -63))
-    return 1 + sum(size * np.cos(np.radians(k * hue + shift)) for size, k, shift in terms)
+    first = 1 - 0.17 * _cos(hue - 30) + 0.24 * _cos(2 * hue)
+    return first + 0.32 * _cos(3 * hue + 6) - 0.20 * _cos(4 * hue - 63)
+
+
+def _cos(degrees: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
+    return np.cos(np.radians(degrees))
 
 
 def _sin(degrees: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:

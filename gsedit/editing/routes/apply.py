@@ -101,13 +101,13 @@ def apply_instruction(
     changes = instruction.changes
     paints = any(change.route == "paint" for change in changes)
     seen = seen_weights(scene, cameras, execution) if paints else None
-    regions = _regions(scene, {change.target for change in changes}, find_region)
+    targets: tuple[Target, ...] = tuple(dict.fromkeys(change.target for change in changes))
+    regions = _regions(scene, set(targets), find_region)
     after, inside = scene, torch.zeros(len(scene), dtype=torch.bool)
     for change in changes:
         after = apply_change(after, change, regions[change.target], seen)
         inside |= regions[change.target].inside
-    used = dict.fromkeys(change.target for change in changes)
-    return Routed(after, Region(inside, "; ".join(regions[target].note for target in used)))
+    return Routed(after, Region(inside, "; ".join(regions[target].note for target in targets)))
 
 
 def _regions(

@@ -1,4 +1,4 @@
-"""Colors as #rrggbb."""
+"""Colors written as #rrggbb."""
 
 from __future__ import annotations
 

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Float64
 
+from gsedit.scene.color_space import LUMINANCE, linear_of_srgb, srgb_of_linear
 from gsedit.scene.neighbors import nearest
 from gsedit.scene.table import SplatTable
-from gsedit.scene.color_space import LUMINANCE, linear_of_srgb, srgb_of_linear
 from rasterizer.numerics import SH_DC
 
 SMOOTHING_ROUNDS = 24
@@ -43,7 +43,7 @@ BRIGHTER_PARTS = 0.9
 
 @dataclass(frozen=True)
 class Finish:
-    """How paint shines."""
+    """How a coat of paint shines."""
 
     shine: float
     """Factor of the bands above 0, which hold what depends on the direction."""

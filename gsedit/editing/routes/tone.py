@@ -12,9 +12,9 @@ from jaxtyping import Bool
 
 from gsedit.editing.routes.colors import parse_hex
 from gsedit.errors import UsageError
+from gsedit.scene.color_space import LUMINANCE
 from gsedit.scene.table import SplatTable
 from gsedit.toolkit.color_maps import Affine
-from gsedit.scene.color_space import LUMINANCE
 from gsedit.toolkit.grade import COLDEST, GAMMA, HOTTEST, NEUTRAL, Grade
 from gsedit.toolkit.recolor import recolored
 

@@ -71,7 +71,9 @@ def test_the_mean_is_the_color_asked_for():
 def test_the_light_stays(color):
     before = colored(np.array([0.55, 0.5, 0.45]))
     after = painted(before, ball(), rgb(color))
-    light, now = (linear_of_srgb(t.colors[:BALL].astype(float)) @ LUMINANCE for t in (before, after))
+    light, now = (
+        linear_of_srgb(t.colors[:BALL].astype(float)) @ LUMINANCE for t in (before, after)
+    )
     assert np.corrcoef(light, now)[0, 1] > 0.98
     hue = after.colors[:BALL] / np.maximum(after.colors[:BALL].max(1, keepdims=True), 1e-3)
     assert np.ptp(hue, axis=0).max() < 0.15
