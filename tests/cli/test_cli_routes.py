@@ -9,7 +9,6 @@ import pytest
 from command_line import files, gsedit, one_line
 
 from gsedit import load
-from gsedit.words import reader
 from gsedit.words.instruction import Change, Instruction
 
 BRIGHTER = Change("scene", "tone", "brightness", None, 0.2, "tone")
@@ -22,7 +21,7 @@ def reads(monkeypatch):
 
     def tell(*changes: Change, known: bool = True, why: str = "") -> None:
         read = lambda text: Instruction(text, known, why, changes)  # noqa: E731
-        monkeypatch.setattr(reader, "read_instruction", read, raising=False)
+        monkeypatch.setattr("gsedit_cli.options.routes.sentence_reader", lambda: read)
 
     return tell
 
