@@ -56,6 +56,12 @@ class EditorOptions:
         "small: follow an instruction that it does not understand with the nearest known look.",
     )
 
+    def settled(self) -> EditorOptions:
+        """Return the options with the default editor where gsedit may choose one."""
+        from gsedit.editors.registry import DEFAULT
+
+        return replace(self, editor=DEFAULT) if self.editor == AUTO else self
+
     def make(self, out: Path, instruction: str | None) -> Editor:
         """Make the editor, which may keep files below `out`.
 
@@ -63,10 +69,9 @@ class EditorOptions:
         follow (None: it need not follow any).
         """
         from gsedit.editors import make_editor
-        from gsedit.editors.registry import DEFAULT
 
         editor = make_editor(
-            DEFAULT if self.editor == AUTO else self.editor,
+            self.settled().editor,
             model=self.model,
             weights_dir=self.weights_dir,
             run=self.run,

@@ -121,6 +121,7 @@ def run_edit(
 
     Returns None on all ranks but the first, and where the edit is only explained.
     """
+    editor = editor.settled()
     kept = {"editor": editor, "features": own.features}
     state = None
     if not own.explain:
