@@ -20,13 +20,19 @@ if TYPE_CHECKING:
 EDITOR, STRATEGY, SAMPLING, UPDATE = "2D editor", "Strategy", "Sampling", "Scene update"
 LAYOUT = Layout(UPDATE, panels={"sampler": SAMPLING, "update": UPDATE, "execution": "Rendering"})
 
+AUTO = "auto"
+"""Name that leaves the choice of the editor to gsedit."""
+
 
 @dataclass(frozen=True)
 class EditorOptions:
     """Options of the 2D editor that follows the instruction."""
 
     editor: str = option(
-        "small", "2D editor that changes the views; gsedit list editors names them.", "NAME"
+        AUTO,
+        "2D editor that changes the views; gsedit list editors names them. auto: tone and paint "
+        "are done on the scene itself, in seconds; small does everything else.",
+        "NAME",
     )
     model: str | None = option(
         None, "pix2pix: a folder of weights, or a Hugging Face id. small: a file of weights."
@@ -50,6 +56,12 @@ class EditorOptions:
         "small: follow an instruction that it does not understand with the nearest known look.",
     )
 
+    def settled(self) -> EditorOptions:
+        """Return the options with the default editor where gsedit may choose one."""
+        from gsedit.editors.registry import DEFAULT
+
+        return replace(self, editor=DEFAULT) if self.editor == AUTO else self
+
     def make(self, out: Path, instruction: str | None) -> Editor:
         """Make the editor, which may keep files below `out`.
 
@@ -59,7 +71,7 @@ class EditorOptions:
         from gsedit.editors import make_editor
 
         editor = make_editor(
-            self.editor,
+            self.settled().editor,
             model=self.model,
             weights_dir=self.weights_dir,
             run=self.run,

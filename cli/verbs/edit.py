@@ -23,6 +23,7 @@ from ..core.ranks import drain, is_first, ranks
 from ..options.cameras import ViewOptions, framed_alike, load_views
 from ..options.common import DropInvalid, Force, Scene, Seeded, load_scene
 from ..options.editing import EditorOptions, edit_settings, resolve, what_it_understood
+from ..options.routes import exact_instruction, run_routes
 from ..options.settings import Setting, SettingsGroup, Values
 
 if TYPE_CHECKING:
@@ -89,6 +90,13 @@ def edit(
     viewpoints that gsedit finds. gsedit list settings edit explains every setting.
     """
     folder = check_request(instruction, views, own.out, own.explain)
+    plain = own == EditOptions(own.out, drop_invalid=own.drop_invalid, force=own.force)
+    if plain and (read := exact_instruction(instruction, editor, values)):
+        check_apart(scene, folder)
+        check_folder(folder, own.force, leftovers=LEFTOVERS)
+        common.apply()
+        load = partial(load_scene, scene, drop_invalid=own.drop_invalid)
+        return run_routes(scene, load, read, folder, views, values, as_json=common.json)
     result = run_edit(scene, instruction, folder, own, views, editor, values, common)
     if result is not None:
         print_edit(result, folder, as_json=common.json)
@@ -113,6 +121,7 @@ def run_edit(
 
     Returns None on all ranks but the first, and where the edit is only explained.
     """
+    editor = editor.settled()
     kept = {"editor": editor, "features": own.features}
     state = None
     if not own.explain:

@@ -46,7 +46,7 @@ def write_edit(
     for name in FILES:
         check_writable(folder / name, overwrite=overwrite)
     folder.mkdir(parents=True, exist_ok=True)
-    _remove_earlier(folder)
+    remove_earlier(folder)
     save(result.scene, folder / "scene.ply", overwrite=overwrite)
     save_region(result.region, folder / "region.npy", overwrite=overwrite)
     with (
@@ -65,7 +65,7 @@ def write_edit(
     (folder / UNFINISHED).unlink(missing_ok=True)
 
 
-def _remove_earlier(folder: Path) -> None:
+def remove_earlier(folder: Path) -> None:
     """Remove the edit.json of an earlier edit, and the PNGs that it says the edit wrote."""
     file = folder / "edit.json"
     try:

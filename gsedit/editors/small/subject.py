@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -36,6 +38,16 @@ to 0.07, and 0.48 to 3.60."""
 
 
 @torch.no_grad()
+def subject_map(
+    network: SmallNetwork, originals: Float[Tensor, "v h w 3"]
+) -> Float[Tensor, "v h w"]:
+    """The probability that a pixel shows the main subject, whatever the instruction is."""
+    height, width = originals.shape[1:3]
+    padded = pad_to_multiple(originals, CELL_PIXELS, "mirror")
+    encoded = [_encode(network, image[None]) for image in padded]
+    return _subject(encoded)[:, :height, :width]
+
+
 def subject_probability(
     network: SmallNetwork, prompt: str, originals: Float[Tensor, "v h w 3"]
 ) -> Float[Tensor, "v h w"] | None:
@@ -45,7 +57,7 @@ def subject_probability(
     height, width = originals.shape[1:3]
     originals = pad_to_multiple(originals, CELL_PIXELS, "mirror")
     encoded = [_encode(network, image[None]) for image in originals]
-    subject = torch.cat([each.geometry[:, 0].sigmoid() for each in encoded])
+    subject = _subject(encoded)
     chosen = torch.linspace(0, len(originals) - 1, min(LOOKED_AT, len(originals))).round().long()
     text = network.text_encoder(tokenise([prompt]))
     change = torch.cat(
@@ -53,6 +65,10 @@ def subject_probability(
     )
     is_whole = reach(change, subject[chosen]) > WHOLE_SCENE_RATIO
     return None if is_whole else subject[:, :height, :width]
+
+
+def _subject(encoded: Sequence[EncodedImage]) -> Float[Tensor, "v h w"]:
+    return torch.cat([each.geometry[:, 0].sigmoid() for each in encoded])
 
 
 def with_subject(encoded: EncodedImage, subject: Float[Tensor, "v h w"]) -> EncodedImage:

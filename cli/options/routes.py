@@ -1,0 +1,158 @@
+"""Edits by exact routes: when a sentence takes them, and the folder that they write."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
+from functools import partial
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gsedit.errors import UsageError
+
+from ..core.console import print_message, print_result
+from ..core.kernel import say_kernel
+from ..core.ranks import is_first
+from .cameras import ViewOptions, resolve_cameras
+from .editing import AUTO, EditorOptions
+from .settings import Values, with_values
+
+if TYPE_CHECKING:
+    from gsedit.datasets.viewpoints import Viewpoint
+    from gsedit.editing.routes.apply import Routed
+    from gsedit.editing.routes.folder import Compared
+    from gsedit.words.instruction import Instruction
+    from rasterizer.scene import Gaussians
+
+SHOWN_VIEWS = 4
+"""Held-out views of before_after.png, at which the edit is measured."""
+SETTINGS = ("region", "execution")
+"""Settings that exact routes heed; any other one asks for the 2D editor."""
+
+
+def exact_instruction(text: str, editor: EditorOptions, values: Values) -> Instruction | None:
+    """Return the instruction if exact routes can do all of it, and no option asks for an editor.
+
+    Raises UsageError for a sentence that is refused.
+    """
+    if editor != EditorOptions() or any(path[0] not in SETTINGS for path in values):
+        return None
+    from gsedit.editing.routes.apply import is_exact
+
+    read = sentence_reader()
+    if read is None:
+        return None
+    instruction = read(text)
+    if not instruction.known:
+        raise UsageError(instruction.why)
+    return instruction if is_exact(instruction) else None
+
+
+def sentence_reader() -> Callable[[str], Instruction] | None:
+    """Return gsedit.words.read.read_instruction; None where gsedit.words cannot read sentences."""
+    if find_spec("gsedit.words.read") is None:
+        return None
+    return import_module("gsedit.words.read").read_instruction
+
+
+def run_routes(
+    scene: Path,
+    load: Callable[[], Gaussians],
+    instruction: Instruction,
+    folder: Path,
+    views: ViewOptions,
+    values: Values,
+    *,
+    as_json: bool,
+) -> None:
+    """Edit a scene by exact routes and write the folder. Raises UsageError as `apply_change`."""
+    if not is_first():
+        return
+    from gsedit.cameras.around import FOUND_VIEWS
+    from gsedit.datasets.viewpoints import same_size
+    from gsedit.editing.routes.apply import apply_instruction
+    from gsedit.editing.routes.folder import compare
+    from gsedit.editing.routes.subject import find_part
+    from gsedit.editing.session.settings import EditSettings
+    from gsedit.runs.stopwatch import Stopwatch
+
+    settings = with_values(EditSettings(), values)
+    print_message(
+        f"understood as {instruction}; route: the Gaussians are changed directly, no view is edited"
+    )
+    watch, execution = Stopwatch(), settings.execution
+    with watch.stage("read"):
+        gaussians = load()
+        say_kernel(execution)
+        resolved = resolve_cameras(scene, gaussians, views, FOUND_VIEWS, execution)
+        viewpoints = same_size(resolved.viewpoints, views.size)
+    find = partial(find_part, viewpoints=viewpoints, region=settings.region, execution=execution)
+    with watch.stage("change"):
+        asked = only_in_region(instruction) if settings.region != AUTO else instruction
+        cameras = [viewpoint.camera for viewpoint in viewpoints]
+        routed = apply_instruction(gaussians, asked, find, cameras, execution)
+    with watch.stage("measure"):
+        compared = compare(gaussians, routed, shown(viewpoints), execution)
+    timings = {**watch.stages, "total": watch.seconds}
+    write_folder(scene, folder, instruction, routed, compared, viewpoints, views, timings)
+    print_routed(folder, compared, timings, as_json=as_json)
+
+
+def only_in_region(instruction: Instruction) -> Instruction:
+    """Return the instruction with every change in the part that is found, as `--region` says."""
+    changes = tuple(replace(change, target="subject") for change in instruction.changes)
+    return replace(instruction, changes=changes)
+
+
+def shown(viewpoints: Sequence[Viewpoint]) -> tuple[Viewpoint, ...]:
+    """Return some of the views that an edit holds out."""
+    from gsedit.datasets.dataset import evenly_spaced
+    from gsedit.datasets.view_list_files import HELD_OUT_EVERY
+
+    held_out = viewpoints[::HELD_OUT_EVERY]
+    return tuple(held_out[i] for i in evenly_spaced(len(held_out), SHOWN_VIEWS))
+
+
+def write_folder(
+    scene: Path,
+    folder: Path,
+    instruction: Instruction,
+    routed: Routed,
+    compared: Compared,
+    viewpoints: Sequence[Viewpoint],
+    views: ViewOptions,
+    timings: dict[str, float],
+) -> None:
+    """Write the scene, its pictures and cameras, and last the record."""
+    from gsedit.datasets.cameras_json import write_cameras
+    from gsedit.datasets.view_list_files import by_edit, write_view_list
+    from gsedit.editing.routes.folder import write_routed
+    from gsedit.editing.session.folder import history_of
+
+    request = {"scene": scene, **asdict(views), "editor": {"editor": AUTO}, **history_of(scene)}
+    folder.mkdir(parents=True, exist_ok=True)
+    write_cameras(viewpoints, folder / "cameras.json", overwrite=True)
+    write_view_list(by_edit(viewpoints, ()), folder / "views.json", overwrite=True)
+    write_routed(folder, instruction, routed, compared, timings=timings, request=request)
+
+
+def print_routed(
+    folder: Path, compared: Compared, timings: dict[str, float], *, as_json: bool
+) -> None:
+    """Print what was measured and where the edited scene is."""
+    outside = compared.psnr_outside
+    kept = "" if outside is None else f"; outside the region {outside:.1f} dB to the unedited scene"
+    print_message(f"changed by {compared.changed:.3f} RMSE{kept}; {timings['total']:.1f} s")
+    print_message(
+        f"results are in {folder}; look at {folder / 'before_after.png'}, then: "
+        f"gsedit view {folder / 'scene.ply'}"
+    )
+    record = {
+        "folder": folder,
+        "scene": folder / "scene.ply",
+        "ground_truth": None,
+        "psnr_outside_region": outside,
+    }
+    print_result(record, str(folder / "scene.ply"), as_json=as_json)

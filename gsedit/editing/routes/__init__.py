@@ -1,0 +1,1 @@
+"""Routes that change Gaussians directly, without a 2D editor."""

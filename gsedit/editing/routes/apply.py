@@ -1,0 +1,121 @@
+"""Changes done on the Gaussians themselves, where a route does them exactly: no view is edited."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from gsedit.datasets.dataset import evenly_spaced
+from gsedit.editing.routes.colors import parse_hex
+from gsedit.editing.routes.paint import finish_of, painted
+from gsedit.editing.routes.tone import toned
+from gsedit.errors import UsageError
+from gsedit.regions.lift import lift
+from gsedit.regions.region import Region, everything
+from gsedit.scene.table import table_of
+from gsedit.words.instruction import Change, Instruction, Target
+from rasterizer.camera import Camera
+from rasterizer.numerics import AUTO, Execution
+from rasterizer.scene import Gaussians
+
+EXACT_ROUTES = ("tone", "paint")
+SEEN_VIEWS = 12
+"""Most pictures that tell which Gaussians are seen."""
+SEEN_PIXELS = 128
+"""Longer side of these pictures."""
+
+FindRegion = Callable[[Gaussians], Region]
+"""Finds the subject of a scene."""
+
+
+@dataclass(frozen=True, eq=False)
+class Routed:
+    """A scene that routes changed."""
+
+    scene: Gaussians
+    region: Region
+    """Gaussians that any of the changes could reach."""
+
+
+def is_exact(instruction: Instruction) -> bool:
+    """Whether every change of an understood instruction has a route that does it exactly."""
+    changes = instruction.changes
+    return instruction.known and bool(changes) and all(c.route in EXACT_ROUTES for c in changes)
+
+
+def seen_weights(
+    scene: Gaussians, cameras: Sequence[Camera], execution: Execution = AUTO
+) -> Float[Tensor, " n"] | None:
+    """How many pixels of small pictures from some of the cameras each Gaussian fills; None without
+    cameras."""
+    chosen = [cameras[i].fitted(SEEN_PIXELS) for i in evenly_spaced(len(cameras), SEEN_VIEWS)]
+    ones = [torch.ones(camera.height, camera.width) for camera in chosen]
+    return lift(scene, chosen, ones, execution).weight if chosen else None
+
+
+def apply_change(
+    scene: Gaussians, change: Change, region: Region, seen: Float[Tensor, " n"] | None = None
+) -> Gaussians:
+    """The scene with one change on the Gaussians of a region; the others are the same bits.
+
+    Paint weighs Gaussians by how much of them is `seen` (`seen_weights`; None: by their size).
+    Raises UsageError for a region of no Gaussians, a route that is not exact, an unknown tone, an
+    amount out of range, or a color that is none.
+    """
+    if not region.inside.any():
+        raise UsageError(
+            f"{change} would change no Gaussian: name what should change with --region, "
+            "and look at it with gsedit render SCENE --region ..."
+        )
+    table, inside = table_of(scene), region.inside.cpu().numpy()
+    match change.route:
+        case "tone":
+            after = toned(table, inside, change.name, change.amount, change.color)
+        case "paint":
+            weights = None if seen is None else seen.cpu().numpy()
+            finish = finish_of(change.name)
+            after = painted(table, inside, parse_hex(change.color), finish, weights)
+        case _:
+            raise UsageError(f"{change} has no exact route: edit with --editor small")
+    return replace(scene, sh=torch.from_numpy(after.sh).to(scene.sh))
+
+
+def apply_instruction(
+    scene: Gaussians,
+    instruction: Instruction,
+    find_region: FindRegion,
+    cameras: Sequence[Camera] = (),
+    execution: Execution = AUTO,
+) -> Routed:
+    """The scene with every change of the instruction, in order; the subject is searched once.
+
+    The cameras, if any, tell which Gaussians are seen: paint is adjusted to those.
+    Raises UsageError where a change has no exact route, and as `apply_change`, `find_region`.
+    """
+    if not is_exact(instruction):
+        raise UsageError(f"{instruction} has no exact route: edit with --editor small")
+    changes = instruction.changes
+    paints = any(change.route == "paint" for change in changes)
+    seen = seen_weights(scene, cameras, execution) if paints else None
+    targets: tuple[Target, ...] = tuple(dict.fromkeys(change.target for change in changes))
+    regions = _regions(scene, set(targets), find_region)
+    after, inside = scene, torch.zeros(len(scene), dtype=torch.bool)
+    for change in changes:
+        after = apply_change(after, change, regions[change.target], seen)
+        inside |= regions[change.target].inside
+    return Routed(after, Region(inside, "; ".join(regions[target].note for target in targets)))
+
+
+def _regions(
+    scene: Gaussians, targets: set[Target], find_region: FindRegion
+) -> dict[Target, Region]:
+    """Regions by target; the subject is searched only where a target needs it."""
+    if targets == {"scene"}:
+        return {"scene": everything(scene)}
+    subject = find_region(scene)
+    background = Region(~subject.inside, f"all but {subject.note}")
+    return {"scene": everything(scene), "subject": subject, "background": background}
