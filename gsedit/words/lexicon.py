@@ -7,7 +7,7 @@ is read by `gsedit.words.colors`.
 from __future__ import annotations
 
 
-def _listed(table: dict[str, str]) -> dict[str, str]:
+def listed(table: dict[str, str]) -> dict[str, str]:
     """Meaning by phrase, from phrases separated by commas by meaning."""
     return {phrase.strip(): meaning for meaning, row in table.items() for phrase in row.split(",")}
 
@@ -17,7 +17,7 @@ def word_set(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
-TONE_NOUNS = _listed(
+TONE_NOUNS = listed(
     {
         "brightness": "brightness, exposure, luminosity, lightness, illumination, gamma",
         "contrast": "contrast, contrasts, punch",
@@ -27,7 +27,7 @@ TONE_NOUNS = _listed(
         "hue": "hue, hues, tint",
     }
 )
-TONE_WORDS = _listed(
+TONE_WORDS = listed(
     {
         "brightness +": "bright, overexposed, blinding, glaring, blown out, over exposed, luminous, "  # noqa: E501
         "glary, well lit",
@@ -44,7 +44,7 @@ TONE_WORDS = _listed(
     }
 )
 """Adjectives that say how a picture is: of one as bright, too bright, more or less bright."""
-TONE_TURNS = _listed(
+TONE_TURNS = listed(
     {
         "brightness +": "brighter, brighten, brightens, brightening, lighter, lighten, lightens, "
         "brighten up, illuminate, light up",
@@ -59,7 +59,7 @@ TONE_TURNS = _listed(
     }
 )
 """Words that hold their direction."""
-TONE_STYLES = _listed(
+TONE_STYLES = listed(
     {
         "grayscale": "grayscale, greyscale, black and white, monochrome, monochromatic, film noir, "
         "noir, b w, bw, gray scale, grey scale, black white",
@@ -133,7 +133,7 @@ INTENSE = {
     "poor": -1,
 }
 """Adjectives of a tone's noun, by sign."""
-FINISHES = _listed(
+FINISHES = listed(
     {
         "matte": "matte, matt, mat, chalky, non glossy, unvarnished, dull finish, powdery, "
         "powder coated, velvety",
@@ -152,175 +152,7 @@ MATERIAL_WORDS = word_set(
 )
 """Words that stay in a material's name where they stand before it."""
 
-MATERIALS = {
-    "bronze": "#8c6239",
-    "gold": "#d4a640",
-    "silver": "#c0c2c6",
-    "copper": "#b5683f",
-    "brass": "#b89a4a",
-    "iron": "#5a5a5c",
-    "steel": "#8f9499",
-    "aluminum": "#b9bcc0",
-    "chrome": "#c9ccd1",
-    "titanium": "#878681",
-    "lead": "#6b6e73",
-    "tin": "#a8a9ad",
-    "pewter": "#8e9294",
-    "platinum": "#d5d4d0",
-    "metal": "#8f9499",
-    "verdigris": "#5f9e8f",
-    "rust": "#8b4a26",
-    "marble": "#ece9e4",
-    "granite": "#8a8784",
-    "sandstone": "#c9a878",
-    "limestone": "#d3cbb8",
-    "slate": "#4f5860",
-    "stone": "#8f8b84",
-    "concrete": "#9c9a95",
-    "brick": "#9c4a34",
-    "basalt": "#3c3d3f",
-    "obsidian": "#15141a",
-    "onyx": "#1c1b1d",
-    "alabaster": "#f0e8dc",
-    "quartz": "#e4dfe2",
-    "plaster": "#eae6de",
-    "clay": "#b0714e",
-    "terracotta": "#c8643c",
-    "porcelain": "#f4f1ec",
-    "ceramic": "#e6e0d6",
-    "glass": "#cfe0df",
-    "crystal": "#dfeaf0",
-    "ice": "#c4e1ee",
-    "wood": "#8a5a34",
-    "bamboo": "#c8ad6a",
-    "cork": "#b58a5c",
-    "leather": "#6e4428",
-    "rubber": "#2c2c2d",
-    "plastic": "#d0d0cf",
-    "carbon fiber": "#26272a",
-    "jade": "#3f9c72",
-    "malachite": "#0b8a5c",
-    "amethyst": "#8a5fc0",
-    "ruby": "#9b1128",
-    "emerald": "#1f8f5a",
-    "sapphire": "#1f3f9e",
-    "lapis lazuli": "#26619c",
-    "amber": "#d58a1e",
-    "pearl": "#ece6da",
-    "ivory": "#f2ead2",
-    "bone": "#e3dac6",
-    "wax": "#efe2b8",
-    "soap": "#ece8d8",
-    "chocolate": "#4f2c1a",
-    "cheese": "#f2c14e",
-    "gingerbread": "#a5652e",
-    "sugar": "#f6f3ee",
-    "candy": "#f0629a",
-    "moss": "#66803a",
-    "lava": "#d8481c",
-    "sand": "#d6bd8c",
-    "snow": "#f4f8fb",
-    "mud": "#5f4630",
-    "paper": "#f2efe6",
-    "cardboard": "#b3895b",
-    "wool": "#e6dfd0",
-    "velvet": "#6a1b34",
-    "felt": "#8b8f94",
-    "denim": "#3f5f8a",
-    "fabric": "#b9ae9c",
-    "butter": "#f6e08a",
-    "bread": "#c48a4c",
-    "straw": "#d8bf72",
-    "gunmetal": "#50565c",
-    "coal": "#222224",
-    "opal": "#d6e6e6",
-    "diamond": "#e8f1f6",
-    "turquoise": "#30b5a8",
-    "coral": "#f0705c",
-    "nickel": "#a5a49c",
-    "mercury": "#b8bcc2",
-    "jelly": "#d8345a",
-    "cloth": "#b9ae9c",
-    "foam": "#f0efea",
-    "flesh": "#d9a58a",
-}
-"""Base color of a material."""
-MATERIAL_NAMES = {name: name for name in MATERIALS} | _listed(
-    {
-        "gold": "golden, gilded, midas, solid gold, gilt, 24 karat",
-        "silver": "silvery, sterling",
-        "copper": "coppery",
-        "bronze": "bronzed",
-        "rust": "rusty, rusted, rusted iron, rusty iron, corroded, corroded iron, rusty metal, "
-        "oxidized iron, corten steel, rusted steel, rusty steel",
-        "verdigris": "patina, green patina, patinated copper, oxidized copper, copper patina",
-        "aluminum": "aluminium",
-        "chrome": "chromed, chrome plated, mirror chrome, chromium",
-        "wood": "wooden, oak, walnut, pine, mahogany, teak, timber, ebony, birch, cherry wood, "
-        "driftwood, oak wood, cedar, plywood, whittled, maple",
-        "stone": "medusa, rock, petrified, stony, fossil",
-        "carbon fiber": "carbon fibre, carbon",
-        "ice": "icy, frozen, frozen solid, freeze",
-        "moss": "mossy, covered in moss, overgrown",
-        "lava": "magma, molten lava, molten rock",
-        "porcelain": "china, bone china, ming",
-        "terracotta": "terra cotta, earthenware, flower pot",
-        "concrete": "cement",
-        "lapis lazuli": "lapis",
-        "glass": "glassy, stained glass",
-        "ceramic": "pottery, stoneware",
-        "steel": "stainless steel, stainless",
-        "crystal": "crystalline",
-        "plastic": "vinyl, lego plastic, toy plastic",
-        "brick": "bricks",
-        "marble": "marbled, carrara, carrara marble",
-        "cheese": "cheddar, swiss cheese",
-        "chocolate": "milk chocolate, dark chocolate",
-        "gingerbread": "ginger bread, cookie, biscuit",
-        "candy": "lollipop, gummy, gummi",
-        "jelly": "jello, gelatin",
-        "wool": "knitted wool, yarn, woolen, woollen, knitted",
-        "iron": "cast iron, wrought iron",
-        "metal": "metal, sheet metal",
-        "straw": "wicker, hay",
-        "diamond": "diamonds",
-        "ivory": "tusk",
-        "leather": "leathery",
-        "sugar": "sugar cube, marzipan",
-        "plaster": "gypsum, plaster of paris, stucco",
-        "fabric": "textile, linen, cotton, silk",
-        "wax": "candle wax, beeswax",
-        "sand": "packed sand",
-    }
-)
-COLOR_FIRST = word_set(
-    "coral turquoise amber ivory pearl ruby emerald sapphire amethyst sand salmon "
-    "bone butter straw mud flesh"
-)
-"""Materials whose name is a color where nothing says that it is made of it."""
-SMALL_MATERIALS = {"stone": "sandstone", "snow": "white"} | {
-    name: name
-    for name in [
-        "bronze",
-        "gold",
-        "silver",
-        "verdigris",
-        "rust",
-        "marble",
-        "sandstone",
-        "slate",
-        "wood",
-        "terracotta",
-        "chocolate",
-        "jade",
-        "ice",
-        "lava",
-        "moss",
-    ]
-}
-"""Look of the editor `small` for a material."""
-
-LIGHTS = _listed(
+LIGHTS = listed(
     {
         "night": "night, nighttime, night time, midnight, nocturnal, after dark, nightfall, "
         "starry night, stars, starlight, nightly",
@@ -363,7 +195,7 @@ SMALL_LIGHTS = {
     "storm": "rain",
 }
 """Look of the editor `small` for a light."""
-LOOK_NAMES = _listed(
+LOOK_NAMES = listed(
     {
         "snow": "snow, snowy, snowfall, blizzard, winter, wintry, snowed in, snow covered, "
         "snowing, snows, january, christmas",

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-from gsedit.words import amounts, colors, lexicon
+from gsedit.words import amounts, colors, lexicon, materials
 from gsedit.words.instruction import Change, Instruction, Target
-from gsedit.words.looks import LOOKS, Look
+from gsedit.words.placing import join, merged, placed
+from gsedit.words.reading import Reading, Refused
 from gsedit.words.refusals import ACTS, GEOMETRY, NEGATION, PARTS, REASONS, first_refusal
 from gsedit.words.scan import Word, scanned
+from gsedit.words.small_looks import change_of_look, look_of, tone_change
 from gsedit.words.targets import (
     BACKGROUND,
-    IT,
     KEEP_BACKGROUND,
     KEEP_SUBJECT,
     PLACE,
@@ -62,21 +63,6 @@ _THINGS = frozenset(
 """Colors whose name is a thing first."""
 
 
-class _Refused(Exception):
-    """Kind of refusal of a sentence."""
-
-
-@dataclass
-class _Reading:
-    """Changes and parts that the clauses before have named."""
-
-    changes: list[Change]
-    target: str | None = None
-    kept: str | None = None
-    direction: int = 0
-    negated: bool = False
-
-
 def read_instruction(sentence: str) -> Instruction:
     """Changes that a sentence asks for, or why it is refused. Never a change that it forbids.
 
@@ -86,57 +72,18 @@ def read_instruction(sentence: str) -> Instruction:
     text = normalised(sentence)
     try:
         if kind := first_refusal(sentence, text):
-            raise _Refused(kind)
+            raise Refused(kind)
         changes = _parsed(_prepared(text)) or _meant(sentence, text)
         _check(changes)
-    except _Refused as refused:
+    except Refused as refused:
         return Instruction(sentence, False, REASONS[str(refused)], ())
     return Instruction(sentence, True, "; ".join(map(str, changes)), tuple(changes))
-
-
-def look_of(change: Change) -> Look | None:
-    """Look of the editor `small` that does a change; None where none of its looks fits."""
-    table = {
-        "material": lexicon.SMALL_MATERIALS,
-        "light": lexicon.SMALL_LIGHTS,
-        "look": lexicon.SMALL_LOOKS,
-    }
-    names = table.get(change.kind, {})
-    name = names.get(change.name) or names.get(change.name.split()[-1])
-    if change.kind == "material" and not name:
-        name = names.get(material_of(change.name))
-    return LOOKS[name] if name else None
-
-
-def material_of(name: str) -> str:
-    """Material of the table that a name such as "polished black granite" means; "" for none."""
-    found = [word.value for word in scanned(words(name)) if word.kind == "material"]
-    return found[-1 if "with" not in name else 0] if found else ""
 
 
 def _prepared(text: str) -> str:
     """Text with numbers as digits, colors by number as "#rrggbb", parts marked and every "not"
     at the head of its own clause."""
-    text = re.sub(
-        r"rgb\s*\([^)]*\)|rgb \d+[, ]+\d+[, ]+\d+",
-        lambda m: colors.hexadecimal(m[0]) or "unknowncolor",
-        text,
-    )
-    text = re.sub(
-        r"\bhex(?: code)?:? #?([0-9a-f]{6})\b|(?<![\w#])#?(?=[0-9a-f]*\d)([0-9a-f]{6})\b",
-        lambda m: f"#{m[1] or m[2]}",
-        text,
-    )
-    text = re.sub(
-        r"\b(?:half ?way |somewhere |midway |in )?between ([a-z ]+?) and ((?:light |dark )?[a-z]+)",
-        _midway,
-        text,
-    )
-    text = (
-        re.sub(r"\bas (?=[a-z ]+ as\b)([a-z]+) as (?!is\b)[^,;.]*", r"\1", text)
-        if re.search(r"\bas (?:" + "|".join(colors.PLAIN) + r") as\b", text)
-        else text
-    )
+    text = _with_colors(text)
     text = re.sub(r"\bfrom (?:the )?(?:\w+ ){1,2}to\b", "to", text)
     text = re.sub(
         r"\b(?:turn|change|convert|transform|replace) (?:the |this |that )?(\w+(?: \w+)"
@@ -161,6 +108,30 @@ def _prepared(text: str) -> str:
     return re.sub(r"(?<=\S)\s+not\b(?![^,;.]*\b(?:enough|so|too|as|that|quite)\b)", ", not", text)
 
 
+def _with_colors(text: str) -> str:
+    """Text with colors by number as "#rrggbb", and those between two as one."""
+    text = re.sub(
+        r"rgb\s*\([^)]*\)|rgb \d+[, ]+\d+[, ]+\d+",
+        lambda m: colors.hexadecimal(m[0]) or "unknowncolor",
+        text,
+    )
+    text = re.sub(
+        r"\bhex(?: code)?:? #?([0-9a-f]{6})\b|(?<![\w#])#?(?=[0-9a-f]*\d)([0-9a-f]{6})\b",
+        lambda m: f"#{m[1] or m[2]}",
+        text,
+    )
+    text = re.sub(
+        r"\b(?:half ?way |somewhere |midway |in )?between ([a-z ]+?) and ((?:light |dark )?[a-z]+)",
+        _midway,
+        text,
+    )
+    return (
+        re.sub(r"\bas (?=[a-z ]+ as\b)([a-z]+) as (?!is\b)[^,;.]*", r"\1", text)
+        if re.search(r"\bas (?:" + "|".join(colors.PLAIN) + r") as\b", text)
+        else text
+    )
+
+
 def _exchanged(match: re.Match[str]) -> str:
     """Text without a light or a look that gives way to another."""
     scenic = any(word.kind in ("light", "look") for word in scanned(words(match[1])))
@@ -173,21 +144,21 @@ def _midway(match: re.Match[str]) -> str:
 
 
 def _parsed(text: str) -> list[Change]:
-    """Changes that the words of a text name; empty where none does. Raises _Refused."""
+    """Changes that the words of a text name; empty where none does. Raises Refused."""
     parts = clauses(text)
     kept = [mark for mark in (KEEP_SUBJECT, KEEP_BACKGROUND) if mark in text]
-    reading = _Reading([], kept=kept[0] if len(set(kept)) == 1 else None)
+    reading = Reading([], kept=kept[0] if len(set(kept)) == 1 else None)
     for index, part in enumerate(parts):
         followed = index + 1 < len(parts) and bool(
             _MEND.match(parts[index + 1]) and not re.search("<[sb]>", parts[index + 1])
         )
         _read_clause(part, followed, reading)
     if not reading.changes and (reading.negated or (kept and not reading.changes)):
-        raise _Refused("negation")
-    return _placed(_merged(reading.changes), reading)
+        raise Refused("negation")
+    return placed(merged(reading.changes), reading)
 
 
-def _read_clause(text: str, followed: bool, reading: _Reading) -> None:
+def _read_clause(text: str, followed: bool, reading: Reading) -> None:
     found = scanned(words(text))
     named = [word.value for word in found if word.value in (SUBJECT, BACKGROUND, SCENE, PLACE)]
     how = manner(text, found, followed)
@@ -203,42 +174,42 @@ def _read_clause(text: str, followed: bool, reading: _Reading) -> None:
     if negative and not softened:
         reading.negated = True
         if re.search(r"\b(?:remove|delete|erase|rid of)\b", text) and not changes:
-            raise _Refused("geometry")
+            raise Refused("geometry")
         return
     if how.down and changes and not any(change.kind == "tone" for change in changes):
-        raise _Refused("negation")
+        raise Refused("negation")
     if how.up or how.down:
         reading.direction = -1 if how.down else 1
-    _join(changes, found, named, text, reading)
+    join(changes, found, named, text, reading)
 
 
 def _refuse_parts(plain: str, text: str, found: list[Word]) -> None:
-    """Raise _Refused for a clause about shape, or about a part that nothing finds."""
+    """Raise Refused for a clause about shape, or about a part that nothing finds."""
     told = re.sub(r"\b(?:as if|as though|like)\b.*", "", plain)
     if (
         re.search(r"\b(?:sky|wall|trees?|rocks?|ground|floor|grass|lawn)\b", told)
         and re.search(r"\b(?:paint|make|turn|darken|brighten|color)\b", told)
         and not any(w.kind in ("light", "look") for w in found)
     ):
-        raise _Refused("part")
+        raise Refused("part")
     lit = any(word.kind in ("light", "look", "noun", "word", "turn") for word in found)
     if GEOMETRY.search(told) and not re.search(r"\b(?:like|as if)\b", plain) and not lit:
-        raise _Refused("geometry")
+        raise Refused("geometry")
     if PARTS.search(told) and not any(word.kind in ("light", "look") for word in found):
-        raise _Refused("part")
+        raise Refused("part")
     unknown = [word for word in found if word.kind == "unknown"]
     if ACTS.search(told) and unknown and not lit and unknown[-1].at > 0:
-        raise _Refused("geometry")
+        raise Refused("geometry")
     if re.search(r"<s>", text) and any(re.search(rf"<s> {word.text}$", text) for word in unknown):
-        raise _Refused("part")
+        raise Refused("part")
     named = any(
         re.search(rf"\b(?:the|its|his|her|left|right) {word.text}\b", told) for word in unknown
     )
     if named and any(word.kind in ("color", "material", "turn") for word in found):
-        raise _Refused("part")
+        raise Refused("part")
 
 
-def _clause_changes(how, found: list[Word], text: str, reading: _Reading) -> list[Change]:
+def _clause_changes(how, found: list[Word], text: str, reading: Reading) -> list[Change]:
     """Changes of one clause, of its parts yet unsaid."""
     kinds = {word.kind for word in found}
     lights = _scenes(found)
@@ -249,7 +220,7 @@ def _clause_changes(how, found: list[Word], text: str, reading: _Reading) -> lis
             if word.kind == "color" and word.text in lexicon.COLOR_WARMTH
         ]
         sign = lexicon.COLOR_WARMTH[tint[0]] * how.direction if tint else 0
-        return [_tone("warmth", 0.25 * sign)] if sign else []
+        return [tone_change("warmth", 0.25 * sign)] if sign else []
     if "hue" in kinds or (
         re.search(r"\b(?:hue|tint|tinge|cast)\b", text) and "material" not in kinds
     ):
@@ -303,7 +274,7 @@ def _solids(how, found: list[Word], text: str) -> list[Change]:
     made = bool(_MADE.search(text))
     changes = list[tuple[int, Change]]()
     for index, word in enumerate(found):
-        as_color = word.color and (painted or word.text in lexicon.COLOR_FIRST) and not made
+        as_color = word.color and (painted or word.text in materials.COLOR_FIRST) and not made
         if word.kind == "material" and not as_color:
             changes.append((word.at, _material(word, found[:index], text)))
         elif word.color and word.kind in ("color", "material"):
@@ -327,13 +298,13 @@ def _material(word: Word, before: list[Word], text: str) -> Change:
             color = color or (each.color if each.kind == "color" else None)
         else:
             break
-    base = lexicon.MATERIALS[word.value]
+    base = materials.MATERIALS[word.value]
     if "patinated" in own and word.value != "verdigris":
         return Change(
             "subject", "material", f"{word.value} with green patina", "#5f9e8f", None, "small"
         )
     name = word.value if len(own) == 1 else " ".join([*own[:-1], word.value])
-    fits = word.value in lexicon.SMALL_MATERIALS and (
+    fits = word.value in materials.SMALL_MATERIALS and (
         not color or colors.distance(color, base) < CLOSE
     )
     return Change("subject", "material", name, color or base, None, "small" if fits else "paint")
@@ -350,177 +321,29 @@ def _nearest(at: int, found: list[Word]) -> Target:
     ]  # pyright: ignore[reportReturnType]
 
 
-def _join(
-    changes: list[Change], found: list[Word], named: list[str], text: str, reading: _Reading
-) -> None:
-    """Add a clause's changes to what was read, each with its part."""
-    it = any(word.value == IT for word in found)
-    explicit = named[0] if named else None
-    if not changes:
-        unknown = [word for word in found if word.kind == "unknown"]
-        if (
-            any(word.kind == "finish" for word in found)
-            and reading.changes
-            and reading.changes[-1].kind == "paint"
-        ):
-            finish = next(word.value for word in found if word.kind == "finish")
-            reading.changes[-1] = replace(
-                reading.changes[-1], name=f"{finish} {reading.changes[-1].name}"
-            )
-        elif (
-            ACTS.search(text) and unknown and reading.changes and not re.search("like|as if", text)
-        ):
-            raise _Refused("geometry")
-        elif explicit and explicit != PLACE and reading.changes and not reading.target:
-            reading.changes[:] = [replace(c, target=_part(explicit, c)) for c in reading.changes]
-        reading.target = explicit or reading.target
-        return
-    hint = (
-        changes[0].kind == "paint"
-        and len(changes) == 1
-        and not named
-        and not it
-        and reading.changes
-    )
-    if (
-        hint
-        and reading.changes[-1].kind in ("light", "look", "material")
-        and not re.search(r"\b(?:paint|make|turn|color)\b", text)
-    ):
-        if reading.changes[-1].kind == "material":
-            reading.changes[-1] = replace(
-                reading.changes[-1], color=changes[0].color, route="paint"
-            )
-        return
-    unknown = [word for word in found if word.kind == "unknown"]
-    wish = re.search(
-        r"\b(?:make|turn|paint|want|color|like|in|as|should|give|use|render|look)\b", text
-    )
-    if changes[0].kind in ("paint", "material") and len(unknown) >= 2 and not named and not wish:
-        raise _Refused("nonsense")
-    if changes[0].kind == "tone" and len(unknown) >= 3 and not named and not wish:
-        raise _Refused("nonsense")
-    mark = (
-        explicit or reading.target
-        if (explicit or it or not reading.changes or _again(changes, reading))
-        else None
-    )
-    exclusive = reading.kept is not None
-    for change in changes:
-        if change.kind in ("tone", "look") or (
-            change.kind == "light" and (exclusive or mark == BACKGROUND)
-        ):
-            of = (
-                re.search(r"\b(?:of|over|around|in|on|for) <s>", text)
-                and change.kind == "look"
-                and not exclusive
-            )
-            change = replace(change, target=_part(mark, change) if mark and not of else "scene")
-        elif change.kind in ("paint", "material") and not explicit and mark:
-            change = replace(change, target=_part(mark, change))
-        reading.changes.append(change)
-    reading.target = explicit or reading.target
-
-
-def _again(changes: list[Change], reading: _Reading) -> bool:
-    """Whether a clause goes on with the kind of change of the one before it."""
-    return changes[0].kind == reading.changes[-1].kind == "tone"
-
-
-def _part(mark: str, change: Change) -> Target:
-    if mark == SUBJECT:
-        return "subject"
-    if mark == BACKGROUND:
-        return "background"
-    return "background" if mark == PLACE and change.kind in ("paint", "material") else "scene"
-
-
-def _placed(changes: list[Change], reading: _Reading) -> list[Change]:
-    """Changes that keep what the sentence leaves alone."""
-    other: dict[str | None, Target] = {KEEP_SUBJECT: "background", KEEP_BACKGROUND: "subject"}
-    if reading.kept is None:
-        return changes
-    target, alone = (
-        other[reading.kept],
-        {KEEP_SUBJECT: "subject", KEEP_BACKGROUND: "background"}[reading.kept],
-    )
-    if any(c.target == alone and c.kind == "tone" for c in changes) and len(changes) == 1:
-        raise _Refused("negation")
-    others = any(change.target != alone for change in changes)
-    return [
-        change if others and change.target == alone else replace(change, target=target)
-        for change in changes
-    ]
-
-
-def _merged(changes: list[Change]) -> list[Change]:
-    """Changes without those that repeat another one. Raises _Refused for two colors of one part."""
-    kept = list[Change]()
-    for change in changes:
-        same = [c for c in kept if c.kind == change.kind and c.target == change.target]
-        if change.kind == "paint" and any(c.color != change.color for c in same):
-            raise _Refused("two")
-        if any(
-            c.name == change.name
-            or (change.kind == "light" and look_of(c) and look_of(c) == look_of(change))
-            for c in same
-        ):
-            continue
-        kept.append(change)
-    return kept
-
-
 def _check(changes: list[Change]) -> None:
     for change in changes:
         if change.amount is not None and not -1 <= change.amount <= MOST:
-            raise _Refused("amount")
+            raise Refused("amount")
 
 
 def _meant(sentence: str, text: str) -> list[Change]:
-    """Changes that the encoder finds in a sentence whose words name none. Raises _Refused."""
+    """Changes that the encoder finds in a sentence whose words name none. Raises Refused."""
     from gsedit.words.reader import understand
 
     plain = words(text)
     kinds = {word.kind for word in scanned(plain)}
     if "finish" in kinds and "unknown" not in kinds:
-        raise _Refused("finish")
+        raise Refused("finish")
     if not plain:
-        raise _Refused("empty")
+        raise Refused("empty")
     if NEGATION.search(text) or "down" in kinds:
-        raise _Refused("negation")
+        raise Refused("negation")
     understood = understand(sentence)
     if kinds & {"noun", "word", "turn", "up"} and understood.known:
-        toned = all(_of_look(each.look).kind == "tone" for each in understood.looks)
+        toned = all(change_of_look(each.look).kind == "tone" for each in understood.looks)
         if toned:  # a tone is named and its direction is not understood
-            raise _Refused("nonsense")
+            raise Refused("nonsense")
     if not understood.known or understood.looks[0].score < FLOOR or len(plain) < 3:
-        raise _Refused("nonsense")
-    return [_of_look(each.look) for each in understood.looks if each.score >= FLOOR]
-
-
-def _tone(name: str, amount: float | None) -> Change:
-    return Change("scene", "tone", name, None, amount, "tone")
-
-
-def _of_look(look: Look) -> Change:
-    """Change that a look of `small` is."""
-    signs = {
-        "warmer": ("warmth", 0.25),
-        "cooler": ("warmth", -0.25),
-        "brighter": ("brightness", 0.2),
-        "darker": ("brightness", -0.2),
-        "high-contrast": ("contrast", 0.25),
-        "vivid": ("saturation", 0.3),
-        "black-and-white": ("grayscale", None),
-        "sepia": ("sepia", None),
-        "negative": ("negative", None),
-    }
-    if look.name in signs:
-        return _tone(*signs[look.name])
-    if look.name in lexicon.SMALL_LIGHTS:
-        return Change("scene", "light", look.name, None, None, "small")
-    if look.scope == "scene":
-        return Change("scene", "look", look.name, None, None, "small")
-    if look.name in colors.PLAIN:
-        return Change("subject", "paint", look.name, colors.named(look.name), None, "paint")
-    return Change("subject", "material", look.name, lexicon.MATERIALS.get(look.name), None, "small")
+        raise Refused("nonsense")
+    return [change_of_look(each.look) for each in understood.looks if each.score >= FLOOR]

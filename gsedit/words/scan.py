@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import lru_cache
 
-from gsedit.words import colors, lexicon
+from gsedit.words import colors, lexicon, materials
 from gsedit.words.lexicon import word_set
 from gsedit.words.targets import MARKERS
 
@@ -54,7 +54,7 @@ def phrases() -> dict[str, tuple[str, str]]:
     tables = {
         "intense": {word: word for word in lexicon.INTENSE},
         "noun": lexicon.TONE_NOUNS,
-        "material": lexicon.MATERIAL_NAMES,
+        "material": materials.MATERIAL_NAMES,
         "light": lexicon.LIGHTS,
         "look": lexicon.LOOK_NAMES,
         "finish": lexicon.FINISHES,
@@ -132,5 +132,5 @@ def _single(word: str, at: int) -> Word:
 
 @lru_cache(1)
 def _spellings() -> list[str]:
-    tables = (lexicon.MATERIAL_NAMES, lexicon.TONE_NOUNS, lexicon.LOOK_NAMES)
+    tables = (materials.MATERIAL_NAMES, lexicon.TONE_NOUNS, lexicon.LOOK_NAMES)
     return [word for table in tables for word in table if " " not in word] + sorted(colors.PLAIN)

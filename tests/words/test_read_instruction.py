@@ -1,4 +1,4 @@
-"""What sentences ask for, and which are refused. Written before the rules that read them."""
+"""Sentences: what they ask for, and which are refused. Written before the rules that read them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import pytest
 from sentence_grades import graded
 
 from gsedit.words.instruction import Change
-from gsedit.words.read import look_of, read_instruction
+from gsedit.words.read import read_instruction
+from gsedit.words.small_looks import look_of
 
 DATA = Path(__file__).parents[1] / "data" / "sentences"
 
