@@ -10,6 +10,7 @@ from gsedit.fitting.loss_terms import LossTerm, parse_loss
 from rasterizer.numerics import AUTO, Execution
 
 Exposure = Literal["auto", "on", "off"]
+ColorFit = Literal["adam", "least-squares"]
 
 SMALLEST_PATCH = 16
 """Pixels a side: the coarsest filters under the Gram matrix reach this far."""
@@ -28,11 +29,17 @@ class UpdateSettings:
     gram_weight: float = 30.0
     """Weight of the Gram loss beside the MSE (lambda of eq. (loss) of Efficient-NeRF2NeRF). The
     paper's 0.1 changes nothing on features of the pictures' own energy."""
+    color_fit: ColorFit = "adam"
+    """How colors are fitted. adam: steps on random crops, with any loss. least-squares: conjugate
+    gradients on whole views by the MSE alone, at the end of each round of steps; opacities stay.
+    For strategies that edit batches of views, where --geometry is appearance."""
     loss: str = "mse+gram"
     """The terms of the loss, joined by +: mse, l1, dssim, gram, perceptual. A number before a term
     is its weight, as in 0.8*l1+0.2*dssim; gram has --gram-weight besides."""
 
     def __post_init__(self) -> None:
+        if self.color_fit not in get_args(ColorFit):
+            raise UsageError(f"color_fit is {self.color_fit!r}: {', '.join(get_args(ColorFit))}")
         if self.patches < 1 or self.patch < SMALLEST_PATCH:
             raise UsageError(
                 f"patches must be 1 or more, and a patch {SMALLEST_PATCH} pixels or more, "

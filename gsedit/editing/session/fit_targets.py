@@ -6,12 +6,20 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import repeat
 
+import torch
+
 from gsedit.editing.session.measure_progress import measure_progress
-from gsedit.editing.session.session import Session, region_masks, seen_gaussians
+from gsedit.editing.session.session import (
+    Session,
+    preview,
+    region_masks,
+    seen_gaussians,
+)
 from gsedit.editing.session.unedited import render_with_depth
 from gsedit.errors import InputError
 from gsedit.fitting.crops import ListedCrops
 from gsedit.fitting.random_crops import crops_needed
+from gsedit.fitting.solve import solve_colors
 from gsedit.fitting.update import Target, update_steps
 from gsedit.runs.events import Event
 
@@ -33,6 +41,10 @@ def fit_targets(
     targets = _targets(session)
     if not targets:
         raise InputError("the checkpoint has no edited views to fit: remove it, and start again")
+    if update.color_fit == "least-squares":
+        if span.stop == round_steps:
+            yield from _solve(session, done + round_steps, total)
+        return
     share = sum(target.share for target in targets) / len(targets)
     update = replace(update, patches=crops_needed(update.patches, share))
     with stopwatch.stage("update"):
@@ -56,6 +68,30 @@ def fit_targets(
                 yield measured.event("update", stopwatch.seconds, step, total, loss)
             elif step % REPORT_EVERY_STEPS == 0:
                 yield Event("update", stopwatch.seconds, step, total, loss)
+
+
+def _solve(session: Session, step: int, total: int) -> Iterator[Event]:
+    """Bring the scene to the colors that fit the targets best; the event is that of `step`."""
+    request, progress = session.request, session.progress
+    optimizer, inside, targets = progress.optimizer, session.region.inside, progress.edited.targets
+    with progress.stopwatch.stage("update"):
+        optimizer.raise_negative_colors(inside)
+        start, mse = optimizer.scene.detach(), None
+        scene = start
+        pictures = None if request.coarse is None else [preview(session, i) for i in targets]
+        for solved in solve_colors(
+            start,
+            list(targets.values()),
+            inside,
+            pictures=pictures,
+            execution=request.settings.execution,
+        ):
+            scene, mse = solved.scene, solved.mse
+            progress.work.steps += 1
+        rows = torch.arange(len(start))
+        optimizer.replace(scene, rows, fresh=torch.ones(len(start), dtype=torch.bool))
+        measured = measure_progress(session)
+        yield measured.event("update", progress.stopwatch.seconds, step, total, mse)
 
 
 def _targets(session: Session) -> list[Target]:

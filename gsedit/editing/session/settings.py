@@ -81,6 +81,8 @@ class EditSettings:
                 f"the edit size is {self.edit_size} pixels: give {SMALLEST_EDIT_PIXELS} or more, "
                 "or leave it out for the size that suits the editor"
             )
+        if self.update.color_fit == "least-squares" and self.geometry == "full":
+            raise UsageError("--color-fit least-squares fits colors: leave out --geometry full")
         if not 0 <= self.overlap <= 1:
             raise UsageError(f"overlap {self.overlap} is not in [0, 1]")
 

@@ -1,0 +1,78 @@
+"""The least-squares solve of colors: exact targets, falling residual, nothing outside."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+import torch
+
+from gsedit.datasets.dataset import View
+from gsedit.fitting.solve import solve_colors
+from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
+from rasterizer.color_weights import color_weights
+from rasterizer.numerics import SH_DC, Execution, sh_to_color
+from rasterizer.render import backproject, render
+
+KERNELS = (Execution(), Execution(kernel="torch"))
+
+
+@pytest.fixture(scope="module")
+def scene():
+    made = surface_gaussians(demo_scene(), 600, torch.Generator().manual_seed(0))
+    dc = made.sh[:, :1].clamp(-1.5, 1.5)  # no color is clamped at black
+    return replace(made, sh=dc)
+
+
+@pytest.fixture(scope="module")
+def cameras():
+    return ring_cameras(demo_scene(), 6, 40)
+
+
+def as_views(scene, cameras):
+    return [View(str(i), c, render(scene, c).color) for i, c in enumerate(cameras)]
+
+
+@pytest.mark.parametrize("execution", KERNELS, ids=("compiled", "torch"))
+def test_weights_are_the_picture_and_its_transpose(scene, cameras, execution):
+    weights = color_weights(scene, cameras[0], execution=execution)
+    picture = weights.picture(sh_to_color(scene.sh[:, 0]))
+    assert torch.allclose(picture, render(scene, cameras[0]).color, atol=1e-5)
+    maps = torch.rand(picture.shape, generator=torch.Generator().manual_seed(1))
+    expected = backproject(scene, cameras[0], maps)
+    assert torch.allclose(weights.back(maps), expected, atol=1e-4)
+
+
+def test_renders_of_other_colors_come_back(scene, cameras):
+    shift = 0.2 * torch.rand(scene.sh.shape, generator=torch.Generator().manual_seed(2))
+    other = replace(scene, sh=scene.sh + shift)
+    targets, inside = as_views(other, cameras), torch.ones(len(scene), dtype=torch.bool)
+    *_, last = solve_colors(scene, targets, inside, most_iterations=300, least_gain_db=1e-3)
+    for view in targets:
+        assert (render(last.scene, view.camera).color - view.image).abs().max() < 1e-2
+    assert last.mse < 1e-6
+
+
+def test_the_residual_never_rises_and_nothing_outside_moves(scene, cameras):
+    inside = scene.means[:, 0] > 0
+    targets = [replace(v, image=1 - v.image) for v in as_views(scene, cameras)]
+    solutions = list(solve_colors(scene, targets, inside, least_gain_db=-1.0))
+    errors = [solution.mse for solution in solutions]
+    assert all(later <= earlier * (1 + 1e-5) for earlier, later in pairwise(errors))
+    solved = solutions[-1].scene
+    assert torch.equal(solved.sh[~inside], scene.sh[~inside])
+    assert not torch.equal(solved.sh[inside], scene.sh[inside])
+
+
+def test_targets_that_are_the_renders_change_nothing(scene, cameras):
+    inside = torch.ones(len(scene), dtype=torch.bool)
+    for solution in solve_colors(scene, as_views(scene, cameras), inside):
+        assert (solution.scene.sh - scene.sh).abs().max() < 1e-3 / SH_DC
+
+
+def test_what_no_view_shows_follows_the_mean_change(scene, cameras):
+    hidden = torch.arange(len(scene)) % 50 == 0
+    covered = replace(scene, logit_opacities=scene.logit_opacities.masked_fill(hidden, -torch.inf))
+    targets = as_views(replace(scene, sh=scene.sh - 0.1 / SH_DC), cameras)
+    *_, last = solve_colors(covered, targets, torch.ones(len(scene), dtype=torch.bool))
+    moved = (last.scene.sh - scene.sh)[hidden] * SH_DC
+    assert ((moved < -0.02) | (sh_to_color(scene.sh[hidden]) < 0.05)).all()
