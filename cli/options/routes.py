@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from functools import partial
-from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -40,21 +38,12 @@ def exact_instruction(text: str, editor: EditorOptions, values: Values) -> Instr
     if editor != EditorOptions() or any(path[0] not in SETTINGS for path in values):
         return None
     from gsedit.editing.routes.apply import is_exact
+    from gsedit.words.read import read_instruction
 
-    read = sentence_reader()
-    if read is None:
-        return None
-    instruction = read(text)
+    instruction = read_instruction(text)
     if not instruction.known:
         raise UsageError(instruction.why)
     return instruction if is_exact(instruction) else None
-
-
-def sentence_reader() -> Callable[[str], Instruction] | None:
-    """Return gsedit.words.read.read_instruction; None where gsedit.words cannot read sentences."""
-    if find_spec("gsedit.words.read") is None:
-        return None
-    return import_module("gsedit.words.read").read_instruction
 
 
 def run_routes(

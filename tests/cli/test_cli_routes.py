@@ -21,7 +21,7 @@ def reads(monkeypatch):
 
     def tell(*changes: Change, known: bool = True, why: str = "") -> None:
         read = lambda text: Instruction(text, known, why, changes)  # noqa: E731
-        monkeypatch.setattr("gsedit_cli.options.routes.sentence_reader", lambda: read)
+        monkeypatch.setattr("gsedit.words.read.read_instruction", read)
 
     return tell
 
