@@ -7,7 +7,6 @@ camera of one batch. `leading` is the shape (..., C) of all images.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import prod
 from typing import Any, ClassVar
 
 from jaxtyping import Float, Int
@@ -100,12 +99,12 @@ def image_clouds(
     fit together, and for NaN or infinity.
     """
     shape = tuple(means.shape[:-1])
-    batches, count, views = prod(shape[:-1]), shape[-1], leading[-1]
+    count, views = shape[-1], leading[-1]
 
     def by_image(name: str, values: Tensor, *columns: int) -> list[Tensor]:
         checks.finite(name, values)
-        shared = expect_shape(name, values, (*shape, *columns)).reshape(batches, count, *columns)
-        return [batch for batch in shared for _ in range(views)]
+        expect_shape(name, values, (*shape, *columns))
+        return [one for one in images_of(values, 1 + len(columns)) for _ in range(views)]
 
     if covars is not None:
         kind, sizes = CovarianceCloud, [by_image("covars", _full_covariances(covars, shape), 3, 3)]
@@ -144,10 +143,10 @@ def _image_colors(
             raise ValueError(f"colors has shape {list(colors.shape)}; degree {sh_degree} takes at "
                              f"least {bands} coefficients of 3")  # fmt: skip
         expect_shape("colors", colors, (*used, colors.shape[-2], 3))
-        colors = colors[..., :bands, :]
+        colors = colors if colors.shape[-2] == bands else colors[..., :bands, :]
     else:
         expect_shape("colors", colors, (*used, colors.shape[-1]))
-    images = list(colors.reshape(prod(used[:-1]), *colors.shape[-tail - 1 :]))
+    images = images_of(colors, tail + 1)
     if sh_degree is not None:
         images = [harmonics.without_zero_bands(image) for image in images]
     return [image for image in images for _ in range(leading[-1] if shared else 1)]
@@ -173,6 +172,12 @@ def image_cameras(
     for camera in cameras:
         checks.camera(camera)
     return cameras
+
+
+def images_of(values: Float[Tensor, "..."], dims: int) -> list[Tensor]:
+    """The tensors of `dims` dimensions that another holds. One alone copies no gradient."""
+    count, alone = values.shape[:-dims].numel(), values.shape[-dims:]
+    return [values.reshape(alone)] if count == 1 else [*values.reshape(count, *alone)]
 
 
 def expect_shape(name: str, tensor: Tensor, shape: tuple[int, ...]) -> Tensor:

@@ -35,7 +35,7 @@ ORDER = {
         "errors",
     ),
     "rasterizer": (
-        "reference", "rasterization", "gsplat_inputs", "pixel_lists", "render",
+        "reference", "rasterization", "gsplat_meta", "gsplat_inputs", "pixel_lists", "render",
         "cpp_projection", "splat",
         "preprocess", "checks",
         "blending", "tiles", "project", "harmonics", "camera", "scene", "notebook",
