@@ -96,18 +96,19 @@ def image_clouds(
     """The Gaussians of each image; the shapes are `rasterization`'s, and checked here.
 
     Where covars are given, quats and scales are not read. Raises ValueError for shapes that do not
-    fit together, and for NaN or infinity.
+    fit together, and for NaN or infinity in covars: see `expect_finite` for the others.
     """
     shape = tuple(means.shape[:-1])
     count, views = shape[-1], leading[-1]
 
     def by_image(name: str, values: Tensor, *columns: int) -> list[Tensor]:
-        checks.finite(name, values)
         expect_shape(name, values, (*shape, *columns))
         return [one for one in images_of(values, 1 + len(columns)) for _ in range(views)]
 
     if covars is not None:
-        kind, sizes = CovarianceCloud, [by_image("covars", _full_covariances(covars, shape), 3, 3)]
+        covars = _full_covariances(covars, shape)
+        checks.finite("covars", covars)
+        kind, sizes = CovarianceCloud, [by_image("covars", covars, 3, 3)]
     elif quats is None or scales is None:
         raise ValueError("quats and scales may be None only where covars are given")
     else:
@@ -160,18 +161,15 @@ def image_cameras(
 ) -> list[Camera]:
     """`template` at every image's pose [..., C, 4, 4], with its intrinsics [..., C, 3, 3].
 
-    Raises ValueError for other shapes, NaN or infinity, and cameras that cannot draw.
+    Raises ValueError for other shapes, NaN or infinity.
     """
     checks.all_finite("viewmats", expect_shape("viewmats", viewmats, (*leading, 4, 4)))
     checks.all_finite("Ks", expect_shape("Ks", Ks, (*leading, 3, 3)))
     poses, intrinsics = viewmats.reshape(-1, 4, 4), Ks.reshape(-1, 3, 3).tolist()
-    cameras = [
+    return [
         replace(template, world_to_camera=pose, fx=k[0][0], fy=k[1][1], cx=k[0][2], cy=k[1][2])
         for pose, k in zip(poses, intrinsics)
     ]
-    for camera in cameras:
-        checks.camera(camera)
-    return cameras
 
 
 def images_of(values: Float[Tensor, "..."], dims: int) -> list[Tensor]:
@@ -187,6 +185,13 @@ def expect_shape(name: str, tensor: Tensor, shape: tuple[int, ...]) -> Tensor:
             f"{name} has shape {list(tensor.shape)}; {list(shape)} would fit means and viewmats"
         )
     return tensor
+
+
+def expect_finite(**inputs: Tensor | None) -> None:
+    """ValueError that names the first number that is not finite, of those that are given."""
+    for name, values in inputs.items():
+        if values is not None:
+            checks.finite(name, values)
 
 
 def refuse_unsupported(**options: Any) -> None:

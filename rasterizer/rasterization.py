@@ -22,6 +22,7 @@ from rasterizer.cpp_projection.picture import Prepared, prepare
 from rasterizer.gsplat_inputs import (
     AxesCloud,
     Cloud,
+    expect_finite,
     expect_one_of,
     expect_shape,
     image_cameras,
@@ -162,7 +163,14 @@ def rasterization(
         Request(camera, (0, 0, width, height), numerics, execution, depth, linear=True)
         for camera in cameras
     ]
-    images = [_prepared(*one, color=color) for one in zip(clouds, requests)]
+    known = [_compiled(*one, color=color) for one in zip(clouds, requests)]
+    if not all(known):  # the compiled front end has looked at the numbers already
+        read = {} if covars is not None else {"quats": quats, "scales": scales}
+        expect_finite(means=means, opacities=opacities, **read)
+    images = [
+        one or preprocess(cloud, request.camera, request.box, numerics)
+        for one, cloud, request in zip(known, clouds, requests)
+    ]
     # blended at meta["means2d"], so that it takes the gradient of the positions
     means2d = _stacked([_centers(one, means.shape[-2]) for one in images]).unflatten(0, leading)
     if means2d.requires_grad:
@@ -185,12 +193,9 @@ def _template(width: int, height: int, model: str) -> Camera:
     return replace(camera, model="ortho" if model == "ortho" else "pinhole")
 
 
-def _prepared(cloud: Cloud, request: Request, *, color: bool) -> Prepared | Splats:
-    """Splats that may touch the picture, by the compiled front end where it can."""
-    found = None
-    if isinstance(cloud, AxesCloud):
-        found = prepare(cloud.gaussians(color=color), request)
-    return found or preprocess(cloud, request.camera, request.box, request.numerics)
+def _compiled(cloud: Cloud, request: Request, *, color: bool) -> Prepared | None:
+    """Splats that may touch the picture, by the compiled front end; None where it cannot."""
+    return prepare(cloud.gaussians(color=color), request) if isinstance(cloud, AxesCloud) else None
 
 
 def _centers(image: Prepared | Splats, count: int) -> Float[Tensor, "N 2"]:
