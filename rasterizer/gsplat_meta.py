@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections import UserDict
 from collections.abc import Callable
-from functools import cache
+from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import Any
 
 import torch
@@ -16,8 +17,8 @@ from torch import Tensor
 
 from rasterizer.cpp_projection.kernel import Request
 from rasterizer.cpp_projection.picture import Prepared
-from rasterizer.gsplat_inputs import Cloud
-from rasterizer.numerics import DEFAULT
+from rasterizer.gsplat_inputs import Cloud, images_of
+from rasterizer.numerics import DEFAULT, Numerics
 from rasterizer.preprocess import Splats
 from rasterizer.project import footprint_radii
 
@@ -32,57 +33,63 @@ class Meta(UserDict[str, Any]):
         return value
 
 
+@dataclass(frozen=True, eq=False)
+class _Images:
+    """Splats of all images, made when they are first needed."""
+
+    clouds: list[Cloud]
+    images: list[Prepared | Splats]
+    means2d: Float[Tensor, "*batch C N 2"]
+    gradients: bool
+    """Whether the call had gradients: they are those of what is read later."""
+
+    @cached_property
+    def splats(self) -> list[Splats]:
+        each = zip(self.images, images_of(self.means2d, 2))
+        return [one if isinstance(one, Splats) else one.splats(at) for one, at in each]
+
+    @torch.autocast("cpu", enabled=False)
+    def all_rows(self, value_of: Callable[[Cloud, Splats], Tensor]) -> Tensor:
+        """From a value for each row in sight, image by image, to [..., C, N, ...]."""
+        found, leading = [], self.means2d.shape[:-2]
+        with torch.set_grad_enabled(self.gradients):
+            for cloud, one in zip(self.clouds, self.splats):
+                value = value_of(cloud, one)
+                empty = value.new_zeros(self.means2d.shape[-2], *value.shape[1:])
+                found.append(empty.index_copy(0, one.rows, value))
+            return torch.stack(found).unflatten(0, leading)
+
+
 def image_meta(
     clouds: list[Cloud],
-    requests: list[Request],
+    request: Request,
     images: list[Prepared | Splats],
     means2d: Float[Tensor, "*batch C N 2"],
 ) -> Meta:
-    """gsplat's numbers, for all rows; zero for those that are not in sight."""
-    *batch, cameras, count, _ = means2d.shape
-    (_, _, width, height), numerics = requests[0].box, requests[0].numerics
-
-    @cache
-    def splats() -> list[Splats]:
-        return [
-            one if isinstance(one, Splats) else one.splats(at)
-            for one, at in zip(images, means2d.flatten(0, -3))
-        ]
-
-    def lazily(value_of: Callable[[Cloud, Splats], Tensor]) -> Callable[[], Tensor]:
-        """A value for each row in sight, image by image; to [..., C, N, ...] when it is called."""
-
-        @torch.set_grad_enabled(torch.is_grad_enabled())
-        @torch.autocast("cpu", enabled=False)
-        def all_rows() -> Tensor:
-            found = []
-            for cloud, one in zip(clouds, splats()):
-                value = value_of(cloud, one)
-                empty = value.new_zeros(count, *value.shape[1:])
-                found.append(empty.index_copy(0, one.rows, value))
-            return torch.stack(found).unflatten(0, (*batch, cameras))
-
-        return all_rows
-
-    def opacities(cloud: Cloud, one: Splats) -> Tensor:
-        if numerics.antialiased:
-            return one.log_opacities.exp()
-        return cloud.opacity.index_select(0, one.rows).to(cloud.means)
-
+    """gsplat's numbers, for all rows, zero for those that are not in sight; of any one request."""
+    _, _, width, height = request.box
+    of = _Images(clouds, images, means2d, torch.is_grad_enabled()).all_rows
     return Meta(
         batch_ids=None,
         camera_ids=None,
         gaussian_ids=None,
-        radii=lazily(lambda _, one: _radii(one, width, height)),
+        radii=partial(of, lambda _, one: _radii(one, width, height)),
         means2d=means2d,
-        depths=lazily(lambda _, one: one.projected.depth),
-        conics=lazily(lambda _, one: _conics(one.projected.whitening)),
-        opacities=lazily(opacities),
+        depths=partial(of, lambda _, one: one.projected.depth),
+        conics=partial(of, lambda _, one: _conics(one.projected.whitening)),
+        opacities=partial(of, partial(_opacities, request.numerics)),
         width=width,
         height=height,
         n_batches=means2d.shape[:-3].numel(),
-        n_cameras=cameras,
+        n_cameras=means2d.shape[-3],
     )
+
+
+def _opacities(numerics: Numerics, cloud: Cloud, splats: Splats) -> Float[Tensor, " m"]:
+    """Opacities of the Gaussians in sight, with antialiasing."""
+    if numerics.antialiased:
+        return splats.log_opacities.exp()
+    return cloud.opacity.index_select(0, splats.rows).to(cloud.means)
 
 
 def _conics(whitening: Float[Tensor, "m 3"]) -> Float[Tensor, "m 3"]:

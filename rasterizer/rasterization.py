@@ -178,7 +178,7 @@ def rasterization(
     # features, which may be larger than all else, live for one image at a time
     each = zip(clouds, requests, images, images_of(means2d, 2))
     pictures = [_picture(*one, color=color) for one in each]
-    meta = image_meta(clouds, requests, images, means2d)
+    meta = image_meta(clouds, requests[0], images, means2d)
     size = pictures[0].tile_size
     meta |= {"tile_size": size, "tile_width": -(-width // size), "tile_height": -(-height // size)}
     picture, alphas = _composed(pictures, render_mode, backgrounds)
