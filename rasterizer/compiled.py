@@ -64,7 +64,7 @@ def find_library(
     for path in kept_files(folder, name):
         try:
             _check_owner(path, path.lstat())
-            if stat.S_ISREG(path.lstat().st_mode) and path.stem.endswith(digest(path)):
+            if stat.S_ISREG(path.lstat().st_mode) and path.stem.endswith(digest(path.read_bytes())):
                 return open_library(path)
         except (OSError, AttributeError):
             continue
@@ -82,7 +82,7 @@ def keep_library(
         copy = Path(shutil.copyfile(made, Path(private) / made.name))
         copy.chmod(0o700)
         library = open_library(copy)  # first: another process may remove it from its place
-        kept = copy.replace(folder / f"{name}-{digest(copy)}.so")
+        kept = copy.replace(folder / f"{name}-{digest(copy.read_bytes())}.so")
     for useless in set(kept_files(folder, name)) - {kept}:
         useless.unlink(missing_ok=True)
     return library
@@ -93,14 +93,9 @@ def kept_files(folder: Path, name: str) -> list[Path]:
     return sorted(folder.glob(f"{name}-*.so"))
 
 
-def digest(path: Path) -> str:
-    """Digest the bytes of a file: the end of its name in the cache."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
-
-
-def text_digest(text: str) -> str:
-    """Digest a text: the middle of a library's name in the cache."""
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
+def digest(content: bytes) -> str:
+    """Digest what a library's name in the cache tells: its source, and its own bytes."""
+    return hashlib.sha256(content).hexdigest()[:16]
 
 
 def _check_private(folder: Path) -> None:
@@ -222,7 +217,7 @@ def _cached_or_compiled(compiler: Compiler, source: Path) -> tuple[ctypes.CDLL, 
 
 
 def _name(compiler: Compiler, source: Path) -> str:
-    return f"{source.stem}-{text_digest(compilation_key(compiler, source))}"
+    return f"{source.stem}-{digest(compilation_key(compiler, source).encode())}"
 
 
 def _not_kept(error: OSError | None) -> str:

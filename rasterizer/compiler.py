@@ -77,17 +77,16 @@ def compile_library(
     source: Path,
     target: Path,
     *,
-    extra: tuple[str, ...] = (),
     tunings: Iterable[tuple[str, ...]] = FOR_THIS_PROCESSOR,
     timeout_s: float = TIMEOUT_S,
 ) -> None:
-    """Compile a C++ file to a library, with `extra` flags and the first of `tunings` that works.
+    """Compile a C++ file to a library, with the first of `tunings` that works.
 
     Raises CompilerError with the compiler's first line, OSError where it cannot be started.
     """
     complaint = ""
     for tuning in tunings:
-        flags = (*FLAGS, *tuning, *extra, f"-I{HEADERS}")
+        flags = (*FLAGS, *tuning, f"-I{HEADERS}")
         done = _run(compiler, *flags, str(source), "-o", str(target), timeout_s=timeout_s)
         if done.returncode == 0:
             return

@@ -7,7 +7,6 @@ camera of one batch. `leading` is the shape (..., C) of all images.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import prod
 from typing import Any, ClassVar
 
 from jaxtyping import Float, Int
@@ -97,18 +96,19 @@ def image_clouds(
     """The Gaussians of each image; the shapes are `rasterization`'s, and checked here.
 
     Where covars are given, quats and scales are not read. Raises ValueError for shapes that do not
-    fit together, and for NaN or infinity.
+    fit together, and for NaN or infinity in covars: see `expect_finite` for the others.
     """
     shape = tuple(means.shape[:-1])
-    batches, count, views = prod(shape[:-1]), shape[-1], leading[-1]
+    count, views = shape[-1], leading[-1]
 
     def by_image(name: str, values: Tensor, *columns: int) -> list[Tensor]:
-        checks.finite(name, values)
-        shared = expect_shape(name, values, (*shape, *columns)).reshape(batches, count, *columns)
-        return [batch for batch in shared for _ in range(views)]
+        expect_shape(name, values, (*shape, *columns))
+        return [one for one in images_of(values, 1 + len(columns)) for _ in range(views)]
 
     if covars is not None:
-        kind, sizes = CovarianceCloud, [by_image("covars", _full_covariances(covars, shape), 3, 3)]
+        covars = _full_covariances(covars, shape)
+        checks.finite("covars", covars)
+        kind, sizes = CovarianceCloud, [by_image("covars", covars, 3, 3)]
     elif quats is None or scales is None:
         raise ValueError("quats and scales may be None only where covars are given")
     else:
@@ -144,10 +144,10 @@ def _image_colors(
             raise ValueError(f"colors has shape {list(colors.shape)}; degree {sh_degree} takes at "
                              f"least {bands} coefficients of 3")  # fmt: skip
         expect_shape("colors", colors, (*used, colors.shape[-2], 3))
-        colors = colors[..., :bands, :]
+        colors = colors if colors.shape[-2] == bands else colors[..., :bands, :]
     else:
         expect_shape("colors", colors, (*used, colors.shape[-1]))
-    images = list(colors.reshape(prod(used[:-1]), *colors.shape[-tail - 1 :]))
+    images = images_of(colors, tail + 1)
     if sh_degree is not None:
         images = [harmonics.without_zero_bands(image) for image in images]
     return [image for image in images for _ in range(leading[-1] if shared else 1)]
@@ -161,18 +161,21 @@ def image_cameras(
 ) -> list[Camera]:
     """`template` at every image's pose [..., C, 4, 4], with its intrinsics [..., C, 3, 3].
 
-    Raises ValueError for other shapes, NaN or infinity, and cameras that cannot draw.
+    Raises ValueError for other shapes, NaN or infinity.
     """
     checks.all_finite("viewmats", expect_shape("viewmats", viewmats, (*leading, 4, 4)))
     checks.all_finite("Ks", expect_shape("Ks", Ks, (*leading, 3, 3)))
     poses, intrinsics = viewmats.reshape(-1, 4, 4), Ks.reshape(-1, 3, 3).tolist()
-    cameras = [
+    return [
         replace(template, world_to_camera=pose, fx=k[0][0], fy=k[1][1], cx=k[0][2], cy=k[1][2])
         for pose, k in zip(poses, intrinsics)
     ]
-    for camera in cameras:
-        checks.camera(camera)
-    return cameras
+
+
+def images_of(values: Float[Tensor, "..."], dims: int) -> list[Tensor]:
+    """The tensors of `dims` dimensions that another holds. One alone copies no gradient."""
+    count, alone = values.shape[:-dims].numel(), values.shape[-dims:]
+    return [values.reshape(alone)] if count == 1 else [*values.reshape(count, *alone)]
 
 
 def expect_shape(name: str, tensor: Tensor, shape: tuple[int, ...]) -> Tensor:
@@ -182,6 +185,13 @@ def expect_shape(name: str, tensor: Tensor, shape: tuple[int, ...]) -> Tensor:
             f"{name} has shape {list(tensor.shape)}; {list(shape)} would fit means and viewmats"
         )
     return tensor
+
+
+def expect_finite(**inputs: Tensor | None) -> None:
+    """ValueError that names the first number that is not finite, of those that are given."""
+    for name, values in inputs.items():
+        if values is not None:
+            checks.finite(name, values)
 
 
 def refuse_unsupported(**options: Any) -> None:

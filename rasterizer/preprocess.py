@@ -25,7 +25,6 @@ from rasterizer.project import (
     view_dependent_colors,
 )
 from rasterizer.scene import Gaussians
-from rasterizer.tiles import Bins
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,10 +36,6 @@ class Splats:
     projected: Projected
     log_opacities: Float[Tensor, " m"]
     """Natural logarithms, with antialiasing; below the floor where `radius_clip` drops."""
-    colors: Float[Tensor, "m 3"] | None = None
-    """Colors, where they are known already."""
-    bins: Bins | None = None
-    """Lists of tiles, where they are known already."""
 
 
 class InputNames(NamedTuple):
@@ -144,14 +139,13 @@ def features_of(
     """
     features = [splats.log_opacities.new_empty(len(splats.rows), 0)]
     if color:
-        known = splats.colors
-        features.append(_colors(source, splats.rows, camera) if known is None else known)
+        features.append(colors_of(source, splats.rows, camera))
     if depth:
         features.append(splats.projected.depth[:, None])
     return features[1] if len(features) == 2 else torch.cat(features, -1)
 
 
-def _colors(source: Source, rows: Int[Tensor, " m"], camera: Camera) -> Float[Tensor, "m d"]:
+def colors_of(source: Source, rows: Int[Tensor, " m"], camera: Camera) -> Float[Tensor, "m d"]:
     """Features as they are, harmonics as colors; ValueError unless they are finite."""
     values = source.colors(rows)
     checks.finite(source.names.colors, values, rows)

@@ -188,6 +188,11 @@ def _in_camera(means: Float[Tensor, "n 3"], camera: Camera) -> Float[Tensor, "3 
     return pose[:3, :3] @ means.double().T + pose[:3, 3:]
 
 
+def depths(means: Float[Tensor, "n 3"], camera: Camera) -> Float[Tensor, " n"]:
+    """Depths of centers along the view, float64."""
+    return _in_camera(means, camera)[2]
+
+
 def view_directions(means: Float[Tensor, "n 3"], camera: Camera) -> Float[Tensor, "n 3"]:
     """Unit vectors from the camera's center to each Gaussian's, taken in float64."""
     pose = camera.world_to_camera.double()

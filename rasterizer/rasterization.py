@@ -12,24 +12,27 @@ from math import prod
 from typing import Any, Literal, get_args
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from torch import Tensor
 
 from rasterizer import checks
 from rasterizer.camera import Camera
-from rasterizer.cpp_projection.picture import prepare
+from rasterizer.cpp_projection.kernel import Request
+from rasterizer.cpp_projection.picture import Prepared, prepare
 from rasterizer.gsplat_inputs import (
     AxesCloud,
     Cloud,
+    expect_finite,
     expect_one_of,
     expect_shape,
     image_cameras,
     image_clouds,
+    images_of,
     refuse_unsupported,
 )
-from rasterizer.numerics import AUTO, DEFAULT, Execution, Numerics
-from rasterizer.preprocess import Splats, features_of, preprocess
-from rasterizer.project import Box, footprint_radii
+from rasterizer.gsplat_meta import Meta, image_meta
+from rasterizer.numerics import AUTO, Execution, Numerics
+from rasterizer.preprocess import Splats, colors_of, features_of, preprocess
 from rasterizer.splat import Splatted, splat
 
 RenderMode = Literal["RGB", "D", "ED", "RGB+D", "RGB+ED"]
@@ -76,7 +79,7 @@ def rasterization(
     viewmats_rs: Tensor | None = None,
     *,
     execution: Execution | None = None,
-) -> tuple[Float[Tensor, "*batch C h w X"], Float[Tensor, "*batch C h w 1"], dict[str, Any]]:
+) -> tuple[Float[Tensor, "*batch C h w X"], Float[Tensor, "*batch C h w 1"], Meta]:
     """Render N Gaussians into the images of C cameras, as gsplat does.
 
     Arguments
@@ -105,7 +108,8 @@ def rasterization(
       (`.grad` is there after a backward pass), radii [..., C, N, 2] int32 pixels, depths,
       opacities [..., C, N], conics [..., C, N, 3] (xx, xy, yy of the inverse covariance), width,
       height, tile_size, tile_width, tile_height (of the first image), n_batches, n_cameras;
-      batch_ids, camera_ids, gaussian_ids are None. gsplat's lists of tiles are not in it.
+      batch_ids, camera_ids, gaussian_ids are None. gsplat's lists of tiles are not in it. Radii,
+      depths, conics and opacities are computed when they are first read.
 
     The compiled front end prepares what `quats` and `scales` describe, as for `render`; torch does
     for `covars`, for gradients of `viewmats`, and where `execution` rules the kernel out.
@@ -154,22 +158,27 @@ def rasterization(
     if tile_size is not None:
         execution = replace(execution, tile_size=tile_size)
 
-    box = (0, 0, width, height)
-    parts = {"color": "RGB" in render_mode, "depth": _has_depth(render_mode)}
-    splats = [
-        _splats(*one, box, numerics, execution, color=parts["color"])
-        for one in zip(clouds, cameras)
+    color, depth = "RGB" in render_mode, _has_depth(render_mode)
+    requests = [
+        Request(camera, (0, 0, width, height), numerics, execution, depth, linear=True)
+        for camera in cameras
     ]
-    meta = _meta(clouds, splats, leading, numerics, width, height)
-    # splatted at meta["means2d"], so that it takes the gradient of the positions
-    centers = meta["means2d"].reshape(images, -1, 2)
+    known = [_compiled(*one, color=color) for one in zip(clouds, requests)]
+    if not all(known):  # the compiled front end has looked at the numbers already
+        read = {} if covars is not None else {"quats": quats, "scales": scales}
+        expect_finite(means=means, opacities=opacities, **read)
+    images = [
+        one or preprocess(cloud, request.camera, request.box, numerics)
+        for one, cloud, request in zip(known, clouds, requests)
+    ]
+    # blended at meta["means2d"], so that it takes the gradient of the positions
+    means2d = _stacked([_centers(one, means.shape[-2]) for one in images]).unflatten(0, leading)
+    if means2d.requires_grad:
+        means2d.retain_grad()
     # features, which may be larger than all else, live for one image at a time
-    pictures = [
-        splat(_moved(one, xy.index_select(0, one.rows)), features_of(cloud, one, camera, **parts),
-              box, numerics,
-              execution=execution)
-        for cloud, camera, one, xy in zip(clouds, cameras, splats, centers)
-    ]  # fmt: skip
+    each = zip(clouds, requests, images, images_of(means2d, 2))
+    pictures = [_picture(*one, color=color) for one in each]
+    meta = image_meta(clouds, requests[0], images, means2d)
     size = pictures[0].tile_size
     meta |= {"tile_size": size, "tile_width": -(-width // size), "tile_height": -(-height // size)}
     picture, alphas = _composed(pictures, render_mode, backgrounds)
@@ -184,103 +193,60 @@ def _template(width: int, height: int, model: str) -> Camera:
     return replace(camera, model="ortho" if model == "ortho" else "pinhole")
 
 
-def _splats(
+def _compiled(cloud: Cloud, request: Request, *, color: bool) -> Prepared | None:
+    """Splats that may touch the picture, by the compiled front end; None where it cannot."""
+    return prepare(cloud.gaussians(color=color), request) if isinstance(cloud, AxesCloud) else None
+
+
+def _centers(image: Prepared | Splats, count: int) -> Float[Tensor, "N 2"]:
+    """Positions on the picture by row, pixels; 0 for what is not in sight."""
+    if isinstance(image, Prepared):
+        assert image.centers is not None, "the request is linear"
+        return image.centers
+    xy = image.projected.xy
+    return xy.new_zeros(count, 2).index_copy(0, image.rows, xy)
+
+
+def _picture(
     cloud: Cloud,
-    camera: Camera,
-    box: Box,
-    numerics: Numerics,
-    execution: Execution,
+    request: Request,
+    image: Prepared | Splats,
+    centers: Float[Tensor, "N 2"],
     *,
     color: bool,
-) -> Splats:
-    """Splats that may touch the box, by the compiled front end unless there are only covars."""
-    found = None
-    if isinstance(cloud, AxesCloud):
-        found = prepare(cloud.gaussians(color=color), camera, box, numerics, execution)
-    return preprocess(cloud, camera, box, numerics) if found is None else found
-
-
-def _moved(splats: Splats, xy: Float[Tensor, "m 2"]) -> Splats:
-    """Move splats to other positions, pixels."""
-    return replace(splats, projected=replace(splats.projected, xy=xy))
+) -> Splatted:
+    """Blend the Gaussians of an image, at these positions."""
+    camera, box, numerics, execution, depth, *_ = vars(request).values()
+    if isinstance(image, Splats):
+        xy = centers.index_select(0, image.rows)
+        moved = replace(image, projected=replace(image.projected, xy=xy))
+        features = features_of(cloud, moved, camera, color=color, depth=depth)
+        return splat(moved, features, box, numerics, execution=execution)
+    unknown = color and cloud.color.ndim == 2
+    features = colors_of(cloud, image.listed.rows, camera) if unknown else None
+    return Splatted(*image.picture(centers, features), image.listed.bins.size)
 
 
 def _composed(
     pictures: list[Splatted], render_mode: RenderMode, backgrounds: Float[Tensor, "i d"] | None
 ) -> tuple[Float[Tensor, "i h w x"], Float[Tensor, "i h w 1"]]:
     """Colors over their backgrounds, then depth; and alphas, of all images."""
-    picture = torch.stack([one.features for one in pictures])
-    transmittance = torch.stack([one.transmittance for one in pictures])[..., None]
-    alphas = 1 - transmittance
-    channels = picture.shape[-1] - _has_depth(render_mode)
-    color, depth = picture[..., :channels], picture[..., channels:]
-    if "ED" in render_mode:
-        depth = depth / alphas.clamp_min(LEAST_ALPHA)
-    if backgrounds is not None and channels:
+    color = _stacked([one.features for one in pictures])
+    transmittance = _stacked([one.transmittance for one in pictures])[..., None]
+    alphas, depths = 1 - transmittance, []
+    if _has_depth(render_mode):
+        color, depth = color.tensor_split((-1,), -1)
+        depths = [depth / alphas.clamp_min(LEAST_ALPHA) if "ED" in render_mode else depth]
+    if backgrounds is not None and color.shape[-1]:
         color = color + transmittance * backgrounds.to(color)[:, None, None]
-    return torch.cat((color, depth), -1), alphas
+    return torch.cat((color, *depths), -1) if depths else color, alphas
+
+
+def _stacked(images: list[Tensor]) -> Tensor:
+    """Tensors of all images; one alone is not copied."""
+    return images[0][None] if len(images) == 1 else torch.stack(images)
 
 
 def _has_depth(render_mode: RenderMode) -> bool:
     """Whether depth is a channel: in every mode but RGB."""
     return "D" in render_mode.replace("RGB", "")
-
-
-def _meta(
-    clouds: list[Cloud],
-    splats: list[Splats],
-    leading: tuple[int, ...],
-    numerics: Numerics,
-    width: int,
-    height: int,
-) -> dict[str, Any]:
-    """gsplat's numbers about the Gaussians, for all rows; zero for those that are not drawn."""
-    count = len(clouds[0].means)
-
-    def all_rows(values: list[Tensor]) -> Tensor:
-        """From a value for each row in sight, image by image, to [..., C, N, ...]."""
-        images = [
-            value.new_zeros(count, *value.shape[1:]).index_copy(0, one.rows, value)
-            for one, value in zip(splats, values)
-        ]
-        return torch.stack(images).unflatten(0, leading)
-
-    means2d = all_rows([one.projected.xy for one in splats])
-    if means2d.requires_grad:
-        means2d.retain_grad()
-    return {
-        "batch_ids": None,
-        "camera_ids": None,
-        "gaussian_ids": None,
-        "radii": all_rows([_radii(one, width, height) for one in splats]),
-        "means2d": means2d,
-        "depths": all_rows([one.projected.depth for one in splats]),
-        "conics": all_rows([_conics(one.projected.whitening) for one in splats]),
-        "opacities": all_rows([_opacities(*one, numerics) for one in zip(clouds, splats)]),
-        "width": width,
-        "height": height,
-        "n_batches": prod(leading[:-1]),
-        "n_cameras": leading[-1],
-    }
-
-
-def _opacities(cloud: Cloud, splats: Splats, numerics: Numerics) -> Float[Tensor, " m"]:
-    """Opacities of the Gaussians in sight, with antialiasing."""
-    if numerics.antialiased:
-        return splats.log_opacities.exp()
-    return cloud.opacity.index_select(0, splats.rows).to(cloud.means)
-
-
-def _conics(whitening: Float[Tensor, "m 3"]) -> Float[Tensor, "m 3"]:
-    """W^T W, the inverse covariance: xx, xy, yy."""
-    w0, w1, w2 = whitening.unbind(-1)
-    return torch.stack((w0 * w0 + w1 * w1, w1 * w2, w2 * w2), -1)
-
-
-@torch.no_grad()
-def _radii(splats: Splats, width: int, height: int) -> Int[Tensor, "m 2"]:
-    """Pixels, of the footprints that touch the image; 0 for the others."""
-    xy = splats.projected.xy
-    radii = footprint_radii(splats.projected, splats.log_opacities, DEFAULT)
-    touching = ((xy + radii > 0) & (xy - radii < xy.new_tensor((width, height)))).all(-1)
-    return radii * touching[:, None]

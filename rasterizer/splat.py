@@ -58,8 +58,6 @@ def list_tiles(
     left, top, width, height = box
     projected = splats.projected
     xy = projected.xy - projected.xy.new_tensor((left, top))
-    if splats.bins is not None:
-        return xy, splats.bins
     with torch.no_grad():
         radius = cutoff_radii(splats.log_opacities, numerics)
         footprints = tiles.Footprints(xy.detach(), projected.covariance, radius)
@@ -72,13 +70,20 @@ def list_tiles(
         return xy, tiles.bin_tiles(footprints, order, size, width, height, boxes=boxes)
 
 
-def composite(inputs: BlendInputs, backend: Backend, *, median: bool = False) -> Blended:
-    """Blend Gaussians over their tiles; differentiable in `inputs.table`.
+def composite(
+    inputs: BlendInputs,
+    backend: Backend,
+    tracked: Float[Tensor, "r g"] | None = None,
+    *,
+    median: bool = False,
+) -> Blended:
+    """Blend Gaussians over their tiles; differentiable in `tracked`: the table, if None.
 
-    `median` asks for the median index. Raises RuntimeError in a backward pass with
-    create_graph=True.
+    `tracked` has the shape of the gradients that `backend.backward` gives. `median` asks for the
+    median index. Raises RuntimeError in a backward pass with create_graph=True.
     """
-    return Blended(*_Composite.apply(inputs.table, inputs, backend, median))
+    tracked = inputs.table if tracked is None else tracked
+    return Blended(*_Composite.apply(tracked, inputs, backend, median))
 
 
 class _Composite(torch.autograd.Function):
@@ -86,12 +91,12 @@ class _Composite(torch.autograd.Function):
     @torch.autocast("cpu", enabled=False)
     def forward(  # type: ignore[override]
         ctx: Any,
-        table: Float[Tensor, "m g"],
+        tracked: Float[Tensor, "r g"],
         inputs: BlendInputs,
         backend: Backend,
         median: bool,
     ) -> tuple[Float[Tensor, "h w d"], Float[Tensor, "h w"], Int[Tensor, "h w"] | None]:
-        inputs = inputs._replace(table=table.detach())
+        inputs = inputs._replace(table=inputs.table.detach())
         blended, ctx.saved = backend.forward(inputs, median, ctx.needs_input_grad[0])
         ctx.backend = backend
         # an output: an attribute of ctx that holds it would make a cycle, which is never freed
@@ -107,10 +112,10 @@ class _Composite(torch.autograd.Function):
         grad_features: Float[Tensor, "h w d"],
         grad_transmittance: Float[Tensor, "h w"],
         _: Any,
-    ) -> tuple[Float[Tensor, "m g"] | None, ...]:
+    ) -> tuple[Float[Tensor, "r g"] | None, ...]:
         refuse_second_derivatives()
         (transmittance,) = ctx.saved_tensors
-        by_table = ctx.backend.backward(
+        gradient = ctx.backend.backward(
             ctx.saved, transmittance, grad_features.contiguous(), grad_transmittance.contiguous()
         )
-        return by_table, None, None, None
+        return gradient, None, None, None

@@ -35,7 +35,8 @@ ORDER = {
         "errors",
     ),
     "rasterizer": (
-        "reference", "rasterization", "gsplat_inputs", "pixel_lists", "color_weights", "render",
+        "reference", "rasterization", "gsplat_meta", "gsplat_inputs", "pixel_lists",
+        "color_weights", "render",
         "cpp_projection", "splat",
         "preprocess", "checks",
         "blending", "tiles", "project", "harmonics", "camera", "scene", "notebook",

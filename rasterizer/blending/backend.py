@@ -71,7 +71,7 @@ class ForwardPass(NamedTuple):
 
 @dataclass(frozen=True)
 class Backend:
-    """One implementation of the equations in `composite.py`."""
+    """One implementation of the blending of `reference.py`."""
 
     name: str
     accepts: Callable[[Execution, torch.device, torch.dtype], bool]

@@ -2,7 +2,7 @@
 
 `m` Gaussians with `d` features, `t` tiles of `q` pixels, of which a group holds `b`; a batch has
 `k` Gaussians of each of `c` of them. Every step is one operation on a [k, c, q] block in cache; see
-`composite.py` for the equations.
+`reference.py` for the equations.
 """
 
 from __future__ import annotations

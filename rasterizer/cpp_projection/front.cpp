@@ -277,6 +277,8 @@ bool project_lanes(const Job<T>& job, const View<T>& v, const Lanes<T>& in, int6
     for (int k = 0; k < FOOTPRINT; k++) shapes[(first + i) * FOOTPRINT + k] = shape[k][i];
     if (job.with_depth) row[job.depth_column()] = out[GEOMETRY][i];
     if (job.depths) job.depths[first + i] = out[GEOMETRY][i];
+    for (int k = 0; job.centers && k < 2; k++)
+      job.centers[2 * int64_t(job.rows[first + i]) + k] = out[k][i];
     depths[first + i] = l.z[i];
     good &= bad[i] == 0;
   }
@@ -418,6 +420,8 @@ struct Upstream {
         of[k][i - first] = k < WHOLE ? sum[k] : more[k - WHOLE];
       for (int c = 0; job.bands && c < 3; c++)
         if (!(job.shown[i] >> c & 1)) of[GEOMETRY + c][i - first] = T(0);
+      for (int k = 0; job.grad_centers && k < 2; k++)
+        of[k][i - first] = job.grad_centers[2 * int64_t(job.rows[i]) + k];
     }
   }
   Upstream(const Job<T>& job, int64_t first, int64_t count) {
@@ -554,6 +558,31 @@ int64_t backward(Job<T>& job) {
   return 0;
 }
 
+// Fills grad_table, each row the sum of a Gaussian's pairs', and grad_centers where they are drawn.
+template <typename T, int COLUMNS>
+int64_t sum(const Job<T>& job) {
+  const int64_t columns = COLUMNS ? COLUMNS : job.grad_columns;
+  in_parallel(job.threads, job.drawn, LEAST / 4, PART, [&](int64_t begin, int64_t end, int64_t) {
+    std::vector<T> sums(columns);
+    for (int64_t i = begin; i < end; i++) {
+      T few[COLUMNS + 1];
+      T* const total = COLUMNS ? few : sums.data();
+      std::fill_n(total, columns, T(0));
+      const int64_t last = i + 1 < job.drawn ? job.firsts[i + 1] : job.pairs;
+      for (int64_t p = job.firsts[i]; p < last; p++)
+        for (int64_t k = 0; k < columns; k++) total[k] += job.pair_gradients[p * columns + k];
+      std::copy_n(total, columns, job.grad_table + i * columns);
+      std::copy_n(total, 2, job.grad_centers + 2 * int64_t(job.rows[i]));
+    }
+  });
+  return 0;
+}
+
+template <typename T>
+int64_t sum(Job<T>& job) {
+  return job.grad_columns == GEOMETRY + 3 ? sum<T, GEOMETRY + 3>(job) : sum<T, 0>(job);
+}
+
 template <typename T>
 int64_t guarded(int64_t (*work)(Job<T>&), Job<T>* job) {  // Python would not see an exception
   try {
@@ -573,6 +602,8 @@ int64_t project_float32(Job<float>* job) { return guarded(project, job); }
 int64_t project_float64(Job<double>* job) { return guarded(project, job); }
 int64_t list_float32(Job<float>* job) { return guarded(list, job); }
 int64_t list_float64(Job<double>* job) { return guarded(list, job); }
+int64_t sum_float32(Job<float>* job) { return guarded(sum<float>, job); }
+int64_t sum_float64(Job<double>* job) { return guarded(sum<double>, job); }
 int64_t backward_float32(Job<float>* job) { return guarded(backward, job); }
 int64_t backward_float64(Job<double>* job) { return guarded(backward, job); }
 }

@@ -36,6 +36,7 @@ struct Job {
   int32_t* rows;    // [drawn]: ascending
   T* table;         // [drawn, columns_of_table()]
   T* depths;        // [drawn], or null
+  T* centers;       // [count, 2]: x and y of those that are drawn, or null
   uint8_t* shown;   // [drawn]: bit c is set where channel c is not clamped
   // the tiles' lists
   int64_t pairs, columns, tile_rows;
@@ -44,6 +45,9 @@ struct Job {
   int64_t* firsts;           // [drawn]: slot at which each Gaussian's pairs begin
   // the way back
   const T* pair_gradients;  // [pairs, columns of the table], by slot
+  T* grad_centers;          // [count, 2]: of x and y, instead of the pairs'; or null
+  T* grad_table;            // [drawn, columns of the pairs' gradients]
+  int64_t grad_columns;
   T *grad_means, *grad_quats, *grad_log_scales, *grad_logits, *grad_sh;  // dense; or null
 
   int64_t depth_column() const { return GEOMETRY + (bands ? 3 : 0); }

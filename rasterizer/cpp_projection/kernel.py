@@ -13,6 +13,7 @@ from torch import Tensor
 
 from rasterizer import compiled
 from rasterizer.blending.backend import GEOMETRY
+from rasterizer.blending.cpp_backend import BACKEND
 from rasterizer.camera import Camera
 from rasterizer.numerics import Execution, Kernel, Numerics
 from rasterizer.project import Box, near_plane, slope_limits
@@ -41,11 +42,13 @@ class _Job(ctypes.Structure):
         + [(name, ctypes.c_int64) for name in
            ("antialiased", "with_depth", "threads", "tile_size")]
         + [("scratch", ctypes.c_void_p), ("drawn", ctypes.c_int64)]
-        + [(name, ctypes.c_void_p) for name in ("rows", "table", "depths", "shown")]
+        + [(name, ctypes.c_void_p) for name in ("rows", "table", "depths", "centers", "shown")]
         + [(name, ctypes.c_int64) for name in ("pairs", "columns", "tile_rows")]
         + [(name, ctypes.c_void_p) for name in
-           ("members", "slots", "starts", "firsts", "pair_gradients",
-            *(f"grad_{name}" for name in FIELDS))]
+           ("members", "slots", "starts", "firsts", "pair_gradients", "grad_centers",
+            "grad_table")]
+        + [("grad_columns", ctypes.c_int64)]
+        + [(f"grad_{name}", ctypes.c_void_p) for name in FIELDS]
     )  # fmt: skip
 
 
@@ -57,11 +60,9 @@ class Request:
     box: Box
     numerics: Numerics
     execution: Execution
-    pair_overhead: float
-    """Cost of a pair: see `Backend.pair_overhead`."""
-    depth: bool
+    depth: bool = False
     """Whether depth is blended, behind the colors."""
-    median: bool
+    median: bool = False
     linear: bool = False
     """Whether the fields are scales and opacities, and not their logarithms and logits."""
 
@@ -77,6 +78,9 @@ class Listed:
     """Table that is blended: see `BlendInputs`."""
     depths: Float[Tensor, " m"] | None
     """For the median depth."""
+    centers: Float[Tensor, "n 2"] | None
+    """The table's first two columns by row of the scene; 0 for rows that are not here. None: not
+    linear."""
     shown: UInt8[Tensor, " m"]
     """Bit c is set where channel c of the color is not clamped."""
     bins: Bins
@@ -92,7 +96,7 @@ def load(kernel: Kernel = "auto") -> ctypes.CDLL | None:
     library = compiled.load(SOURCE, kernel)
     if library is not None and library.new_scratch.restype is not ctypes.c_void_p:
         library.new_scratch.restype = ctypes.c_void_p
-        for name in ("cull", "project", "list", "backward"):
+        for name in ("cull", "project", "list", "sum", "backward"):
             for dtype in ("float32", "float64"):
                 getattr(library, f"{name}_{dtype}").restype = ctypes.c_int64
     return library
@@ -125,9 +129,10 @@ def _listed(job: _Job, like: Tensor, request: Request) -> Listed | None:
     rows = like.new_empty(count, dtype=torch.int32)
     table = like.new_empty(count, GEOMETRY + (3 if job.bands else 0) + request.depth)
     depths = like.new_empty(count) if request.median else None
+    centers = like.new_zeros(job.count, 2) if request.linear else None
     shown = like.new_empty(count, dtype=torch.uint8)
     firsts = like.new_empty(count, dtype=torch.int64)
-    _point(job, rows=rows, table=table, depths=depths, shown=shown, firsts=firsts)
+    _point(job, rows=rows, table=table, depths=depths, centers=centers, shown=shown, firsts=firsts)
     if _call("project", job, like.dtype) == REFUSED:
         return None
     members, slots = firsts.new_empty(2, job.pairs)
@@ -136,7 +141,22 @@ def _listed(job: _Job, like: Tensor, request: Request) -> Listed | None:
     _call("list", job, like.dtype)
     every = torch.arange(count, device=like.device)
     bins = Bins(members, starts, slots, firsts, every, job.tile_size, job.columns, job.tile_rows)
-    return Listed(request, rows, table, depths, shown, bins)
+    return Listed(request, rows, table, depths, centers, shown, bins)
+
+
+def table_gradients(
+    listed: Listed, count: int, pairs: Float[Tensor, "p g"]
+) -> tuple[Float[Tensor, "m g"], Float[Tensor, "n 2"]]:
+    """Sums of the pairs' gradients: by row of a table, and its first two columns by row of the
+    scene, which has `count`."""
+    columns = pairs.shape[1]
+    table, centers = pairs.new_empty(len(listed.rows), columns), pairs.new_zeros(count, 2)
+    job = _Job(count=count, threads=torch.get_num_threads(), drawn=len(table), pairs=len(pairs),
+               grad_columns=columns)  # fmt: skip
+    _point(job, rows=listed.rows, firsts=listed.bins.firsts, pair_gradients=pairs,
+           grad_table=table, grad_centers=centers)  # fmt: skip
+    _call("sum", job, pairs.dtype)
+    return table, centers
 
 
 def scene_gradients(
@@ -144,11 +164,13 @@ def scene_gradients(
     listed: Listed,
     pairs: Float[Tensor, "p g"],
     firsts: Int[Tensor, " m"],
+    centers: Float[Tensor, "n 2"] | None,
     wanted: tuple[bool, ...],
 ) -> tuple[Tensor | None, ...]:
     """Gradients of those of the scene's `FIELDS` that are wanted.
 
     `pairs` are gradients by rows of the table, of which row i's begin at firsts[i], and are added.
+    Those of the positions, its first two columns, are in `centers` by row of the scene; None: here.
     """
     job = _job(scene, listed.request)
     fields = [getattr(scene, name) for name in FIELDS]
@@ -156,7 +178,8 @@ def scene_gradients(
     job.drawn, job.pairs = len(listed.rows), len(pairs)
     _point(
         job, rows=listed.rows, table=listed.table, shown=listed.shown, firsts=firsts,
-        pair_gradients=pairs, **{f"grad_{name}": g for name, g in zip(FIELDS, gradients)},
+        pair_gradients=pairs, grad_centers=centers,
+        **{f"grad_{name}": g for name, g in zip(FIELDS, gradients)},
     )  # fmt: skip
     _call("backward", job, scene.means.dtype)
     return tuple(gradients)
@@ -179,7 +202,7 @@ def _job(scene: Gaussians, request: Request) -> _Job:
         orthographic=camera.model == "ortho",
         near=near_plane(camera, numerics), far=numerics.far, blur=numerics.blur, alpha_min=floor,
         log_alpha_min=numerics.log_alpha_min, least_logit=least_logit,
-        radius_clip=numerics.radius_clip, pair_overhead=request.pair_overhead,
+        radius_clip=numerics.radius_clip, pair_overhead=BACKEND.pair_overhead,
         antialiased=numerics.antialiased, with_depth=request.depth,
         threads=torch.get_num_threads(), tile_size=request.execution.tile_size or 0,
     )  # fmt: skip

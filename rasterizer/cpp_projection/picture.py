@@ -1,8 +1,8 @@
-"""A scene's picture by the compiled front end and the compiled blending, as one operation."""
+"""A scene's picture by the compiled front end and the compiled blending."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import torch
@@ -12,19 +12,23 @@ from torch import Tensor
 from rasterizer import checks
 from rasterizer.blending.backend import (
     GEOMETRY,
-    Backend,
+    Blended,
     BlendInputs,
     median_depths,
     refuse_second_derivatives,
 )
 from rasterizer.blending.choose import choose_backend
-from rasterizer.blending.cpp_backend import pair_gradients
+from rasterizer.blending.cpp_backend import BACKEND, pair_gradients
 from rasterizer.camera import Camera
 from rasterizer.cpp_projection import kernel
 from rasterizer.numerics import Execution, Numerics
 from rasterizer.preprocess import Splats
-from rasterizer.project import Box, Projected, covariance_of, near_plane
+from rasterizer.project import Box, Projected, covariance_of, depths, near_plane
 from rasterizer.scene import Gaussians
+from rasterizer.splat import composite
+
+BY_PAIR = replace(BACKEND, backward=pair_gradients)
+"""The blending, whose gradients the front end adds up itself."""
 
 
 class Drawn(NamedTuple):
@@ -34,6 +38,55 @@ class Drawn(NamedTuple):
     """Color, then depth where it was asked for."""
     transmittance: Float[Tensor, "h w"]
     median_depth: Float[Tensor, "h w"] | None
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """Gaussians that may touch a box of pixels, listed by tile; differentiable in the scene."""
+
+    scene: Gaussians
+    listed: kernel.Listed
+    pairs: Float[Tensor, "p g"]
+    """Stand-in for every pair's row of the table, which takes gradients."""
+    table: Float[Tensor, "m g"]
+    """Table that is blended; of its first two columns it takes no gradient."""
+    centers: Float[Tensor, "n 2"] | None
+    """These take gradients: see `Listed.centers`."""
+
+    def picture(
+        self, centers: Float[Tensor, "n 2"], features: Float[Tensor, "m d"] | None
+    ) -> Blended:
+        """Blend the table, with features behind the geometry; positions, which are equal to the
+        table's own, take their gradient."""
+        table = self.table
+        if features is not None:
+            geometry, last = table.tensor_split((GEOMETRY,), -1)
+            table = torch.cat((geometry, features, last), -1)
+        return self.blended(table, _Placed.apply(table, centers, self.listed))
+
+    def blended(
+        self, table: Float[Tensor, "m g"], pairs: Float[Tensor, "p g"], *, median: bool = False
+    ) -> Blended:
+        """Blend a table of these Gaussians, whose pairs take the gradient."""
+        request = self.listed.request
+        _, _, width, height = request.box
+        block = request.execution.block
+        inputs = BlendInputs(table, self.listed.bins, width, height, request.numerics, block)
+        return composite(inputs, BY_PAIR, pairs, median=median)
+
+    def splats(self, centers: Float[Tensor, "n 2"]) -> Splats:
+        """Their numbers one by one, at these positions."""
+        rows, camera = self.listed.rows.long(), self.listed.request.camera
+        _, whitening, log_opacities, _ = self.table.tensor_split((2, 5, 6), -1)
+        depth = depths(self.scene.means.index_select(0, rows), camera)
+        projected = Projected(
+            xy=centers.index_select(0, rows),
+            whitening=whitening,
+            depth=depth.to(centers),
+            sort_depth=depth.detach(),
+            covariance=covariance_of(whitening),
+        )
+        return Splats(rows, projected, log_opacities[:, 0])
 
 
 def draw(
@@ -52,85 +105,48 @@ def draw(
     does not have, for a pose that takes gradients, and where a number is not finite, which they
     name. Raises ValueError for a camera, a box or a setting that is not usable.
     """
-    backend = choose_backend(execution, scene.means.device, scene.means.dtype)
-    if not _fits(scene, camera, numerics, execution, backend, least_bands=1):
-        return None
-    request = _request(camera, box, numerics, execution, backend, depth, median)
-    fields = [getattr(scene, name) for name in kernel.FIELDS]
-    drawn = _Picture.apply(request, backend, *fields)
-    return None if drawn is None else Drawn(*drawn)
-
-
-def prepare(
-    scene: Gaussians, camera: Camera, box: Box, numerics: Numerics, execution: Execution
-) -> Splats | None:
-    """The Gaussians that may touch a box of a camera's pixels, listed by tile; differentiable.
-
-    `scene` holds scales and opacities where others hold logarithms and logits; without harmonics
-    the splats have no colors. None, and ValueError, as for `draw`.
-    """
-    backend = choose_backend(execution, scene.means.device, scene.means.dtype)
-    if not _fits(scene, camera, numerics, execution, backend, least_bands=0):
-        return None
-    request = _request(camera, box, numerics, execution, backend, depth=True, median=False)
-    fields = [getattr(scene, name) for name in kernel.FIELDS]
-    found = _Prepared.apply(replace(request, linear=True), *fields)
+    request = kernel.Request(camera, box, numerics, execution, depth, median)
+    found = prepare(scene, request) if scene.sh.shape[1] else None
     if found is None:
         return None
-    table, listed = found
-    # split, not sliced: one gradient of the table and not five
-    channels = table.shape[1] - GEOMETRY - 1
-    xy, whitening, log_opacities, colors, depth = table.split((2, 3, 1, channels, 1), -1)
-    projected = Projected(
-        xy=xy + xy.new_tensor(box[:2]),
-        whitening=whitening,
-        depth=depth[:, 0],
-        sort_depth=depth[:, 0].detach(),
-        covariance=covariance_of(whitening),
-    )
-    known = colors if channels else None
-    return Splats(listed.rows.long(), projected, log_opacities[:, 0], known, listed.bins)
+    blended = found.blended(found.table, found.pairs, median=median)
+    depths_of, index, middle = found.listed.depths, blended.median_index, None
+    if depths_of is not None and index is not None:
+        middle = median_depths(depths_of, index)
+    return Drawn(blended.features, blended.transmittance, middle)
 
 
-def _request(
-    camera: Camera,
-    box: Box,
-    numerics: Numerics,
-    execution: Execution,
-    backend: Backend,
-    depth: bool,
-    median: bool,
-) -> kernel.Request:
-    """Checked inputs of the kernel; raises ValueError where they are not usable."""
-    checks.settings(numerics)
-    checks.camera(camera)
-    checks.crop(box, camera)
+def prepare(scene: Gaussians, request: kernel.Request) -> Prepared | None:
+    """The Gaussians that a request may show. Without harmonics their table has no colors.
+
+    None, and ValueError, as for `draw`.
+    """
+    if not _fits(scene, request):
+        return None
+    checks.settings(request.numerics)
+    checks.camera(request.camera)
+    checks.crop(request.box, request.camera)
     # the backward pass reads the pose again, which may have been changed in place by then
-    camera = replace(camera, world_to_camera=camera.world_to_camera.detach().clone())
-    return kernel.Request(camera, box, numerics, execution, backend.pair_overhead, depth, median)
+    pose = request.camera.world_to_camera.detach().clone()
+    request = replace(request, camera=replace(request.camera, world_to_camera=pose))
+    found = _Prepared.apply(request, *(getattr(scene, name) for name in kernel.FIELDS))
+    return None if found is None else Prepared(scene, *found)
 
 
-def _fits(
-    scene: Gaussians,
-    camera: Camera,
-    numerics: Numerics,
-    execution: Execution,
-    backend: Backend,
-    least_bands: int,
-) -> bool:
+def _fits(scene: Gaussians, request: kernel.Request) -> bool:
     """Whether the kernel can draw it; inputs that are wrong are for the Python files to name."""
+    camera, execution, numerics = request.camera, request.execution, request.numerics
     means, count = scene.means, len(scene)
     fields = [getattr(scene, name) for name in kernel.FIELDS]
     alike = all(f.dtype == means.dtype and f.device == means.device for f in fields)
     bands = scene.sh.shape[1] if scene.sh.ndim == 3 else 0
     shapes = [(count, 3), (count, 4), (count, 3), (count,), (count, bands, 3)]
     return (
-        backend.name == "cpp"
+        choose_backend(execution, means.device, means.dtype) is BACKEND
         and alike
         and [tuple(f.shape) for f in fields] == shapes  # it reads addresses
         and camera.world_to_camera.shape == (4, 4)
         and bands in (0, 1, 4, 9, 16, 25)
-        and bands >= least_bands
         and count < 1 << 31
         and not (torch.is_grad_enabled() and camera.world_to_camera.requires_grad)
         and execution.cull == "ellipse"
@@ -145,61 +161,50 @@ class _Prepared(torch.autograd.Function):
     @torch.autocast("cpu", enabled=False)
     def forward(  # type: ignore[override]
         ctx: Any, request: kernel.Request, *fields: Tensor
-    ) -> tuple[Tensor, kernel.Listed] | None:
+    ) -> tuple[kernel.Listed, Tensor, Tensor, Tensor | None] | None:
         fields = tuple(field.detach().contiguous() for field in fields)
         listed = kernel.list_gaussians(Gaussians(*fields), request)
         if listed is None:
             return None
+        ctx.set_materialize_grads(False)
         ctx.listed = listed
         ctx.save_for_backward(*fields)
-        return listed.table.detach(), listed  # the output itself in ctx would make a cycle
-
-    @staticmethod
-    @torch.autocast("cpu", enabled=False)
-    def backward(ctx: Any, upstream: Float[Tensor, "m g"], _: Any) -> tuple[Tensor | None, ...]:  # type: ignore[override]
-        refuse_second_derivatives()
-        scene, upstream = Gaussians(*ctx.saved_tensors), upstream.contiguous()
-        each, wanted = ctx.listed.bins.rank, ctx.needs_input_grad[1:]  # a row of each
-        return None, *kernel.scene_gradients(scene, ctx.listed, upstream, each, wanted)
-
-
-class _Picture(torch.autograd.Function):
-    @staticmethod
-    @torch.autocast("cpu", enabled=False)
-    def forward(  # type: ignore[override]
-        ctx: Any, request: kernel.Request, backend: Backend, *fields: Tensor
-    ) -> tuple[Tensor, Tensor, Tensor | None] | None:
-        fields = tuple(field.detach().contiguous() for field in fields)
-        listed = kernel.list_gaussians(Gaussians(*fields), request)
-        if listed is None:
-            return None
-        _, _, width, height = request.box
-        block = request.execution.block
-        inputs = BlendInputs(listed.table, listed.bins, width, height, request.numerics, block)
-        differentiate = any(ctx.needs_input_grad[2:])
-        blended, ctx.blending = backend.forward(inputs, request.median, differentiate)
-        ctx.listed = listed
-        ctx.save_for_backward(blended.transmittance, *fields)
-        median = None
-        if blended.median_index is not None and listed.depths is not None:
-            median = median_depths(listed.depths, blended.median_index)
-            ctx.mark_non_differentiable(median)
-        return blended.features, blended.transmittance, median
+        pairs, centers = _rows_of_pairs(listed, listed.table), listed.centers
+        # outputs themselves in ctx would make a cycle
+        return listed, pairs, listed.table.detach(), None if centers is None else centers.detach()
 
     @staticmethod
     @torch.autocast("cpu", enabled=False)
     def backward(  # type: ignore[override]
         ctx: Any,
-        grad_features: Float[Tensor, "h w d"],
-        grad_transmittance: Float[Tensor, "h w"],
         _: Any,
+        by_pair: Float[Tensor, "p g"] | None,
+        by_table: Float[Tensor, "m g"] | None,
+        by_center: Float[Tensor, "n 2"] | None,
     ) -> tuple[Tensor | None, ...]:
         refuse_second_derivatives()
-        transmittance, *fields = ctx.saved_tensors
-        pairs = pair_gradients(
-            ctx.blending, transmittance, grad_features.contiguous(), grad_transmittance.contiguous()
-        )
-        wanted = ctx.needs_input_grad[2:]
-        scene = Gaussians(*fields)
-        firsts = ctx.listed.bins.firsts
-        return None, None, *kernel.scene_gradients(scene, ctx.listed, pairs, firsts, wanted)
+        listed, firsts = ctx.listed, ctx.listed.bins.firsts
+        if by_pair is None:  # then each row of the table has one
+            by_pair = torch.zeros_like(listed.table) if by_table is None else by_table.contiguous()
+            firsts = listed.bins.rank
+        scene, wanted = Gaussians(*ctx.saved_tensors), ctx.needs_input_grad[1:]
+        by_center = None if by_center is None else by_center.contiguous()
+        return None, *kernel.scene_gradients(scene, listed, by_pair, firsts, by_center, wanted)
+
+
+class _Placed(torch.autograd.Function):
+    @staticmethod
+    def forward(  # type: ignore[override]
+        ctx: Any, table: Float[Tensor, "m g"], centers: Float[Tensor, "n 2"], listed: kernel.Listed
+    ) -> Float[Tensor, "p g"]:
+        ctx.listed, ctx.count = listed, len(centers)
+        return _rows_of_pairs(listed, table)
+
+    @staticmethod
+    def backward(ctx: Any, by_pair: Float[Tensor, "p g"]) -> tuple[Tensor | None, ...]:  # type: ignore[override]
+        return *kernel.table_gradients(ctx.listed, ctx.count, by_pair.contiguous()), None
+
+
+def _rows_of_pairs(listed: kernel.Listed, table: Float[Tensor, "m g"]) -> Float[Tensor, "p g"]:
+    """Stand-in for every pair's row of a table, by slot: takes gradients, and holds no numbers."""
+    return table.new_empty(()).expand(len(listed.bins.members), table.shape[1])

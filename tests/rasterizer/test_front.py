@@ -281,7 +281,7 @@ def test_a_tile_is_in_the_order_of_depths(count, threads):
         torch.zeros(count, 1, 3, dtype=torch.float64),
     )
     camera = Camera(torch.eye(4, dtype=torch.float64), 4.0, 4.0, 2.0, 2.0, 4, 4)
-    request = kernel.Request(camera, (0, 0, 4, 4), Numerics(), COMPILED, 0.0, False, False)
+    request = kernel.Request(camera, (0, 0, 4, 4), Numerics(), COMPILED)
     before = torch.get_num_threads()
     try:
         torch.set_num_threads(threads)

@@ -54,7 +54,7 @@ def planted(source, cache, tmp_path):
     folder.mkdir()
     compiler.compile_library(found, written(folder, 13), folder / "kernel.so")
     cache.mkdir(parents=True)
-    path = cache / f"{name}-{compiled.digest(folder / 'kernel.so')}.so"
+    path = cache / f"{name}-{compiled.digest((folder / 'kernel.so').read_bytes())}.so"
     shutil.copyfile(folder / "kernel.so", path)
     return path
 

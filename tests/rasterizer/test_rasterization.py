@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from math import ceil, exp, log, sqrt
 
@@ -12,7 +11,9 @@ from closeness import leaves, relative, tensors
 from gsplat_call import BACKGROUND, DTYPES, cloud, gsplat_arguments, loss_of, ortho
 from scenes import camera, gaussian
 
-from rasterizer import Camera, Execution, Numerics, rasterization, render
+from rasterizer import Camera, Execution, Numerics, rasterization, render, splat
+from rasterizer.blending.backend import GEOMETRY
+from rasterizer.cpp_projection import picture
 from rasterizer.reference import render_reference
 
 # option: gsplat's arguments; the same as Numerics; the camera
@@ -161,17 +162,19 @@ def test_render_modes(mode):
 
 @pytest.mark.parametrize(("mode", "channels"), [("D", 1), ("ED", 1), ("RGB", 3), ("RGB+ED", 4)])
 def test_only_what_was_asked_for_is_blended(mode, channels, monkeypatch):
-    module = sys.modules["rasterizer.rasterization"]
     blended = []
 
-    def spy(splats, features, *rest, **options):
-        blended.append(features.shape[1])
-        return original(splats, features, *rest, **options)
+    def spy(inputs, *rest, **options):
+        blended.append(inputs.table.shape[1] - GEOMETRY)
+        return original(inputs, *rest, **options)
 
-    original = module.splat
-    monkeypatch.setattr(module, "splat", spy)
-    rasterization(**gsplat_arguments(cloud(), camera()), render_mode=mode)
-    assert blended == [channels]
+    original = splat.composite
+    for module in (splat, picture):
+        monkeypatch.setattr(module, "composite", spy)
+    for kernel in ("auto", "torch"):
+        arguments = gsplat_arguments(cloud(), camera())
+        rasterization(**arguments, render_mode=mode, execution=Execution(kernel=kernel))
+    assert blended == [channels, channels]
 
 
 @pytest.mark.parametrize("dtype", DTYPES)

@@ -13,9 +13,9 @@ from closeness import leaves, relative
 from gsplat_call import BACKGROUND, DTYPES, cloud, gsplat_arguments, loss_of
 from scenes import camera, random_cloud
 
-from rasterizer import rasterization
+from rasterizer import preprocess, rasterization
 from rasterizer.numerics import SH_DC
-from rasterizer.preprocess import features_of
+from rasterizer.preprocess import colors_of
 from rasterizer.project import rotation_matrices
 from rasterizer.reference import render_reference
 
@@ -168,12 +168,13 @@ def test_features_live_one_image_at_a_time(monkeypatch):
     features = torch.rand(60, 64, generator=torch.Generator().manual_seed(0)).double()
     made, alive = [], []
 
-    def watched(*args, **options):
+    def watched(*args):
         alive.append(sum(one() is not None for one in made))
-        made.append(ref(result := features_of(*args, **options)))
+        made.append(ref(result := colors_of(*args)))
         return result
 
-    monkeypatch.setattr(module, "features_of", watched)
+    monkeypatch.setattr(preprocess, "colors_of", watched)
+    monkeypatch.setattr(module, "colors_of", watched)
     with torch.no_grad():
         rasterization(**gsplat_arguments(cloud(), *views) | {"colors": features, "sh_degree": None})
     assert alive == [0, 0, 0]
