@@ -30,8 +30,8 @@ class EditorOptions:
 
     editor: str = option(
         AUTO,
-        "2D editor that changes the views; gsedit list editors names them. auto: tone and paint "
-        "are done on the scene itself, in seconds; small does everything else.",
+        "2D editor (see gsedit list editors). auto: tone and paint on the scene itself, small "
+        "for the rest.",
         "NAME",
     )
     model: str | None = option(

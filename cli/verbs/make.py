@@ -62,11 +62,10 @@ def make(
 
     gsedit make photos/ "turn it into bronze" -o out
 
-    The command runs capture, fit and edit. The folder gets capture/ (posed photos), scene.ply, and
-    edit/ (the edited scene and its report). PHOTOS may have poses: nerfstudio or COLMAP.
+    The folder gets capture/ (posed photos), scene.ply, and edit/ (the edited scene and its
+    report). PHOTOS may have poses (nerfstudio, COLMAP).
 
-    After an interruption, the same command continues and repeats no finished stage. -f replaces
-    the stages of another request, and those after them.
+    The same command goes on after an interruption.
     """
     begun = monotonic()
     settings = settings_from(posing, common)
