@@ -39,9 +39,17 @@ SHOWN_WEIGHT = 0.05
 class Solution:
     """Colors after an iteration of the solve."""
 
-    scene: Gaussians
+    start: Gaussians
+    change: Float[Tensor, "n 3"]
+    """Change of the base colors since the start."""
     mse: float
     """Mean squared residual over the targets' pixels, of the linear model."""
+
+    @property
+    def scene(self) -> Gaussians:
+        """A copy of the scene with these colors, made when it is asked for."""
+        base = self.start.sh[:, :1] + (self.change / SH_DC)[:, None]
+        return replace(self.start, sh=torch.cat((base, self.start.sh[:, 1:]), 1))
 
 
 @torch.no_grad()
@@ -76,7 +84,7 @@ def solve_colors(
     residuals = [r - m * w.picture(change) for r, m, w in zip(residuals, masks, weights)]
     found = _descend(weights, masks, residuals, change, moved, sums, least_gain_db)
     for solved, mse in islice(found, most_iterations):
-        yield Solution(_with_change(scene, solved), mse)
+        yield Solution(scene, solved, mse)
 
 
 def _descend(
@@ -138,9 +146,3 @@ def _in_range(scene: Gaussians, change: Float[Tensor, "n 3"]) -> Float[Tensor, "
 
 def _energy(residuals: Sequence[Float[Tensor, "h w 3"]]) -> float:
     return float(sum(r.double().square().sum() for r in residuals))
-
-
-def _with_change(scene: Gaussians, change: Float[Tensor, "n 3"]) -> Gaussians:
-    """The scene, its base colors changed."""
-    base = scene.sh[:, :1] + (change / SH_DC)[:, None]
-    return replace(scene, sh=torch.cat((base, scene.sh[:, 1:]), 1))

@@ -26,6 +26,12 @@ KNEE = 6 / 29
 """Bend of the Lab curve: a cube root above KNEE^3, a straight line below (CIE 15)."""
 
 
+def srgb_of_hex(digits: str) -> Float[np.ndarray, "3"]:
+    """Display color of #rrggbb, with or without #. Raises ValueError for another text."""
+    red, green, blue = bytes.fromhex(digits.removeprefix("#"))
+    return np.array([red, green, blue]) / 255
+
+
 def linear_of_srgb(srgb: Float[np.ndarray, "*s"]) -> Float[np.ndarray, "*s"]:
     """Linear light of display colors (IEC 61966-2-1)."""
     bent = ((np.maximum(srgb, 0.04045) + 0.055) / 1.055) ** 2.4

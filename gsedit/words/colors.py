@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gsedit.scene.color_space import lab_of_srgb, srgb_of_lab
+from gsedit.scene.color_space import lab_of_srgb, srgb_of_hex, srgb_of_lab
 
 TABLE = Path(__file__).with_name("colors.txt")
 LONGEST = 4
@@ -123,7 +123,7 @@ def distance(first: str, second: str) -> float:
 
 def lab_of(color: str) -> np.ndarray:
     """CIE Lab of "#rrggbb"."""
-    return lab_of_srgb(np.array([int(color[i : i + 2], 16) for i in (1, 3, 5)]) / 255)
+    return lab_of_srgb(srgb_of_hex(color))
 
 
 def _hex(lab: np.ndarray) -> str:

@@ -38,13 +38,13 @@ def fit_targets(
     """
     request, progress = session.request, session.progress
     stopwatch, update = progress.stopwatch, request.settings.update
-    targets = _targets(session)
-    if not targets:
+    if not progress.edited.targets:
         raise InputError("the checkpoint has no edited views to fit: remove it, and start again")
     if update.color_fit == "least-squares":
         if span.stop == round_steps:
             yield from _solve(session, done + round_steps, total)
         return
+    targets = _targets(session)
     share = sum(target.share for target in targets) / len(targets)
     update = replace(update, patches=crops_needed(update.patches, share))
     with stopwatch.stage("update"):
@@ -76,22 +76,17 @@ def _solve(session: Session, step: int, total: int) -> Iterator[Event]:
     optimizer, inside, targets = progress.optimizer, session.region.inside, progress.edited.targets
     with progress.stopwatch.stage("update"):
         optimizer.raise_negative_colors(inside)
-        start, mse = optimizer.scene.detach(), None
-        scene = start
+        start, views = optimizer.scene.detach(), list(targets.values())
         pictures = None if request.coarse is None else [preview(session, i) for i in targets]
-        for solved in solve_colors(
-            start,
-            list(targets.values()),
-            inside,
-            pictures=pictures,
-            execution=request.settings.execution,
-        ):
-            scene, mse = solved.scene, solved.mse
-            progress.work.steps += 1
-        rows = torch.arange(len(start))
-        optimizer.replace(scene, rows, fresh=torch.ones(len(start), dtype=torch.bool))
+        execution = request.settings.execution
+        solved = list(solve_colors(start, views, inside, pictures=pictures, execution=execution))
+        progress.work.steps += len(solved)
+        if solved:
+            every = torch.ones(len(start), dtype=torch.bool)
+            optimizer.replace(solved[-1].scene, torch.arange(len(start)), fresh=every)
         measured = measure_progress(session)
-        yield measured.event("update", progress.stopwatch.seconds, step, total, mse)
+        loss = solved[-1].mse if solved else None
+        yield measured.event("update", progress.stopwatch.seconds, step, total, loss)
 
 
 def _targets(session: Session) -> list[Target]:

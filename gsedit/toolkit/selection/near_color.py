@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from gsedit.errors import UsageError
-from gsedit.scene.color_space import lab_of_srgb
+from gsedit.scene.color_space import lab_of_srgb, srgb_of_hex
 from gsedit.scene.shapes import Bool
 from gsedit.scene.table import SplatTable
 from gsedit.storage.inputs import existing_file
@@ -52,7 +52,7 @@ def parse_color(text: str) -> tuple[float, float, float]:
         raise UsageError(f"color {text}: give #rrggbb, as in #a08050, or a pixel, as photo.jpg@8,9")
     if len(digits) == 3:
         digits = "".join(2 * digit for digit in digits)
-    red, green, blue = (int(digits[i : i + 2], 16) / 255 for i in (0, 2, 4))
+    red, green, blue = srgb_of_hex(digits).tolist()
     return red, green, blue
 
 
