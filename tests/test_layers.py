@@ -23,6 +23,7 @@ ORDER = {
         "measures",
         "synthetic",
         "words",
+        "surface",
         "regions",
         "consistency",
         "diffusion",

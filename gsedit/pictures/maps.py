@@ -10,9 +10,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from gsedit.surface.normals import facing, shortest_axes
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, DEFAULT, SH_DC, Execution, Numerics
-from rasterizer.project import rotation_matrices
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
@@ -20,8 +20,6 @@ MapName = Literal["color", "depth", "normals", "alpha"]
 MAPS: tuple[MapName, ...] = get_args(MapName)
 FAINT = 1e-4
 """Length of a blended normal below which rounding decides its direction."""
-ROWS = 1 << 18
-"""Gaussians whose axes are computed at once: rotation matrices are nine numbers each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,8 +79,7 @@ def normal_map(
     needle says nothing of a surface. (From depth, which is that of centers, the normals of a sphere
     of discs are wrong by several times as much: docs/measurements/rendering.md.)
     """
-    starts = range(0, max(len(scene), 1), ROWS)
-    axes = torch.cat([_facing(scene[start : start + ROWS], camera) for start in starts])
+    axes = _facing(scene, camera)
     # as colors in [0, 1]: the blend of n / 2 + 1 / 2 is (the blend of n) / 2 + alpha / 2
     colored = replace(scene, sh=(axes / 2 / SH_DC)[:, None])
     drawn = render(colored, camera, numerics=numerics, execution=execution)
@@ -133,12 +130,7 @@ def wipe(
 
 
 def _facing(scene: Gaussians, camera: Camera) -> Float[Tensor, "n 3"]:
-    """The shortest axes in the camera's axes (y up, z to the viewer), turned to the camera; their
-    length is the Gaussian's flatness."""
-    rotation = camera.rotation.to(scene.means)
-    ordered, order = scene.log_scales.sort(-1)
-    shortest, flatness = order[:, 0], 1 - (ordered[:, 0] - ordered[:, 1]).exp()
-    axes = rotation_matrices(scene.quats)[torch.arange(len(scene)), :, shortest]
-    away = ((scene.means - camera.center.to(scene.means)) * axes).sum(-1, keepdim=True) > 0
-    axes = torch.where(away, -axes, axes) @ rotation.T
-    return flatness.nan_to_num(0.0)[:, None] * axes * axes.new_tensor((1.0, -1.0, -1.0))
+    """The shortest axes, as long as a Gaussian is flat, in the camera's axes (y up, z to the
+    viewer), turned to the camera."""
+    axes = facing(shortest_axes(scene), scene, camera) @ camera.rotation.to(scene.means).T
+    return axes * axes.new_tensor((1.0, -1.0, -1.0))

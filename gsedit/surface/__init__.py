@@ -1,0 +1,1 @@
+"""Surfaces of a captured scene and the light around them: normals, surroundings, occlusion."""

@@ -1,0 +1,261 @@
+"""Light that falls on a subject: its surroundings as a map of all directions, in linear light.
+
+Six pictures from the middle of the subject, without it, make a map. Directions that nothing was
+seen in are filled smoothly from those around them; light that pictures clip is estimated above 1;
+where there is nothing at all, a photographer's studio stands in. `n` Gaussians, `h w` cells of a
+map (gsedit.surface.directions).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from math import pi
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from gsedit.scene.color_space import LUMINANCE, linear_of_srgb
+from gsedit.scene.framing import guess_up
+from gsedit.surface.directions import (
+    FAINT,
+    cell_areas,
+    cell_directions,
+    filtered,
+    halved,
+    look_up,
+)
+from rasterizer.camera import Camera, look_at
+from rasterizer.numerics import AUTO, Execution
+from rasterizer.render import render
+from rasterizer.scene import Gaussians
+
+ROWS = 64
+"""Rows of a map: cells of 2.8 degrees, as fine as SH of degree 3 on small Gaussians can show."""
+COARSE = 32
+"""Rows of a map that is filtered by kernels between all pairs of its cells."""
+FACE_PIXELS = 64
+"""Side of the six pictures."""
+LEAST_SEEN = 0.05
+"""Share of all directions below which there are no surroundings."""
+NEAR_SHARE = 0.35
+"""Near plane of the six pictures, of the subject's radius: its own remains are not surroundings."""
+FILL_POWER = 3.0
+"""Power of the inverse squared angle that weighs what is seen where a hole is filled."""
+FILL_ANGLE = 0.1
+"""Angle, radians, below which all that is seen counts alike."""
+CLIPPED = (0.9, 1.0)
+"""Display values of the brightest channel between which light counts as clipped, from 0 to 1."""
+CLIPPED_GAIN = 3.0
+"""Factor of clipped light: a bright sky in a picture that is exposed for the ground."""
+ROUGHNESSES = (0.0, 0.15, 0.3, 0.45, 0.6, 0.8, 1.0)
+"""Roughness of the prefiltered maps; GGX's alpha is its square."""
+BALANCE = 0.7
+"""Share of the light's color that white balance takes away."""
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """Linear light from all directions around a point, 1 where a display is white."""
+
+    center: Float[Tensor, "3"]
+    """Middle of the subject, world units."""
+    radiance: Float[Tensor, "h w 3"]
+    """Light from each direction; above 1 where pictures are clipped."""
+    distance: Float[Tensor, "h w"]
+    """Distance of what is seen there, world units; inf where nothing is."""
+    seen: Float[Tensor, "h w"]
+    """Share of each direction that was seen, in [0, 1]; the rest is filled in."""
+    studio: bool = False
+    """Whether there are no surroundings, and a studio's lights stand in."""
+
+
+@torch.no_grad()
+def find_surroundings(
+    scene: Gaussians,
+    subject: Bool[Tensor, " n"],
+    up: Float[Tensor, "3"] | None = None,
+    execution: Execution = AUTO,
+) -> Surroundings:
+    """The surroundings of the subject's Gaussians, from the middle of them, without them.
+
+    A studio, upright along `up` (guessed if None), where fewer than LEAST_SEEN of all directions
+    show anything. The subject must not be empty.
+    """
+    center, radius = middle(scene, subject)
+    others = scene[~subject]
+    if not len(others):
+        return studio(center, guess_up(scene) if up is None else up)
+    color, alpha, distance = panorama(others, center, NEAR_SHARE * radius, execution)
+    if float((alpha * cell_areas(ROWS)).sum()) < LEAST_SEEN * 4 * pi:
+        return studio(center, guess_up(scene) if up is None else up)
+    display = color / alpha.clamp_min(FAINT)[..., None]
+    seen = filled(unclipped(display), alpha)
+    known = torch.where(alpha > 0.5, distance, torch.inf)
+    return Surroundings(center, seen, known, alpha)
+
+
+def middle(scene: Gaussians, subject: Bool[Tensor, " n"]) -> tuple[Float[Tensor, "3"], float]:
+    """Middle of the subject's bulk, and the distance within which nine tenths of it lie."""
+    means = scene.means[subject]
+    low, high = (
+        torch.stack([axis[int(share * (len(axis) - 1))] for axis in means.sort(0).values.T])
+        for share in (0.03, 0.97)
+    )
+    center = (low + high) / 2
+    away = (means - center).norm(dim=-1).sort().values
+    return center, float(away[int(0.9 * (len(away) - 1))])
+
+
+def panorama(
+    scene: Gaussians, center: Float[Tensor, "3"], near: float, execution: Execution = AUTO
+) -> tuple[Float[Tensor, "h w 3"], Float[Tensor, "h w"], Float[Tensor, "h w"]]:
+    """Display color, blended over black, alpha, and distance in world units of all directions.
+
+    Six pictures of 90 degrees; colors without dependence on the direction, which is known only
+    towards the cameras. Nothing nearer than `near` is shown.
+    """
+    plain = replace(scene, sh=scene.sh[:, :1])
+    directions = cell_directions(ROWS).to(scene.means)
+    found = directions.new_zeros((*directions.shape[:2], 5))
+    for axis in torch.eye(3, dtype=torch.float64):
+        for forward in (axis, -axis):
+            up = axis.roll(1)
+            eye = center.double()
+            camera = look_at(eye, eye + forward, up, 90.0, FACE_PIXELS, FACE_PIXELS)
+            camera = replace(camera, near=max(near, 1e-9))
+            drawn = render(plain, camera, median_depth=True, execution=execution)
+            assert drawn.median_depth is not None
+            maps = torch.cat(
+                (drawn.color, drawn.alpha[..., None], drawn.median_depth[..., None]), -1
+            )
+            here = directions @ forward.to(directions) >= directions.abs().amax(-1) - 1e-6
+            found[here] = _sampled(maps, camera, directions[here])
+    return found[..., :3], found[..., 3].clamp(0, 1), found[..., 4]
+
+
+def filled(radiance: Float[Tensor, "h w 3"], seen: Float[Tensor, "h w"]) -> Float[Tensor, "h w 3"]:
+    """The light where it was seen; elsewhere the mean of what was, the nearest most."""
+    weights = halved(seen[..., None], COARSE)
+    few = halved(radiance * seen[..., None], COARSE) / weights.clamp_min(FAINT)
+    kernel = _angle_kernel(lambda angle: (angle.square() + FILL_ANGLE**2) ** -FILL_POWER)
+    smooth = filtered(few, kernel.to(few), weights[..., 0] * cell_areas(COARSE).to(few))
+    around = look_up(smooth, cell_directions(ROWS).to(radiance))
+    return torch.lerp(around, radiance, seen[..., None])
+
+
+def unclipped(display: Float[Tensor, "*s 3"], gain: float = CLIPPED_GAIN) -> Float[Tensor, "*s 3"]:
+    """Linear light of display colors; where the brightest channel is clipped, `gain` times it."""
+    linear = torch.from_numpy(linear_of_srgb(display.clamp(0, 1).double().numpy())).to(display)
+    low, high = CLIPPED
+    share = ((display.amax(-1, keepdim=True) - low) / (high - low)).clamp(0, 1)
+    return linear * (1 + (gain - 1) * share.square() * (3 - 2 * share))
+
+
+def studio(center: Float[Tensor, "3"], up: Float[Tensor, "3"]) -> Surroundings:
+    """A grey studio: a large soft light above on either side, one behind, and a darker floor."""
+    up = torch.nn.functional.normalize(up.float(), dim=0)
+    across = torch.nn.functional.normalize(
+        torch.linalg.cross(up, torch.eye(3)[int(up.abs().argmin())]), dim=0
+    )
+    along = torch.linalg.cross(up, across)
+    directions = cell_directions(ROWS)
+    height = directions @ up
+    light = 0.28 + 0.22 * height
+    lamps = ((1.0, 0.5, 0.7, 0.30, 5.0), (-1.0, 0.7, 0.5, 0.42, 2.0), (0.1, -1.0, 0.6, 0.25, 3.0))
+    for side, ahead, above, size, power in lamps:
+        towards = torch.nn.functional.normalize(side * across + ahead * along + above * up, dim=0)
+        angle = torch.acos((directions @ towards).clamp(-1, 1))
+        light = light + power * torch.sigmoid((size - angle) / 0.05)
+    radiance = light[..., None].expand(-1, -1, 3).to(center)
+    far = torch.full(light.shape, torch.inf, dtype=center.dtype)
+    return Surroundings(center, radiance, far, torch.zeros_like(far), studio=True)
+
+
+def balanced(surroundings: Surroundings, share: float = BALANCE) -> Surroundings:
+    """The surroundings with a `share` of the mean light's color taken away; as bright as before."""
+    radiance = surroundings.radiance
+    mean = (radiance * cell_areas(len(radiance)).to(radiance)[..., None]).sum((0, 1)) / (4 * pi)
+    luminance = mean @ torch.from_numpy(LUMINANCE).to(mean)
+    gain = (luminance / mean.clamp_min(FAINT)) ** share
+    gain = (
+        gain * luminance / ((mean * gain) @ torch.from_numpy(LUMINANCE).to(mean)).clamp_min(FAINT)
+    )
+    return replace(surroundings, radiance=radiance * gain)
+
+
+def irradiance(surroundings: Surroundings, normals: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
+    """Light that a white matte surface of each unit normal sends back: irradiance over pi."""
+    radiance = halved(surroundings.radiance, COARSE)
+    kernel = _angle_kernel(lambda angle: angle.cos().clamp_min(0)).to(radiance)
+    smooth = filtered(radiance, kernel, cell_areas(COARSE).to(radiance))
+    return look_up(smooth, normals)
+
+
+def prefiltered(surroundings: Surroundings) -> Float[Tensor, "r h w 3"]:
+    """The surroundings as surfaces of each of ROUGHNESSES reflect them: GGX lobes seen head on, as
+    in the split sum of Karis (2013)."""
+    radiance = surroundings.radiance
+    few = halved(radiance, COARSE)
+    areas = cell_areas(COARSE).to(few)
+    maps = [radiance]
+    for roughness in ROUGHNESSES[1:]:
+        lobe = filtered(few, _lobe(roughness).to(few), areas)
+        maps.append(look_up(lobe, cell_directions(ROWS).to(few)))
+    return torch.stack(maps)
+
+
+def reflected(
+    maps: Float[Tensor, "r h w 3"], directions: Float[Tensor, "n 3"], roughness: Float[Tensor, " n"]
+) -> Float[Tensor, "n 3"]:
+    """Light from unit directions as surfaces of a roughness in [0, 1] see it; between the maps of
+    `prefiltered`, linear."""
+    steps = torch.tensor(ROUGHNESSES, dtype=directions.dtype)
+    upper = torch.searchsorted(steps, roughness.clamp(0, 1).contiguous()).clamp(1, len(steps) - 1)
+    share = (roughness - steps[upper - 1]) / (steps[upper] - steps[upper - 1])
+    found = directions.new_zeros(len(directions), 3)
+    for level in range(1, len(steps)):
+        here = upper == level
+        if here.any():
+            low, high = (look_up(maps[i], directions[here]) for i in (level - 1, level))
+            found[here] = torch.lerp(low, high, share[here, None])
+    return found
+
+
+def _sampled(
+    maps: Float[Tensor, "p p c"], camera: Camera, directions: Float[Tensor, "m 3"]
+) -> Float[Tensor, "m c"]:
+    """Maps of a picture at directions, bilinear; the last one, depth, as distance, the nearest."""
+    xy, _ = camera.project(camera.center.to(directions) + directions)
+    grid = 2 * xy / camera.width - 1
+    planes = maps.movedim(-1, 0)[None]
+    bilinear = torch.nn.functional.grid_sample(
+        planes[:, :-1], grid[None, None], padding_mode="border", align_corners=False
+    )[0, :, 0].T
+    at = xy.long().clamp(0, camera.width - 1)
+    along = directions @ camera.forward.to(directions)
+    distance = maps[at[:, 1], at[:, 0], -1] / along
+    return torch.cat((bilinear, distance[:, None]), -1)
+
+
+def _angle_kernel(
+    function: Callable[[Float[Tensor, "m m"]], Float[Tensor, "m m"]],
+) -> Float[Tensor, "m m"]:
+    """A function of the angle between all pairs of cells of a coarse map."""
+    flat = cell_directions(COARSE).reshape(-1, 3)
+    return function(torch.acos((flat @ flat.T).clamp(-1, 1)))
+
+
+@lru_cache(len(ROUGHNESSES))
+def _lobe(roughness: float) -> Float[Tensor, "m m"]:
+    """GGX's distribution at half the angle to the mirror direction, times the cosine."""
+    alpha = max(roughness, 1e-3) ** 2
+
+    def weight(angle: Tensor) -> Tensor:
+        cosine = (angle / 2).cos()
+        spread = cosine.square() * (alpha**2 - 1) + 1
+        return alpha**2 / spread.square() * angle.cos().clamp_min(0)
+
+    return _angle_kernel(weight)

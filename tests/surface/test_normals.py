@@ -1,0 +1,96 @@
+"""Normals of Gaussians against those of exact surfaces."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from gsedit.surface.normals import estimate_normals, normals_of_depth
+from gsedit.synthetic import ring_cameras, scenes, surface_gaussians
+from gsedit.synthetic.shapes import gradient
+from rasterizer.camera import look_at
+from rasterizer.scene import Gaussians
+
+COUNT = 3000
+
+
+@pytest.fixture(scope="module")
+def ball():
+    """A sphere of discs, its cameras, and the exact normals."""
+    globe = scenes()[0]
+    discs = surface_gaussians(globe, COUNT, torch.Generator().manual_seed(0))
+    cameras = (*ring_cameras(globe, 8, 128), *ring_cameras(globe, 6, 128, elevation=-50.0))
+    exact = torch.nn.functional.normalize(gradient(globe.sdf, discs.means.double()), dim=-1)
+    return discs, cameras, exact.float()
+
+
+def degrees_off(found, exact):
+    return torch.rad2deg(torch.acos((found * exact).sum(-1).clamp(-1, 1)))
+
+
+def test_normals_of_a_sphere_are_right_to_a_few_degrees(ball):
+    discs, cameras, exact = ball
+    found = estimate_normals(discs, cameras)
+    off = degrees_off(found.directions, exact)
+    assert float(off.median()) < 3
+    assert float(off.quantile(0.95)) < 12
+    assert float(found.confidence.median()) > 0.9
+
+
+def test_normals_point_outwards_without_cameras(ball):
+    discs, _, exact = ball
+    off = degrees_off(estimate_normals(discs).directions, exact)
+    assert float((off < 90).float().mean()) > 0.97
+
+
+def test_balls_without_axes_take_the_slope_of_depth(ball):
+    discs, cameras, exact = ball
+    balls = replace(discs, log_scales=discs.log_scales.amax(-1, keepdim=True).expand(-1, 3) - 0.4)
+    off = degrees_off(estimate_normals(balls, cameras).directions, exact)
+    assert float(off.median()) < 12
+
+
+def test_needles_at_random_are_less_sure_than_a_surface(ball):
+    discs, cameras, _ = ball
+    generator = torch.Generator().manual_seed(3)
+    needles = Gaussians(
+        torch.rand(COUNT, 3, generator=generator) * 2 - 1,
+        torch.randn(COUNT, 4, generator=generator),
+        torch.tensor((-2.0, -7.0, -7.0)).expand(COUNT, 3),
+        torch.zeros(COUNT),
+        discs.sh,
+    )
+    of_needles = estimate_normals(needles, cameras).confidence.median()
+    assert float(of_needles) < 0.6 < float(estimate_normals(discs, cameras).confidence.median())
+
+
+def test_a_turned_scene_has_turned_normals(ball):
+    discs, cameras, _ = ball
+    shift = torch.tensor((5.0, -3.0, 2.0))
+    moved = replace(discs, means=discs.means + shift)
+    poses = []
+    for camera in cameras:
+        pose = camera.world_to_camera.clone()
+        pose[:3, 3] -= pose[:3, :3] @ shift.double()
+        poses.append(replace(camera, world_to_camera=pose))
+    a = estimate_normals(discs, cameras).directions
+    b = estimate_normals(moved, poses).directions
+    assert float(degrees_off(a, b).quantile(0.98)) < 0.5
+
+
+def test_the_slope_of_a_plane_is_its_normal():
+    camera = look_at(
+        torch.tensor((0.0, -1.5, 3.0)), torch.zeros(3), torch.tensor((0.0, 0.0, 1.0)), 40.0, 32, 24
+    )
+    eye, xy = camera.center, camera.pixel_centers()
+    rays = camera.unproject(xy, torch.ones(24, 32, dtype=torch.float64)) - eye
+    depth = -eye[2] / rays[..., 2]  # of the plane z = 0
+    found = normals_of_depth(camera, depth)[4:-4, 4:-4]
+    up = torch.tensor((0.0, 0.0, 1.0), dtype=torch.float64)
+    torch.testing.assert_close(found, up.expand_as(found))
+
+
+def test_an_empty_scene_has_no_normals(ball):
+    assert len(estimate_normals(ball[0][:0]).directions) == 0

@@ -1,0 +1,151 @@
+"""Surroundings of a subject against skies that are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from gsedit.scene.color_space import linear_of_srgb
+from gsedit.scene.quaternions import even_directions
+from gsedit.surface import surroundings as light
+from gsedit.surface.directions import cell_areas, cell_directions, halved, look_up
+from rasterizer.numerics import color_to_sh
+from rasterizer.scene import Gaussians, concatenate
+
+SKY = 3000
+CENTER = torch.tensor((0.3, -0.2, 0.1))
+
+
+def sky_color(directions):
+    """Display colors: blue above, brown below, brighter to +x; none is clipped."""
+    x, _, z = directions.unbind(-1)
+    return torch.stack((0.4 + 0.2 * x - 0.1 * z, 0.4 + 0.1 * x, 0.45 + 0.3 * z), -1)
+
+
+def dome(where=None) -> Gaussians:
+    """Discs on a sphere of radius 20 around CENTER, colored by direction."""
+    directions = torch.from_numpy(even_directions(SKY)).float()
+    if where is not None:
+        directions = directions[where(directions)]
+    n = len(directions)
+    scales = torch.tensor((1.0, 1.0, 1.0)).log().expand(n, 3)
+    return Gaussians(
+        CENTER + 20 * directions,
+        torch.tensor((1.0, 0, 0, 0)).expand(n, 4).clone(),
+        scales.clone(),
+        torch.full((n,), 5.0),
+        color_to_sh(sky_color(directions))[:, None],
+    )
+
+
+def with_subject(sky):
+    """A small cloud of Gaussians in the middle of a sky, and which they are."""
+    points = torch.from_numpy(even_directions(50)).float()
+    own = Gaussians(
+        CENTER + 0.5 * points,
+        torch.tensor((1.0, 0, 0, 0)).expand(50, 4).clone(),
+        torch.full((50, 3), -2.0),
+        torch.full((50,), 4.0),
+        torch.zeros(50, 1, 3),
+    )
+    subject = torch.zeros(len(sky) + 50, dtype=torch.bool)
+    subject[-50:] = True
+    return concatenate(sky, own), subject
+
+
+@pytest.fixture(scope="module")
+def found():
+    return light.find_surroundings(*with_subject(dome()))
+
+
+def exact_light():
+    display = sky_color(cell_directions(light.ROWS))
+    return torch.from_numpy(linear_of_srgb(display.numpy()))
+
+
+def test_a_known_sky_is_found_around_the_subject(found):
+    assert not found.studio
+    torch.testing.assert_close(found.radiance, exact_light(), atol=0.02, rtol=0.05)
+    assert float((found.distance - 20).abs().median()) < 1
+    assert torch.allclose(found.center, CENTER, atol=0.05)
+
+
+def test_what_no_camera_saw_is_filled_smoothly():
+    half = light.find_surroundings(*with_subject(dome(lambda d: d[:, 2] < 0.3)))
+    zenith, rim = half.radiance[0].mean(0), half.radiance[28].mean(0)
+    assert float(half.seen[0].max()) < 0.01
+    assert bool((zenith > 0.5 * rim).all())
+    assert bool((zenith < 2 * rim).all())
+    steps = (half.radiance[1:20] - half.radiance[:19]).abs()
+    assert float(steps.max()) < 0.05
+
+
+def test_an_object_alone_gets_a_studio(found):
+    scene, subject = with_subject(dome())
+    alone = light.find_surroundings(scene[subject], torch.ones(50, dtype=torch.bool))
+    assert alone.studio
+    assert float(alone.radiance.max()) > 1
+    up = torch.tensor((0.0, 0.0, 1.0))
+    made = light.studio(torch.zeros(3), up)
+    lit = light.irradiance(made, torch.stack((up, -up)))
+    assert float(lit[0].mean()) > 2 * float(lit[1].mean())
+
+
+def test_clipped_light_is_above_one_and_other_light_is_kept():
+    grey = torch.tensor([[0.5, 0.5, 0.5], [1.0, 1.0, 1.0]])
+    dark, bright = light.unclipped(grey)
+    np.testing.assert_allclose(dark, linear_of_srgb(grey[0].numpy()), rtol=1e-5)
+    np.testing.assert_allclose(bright, light.CLIPPED_GAIN, rtol=1e-5)
+
+
+def test_filters_keep_a_constant_light():
+    even = light.Surroundings(
+        CENTER,
+        torch.full((64, 128, 3), 0.4),
+        torch.full((64, 128), 9.0),
+        torch.ones(64, 128),
+    )
+    torch.testing.assert_close(light.prefiltered(even), torch.full((7, 64, 128, 3), 0.4))
+    normals = torch.from_numpy(even_directions(20)).float()
+    torch.testing.assert_close(light.irradiance(even, normals), torch.full((20, 3), 0.4))
+
+
+def test_irradiance_of_a_linear_sky_is_exact(found):
+    """The cosine lobe keeps 2/3 of a band of degree 1 (Ramamoorthi and Hanrahan 2001)."""
+    directions = cell_directions(64)
+    sky = light.Surroundings(
+        CENTER,
+        0.5 + 0.3 * directions[..., 2:].expand(-1, -1, 3),
+        torch.ones(64, 128),
+        torch.ones(64, 128),
+    )
+    normals = torch.from_numpy(even_directions(30)).float()
+    expected = 0.5 + 0.2 * normals[:, 2:].expand(-1, 3)
+    torch.testing.assert_close(light.irradiance(sky, normals), expected, atol=4e-3, rtol=0)
+
+
+def test_rougher_reflections_vary_less(found):
+    maps = light.prefiltered(found)
+    spread = maps.flatten(1, 2).std(1).mean(-1)
+    assert bool((spread[1:] <= spread[:-1] + 1e-4).all())
+    mirror = torch.from_numpy(even_directions(40)).float()
+    sharp = light.reflected(maps, mirror, torch.zeros(40))
+    torch.testing.assert_close(sharp, look_up(found.radiance, mirror))
+
+
+def test_balance_takes_the_mean_color_and_keeps_the_luminance(found):
+    whole = light.balanced(found, 1.0)
+    areas = cell_areas(64)[..., None]
+    before, after = ((each.radiance * areas).sum((0, 1)) for each in (found, whole))
+    assert float(after.std()) < 1e-3 * float(after.mean())
+    weights = torch.tensor(light.LUMINANCE, dtype=after.dtype)
+    torch.testing.assert_close(after @ weights, before @ weights)
+
+
+def test_maps_are_looked_up_at_their_cells():
+    directions = cell_directions(16)
+    torch.testing.assert_close(look_up(directions, directions), directions, atol=1e-5, rtol=0)
+    torch.testing.assert_close(cell_areas(16).sum(), torch.tensor(4 * torch.pi))
+    means = halved(directions, 8)
+    assert float((means - cell_directions(8)).abs().max()) < 0.05
