@@ -20,7 +20,7 @@ from rasterizer import Gaussians
 
 SETTINGS = gsedit.EditSettings(
     sampler=SamplerSettings(steps=4),
-    update=UpdateSettings(patches=1, patch=32, gram_weight=0.0),
+    update=UpdateSettings(patches=1, patch=32),
     views_per_batch=2,
     batches=2,
     held_out_edits=0,

@@ -18,6 +18,15 @@ if TYPE_CHECKING:
     from gsedit.editors import Editor
 
 EDITOR, STRATEGY, SAMPLING, UPDATE = "2D editor", "Strategy", "Sampling", "Scene update"
+SOLVED = ("single-pass", "bulk")
+"""Strategies that take no steps on crops where colors are solved for."""
+STEPS = {
+    ("update", "patches"),
+    ("update", "patch"),
+    ("strategy", "update_steps"),
+    ("strategy", "steps_between"),
+}
+"""Settings of steps on crops."""
 LAYOUT = Layout(UPDATE, panels={"sampler": SAMPLING, "update": UPDATE, "execution": "Rendering"})
 
 AUTO = "auto"
@@ -161,13 +170,23 @@ def resolve(preset: str, values: Values, own: Iterable[str] = ()) -> tuple[EditS
     """
     from gsedit.diffusion.settings import SamplerSettings
     from gsedit.editing.session.settings import EditSettings
+    from gsedit.fitting.settings import UpdateSettings
 
     shared = {path: value for path, value in values.items() if path[0] != "strategy"}
     chosen = {
         path[1:]: value for path, value in values.items() if path[0] == "strategy" and path[1:]
     }
     settings = EditSettings(sampler=SamplerSettings.preset(preset))
+    if preset == "paper":
+        settings = replace(settings, update=UpdateSettings(loss="mse+gram"))
     return with_values(settings, shared), make_strategy(values.get(("strategy",)), chosen, own)
+
+
+def idle_options(values: Values, settings: EditSettings, own: Iterable[str]) -> list[str]:
+    """Return the flags that were given and do nothing, since colors are solved for at once."""
+    if not settings.solves or values.get(("strategy",), "single-pass") not in SOLVED:
+        return []
+    return [each.flag for each in edit_settings(own) if each.path in STEPS & values.keys()]
 
 
 def make_strategy(name: str | None, values: Values, own: Iterable[str]) -> Strategy:

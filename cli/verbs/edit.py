@@ -22,7 +22,13 @@ from ..core.progress import progress, result_of
 from ..core.ranks import drain, is_first, ranks
 from ..options.cameras import ViewOptions, framed_alike, load_views
 from ..options.common import DropInvalid, Force, Scene, Seeded, load_scene
-from ..options.editing import EditorOptions, edit_settings, resolve, what_it_understood
+from ..options.editing import (
+    EditorOptions,
+    edit_settings,
+    idle_options,
+    resolve,
+    what_it_understood,
+)
 from ..options.routes import exact_instruction, run_routes
 from ..options.settings import Setting, SettingsGroup, Values
 
@@ -51,7 +57,7 @@ class EditOptions:
     preset: str = option(
         "default",
         "Values of the options that are not given. paper: the published equations, which "
-        "average x_(t-1), start from independent noise and take 50 steps.",
+        "average x_(t-1), start from independent noise and take 50 steps; the loss mse+gram.",
         "default|paper",
     )
     features: str = option(
@@ -139,6 +145,8 @@ def run_edit(
 
     settings, strategy = resolve(own.preset, values, own_flags(edit))
     check_strategy(strategy)
+    if idle := idle_options(values, settings, own_flags(edit)):
+        print_message(f"{', '.join(idle)}: no effect where colors are solved for (--loss mse)")
     check_condition(settings.condition, views.data)
     followed = instruction if asks_editor(strategy) else None
     editor_2d = editor.make(folder, followed)

@@ -108,9 +108,10 @@ def run(scene, data, editor, arm, seed, pixels, steps):
     """One edit; what came out at the held-out cameras."""
     weight, switch, features = ARMS[arm]
     patch = min(64, data.views[0].camera.width // 2)
-    update = UpdateSettings(patch=patch, gram_weight=weight)
+    loss = f"mse+{weight:g}*gram"
+    update = UpdateSettings(patch=patch, loss=loss)
     if switch:
-        update = SwitchedUpdate(patch=patch, gram_weight=weight, switch=switch)
+        update = SwitchedUpdate(patch=patch, loss=loss, switch=switch)
     settings = gsedit.EditSettings(
         update=update,
         views_per_batch=8,

@@ -8,6 +8,9 @@ from typing import Literal, NamedTuple, cast, get_args
 from gsedit.errors import UsageError
 
 LossName = Literal["mse", "l1", "dssim", "gram", "perceptual"]
+GRAM_WEIGHT = 30.0
+"""Weight of gram where no number is before it (lambda of eq. (loss) of Efficient-NeRF2NeRF). The
+paper's 0.1 changes nothing on features of the pictures' own energy."""
 
 
 class LossTerm(NamedTuple):
@@ -18,16 +21,21 @@ class LossTerm(NamedTuple):
 
 
 def parse_loss(text: str) -> tuple[LossTerm, ...]:
-    """The terms of "mse+gram" or "0.8*l1 + 0.2*dssim", in their order.
+    """The terms of "mse+30*gram" or "0.8*l1 + 0.2*dssim", in their order.
 
-    Raises UsageError for a name that is none of `LossName` or is there twice, and for a weight that
-    is not a number of 0 or more.
+    Without a number before it a term has the weight 1, gram 30. Terms of weight 0 are left out.
+
+    Raises UsageError for a name that is none of `LossName` or is there twice, for a weight that
+    is not a number of 0 or more, and where no term has a weight above 0.
     """
     terms = tuple(_parse_term(part.strip(), text) for part in text.split("+"))
     names = [term.name for term in terms]
     if len(set(names)) < len(names):
         raise UsageError(f"the loss {text!r} has a term twice: give each once, with its weight")
-    return terms
+    left = tuple(term for term in terms if term.weight)
+    if not left:
+        raise UsageError(f"the loss {text!r} has no term of a weight above 0")
+    return left
 
 
 def _parse_term(part: str, text: str) -> LossTerm:
@@ -39,7 +47,7 @@ def _parse_term(part: str, text: str) -> LossTerm:
             "l1+perceptual or 0.8*l1+0.2*dssim"
         )
     try:
-        weight = float(factor) if star else 1.0
+        weight = float(factor) if star else GRAM_WEIGHT if name == "gram" else 1.0
     except ValueError:
         weight = -1.0
     if not (isfinite(weight) and weight >= 0):

@@ -10,7 +10,6 @@ from gsedit.fitting.loss_terms import LossTerm, parse_loss
 from rasterizer.numerics import AUTO, Execution
 
 Exposure = Literal["auto", "on", "off"]
-ColorFit = Literal["adam", "least-squares"]
 
 SMALLEST_PATCH = 16
 """Pixels a side: the coarsest filters under the Gram matrix reach this far."""
@@ -22,31 +21,21 @@ SMALLEST_PERCEPTUAL = 32
 class UpdateSettings:
     """How a scene is fitted to edited views. Raises UsageError for a value out of range."""
 
+    loss: str = "mse"
+    """The terms of the loss, joined by +: mse, l1, dssim, gram, perceptual. A number before a term
+    is its weight, as in 0.8*l1+0.2*dssim; gram alone has 30. By mse alone, colors are solved for
+    exactly; by other losses, and with --geometry full, they are fitted in steps on random crops."""
     patches: int = 4
-    """Random crops rendered in a step."""
+    """Random crops rendered in a step, where the scene is fitted in steps."""
     patch: int = 64
     """Side of a crop, pixels."""
-    gram_weight: float = 30.0
-    """Weight of the Gram loss beside the MSE (lambda of eq. (loss) of Efficient-NeRF2NeRF). The
-    paper's 0.1 changes nothing on features of the pictures' own energy."""
-    color_fit: ColorFit = "adam"
-    """How colors are fitted. adam: steps on random crops, with any loss. least-squares: conjugate
-    gradients on whole views by the MSE alone, at the end of each round of steps; opacities stay.
-    For strategies that edit batches of views, where --geometry is appearance."""
-    loss: str = "mse+gram"
-    """The terms of the loss, joined by +: mse, l1, dssim, gram, perceptual. A number before a term
-    is its weight, as in 0.8*l1+0.2*dssim; gram has --gram-weight besides."""
 
     def __post_init__(self) -> None:
-        if self.color_fit not in get_args(ColorFit):
-            raise UsageError(f"color_fit is {self.color_fit!r}: {', '.join(get_args(ColorFit))}")
         if self.patches < 1 or self.patch < SMALLEST_PATCH:
             raise UsageError(
                 f"patches must be 1 or more, and a patch {SMALLEST_PATCH} pixels or more, "
                 f"not {self.patches} and {self.patch}"
             )
-        if not self.gram_weight >= 0:
-            raise UsageError(f"gram weight {self.gram_weight} is not 0 or more")
         names = [term.name for term in self.terms]
         if "perceptual" in names and self.patch < SMALLEST_PERCEPTUAL:
             raise UsageError(
@@ -56,16 +45,14 @@ class UpdateSettings:
 
     @property
     def terms(self) -> tuple[LossTerm, ...]:
-        """Terms of the loss, in its order, with the Gram weight; without those of weight 0. Raises
-        UsageError for a loss that cannot be read."""
-        terms = [
-            term._replace(weight=term.weight * self.gram_weight) if term.name == "gram" else term
-            for term in parse_loss(self.loss)
-        ]
-        left = tuple(term for term in terms if term.weight)
-        if not left:
-            raise UsageError(f"the loss {self.loss!r} has no term of a weight above 0")
-        return left
+        """Terms of the loss, in its order, without those of weight 0. Raises UsageError for a loss
+        that cannot be read."""
+        return parse_loss(self.loss)
+
+    @property
+    def is_quadratic(self) -> bool:
+        """Whether the loss is the MSE alone: then colors solve linear equations."""
+        return [term.name for term in parse_loss(self.loss)] == ["mse"]
 
 
 @dataclass(frozen=True)

@@ -31,6 +31,8 @@ MOST_ITERATIONS = 12
 LEAST_GAIN_DB = 0.2
 """The solve stops after an iteration that lowers the residual by less: it then fits what the
 targets disagree in (bear: 7 iterations for bronze and for snow)."""
+SMALLEST = 1e-9
+"""Pixels: floor of what is divided by."""
 SHOWN_WEIGHT = 0.05
 """Pixels of weight, over all views, from which a Gaussian's change counts in the mean."""
 
@@ -61,6 +63,7 @@ def solve_colors(
     pictures: Sequence[Float[Tensor, "h w 3"]] | None = None,
     most_iterations: int = MOST_ITERATIONS,
     least_gain_db: float = LEAST_GAIN_DB,
+    penalty: float = PENALTY,
     execution: Execution = AUTO,
 ) -> Iterator[Solution]:
     """Yield the scene after every iteration, the last one last; only colors `inside` change.
@@ -82,7 +85,8 @@ def solve_colors(
     change = _mean_change(moved * _back(weights, residuals), sums[:, :1] * moved)
     change = _in_range(scene, change) * moved
     residuals = [r - m * w.picture(change) for r, m, w in zip(residuals, masks, weights)]
-    found = _descend(weights, masks, residuals, change, moved, sums, least_gain_db)
+    prior = penalty * moved
+    found = _descend(weights, masks, residuals, change, moved, sums, prior, least_gain_db)
     for solved, mse in islice(found, most_iterations):
         yield Solution(scene, solved, mse)
 
@@ -94,17 +98,18 @@ def _descend(
     change: Float[Tensor, "n 3"],
     moved: Float[Tensor, "n 1"],
     sums: Float[Tensor, "n 3"],
+    prior: Float[Tensor, "n 1"],
     least_gain_db: float,
 ) -> Iterator[tuple[Float[Tensor, "n 3"], float]]:
     """Conjugate gradients from `change`: that of every iteration, and its mean squared residual."""
     gradient = moved * _back(weights, residuals)
-    scale = moved / (sums[:, :1] + PENALTY)
+    scale = moved / (sums[:, :1] + prior).clamp_min(SMALLEST)
     direction = scale * gradient
     steep = (gradient * direction).sum()
     pixels, before = sum(r.numel() for r in residuals), _energy(residuals)
     while steep > 0:
         seen = [mask * w.picture(direction) for w, mask in zip(weights, masks)]
-        curved = moved * _back(weights, seen) + PENALTY * direction
+        curved = moved * _back(weights, seen) + prior * direction
         step = steep / (direction * curved).sum()
         change = change + step * direction
         gradient = gradient - step * curved

@@ -75,7 +75,7 @@ def test_all_options_are_listed_on_request(verb):
 
 
 HIDDEN = {
-    "edit": ("--gram-weight", "--timeout", "--features", "--from"),
+    "edit": ("--patches", "--timeout", "--features", "--from"),
     "fit": ("--densify-every", "--kernel"),
     "render": ("--crf", "--kernel", "--fps"),
     "transform": ("--quat", "--center", "--data"),

@@ -19,7 +19,7 @@ from gsedit.fitting.settings import UpdateSettings
 
 FLAGS = (
     "--steps --guidance --image-guidance --temperature --consensus --solver --memory --precision "
-    "--update-steps --patches --patch --gram-weight --views --batches --coverage --overlap "
+    "--update-steps --patches --patch --loss --views --batches --coverage --overlap "
     "--geometry --condition --kernel"
 )
 
@@ -104,7 +104,7 @@ def test_the_listed_defaults_are_the_librarys():
         "--steps": sampler.steps,
         "--patches": update.patches,
         "--patch": update.patch,
-        "--gram-weight": f"{update.gram_weight:g}",
+        "--loss": update.loss,
         "--views": edit.views_per_batch,
         "--batches": edit.batches,
         "--coverage": edit.coverage,

@@ -78,7 +78,7 @@ def test_an_update_takes_nothing_from_masked_pixels(scene, views):
         targets = [Target(view) for view in (*painted(views[:2], seed), views[2])]
         optimizer = SceneOptimizer(scene, rates("appearance", 1.0))
         everything = torch.ones(len(scene), dtype=torch.bool)
-        settings = UpdateSettings(patches=2, patch=16, gram_weight=0.1)
+        settings = UpdateSettings(loss="mse+0.1*gram", patches=2, patch=16)
         generator = torch.Generator().manual_seed(0)
         steps = update_steps(
             optimizer, targets, everything, range(4), 4, settings, FilterBank(), generator

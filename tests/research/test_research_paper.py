@@ -31,7 +31,9 @@ from gsedit.editing.strategies import find_strategy
 from gsedit.errors import InputError, UsageError
 
 CASE = Case("globe", "make it night", 32, 1, 32, 150, 9)
-SHORT = Arm("single-pass", "single-pass", {"update_steps": 12}, {"batches": 1})
+SHORT = Arm(
+    "single-pass", "single-pass", {"update_steps": 12}, {"batches": 1, "update.loss": "mse+gram"}
+)
 SLOW = Arm("iterative", "iterative", {"total_steps": 10, "steps_between": 5})
 
 
@@ -98,9 +100,9 @@ def test_equal_work_has_one_key_whatever_it_is_called():
 
 
 def test_settings_reach_the_records_inside():
-    arm = replace(SHORT, settings={"sampler.target": "xt", "update.gram_weight": 0.0})
+    arm = replace(SHORT, settings={"sampler.target": "xt", "update.loss": "l1"})
     settings = measure._settings(Run(arm, CASE, "closed-form", 0))
-    assert (settings.sampler.target, settings.update.gram_weight) == ("xt", 0.0)
+    assert (settings.sampler.target, settings.update.loss) == ("xt", "l1")
     assert settings.sampler.precision == "float32"
 
 

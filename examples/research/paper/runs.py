@@ -47,7 +47,7 @@ class Arm:
     options: Mapping[str, Any] = field(default_factory=dict)
     """Fields of the strategy."""
     settings: Mapping[str, Any] = field(default_factory=dict)
-    """Fields of EditSettings; of its records with a dot: sampler.t_end, update.gram_weight."""
+    """Fields of EditSettings; of its records with a dot: sampler.t_end, update.loss."""
 
 
 @dataclass(frozen=True)

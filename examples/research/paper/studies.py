@@ -177,10 +177,10 @@ def loss_arms(steps: int) -> list[Arm]:
     contradicting = {"sampler.consensus": False}  # noise shared, colors and places of each view
     arms = []
     for label, settings in {
-        "MSE": {"update.gram_weight": 0.0},
-        "MSE + 0.1 Gram (paper's weight)": {"update.gram_weight": 0.1},
-        "MSE + 30 Gram (default)": {},
-        "MSE + 300 Gram": {"update.gram_weight": 300.0},
+        "MSE": {},
+        "MSE + 0.1 Gram (paper's weight)": {"update.loss": "mse+0.1*gram"},
+        "MSE + 30 Gram": {"update.loss": "mse+gram"},
+        "MSE + 300 Gram": {"update.loss": "mse+300*gram"},
         "switch, 30 Gram": {"update.switch": 0.5},
         LPIPS: {"update.loss": "l1+perceptual"},
     }.items():

@@ -10,6 +10,7 @@ from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editing.session.edit_views import MAX_ANCHORS, edit_views
 from gsedit.editing.session.fit_targets import fit_targets
 from gsedit.editing.session.session import Session
+from gsedit.editing.session.solve_targets import solve_targets
 from gsedit.runs.events import Event
 
 MAX_STEPS_AT_ONCE = 10
@@ -91,6 +92,28 @@ class Update:
     def __call__(self, session: Session) -> Iterator[Event]:
         span = range(self.first, self.last)
         yield from fit_targets(session, span, self.round_steps, done=self.done, total=self.total)
+
+
+@dataclass(frozen=True)
+class Solve:
+    """Bring the scene to the colors that fit the edited views best, after `step` of `total`."""
+
+    step: int
+    total: int
+
+    def __call__(self, session: Session) -> Iterator[Event]:
+        yield from solve_targets(session, self.step, self.total)
+
+
+def fit_round(session: Session, steps: int, *, done: int, total: int) -> Iterator[Action]:
+    """The actions that fit all targets: a solve where it is exact, else a round of `steps`.
+
+    `done` of `total` steps of the edit came before the round.
+    """
+    if session.request.solves:
+        yield Solve(done + steps, total)
+    else:
+        yield from update_round(steps, done=done, total=total)
 
 
 def update_round(

@@ -1,4 +1,4 @@
-"""Fit the scene to the views edited so far."""
+"""Fit the scene to the views edited so far, in steps on random crops."""
 
 from __future__ import annotations
 
@@ -6,20 +6,12 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import repeat
 
-import torch
-
 from gsedit.editing.session.measure_progress import measure_progress
-from gsedit.editing.session.session import (
-    Session,
-    preview,
-    region_masks,
-    seen_gaussians,
-)
+from gsedit.editing.session.session import Session, region_masks, seen_gaussians
 from gsedit.editing.session.unedited import render_with_depth
 from gsedit.errors import InputError
 from gsedit.fitting.crops import ListedCrops
 from gsedit.fitting.random_crops import crops_needed
-from gsedit.fitting.solve import solve_colors
 from gsedit.fitting.update import Target, update_steps
 from gsedit.runs.events import Event
 
@@ -40,10 +32,6 @@ def fit_targets(
     stopwatch, update = progress.stopwatch, request.settings.update
     if not progress.edited.targets:
         raise InputError("the checkpoint has no edited views to fit: remove it, and start again")
-    if update.color_fit == "least-squares":
-        if span.stop == round_steps:
-            yield from _solve(session, done + round_steps, total)
-        return
     targets = _targets(session)
     share = sum(target.share for target in targets) / len(targets)
     update = replace(update, patches=crops_needed(update.patches, share))
@@ -68,25 +56,6 @@ def fit_targets(
                 yield measured.event("update", stopwatch.seconds, step, total, loss)
             elif step % REPORT_EVERY_STEPS == 0:
                 yield Event("update", stopwatch.seconds, step, total, loss)
-
-
-def _solve(session: Session, step: int, total: int) -> Iterator[Event]:
-    """Bring the scene to the colors that fit the targets best; the event is that of `step`."""
-    request, progress = session.request, session.progress
-    optimizer, inside, targets = progress.optimizer, session.region.inside, progress.edited.targets
-    with progress.stopwatch.stage("update"):
-        optimizer.raise_negative_colors(inside)
-        start, views = optimizer.scene.detach(), list(targets.values())
-        pictures = None if request.coarse is None else [preview(session, i) for i in targets]
-        execution = request.settings.execution
-        solved = list(solve_colors(start, views, inside, pictures=pictures, execution=execution))
-        progress.work.steps += len(solved)
-        if solved:
-            every = torch.ones(len(start), dtype=torch.bool)
-            optimizer.replace(solved[-1].scene, torch.arange(len(start)), fresh=every)
-        measured = measure_progress(session)
-        loss = solved[-1].mse if solved else None
-        yield measured.event("update", progress.stopwatch.seconds, step, total, loss)
 
 
 def _targets(session: Session) -> list[Target]:

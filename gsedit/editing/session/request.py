@@ -62,6 +62,11 @@ class Request:
         return self.scene if self.coarse is None else self.coarse.fine
 
     @property
+    def solves(self) -> bool:
+        """Whether the colors that fit the edited pictures are solved for."""
+        return self.settings.solves and fits_pictures(self.strategy)
+
+    @property
     def every_view(self) -> tuple[View, ...]:
         """The views that may be edited, then the held-out ones."""
         return (*self.views, *self.held_out)

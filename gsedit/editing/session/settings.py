@@ -81,10 +81,13 @@ class EditSettings:
                 f"the edit size is {self.edit_size} pixels: give {SMALLEST_EDIT_PIXELS} or more, "
                 "or leave it out for the size that suits the editor"
             )
-        if self.update.color_fit == "least-squares" and self.geometry == "full":
-            raise UsageError("--color-fit least-squares fits colors: leave out --geometry full")
         if not 0 <= self.overlap <= 1:
             raise UsageError(f"overlap {self.overlap} is not in [0, 1]")
+
+    @property
+    def solves(self) -> bool:
+        """Whether the colors that fit the targets are solved for: only they move, by the MSE."""
+        return self.geometry == "appearance" and self.update.is_quadratic
 
     @property
     def _disabled(self) -> set[str]:

@@ -60,7 +60,7 @@ def survey_views(
         plan = plan or _plan(request, weights)
         used = weights if uses_all_views(request.strategy) else weights[list(plan.views)]
         faint = torch.zeros(len(request.scene), dtype=torch.bool)
-        if settings.skips("gaussians"):
+        if settings.skips("gaussians") and not request.solves:
             faint = faint_gaussians(used / used.sum(1, keepdim=True).clamp_min(MIN_WEIGHT))
         scene = request.scene
         fitted = scene.sh[:, : visible_coefficients(scene.sh, ~faint)]

@@ -43,8 +43,10 @@ def explain_skips(session: Session) -> tuple[Decision, ...]:
             settings.coverage,
             needs_all=uses_all_views(request.strategy),
         ),
-        decide_crops(is_known, touching, update.patches, needed),
-        decide_gaussians(surveyed.faint, shares, covered, surveyed.scene.sh),
+        NO_CROPS if request.solves else decide_crops(is_known, touching, update.patches, needed),
+        NO_STEPS
+        if request.solves
+        else decide_gaussians(surveyed.faint, shares, covered, surveyed.scene.sh),
     )
     return tuple(
         decision if settings.skips(decision.name) else disabled(decision.name)
@@ -52,6 +54,8 @@ def explain_skips(session: Session) -> tuple[Decision, ...]:
     )
 
 
+NO_CROPS = Decision("crops", False, "Needed: colors are solved for from whole views")
+NO_STEPS = Decision("gaussians", False, "Needed: what no edited view sees follows the others")
 DISABLED = "Not decided: --disable names it"
 
 

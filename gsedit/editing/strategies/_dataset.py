@@ -14,7 +14,7 @@ import torch
 
 from gsedit.datasets.dataset import View
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editing.session.actions import Action, RollbackAction, update_round
+from gsedit.editing.session.actions import Action, RollbackAction, Solve, update_round
 from gsedit.editing.session.edit_views import edit_alone
 from gsedit.editing.session.session import Session
 from gsedit.errors import UsageError
@@ -80,6 +80,7 @@ def alone(sampler: SamplerSettings, strength: float) -> SamplerSettings:
 
 
 def in_turn(
+    session: Session,
     views: tuple[int, ...],
     noise: tuple[float, float],
     steps: int,
@@ -89,7 +90,8 @@ def in_turn(
     total: int,
 ) -> Iterator[Action]:
     """Edit a view, fit the dataset for `steps_between` steps, go on with the next view, over and
-    over until `steps` are done; the learning rates fall over all of them.
+    over until `steps` are done; the learning rates fall over all of them. A few steps on crops cost
+    less than to solve for the whole dataset after every view: that is done once, at the end.
 
     `done` of `total` steps of the edit came before.
     """
@@ -98,6 +100,8 @@ def in_turn(
         yield EditAlone(views[number % len(views)], number + 1, len(starts), *noise)
         span = range(start, min(start + steps_between, steps))
         yield from update_round(steps, done=done, total=total, span=span)
+    if session.request.solves:
+        yield Solve(done + steps, total)
 
 
 def check_noise(least: float, most: float) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from gsedit.editing.session.actions import Action, update_round
+from gsedit.editing.session.actions import Action, fit_round
 from gsedit.editing.session.session import Session
 from gsedit.editing.strategies._dataset import (
     MOST_NOISE,
@@ -28,8 +28,8 @@ class Bulk:
     edit_rounds: int = 3
     """How many times all views are edited (Instruct-GS2GS: 3)."""
     steps_between: int = 250
-    """Fitting steps after each round. Instruct-GS2GS has 2500, with colors that learn ten times
-    slower."""
+    """Fitting steps after each round, where the scene is fitted in steps. Instruct-GS2GS has 2500,
+    with colors that learn ten times slower."""
     least_noise: float = 0.7
     """Lowest noise level, as Instruct-GS2GS."""
     most_noise: float = MOST_NOISE
@@ -48,6 +48,5 @@ class Bulk:
         for number in range(self.edit_rounds):
             for place, view in enumerate(views, start=1):
                 yield EditAlone(view, place, len(views), self.least_noise, self.most_noise)
-            yield from update_round(
-                self.steps_between, done=number * self.steps_between, total=total
-            )
+            done = number * self.steps_between
+            yield from fit_round(session, self.steps_between, done=done, total=total)

@@ -28,7 +28,7 @@ class Combined:
     """
 
     update_steps: int = 100
-    """Fitting steps after each batch of the single pass."""
+    """Fitting steps after each batch of the single pass, where the scene is fitted in steps."""
     further_steps: int = 800
     """Fitting steps of the iterative update (the paper: 800 instead of 3000)."""
     steps_between: int = 10
@@ -56,5 +56,5 @@ class Combined:
         views = dataset_views(session, self.dataset_views)
         noise = (self.least_noise, self.most_noise)
         yield from in_turn(
-            views, noise, self.further_steps, self.steps_between, done=done, total=total
+            session, views, noise, self.further_steps, self.steps_between, done=done, total=total
         )

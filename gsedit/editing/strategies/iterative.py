@@ -48,6 +48,5 @@ class Iterative:
         views = dataset_views(session, self.dataset_views)
         yield ShowUnedited(views)
         noise = (self.least_noise, self.most_noise)
-        yield from in_turn(
-            views, noise, self.total_steps, self.steps_between, done=0, total=self.total_steps
-        )
+        total = self.total_steps
+        yield from in_turn(session, views, noise, total, self.steps_between, done=0, total=total)

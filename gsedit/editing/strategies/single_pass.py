@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from gsedit.editing.session.actions import Action, EditViews, update_round
+from gsedit.editing.session.actions import Action, EditViews, fit_round
 from gsedit.editing.session.session import Session
 from gsedit.errors import UsageError
 
@@ -18,7 +18,8 @@ class SinglePass:
     """
 
     update_steps: int = 100
-    """Fitting steps after each batch (N_SU of the paper, which has 200)."""
+    """Fitting steps after each batch, where the scene is fitted in steps (N_SU of the paper, which
+    has 200)."""
 
     def __post_init__(self) -> None:
         if self.update_steps < 1:
@@ -35,4 +36,5 @@ def single_pass(session: Session, update_steps: int, total: int) -> Iterator[Act
     batches = session.surveyed.plan.batches
     for number, batch in enumerate(batches):
         yield EditViews(batch, number + 1, len(batches))
-        yield from update_round(update_steps, done=number * update_steps, total=total)
+        done = number * update_steps
+        yield from fit_round(session, update_steps, done=done, total=total)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 
+import pytest
 import tiny_edits
 import torch
 from research.scale.divide import divide
@@ -17,7 +18,10 @@ from gsedit.scene.merging.cells import coarsen
 from rasterizer import render
 
 
-def test_an_edit_by_cells_is_that_of_all_gaussians(monkeypatch):
+@pytest.mark.parametrize(("loss", "decibels"), [("mse+gram", 0.3), ("mse", 2)])
+def test_an_edit_by_cells_is_that_of_all_gaussians(monkeypatch, loss, decibels):
+    """The solve follows the cells' own weights to the end, few steps do not: it loses more."""
+    settings = replace(tiny_edits.SETTINGS, update=replace(tiny_edits.SETTINGS.update, loss=loss))
     scene = divide(tiny_edits.scene(), 4, 1, torch.Generator().manual_seed(0))
     data = tiny_edits.data()
     results = []
@@ -28,7 +32,7 @@ def test_an_edit_by_cells_is_that_of_all_gaussians(monkeypatch):
             tiny_edits.PROMPT,
             editor=tiny_edits.Watched(),
             dataset=data,
-            settings=replace(tiny_edits.SETTINGS, region="box:-9,-9,-9,9,9,0"),
+            settings=replace(settings, region="box:-9,-9,-9,9,9,0"),
             strategy=SinglePass(20),
         )
         results.append(result)
@@ -43,4 +47,4 @@ def test_an_edit_by_cells_is_that_of_all_gaussians(monkeypatch):
         render(s, camera).color.clamp(0, 1) for s in (whole.scene, cells.scene, scene)
     )
     assert psnr(one, other) > psnr(one, before) + 6
-    assert cells.metrics.psnr_to_ground_truth > whole.metrics.psnr_to_ground_truth - 0.3
+    assert cells.metrics.psnr_to_ground_truth > whole.metrics.psnr_to_ground_truth - decibels

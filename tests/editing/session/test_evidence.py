@@ -82,7 +82,7 @@ def test_pictures_that_are_not_edited_agree_as_the_unedited_scene_does(scene, da
         def edit(self, batch, settings, generator):
             yield EditProgress(1, 1, batch.originals)
 
-    settings = replace(SETTINGS, update=replace(SETTINGS.update, gram_weight=0.0))
+    settings = replace(SETTINGS, update=replace(SETTINGS.update, loss="mse"))
     still = gsedit.edit(
         scene, "x", editor=Idle(), dataset=data, settings=settings, strategy=SinglePass(1)
     )

@@ -27,7 +27,7 @@ from rasterizer import Execution
 
 SETTINGS = EditSettings(
     sampler=SamplerSettings(steps=4),
-    update=UpdateSettings(patches=2, patch=16),
+    update=UpdateSettings(loss="mse+gram", patches=2, patch=16),
     views_per_batch=2,
     batches=2,
     coverage=1.0,
@@ -105,15 +105,18 @@ def assert_same_result(resumed: EditResult, whole: EditResult):
 
 
 # clip needs weights: its actions change the session as those of sds do
+@pytest.mark.parametrize("loss", ["mse+gram", "mse"])
 @pytest.mark.parametrize("name", [name for name in strategy_names() if name != "clip"])
-def test_an_edit_stopped_at_any_checkpoint_ends_as_the_whole_one(request_, tmp_path, name):
+def test_an_edit_stopped_at_any_checkpoint_ends_as_the_whole_one(request_, tmp_path, name, loss):
     strategy = short(name)
-    whole = write(request_.steps(strategy=strategy), tmp_path)
+    settings = replace(SETTINGS, update=replace(SETTINGS.update, loss=loss))
+    given = {"strategy": strategy, "settings": settings}
+    whole = write(request_.steps(**given), tmp_path)
     states = sorted(tmp_path.iterdir())
     assert not torch.equal(whole.scene.sh, request_.scene.sh)
     middle = len(states) // 2
     for place in (0, middle, -2) if name == "single-pass" else (middle,):
-        items = list(request_.steps(load_state(states[place]), strategy=strategy))
+        items = list(request_.steps(load_state(states[place]), **given))
         assert_same_result(items[-1], whole)
         after = [item for item in items if isinstance(item, Event)]
         assert after == list(items[-1].events[-len(after) :])
@@ -161,7 +164,7 @@ def test_another_edit_does_not_go_on(request_, tmp_path):
     others = {
         "instruction is as gold, was as bronze": {"prompt": "as gold"},
         "settings.update.patches is 3, was 2": {
-            "settings": replace(SETTINGS, update=UpdateSettings(patches=3, patch=16))
+            "settings": replace(SETTINGS, update=replace(SETTINGS.update, patches=3))
         },
         "strategy.update_steps is 30, was 12": {"strategy": SinglePass(30)},
         "editor is failing, was closed-form": {"editor": Failing()},

@@ -24,7 +24,7 @@ from rasterizer import render
 
 QUICK = EditSettings(
     sampler=SamplerSettings(steps=2),
-    update=UpdateSettings(patches=2, patch=24),
+    update=UpdateSettings(loss="mse+gram", patches=2, patch=24),
     views_per_batch=2,
     batches=3,
     held_out_edits=0,
@@ -55,6 +55,12 @@ def test_each_scene_has_its_decisions(name):
     for each in decisions:
         assert each.applies == (each.bound is not None)
         assert 0 <= each.saving <= 1
+
+
+def test_no_crop_and_no_gaussian_is_skipped_where_colors_are_solved_for():
+    exhibit = EXHIBITS["two"]()
+    decisions = explain(exhibit.scene, "swap", **asked(exhibit, update=UpdateSettings()))
+    assert not {each.name for each in decisions if each.applies} & {"crops", "gaussians"}
 
 
 def pictures(scene, exhibit, names):
@@ -108,7 +114,7 @@ def test_explain_edits_nothing_and_needs_no_folder(tmp_path):
     write_cameras(exhibit.data.views, tmp_path / "cameras.json")
     words = ("edit", tmp_path / "ball.ply", "as gold", "--editor", "closed-form", "--size", SIZE)
     before = sorted(tmp_path.rglob("*"))
-    shown = gsedit(*words, "--explain", "--batches", 1)
+    shown = gsedit(*words, "--explain", "--batches", 1, "--loss", "mse+gram")
     assert shown.exit_code == 0, shown.stderr
     assert "- gaussians " in shown.stdout
     assert max(map(len, shown.stdout.splitlines())) <= 80

@@ -7,7 +7,8 @@ from itertools import groupby
 
 import pytest
 import torch
-from tiny_edits import SETTINGS, Watched, data, run
+from tiny_edits import SETTINGS, Watched, data
+from tiny_edits import run as run_tiny
 
 from gsedit import Event
 from gsedit.diffusion.settings import SamplerSettings
@@ -17,7 +18,14 @@ from gsedit.editing.strategies.iterative import Iterative
 from gsedit.editing.strategies.single_pass import SinglePass
 from gsedit.errors import UsageError
 
+STEPPED = replace(SETTINGS, update=replace(SETTINGS.update, loss="mse+gram"))
+"""Settings by which the scene is fitted in steps."""
 EDITABLE = data().split()[0]
+
+
+def run(strategy, settings=STEPPED, editor=None):
+    """The result and the events of an edit; its scene is fitted in steps."""
+    return run_tiny(strategy, settings, editor)
 
 
 def order(events: list[Event]) -> list[str]:
