@@ -1,98 +1,90 @@
-"""Numbers of a clause, as a signed share or a share without a sign."""
+"""Amounts that a clause gives: a factor of what is there, or a share that is added."""
 
 from __future__ import annotations
 
-import re
+from dataclasses import dataclass
 
-NUMBERS = {
-    word: value
-    for value, word in enumerate(
-        [
-            "zero",
-            "one",
-            "two",
-            "three",
-            "four",
-            "five",
-            "six",
-            "seven",
-            "eight",
-            "nine",
-            "ten",
-            "eleven",
-            "twelve",
-            "thirteen",
-            "fourteen",
-            "fifteen",
-        ]
-    )
-} | {
-    "twenty": 20,
-    "thirty": 30,
-    "forty": 40,
-    "fifty": 50,
-    "sixty": 60,
-    "seventy": 70,
-    "eighty": 80,
-    "ninety": 90,
-    "hundred": 100,
-    "twentyfive": 25,
-}
-FRACTIONS = {
-    "half": 1 / 2,
-    "third": 1 / 3,
-    "thirds": 1 / 3,
-    "quarter": 1 / 4,
-    "quarters": 1 / 4,
-    "fifth": 1 / 5,
-    "fifths": 1 / 5,
-    "sixth": 1 / 6,
-    "eighth": 1 / 8,
-    "tenth": 1 / 10,
-    "tenths": 1 / 10,
-}
-_NUMBER = r"([+-]?\d+(?:\.\d+)?)"
+from gsedit.words.scan import Word
+
+OF_NOW = ("to", "at")
+"""Words before a number that is what remains, not what is added."""
 
 
-def digits(text: str) -> str:
-    """Text with its number words before % and "times" as digits."""
-    names = "|".join(sorted(NUMBERS, key=len, reverse=True))
-    tens = re.compile(rf"\b(twenty|thirty|forty|fifty|sixty|seventy|eighty|ninety)[ -]({names})\b")
-    text = tens.sub(lambda m: str(NUMBERS[m[1]] + NUMBERS[m[2]]), text)
-    text = re.sub(r"\b(?:a|one) hundred\b", "100", text)
-    return re.sub(
-        rf"\b({names})\b(?= (?:%|times|degrees?|stops?))", lambda m: str(NUMBERS[m[1]]), text
-    )
+@dataclass(frozen=True)
+class Amount:
+    """One amount; at most one of its fields is given."""
+
+    factor: float | None = None
+    """Of what is there: 0.8 for "to 80 %", 2 for "twice as"."""
+    share: float | None = None
+    """Added or taken, with the sign that is written: 0.2 for "20 %"."""
+    turn: float | None = None
+    """Share of a full circle."""
+
+    @property
+    def given(self) -> bool:
+        return self != Amount()
 
 
-def factor(text: str) -> float | None:
-    """Factor of "half as", "to 70 %", "three times", "double"; None where none is said."""
-    if re.search(r"\b(?:halve|half as|half the|to half|halved)\b", text):
-        return 0.5
-    if match := re.search(rf"(?:\bto {_NUMBER} ?%)|(?:{_NUMBER} ?% (?:of|as)\b)", text):
-        return float(match[1] or match[2]) / 100
-    if match := re.search(rf"{_NUMBER} ?(?:times|x|fold)\b", text):
-        return float(match[1])
-    words = {"double": 2, "doubled": 2, "twice": 2, "triple": 3, "thrice": 3, "quadruple": 4}
-    return next((float(f) for word, f in words.items() if re.search(rf"\b{word}\b", text)), None)
+def amount_of(words: list[Word]) -> Amount:
+    """Amount of a clause; an empty one where none is said."""
+    total, last = 0.0, None
+    for at, word in enumerate(words):
+        after = words[at + 1] if at + 1 < len(words) else None
+        if word.kind == "factor":
+            return Amount(factor=word.number)
+        if word.kind == "fraction" and not (after and after.kind == "number"):
+            return _fraction(words, at, word.number * (last or 1.0))
+        if word.kind == "number":
+            if word.number == 0 and after and after.kind == "noun":
+                return Amount(factor=0.0)
+            if after and after.kind == "number" and word.number >= 20 and after.number < 10:
+                total = word.number
+                continue
+            last = total + word.number
+            if found := _number(words, at, last):
+                return found
+    return Amount()
 
 
-def share(text: str) -> float | None:
-    """Share of "20 %", "by a third", "one stop", "by 0.2"; with a sign where one is written."""
-    if match := re.search(rf"{_NUMBER} ?%", text):
-        return float(match[1]) / 100
-    if match := re.search(r"\b(?:(a|an|one|two|three|four) )?(\w+)\b(?=\W|$)", text):
-        for many, part in re.findall(r"\b(?:(a|an|one|two|three|four) )?([a-z]+)\b", text):
-            if part in FRACTIONS:
-                return NUMBERS.get(many, 1) * FRACTIONS[part]
-    if match := re.search(rf"{_NUMBER} (?:f ?)?stops?\b", text):
-        return 2 ** float(match[1]) - 1
-    if match := re.search(r"\bby ([+-]?0?\.\d+)\b", text):
-        return float(match[1])
-    return None
+def _number(words: list[Word], at: int, number: float) -> Amount | None:
+    """Amount of a number by the unit beside it; None where it has none and stands alone."""
+    word, before = words[at], words[at - 1] if at else None
+    after = words[at + 1] if at + 1 < len(words) else None
+    unit = after.value if after and after.kind == "unit" else None
+    if before and before.kind == "unit" and before.value == "times":
+        return Amount(factor=number)
+    match unit:
+        case "%":
+            return _percent(words, at, number / 100)
+        case "stops":
+            return Amount(factor=2.0**number)
+        case "times":
+            return Amount(factor=number)
+        case "degrees":
+            return Amount(turn=number / 360)
+    if after and after.kind == "fraction":
+        return None
+    if "." in word.text or "/" in word.text:
+        return Amount(share=number) if abs(number) < 1 else Amount(factor=number)
+    plain = word.text[0] in "+-" or (before and before.text == "by")
+    if before and before.text in OF_NOW and number > 1:
+        return Amount(factor=number / 100)
+    return Amount(share=number / 100) if plain else None
 
 
-def degrees(text: str) -> float | None:
-    """Share of a full turn of "30 degrees"."""
-    match = re.search(rf"{_NUMBER} ?deg(?:rees?)?\b", text)
-    return float(match[1]) / 360 if match else None
+def _percent(words: list[Word], at: int, share: float) -> Amount:
+    """A percentage as what is added, or as what remains: "to 80 %", "80 % of the brightness"."""
+    before = words[at - 1].text if at else ""
+    after = words[at + 2].text if at + 2 < len(words) else ""
+    remains = before in OF_NOW or after in ("of", "as")
+    return Amount(factor=share) if remains else Amount(share=share)
+
+
+def _fraction(words: list[Word], at: int, share: float) -> Amount:
+    before = [word.text for word in words[max(at - 2, 0) : at]]
+    after = words[at + 1].text if at + 1 < len(words) else ""
+    noun = at + 1 < len(words) and words[at + 1].kind == "noun"
+    remains = after == "as" or (after in ("of", "the") and "by" not in before) or "to" in before
+    remains |= noun
+    return Amount(factor=share) if remains else Amount(share=share)

@@ -50,30 +50,16 @@ OWN = {
     "pure white": "#ffffff",
     "snow white": "#fffafa",
     "midnight black": "#0a0a14",
-    "blood red": "#8a0303",
-    "cherry red": "#d2042d",
 }
 """Names that neither list has, or that mean another color in a sentence."""
-WEATHER = frozenset(("snow", "desert", "bland"))
+WEATHER = frozenset(("snow", "desert", "bland", "metallic blue"))
 """Names of a color that mean another thing in a sentence."""
 ISH = re.compile(r"^(\w+?)(d?d?ish|y)$")
 ROOTS = {"blu": "blue", "whit": "white", "purpl": "purple", "orang": "orange", "re": "red"}
+THINGS = frozenset("sky grass leaf sea dirt sand stone brick".split())
+"""Names of a color that another color may be said of: "paint the sky purple"."""
 PLAIN = frozenset(
-    [
-        "red",
-        "orange",
-        "yellow",
-        "green",
-        "blue",
-        "purple",
-        "violet",
-        "pink",
-        "brown",
-        "black",
-        "white",
-        "grey",
-        "gray",
-    ]
+    "red orange yellow green blue purple violet pink brown black white grey gray".split()
 )
 
 
@@ -136,7 +122,8 @@ def longest(words: list[str]) -> tuple[int, str] | None:
     for count in range(min(LONGEST, len(words)), 0, -1):
         if color := named(" ".join(words[:count])):
             after = words[count : count + 1]
-            return (count + 1, color) if after and after[0] in PLAIN else (count, color)
+            doubled = bool(after) and after[0] in PLAIN and words[count - 1] not in THINGS
+            return count + doubled, color
     word = words[0]
     if word in ("very", "really") and len(words) > 2 and words[1] in MODIFIERS:
         rest = longest(words[2:])

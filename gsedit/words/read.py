@@ -1,66 +1,38 @@
-"""Reader of a sentence: parsed first; what its words mean together is asked of the encoder last."""
+"""Reader of a sentence: typed words, clauses, changes. The encoder is asked last."""
 
 from __future__ import annotations
 
-import re
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
-from gsedit.words import amounts, colors, lexicon, materials
+from gsedit.words.clauses import NEGATIONS, Clause, clauses
 from gsedit.words.instruction import Change, Instruction, Target
-from gsedit.words.placing import join, merged, placed
-from gsedit.words.reading import Reading, Refused
-from gsedit.words.refusals import ACTS, GEOMETRY, NEGATION, PARTS, REASONS, first_refusal
+from gsedit.words.parts import PARTS, named_parts, part_of, refuse_idle, refuse_parts
+from gsedit.words.refusals import REASONS, Refused, first_refusal
 from gsedit.words.scan import Word, scanned
-from gsedit.words.small_looks import change_of_look, look_of, tone_change
-from gsedit.words.targets import (
-    BACKGROUND,
-    KEEP_BACKGROUND,
-    KEEP_SUBJECT,
-    PLACE,
-    SCENE,
-    SUBJECT,
-    marked,
-)
-from gsedit.words.tokens import clauses, normalised, words
-from gsedit.words.tones import hues, manner, tones
+from gsedit.words.small_looks import change_of_look, routed
+from gsedit.words.solids import directed, scenes, solids
+from gsedit.words.tones import asks_less, complains, hues, tones
 
 FLOOR = 0.5
 """Least probability of a look that the encoder alone names; chosen on sentences of development."""
 MOST = 9.0
 """Largest share of a tone that can be added."""
-CLOSE = 25.0
-"""Largest CIE 1976 difference of a material's asked color from that of the look of `small`."""
-_MADE = re.compile(
-    r"\b(made|out of|carve|carved|cast|material|turn <\w+> (?:in)?to|statue of|"
-    r"solid|chisel|forged?|sculpted|stone|rock)\b"
-)
-_PAINT = re.compile(r"\b(paint|painted|color|colored|dye|dyed|spray|sprayed|tint|lacquer|hue)\b")
-_MEND = re.compile(
-    r"^(?:can you |please |could you |now )*(?:fix|reduce|lift|correct|soften|mend|"
-    r"adjust|turndown|brighten|darken|tone)\b"
-)
 
 
-_THINGS = frozenset(
-    [
-        "sea",
-        "sky",
-        "dust",
-        "dirt",
-        "leaf",
-        "grass",
-        "desert",
-        "camel",
-        "water",
-        "fire",
-        "blood",
-        "ocean",
-        "ice",
-        "tea",
-        "earth",
-    ]
-)
-"""Colors whose name is a thing first."""
+@dataclass
+class Reading:
+    """What the clauses so far have named."""
+
+    changes: list[Change] = field(default_factory=list)
+    part: str | None = None
+    """Kind of part that a clause named last."""
+    others: set[int] = field(default_factory=set)
+    """Places of the changes of all that no other word of the sentence is about."""
+    limits: list[Word] = field(default_factory=list)
+    direction: int = 0
+    denied: bool = False
+    bare: bool = False
+    """Whether the last change is a quality that no verb goes with: "dull colors"."""
 
 
 def read_instruction(sentence: str) -> Instruction:
@@ -69,281 +41,236 @@ def read_instruction(sentence: str) -> Instruction:
     The encoder is loaded only where no word of the sentence names a change. Raises InputError
     where its files are missing or damaged.
     """
-    text = normalised(sentence)
+    words = scanned(sentence)
     try:
-        if kind := first_refusal(sentence, text):
+        if kind := first_refusal(sentence, words):
             raise Refused(kind)
-        changes = _parsed(_prepared(text)) or _meant(sentence, text)
-        _check(changes)
+        changes = _parsed(words) or _meant(sentence, words)
+        if any(c.amount is not None and not -1 <= c.amount <= MOST for c in changes):
+            raise Refused("amount")
     except Refused as refused:
         return Instruction(sentence, False, REASONS[str(refused)], ())
     return Instruction(sentence, True, "; ".join(map(str, changes)), tuple(changes))
 
 
-def _prepared(text: str) -> str:
-    """Text with numbers as digits, colors by number as "#rrggbb", parts marked and every "not"
-    at the head of its own clause."""
-    text = _with_colors(text)
-    text = re.sub(r"\bfrom (?:the )?(?:\w+ ){1,2}to\b", "to", text)
-    text = re.sub(
-        r"\b(?:turn|change|convert|transform|replace) (?:the |this |that )?(\w+(?: \w+)"
-        r"?) (?:in)?(to|with|by)\b",
-        _exchanged,
-        text,
-    )
-    text = re.sub(
-        r"\b(copper|bronze|brass) with (?:a |some )?(?:green |greenish |light )"
-        r"*(?:patina|verdigris)",
-        r"patinated \1",
-        text,
-    )
-    text = re.sub(r"\b(?:the )?color of\b", "color", marked(amounts.digits(text)))
-    text = re.sub(
-        r"\b(?:anything|any color|any other color|all|everything|whatever) (?:you like |"
-        r"you want )?(?:but|except|other than|besides|apart from)(?: for)?\b|\binstead "
-        r"of\b|\brather than\b|\bwithout\b|\b(?:but )?no\b(?! more than)",
-        ", not ",
-        text,
-    )
-    return re.sub(r"(?<=\S)\s+not\b(?![^,;.]*\b(?:enough|so|too|as|that|quite)\b)", ", not", text)
-
-
-def _with_colors(text: str) -> str:
-    """Text with colors by number as "#rrggbb", and those between two as one."""
-    text = re.sub(
-        r"rgb\s*\([^)]*\)|rgb \d+[, ]+\d+[, ]+\d+",
-        lambda m: colors.hexadecimal(m[0]) or "unknowncolor",
-        text,
-    )
-    text = re.sub(
-        r"\bhex(?: code)?:? #?([0-9a-f]{6})\b|(?<![\w#])#?(?=[0-9a-f]*\d)([0-9a-f]{6})\b",
-        lambda m: f"#{m[1] or m[2]}",
-        text,
-    )
-    text = re.sub(
-        r"\b(?:half ?way |somewhere |midway |in )?between ([a-z ]+?) and ((?:light |dark )?[a-z]+)",
-        _midway,
-        text,
-    )
-    return (
-        re.sub(r"\bas (?=[a-z ]+ as\b)([a-z]+) as (?!is\b)[^,;.]*", r"\1", text)
-        if re.search(r"\bas (?:" + "|".join(colors.PLAIN) + r") as\b", text)
-        else text
-    )
-
-
-def _exchanged(match: re.Match[str]) -> str:
-    """Text without a light or a look that gives way to another."""
-    scenic = any(word.kind in ("light", "look") for word in scanned(words(match[1])))
-    return f"make {match[2]}" if scenic else match[0]
-
-
-def _midway(match: re.Match[str]) -> str:
-    first, second = colors.named(match[1].strip()), colors.named(match[2].strip())
-    return colors.between(first, second) if first and second else match[0]
-
-
-def _parsed(text: str) -> list[Change]:
-    """Changes that the words of a text name; empty where none does. Raises Refused."""
-    parts = clauses(text)
-    kept = [mark for mark in (KEEP_SUBJECT, KEEP_BACKGROUND) if mark in text]
-    reading = Reading([], kept=kept[0] if len(set(kept)) == 1 else None)
-    for index, part in enumerate(parts):
-        followed = index + 1 < len(parts) and bool(
-            _MEND.match(parts[index + 1]) and not re.search("<[sb]>", parts[index + 1])
-        )
-        _read_clause(part, followed, reading)
-    if not reading.changes and (reading.negated or (kept and not reading.changes)):
-        raise Refused("negation")
-    return placed(merged(reading.changes), reading)
-
-
-def _read_clause(text: str, followed: bool, reading: Reading) -> None:
-    found = scanned(words(text))
-    named = [word.value for word in found if word.value in (SUBJECT, BACKGROUND, SCENE, PLACE)]
-    how = manner(text, found, followed)
-    negative = bool(NEGATION.search(text))
-    softened = negative and bool(re.search(r"\b(?:too|so|that|enough|overly|as)\b", text))
-    plain = re.sub(r"<\w+>", " ", text)
-    _refuse_parts(plain, text, found)
-    changes = _clause_changes(how, found, text, reading)
-    if re.search(r"\b(?:remove|rid of|take away|reduce|lose)\b.*\b(?:cast|tint|tinge)\b", text):
-        negative, changes = False, hues(replace(how, complaint=True), found)
-    elif softened and reading.changes and not any(c.kind == "tone" for c in reading.changes):
-        return
-    if negative and not softened:
-        reading.negated = True
-        if re.search(r"\b(?:remove|delete|erase|rid of)\b", text) and not changes:
+def _parsed(words: list[Word]) -> list[Change]:
+    """Changes that words name; empty where none does. Raises Refused."""
+    reading, found = Reading(), clauses(words)
+    for at, clause in enumerate(found):
+        if clause.void and (after := found[at + 1 : at + 2]) and after[0].kinds() & {"do", "wish"}:
+            reading = Reading()  # "no, make it blue"
+            continue
+        if clause.void:
+            raise Refused("negation")
+        if clause.removed:
             raise Refused("geometry")
-        return
-    if how.down and changes and not any(change.kind == "tone" for change in changes):
+        reading.limits += clause.limits
+        reading.denied |= bool(clause.denied or clause.limits or clause.turned)
+        _read_clause(clause, reading)
+    names = {change.name for change in reading.changes}
+    denied = {word.value for clause in found for word in clause.denied}
+    if denied & names or (reading.denied and not reading.changes):
         raise Refused("negation")
-    if how.up or how.down:
-        reading.direction = -1 if how.down else 1
-    join(changes, found, named, text, reading)
+    return _merged(_limited(reading.changes, reading))
 
 
-def _refuse_parts(plain: str, text: str, found: list[Word]) -> None:
-    """Raise Refused for a clause about shape, or about a part that nothing finds."""
-    told = re.sub(r"\b(?:as if|as though|like)\b.*", "", plain)
-    if (
-        re.search(r"\b(?:sky|wall|trees?|rocks?|ground|floor|grass|lawn)\b", told)
-        and re.search(r"\b(?:paint|make|turn|darken|brighten|color)\b", told)
-        and not any(w.kind in ("light", "look") for w in found)
-    ):
-        raise Refused("part")
-    lit = any(word.kind in ("light", "look", "noun", "word", "turn") for word in found)
-    if GEOMETRY.search(told) and not re.search(r"\b(?:like|as if)\b", plain) and not lit:
-        raise Refused("geometry")
-    if PARTS.search(told) and not any(word.kind in ("light", "look") for word in found):
-        raise Refused("part")
-    unknown = [word for word in found if word.kind == "unknown"]
-    if ACTS.search(told) and unknown and not lit and unknown[-1].at > 0:
-        raise Refused("geometry")
-    if re.search(r"<s>", text) and any(re.search(rf"<s> {word.text}$", text) for word in unknown):
-        raise Refused("part")
-    named = any(
-        re.search(rf"\b(?:the|its|his|her|left|right) {word.text}\b", told) for word in unknown
-    )
-    if named and any(word.kind in ("color", "material", "turn") for word in found):
-        raise Refused("part")
+def _read_clause(clause: Clause, reading: Reading) -> None:
+    refuse_parts(clause)
+    changes = _changes(clause, reading)
+    parts = named_parts(clause)
+    explicit = next((kind for _, kind in parts), None)
+    if not changes:
+        _remark(clause, explicit, reading)
+    elif not _completes(clause, changes, parts, reading):
+        refuse_idle(clause, [change for _, change in changes])
+        if clause.turned < 0 and "too" in clause.tags() and reading.changes:
+            return  # "night, but not too blue": a limit of what was asked
+        _append(clause, changes, parts, reading)
+    if clause.before and clause.before[-1] in ".;!?\n" and not changes:
+        return
+    reading.part = explicit or reading.part
 
 
-def _clause_changes(how, found: list[Word], text: str, reading: Reading) -> list[Change]:
-    """Changes of one clause, of its parts yet unsaid."""
-    kinds = {word.kind for word in found}
-    lights = _scenes(found)
-    if any(word.value == "warmth" and word.kind == "noun" for word in found) and "color" in kinds:
-        tint = [
-            word.text
-            for word in found
-            if word.kind == "color" and word.text in lexicon.COLOR_WARMTH
-        ]
-        sign = lexicon.COLOR_WARMTH[tint[0]] * how.direction if tint else 0
-        return [tone_change("warmth", 0.25 * sign)] if sign else []
-    if "hue" in kinds or (
-        re.search(r"\b(?:hue|tint|tinge|cast)\b", text) and "material" not in kinds
-    ):
-        return hues(how, found) or tones(how, found, reading.direction)
-    if (
-        "light" in set(words(text))
-        and (how.up or how.down or how.lacking or "too" in text)
-        and not lights
-    ):
-        found = [*found, Word("light", "noun", "brightness", 0)]
-        kinds.add("noun")
-    if (
-        re.search(r"\b(?:too(?= *[^ ])|less|more|so)\b", text)
-        and "color" in kinds
-        and not {"material", "light", "look"} & kinds
-    ):
-        return hues(how, found)
-    solid = _solids(how, found, text)
-    tone = tones(how, found, reading.direction)
-    if lights or solid:
-        sure = {"turn"} | ({"noun"} if (how.up or how.down) else set())
-        base = [
-            word
-            for word in found
-            if word.kind in sure | {"style"} and not (word.value == "saturation" and solid)
-        ]
-        tone = tones(how, base, reading.direction) if base else []
-    return solid + lights + tone
+def _changes(clause: Clause, reading: Reading) -> list[tuple[int, Change]]:
+    """(place, change) of each change of a clause, of its parts yet unsaid. Raises Refused."""
+    kinds, tags = clause.kinds(), clause.tags()
+    scenic, solid = scenes(clause), solids(clause)
+    cast = any(word.kind == "noun" and word.value == "hue" for word in clause.words)
+    graded = kinds & {"up", "down"} or tags & {"too"} or clause.lost or clause.turned
+    material = any(change.kind == "material" for _, change in solid)
+    colored = "color" in kinds and not scenic and not material
+    if "hue" in kinds or (cast and not material) or (colored and (graded or _so(clause))):
+        return [(0, change) for change in hues(clause)]
+    if (scenic or material) and asks_less(clause) and not kinds & {"noun", "state"}:
+        raise Refused("negation")
+    if scenic or solid:
+        sure = {"turn", "style"} | ({"noun", "up", "down"} if kinds & {"up", "down"} else set())
+        other = ("number", "unit", "fraction", "factor", "slight", "strong", "fill")
+        words = [w for w in clause.words if w.kind in sure or w.kind in other]
+        tone = tones(replace(clause, words=words), 0) if {w.kind for w in words} & sure else []
+    else:
+        tone = tones(clause, reading.direction)
+        unsaid = kinds & {"noun"} and not tone and not kinds & {"be"}
+        if unsaid and any(w.kind == "noun" and w.value != "light" and "color" not in w.text for w in clause.words):
+            raise Refused("direction")
+    return [*solid, *((0, change) for change in (*scenic, *tone))]
 
 
-def _scenes(found: list[Word]) -> list[Change]:
-    """Lights and looks of a clause, each look of `small` once."""
-    changes = list[Change]()
-    for word in found:
-        if word.kind in ("light", "look"):
-            draft = Change("scene", word.kind, word.value, None, None, "pix2pix")
-            fits = look_of(draft)
-            if not any(
-                look_of(each) == fits and (fits or each.name == draft.name) for each in changes
-            ):
-                changes.append(replace(draft, route="small") if fits else draft)
-    return changes
+def _so(clause: Clause) -> bool:
+    return any(word.text in ("so", "how") for word in clause.words) and complains(clause)
 
 
-def _solids(how, found: list[Word], text: str) -> list[Change]:
-    """Materials and paints of a clause, of target "subject" unless a part stands nearer."""
-    finish = next((word.value for word in found if word.kind == "finish"), None)
-    if "flat" in words(text) and any(word.kind == "color" for word in found):
-        finish = finish or "matte"
-    painted = bool(_PAINT.search(text))
-    made = bool(_MADE.search(text))
-    changes = list[tuple[int, Change]]()
-    for index, word in enumerate(found):
-        as_color = word.color and (painted or word.text in materials.COLOR_FIRST) and not made
-        if word.kind == "material" and not as_color:
-            changes.append((word.at, _material(word, found[:index], text)))
-        elif word.color and word.kind in ("color", "material"):
-            after = found[index + 1].kind if index + 1 < len(found) else ""
-            if after in ("material", "light", "look") and not painted:
-                continue
-            if word.text in _THINGS and not painted:
-                continue
-            name = word.text if not finish else f"{finish} {word.text}"
-            changes.append((word.at, Change("subject", "paint", name, word.color, None, "paint")))
-    return [replace(c, target=_nearest(at, found)) for at, c in changes]
+def _remark(clause: Clause, explicit: str | None, reading: Reading) -> None:
+    """A clause without a change: a finish, a direction or a part of the change before."""
+    kinds, last = clause.kinds(), reading.changes[-1] if reading.changes else None
+    if kinds & {"up", "down"}:
+        reading.direction = -1 if asks_less(clause) or "down" in kinds else 1
+    if last is None:
+        return
+    if reading.bare and (kinds & {"up", "down"} or "mend" in clause.tags()) and last.amount:
+        reading.changes[-1] = replace(last, amount=-last.amount)
+    finish = next((word.value for word in clause.words if word.kind == "finish"), None)
+    own = next((word.text for word in clause.words if word.has("adj")), finish)
+    if last.kind == "light":
+        reading.changes[-1] = directed(last, clause)
+    elif finish and last.kind == "paint":
+        reading.changes[-1] = replace(last, name=f"{finish} {last.name}")
+    elif own and last.kind == "material" and not explicit:
+        reading.changes[-1] = routed(replace(last, name=f"{own} {last.name}"))
+    elif explicit in PARTS and not reading.part and not clause.before.endswith("."):
+        target = PARTS[explicit]
+        reading.changes[:] = [replace(change, target=target) for change in reading.changes]
+    reading.bare = False
 
 
-def _material(word: Word, before: list[Word], text: str) -> Change:
-    """A material with the words before it that belong to it."""
-    own, color = [word.text], None
-    for each in reversed(before):
-        first = each.text.split()[0]
-        if each.kind in ("color", "finish") or first in lexicon.MATERIAL_WORDS:
-            own.insert(0, each.text)
-            color = color or (each.color if each.kind == "color" else None)
-        else:
-            break
-    base = materials.MATERIALS[word.value]
-    if "patinated" in own and word.value != "verdigris":
-        return Change(
-            "subject", "material", f"{word.value} with green patina", "#5f9e8f", None, "small"
-        )
-    name = word.value if len(own) == 1 else " ".join([*own[:-1], word.value])
-    fits = word.value in materials.SMALL_MATERIALS and (
-        not color or colors.distance(color, base) < CLOSE
-    )
-    return Change("subject", "material", name, color or base, None, "small" if fits else "paint")
+def _completes(
+    clause: Clause, changes: list[tuple[int, Change]], parts: list[tuple[int, str]], reading: Reading
+) -> bool:
+    """Whether a clause names but the color or the direction of the change before."""
+    last, change = reading.changes[-1] if reading.changes else None, changes[0][1]
+    asks = clause.kinds() & {"do", "wish"} or parts or len(changes) > 1
+    if last is None or asks:
+        return False
+    if reading.bare and change.kind in ("paint", "material") and clause.before == ",":
+        reading.changes.pop()  # "a pale, dusty blue"
+        return False
+    if change.kind == "light" and last.kind == "light" and change.name.startswith("sunny "):
+        reading.changes[-1] = directed(last, clause)
+        return True
+    if change.kind == "paint" and last.kind in ("light", "look", "material"):
+        if last.kind != "look":
+            reading.changes[-1] = directed(replace(last, color=change.color), clause)
+        return True
+    return False
 
 
-def _nearest(at: int, found: list[Word]) -> Target:
-    """Part that is named nearest to a word of a clause; the subject where none is."""
-    marks = [word for word in found if word.value in (SUBJECT, BACKGROUND, SCENE, PLACE)]
-    if not marks:
-        return "subject"
-    value = min(marks, key=lambda mark: (abs(mark.at - at), -mark.at)).value
-    return {SUBJECT: "subject", BACKGROUND: "background", SCENE: "scene", PLACE: "background"}[
-        value
-    ]  # pyright: ignore[reportReturnType]
+def _append(
+    clause: Clause, changes: list[tuple[int, Change]], parts: list[tuple[int, str]], reading: Reading
+) -> None:
+    """Add changes to what was read, each with its part."""
+    it = any(word.text in ("it", "him", "them") for word in clause.words)
+    same = bool(reading.changes) and changes[0][1].kind == reading.changes[-1].kind == "tone"
+    joined = same and clause.before[-1:] not in (".", ";", "!", "?")
+    goes_on = not reading.changes or it or joined
+    carried = reading.part if goes_on else None
+    for at, change in changes:
+        near = min(parts, key=lambda part: (abs(part[0] - at), -part[0]))[1] if parts else carried
+        if change.kind in ("tone", "look") and parts:
+            near = parts[0][1]
+        if near == "rest":
+            reading.others.add(len(reading.changes))
+        reading.changes.append(_placed(change, near, clause))
+    kinds = clause.kinds()
+    if kinds & {"up", "down"}:
+        reading.direction = -1 if asks_less(clause) or "down" in kinds else 1
+    reading.bare = bool(kinds & {"state"}) and not kinds & {"do", "wish", "be", "up", "down"}
 
 
-def _check(changes: list[Change]) -> None:
+def _placed(change: Change, part: str | None, clause: Clause) -> Change:
+    """A change with the part that it is about; a light is of the scene but for the background."""
+    if part is None or part == "rest":
+        return change
+    whole = part == "subject" and (change.kind == "light" or _pictured(change, clause))
+    ground = part == "ground" and change.kind in ("light", "look")
+    return change if whole or ground else replace(change, target=part_of(part, change))
+
+
+def _pictured(change: Change, clause: Clause) -> bool:
+    """Whether a look is of a picture of the subject: "a sketch of the bear"."""
+    texts = [word.text for word in clause.words]
+    return change.kind == "look" and "of" in texts
+
+
+def _limited(changes: list[Change], reading: Reading) -> list[Change]:
+    """Changes that keep to what the sentence leaves alone. Raises Refused."""
+    kinds = {word.kind for word in reading.limits}
+    named = {change.target for at, change in enumerate(changes) if at not in reading.others}
+    kept = set[Target]()
+    if kinds & {"background", "ground", "place"}:
+        kept.add("background")
+    if kinds & {"subject", "unknown"}:
+        kept.add("subject")
+    if "rest" in kinds:
+        kept.add("subject" if "background" in named or reading.part == "background" else "background")
+    other: Target = "subject" if "background" in kept or "background" in named else "background"
+    if len(kept) > 1 or "scene" in kinds:
+        raise Refused("negation")
+    changes = [
+        replace(change, target=other) if at in reading.others else change
+        for at, change in enumerate(changes)
+    ]
+    if not kept:
+        return changes
+    alone = kept.pop()
+    other = "background" if alone == "subject" else "subject"
+    others = any(change.target != alone for change in changes)
+    if not others and any(word.kind != "rest" for word in reading.limits) and _asked(changes, alone):
+        raise Refused("negation")
+    return [
+        change if change.target == alone and others else replace(change, target=other)
+        for change in changes
+    ]
+
+
+def _asked(changes: list[Change], alone: Target) -> bool:
+    """Whether a tone is asked for of the very part that stays as it is."""
+    return all(change.target == alone and change.kind == "tone" for change in changes)
+
+
+def _merged(changes: list[Change]) -> list[Change]:
+    """Changes without those that repeat another. Raises Refused for two that exclude each other."""
+    kept = list[Change]()
     for change in changes:
-        if change.amount is not None and not -1 <= change.amount <= MOST:
-            raise Refused("amount")
+        same = [c for c in kept if c.kind == change.kind and c.target == change.target]
+        named = [c for c in same if c.name == change.name]
+        if change.kind == "paint" and any(c.color != change.color for c in same):
+            raise Refused("two")
+        if change.name == "hue":
+            named = [c for c in named if c.color == change.color]
+        if change.kind == "tone" and any((c.amount or 0) * (change.amount or 0) < 0 for c in named):
+            raise Refused("two")
+        if not named:
+            kept.append(change)
+    return kept
 
 
-def _meant(sentence: str, text: str) -> list[Change]:
-    """Changes that the encoder finds in a sentence whose words name none. Raises Refused."""
+def _meant(sentence: str, words: list[Word]) -> list[Change]:
+    """Changes of the looks that the encoder finds in a sentence whose words name none."""
     from gsedit.words.reader import understand
 
-    plain = words(text)
-    kinds = {word.kind for word in scanned(plain)}
+    kinds = [word.kind for word in words if word.kind not in ("mark", "poss")]
     if "finish" in kinds and "unknown" not in kinds:
         raise Refused("finish")
-    if not plain:
-        raise Refused("empty")
-    if NEGATION.search(text) or "down" in kinds:
+    if set(kinds) & {*NEGATIONS, "except", "keep", "limit", "down"}:
         raise Refused("negation")
-    understood = understand(sentence)
-    if kinds & {"noun", "word", "turn", "up"} and understood.known:
-        toned = all(change_of_look(each.look).kind == "tone" for each in understood.looks)
-        if toned:  # a tone is named and its direction is not understood
-            raise Refused("nonsense")
-    if not understood.known or understood.looks[0].score < FLOOR or len(plain) < 3:
+    if set(kinds) & {"noun", "state", "turn", "up", "part"}:
         raise Refused("nonsense")
-    return [change_of_look(each.look) for each in understood.looks if each.score >= FLOOR]
+    if len(kinds) < 3 or kinds.count("unknown") > len(kinds) / 2:
+        raise Refused("nonsense")
+    understood = understand(sentence)
+    if not understood.known or understood.looks[0].score < FLOOR:
+        raise Refused("nonsense")
+    changes = [change_of_look(each.look) for each in understood.looks if each.score >= FLOOR]
+    if any(change.kind == "tone" for change in changes):  # a direction that no word says
+        raise Refused("nonsense")
+    return changes

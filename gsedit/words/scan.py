@@ -1,4 +1,4 @@
-"""Words of a clause with their meanings, longest phrase first. Reads no weights."""
+"""Typed words of a sentence: phrases of the lexicon, colors and numbers, the longest first."""
 
 from __future__ import annotations
 
@@ -6,131 +6,126 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import lru_cache
 
-from gsedit.words import colors, lexicon, materials
-from gsedit.words.lexicon import word_set
-from gsedit.words.targets import MARKERS
+from gsedit.words import colors, lexicon
+from gsedit.words.tokens import MARKS, tokens
 
-LONGEST = 4
-"""Most words of a phrase of the lexicon."""
-FILLERS = word_set(
-    "a an the please pls kindly could can would you make made turn turned into paint "
-    "painted color change changed give get want i like look looks as if though of to in on "
-    "at for with from out be is are was were should ought must may let do now then just "
-    "only so too very more this that these those there its his her my your our their some "
-    "really nice all by up it want wants need style version it them me us we and or but "
-    "coat layer finish finished material appearance feel feeling effect tone tones texture "
-    "side half percent thick rendered render swap use using set would could might cover "
-    "covered wrap wrapped cast carve carved spray sprayed dye dyed whole thing ones one "
-    "first lit under during over light lights day time image picture photo job lol thanks "
-    "thank ok see show imagine think maybe perhaps how what about something somewhere kind "
-    "sort place instead have has been had looking go going bathe try put fix shift bring "
-    "toward towards also please again same morning sky weather colored work solid made "
-    "everything will statue bust figurine figure sculpture hi hey hello reckon favor again "
-    "current original overall now ground leaves foliage left right front above below top"
-)
-STATEMENTS = word_set("is are look looks feels feel seems seem appears was were looking")
-WISHES = word_set(
-    "make turn want like should be get give let paint need ought must could would can "
-    "please render set"
-)
+SPELLED = ("noun", "state", "turn", "material", "look", "style", "background", "finish")
+"""Kinds whose words are recognized with a slip of spelling."""
 
 
 @dataclass(frozen=True)
 class Word:
-    """One phrase of a clause."""
+    """One phrase of a sentence."""
 
     text: str
     kind: str
-    """Table it stands in, "mark" for a part of the scene, "unknown" for none."""
+    """Kind of its row in the lexicon; "mark", "color" or "number"; "unknown" for none."""
     value: str
-    at: int
-    """Place of its first word in the clause."""
+    tags: frozenset[str] = frozenset()
+    """Kinds of `lexicon.SETS` that hold it."""
     color: str | None = None
+    """Color that its name is, whatever its kind."""
+    number: float = 0.0
+
+    def has(self, *tags: str) -> bool:
+        """Whether any of these sets holds the word."""
+        return not self.tags.isdisjoint(tags)
 
 
-@lru_cache(1)
-def phrases() -> dict[str, tuple[str, str]]:
-    """(table, meaning) of each phrase; of one in two tables, the later one's."""
-    tables = {
-        "intense": {word: word for word in lexicon.INTENSE},
-        "noun": lexicon.TONE_NOUNS,
-        "material": materials.MATERIAL_NAMES,
-        "light": lexicon.LIGHTS,
-        "look": lexicon.LOOK_NAMES,
-        "finish": lexicon.FINISHES,
-        "word": lexicon.TONE_WORDS,
-        "turn": lexicon.TONE_TURNS,
-        "style": lexicon.TONE_STYLES,
-        "hue": lexicon.HUES,
-        "up": dict.fromkeys(lexicon.UP, ""),
-        "down": dict.fromkeys(lexicon.DOWN, ""),
-        "slight": dict.fromkeys(lexicon.SLIGHT, ""),
-        "strong": dict.fromkeys(lexicon.STRONG, ""),
-        "fill": {"snow globe": "", "big moon": "", "deep down": ""},
-    }
-    return {
-        phrase: (kind, meaning)
-        for kind, table in tables.items()
-        for phrase, meaning in table.items()
-    }
-
-
-def scanned(words: list[str]) -> list[Word]:
-    """Phrases of a clause in order."""
-    found = list[Word]()
-    at = 0
-    while at < len(words):
-        word, used = _next(words, at)
+def scanned(sentence: str) -> list[Word]:
+    """Typed words of a sentence in order."""
+    rest, found = tokens(sentence), list[Word]()
+    while rest:
+        word, used = _next(rest)
         found.append(word)
-        at += used
+        rest = rest[used:]
     return found
 
 
-def _next(words: list[str], at: int) -> tuple[Word, int]:
-    """The phrase that begins at a word, and how many words it has."""
-    if words[at] in MARKERS:
-        return Word(words[at], "mark", words[at], at), 1
-    if words[at].startswith("#") and (color := colors.hexadecimal(words[at])):
-        return Word(color, "color", color, at, color), 1
-    phrase = _phrase(words, at)
-    hue = (
-        colors.longest(words[at : at + 6])
-        if words[at] not in ("light", "dark") or len(words) > at + 1
-        else None
-    )
-    if hue and hue[0] > (phrase[0] if phrase else 0):
-        text = " ".join(words[at : at + hue[0]])
-        return Word(text, "color", text, at, hue[1]), hue[0]
-    if phrase:
-        used, kind, value = phrase
-        return Word(" ".join(words[at : at + used]), kind, value, at, hue and hue[1]), used
-    return _single(words[at], at), 1
+def _next(words: list[str]) -> tuple[Word, int]:
+    """The phrase that a list of tokens begins with, and how many of them it has."""
+    first = words[0]
+    if first in MARKS or first == "'s":
+        return Word(first, "poss" if first == "'s" else "mark", first), 1
+    if (value := _number(first)) is not None:
+        return Word(first, "number", first, number=value), 1
+    if color := colors.hexadecimal(first):
+        return Word(color, "color", color, color=color), 1
+    if first == "between" and (mixed := _midway(words[1:])):
+        return mixed[0], mixed[1] + 1
+    used, entry = _phrase(words)
+    text = " ".join(words[: max(used, 1)])
+    hue = colors.longest([_singular(first) if _singular(first) in colors.PLAIN else first, *words[1:6]])
+    plain = entry is not None and entry.kind == "fill" and first not in ("light", "sky", "pop")
+    if hue and hue[0] > used - plain and not (hue[0] == 1 and first in ("light", "dark")):
+        return _colored(" ".join(words[: hue[0]]), hue[1]), hue[0]
+    if entry is None:
+        return _single(first), 1
+    number = float(entry.value) if entry.kind in ("number", "factor", "fraction") else 0.0
+    color = hue[1] if hue and hue[0] == used else None
+    return Word(text, entry.kind, entry.value, _tags(text), color, number), used
 
 
-def _phrase(words: list[str], at: int) -> tuple[int, str, str] | None:
-    table = phrases()
-    for count in range(min(LONGEST, len(words) - at), 0, -1):
-        if entry := table.get(" ".join(words[at : at + count])):
-            return (count, *entry)
-    return None
+def _phrase(words: list[str]) -> tuple[int, lexicon.Entry | None]:
+    """(words used, meaning) of the longest phrase of the lexicon; (0, None) for none."""
+    table = lexicon.entries()
+    for count in range(min(lexicon.LONGEST, len(words)), 0, -1):
+        text = " ".join(words[:count])
+        for each in (text, _singular(text)):
+            if each in table:
+                return count, table[each]
+    return 0, None
 
 
-def _single(word: str, at: int) -> Word:
-    """A word of no phrase: a plain one, a slip of spelling, or an unknown one."""
-    if word in FILLERS or word in lexicon.MATERIAL_WORDS or not word.isalpha():
-        return Word(word, "fill", "", at)
+def _singular(text: str) -> str:
+    return text[:-1] if text.endswith("s") and len(text) > 3 else text
+
+
+def _tags(text: str) -> frozenset[str]:
+    return frozenset(kind for kind, phrases in lexicon.sets().items() if text in phrases)
+
+
+def _colored(text: str, color: str) -> Word:
+    """A color, or a material that a color stands before: "dark chocolate"."""
+    last = text.split()[-1]
+    entry = lexicon.entries().get(last)
+    if entry and entry.kind == "material" and last != text and not _tags(last) & {"tinge"}:
+        return Word(text, "material", entry.value, _tags(text), color)
+    return Word(text, "color", text, _tags(text), color)
+
+
+def _midway(words: list[str]) -> tuple[Word, int] | None:
+    """Color midway of "teal and blue", and how many words it has."""
+    first = colors.longest(words)
+    if not first or words[first[0] : first[0] + 1] != ["and"]:
+        return None
+    second = colors.longest(words[first[0] + 1 :]) if words[first[0] + 1 :] else None
+    if not second:
+        return None
+    used = first[0] + 1 + second[0]
+    color, name = colors.between(first[1], second[1]), " ".join(words[:used])
+    return Word(f"between {name}", "color", f"between {name}", color=color), used
+
+
+def _number(token: str) -> float | None:
+    try:
+        above, _, below = token.partition("/")
+        return float(above) / float(below or 1)
+    except (ValueError, ZeroDivisionError):
+        return None
+
+
+def _single(word: str) -> Word:
+    """A word of no phrase: a slip of spelling, or an unknown one."""
     if len(word) >= 6:  # fewer letters are too near to other words
         known = [each for each in _spellings() if each[0] == word[0] and word != f"{each}s"]
         if near := get_close_matches(word, known, n=1, cutoff=0.82):
-            return (
-                Word(near[0], *phrases()[near[0]], at)
-                if near[0] in phrases()
-                else Word(near[0], "color", near[0], at, colors.named(near[0]))
-            )
-    return Word(word, "unknown", word, at)
+            return _next(near[:1])[0]
+    return Word(word, "unknown", word)
 
 
 @lru_cache(1)
 def _spellings() -> list[str]:
-    tables = (materials.MATERIAL_NAMES, lexicon.TONE_NOUNS, lexicon.LOOK_NAMES)
-    return [word for table in tables for word in table if " " not in word] + sorted(colors.PLAIN)
+    table = lexicon.entries().items()
+    words = [phrase for phrase, entry in table if entry.kind in SPELLED and " " not in phrase]
+    return sorted({*words, *(each for each in colors.colors() if " " not in each and len(each) > 4)})

@@ -1,60 +1,89 @@
-"""Looks of the editor `small` as changes, and back."""
+"""Looks of the editor `small` as changes, and back; the route of a change."""
 
 from __future__ import annotations
 
-from gsedit.words import colors, lexicon, materials
+from dataclasses import replace
+
+from gsedit.words import colors, lexicon
 from gsedit.words.instruction import Change
 from gsedit.words.looks import LOOKS, Look
 from gsedit.words.scan import scanned
-from gsedit.words.tokens import words
+
+NAMES = {
+    "moonlight": "night", "dusk": "sunset", "blue hour": "night", "golden hour": "sunset",
+    "sunrise": "sunset", "underwater light": "underwater", "candlelight": "sunset",
+    "storm": "rain", "impressionist": "watercolor", "frost": "snow", "wet": "rain",
+    "stone": "sandstone", "porcelain": "",
+}  # fmt: skip
+"""Looks of `small` for changes of another name."""
+TONES = {
+    ("warmth", 1): "warmer", ("warmth", -1): "cooler", ("brightness", 1): "brighter",
+    ("brightness", -1): "darker", ("contrast", 1): "high-contrast", ("saturation", 1): "vivid",
+    ("grayscale", 1): "black-and-white", ("sepia", 1): "sepia", ("negative", 1): "negative",
+}  # fmt: skip
+"""Looks of `small` by tone and sign."""
+LIGHTS = frozenset(("fog", "night", "sunset", "neon"))
+CLOSE = 25.0
+"""Largest CIE 1976 difference of a color from that of the look that stands for it."""
 
 
 def look_of(change: Change) -> Look | None:
     """Look of the editor `small` that does a change; None where none of its looks fits."""
-    table = {
-        "material": materials.SMALL_MATERIALS,
-        "light": lexicon.SMALL_LIGHTS,
-        "look": lexicon.SMALL_LOOKS,
-    }
-    names = table.get(change.kind, {})
-    name = names.get(change.name) or names.get(change.name.split()[-1])
-    if change.kind == "material" and not name:
-        name = names.get(material_of(change.name))
-    return LOOKS[name] if name else None
+    if change.kind == "tone":
+        name = TONES.get((change.name, -1 if (change.amount or 0) < 0 else 1))
+    elif change.kind == "paint":
+        name = change.name if change.name in colors.PLAIN else None
+    else:
+        scope = "subject" if change.kind == "material" else "scene"
+        looks = [LOOKS[each] for each in _names(change) if each in LOOKS]
+        name = next((look.name for look in looks if look.scope == scope), None)
+    if change.kind == "material" and name and not _is_close(change, name):
+        return None
+    return LOOKS.get(name) if name else None
+
+
+def routed(change: Change) -> Change:
+    """A change with the route that does it."""
+    fits = look_of(change)
+    if change.kind in ("tone", "paint"):
+        return replace(change, route=change.kind)
+    if fits or change.kind != "material":
+        return replace(change, route="small" if fits else "pix2pix")
+    base = lexicon.materials()[material_of(change.name)]
+    return replace(change, route="paint", color=change.color or base)
 
 
 def material_of(name: str) -> str:
     """Material of the table that a name such as "polished black granite" means; "" for none."""
-    found = [word.value for word in scanned(words(name)) if word.kind == "material"]
-    return found[-1 if "with" not in name else 0] if found else ""
-
-
-def tone_change(name: str, amount: float | None) -> Change:
-    """Change of a tone of the whole scene."""
-    return Change("scene", "tone", name, None, amount, "tone")
+    plain = scanned(name.split(" with ")[0])
+    return next((word.value for word in reversed(plain) if word.kind in ("material", "look")), "")
 
 
 def change_of_look(look: Look) -> Change:
     """Change that a look of `small` is."""
-    signs = {
-        "warmer": ("warmth", 0.25),
-        "cooler": ("warmth", -0.25),
-        "brighter": ("brightness", 0.2),
-        "darker": ("brightness", -0.2),
-        "high-contrast": ("contrast", 0.25),
-        "vivid": ("saturation", 0.3),
-        "black-and-white": ("grayscale", None),
-        "sepia": ("sepia", None),
-        "negative": ("negative", None),
-    }
-    if look.name in signs:
-        return tone_change(*signs[look.name])
-    if look.name in lexicon.SMALL_LIGHTS:
-        return Change("scene", "light", look.name, None, None, "small")
+    for (name, sign), each in TONES.items():
+        if each == look.name:
+            plain = name in ("grayscale", "sepia", "negative")
+            return Change("scene", "tone", name, None, None if plain else 0.25 * sign, "tone")
     if look.scope == "scene":
-        return Change("scene", "look", look.name, None, None, "small")
+        kind = "light" if look.name in LIGHTS else "look"
+        return Change("scene", kind, look.name, None, None, "small")
     if look.name in colors.PLAIN:
         return Change("subject", "paint", look.name, colors.named(look.name), None, "paint")
-    return Change(
-        "subject", "material", look.name, materials.MATERIALS.get(look.name), None, "small"
-    )
+    return Change("subject", "material", look.name, None, None, "small")
+
+
+def _names(change: Change) -> list[str]:
+    """Names under which `small` may know a material, light or look."""
+    if change.kind == "material":
+        plain = change.name.split(" with ")[0]
+        each = [plain, plain.split()[-1]]
+    else:
+        each = [change.name, change.name.split(" from ")[0], change.name.split()[0]]
+    return [NAMES.get(one, one) for one in each]
+
+
+def _is_close(change: Change, look: str) -> bool:
+    """Whether the color that a material is asked in is the look's own."""
+    base = lexicon.materials().get(look)
+    return not (base and change.color) or colors.distance(change.color, base) < CLOSE

@@ -2,149 +2,149 @@
 
 from __future__ import annotations
 
-import re
-from dataclasses import dataclass
-
-from gsedit.words import amounts, lexicon
+from gsedit.words import lexicon
+from gsedit.words.amounts import Amount, amount_of
+from gsedit.words.clauses import Clause
 from gsedit.words.instruction import Change
-from gsedit.words.scan import STATEMENTS, WISHES, Word
+from gsedit.words.scan import Word
 
-DEFAULT = {
-    "brightness": 0.2,
-    "contrast": 0.25,
-    "saturation": 0.3,
-    "warmth": 0.25,
-    "hue": 1 / 12,
-}
+DEFAULT = {"brightness": 0.2, "contrast": 0.25, "saturation": 0.3, "warmth": 0.25, "hue": 1 / 12}
 """Share of a tone that is asked for without a number; plain to see, and no color is clipped."""
-NO_SIGN = 0
-PARTICLES = frozenset(("down", "ease"))
-"""Words that go with a verb: to cool it down is no less cool."""
 SLIGHT, STRONG = 0.5, 1.75
+PARTICLES = frozenset(("down", "ease", "off", "out", "away"))
+"""Words that go with a verb: to cool it down is no less cool."""
 
 
-@dataclass(frozen=True)
-class Manner:
-    """Direction and size that a clause gives to its tones."""
-
-    text: str
-    up: bool
-    down: bool
-    complaint: bool
-    """Whether it says what is too much."""
-    lacking: bool
-    """Whether it says what is not enough."""
-    scale: float
-
-    @property
-    def direction(self) -> int:
-        """Sign that the clause's verbs and complaints give to a quality that it names."""
-        if self.lacking:
-            return 1
-        return -1 if self.complaint or self.down else 1
-
-
-def manner(text: str, found: list[Word], followed: bool) -> Manner:
-    """Manner of a clause; `followed` says whether a clause that asks to mend it comes after."""
-    kinds = {word.kind for word in found}
-    plain = set(re.findall(r"[a-z]+", text))
-    states = bool(plain & STATEMENTS) and not plain & (WISHES - {"like", "can", "please"})
-    lacking = "enough" in plain or bool(
-        re.search(r"\btoo (?:little|few)\b|\black(?:s|ing)?\b", text)
-    )
-    complaint = bool(plain & {"overly", "excessively"}) or bool(
-        re.search(r"\bthat (?:dark|bright|warm|cold|vivid)", text)
-    )
-    wished = bool(plain & {"make", "turn", "give"}) and "not" not in plain and "stop" not in plain
-    complaint |= bool(re.search(r"\bnot (?:nearly |quite )?(?:as|that)\b", text))
-    complaint |= "so" in plain and not wished
-    complaint |= bool(re.search(r"\btoo\b(?= *[^ ])", text))
-    complaint |= states or followed or bool(plain & {"underexposed", "overexposed", "fix"})
-    scale = SLIGHT if "slight" in kinds else STRONG if "strong" in kinds and not complaint else 1.0
-    return Manner(text, "up" in kinds, "down" in kinds, complaint and not lacking, lacking, scale)
-
-
-def tones(how: Manner, found: list[Word], before: int) -> list[Change]:
+def tones(clause: Clause, before: int) -> list[Change]:
     """Changes of tone of a clause, of target "scene"; `before` is the direction that an earlier
-    clause gave, 0 for none."""
-    signs = dict[str, int]()
-    nouns = [word.value for word in found if word.kind == "noun"]
-    styles = [_change(word.value, None, None) for word in found if word.kind == "style"]
+    clause gave, 0 for none. Empty where the direction is not said or said both ways."""
+    words = clause.words
+    styles = [word.value for word in words if word.kind == "style"]
     if styles:
-        return styles
-    for word in sorted(found, key=lambda each: each.kind == "word"):
-        if word.kind in ("word", "turn"):
+        return [tone(styles[0], None)]
+    if _emptied(words, clause):
+        return [tone("grayscale", None)]
+    signs = dict[str, int]()
+    for word in sorted(words, key=lambda each: each.kind == "state"):
+        if word.kind in ("state", "turn"):
             name, sign = word.value.split()
-            flipped = any(each.kind == "down" and each.text not in PARTICLES for each in found)
-            turned = -1 if flipped or (how.complaint and word.kind == "word") else 1
-            turned = 1 if how.lacking else turned
-            times = amounts.factor(how.text)
-            if word.kind == "word" and times is not None and times < 1:
-                turned = -turned
-            if nouns and how.up and word.kind == "word" and "more" not in how.text:
-                continue
-            signs.setdefault(name, (1 if sign == "+" else -1) * turned)
-    if signs and not (how.up or how.down) and {"saturation"} >= set(nouns):
-        nouns = []
-    intense = [lexicon.INTENSE[word.value] for word in found if word.kind == "intense"]
+            signs.setdefault(name, (1 if sign == "+" else -1) * _turned(word, clause))
+    nouns = _nouns(words, signs, clause)
     for name in nouns:
-        if name in signs or (name == "saturation" and len(set(nouns)) > 1 and _bare_color(found)):
-            continue
-        sign = _noun_sign(how, intense, before)
-        if sign and name != "hue":
+        if name not in signs and (sign := _noun_sign(clause, before)):
             signs[name] = sign
-    return [_change(name, _amount(how, name, sign), None) for name, sign in signs.items()]
+    given = amount_of(words)
+    return [tone(name, _amount(given, clause, name, sign)) for name, sign in signs.items()]
 
 
-def _bare_color(found: list[Word]) -> bool:
-    return any(word.text in ("color", "colors") for word in found)
-
-
-def _noun_sign(how: Manner, intense: list[int], before: int) -> int:
-    if how.up and how.down:
-        return NO_SIGN
-    if intense:
-        return intense[0] * (how.direction if how.complaint or how.down or how.lacking else 1)
-    if how.lacking or how.up:
-        return 1
-    if how.down or how.complaint:
-        return -1
-    if re.search(r"[+-]\d", how.text):
-        return -1 if re.search(r"-\d", how.text) else 1
-    if (times := amounts.factor(how.text)) is not None:
-        return 1 if times > 1 else -1
-    return before
-
-
-def hues(how: Manner, found: list[Word]) -> list[Change]:
-    """Changes toward or away from a color: "redder", "too green", "a blue tint"."""
-    colors = [(word.text, word.color) for word in found if word.kind == "color"]
-    colors += [(lexicon.HUES[word.text], None) for word in found if word.kind == "hue"]
-    if not colors:
-        share = amounts.degrees(how.text)
-        return [_change("hue", share * how.direction, None)] if share else []
-    name, color = colors[0]
-    sign = -1 if how.direction < 0 or re.search(r"\baway\b|\bremove\b|\brid\b", how.text) else 1
-    size = amounts.share(how.text)
-    if name in lexicon.COLOR_WARMTH and sign < 0:
-        tone = sign * lexicon.COLOR_WARMTH[name]
-        return [_change("warmth", tone * (size or DEFAULT["warmth"] * how.scale), None)]
-    turn = amounts.degrees(how.text) or DEFAULT["hue"] * how.scale
-    return [_change("hue", sign * turn, lexicon.PURE.get(name, color))]
-
-
-def _amount(how: Manner, name: str, sign: int) -> float:
-    times = amounts.factor(how.text)
-    if times is not None and times > 0:
-        many = times if (times > 1) == (sign > 0) else 1 / times
-        return round(many - 1, 4)
-    if times == 0:
-        return -1.0
-    size = amounts.share(how.text)
-    if size is not None and size < 0:
-        return size
-    return sign * (abs(size) if size is not None else round(DEFAULT[name] * how.scale, 4))
-
-
-def _change(name: str, amount: float | None, color: str | None) -> Change:
+def tone(name: str, amount: float | None, color: str | None = None) -> Change:
+    """Change of a tone of the whole scene."""
     return Change("scene", "tone", name, color, amount, "tone")
+
+
+def complains(clause: Clause) -> bool:
+    """Whether a clause says that there is too much of what it names: "it is dark"."""
+    kinds, words = clause.kinds(), [word.text for word in clause.words]
+    if "too" in clause.tags() or "how" in words:
+        return True
+    wished = kinds & {"wish", "do"}
+    return not wished and ("be" in kinds or "so" in words) and "turn" not in kinds
+
+
+def asks_less(clause: Clause) -> bool:
+    """Whether a verb of a clause takes away."""
+    verbs = [word for word in clause.words if word.kind == "down"]
+    return clause.lost or any(word.text not in PARTICLES for word in verbs)
+
+
+def hues(clause: Clause) -> list[Change]:
+    """Changes toward or away from a color: "redder", "too green", "a blue tint"."""
+    given = amount_of(clause.words)
+    words = [word for word in clause.words if word.kind in ("color", "hue")]
+    less = clause.turned < 0 or (not clause.turned and (complains(clause) or asks_less(clause)))
+    sign = -1 if less else 1
+    if not words:
+        return [tone("hue", sign * given.turn)] if given.turn else []
+    word = words[0]
+    name = lexicon.HUES.get(word.text, word.text)
+    color = lexicon.PURE.get(name, word.color)
+    if name in lexicon.COLOR_WARMTH and less:
+        size = abs(given.share or DEFAULT["warmth"] * _scale(clause))
+        return [tone("warmth", -lexicon.COLOR_WARMTH[name] * size)]
+    return [tone("hue", sign * (given.turn or DEFAULT["hue"] * _scale(clause)), color)]
+
+
+def _emptied(words: list[Word], clause: Clause) -> bool:
+    """Whether all color is taken away."""
+    color = any(word.kind == "noun" and word.value == "saturation" for word in words)
+    everything = {"all", "completely", "fully", "entirely", "totally", "zero", "drain"}
+    told = {each for word in words for each in word.text.split()} & everything
+    faded = any(word.value == "saturation -" for word in words)
+    verb = color and (clause.lost or asks_less(clause))
+    return (verb and (bool(told) or clause.lost)) or (faded and bool(told))
+
+
+def _turned(word: Word, clause: Clause) -> int:
+    """Sign that a clause gives to a quality."""
+    if clause.turned:
+        return clause.turned if word.kind == "state" else 1
+    if "enough" in clause.kinds() or "lack" in clause.tags():
+        return 1
+    given = amount_of(clause.words)
+    fewer = word.kind == "state" and given.factor is not None and given.factor < 1
+    return -1 if asks_less(clause) or fewer or (word.kind == "state" and complains(clause)) else 1
+
+
+def _nouns(words: list[Word], signs: dict[str, int], clause: Clause) -> list[str]:
+    """Tones that nouns name; "color" is none beside a quality or a color."""
+    moved = clause.kinds() & {"up", "down"} or clause.tags() & {"too", "lack"} or clause.lost
+    found = list[str]()
+    for word in words:
+        loose = word.text in ("color", "colors", "coloring", "tint")
+        if word.kind != "noun" or word.value == "hue" or (loose and signs):
+            continue
+        if word.value == "light":
+            found += ["brightness"] * bool(moved and not signs)
+        elif not (loose and any(each.kind == "color" for each in words)):
+            found.append(word.value)
+    others = [name for name in found if name != "saturation"]
+    return others if others and not any(w.value == "saturation" and w.text != "color" for w in words) else found
+
+
+def _noun_sign(clause: Clause, before: int) -> int:
+    """Sign of a tone that a noun names; 0 where it is not said, or both ways."""
+    kinds, given = clause.kinds(), amount_of(clause.words)
+    less, more = asks_less(clause) or "down" in kinds, "up" in kinds
+    if "lack" in clause.tags() or "enough" in kinds or clause.turned > 0:
+        return 1
+    for word in clause.words:
+        if word.kind == "intense":
+            fewer = given.factor is not None and given.factor < 1
+            flipped = complains(clause) or less or fewer or clause.turned < 0
+            return (1 if word.value == "+" else -1) * (-1 if flipped else 1)
+    if less and more:
+        return 0
+    if less or more:
+        return -1 if less else 1
+    if complains(clause):
+        return -1
+    if given.factor is not None:
+        return 1 if given.factor > 1 else -1
+    signed = [word.text[0] for word in clause.words if word.kind == "number" and word.text[0] in "+-"]
+    return (1 if signed[0] == "+" else -1) if signed else before
+
+
+def _scale(clause: Clause) -> float:
+    kinds = clause.kinds()
+    return SLIGHT if "slight" in kinds else STRONG if "strong" in kinds else 1.0
+
+
+def _amount(given: Amount, clause: Clause, name: str, sign: int) -> float:
+    """Signed share of a tone. An amount against the sign that words give is out of range."""
+    if given.factor is not None:
+        factor = given.factor
+        agrees = (factor > 1) == (sign > 0) or factor == 0
+        return round((factor if agrees else 1 / factor) - 1, 4)
+    if given.share is not None:
+        return given.share if given.share < 0 else sign * given.share
+    return sign * round(DEFAULT[name] * _scale(clause), 4)

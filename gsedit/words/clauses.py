@@ -1,0 +1,229 @@
+"""Clauses of a sentence, and what a negation in each of them governs.
+
+One rule holds everywhere. A negation governs what follows it in its clause; where nothing that is
+known follows, it governs all of its clause. What it governs is never done: it is a part that stays
+as it is (a limit), a tone of too little or too much (its sign is turned), or it is left out.
+A negation that is none of these voids the sentence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+from gsedit.words.scan import Word
+
+TONES = frozenset(("noun", "state", "turn", "style", "hue"))
+CONTENT = TONES | {"color", "material", "light", "look", "finish"}
+"""Kinds that name what changes."""
+TARGETS = frozenset(("subject", "background", "ground", "place", "scene", "rest"))
+"""Kinds that name a part of the scene."""
+NEGATIONS = frozenset(("not", "drop"))
+NAMED = frozenset(("color", "material", "light", "look"))
+
+
+@dataclass
+class Clause:
+    """Words between two marks or conjunctions, by what is to be done with them."""
+
+    before: str = ""
+    """Mark or conjunction before it; "" for the first."""
+    words: list[Word] = field(default_factory=list)
+    """What is asked for."""
+    denied: list[Word] = field(default_factory=list)
+    """What must not be."""
+    limits: list[Word] = field(default_factory=list)
+    """Parts that stay as they are."""
+    turned: int = 0
+    """Sign that a negation gives to a quality: -1 not so bright, +1 not bright enough; 0 none."""
+    lost: bool = False
+    """Whether a quality is taken away: less of it."""
+    void: bool = False
+    """Whether a negation says nothing that can be heeded."""
+    removed: bool = False
+    """Whether an object is to be removed."""
+    opens: Word | None = None
+    """Negation that goes on into a clause without a verb."""
+
+    def kinds(self) -> set[str]:
+        """Kinds of the words that are asked for."""
+        return {word.kind for word in self.words}
+
+    def tags(self) -> set[str]:
+        """Tags of the words that are asked for."""
+        return {tag for word in self.words for tag in word.tags}
+
+
+def clauses(words: list[Word]) -> list[Clause]:
+    """Clauses of a sentence in order, each with what its negations govern."""
+    found, opens = list[Clause](), None
+    for before, part in _segments(words):
+        kept = found and found[-1].limits and not before.endswith(":")
+        heir = opens if _inherits(before, part) and not kept else None
+        clause = _governed(before, _told(_became(part)), heir)
+        opens = clause.opens
+        found.append(clause)
+    return found
+
+
+def _segments(words: list[Word]) -> Iterator[tuple[str, list[Word]]]:
+    """(mark or conjunction before, words) of each clause."""
+    before, part, compared = "", list[Word](), False
+    for word in words:
+        splits = word.kind in ("mark", "conj", "or")
+        if splits and not (compared and word.kind == "conj"):
+            if part:
+                yield before, part
+                before = ""
+            before, part, compared = before + word.text, [], False
+        else:
+            part.append(word)
+            compared |= word.kind == "asif"
+    if part:
+        yield before, part
+
+
+def _inherits(before: str, part: list[Word]) -> bool:
+    """Whether a negation goes on into a clause: "not red or blue", "not this: make it night"."""
+    own = {"do", "wish", "touch", "up", "down", "keep", "be", *NEGATIONS}
+    bare = not any(
+        word.kind in own or (word.kind == "turn" and not word.text.endswith("er")) for word in part
+    )
+    return before.endswith(("or", "nor", ":")) or (bare and before in ("and", ","))
+
+
+def _became(part: list[Word]) -> list[Word]:
+    """Words without the name of what gives way: "turn night into day", "paint the red car blue"."""
+    names = [at for at, word in enumerate(part) if word.kind in NAMED]
+    verbs = [at for at, word in enumerate(part) if word.kind in ("do", "wish", "touch")]
+    if len(names) < 2 or not verbs or verbs[0] > names[0]:
+        return part
+    first, last = names[0], names[-1]
+    between = part[first + 1 : last + 1]
+    swaps = any(word.text in ("swap", "switch", "exchange", "replace") for word in part[:first])
+    led = any(word.text in ("into", "to", *(("for", "with", "by") * swaps)) for word in between)
+    of_part = between[0].kind in TARGETS or between[0].kind == "unknown"
+    kinds = {part[first].kind, part[last].kind}
+    same = len(names) == 2 and (kinds <= {"color", "material"} or kinds == {"light"})
+    gives_way = led or (of_part and same and not any(word.text == "with" for word in between))
+    return [word for at, word in enumerate(part) if at != first or not gives_way]
+
+
+def _told(part: list[Word]) -> list[Word]:
+    """Words without what a comparison only brings up: after "like" nothing is a part or a thing,
+    after "as if" only the first name counts, after "red as" none does."""
+    kept, mode, named = list[Word](), "", False
+    for word in part:
+        last = kept[-1].kind if kept else ""
+        if word.kind in ("simile", "asif") or (word.text == "if" and mode == "simile"):
+            mode = "" if word.text == "if" else word.kind
+        elif word.text == "as" and last in ("state", "color", "material"):
+            mode = "than"
+        elif word.kind == "than":
+            mode = "than"
+            kept.append(word)
+        elif mode == "than" and (word.kind in CONTENT or word.kind in TARGETS):
+            continue
+        elif mode and word.kind in ("unknown", "part", "shape", "state", *TARGETS):
+            continue
+        elif mode == "asif" and word.kind in CONTENT:
+            kept += [] if named and last not in CONTENT else [word]
+            named = True
+        else:
+            kept.append(word)
+    return kept
+
+
+def _governed(before: str, part: list[Word], heir: Word | None) -> Clause:
+    """A clause of these words; `heir` is the negation of the clause before that goes on here."""
+    clause, scope, by, excepted = Clause(before), list[Word](), heir, False
+    negations = [heir] if heir else []
+    for word in part:
+        if word.kind in NEGATIONS:
+            by = word
+            negations.append(word)
+        elif word.kind == "except":
+            excepted = True
+        elif excepted and (word.kind in TARGETS or word.kind in CONTENT or word.kind == "unknown"):
+            (clause.denied if word.kind in CONTENT else clause.limits).append(word)
+            excepted = False
+        elif excepted and word.kind in ("do", "wish"):  # "anything but paint it red"
+            by, excepted = word, False
+            negations.append(word)
+        elif by and word.kind == "do" and any(each.kind in CONTENT for each in scope):
+            by = None
+            clause.words.append(word)
+        else:
+            (scope if by else clause.words).append(word)
+    if any(word.kind in ("keep", "limit") for word in (*clause.words, *scope)):
+        return _kept(clause, scope, len(negations))
+    if negations:
+        _deny(clause, scope, negations)
+    return clause
+
+
+def _kept(clause: Clause, scope: list[Word], count: int) -> Clause:
+    """A clause about what stays as it is."""
+    limits = [word for word in (*clause.words, *scope) if word.kind in TARGETS]
+    said = any(word.kind == "limit" for word in clause.words)
+    rest = [Word("rest", "rest", "rest")] if said else []
+    if said and not count:
+        return replace(clause, limits=[*clause.limits, *rest])
+    return replace(clause, words=[], limits=[] if count else [*clause.limits, *limits])
+
+
+def _deny(clause: Clause, scope: list[Word], negations: list[Word]) -> None:
+    """Say in the clause what its negations govern."""
+    by = negations[0]
+    kinds = {word.kind for word in scope}
+    named, told = kinds & CONTENT, {word.kind for word in clause.words} & CONTENT
+    if len(negations) > 1 and any(each.kind == "drop" for each in negations):
+        clause.denied += [word for word in (*scope, *clause.words) if word.kind in CONTENT]
+        clause.words, clause.void = [], not clause.denied
+    elif by.kind == "drop":
+        _drop(clause, scope, named, told)
+    elif sign := _turn(clause, scope, by):
+        clause.turned, clause.words = sign, [*clause.words, *scope]
+    elif named:
+        clause.denied += [word for word in scope if word.kind in CONTENT]
+        clause.opens = by
+    elif kinds & TARGETS and not kinds & {"part", "shape"}:
+        clause.limits += [word for word in scope if word.kind in TARGETS]
+        clause.opens = by
+    else:
+        known = kinds & {"unknown", "part", "shape"}
+        clause.denied += [word for word in clause.words if word.kind in CONTENT]
+        clause.void = not clause.denied and not known and bool(clause.before)
+        clause.words, clause.opens = [], by
+
+
+def _drop(clause: Clause, scope: list[Word], named: set[str], told: set[str]) -> None:
+    """Say what is taken away: a tone, which is then less, or a thing."""
+    kinds = {word.kind for word in (*scope, *clause.words)}
+    cast = "noun" in kinds and not kinds & {"light", "look", "material"}
+    if (cast or (named and named <= {"noun", "state"})) and "down" not in kinds:
+        clause.lost, clause.words = True, [*clause.words, *scope]
+    elif named or told:
+        clause.denied += [word for word in (*scope, *clause.words) if word.kind in CONTENT]
+        clause.words, clause.opens = [], Word("remove", "drop", "")
+    else:
+        clause.words, clause.removed = [], True
+
+
+def _turn(clause: Clause, scope: list[Word], by: Word) -> int:
+    """Sign that a negation gives to a quality; 0 where it forbids it or is not plain."""
+    kinds = [word.kind for word in scope]
+    graded = ("state", "intense", "color")
+    if not any(kind in graded for kind in kinds):
+        return 0
+    if "enough" in kinds:
+        return 1
+    at = next(i for i, kind in enumerate(kinds) if kind in graded)
+    told = {word.text for word in scope[:at] if word.kind == "degree"}
+    before = {word.kind for word in clause.words}
+    verbs = {"wish", "do", "touch"} & {*kinds[:at], *before}
+    if scope[at].kind == "state" and at and scope[at - 1].text == "to":
+        return 0  # "no need to dim it"
+    if "be" in before and by.text == "not" and not verbs and kinds[at] != "color":
+        return 0 if told & {"too", "so", "overly"} else 1
+    return -1 if told - {"very", "really", "particularly", "especially"} else 0

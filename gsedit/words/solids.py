@@ -1,0 +1,129 @@
+"""Materials, paints, lights and looks that a clause names."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from gsedit.words import lexicon
+from gsedit.words.clauses import NAMED, Clause
+from gsedit.words.instruction import Change
+from gsedit.words.scan import Word
+from gsedit.words.small_looks import routed
+
+
+def solids(clause: Clause) -> list[tuple[int, Change]]:
+    """(place in the clause, change) of each material and paint, of target "subject"."""
+    words, tags = clause.words, clause.tags()
+    finish = next((word.value for word in words if word.kind == "finish"), None)
+    painted, made = "paint" in tags, _made(clause)
+    found, at = list[tuple[int, Change]](), 0
+    while at < len(words):
+        word = words[at]
+        tinge = word.color and (word.has("tinge") or painted) and not made
+        solid = word.kind == "look" and made and word.value in lexicon.materials()
+        if (word.kind == "material" and not tinge) or solid:
+            change, end = _material(words, at)
+            if found and found[-1][1].kind == "material" and _joined(words, found[-1][0], at):
+                found.pop()  # "rusty old iron" is iron
+            found.append((at, change))
+            at = end
+            continue
+        if word.color and word.kind in ("color", "material"):
+            trims = found and at + 1 < len(words) and words[at + 1].has("trim")
+            if trims and found[-1][1].kind == "material":
+                last = found[-1][1]
+                name = f"{last.name} with {word.text} {words[at + 1].text}"
+                found[-1] = (found[-1][0], replace(last, name=name))
+            elif not (word.has("thing") and not painted) and not _leads(words, at):
+                name = f"{finish} {word.text}" if finish else word.text
+                found.append((at, Change("subject", "paint", name, word.color, None, "paint")))
+        at += 1
+    return found
+
+
+def _joined(words: list[Word], first: int, last: int) -> bool:
+    """Whether only adjectives stand between two materials."""
+    return all(word.has("adj") or word.kind in ("color", "finish") for word in words[first + 1 : last])
+
+
+def _made(clause: Clause) -> bool:
+    """Whether a clause says that something is made of what it names."""
+    strong = [word for word in clause.words if word.has("made") and word.text not in ("from", "in")]
+    return bool(strong)
+
+
+def _leads(words: list[Word], at: int) -> bool:
+    """Whether a color stands before a light, look or material that it belongs to."""
+    after = next((word for word in words[at + 1 :] if word.kind not in ("color", "finish")), None)
+    near = next((word for word in words[at + 1 : at + 2]), None)
+    lit = near and (near.kind in ("light", "look") or near.value == "light")
+    return bool(near and (lit or (near.kind == "material" and near is after)))
+
+
+def _material(words: list[Word], at: int) -> tuple[Change, int]:
+    """A material with the words beside it that belong to it, and where they end."""
+    word, own = words[at], list[str]()
+    color = word.color if word.text != word.value and word.color else None
+    for each in reversed(words[:at]):
+        if not (each.kind in ("color", "finish", "material") or each.has("adj")):
+            break
+        own.insert(0, each.text)
+        color = color or (each.color if each.kind == "color" else None)
+    name = word.text if word.text.endswith(word.value) else word.value
+    trim, end = _trim(words, at + 1)
+    full = " ".join([*own, name]) + (f" with {trim}" if trim else "")
+    return routed(Change("subject", "material", full, color, None, "")), end
+
+
+def _trim(words: list[Word], at: int) -> tuple[str, int]:
+    """What a material is "with": "green patina", "gray veins"; "" for nothing."""
+    if at >= len(words) or words[at].text not in ("with", "and"):
+        return "", at
+    own = list[str]()
+    for end, word in enumerate(words[at + 1 :], at + 2):
+        if word.has("trim") or word.kind == "material" or word.text in ("patina", "green patina"):
+            return " ".join([*own, word.text]), end
+        if word.kind in ("color", "finish") or word.has("adj"):
+            own.append(word.text)
+        elif word.kind not in ("fill", "slight"):
+            break
+    return "", at
+
+
+def scenes(clause: Clause) -> list[Change]:
+    """Lights and looks of a clause, of target "scene": one time of day, each other one once."""
+    found = list[Change]()
+    if _made(clause) and "look" in clause.kinds():
+        return found
+    times = lexicon.sets()["time"]
+    for at, word in enumerate(clause.words):
+        lit = word.value == "light" and _shines(clause, at)
+        idle = word.text == "day" and sum(w.kind in NAMED for w in clause.words) > 1
+        if idle or not (lit or word.kind in ("light", "look")):
+            continue
+        word = replace(word, kind="light", value="lamp") if lit else word
+        same = any(
+            change.kind == word.kind and (word.kind == "look" or change.name == word.value)
+            or {change.name.split(" from ")[0], word.value} <= times
+            for change in found
+        )
+        if not same:
+            color = clause.words[at - 1].color if at and word.kind == "light" else None
+            found.append(Change("scene", word.kind, word.value, color, None, ""))
+    return [routed(directed(change, clause)) for change in found]
+
+
+def _shines(clause: Clause, at: int) -> bool:
+    """Whether the word "light" is a light of its own: "light from the left", "a red light"."""
+    other = clause.kinds() & {"light", "state", "up", "down", "turn"} or "too" in clause.tags()
+    pointed = "direction" in clause.kinds() or (at > 0 and clause.words[at - 1].kind == "color")
+    return pointed and not other
+
+
+def directed(change: Change, clause: Clause) -> Change:
+    """A light with the directions that a clause gives: "sunset from the left"."""
+    said = [word.value for word in clause.words if word.kind == "direction"]
+    said += ["from behind" for word in clause.words if word.text == "behind"]
+    if change.kind != "light" or not said:
+        return change
+    return replace(change, name=" ".join([change.name, *dict.fromkeys(said)]))
