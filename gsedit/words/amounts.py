@@ -15,7 +15,7 @@ class Amount:
     """One amount; at most one of its fields is given."""
 
     factor: float | None = None
-    """Of what is there: 0.8 for "to 80 %", 2 for "twice as"."""
+    """Share of what is there that remains: 0.8 for "to 80 %", 2 for "twice as"."""
     share: float | None = None
     """Added or taken, with the sign that is written: 0.2 for "20 %"."""
     turn: float | None = None

@@ -18,6 +18,8 @@ CONTENT = TONES | {"color", "material", "light", "look", "finish"}
 """Kinds that name what changes."""
 TARGETS = frozenset(("subject", "background", "ground", "place", "scene", "rest"))
 """Kinds that name a part of the scene."""
+IDLE = TARGETS | {"unknown", "part", "shape", "state"}
+"""Kinds that a comparison only brings up."""
 NEGATIONS = frozenset(("not", "drop"))
 NAMED = frozenset(("color", "material", "light", "look"))
 
@@ -29,9 +31,9 @@ class Clause:
     before: str = ""
     """Mark or conjunction before it; "" for the first."""
     words: list[Word] = field(default_factory=list)
-    """What is asked for."""
+    """Words of what is asked for."""
     denied: list[Word] = field(default_factory=list)
-    """What must not be."""
+    """Names of what must not be."""
     limits: list[Word] = field(default_factory=list)
     """Parts that stay as they are."""
     turned: int = 0
@@ -122,9 +124,7 @@ def _told(part: list[Word]) -> list[Word]:
         elif word.kind == "than":
             mode = "than"
             kept.append(word)
-        elif mode == "than" and (word.kind in CONTENT or word.kind in TARGETS):
-            continue
-        elif mode and word.kind in ("unknown", "part", "shape", "state", *TARGETS):
+        elif mode and word.kind in (*IDLE, *(CONTENT if mode == "than" else ())):
             continue
         elif mode == "asif" and word.kind in CONTENT:
             kept += [] if named and last not in CONTENT else [word]

@@ -56,11 +56,13 @@ WEATHER = frozenset(("snow", "desert", "bland", "metallic blue"))
 """Names of a color that mean another thing in a sentence."""
 ISH = re.compile(r"^(\w+?)(d?d?ish|y)$")
 ROOTS = {"blu": "blue", "whit": "white", "purpl": "purple", "orang": "orange", "re": "red"}
-THINGS = frozenset("sky grass leaf sea dirt sand stone brick".split())
+THINGS = frozenset(("sky", "grass", "leaf", "sea", "dirt", "sand", "stone", "brick"))
 """Names of a color that another color may be said of: "paint the sky purple"."""
-PLAIN = frozenset(
-    "red orange yellow green blue purple violet pink brown black white grey gray".split()
-)
+PLAIN = (
+    "red", "orange", "yellow", "green", "blue", "purple", "violet", "pink", "brown", "black",
+    "white", "grey", "gray",
+)  # fmt: skip
+"""Names of color that all others are said by."""
 
 
 @lru_cache(1)

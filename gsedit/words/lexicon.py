@@ -39,7 +39,9 @@ def _rows() -> list[tuple[str, str, list[str]]]:
         if line and not line.startswith("# "):
             head, _, phrases = line.partition(":")
             kind, _, value = head.partition(" ")
-            rows.append((kind, value, [each.strip() for each in phrases.split(",") if each.strip()]))
+            rows.append(
+                (kind, value, [each.strip() for each in phrases.split(",") if each.strip()])
+            )
     return rows
 
 

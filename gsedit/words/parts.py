@@ -37,7 +37,9 @@ def is_thing(words: list[Word], at: int) -> bool:
     """Whether an unknown word is the name of what changes: "the fox", "gold sofa"."""
     if at and words[at - 1].kind in ("color", "material", "finish"):
         return True
-    before = [word for word in words[:at] if word.kind not in ("color", "material", "finish", "state")]
+    before = [
+        word for word in words[:at] if word.kind not in ("color", "material", "finish", "state")
+    ]
     return bool(before) and before[-1].text in DETERMINERS
 
 
@@ -62,7 +64,10 @@ def refuse_parts(clause: Clause) -> None:
         if word.kind == "material" and at and words[at - 1].text in DETERMINERS and alone:
             raise Refused("part")  # "the rock" is a thing
     for at in unknown:
-        if [word.text for word in words[max(at - 3, 0) : at - 1]] in (["with", "a"], ["with", "an"]):
+        if [word.text for word in words[max(at - 3, 0) : at - 1]] in (
+            ["with", "a"],
+            ["with", "an"],
+        ):
             raise Refused("geometry")  # "with a red scarf"
         owned = at and (words[at - 1].kind == "poss" or words[at - 1].text in OWNERS)
         after = at and words[at - 1].kind == "subject"

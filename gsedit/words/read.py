@@ -11,17 +11,19 @@ from gsedit.words.refusals import REASONS, Refused, first_refusal
 from gsedit.words.scan import Word, scanned
 from gsedit.words.small_looks import change_of_look, routed
 from gsedit.words.solids import directed, scenes, solids
-from gsedit.words.tones import asks_less, complains, hues, tones
+from gsedit.words.tones import DEFAULT, asks_less, complains, hues, tones
 
 FLOOR = 0.5
 """Least probability of a look that the encoder alone names; chosen on sentences of development."""
+Placed = list[tuple[int, Change]]
+"""Changes with their places in a clause."""
 MOST = 9.0
 """Largest share of a tone that can be added."""
 
 
 @dataclass
 class Reading:
-    """What the clauses so far have named."""
+    """Progress of reading: what the clauses so far have named."""
 
     changes: list[Change] = field(default_factory=list)
     part: str | None = None
@@ -31,6 +33,8 @@ class Reading:
     limits: list[Word] = field(default_factory=list)
     direction: int = 0
     denied: bool = False
+    unsaid: bool = False
+    """Whether a tone is named without its direction."""
     bare: bool = False
     """Whether the last change is a quality that no verb goes with: "dull colors"."""
 
@@ -71,6 +75,8 @@ def _parsed(words: list[Word]) -> list[Change]:
     denied = {word.value for clause in found for word in clause.denied}
     if denied & names or (reading.denied and not reading.changes):
         raise Refused("negation")
+    if reading.unsaid and not reading.changes:
+        raise Refused("direction")
     return _merged(_limited(reading.changes, reading))
 
 
@@ -91,7 +97,7 @@ def _read_clause(clause: Clause, reading: Reading) -> None:
     reading.part = explicit or reading.part
 
 
-def _changes(clause: Clause, reading: Reading) -> list[tuple[int, Change]]:
+def _changes(clause: Clause, reading: Reading) -> Placed:
     """(place, change) of each change of a clause, of its parts yet unsaid. Raises Refused."""
     kinds, tags = clause.kinds(), clause.tags()
     scenic, solid = scenes(clause), solids(clause)
@@ -111,8 +117,8 @@ def _changes(clause: Clause, reading: Reading) -> list[tuple[int, Change]]:
     else:
         tone = tones(clause, reading.direction)
         unsaid = kinds & {"noun"} and not tone and not kinds & {"be"}
-        if unsaid and any(w.kind == "noun" and w.value != "light" and "color" not in w.text for w in clause.words):
-            raise Refused("direction")
+        if unsaid and any(w.kind == "noun" and w.value in DEFAULT for w in clause.words):
+            reading.unsaid = True
     return [*solid, *((0, change) for change in (*scenic, *tone))]
 
 
@@ -144,7 +150,10 @@ def _remark(clause: Clause, explicit: str | None, reading: Reading) -> None:
 
 
 def _completes(
-    clause: Clause, changes: list[tuple[int, Change]], parts: list[tuple[int, str]], reading: Reading
+    clause: Clause,
+    changes: Placed,
+    parts: list[tuple[int, str]],
+    reading: Reading,
 ) -> bool:
     """Whether a clause names but the color or the direction of the change before."""
     last, change = reading.changes[-1] if reading.changes else None, changes[0][1]
@@ -165,7 +174,10 @@ def _completes(
 
 
 def _append(
-    clause: Clause, changes: list[tuple[int, Change]], parts: list[tuple[int, str]], reading: Reading
+    clause: Clause,
+    changes: Placed,
+    parts: list[tuple[int, str]],
+    reading: Reading,
 ) -> None:
     """Add changes to what was read, each with its part."""
     it = any(word.text in ("it", "him", "them") for word in clause.words)
@@ -210,8 +222,9 @@ def _limited(changes: list[Change], reading: Reading) -> list[Change]:
         kept.add("background")
     if kinds & {"subject", "unknown"}:
         kept.add("subject")
+    behind = "background" in named or reading.part == "background"
     if "rest" in kinds:
-        kept.add("subject" if "background" in named or reading.part == "background" else "background")
+        kept.add("subject" if behind else "background")
     other: Target = "subject" if "background" in kept or "background" in named else "background"
     if len(kept) > 1 or "scene" in kinds:
         raise Refused("negation")
@@ -224,17 +237,13 @@ def _limited(changes: list[Change], reading: Reading) -> list[Change]:
     alone = kept.pop()
     other = "background" if alone == "subject" else "subject"
     others = any(change.target != alone for change in changes)
-    if not others and any(word.kind != "rest" for word in reading.limits) and _asked(changes, alone):
+    toned = all(change.target == alone and change.kind == "tone" for change in changes)
+    if toned and any(word.kind != "rest" for word in reading.limits):
         raise Refused("negation")
     return [
         change if change.target == alone and others else replace(change, target=other)
         for change in changes
     ]
-
-
-def _asked(changes: list[Change], alone: Target) -> bool:
-    """Whether a tone is asked for of the very part that stays as it is."""
-    return all(change.target == alone and change.kind == "tone" for change in changes)
 
 
 def _merged(changes: list[Change]) -> list[Change]:

@@ -55,7 +55,9 @@ def _next(words: list[str]) -> tuple[Word, int]:
         return mixed[0], mixed[1] + 1
     used, entry = _phrase(words)
     text = " ".join(words[: max(used, 1)])
-    hue = colors.longest([_singular(first) if _singular(first) in colors.PLAIN else first, *words[1:6]])
+    hue = colors.longest(
+        [_singular(first) if _singular(first) in colors.PLAIN else first, *words[1:6]]
+    )
     plain = entry is not None and entry.kind == "fill" and first not in ("light", "sky", "pop")
     if hue and hue[0] > used - plain and not (hue[0] == 1 and first in ("light", "dark")):
         return _colored(" ".join(words[: hue[0]]), hue[1]), hue[0]
@@ -128,4 +130,6 @@ def _single(word: str) -> Word:
 def _spellings() -> list[str]:
     table = lexicon.entries().items()
     words = [phrase for phrase, entry in table if entry.kind in SPELLED and " " not in phrase]
-    return sorted({*words, *(each for each in colors.colors() if " " not in each and len(each) > 4)})
+    return sorted(
+        {*words, *(each for each in colors.colors() if " " not in each and len(each) > 4)}
+    )

@@ -43,7 +43,9 @@ def solids(clause: Clause) -> list[tuple[int, Change]]:
 
 def _joined(words: list[Word], first: int, last: int) -> bool:
     """Whether only adjectives stand between two materials."""
-    return all(word.has("adj") or word.kind in ("color", "finish") for word in words[first + 1 : last])
+    return all(
+        word.has("adj") or word.kind in ("color", "finish") for word in words[first + 1 : last]
+    )
 
 
 def _made(clause: Clause) -> bool:
@@ -76,7 +78,7 @@ def _material(words: list[Word], at: int) -> tuple[Change, int]:
 
 
 def _trim(words: list[Word], at: int) -> tuple[str, int]:
-    """What a material is "with": "green patina", "gray veins"; "" for nothing."""
+    """Trimming of a material: "green patina", "gray veins"; "" for none."""
     if at >= len(words) or words[at].text not in ("with", "and"):
         return "", at
     own = list[str]()
@@ -97,20 +99,23 @@ def scenes(clause: Clause) -> list[Change]:
         return found
     times = lexicon.sets()["time"]
     for at, word in enumerate(clause.words):
-        lit = word.value == "light" and _shines(clause, at)
+        shines = word.value == "light" and _shines(clause, at)
         idle = word.text == "day" and sum(w.kind in NAMED for w in clause.words) > 1
-        if idle or not (lit or word.kind in ("light", "look")):
+        if idle or not (shines or word.kind in ("light", "look")):
             continue
-        word = replace(word, kind="light", value="lamp") if lit else word
-        same = any(
-            change.kind == word.kind and (word.kind == "look" or change.name == word.value)
-            or {change.name.split(" from ")[0], word.value} <= times
-            for change in found
-        )
-        if not same:
-            color = clause.words[at - 1].color if at and word.kind == "light" else None
-            found.append(Change("scene", word.kind, word.value, color, None, ""))
+        name, before = "lamp" if shines else word.value, clause.words[at - 1] if at else word
+        change = Change("scene", "light", name, before.color, None, "")
+        if word.kind == "look":
+            change = Change("scene", "look", name, None, None, "")
+        if not any(_same_scene(change, each, times) for each in found):
+            found.append(change)
     return [routed(directed(change, clause)) for change in found]
+
+
+def _same_scene(one: Change, other: Change, times: frozenset[str]) -> bool:
+    """Whether two say the same: two looks, the same light, two times of day."""
+    same = one.kind == other.kind and (one.kind == "look" or one.name == other.name)
+    return same or {one.name, other.name} <= times
 
 
 def _shines(clause: Clause, at: int) -> bool:

@@ -12,7 +12,10 @@ SPELLINGS = (
     (r"colou?r", "color"),
     (r"(?<=\w)-ish\b", "ish"),
     (r"\b(can)not\b", r"\1 not"),
-    (r"\b(do|does|did|is|are|was|were|ca|wo|should|could|would|must|has|have|need)n'?t\b", r"\1 not"),
+    (
+        r"\b(do|does|did|is|are|was|were|ca|wo|should|could|would|must|has|have|need)n'?t\b",
+        r"\1 not",
+    ),
     (r"\bca not\b", "can not"),
     (r"\b(it|that|what|there|he|she|everything)'s\b|\b(its)(?= too\b)", r"\1\2 is"),
     (r"(?<=s)'(?=\s)", " 's "),

@@ -108,7 +108,11 @@ def _nouns(words: list[Word], signs: dict[str, int], clause: Clause) -> list[str
         elif not (loose and any(each.kind == "color" for each in words)):
             found.append(word.value)
     others = [name for name in found if name != "saturation"]
-    return others if others and not any(w.value == "saturation" and w.text != "color" for w in words) else found
+    return (
+        others
+        if others and not any(w.value == "saturation" and w.text != "color" for w in words)
+        else found
+    )
 
 
 def _noun_sign(clause: Clause, before: int) -> int:
@@ -130,7 +134,9 @@ def _noun_sign(clause: Clause, before: int) -> int:
         return -1
     if given.factor is not None:
         return 1 if given.factor > 1 else -1
-    signed = [word.text[0] for word in clause.words if word.kind == "number" and word.text[0] in "+-"]
+    signed = [
+        word.text[0] for word in clause.words if word.kind == "number" and word.text[0] in "+-"
+    ]
     return (1 if signed[0] == "+" else -1) if signed else before
 
 
