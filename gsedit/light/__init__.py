@@ -1,0 +1,1 @@
+"""Light: a scene lit again by sun, sky, lamps and fog, on the Gaussians themselves."""

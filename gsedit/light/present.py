@@ -1,0 +1,102 @@
+"""Light that a scene was captured in, roughly: weights of the directions of a sky.
+
+Colors are surface times light. Gaussians of one hue are taken for one surface; what then is left of
+their luminance is explained by light from the sky's directions, at least 0 each, past what hides
+them. `n` Gaussians, `d` directions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float, Float64, Int64
+from torch import Tensor
+
+from gsedit.light.surface import Surface
+from gsedit.scene.color_space import LUMINANCE, lab_of_srgb, linear_of_srgb
+
+HUE_STEP = 8.0
+"""Side of the squares of Lab a and b that count as one surface."""
+SAMPLES = 6000
+"""Gaussians that the light is fitted to: those that fill the pictures most."""
+EVEN = 0.35
+"""Weight of an even sky against the evidence, per sample: it is what colors leave open."""
+ROUNDS = 6
+"""Surfaces and light are fitted in turns."""
+LEAST, MOST = 0.3, 2.5
+"""Range of the present light against its median: beyond it, the estimate is a guess."""
+INDIRECT = 0.25
+"""Share of light that comes from everywhere else."""
+
+
+@dataclass(frozen=True, eq=False)
+class PresentLight:
+    """Light of a capture."""
+
+    weights: Float64[np.ndarray, " c"]
+    """Of each direction of the sky, then of light from below."""
+    light: Float[Tensor, " n"]
+    """On each Gaussian, about 1 on an open, level place."""
+
+
+def received(surface: Surface) -> Float[Tensor, "n c"]:
+    """Light of weight 1 from each direction of the sky, and last from below, on each Gaussian.
+
+    The directions are scaled so that an even sky gives an open, level place 1."""
+    level = surface.directions @ surface.place.up
+    from_sky = surface.open * surface.facing(surface.directions) / level.sum()
+    openness = surface.open.mean(1)
+    below = (1 - surface.normals @ surface.place.up) / 2 * openness
+    return torch.cat((from_sky, below[:, None]), 1)
+
+
+def estimate_present(
+    surface: Surface,
+    colors: Float[np.ndarray, "n 3"],
+    seen: Float[np.ndarray, " n"],
+    light_received: Float[Tensor, "n c"],
+) -> PresentLight:
+    """Fit the present light to display colors; `seen` is how much of pictures each fills."""
+    rows = np.argsort(-seen, kind="stable")[:SAMPLES]
+    design = light_received.numpy()[rows]
+    shown = np.clip(colors[rows].astype(np.float64), 0, 1)
+    luminance = linear_of_srgb(shown) @ LUMINANCE
+    weights = _fitted(design, luminance, _hues(shown), np.sqrt(seen[rows]))
+    light = light_received @ torch.from_numpy(weights)
+    middle = float(light[torch.from_numpy(rows)].median().clamp_min(1e-6))
+    return PresentLight(weights, light.clamp(LEAST * middle, MOST * middle))
+
+
+def _hues(colors: Float64[np.ndarray, "m 3"]) -> Int64[np.ndarray, " m"]:
+    squares = np.floor(lab_of_srgb(colors)[:, 1:] / HUE_STEP).astype(np.int64)
+    return np.unique(squares, axis=0, return_inverse=True)[1].reshape(-1)
+
+
+def _fitted(
+    design: Float64[np.ndarray, "m c"],
+    luminance: Float64[np.ndarray, " m"],
+    group: Int64[np.ndarray, " m"],
+    trust: Float64[np.ndarray, " m"],
+) -> Float64[np.ndarray, " c"]:
+    """Weights of directions, with one brightness for each group; their mean is 1."""
+    from scipy.optimize import nnls
+
+    count = design.shape[1]
+    even = np.ones(count)
+    even[-1] = INDIRECT
+    weights = even
+    trust = trust / max(float(trust.mean()), 1e-12)
+    pull = EVEN * np.sqrt(len(design)) / count
+    for _ in range(ROUNDS):
+        light = np.maximum(design @ weights, 1e-3)
+        top = np.bincount(group, trust * luminance * light)
+        albedo = (top / np.maximum(np.bincount(group, trust * light * light), 1e-12))[group]
+        scaled = design * (trust * albedo)[:, None]
+        unit = max(float(np.sqrt(np.square(trust * albedo).mean())), 1e-9)
+        system = np.concatenate((scaled / unit, pull * np.eye(count)))
+        wanted = np.concatenate((trust * luminance / unit, pull * even))
+        weights = nnls(system, wanted)[0]
+        weights = weights / max(float(weights[:-1].mean()), 1e-9)
+    return weights

@@ -1,0 +1,216 @@
+"""Light a scene again: the present light is taken off its colors, and another one is put on.
+
+A factor of light is a factor of its GAMMA-th root in display colors, so a Gaussian's color, and
+what of it depends on the direction, is multiplied; blending stays exact. Where geometry is not
+trusted, far from the subject, the factor is one tone for all. `n` Gaussians.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from gsedit.light.place import Place, place_of
+from gsedit.light.present import estimate_present, received
+from gsedit.light.setup import Fog, Lamp, LightSetup, Sun
+from gsedit.light.shadows import SHARP, lit_share, parallel_map, spot_map, sun_directions
+from gsedit.light.surface import OFFSET_PIXELS, Surface, surface_of
+from gsedit.scene.color_space import LUMINANCE
+from gsedit.toolkit.grade import GAMMA
+from rasterizer.camera import Camera
+from rasterizer.numerics import AUTO, SH_DC, Execution, sh_to_color
+from rasterizer.scene import Gaussians
+
+SUN_REACH = 1.2
+"""Distance, in the radius, over which a sun's shadow falls."""
+FAR_SUN = 0.4
+"""Share of a sun's light on what is far away, whose sides are not known."""
+SKY_RISE = (0.02, 0.2)
+"""Sine of the elevation above the middle at which what is far away begins to be sky, and is."""
+SKY_BRIGHT = (0.45, 0.75)
+"""Display luminance at which it may be sky, and is."""
+SHOULDER = 0.8
+"""Display color above which a gain of light is compressed: a lit wall keeps its texture."""
+
+
+@dataclass(frozen=True, eq=False)
+class ColorChange:
+    """Change of display colors, for each Gaussian: its saturation, a factor, and a veil over it."""
+
+    saturation: float
+    factor: Float[Tensor, "n 3"]
+    veil: Float[Tensor, " n"]
+    """Share, in [0, 1], that the veil's color replaces."""
+    veil_color: Float[Tensor, "n 3"]
+
+    def applied(self, scene: Gaussians) -> Gaussians:
+        """The scene with its colors changed, from every direction alike."""
+        sh = scene.sh.detach().double()
+        color = sh_to_color(sh[:, :1])
+        weights = torch.from_numpy(LUMINANCE / LUMINANCE.sum())
+
+        def muted(values: Float[Tensor, "n k 3"]) -> Float[Tensor, "n k 3"]:
+            gray = (values * weights).sum(-1, keepdim=True)
+            return gray + self.saturation * (values - gray)
+
+        clear = (1 - self.veil)[:, None, None]
+        factor = self.factor[:, None] * clear
+        color = muted(color) * factor + (self.veil[:, None] * self.veil_color)[:, None]
+        rest = muted(sh[:, 1:]) * factor
+        return replace(scene, sh=torch.cat(((color - 0.5) / SH_DC, rest), 1).to(scene.sh))
+
+
+def relit(
+    scene: Gaussians,
+    setup: LightSetup,
+    cameras: Sequence[Camera],
+    seen: Float[Tensor, " n"],
+    inside: Bool[Tensor, " n"] | None = None,
+    execution: Execution = AUTO,
+) -> Gaussians:
+    """The scene in another light; Gaussians that are not `inside` stay the same bits.
+
+    `cameras` say where it is seen from, `seen` how much of their pictures each Gaussian fills.
+    """
+    place = place_of(scene, cameras, seen)
+    trust = place.trust(scene.means.detach().double())
+    near = trust > 0
+    ratio = _far_ratio(setup).expand(len(scene), 3).clone()
+    if near.any():
+        part = surface_of(scene[near].detach(), place, cameras, execution)
+        sky = received(part)
+        colors = sh_to_color(scene.sh[near, 0].detach()).numpy()
+        present = estimate_present(part, colors, seen[near].double().numpy(), sky)
+        new = light_on(part, setup, sky, execution)
+        lit = part.smoothed(new) / part.smoothed(present.light)[:, None]
+        share = trust[near][:, None]
+        ratio[near] = share * lit + (1 - share) * ratio[near]
+    change = _change(scene, setup, place, trust, ratio ** (1 / GAMMA))
+    after = change.applied(scene)
+    if inside is None or bool(inside.all()):
+        return after
+    return replace(scene, sh=torch.where(inside[:, None, None], after.sh, scene.sh))
+
+
+def light_on(
+    surface: Surface, setup: LightSetup, sky: Float[Tensor, "n c"], execution: Execution = AUTO
+) -> Float[Tensor, "n 3"]:
+    """Linear light of a setup on each Gaussian."""
+    up, down = torch.tensor(setup.sky).double(), torch.tensor(setup.ground).double()
+    total = sky[:, :-1].sum(1)[:, None] * up + sky[:, -1:] * down
+    if setup.sun is not None:
+        total = total + _sunlight(surface, setup.sun, execution)
+    for lamp in setup.lamps:
+        total = total + _lamplight(surface, lamp, execution)
+    return total
+
+
+def _sunlight(surface: Surface, sun: Sun, execution: Execution) -> Float[Tensor, "n 3"]:
+    place = surface.place
+    direction = place.direction(sun.azimuth, sun.elevation)
+    points = _lifted(surface)
+    shares = [
+        lit_share(
+            parallel_map(surface.occluders, place, ray, SHARP, execution),
+            points,
+            SUN_REACH * place.radius,
+        )
+        for ray in sun_directions(direction, sun.blur)
+    ]
+    arrives = torch.stack(shares).mean(0) * surface.facing(direction)
+    return sun.strength * arrives[:, None] * torch.tensor(sun.color).double()
+
+
+def _lamplight(surface: Surface, lamp: Lamp, execution: Execution) -> Float[Tensor, "n 3"]:
+    place = surface.place
+    direction = place.direction(lamp.azimuth, lamp.elevation)
+    distance = lamp.distance * place.distance
+    eye = place.center + distance * direction
+    seen = spot_map(surface.occluders, place, eye, lamp.cone, execution)
+    points = _lifted(surface)
+    to_lamp = eye - points
+    away = to_lamp.norm(dim=-1).clamp_min(1e-9)
+    unit = to_lamp / away[:, None]
+    cosine = (surface.normals * unit).sum(-1).clamp_min(0)
+    facing = surface.confidence * cosine + (1 - surface.confidence) / 4
+    # soft at the rim: full within four fifths of the cone
+    angle = torch.rad2deg(torch.acos((unit @ direction).clamp(-1, 1)))
+    rim = ((lamp.cone - angle) / (0.2 * lamp.cone)).clamp(0, 1)
+    share = lit_share(seen, points, 2 * place.radius)
+    fading = (distance / away.clamp_min(0.2 * distance)).square()
+    arrives = share * facing * fading * rim * rim * (3 - 2 * rim)
+    return lamp.strength * arrives[:, None] * torch.tensor(lamp.color).double()
+
+
+def _lifted(surface: Surface) -> Float[Tensor, "n 3"]:
+    pixel = 2 * surface.place.radius / SHARP
+    return surface.points + OFFSET_PIXELS * pixel * surface.normals
+
+
+def _far_ratio(setup: LightSetup) -> Float[Tensor, "3"]:
+    """Light on what is far away, against the present."""
+    total = torch.tensor(setup.sky).double() + torch.tensor(setup.ground).double() / 2
+    if setup.sun is not None:
+        total = total + FAR_SUN * setup.sun.strength * torch.tensor(setup.sun.color).double()
+    return total
+
+
+def _change(
+    scene: Gaussians,
+    setup: LightSetup,
+    place: Place,
+    trust: Float[Tensor, " n"],
+    factor: Float[Tensor, "n 3"],
+) -> ColorChange:
+    """The change of colors: factors with a shoulder, then sky, then fog."""
+    color = sh_to_color(scene.sh[:, 0].detach().double())
+    brightest = (color * factor).amax(-1, keepdim=True)
+    over = (brightest - SHOULDER).clamp_min(0)
+    pressed = SHOULDER + (1 - SHOULDER) * over / (over + 1 - SHOULDER)
+    factor = torch.where(over > 0, factor * pressed / brightest, factor)
+    veil, tint = _fogged(scene, setup.fog, place)
+    if setup.backdrop is not None:
+        sky = sky_share(scene, place, trust)
+        backdrop = torch.tensor(setup.backdrop).double()
+        kept = (1 - veil) * (1 - sky)
+        total = 1 - kept
+        tint = (veil[:, None] * tint + ((1 - veil) * sky)[:, None] * backdrop) / total.clamp_min(
+            1e-12
+        )[:, None]
+        veil = total
+    return ColorChange(setup.saturation, factor, veil, tint)
+
+
+def sky_share(
+    scene: Gaussians, place: Place, trust: Float[Tensor, " n"]
+) -> Float[Tensor, " n"]:
+    """How surely each Gaussian is sky, in [0, 1]: far, above the horizon, bright and of no warm
+    color."""
+    away = scene.means.detach().double() - place.center
+    rise = away @ place.up / away.norm(dim=-1).clamp_min(1e-12)
+    color = sh_to_color(scene.sh[:, 0].detach().double())
+    luma = color @ torch.from_numpy(LUMINANCE / LUMINANCE.sum())
+    cold = color[:, 2] >= 0.9 * color[:, 0]
+    return _step(rise, SKY_RISE) * _step(luma, SKY_BRIGHT) * (1 - trust) * cold
+
+
+def _fogged(
+    scene: Gaussians, fog: Fog | None, place: Place
+) -> tuple[Float[Tensor, " n"], Float[Tensor, "n 3"]]:
+    """Share of each Gaussian that fog hides, and the fog's color."""
+    if fog is None:
+        return torch.zeros(len(scene)).double(), torch.zeros(len(scene), 3).double()
+    away = (scene.means.detach().double() - place.center).norm(dim=-1) / place.distance
+    depth = fog.density * (away - fog.start).clamp_min(0)
+    share = 1 - (1 - fog.base) * torch.exp(-depth)
+    return share, torch.tensor(fog.color).double().expand(len(scene), 3)
+
+
+def _step(values: Float[Tensor, " n"], edges: tuple[float, float]) -> Float[Tensor, " n"]:
+    """0 below the first edge, 1 above the second, smooth between."""
+    t = ((values - edges[0]) / (edges[1] - edges[0])).clamp(0, 1)
+    return t * t * (3 - 2 * t)

@@ -1,0 +1,87 @@
+"""Records of a light: sun, sky, lamps and fog, told from where the pictures are taken.
+
+Angles are in degrees. An azimuth of 0 is light from the camera's side, 90 from its right, 180 from
+behind the subject. Strengths are against the present picture: an open, level place gets 1 there.
+Colors of light are linear and against white, colors of fog and sky as they are displayed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from gsedit.errors import UsageError
+
+Rgb = tuple[float, float, float]
+WHITE: Rgb = (1.0, 1.0, 1.0)
+LEAST, MOST = -1.0, 2.0
+"""Signed share by which a light can be changed."""
+
+
+@dataclass(frozen=True)
+class Sun:
+    """Parallel light from far away."""
+
+    azimuth: float
+    elevation: float
+    """Angle above the ground."""
+    strength: float
+    """Light that it gives to what faces it."""
+    color: Rgb = WHITE
+    blur: float = 2.0
+    """Half the angle that it fills: a larger one has softer shadows."""
+
+
+@dataclass(frozen=True)
+class Lamp:
+    """A spot of light that points at the subject; it fades with the square of the distance."""
+
+    azimuth: float
+    elevation: float
+    strength: float
+    """Light that it gives to what faces it at the subject's center."""
+    color: Rgb = WHITE
+    distance: float = 0.8
+    """From the subject's center, in the cameras' distance from it."""
+    cone: float = 50.0
+    """Half the angle of its cone, at most 60: light ends there, softly."""
+
+
+@dataclass(frozen=True)
+class Fog:
+    """Haze that hides what is far from the subject."""
+
+    color: Rgb
+    """Display color of what it hides."""
+    density: float
+    """Share of an e-fold over the cameras' distance from the subject."""
+    start: float = 0.3
+    """Distance from the subject at which it begins, in the cameras' distance."""
+    base: float = 0.1
+    """Share of it before the subject."""
+
+
+@dataclass(frozen=True)
+class LightSetup:
+    """All light of a scene."""
+
+    sky: Rgb
+    """Light of an open sky on a level place."""
+    ground: Rgb
+    """Light from below on what faces down."""
+    sun: Sun | None = None
+    lamps: tuple[Lamp, ...] = ()
+    fog: Fog | None = None
+    saturation: float = 1.0
+    """Factor of the saturation: eyes see little color at night."""
+    backdrop: Rgb | None = None
+    """Display color of a bright sky; None: it is toned as what is far away."""
+
+    def turned(self, azimuth: float | None, elevation: float | None) -> LightSetup:
+        """The setup with its main light (the sun, else the first lamp) from another side."""
+        change = {"azimuth": azimuth, "elevation": elevation}
+        change = {name: value for name, value in change.items() if value is not None}
+        if self.sun is not None:
+            return replace(self, sun=replace(self.sun, **change))
+        if self.lamps:
+            return replace(self, lamps=(replace(self.lamps[0], **change), *self.lamps[1:]))
+        return self
