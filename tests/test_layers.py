@@ -19,6 +19,7 @@ ORDER = {
         "editors",
         "fitting",
         "pictures",
+        "light",
         "toolkit",
         "measures",
         "synthetic",

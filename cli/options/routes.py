@@ -82,6 +82,8 @@ def run_routes(
         asked = only_in_region(instruction) if settings.region != AUTO else instruction
         cameras = [viewpoint.camera for viewpoint in viewpoints]
         routed = apply_instruction(gaussians, asked, find, cameras, execution)
+    for note in routed.notes:
+        print_message(note)
     with watch.stage("measure"):
         compared = compare(gaussians, routed, shown(viewpoints), execution)
     timings = {**watch.stages, "total": watch.seconds}

@@ -26,6 +26,8 @@ NEAR = 1.6
 """Radius that is lit, in the cameras' distance from what they look at."""
 FADE = 0.35
 """Share of the radius over which light gives way to tone."""
+TOLD = 0.02
+"""Least share of what is seen that a person is told of."""
 WHOLE, MARGIN = 0.98, 1.1
 """Share of what is seen that is all of an object without surroundings, and the radius against its
 reach."""
@@ -35,14 +37,14 @@ SEEN_SHARE = 0.85
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """Where a scene is lit; axes are unit vectors, float64."""
+    """Middle, size and axes of what is lit; axes are unit vectors, float64."""
 
     center: Float[Tensor, "3"]
     up: Float[Tensor, "3"]
     front: Float[Tensor, "3"]
     """Level, from the center to where the pictures are taken from."""
     distance: float
-    """Of the cameras from the center."""
+    """Median distance of the cameras from the center."""
     radius: float
     """Beyond it geometry is not trusted."""
 
@@ -81,6 +83,19 @@ def place_of(
         distance = float((eyes - center).norm(dim=-1).median())
         radius = min(NEAR * distance, MARGIN * _reach(scene, seen, center, WHOLE))
     return Place(center, up, _front(cameras, up), distance, radius)
+
+
+def far_note(scene: Gaussians, place: Place, seen: Float[Tensor, " n"] | None) -> str | None:
+    """Remark on what of a scene only changes its tone; None where that is next to nothing."""
+    far = 1 - place.trust(scene.means.detach().double())
+    weight = torch.ones_like(far) if seen is None else seen.double()
+    share = float((far * weight).sum() / weight.sum().clamp_min(1e-12))
+    if share < TOLD:
+        return None
+    return (
+        f"{share:.0%} of what is seen is sky or far from the subject, where geometry is not "
+        "trusted: it changes its tone only, without sides and shadows"
+    )
 
 
 def _front(cameras: Sequence[Camera], up: Float[Tensor, "3"]) -> Float[Tensor, "3"]:

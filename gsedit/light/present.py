@@ -36,7 +36,7 @@ class PresentLight:
     """Light of a capture."""
 
     weights: Float64[np.ndarray, " c"]
-    """Of each direction of the sky, then of light from below."""
+    """Weights of the directions of the sky, then of light from below."""
     light: Float[Tensor, " n"]
     """On each Gaussian, about 1 on an open, level place."""
 

@@ -68,14 +68,17 @@ def relit(
     scene: Gaussians,
     setup: LightSetup,
     cameras: Sequence[Camera],
-    seen: Float[Tensor, " n"],
+    seen: Float[Tensor, " n"] | None = None,
     inside: Bool[Tensor, " n"] | None = None,
     execution: Execution = AUTO,
 ) -> Gaussians:
     """The scene in another light; Gaussians that are not `inside` stay the same bits.
 
-    `cameras` say where it is seen from, `seen` how much of their pictures each Gaussian fills.
+    `cameras` say where it is seen from, `seen` how much of their pictures each Gaussian fills
+    (None: as its size is).
     """
+    if seen is None:
+        seen = scene.opacities.detach() * scene.scales.detach().sort(-1).values[:, 1:].prod(-1)
     place = place_of(scene, cameras, seen)
     trust = place.trust(scene.means.detach().double())
     near = trust > 0
@@ -185,9 +188,7 @@ def _change(
     return ColorChange(setup.saturation, factor, veil, tint)
 
 
-def sky_share(
-    scene: Gaussians, place: Place, trust: Float[Tensor, " n"]
-) -> Float[Tensor, " n"]:
+def sky_share(scene: Gaussians, place: Place, trust: Float[Tensor, " n"]) -> Float[Tensor, " n"]:
     """How surely each Gaussian is sky, in [0, 1]: far, above the horizon, bright and of no warm
     color."""
     away = scene.means.detach().double() - place.center

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from gsedit.errors import UsageError
+import numpy as np
+from jaxtyping import Float64
 
 Rgb = tuple[float, float, float]
 WHITE: Rgb = (1.0, 1.0, 1.0)
@@ -85,3 +86,37 @@ class LightSetup:
         if self.lamps:
             return replace(self, lamps=(replace(self.lamps[0], **change), *self.lamps[1:]))
         return self
+
+    def scaled(self, factor: float) -> LightSetup:
+        """The setup with all its light times a factor; with fog, only that as dense."""
+        if self.fog is not None:
+            fog = self.fog
+            base = 1 - (1 - fog.base) ** factor
+            return replace(self, fog=replace(fog, density=fog.density * factor, base=base))
+        return replace(
+            self,
+            sky=_times(self.sky, factor),
+            ground=_times(self.ground, factor),
+            sun=self.sun and replace(self.sun, strength=self.sun.strength * factor),
+            lamps=tuple(replace(lamp, strength=lamp.strength * factor) for lamp in self.lamps),
+        )
+
+    def colored(self, linear: Float64[np.ndarray, "3"]) -> LightSetup:
+        """The setup with its main light, or else its fog or sky, in a color of full strength."""
+        red, green, blue = (linear / max(float(linear.max()), 1e-6)).tolist()
+        color = (red, green, blue)
+        if self.sun is not None:
+            return replace(self, sun=replace(self.sun, color=color))
+        if self.lamps:
+            return replace(self, lamps=(replace(self.lamps[0], color=color), *self.lamps[1:]))
+        if self.fog is not None:
+            return replace(self, fog=replace(self.fog, color=color))
+        return replace(self, sky=_product(self.sky, color))
+
+
+def _times(color: Rgb, factor: float) -> Rgb:
+    return _product(color, (factor, factor, factor))
+
+
+def _product(first: Rgb, second: Rgb) -> Rgb:
+    return first[0] * second[0], first[1] * second[1], first[2] * second[2]

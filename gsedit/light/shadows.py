@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import radians, sqrt
+from math import radians
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.cameras.orbit import perpendicular
@@ -18,9 +17,9 @@ from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
-BIAS_PIXELS = 2.5
-"""Least depth behind a surface, in pixels of the map, that is in its shadow: less is the surface
-itself, whose depth a pixel knows no better."""
+BIAS_PIXELS, BIAS_SIZES = 1.5, 1.0
+"""Least depth behind a surface that is in its shadow, in pixels of the map and in median standard
+deviations of what casts it: less is the surface itself, whose depth is not known better."""
 SMALL_SKY, SHARP = 160, 448
 """Sides of the depth maps of the sky and of suns and lamps, pixels."""
 SKY_DIRECTIONS = 48
@@ -37,13 +36,13 @@ GOLDEN_ANGLE = 2.399963
 
 @dataclass(frozen=True, eq=False)
 class DepthMap:
-    """What a light sees of a scene."""
+    """Depth of a scene from a light's side."""
 
     camera: Camera
     depth: Float[Tensor, "h w"]
     """Median depth, world units; infinite where nothing is."""
-    pixel: float
-    """Size of a pixel at the subject, world units."""
+    bias: float
+    """Least depth behind a surface, world units, that is in its shadow."""
 
 
 def casters(scene: Gaussians, place: Place) -> Gaussians:
@@ -110,12 +109,12 @@ def _level(up: Float[Tensor, "3"], direction: Float[Tensor, "3"]) -> Float[Tenso
 def _drawn(occluders: Gaussians, camera: Camera, pixel: float, execution: Execution) -> DepthMap:
     depth = render(occluders, camera, median_depth=True, execution=execution).median_depth
     assert depth is not None
-    return DepthMap(camera, depth.masked_fill(depth <= 0, torch.inf), pixel)
+    size = float(occluders.scales.amax(-1).median()) if len(occluders) else 0.0
+    bias = BIAS_PIXELS * pixel + BIAS_SIZES * size
+    return DepthMap(camera, depth.masked_fill(depth <= 0, torch.inf), bias)
 
 
-def lit_share(
-    light: DepthMap, points: Float[Tensor, "n 3"], reach: float
-) -> Float[Tensor, " n"]:
+def lit_share(light: DepthMap, points: Float[Tensor, "n 3"], reach: float) -> Float[Tensor, " n"]:
     """Share of the light, in [0, 1], that comes to points past what is at most `reach` before them.
 
     Points out of the map's picture are lit. Bilinear over the four nearest pixels, and soft in
@@ -124,7 +123,7 @@ def lit_share(
     xy, z = light.camera.project(points)
     x, y = (xy - 0.5).unbind(-1)
     left, top = x.floor(), y.floor()
-    bias = BIAS_PIXELS * light.pixel
+    bias = light.bias
     height, width = light.depth.shape
     total = torch.zeros_like(z)
     for dx in (0, 1):

@@ -32,34 +32,34 @@ OFFSET_PIXELS = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """What light finds, a row for each Gaussian that is near."""
+    """Gaussians near the subject as light finds them, a row each."""
 
     points: Float[Tensor, "n 3"]
-    """Centers, float64."""
+    """Centers in world units, float64."""
     normals: Float[Tensor, "n 3"]
     """Outward unit vectors, float64."""
     confidence: Float[Tensor, " n"]
-    """Of the normals, in [0, 1]."""
+    """Confidence of the normals, in [0, 1]."""
     near: Int[Tensor, "n k"]
     """Rows of the nearest neighbors."""
     directions: Float[Tensor, "d 3"]
-    """Of the sky, unit vectors, float64."""
+    """Directions of the sky, unit vectors, float64."""
     open: Float[Tensor, "n d"]
     """Share of each direction's light that comes through, in [0, 1]."""
     occluders: Gaussians
     place: Place
 
-    def smoothed(self, values: Float[Tensor, "n *c"], rounds: int = 2) -> Float[Tensor, "n *c"]:
+    def smoothed(self, values: Float[Tensor, "n ..."], rounds: int = 2) -> Float[Tensor, "n ..."]:
         """Means over the nearest neighbors: single Gaussians know their place badly."""
         for _ in range(rounds if self.near.shape[1] else 0):
             values = (values + values[self.near].sum(1)) / (1 + self.near.shape[1])
         return values
 
-    def facing(self, direction: Float[Tensor, "*d 3"]) -> Float[Tensor, "n *d"]:
+    def facing(self, direction: Float[Tensor, "... 3"]) -> Float[Tensor, "n ..."]:
         """Cosine of light from unit vectors, at least 0; where a normal is not sure, that of a leaf
         of any direction, 1 / 4."""
         cosine = (self.normals @ direction.transpose(0, -1)).clamp_min(0)
-        sure = self.confidence.view(-1, *[1] * (cosine.ndim - 1))
+        sure = self.confidence if direction.ndim == 1 else self.confidence[:, None]
         return sure * cosine + (1 - sure) / 4
 
 

@@ -50,9 +50,7 @@ def under(scene: SyntheticScene, coat: Paint, light: Daylight) -> SyntheticScene
     return replace(scene, albedo=shone(coat, scene.sdf, light, scene.up, 2 * scene.radius))
 
 
-def shone(
-    coat: Paint, solid: Sdf, light: Daylight, up: Float[Tensor, "3"], reach: float
-) -> Paint:
+def shone(coat: Paint, solid: Sdf, light: Daylight, up: Float[Tensor, "3"], reach: float) -> Paint:
     """The paint under a light; what hides it within `reach` world units casts shadows."""
     sky = torch.from_numpy(even_directions(SKY_RAYS)).double()
     sky = sky[sky @ up > 0]
@@ -63,7 +61,7 @@ def shone(
         points = points.double()
         normals = torch.nn.functional.normalize(gradient(solid, points), dim=-1)
 
-        def sum_of(directions: Float[Tensor, "d 3"]) -> Float[Tensor, "*b"]:
+        def sum_of(directions: Float[Tensor, "d 3"]) -> Float[Tensor, "..."]:
             total = points.new_zeros(points.shape[:-1])
             for direction in directions:
                 facing = (normals @ direction).clamp_min(0)

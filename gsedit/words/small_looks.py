@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from gsedit.words import colors, lexicon
+from gsedit.words.direct import direct_route
 from gsedit.words.instruction import Change
 from gsedit.words.looks import LOOKS, Look
 from gsedit.words.scan import scanned
@@ -47,6 +48,8 @@ def routed(change: Change) -> Change:
     fits = look_of(change)
     if change.kind in ("tone", "paint"):
         return replace(change, route=change.kind)
+    if route := direct_route(change):
+        return replace(change, route=route)
     if fits or change.kind != "material":
         return replace(change, route="small" if fits else "pix2pix")
     base = lexicon.materials()[material_of(change.name)]
@@ -67,7 +70,7 @@ def change_of_look(look: Look) -> Change:
             return Change("scene", "tone", name, None, None if plain else 0.25 * sign, "tone")
     if look.scope == "scene":
         kind = "light" if look.name in LIGHTS else "look"
-        return Change("scene", kind, look.name, None, None, "small")
+        return routed(Change("scene", kind, look.name, None, None, "small"))
     if look.name in colors.PLAIN:
         return Change("subject", "paint", look.name, colors.named(look.name), None, "paint")
     return Change("subject", "material", look.name, None, None, "small")

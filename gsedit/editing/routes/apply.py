@@ -14,6 +14,9 @@ from gsedit.editing.routes.colors import parse_hex
 from gsedit.editing.routes.paint import finish_of, painted
 from gsedit.editing.routes.tone import toned
 from gsedit.errors import UsageError
+from gsedit.light.named import setup_of
+from gsedit.light.place import far_note, place_of
+from gsedit.light.relight import relit
 from gsedit.regions.lift import lift
 from gsedit.regions.region import Region, everything
 from gsedit.scene.table import table_of
@@ -22,7 +25,9 @@ from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
-EXACT_ROUTES = ("tone", "paint")
+EXACT_ROUTES = ("tone", "paint", "light")
+SEEING_ROUTES = ("paint", "light")
+"""Routes that weigh Gaussians by how much of them is seen."""
 SEEN_VIEWS = 12
 """Most pictures that tell which Gaussians are seen."""
 SEEN_PIXELS = 128
@@ -39,6 +44,8 @@ class Routed:
     scene: Gaussians
     region: Region
     """Gaussians that any of the changes could reach."""
+    notes: tuple[str, ...] = ()
+    """Remarks for a person on how it was done."""
 
 
 def is_exact(instruction: Instruction) -> bool:
@@ -58,11 +65,17 @@ def seen_weights(
 
 
 def apply_change(
-    scene: Gaussians, change: Change, region: Region, seen: Float[Tensor, " n"] | None = None
+    scene: Gaussians,
+    change: Change,
+    region: Region,
+    seen: Float[Tensor, " n"] | None = None,
+    cameras: Sequence[Camera] = (),
+    execution: Execution = AUTO,
 ) -> Gaussians:
     """The scene with one change on the Gaussians of a region; the others are the same bits.
 
-    Paint weighs Gaussians by how much of them is `seen` (`seen_weights`; None: by their size).
+    Paint and light weigh Gaussians by how much of them is `seen` (`seen_weights`; None: by their
+    size); light comes from sides as the `cameras` see them.
     Raises UsageError for a region of no Gaussians, a route that is not exact, an unknown tone, an
     amount out of range, or a color that is none.
     """
@@ -79,6 +92,10 @@ def apply_change(
             weights = None if seen is None else seen.cpu().numpy()
             finish = finish_of(change.name)
             after = painted(table, inside, parse_hex(change.color), finish, weights)
+        case "light":
+            color = None if change.color is None else parse_hex(change.color)
+            setup = setup_of(change.name, change.amount, color)
+            return relit(scene, setup, cameras, seen, region.inside, execution)
         case _:
             raise UsageError(f"{change} has no exact route: edit with --editor small")
     return replace(scene, sh=torch.from_numpy(after.sh).to(scene.sh))
@@ -99,15 +116,18 @@ def apply_instruction(
     if not is_exact(instruction):
         raise UsageError(f"{instruction} has no exact route: edit with --editor small")
     changes = instruction.changes
-    paints = any(change.route == "paint" for change in changes)
-    seen = seen_weights(scene, cameras, execution) if paints else None
+    seeing = any(change.route in SEEING_ROUTES for change in changes)
+    seen = seen_weights(scene, cameras, execution) if seeing else None
     targets: tuple[Target, ...] = tuple(dict.fromkeys(change.target for change in changes))
     regions = _regions(scene, set(targets), find_region)
     after, inside = scene, torch.zeros(len(scene), dtype=torch.bool)
     for change in changes:
-        after = apply_change(after, change, regions[change.target], seen)
+        after = apply_change(after, change, regions[change.target], seen, cameras, execution)
         inside |= regions[change.target].inside
-    return Routed(after, Region(inside, "; ".join(regions[target].note for target in targets)))
+    found = Region(inside, "; ".join(regions[target].note for target in targets))
+    lit = any(change.route == "light" for change in changes)
+    note = None if not lit else far_note(scene, place_of(scene, cameras, seen), seen)
+    return Routed(after, found, (note,) if note else ())
 
 
 def _regions(

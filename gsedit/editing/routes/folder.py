@@ -94,6 +94,7 @@ def routed_record(instruction: Instruction, routed: Routed, compared: Compared) 
         "strategy": {"name": "routes"},
         "gaussians": len(routed.scene),
         "region": {"found": routed.region.note, "gaussians": int(routed.region.inside.sum())},
+        "notes": list(routed.notes),
         "edited_views": [],
         "pictures": {TARGETS: [], HELD_OUT: []},
         "measured": {

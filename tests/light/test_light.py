@@ -1,0 +1,188 @@
+"""Laws of light: what faces it is lit, what is behind something is not, far things only change
+their tone, and nothing outside a region moves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from gsedit.editing.routes.apply import apply_change
+from gsedit.errors import UsageError
+from gsedit.light.direction import direction_of
+from gsedit.light.named import LIGHTS, setup_of
+from gsedit.light.place import far_note, place_of
+from gsedit.light.relight import relit
+from gsedit.light.setup import Fog, Lamp, LightSetup, Sun
+from gsedit.regions.region import Region, everything
+from gsedit.words import direct
+from gsedit.words.instruction import Change
+from gsedit.words.read import read_instruction
+from rasterizer.camera import look_at
+from rasterizer.numerics import color_to_sh, sh_to_color
+from rasterizer.scene import Gaussians, concatenate
+
+DARK = (0.02, 0.02, 0.02)
+
+
+def ball(count: int = 1500, radius: float = 0.5, center=(0.0, 0.0, 0.5)) -> Gaussians:
+    """A gray ball of small discs, on a gray floor at height 0."""
+    draw = torch.Generator().manual_seed(0)
+    unit = torch.nn.functional.normalize(torch.randn(count, 3, generator=draw), dim=-1)
+    side = torch.arange(-1.5, 1.5, 0.07)
+    x, y = torch.meshgrid(side, side, indexing="ij")
+    floor = torch.stack((x.flatten(), y.flatten(), torch.zeros(x.numel())), -1)
+    means = torch.cat((radius * unit + torch.tensor(center), floor))
+    normals = torch.cat((unit, torch.tensor((0.0, 0.0, 1.0)).expand(len(floor), 3)))
+    w = torch.stack(
+        (1 + normals[:, 2], -normals[:, 1], normals[:, 0], torch.zeros(len(normals))), 1
+    )
+    flipped = torch.tensor((0.0, 1.0, 0.0, 0.0))
+    quats = torch.where(w.norm(dim=1, keepdim=True) > 1e-3, w, flipped)
+    scales = torch.tensor((0.05, 0.05, 0.005)).log().expand(len(means), 3).contiguous()
+    sh = color_to_sh(torch.full((len(means), 1, 3), 0.5)).repeat(1, 4, 1)
+    sh[:, 1:] = 0.05
+    return Gaussians(means, quats, scales, torch.full((len(means),), 4.0), sh)
+
+
+def ring(count: int = 8):
+    """Cameras around the ball that look down at it; the first is at -y."""
+    turn = torch.arange(count) * (2 * torch.pi / count) - torch.pi / 2
+    up, middle = torch.tensor((0.0, 0.0, 1.0)), torch.tensor((0.0, 0.0, 0.3))
+    eyes = torch.stack((3 * turn.cos(), 3 * turn.sin(), torch.full((count,), 1.8)), -1)
+    return [look_at(eye, middle, up, 50.0, 64, 64) for eye in eyes]
+
+
+def shown(scene: Gaussians) -> torch.Tensor:
+    """Luminance of the colors of Gaussians."""
+    return sh_to_color(scene.sh[:, 0]).mean(-1)
+
+
+@pytest.fixture(scope="module")
+def scene() -> Gaussians:
+    return ball()
+
+
+def test_what_faces_the_sun_is_brighter_and_its_shadow_is_dark(scene):
+    sun = LightSetup(DARK, DARK, Sun(-90.0, 30.0, 1.0))
+    after = shown(relit(scene, sun, ring()))
+    x, y, z = scene.means.unbind(-1)
+    assert after[x < -0.4].mean() > 2 * after[(x > 0.4) & (z > 0.2)].mean()
+    floor = (z == 0) & (y.abs() < 0.2)
+    behind, before = floor & (x > 0.6) & (x < 1.1), floor & (x < -0.7) & (x > -1.2)
+    assert after[behind].mean() < 0.6 * after[before].mean()
+
+
+def test_the_side_of_the_sun_is_told_from_the_cameras(scene):
+    x = scene.means[:, 0]
+    for words, sign in (("sunset from the left", -1), ("sunset from the right", 1)):
+        after = shown(relit(scene, setup_of(words), ring()))
+        assert after[sign * x > 0.4].mean() > 1.2 * after[sign * x < -0.4].mean()
+
+
+def test_an_open_sky_darkens_what_is_under_the_ball_least_light_from_above_most(scene):
+    lamp = LightSetup(DARK, DARK, lamps=(Lamp(0.0, 89.0, 1.0),))
+    after = shown(relit(scene, lamp, ring()))
+    x, y, z = scene.means.unbind(-1)
+    top, under = z > 0.9, (z < 0.3) & (z > 0)
+    assert after[top].mean() > 2 * after[under].mean()
+    floor = z == 0
+    near, open_ = floor & (x.hypot(y) < 0.25), floor & (x.hypot(y) > 0.7) & (x.hypot(y) < 1.0)
+    assert after[near].mean() < after[open_].mean()
+
+
+def test_light_is_linear_in_its_strength(scene):
+    once = relit(scene, LightSetup(DARK, DARK), ring())
+    double = relit(scene, LightSetup((0.04,) * 3, (0.04,) * 3), ring())
+    ratio = sh_to_color(double.sh[:, 0]) / sh_to_color(once.sh[:, 0])
+    torch.testing.assert_close(ratio, torch.full_like(ratio, 2 ** (1 / 2.2)), rtol=1e-3, atol=1e-3)
+    bands = double.sh[:, 1:] / once.sh[:, 1:]
+    torch.testing.assert_close(bands, torch.full_like(bands, 2 ** (1 / 2.2)), rtol=1e-3, atol=1e-3)
+
+
+def test_what_is_far_changes_its_tone_only(scene):
+    far = replace(scene, means=scene.means + torch.tensor((0.0, 40.0, 0.0)))
+    both, cameras = concatenate(scene, far), ring()
+    after = relit(both, LIGHTS["sunny"], cameras)
+    color = sh_to_color(after.sh[len(scene) :, 0])
+    torch.testing.assert_close(color, color[:1].expand_as(color), rtol=0, atol=1e-5)
+    note = far_note(both, place_of(both, cameras), torch.ones(len(both)))
+    assert note is not None
+    assert "50%" in note
+
+
+def test_fog_hides_the_far_more_than_the_near(scene):
+    fog = LightSetup((1.0, 1.0, 1.0), DARK, fog=Fog((1.0, 1.0, 1.0), 2.0, start=0.0, base=0.0))
+    clear = replace(fog, fog=None)
+    gain = shown(relit(scene, fog, ring())) - shown(relit(scene, clear, ring()))
+    away = (scene.means - place_of(scene, ring()).center).norm(dim=-1)
+    order = away.argsort()
+    assert gain[order[-200:]].mean() > gain[order[:200]].mean() + 0.1
+
+
+def test_outside_a_region_no_bit_changes(scene):
+    inside = scene.means[:, 2] > 0.5
+    change = Change("subject", "light", "night", None, None, "light")
+    after = apply_change(scene, change, Region(inside), cameras=ring())
+    assert torch.equal(after.sh[~inside], scene.sh[~inside])
+    assert not torch.equal(after.sh[inside], scene.sh[inside])
+    assert torch.equal(after.means, scene.means)
+
+
+def test_every_light_that_a_sentence_names_has_a_setup():
+    assert set(LIGHTS) == direct.LIGHTS
+
+
+@pytest.mark.parametrize("name", ["lamp", "studio light", "fog"])
+def test_light_can_be_put_on_without_cameras_and_stays_finite(name):
+    few = ball(200)
+    after = relit(few, LIGHTS[name], ())
+    assert after.sh.isfinite().all()
+
+
+@pytest.mark.parametrize(
+    ("words", "azimuth", "elevation"),
+    [
+        (" from the left", -75.0, None), (" from the right", 75.0, None), (" above", None, 80.0),
+        (" from behind", 170.0, None), (" from behind the camera", 0.0, None), ("", None, None),
+    ],
+)  # fmt: skip
+def test_directions_in_words(words, azimuth, elevation):
+    assert direction_of(words) == (azimuth, elevation)
+
+
+@pytest.mark.parametrize(("name", "amount"), [("night", 5.0), ("night", -2.0), ("shine", None)])
+def test_a_light_out_of_range_or_unknown_is_refused(scene, name, amount):
+    change = Change("scene", "light", name, None, amount, "light")
+    with pytest.raises(UsageError, match=r"out of range|there is no light"):
+        apply_change(scene, change, everything(scene), cameras=ring())
+
+
+def test_a_sentence_of_light_goes_by_the_direct_route():
+    for sentence in ("make it night", "add fog", "make it a cloudy day", "moonlight"):
+        (change,) = read_instruction(sentence).changes
+        assert change.route == "light"
+
+
+def test_relighting_a_ball_is_nearer_to_the_truth_than_any_tone():
+    """Exact colors of a ball whose sun moves, against the best gain of every channel."""
+    few, cameras = ball(2500)[:2500], ring()
+    normals = torch.nn.functional.normalize(few.means - torch.tensor((0.0, 0.0, 0.5)), dim=-1)
+    paint = 0.3 + 0.4 * (6 * few.means).sin().square()
+
+    def exact(sun: Sun | None, sky: float) -> torch.Tensor:
+        """Display colors: a convex solid hides only what is behind it."""
+        light = sky * (1 + normals[:, 2]) / 2
+        if sun is not None:
+            toward = place_of(few, cameras).direction(sun.azimuth, sun.elevation).float()
+            light = light + sun.strength * (normals @ toward).clamp_min(0)
+        return paint * light[:, None].clamp_min(0.02) ** (1 / 2.2)
+
+    first, second = Sun(60.0, 50.0, 0.5), Sun(-70.0, 35.0, 1.0)
+    old, truth = exact(first, 0.6), exact(second, 0.3)
+    before = replace(few, sh=color_to_sh(old)[:, None])
+    new = sh_to_color(relit(before, LightSetup((0.3,) * 3, DARK, second), cameras).sh[:, 0])
+    tone = old * (old * truth).sum(0) / (old * old).sum(0)
+    top = normals[:, 2] > 0  # what the cameras see
+    assert (new - truth)[top].square().mean() < 0.5 * (tone - truth)[top].square().mean()
