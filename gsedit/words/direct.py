@@ -8,7 +8,7 @@ LIGHTS = frozenset(
     (
         "night", "moonlight", "dusk", "blue hour", "sunset", "golden hour", "sunrise", "sunny",
         "noon", "daylight", "cloudy", "storm", "fog", "lamp", "candlelight", "studio light",
-        "backlight", "neon", "underwater light",
+        "backlight", "neon", "spotlight", "underwater light",
     )
 )  # fmt: skip
 """Names of the lights in gsedit.light.named."""
