@@ -5,9 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Float, Int
@@ -15,7 +13,10 @@ from torch import Tensor
 
 from rasterizer.blending.backend import GEOMETRY, Backend, BlendInputs
 from rasterizer.blending.choose import choose_backend
+from rasterizer.blending.cpp_backend import BACKEND
 from rasterizer.camera import Camera
+from rasterizer.cpp_projection.kernel import Request
+from rasterizer.cpp_projection.picture import prepare
 from rasterizer.numerics import AUTO, DEFAULT, Execution, Numerics
 from rasterizer.preprocess import preprocess, stored_scene
 from rasterizer.scene import Gaussians
@@ -34,30 +35,18 @@ class ColorWeights:
     count: int
     """Gaussians of the scene."""
     _inputs: BlendInputs
+    """Its last three columns are written by every product."""
     _backend: Backend
 
     def picture(self, colors: Float[Tensor, "n 3"]) -> Float[Tensor, "h w 3"]:
         """W times the colors, over black; colors may have either sign."""
-        own = colors.index_select(0, self.rows).to(self._inputs.table)
-        table = torch.cat((self._inputs.table, own), 1)
-        inputs = self._inputs._replace(table=table)
-        return self._backend.forward(inputs, False, False).blended.features
+        self._inputs.table[:, GEOMETRY:] = colors.index_select(0, self.rows)
+        return self._backend.forward(self._inputs, False, False).blended.features
 
     def back(self, maps: Float[Tensor, "h w 3"]) -> Float[Tensor, "n 3"]:
         """The transpose of W times three maps of the picture."""
-        saved, transmittance = self._blended
-        maps = maps.to(transmittance).contiguous()
-        still = torch.zeros_like(transmittance)
-        by_row = self._backend.backward(saved, transmittance, maps, still)[:, GEOMETRY:]
-        return maps.new_zeros(self.count, 3).index_copy_(0, self.rows, by_row)
-
-    @cached_property
-    def _blended(self) -> tuple[Any, Float[Tensor, "h w"]]:
-        """State that the backend's backward pass needs; it does not depend on the colors."""
-        black = self._inputs.table.new_zeros(len(self.rows), 3)
-        table = torch.cat((self._inputs.table, black), 1)
-        blended, saved = self._backend.forward(self._inputs._replace(table=table), False, True)
-        return saved, blended.transmittance
+        by_row = self._backend.pull(self._inputs, maps.to(self._inputs.table).contiguous())
+        return by_row.new_zeros(self.count, 3).index_copy_(0, self.rows, by_row)
 
 
 @torch.no_grad()
@@ -73,9 +62,17 @@ def color_weights(
     Raises ValueError as `render` does.
     """
     box = (0, 0, camera.width, camera.height)
-    backend = choose_backend(execution, scene.means.device, scene.means.dtype)
-    splats = preprocess(stored_scene(scene), camera, box, numerics)
-    xy, bins = list_tiles(splats, box, numerics, execution, backend)
-    table = torch.cat((xy, splats.projected.whitening, splats.log_opacities[:, None]), -1)
+    bare = replace(scene, sh=scene.sh[:, :0])
+    found = prepare(bare, Request(camera, box, numerics, execution))
+    if found is not None:
+        listed = found.listed
+        rows, table, bins, backend = listed.rows.long(), listed.table, listed.bins, BACKEND
+    else:
+        backend = choose_backend(execution, scene.means.device, scene.means.dtype)
+        splats = preprocess(stored_scene(scene), camera, box, numerics)
+        xy, bins = list_tiles(splats, box, numerics, execution, backend)
+        rows, projected = splats.rows, splats.projected
+        table = torch.cat((xy, projected.whitening, splats.log_opacities[:, None]), -1)
+    table = torch.cat((table, table.new_zeros(len(table), 3)), -1)
     inputs = BlendInputs(table, bins, camera.width, camera.height, numerics, execution.block)
-    return ColorWeights(splats.rows, len(scene), inputs, backend)
+    return ColorWeights(rows, len(scene), inputs, backend)

@@ -86,6 +86,9 @@ class Backend:
     ]
     """(saved, transmittance, gradients of the loss by features and by transmittance) to the
     gradient by the table."""
+    pull: Callable[[BlendInputs, Float[Tensor, "h w 3"]], Float[Tensor, "m 3"]]
+    """(inputs of three features, three maps) to the sums over pixels of each map times the weight
+    of every row of the table; its features are not read."""
     pair_overhead: float
     """The cost model, from which the tile's size is chosen: what a pair costs before any pixel is
     looked at (list, gather, gradient row), in units of one pixel of one pair."""

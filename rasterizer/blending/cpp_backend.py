@@ -85,6 +85,15 @@ def pair_gradients(
     return gradients
 
 
+def pull(inputs: BlendInputs, maps: Float[Tensor, "h w 3"]) -> Float[Tensor, "m 3"]:
+    """`Backend.pull`: one pass from front to back, without gradients of the geometry."""
+    bins = inputs.bins
+    pairs = inputs.table.new_empty(len(bins.members), 3)
+    _run("pull", inputs, grad_features=maps, gradients=pairs)
+    by_rank = embedding_bag(torch.arange(len(pairs)), pairs, bins.firsts, mode="sum")
+    return by_rank.index_select(0, bins.rank)
+
+
 def _run(name: str, inputs: BlendInputs, **arrays: Tensor | None) -> None:
     """Call the kernel's `name` for the table's dtype; arrays by the names that `_Job` has.
 
@@ -125,6 +134,7 @@ BACKEND = Backend(
     accepts=accepts,
     forward=forward,
     backward=backward,
+    pull=pull,
     # a pixel costs next to nothing, for a tile's pixels are visited only where an ellipse is; but
     # tiles above 16 pixels are blended in parts, each of which reads the whole list
     pair_overhead=320.0,

@@ -151,6 +151,63 @@ void forward(const Job<T>& job, const Cell<T>& cell, Buffers<T>& b) {
   });
 }
 
+// The sums over pixels of maps times each pair's weight, of which `forward` makes the picture: the
+// same pixels in the same order. Writes the tile's pairs, or adds where another cell of it wrote.
+template <typename T, int DEPTH>
+void pull(const Job<T>& job, const Cell<T>& cell, Buffers<T>& b, bool is_first) {
+  using S = Shape<T>;
+  constexpr int W = LANES<T>;
+  const Bounds<T> bounds(job);
+  const auto* const maps = b.features.data();
+  for (auto* plane : {&b.transmittance, &b.finished}) std::fill_n(plane->at, S::PIXELS, T(0));
+  for (auto& plane : b.features) std::fill_n(plane.at, S::PIXELS, T(0));
+  for (int k = 0; k < S::BLOCKS; k++) b.end[k] = I<T>{} + INT32_MAX;
+  cell.each_pixel([&](int p, int64_t at) {
+    b.transmittance.at[p] = 1;
+    for (int64_t f = 0; f < DEPTH; f++) b.features[f].at[p] = job.grad_features[at * DEPTH + f];
+  });
+
+  const auto gradient = [&](int64_t i) { return job.gradients + job.slots[cell.first + i] * DEPTH; };
+  const int period = safe_count(job);
+  const T stop = T(CLOSED * job.stop);
+  Mask open = cell.blocks();
+  int64_t start = 0;
+  Chunk<T>& chunk = b.chunk;
+  T* const totals = b.totals.data();
+  for (; start < cell.count && open; start += CHUNK) {
+    const int64_t end = std::min<int64_t>(start + CHUNK, cell.count);
+    chunk.fill(cell, start, start + CHUNK);
+    for (int64_t i = start; i < end; i++) __builtin_prefetch(gradient(i), 1);
+    for (int g = 0; g < end - start; g++) {
+      const T w0 = chunk.w0[g], w1 = chunk.w1[g], w2 = chunk.w2[g];
+      const T u0 = chunk.u0[g], v0 = chunk.v0[g], c = chunk.c[g];
+      V<T> sums[DEPTH] = {};
+      for (Mask todo = chunk.blocks[g] & open; todo; todo &= todo - 1) {
+        const int p = lowest(todo) * W;
+        const V<T> x = load<T>(b.x.at + p), y = load<T>(b.y.at + p);
+        const V<T> u = w0 * x + u0, v = w1 * x + (w2 * y + v0), e = (c - u * u) - v * v;
+        const V<T> value = exp2<T>(e < bounds.high ? e : bounds.high);
+        const V<T> alpha = e >= bounds.low ? value : V<T>{};
+        const V<T> before = load<T>(b.transmittance.at + p), weight = alpha * before;
+        store<T>(b.transmittance.at + p, before - weight);
+        for (int64_t f = 0; f < DEPTH; f++) sums[f] = sums[f] + weight * load<T>(maps[f].at + p);
+      }
+      for (int f = 0; f < DEPTH; f++) b.sums[f * CHUNK + g] = sums[f];
+      const int64_t place = start + g + 1;
+      if (place % period == 0) close_blocks(b, stop, int32_t(place), open);
+    }
+    for (int64_t j = 0; j < DEPTH * CHUNK; j += W)
+      store<T>(totals + j, sums_of_lanes<T>(b.sums.data() + j));
+    for (int64_t i = start; i < end; i++)
+      for (int f = 0; f < DEPTH; f++) {
+        const T total = totals[f * CHUNK + (i - start)];
+        T& out = gradient(i)[f];
+        out = is_first ? total : out + total;
+      }
+  }
+  for (int64_t i = start; is_first && i < cell.count; i++) std::fill_n(gradient(i), DEPTH, T(0));
+}
+
 // From the sums of g, g u, g v, g u x, g v x, g v y (g: the gradient by the exponent) to the
 // gradients by x, y, w0, w1, w2, log opacity; of a chunk, column by column.
 template <typename T>
@@ -292,6 +349,13 @@ int run(const Job<T>& job, bool back) {
 }
 
 template <typename T>
+int run_pull(const Job<T>& job) {
+  return each_cell(job, [&](const Cell<T>& cell, Buffers<T>& buffers, bool is_first) {
+    pull<T, 3>(job, cell, buffers, is_first);
+  });
+}
+
+template <typename T>
 int run(const Job<T>& job, bool back) {
   return job.depth == 3 ? run<T, 3>(job, back) : run<T, 0>(job, back);
 }
@@ -303,4 +367,6 @@ int forward_float32(const Job<float>* job) { return run(*job, false); }
 int forward_float64(const Job<double>* job) { return run(*job, false); }
 int backward_float32(const Job<float>* job) { return run(*job, true); }
 int backward_float64(const Job<double>* job) { return run(*job, true); }
+int pull_float32(const Job<float>* job) { return run_pull(*job); }
+int pull_float64(const Job<double>* job) { return run_pull(*job); }
 }

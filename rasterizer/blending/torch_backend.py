@@ -333,11 +333,19 @@ def _median_index(grid: TileGrid, out: _TiledPicture) -> Int[Tensor, "t q"]:
     return torch.where(hit, grid.members[position.clamp_max(len(grid.members) - 1)], -1)
 
 
+def pull(inputs: BlendInputs, maps: Float[Tensor, "h w 3"]) -> Float[Tensor, "m 3"]:
+    """`Backend.pull`, as the gradient by the features."""
+    blended, saved = forward(inputs, False, True)
+    still = torch.zeros_like(blended.transmittance)
+    return backward(saved, blended.transmittance, maps, still)[:, GEOMETRY:]
+
+
 BACKEND = Backend(
     name="torch",
     accepts=lambda execution, device, dtype: True,
     forward=forward,
     backward=backward,
+    pull=pull,
     # fitted to forward + backward of six scenes at four tile sizes
     pair_overhead=16.0,
 )

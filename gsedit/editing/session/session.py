@@ -76,9 +76,12 @@ def preview(session: Session, i: int, camera: Camera | None = None) -> Float[Ten
     request, unedited = session.request, session.unedited
     execution, own = request.settings.execution, request.every_view[i].camera
     camera = camera or own
-    if request.coarse is None:
+    is_unedited = not session.progress.work.steps
+    if request.coarse is None and not is_unedited:
         return render_picture(session.scene, camera, execution)
     before = unedited.rendering(i) if camera is own else unedited.edit_rendering(i)
+    if is_unedited:
+        return before.color.clamp(0, 1)
     now, then = (
         render_with_depth(scene, camera, execution).color
         for scene in (session.scene, request.scene)
