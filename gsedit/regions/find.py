@@ -27,6 +27,12 @@ better than in pictures of 192 (see docs/concepts/regions.md), in a quarter of t
 MAX_PREDICTED_VIEWS = 32
 """Most pictures in which the subject is predicted, evenly spaced."""
 
+ALONE_SHARE = 0.6
+"""Least share of all that is seen which the subject of a scene without surroundings fills: what is
+left are its parts that were not recognised, as shoes and the feet of a stand."""
+EMPTY = 0.1
+"""Largest mean opacity of the borders of pictures where an object has nothing around it."""
+
 PredictSubject = Callable[[Float[Tensor, "v h w 3"]], Float[Tensor, "v h w"] | None]
 """A map from unedited pictures to the probability that a pixel shows what an instruction is about;
 None where that is the whole picture."""
@@ -98,17 +104,24 @@ def _predicted(
     chosen = evenly_spaced(len(views), MAX_PREDICTED_VIEWS)
     cameras = [_small_camera(views[i].camera) for i in chosen]
     # with median depth, as every other render of the unedited scene: equal to the last bit
-    pictures = [
-        render(scene, camera, median_depth=True, execution=execution).color.clamp(0, 1)
-        for camera in cameras
-    ]
-    probability = predict(torch.stack(pictures))
+    renders = [render(scene, camera, median_depth=True, execution=execution) for camera in cameras]
+    probability = predict(torch.stack([each.color.clamp(0, 1) for each in renders]))
     if probability is None:
         return Region(everything(scene).inside, "auto: the instruction is about the whole scene")
-    inside = find_subject(scene, lift(scene, cameras, list(probability), execution))
+    lifted = lift(scene, cameras, list(probability), execution)
+    inside = find_subject(scene, lifted)
     if inside is None:
         return Region(everything(scene).inside, "auto: no subject stands out, so it is all")
+    share = float(lifted.weight[inside].sum() / lifted.weight.sum().clamp_min(1e-9))
+    if share > ALONE_SHARE and border_opacity([each.alpha for each in renders]) < EMPTY:
+        return Region(everything(scene).inside, "auto: the subject, with nothing around it")
     return Region(inside, "auto: the subject")
+
+
+def border_opacity(alphas: Sequence[Float[Tensor, "h w"]]) -> float:
+    """The mean opacity along the borders of pictures: near 0 for an object on nothing."""
+    sides = [side for a in alphas for side in (a[0], a[-1], a[:, 0], a[:, -1])]
+    return float(torch.cat(sides).mean())
 
 
 def _small_camera(camera: Camera) -> Camera:

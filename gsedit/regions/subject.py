@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
-import numpy as np
 import torch
-from jaxtyping import Bool, Float
-from scipy.sparse import csr_matrix, diags
-from scipy.sparse.csgraph import connected_components
-from scipy.sparse.linalg import cg
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from gsedit.regions.graph import Neighbors, connected_part, neighbors, parts, smooth
 from gsedit.regions.lift import Lifted
-from gsedit.scene.neighbors import k_nearest
-from rasterizer.numerics import sh_to_color
+from gsedit.regions.support import extent_of, find_support, within
 from rasterizer.scene import Gaussians
 
 SMOOTHING_WEIGHT = 10.0
@@ -26,6 +21,20 @@ MAX_OUTSIDE_SHARE = 0.25
 """Largest change outside, as a share of that inside: editors change surroundings a little."""
 BINS = 256
 """Bins of the histogram of values in [0, 1] that a threshold is found in."""
+BOX_TAIL = 0.005
+"""Share of what is likely the subject that may lie beyond each side of its box: stray Gaussians."""
+BOX_MARGIN = 0.25
+"""Width of the surroundings around the box, of its diagonal."""
+SUPPORTED_SHARE = 0.35
+"""Share of the threshold that is enough above the support, where no ground can be taken for it."""
+MOST_GROWTH = 1.3
+"""Largest gain of pixels by what is only likely: beyond, rough ground is taken for feet."""
+LOOSE_MEAN = 0.7
+"""Least mean probability of a part that is not connected with the rest of the subject."""
+LOOSE_DISTANCE = 0.25
+"""Largest distance of such a part from the rest, of the subject's extent."""
+LOOSE_WEIGHT = 0.01
+"""Least share of the main part's pixels that such a part fills: less is a stray Gaussian."""
 MIN_MASK_MEAN = 0.5
 """Least mean of masks inside: they are drawn by a person, so there is nothing to find out."""
 
@@ -33,16 +42,90 @@ MIN_MASK_MEAN = 0.5
 def find_subject(scene: Gaussians, lifted: Lifted) -> Bool[Tensor, " n"] | None:
     """The connected object that the cameras look at, from lifted probabilities of the subject.
 
-    None where there is no such object: no part of the scene is more probably it than not.
+    It ends where it touches the plane that it stands on, if there is one: above that, it takes
+    less to be of the subject. None where there is no such object: no part of the scene is more
+    probably it than not.
     """
-    graph = neighbors(scene)
-    values = _smoothed(lifted, graph)
-    selected = values > otsu(values, lifted.weight)
-    part = connected_part(selected, lifted.central * values, graph)
-    weight = lifted.weight[part]
-    if not part.any() or float((weight * values[part]).sum()) < 0.5 * float(weight.sum()):
+    near = _looked_at(scene, lifted)
+    rows = near.nonzero().squeeze(-1)
+    part, here = scene[rows], _rows(lifted, rows)
+    graph = neighbors(part)
+    values = _smoothed(here, graph)
+    threshold = otsu(values, here.weight)
+    core = connected_part(values > threshold, here.central * values, graph)
+    weight = here.weight[core]
+    if not core.any() or float((weight * values[core]).sum()) < 0.5 * float(weight.sum()):
         return None
-    return part
+    inside = torch.zeros(len(scene), dtype=torch.bool)
+    inside[rows] = _whole(part, here, graph, core, threshold)
+    return inside
+
+
+def _looked_at(scene: Gaussians, lifted: Lifted) -> Bool[Tensor, " n"]:
+    """The Gaussians in and around the box of what is likely the subject."""
+    likely = lifted.mean > otsu(lifted.mean, lifted.weight)
+    if not likely.any():
+        return torch.ones_like(likely)
+    points, score = scene.means.detach()[likely].double(), (lifted.central * lifted.mean)[likely]
+    low, high = (_quantile(points, score.double(), share) for share in (BOX_TAIL, 1 - BOX_TAIL))
+    margin = BOX_MARGIN * float((high - low).norm())
+    return ((scene.means >= low - margin) & (scene.means <= high + margin)).all(1)
+
+
+def _quantile(
+    points: Float[Tensor, "m 3"], weights: Float[Tensor, " m"], share: float
+) -> Float[Tensor, "3"]:
+    """Weighted quantiles of the coordinates."""
+    ordered, order = points.sort(0)
+    below = weights[order].cumsum(0) / weights.sum().clamp_min(1e-12)
+    at = (below < share).sum(0).clamp_max(len(points) - 1)
+    return ordered.gather(0, at[None])[0]
+
+
+def _rows(lifted: Lifted, rows: Int[Tensor, " m"]) -> Lifted:
+    return Lifted(lifted.mean[rows], lifted.weight[rows], lifted.central[rows])
+
+
+def _whole(
+    scene: Gaussians,
+    lifted: Lifted,
+    graph: Neighbors,
+    core: Bool[Tensor, " n"],
+    threshold: float,
+) -> Bool[Tensor, " n"]:
+    """The object whose core is found, with its feet, and what it encloses."""
+    points = scene.means.detach().numpy()
+    support = find_support(points, core.numpy(), lifted.weight.numpy())
+    if support is None:
+        return core
+    above = torch.from_numpy(support.above(points))
+    values, weight = _smoothed(lifted, graph, ~above), lifted.weight
+    sure = (values > threshold) & above
+    looked_at = lifted.central * values
+    main = connected_part((values > SUPPORTED_SHARE * threshold) & above, looked_at, graph)
+    if float(weight[main].sum()) > MOST_GROWTH * float(weight[core].sum()):
+        main = connected_part(sure, looked_at, graph)
+    if not main.any():
+        return core
+    near = within(points, main.numpy(), LOOSE_DISTANCE * extent_of(points[core.numpy()]))
+    others = parts(sure & ~main, graph)
+    return main | _surely(others, torch.from_numpy(near), lifted, float(weight[main].sum()))
+
+
+def _surely(
+    number: Int[Tensor, " n"], near: Bool[Tensor, " n"], lifted: Lifted, main_weight: float
+) -> Bool[Tensor, " n"]:
+    """Those parts beside the main one that are surely of the subject: a hand that hovers.
+
+    `number` is that of the part each Gaussian is in, or -1.
+    """
+    count = int(number.max()) + 1
+    weight, probable, touching = (
+        torch.zeros(count + 1).index_add_(0, number + 1, each.float())[1:]
+        for each in (lifted.weight, lifted.weight * lifted.mean, near)
+    )
+    kept = (probable > LOOSE_MEAN * weight) & (weight > LOOSE_WEIGHT * main_weight) & (touching > 0)
+    return torch.cat((kept.new_zeros(1), kept))[number + 1]
 
 
 def find_changed(scene: Gaussians, lifted: Lifted) -> Bool[Tensor, " n"] | None:
@@ -71,12 +154,16 @@ def find_drawn(scene: Gaussians, lifted: Lifted) -> Bool[Tensor, " n"]:
     return _smoothed(lifted, neighbors(scene)) > MIN_MASK_MEAN
 
 
-def _smoothed(lifted: Lifted, graph: Neighbors) -> Float[Tensor, " n"]:
-    """Values of which those are sure that many pixels have a part in."""
+def _smoothed(
+    lifted: Lifted, graph: Neighbors, outside: Bool[Tensor, " n"] | None = None
+) -> Float[Tensor, " n"]:
+    """Values of which those are sure that many pixels have a part in, and that are 0 `outside`."""
     seen = lifted.weight > MIN_SEEN_PIXELS
     typical = lifted.weight[seen].median() if seen.any() else torch.tensor(1.0)
-    confidence = lifted.weight / (lifted.weight + typical)
-    return smooth(lifted.mean, confidence, graph, SMOOTHING_WEIGHT).clamp(0, 1)
+    confidence, mean = lifted.weight / (lifted.weight + typical), lifted.mean
+    if outside is not None:
+        confidence, mean = confidence.masked_fill(outside, 1.0), mean.masked_fill(outside, 0.0)
+    return smooth(mean, confidence, graph, SMOOTHING_WEIGHT).clamp(0, 1)
 
 
 def otsu(values: Float[Tensor, " n"], weights: Float[Tensor, " n"]) -> float:
@@ -97,78 +184,3 @@ def otsu(values: Float[Tensor, " n"], weights: Float[Tensor, " n"]) -> float:
     between = below * above * (mean_above - mean_below).square()
     best = (between >= between.amax() * (1 - 1e-9)).nonzero().squeeze(-1)
     return (float(best.float().mean()) + 1) / BINS
-
-
-NEIGHBOR_COUNT = 8
-"""Nearest neighbors of a Gaussian in the graph."""
-SURFACE_COLOR_RMS = 0.1
-"""Difference of two colors (RMS over channels) at which neighbors count as of two surfaces."""
-MAX_DISTANCE_RATIO = 3.0
-"""Neighbors farther apart than this many of their typical distances are not connected."""
-
-
-@dataclass(frozen=True, eq=False)
-class Neighbors:
-    """The nearest neighbors of each Gaussian, and how alike they are."""
-
-    affinity: csr_matrix
-    """n x n, symmetric, in [0, 1]: 1 for two of the same color, 0 for no neighbors."""
-
-    @cached_property
-    def laplacian(self) -> csr_matrix:
-        degree = np.asarray(self.affinity.sum(1)).squeeze(1)
-        return diags(degree).tocsr() - self.affinity
-
-
-def neighbors(scene: Gaussians) -> Neighbors:
-    """The graph of a scene; its colors are those without view dependence."""
-    points = scene.means.detach().double().numpy()
-    n = len(points)
-    k = min(NEIGHBOR_COUNT, n - 1)
-    if k < 1:
-        return Neighbors(csr_matrix((n, n)))
-    distance, index = k_nearest(points, points, k + 1)
-    distance, index = distance[:, 1:], index[:, 1:]  # the first is the point itself
-    typical = np.maximum(np.median(distance, axis=1), 1e-12)
-    rows, columns = np.repeat(np.arange(n), k), index.reshape(-1)
-    near = distance.reshape(-1) <= MAX_DISTANCE_RATIO * np.sqrt(typical[rows] * typical[columns])
-    colors = sh_to_color(scene.sh[:, 0].detach().double()).clamp(0, 1).numpy()
-    square = np.square(colors[rows] - colors[columns]).mean(1)
-    alike = np.exp(-square / (2 * SURFACE_COLOR_RMS**2)) * near
-    matrix = csr_matrix((alike, (rows, columns)), shape=(n, n))
-    return Neighbors(matrix.maximum(matrix.T).tocsr())
-
-
-def smooth(
-    values: Float[Tensor, " n"],
-    confidence: Float[Tensor, " n"],
-    graph: Neighbors,
-    strength: float,
-) -> Float[Tensor, " n"]:
-    """Values that are near the given ones where these are sure, and near their neighbors'.
-
-    They minimise sum c_i (x_i - v_i)^2 + strength / 2 sum a_ij (x_i - x_j)^2, with confidences c
-    and affinities a: the random walker with priors (Grady 2005). A Gaussian without confidence
-    takes the mean of its neighbors.
-    """
-    c = confidence.double().numpy() + 1e-6
-    system = diags(c) + strength * graph.laplacian
-    given = values.double().numpy()
-    preconditioner = diags(1 / system.diagonal())
-    solved, _ = cg(system, c * given, x0=given, rtol=1e-4, maxiter=200, M=preconditioner)
-    return torch.from_numpy(solved).to(values)
-
-
-def connected_part(
-    selected: Bool[Tensor, " n"], score: Float[Tensor, " n"], graph: Neighbors
-) -> Bool[Tensor, " n"]:
-    """The connected part of the selected Gaussians with the greatest sum of scores."""
-    chosen = selected.nonzero().squeeze(-1)
-    if not len(chosen):
-        return selected
-    rows = chosen.numpy()
-    count, labels = connected_components(graph.affinity[rows][:, rows], directed=False)
-    totals = np.bincount(labels, weights=score[chosen].double().numpy(), minlength=count)
-    part = torch.zeros_like(selected)
-    part[chosen[torch.from_numpy(labels == totals.argmax())]] = True
-    return part

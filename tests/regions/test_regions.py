@@ -14,6 +14,7 @@ from research.labelled import statue
 from gsedit import View
 from gsedit.cameras.orbit import circle
 from gsedit.errors import InputError, UsageError
+from gsedit.regions.graph import connected_part, neighbors, smooth
 from gsedit.regions.lift import lift
 from gsedit.regions.masks import read_masks
 from gsedit.regions.parse import All, Auto, Box, File, Sphere, parse_region
@@ -27,15 +28,7 @@ from gsedit.regions.region import (
     save_region,
     tinted,
 )
-from gsedit.regions.subject import (
-    connected_part,
-    find_changed,
-    find_drawn,
-    find_subject,
-    neighbors,
-    otsu,
-    smooth,
-)
+from gsedit.regions.subject import find_changed, find_drawn, find_subject, otsu
 from rasterizer import render
 
 SIZE = 48

@@ -1,0 +1,105 @@
+"""The graph of neighbors of a scene: values smoothed over it, and its connected parts.
+
+`n` Gaussians.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int
+from scipy.sparse import csr_matrix, diags
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import cg
+from torch import Tensor
+
+from gsedit.scene.neighbors import k_nearest
+from rasterizer.numerics import sh_to_color
+from rasterizer.scene import Gaussians
+
+NEIGHBOR_COUNT = 8
+"""Nearest neighbors of a Gaussian in the graph."""
+SURFACE_COLOR_RMS = 0.1
+"""Difference of two colors (RMS over channels) at which neighbors count as of two surfaces."""
+MAX_DISTANCE_RATIO = 3.0
+"""Neighbors farther apart than this many of their typical distances are not connected."""
+SOLVED_TO = 1e-2
+"""Relative residual of smoothed values: they are compared with thresholds, not read."""
+
+
+@dataclass(frozen=True, eq=False)
+class Neighbors:
+    """The nearest neighbors of each Gaussian, and how alike they are."""
+
+    affinity: csr_matrix
+    """n x n, symmetric, in [0, 1]: 1 for two of the same color, 0 for no neighbors."""
+
+    @cached_property
+    def laplacian(self) -> csr_matrix:
+        degree = np.asarray(self.affinity.sum(1)).squeeze(1)
+        return diags(degree).tocsr() - self.affinity
+
+
+def neighbors(scene: Gaussians) -> Neighbors:
+    """The graph of a scene; its colors are those without view dependence."""
+    points = scene.means.detach().double().numpy()
+    n = len(points)
+    k = min(NEIGHBOR_COUNT, n - 1)
+    if k < 1:
+        return Neighbors(csr_matrix((n, n)))
+    distance, index = k_nearest(points, points, k + 1)
+    distance, index = distance[:, 1:], index[:, 1:]  # the first is the point itself
+    typical = np.maximum(np.median(distance, axis=1), 1e-12)
+    rows, columns = np.repeat(np.arange(n), k), index.reshape(-1)
+    near = distance.reshape(-1) <= MAX_DISTANCE_RATIO * np.sqrt(typical[rows] * typical[columns])
+    colors = sh_to_color(scene.sh[:, 0].detach().double()).clamp(0, 1).numpy()
+    square = np.square(colors[rows] - colors[columns]).mean(1)
+    alike = np.exp(-square / (2 * SURFACE_COLOR_RMS**2)) * near
+    matrix = csr_matrix((alike, (rows, columns)), shape=(n, n))
+    return Neighbors(matrix.maximum(matrix.T).tocsr())
+
+
+def smooth(
+    values: Float[Tensor, " n"],
+    confidence: Float[Tensor, " n"],
+    graph: Neighbors,
+    strength: float,
+) -> Float[Tensor, " n"]:
+    """Values that are near the given ones where these are sure, and near their neighbors'.
+
+    They minimise sum c_i (x_i - v_i)^2 + strength / 2 sum a_ij (x_i - x_j)^2, with confidences c
+    and affinities a: the random walker with priors (Grady 2005). A Gaussian without confidence
+    takes the mean of its neighbors.
+    """
+    c = confidence.double().numpy() + 1e-6
+    system = diags(c) + strength * graph.laplacian
+    given = values.double().numpy()
+    preconditioner = diags(1 / system.diagonal())
+    solved, _ = cg(system, c * given, x0=given, rtol=SOLVED_TO, maxiter=200, M=preconditioner)
+    return torch.from_numpy(solved).to(values)
+
+
+def parts(selected: Bool[Tensor, " n"], graph: Neighbors) -> Int[Tensor, " n"]:
+    """The number, from 0, of the connected part that each selected Gaussian is in; -1: none."""
+    rows = selected.nonzero().squeeze(-1)
+    numbers = torch.full(selected.shape, -1)
+    if len(rows):
+        at = rows.numpy()
+        _, labels = connected_components(graph.affinity[at][:, at], directed=False)
+        numbers[rows] = torch.from_numpy(labels.astype(np.int64))
+    return numbers
+
+
+def connected_part(
+    selected: Bool[Tensor, " n"], score: Float[Tensor, " n"], graph: Neighbors
+) -> Bool[Tensor, " n"]:
+    """The connected part of the selected Gaussians with the greatest sum of scores."""
+    if not selected.any():
+        return selected
+    numbers = parts(selected, graph)
+    totals = torch.zeros(int(numbers.max()) + 1, dtype=torch.float64)
+    totals.index_add_(0, numbers[selected], score[selected].double())
+    return numbers == int(totals.argmax())

@@ -1,0 +1,89 @@
+"""The plane that an object stands on, and the object that is whole down to it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from regions_iou import iou
+from research.labelled import statue
+
+from gsedit.cameras.orbit import circle
+from gsedit.datasets.dataset import capture
+from gsedit.regions.find import border_opacity, named_region
+from gsedit.regions.lift import lift
+from gsedit.regions.region import in_one_color
+from gsedit.regions.subject import find_subject
+from gsedit.regions.support import extent_of, find_support
+from rasterizer import render
+from rasterizer.numerics import AUTO
+
+SIZE = 48
+
+
+@pytest.fixture(scope="module")
+def labelled():
+    return statue(0, 1500)
+
+
+@pytest.fixture(scope="module")
+def cameras(labelled):
+    middle = torch.zeros(3, dtype=torch.float64)
+    return circle(middle, 0.7, labelled.scene.up, 6, SIZE, elevation=20.0, fov=45.0)
+
+
+def test_a_figure_stands_on_the_top_of_its_block(labelled):
+    points, subject = labelled.gaussians.means.numpy(), labelled.subject.numpy()
+    support = find_support(points, subject, np.ones(len(points)))
+    assert support is not None
+    np.testing.assert_allclose(support.normal, (0, 0, 1), atol=0.02)
+    top = -0.32  # of the block in `statue`, whose Gaussians are just below its surface
+    assert abs(support.offset - top) < 0.02 * extent_of(points[subject])
+    assert support.above(points)[subject].mean() > 0.99
+
+
+def test_a_ball_in_a_cloud_stands_on_nothing():
+    random = np.random.default_rng(1)
+    points = random.uniform(-1, 1, (3000, 3))
+    ball = np.linalg.norm(points, axis=1) < 0.5
+    assert find_support(points, ball, np.ones(len(points))) is None
+    assert find_support(points[ball], ball[ball], np.ones(ball.sum())) is None
+
+
+def test_feet_that_are_taken_for_ground_are_of_the_subject(labelled, cameras):
+    """A prediction that is sure of the body alone, and gives the feet as much as the block."""
+    scene, inside = labelled.gaussians, labelled.subject
+    height = scene.means[:, 2]
+    probability = torch.where(inside & (height > -0.2), 0.95, 0.0)
+    probability[(height < -0.2) & (scene.means[:, :2].norm(dim=1) < 0.6)] = 0.3
+    with torch.no_grad():
+        pictures = [
+            render(in_one_color(scene, probability), camera).color[..., 0] for camera in cameras
+        ]
+    lifted = lift(scene, cameras, pictures)
+    found = find_subject(scene, lifted)
+    assert found is not None
+    feet = inside & (height < -0.2)
+    assert iou(found, inside, lifted.weight) > 0.97
+    assert float(lifted.weight[feet & found].sum() / lifted.weight[feet].sum()) > 0.9
+
+
+def test_the_subject_without_surroundings_is_the_whole_scan(labelled, cameras):
+    scene = labelled.gaussians[labelled.subject]
+    views = capture(scene, cameras, [str(i) for i in range(len(cameras))])
+
+    def without_feet(pictures):
+        upper = torch.arange(pictures.shape[1])[:, None] < 0.6 * pictures.shape[1]
+        return torch.where(upper & (pictures.amax(-1) > 0.02), 0.95, 0.05)
+
+    found = named_region("auto", scene, views, (), AUTO, predict=without_feet)
+    assert found is not None
+    assert found.is_all
+    assert "nothing around" in found.note
+
+
+def test_the_border_of_a_picture_tells_whether_it_is_empty():
+    alpha = torch.zeros(4, 6)
+    alpha[1:3, 1:5] = 1
+    assert border_opacity([alpha]) == 0
+    assert border_opacity([alpha, torch.ones(4, 6)]) == 0.5
