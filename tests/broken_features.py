@@ -195,7 +195,7 @@ FEATURES: dict[str, tuple[Broken, ...]] = {
     ),
     "text edit": (
         Broken("gsedit.editing.edit:edit_steps"),
-        Broken("gsedit.words.reader:understand", "sentence = 'as bronze'"),
+        Broken("gsedit.words.asked:looks_asked", "sentence = 'as bronze'"),
     ),
     "Python API": (Broken("gsedit.toolkit.operation:apply", "return scene"),),
     "resume": (

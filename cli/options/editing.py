@@ -99,7 +99,9 @@ def what_it_understood(editor: Editor, instruction: str) -> str:
     if understand is None:
         return ""
     understood = understand(instruction)
-    return f"{'understood as' if understood.known else 'not understood, a guess'}: {understood}"
+    if not understood.known:
+        return f"not understood, a guess: {understood}"
+    return f"understood as: {understood.why or understood}; looks of {editor.name}: {understood}"
 
 
 def edit_settings(own: Iterable[str] = ()) -> list[Setting]:

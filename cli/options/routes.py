@@ -68,9 +68,7 @@ def run_routes(
     from gsedit.runs.stopwatch import Stopwatch
 
     settings = with_values(EditSettings(), values)
-    print_message(
-        f"understood as {instruction}; route: the Gaussians are changed directly, no view is edited"
-    )
+    print_message(f"understood as: {instruction}; done on the Gaussians, no view is edited")
     watch, execution = Stopwatch(), settings.execution
     with watch.stage("read"):
         gaussians = load()

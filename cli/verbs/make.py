@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
+from functools import partial
 from pathlib import Path
 from shlex import quote
 from time import monotonic
@@ -17,8 +18,9 @@ from ..core.command import output, shows
 from ..core.console import print_message, print_result
 from ..core.stages import Ledger, Stage, check_stages, run_stages
 from ..options.cameras import ViewOptions
-from ..options.common import Force, Seeded
+from ..options.common import Force, Seeded, load_scene
 from ..options.editing import EditorOptions
+from ..options.routes import exact_instruction, run_routes
 from ..options.settings import Layout, Setting, SettingsGroup, Values, settings_of
 from .capture import Source, capture_summary, run_capture, settings_from
 from .edit import EditOptions, Instruction, run_edit
@@ -120,7 +122,8 @@ class Work:
         else:
             check_places(self.photos, self.out / "capture")
             check_frames(self.photos, self.posing)
-        self.editor.make(self.edit, self.instruction)
+        if exact_instruction(self.instruction, self.editor, {}) is None:
+            self.editor.make(self.edit, self.instruction)
 
     def check_no_posing(self) -> None:
         """Raise UsageError where photos that have poses are to be posed in some way."""
@@ -180,6 +183,11 @@ class Work:
 
     def edit_scene(self, same: bool) -> str:
         views = ViewOptions(data=self.dataset, size=self.recipe.pixels())
+        if read := exact_instruction(self.instruction, self.editor, {}):
+            load = partial(load_scene, self.scene, drop_invalid=False)
+            as_json = self.common.json
+            run_routes(self.scene, load, read, self.edit, views, {}, as_json=as_json)
+            return str(read)
         own = EditOptions(self.edit, force=True, resume=same)
         run_edit(self.scene, self.instruction, self.edit, own, views, self.editor, {}, self.common)
         return self.instruction

@@ -28,8 +28,36 @@ class Change:
     """Way that does the change: "tone", "paint", or "small" for the 2D editor."""
 
     def __str__(self) -> str:
-        named = f"{self.name} {self.amount:+.0%}" if self.amount is not None else self.name
-        return f"{self.target}: {self.kind} {named}" + (f" {self.color}" if self.color else "")
+        part = "the whole scene" if self.target == "scene" else f"the {self.target}"
+        color = f" ({self.color})" if self.color and self.color != self.name else ""
+        match self.kind:
+            case "tone":
+                return f"{part} {_tone(self)}"
+            case "paint":
+                return f"{part} painted {self.name}{color}"
+            case "material":
+                return f"{part} made of {self.name}{color}"
+        return f"{part} with the {self.kind}: {self.name}{color}"
+
+
+MORE = {
+    "brightness": ("brighter", "darker"), "warmth": ("warmer", "cooler"),
+    "contrast": ("more contrast", "less contrast"),
+    "saturation": ("more saturation", "less saturation"),
+}  # fmt: skip
+"""Words for more and for less of a tone."""
+
+
+def _tone(change: Change) -> str:
+    """A tone in words: "20 % darker"."""
+    amount = change.amount or 0.0
+    if change.name in MORE:
+        words = MORE[change.name][amount < 0]
+        return f"{'with ' * (' ' in words)}{abs(amount):.0%} {words}".replace("%", " %")
+    if change.name == "hue":
+        where = f"{'away from' if amount < 0 else 'toward'} {change.color}" if change.color else ""
+        return f"with its hue turned {abs(amount) * 360:.0f} degrees {where}".rstrip()
+    return f"in {change.name}"
 
 
 @dataclass(frozen=True)
@@ -43,6 +71,8 @@ class Instruction:
     """Reason and nearest thing that can be done, where it is refused; else how it was read."""
     changes: tuple[Change, ...]
     """In the order in which they are done; empty where the sentence is refused."""
+    refusal: str = ""
+    """Kind of refusal, such as "negation"; "" where it is known."""
 
     def as_json(self) -> str:
         """One line of JSON with the keys known, why and changes."""

@@ -17,6 +17,8 @@ FLOOR = 0.5
 """Least probability of a look that the encoder alone names; chosen on sentences of development."""
 Placed = list[tuple[int, Change]]
 """Changes with their places in a clause."""
+DENIALS = NEGATIONS | {"except", "keep", "limit", "down"}
+"""Kinds of words after which a name is not what is asked for."""
 MOST = 9.0
 """Largest share of a tone that can be added."""
 
@@ -53,8 +55,14 @@ def read_instruction(sentence: str) -> Instruction:
         if any(c.amount is not None and not -1 <= c.amount <= MOST for c in changes):
             raise Refused("amount")
     except Refused as refused:
-        return Instruction(sentence, False, REASONS[str(refused)], ())
+        kind = str(refused)
+        return Instruction(sentence, False, REASONS[kind], (), kind)
     return Instruction(sentence, True, "; ".join(map(str, changes)), tuple(changes))
+
+
+def denies(sentence: str) -> bool:
+    """Whether a sentence says what must not be, what stays or what becomes less."""
+    return any(word.kind in DENIALS for word in scanned(sentence))
 
 
 def _parsed(words: list[Word]) -> list[Change]:
@@ -270,7 +278,7 @@ def _meant(sentence: str, words: list[Word]) -> list[Change]:
     kinds = [word.kind for word in words if word.kind not in ("mark", "poss")]
     if "finish" in kinds and "unknown" not in kinds:
         raise Refused("finish")
-    if set(kinds) & {*NEGATIONS, "except", "keep", "limit", "down"}:
+    if set(kinds) & DENIALS:
         raise Refused("negation")
     if set(kinds) & {"noun", "state", "turn", "up", "part"}:
         raise Refused("nonsense")
@@ -279,7 +287,8 @@ def _meant(sentence: str, words: list[Word]) -> list[Change]:
     understood = understand(sentence)
     if not understood.known or understood.looks[0].score < FLOOR:
         raise Refused("nonsense")
-    changes = [change_of_look(each.look) for each in understood.looks if each.score >= FLOOR]
+    looks = [each.look for each in understood.looks if each.score >= FLOOR]
+    changes = [routed(change_of_look(look)) for look in looks]
     if any(change.kind == "tone" for change in changes):  # a direction that no word says
         raise Refused("nonsense")
     return changes

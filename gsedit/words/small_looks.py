@@ -14,7 +14,7 @@ NAMES = {
     "moonlight": "night", "dusk": "sunset", "blue hour": "night", "golden hour": "sunset",
     "sunrise": "sunset", "underwater light": "underwater", "candlelight": "sunset",
     "storm": "rain", "impressionist": "watercolor", "frost": "snow", "wet": "rain",
-    "stone": "sandstone", "porcelain": "",
+    "stone": "sandstone",
 }  # fmt: skip
 """Looks of `small` for changes of another name."""
 TONES = {
@@ -24,6 +24,8 @@ TONES = {
 }  # fmt: skip
 """Looks of `small` by tone and sign."""
 LIGHTS = frozenset(("fog", "night", "sunset", "neon"))
+COLORS = {"porcelain": "#f5a0c0"}
+"""Colors of looks of `small` that are not their material's own."""
 CLOSE = 25.0
 """Largest CIE 1976 difference of a color from that of the look that stands for it."""
 
@@ -33,7 +35,8 @@ def look_of(change: Change) -> Look | None:
     if change.kind == "tone":
         name = TONES.get((change.name, -1 if (change.amount or 0) < 0 else 1))
     elif change.kind == "paint":
-        name = change.name if change.name in colors.PLAIN else None
+        near = sorted((_apart(change.color, each), each) for each in colors.PLAIN if each in LOOKS)
+        name = near[0][1] if near[0][0] < CLOSE else None
     else:
         scope = "subject" if change.kind == "material" else "scene"
         looks = [LOOKS[each] for each in _names(change) if each in LOOKS]
@@ -73,7 +76,7 @@ def change_of_look(look: Look) -> Change:
         return routed(Change("scene", kind, look.name, None, None, "small"))
     if look.name in colors.PLAIN:
         return Change("subject", "paint", look.name, colors.named(look.name), None, "paint")
-    return Change("subject", "material", look.name, None, None, "small")
+    return Change("subject", "material", look.name, COLORS.get(look.name), None, "small")
 
 
 def _names(change: Change) -> list[str]:
@@ -88,5 +91,13 @@ def _names(change: Change) -> list[str]:
 
 def _is_close(change: Change, look: str) -> bool:
     """Whether the color that a material is asked in is the look's own."""
-    base = lexicon.materials().get(look)
-    return not (base and change.color) or colors.distance(change.color, base) < CLOSE
+    base = COLORS.get(look) or lexicon.materials().get(look)
+    if not change.color or not base:
+        return look not in COLORS
+    return colors.distance(change.color, base) < CLOSE
+
+
+def _apart(color: str | None, look: str) -> float:
+    """Difference of a color from that of a paint."""
+    own = colors.named(look)
+    return colors.distance(color, own) if color and own else float("inf")

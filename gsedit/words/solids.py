@@ -65,7 +65,7 @@ def _leads(words: list[Word], at: int) -> bool:
 def _material(words: list[Word], at: int) -> tuple[Change, int]:
     """A material with the words beside it that belong to it, and where they end."""
     word, own = words[at], list[str]()
-    color = word.color if word.text != word.value and word.color else None
+    color = word.color if word.text.endswith(f" {word.value}") else None
     for each in reversed(words[:at]):
         if not (each.kind in ("color", "finish", "material") or each.has("adj")):
             break
@@ -113,9 +113,10 @@ def scenes(clause: Clause) -> list[Change]:
 
 
 def _same_scene(one: Change, other: Change, times: frozenset[str]) -> bool:
-    """Whether two say the same: two looks, the same light, two times of day."""
-    same = one.kind == other.kind and (one.kind == "look" or one.name == other.name)
-    return same or {one.name, other.name} <= times
+    """Whether two say the same: two ways to draw, two kinds of weather, two times of day."""
+    drawn = lexicon.sets()["drawn"]
+    looks = one.kind == other.kind == "look" and (one.name in drawn) == (other.name in drawn)
+    return looks or one.name == other.name or {one.name, other.name} <= times
 
 
 def _shines(clause: Clause, at: int) -> bool:

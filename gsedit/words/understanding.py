@@ -26,9 +26,13 @@ class Understanding:
     """Meaning of an instruction, as it was understood."""
 
     looks: tuple[ScoredLook, ...]
-    """The subject's look, then the scene's: one or both. The nearest one where none is known."""
+    """The subject's looks, then the scene's. The nearest one where none is known and one may be
+    guessed."""
     known: bool
     """Whether these looks are what the sentence asks for."""
+    why: str = ""
+    """The changes in words; where it is not known the reason, and none may be guessed where there
+    are no looks."""
 
     @classmethod
     def of(cls, *names: str) -> Understanding:
@@ -55,6 +59,8 @@ class Understanding:
 
 def not_understood(editor: str, prompt: str, nearest: Understanding) -> str:
     """Why an editor that knows only these looks refuses an instruction, and what to do instead."""
+    if not nearest.looks:
+        return f"{prompt.strip()!r}: {nearest.why}"
     guess = f"{nearest} ({nearest.looks[0].score:.2f})"
     spelling = _spelling(prompt)
     did_you_mean = f"Did you mean {spelling!r}? " if spelling else ""

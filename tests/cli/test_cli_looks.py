@@ -33,7 +33,7 @@ def test_a_sentence_is_read():
             "amount": -0.2, "route": "tone",
         },
     ]  # fmt: skip
-    assert gsedit("list", "looks", "dip it in gold").stdout.startswith("subject: material gold")
+    assert gsedit("list", "looks", "dip it in gold").stdout.startswith("the subject made of gold")
 
 
 def test_a_sentence_that_nothing_fulfills_is_refused_with_the_reason():

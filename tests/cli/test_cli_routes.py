@@ -31,7 +31,7 @@ def test_a_tone_is_done_without_an_editor(reads, scene, photos, tmp_path):
     out = tmp_path / "out"
     result = gsedit("edit", scene, "make it 20 % brighter", "--data", photos, "-o", out)
     assert result.exit_code == 0, result.stderr
-    assert "scene: tone brightness +20%" in result.stderr
+    assert "the whole scene 20 % brighter" in result.stderr
     names = {path.relative_to(out).as_posix() for path in files(out)}
     assert names == {
         "scene.ply", "region.npy", "before_after.png", "edit.json", "cameras.json", "views.json",

@@ -259,6 +259,12 @@ def test_words_choose_looks(prompt, names):
     assert parse(prompt).names == names
 
 
+def test_what_must_not_be_is_no_look():
+    assert parse("marble, not gold").names == ("marble",)
+    with pytest.raises(UsageError, match="what must not be"):
+        parse("remove the snow")
+
+
 def test_every_look_answers_to_its_name():
     assert len(LOOKS) >= 14
     for name in LOOKS:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 import sys
 from pathlib import Path
 
@@ -79,6 +81,25 @@ def test_what_must_not_be_is_never_done(sentence):
     assert not read.known
     assert read.changes == ()
     assert "say what it should be instead" in read.why
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [
+        "don't {}", "never {}", "I don't want you to {}", "avoid this: {}", "stop, do not {}",
+        "{}? no", "{} - not!", "anything but {}", "there is no need to {}", "nobody asked to {}",
+    ],
+)  # fmt: skip
+def test_a_negation_around_any_sentence_keeps_it_from_being_done(frame):
+    entries = json.loads((DATA / "open.json").read_text(encoding="utf-8"))
+    verbs = ("make ", "paint ", "turn ", "darken ", "desaturate ", "lower ", "double ", "cut ")
+    asked = [each["text"].rstrip(".!") for each in entries if each["text"].startswith(verbs)]
+    asked = [each for each in asked if not re.search(r",|;| and |\bnot?\b|n't|except|but", each)]
+    assert len(asked) > 20
+    for sentence in asked:
+        done = {(c.name, (c.amount or 1) > 0) for c in read_instruction(sentence).changes}
+        read = read_instruction(frame.format(sentence))
+        assert not done & {(c.name, (c.amount or 1) > 0) for c in read.changes}, read
 
 
 def test_what_is_denied_beside_what_is_asked_is_left_out():

@@ -12,7 +12,8 @@ from torch import Tensor
 from gsedit.editors.looks.color_maps import Image
 from gsedit.editors.looks.table import LOOKS, VARIANTS
 from gsedit.errors import UsageError
-from gsedit.words.reader import understand
+from gsedit.words.asked import looks_asked
+from gsedit.words.read import denies, read_instruction
 
 NAMES = {word: name for name, look in LOOKS.items() for word in look.words}
 PATTERN = re.compile(rf"\b(?:{'|'.join(sorted(NAMES, key=len, reverse=True))})\b")
@@ -47,6 +48,11 @@ def parse(prompt: str) -> Recipe:
     text = " ".join(re.findall(r"[a-z]+", prompt.lower()))
     if not text:
         raise UsageError('the instruction is empty: say what to change, e.g. "make it snow"')
+    read = read_instruction(prompt)
+    if read.refusal == "negation":
+        raise UsageError(f"{prompt.strip()!r}: {read.why}")
+    if read.known and denies(prompt):
+        text = " ".join(change.name for change in read.changes)
     names = [NAMES[match.group()] for match in PATTERN.finditer(text)]
     if not names and STATUE.search(text):
         names = ["stone"]
@@ -62,7 +68,7 @@ def parse(prompt: str) -> Recipe:
 
 def _understood(prompt: str) -> list[str]:
     """The looks that a sentence asks for; none where one of them is not among those here."""
-    understood = understand(prompt)
+    understood = looks_asked(prompt)
     names = [SIMILAR.get(name, name) for name in understood.names]
     return names if understood.known and LOOKS.keys() >= set(names) else []
 

@@ -38,8 +38,8 @@ from gsedit.editors.small.subject import subject_probability, with_subject
 from gsedit.editors.small.text import MAX_WORDS, tokenise, words_of
 from gsedit.errors import InputError, UsageError
 from gsedit.storage.atomic import atomic_path
+from gsedit.words.asked import looks_asked
 from gsedit.words.looks import LOOKS
-from gsedit.words.reader import understand
 from gsedit.words.understanding import not_understood
 
 MODEL_HINT = (
@@ -127,7 +127,7 @@ class Small:
             predict_subject=self.predict_subject,
             with_subject=lambda subject: replace(self, subject=subject),
             best_size=BEST_SIZE,
-            understand=understand if self.knows_all_looks else None,
+            understand=looks_asked if self.knows_all_looks else None,
         )
 
     @property
@@ -143,8 +143,8 @@ class Small:
         if not count:
             raise UsageError('the instruction is empty: say what to change, e.g. "make it snow"')
         if self.knows_all_looks:
-            understood = understand(prompt)
-            if not (understood.known or self.guess):
+            understood = looks_asked(prompt)
+            if not (understood.known or (self.guess and understood.looks)):
                 raise UsageError(not_understood(self.name, prompt, understood))
         elif count > MAX_WORDS:
             raise UsageError(
@@ -156,7 +156,7 @@ class Small:
         """A warning that the result is a guess, for an instruction that asks for none of the looks
         that it was trained on; else nothing."""
         if self.knows_all_looks:
-            understood = understand(prompt)
+            understood = looks_asked(prompt)
             return "" if understood.known else f"not understood: {understood} is a guess"
         if not self.words or self.words.intersection(words_of(prompt)):
             return ""
@@ -169,14 +169,14 @@ class Small:
     def wordings(self, prompt: str) -> tuple[str, ...]:
         """Wordings that the network is given: for each look that the instruction means, the one
         that it knows best; the instruction itself where the network reads it."""
-        return understand(prompt).wordings if self.knows_all_looks else (prompt,)
+        return looks_asked(prompt).wordings if self.knows_all_looks else (prompt,)
 
     def predict_subject(
         self, prompt: str, originals: Float[Tensor, "v h w 3"]
     ) -> Float[Tensor, "v h w"] | None:
         """Probability of the subject at each pixel, by the network; None for an instruction about
         the scene."""
-        if self.knows_all_looks and understand(prompt).scope == "scene":
+        if self.knows_all_looks and looks_asked(prompt).scope == "scene":
             return None
         return subject_probability(self.network, ", ".join(self.wordings(prompt)), originals)
 

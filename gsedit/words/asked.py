@@ -1,0 +1,59 @@
+"""Looks of the editor `small` that a sentence asks for: read first, and refused as it is read."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from gsedit.words.instruction import Change
+from gsedit.words.looks import LOOKS, Look
+from gsedit.words.read import read_instruction
+from gsedit.words.small_looks import look_of
+from gsedit.words.understanding import ScoredLook, Understanding
+
+GUESSED = ("nonsense", "geometry")
+"""Kinds of refusal in whose place the nearest look may be guessed; nothing else that is refused
+may be."""
+
+
+@lru_cache(64)
+def looks_asked(sentence: str) -> Understanding:
+    """Looks that a sentence asks for; not known, with the reason, where `small` has none for it.
+
+    Raises InputError where the files of the encoder are missing or damaged.
+    """
+    for look in LOOKS.values():
+        if sentence == look.wording:
+            return Understanding.of(look.name)
+    read = read_instruction(sentence)
+    if read.refusal in GUESSED:
+        from gsedit.words.reader import understand
+
+        return Understanding(understand(sentence).looks, False, read.why)
+    if not read.known:
+        return Understanding((), False, read.why)
+    looks = [look_of(change) for change in read.changes]
+    for change, look in zip(read.changes, looks):
+        if why := _unfit(change, look):
+            return Understanding((), False, why)
+    known = [look for look in looks if look]
+    known.sort(key=lambda look: look.scope == "scene")
+    scored = dict.fromkeys(ScoredLook(look.name, 1.0) for look in known)
+    return Understanding(tuple(scored), True, str(read))
+
+
+def _unfit(change: Change, look: Look | None) -> str:
+    """Why a look of `small` does not do a change; "" where it does."""
+    if look is None:
+        own = " gsedit does it without a 2D editor: leave the options of editors out."
+        able = change.route not in ("small", "pix2pix")
+        return (
+            f"small has no look for {change} (gsedit list looks).{own * able} For any sentence: "
+            "--editor pix2pix --model FOLDER"
+        )
+    if change.target == "background" or (look.scope == "subject" and change.target == "scene"):
+        part = "the subject" if look.scope == "subject" else "the whole picture"
+        return (
+            f"{change} is not what small does: {look.name} changes {part}. Ask for each change in "
+            "an edit of its own, and mark what should change with --region"
+        )
+    return ""
