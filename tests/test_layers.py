@@ -19,6 +19,7 @@ ORDER = {
         "editors",
         "fitting",
         "pictures",
+        "scenery",
         "light",
         "toolkit",
         "measures",

@@ -7,6 +7,7 @@ them. `n` Gaussians, `d` directions.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,8 +15,12 @@ import torch
 from jaxtyping import Float, Float64, Int64
 from torch import Tensor
 
-from gsedit.light.surface import Surface
+from gsedit.light.place import Place, place_of
+from gsedit.light.surface import Surface, surface_of
 from gsedit.scene.color_space import LUMINANCE, lab_of_srgb, linear_of_srgb
+from rasterizer.camera import Camera
+from rasterizer.numerics import AUTO, Execution, sh_to_color
+from rasterizer.scene import Gaussians
 
 HUE_STEP = 8.0
 """Side of the squares of Lab a and b that count as one surface."""
@@ -32,13 +37,36 @@ INDIRECT = 0.25
 
 
 @dataclass(frozen=True, eq=False)
-class PresentLight:
-    """Light of a capture."""
+class Survey:
+    """Surfaces of a scene and the light that it was captured in."""
 
-    weights: Float64[np.ndarray, " c"]
-    """Weights of the directions of the sky, then of light from below."""
+    place: Place
+    surface: Surface
+    trust: Float[Tensor, " n"]
+    """How much each Gaussian is lit by geometry, in [0, 1]."""
+    sky: Float[Tensor, "n c"]
+    """Light of weight 1 from each direction of the sky, and from below (see `received`)."""
     light: Float[Tensor, " n"]
-    """On each Gaussian, about 1 on an open, level place."""
+    """Present light on each Gaussian, about 1 on an open, level place."""
+
+
+def survey(
+    scene: Gaussians,
+    cameras: Sequence[Camera],
+    seen: Float[Tensor, " n"] | None = None,
+    execution: Execution = AUTO,
+) -> Survey:
+    """Survey a scene that is seen from cameras; `seen` says how much of their pictures each
+    Gaussian fills (None: as its size is)."""
+    scene = scene.detach()
+    if seen is None:
+        seen = scene.opacities * scene.scales.sort(-1).values[:, 1:].prod(-1)
+    place = place_of(scene, cameras, seen)
+    surface = surface_of(scene, place, cameras, execution)
+    trust, sky = place.trust(surface.points), received(surface)
+    colors = sh_to_color(scene.sh[:, 0]).numpy()
+    light = estimate_present(surface, colors, (seen.double() * trust).numpy(), sky)
+    return Survey(place, surface, trust, sky, light)
 
 
 def received(surface: Surface) -> Float[Tensor, "n c"]:
@@ -57,8 +85,8 @@ def estimate_present(
     colors: Float[np.ndarray, "n 3"],
     seen: Float[np.ndarray, " n"],
     light_received: Float[Tensor, "n c"],
-) -> PresentLight:
-    """Fit the present light to display colors; `seen` is how much of pictures each fills."""
+) -> Float[Tensor, " n"]:
+    """Present light, fitted to display colors; `seen` is how much of pictures each fills."""
     rows = np.argsort(-seen, kind="stable")[:SAMPLES]
     design = light_received.numpy()[rows]
     shown = np.clip(colors[rows].astype(np.float64), 0, 1)
@@ -66,7 +94,7 @@ def estimate_present(
     weights = _fitted(design, luminance, _hues(shown), np.sqrt(seen[rows]))
     light = light_received @ torch.from_numpy(weights)
     middle = float(light[torch.from_numpy(rows)].median().clamp_min(1e-6))
-    return PresentLight(weights, light.clamp(LEAST * middle, MOST * middle))
+    return light.clamp(LEAST * middle, MOST * middle)
 
 
 def _hues(colors: Float64[np.ndarray, "m 3"]) -> Int64[np.ndarray, " m"]:

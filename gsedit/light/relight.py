@@ -8,21 +8,21 @@ trusted, far from the subject, the factor is one tone for all. `n` Gaussians.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.light.place import Place, place_of
-from gsedit.light.present import estimate_present, received
+from gsedit.light.color_change import ColorChange, only_inside, step
+from gsedit.light.place import Place
+from gsedit.light.present import Survey, survey
 from gsedit.light.setup import Fog, Lamp, LightSetup, Sun
 from gsedit.light.shadows import SHARP, lit_share, parallel_map, spot_map, sun_directions
-from gsedit.light.surface import OFFSET_PIXELS, Surface, surface_of
+from gsedit.light.surface import OFFSET_PIXELS, Surface
 from gsedit.scene.color_space import LUMINANCE
 from gsedit.toolkit.grade import GAMMA
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, SH_DC, Execution, sh_to_color
+from rasterizer.numerics import AUTO, Execution, sh_to_color
 from rasterizer.scene import Gaussians
 
 SUN_REACH = 1.2
@@ -35,33 +35,6 @@ SKY_BRIGHT = (0.45, 0.75)
 """Display luminance at which it may be sky, and is."""
 SHOULDER = 0.8
 """Display color above which a gain of light is compressed: a lit wall keeps its texture."""
-
-
-@dataclass(frozen=True, eq=False)
-class ColorChange:
-    """Change of display colors, for each Gaussian: its saturation, a factor, and a veil over it."""
-
-    saturation: float
-    factor: Float[Tensor, "n 3"]
-    veil: Float[Tensor, " n"]
-    """Share, in [0, 1], that the veil's color replaces."""
-    veil_color: Float[Tensor, "n 3"]
-
-    def applied(self, scene: Gaussians) -> Gaussians:
-        """The scene with its colors changed, from every direction alike."""
-        sh = scene.sh.detach().double()
-        color = sh_to_color(sh[:, :1])
-        weights = torch.from_numpy(LUMINANCE / LUMINANCE.sum())
-
-        def muted(values: Float[Tensor, "n k 3"]) -> Float[Tensor, "n k 3"]:
-            gray = (values * weights).sum(-1, keepdim=True)
-            return gray + self.saturation * (values - gray)
-
-        clear = (1 - self.veil)[:, None, None]
-        factor = self.factor[:, None] * clear
-        color = muted(color) * factor + (self.veil[:, None] * self.veil_color)[:, None]
-        rest = muted(sh[:, 1:]) * factor
-        return replace(scene, sh=torch.cat(((color - 0.5) / SH_DC, rest), 1).to(scene.sh))
 
 
 def relit(
@@ -77,26 +50,19 @@ def relit(
     `cameras` say where it is seen from, `seen` how much of their pictures each Gaussian fills
     (None: as its size is).
     """
-    if seen is None:
-        seen = scene.opacities.detach() * scene.scales.detach().sort(-1).values[:, 1:].prod(-1)
-    place = place_of(scene, cameras, seen)
-    trust = place.trust(scene.means.detach().double())
-    near = trust > 0
-    ratio = _far_ratio(setup).expand(len(scene), 3).clone()
-    if near.any():
-        part = surface_of(scene[near].detach(), place, cameras, execution)
-        sky = received(part)
-        colors = sh_to_color(scene.sh[near, 0].detach()).numpy()
-        present = estimate_present(part, colors, seen[near].double().numpy(), sky)
-        new = light_on(part, setup, sky, execution)
-        lit = part.smoothed(new) / part.smoothed(present.light)[:, None]
-        share = trust[near][:, None]
-        ratio[near] = share * lit + (1 - share) * ratio[near]
-    change = _change(scene, setup, place, trust, ratio ** (1 / GAMMA))
-    after = change.applied(scene)
-    if inside is None or bool(inside.all()):
-        return after
-    return replace(scene, sh=torch.where(inside[:, None, None], after.sh, scene.sh))
+    found = survey(scene, cameras, seen, execution)
+    return only_inside(scene, relit_by(found, scene, setup, execution), inside)
+
+
+def relit_by(
+    found: Survey, scene: Gaussians, setup: LightSetup, execution: Execution = AUTO
+) -> Gaussians:
+    """The scene that was surveyed, or one with other colors, in another light."""
+    new = light_on(found.surface, setup, found.sky, execution)
+    lit = found.surface.smoothed(new) / found.surface.smoothed(found.light)[:, None]
+    share = found.trust[:, None]
+    ratio = share * lit + (1 - share) * _far_ratio(setup)
+    return _change(scene, setup, found.place, found.trust, ratio ** (1 / GAMMA)).applied(scene)
 
 
 def light_on(
@@ -196,7 +162,7 @@ def sky_share(scene: Gaussians, place: Place, trust: Float[Tensor, " n"]) -> Flo
     color = sh_to_color(scene.sh[:, 0].detach().double())
     luma = color @ torch.from_numpy(LUMINANCE / LUMINANCE.sum())
     cold = color[:, 2] >= 0.9 * color[:, 0]
-    return _step(rise, SKY_RISE) * _step(luma, SKY_BRIGHT) * (1 - trust) * cold
+    return step(rise, *SKY_RISE) * step(luma, *SKY_BRIGHT) * (1 - trust) * cold
 
 
 def _fogged(
@@ -209,9 +175,3 @@ def _fogged(
     depth = fog.density * (away - fog.start).clamp_min(0)
     share = 1 - (1 - fog.base) * torch.exp(-depth)
     return share, torch.tensor(fog.color).double().expand(len(scene), 3)
-
-
-def _step(values: Float[Tensor, " n"], edges: tuple[float, float]) -> Float[Tensor, " n"]:
-    """0 below the first edge, 1 above the second, smooth between."""
-    t = ((values - edges[0]) / (edges[1] - edges[0])).clamp(0, 1)
-    return t * t * (3 - 2 * t)

@@ -1,4 +1,4 @@
-"""Lights that are put on the Gaussians themselves, by the names that a sentence is read with."""
+"""Names of the lights, weather and seasons that are put on the Gaussians themselves."""
 
 from __future__ import annotations
 
@@ -12,7 +12,11 @@ LIGHTS = frozenset(
     )
 )  # fmt: skip
 """Names of the lights in gsedit.light.named."""
-ROUTES = {"light": ("light", LIGHTS)}
+SCENERIES = frozenset(
+    ("snow", "frost", "rain", "wet", "desert", "autumn", "spring", "summer", "underwater")
+)
+"""Names of weather and seasons in gsedit.scenery.named."""
+ROUTES = {"light": ("light", LIGHTS), "look": ("scenery", SCENERIES)}
 """Route and names by kind of change."""
 
 
@@ -24,6 +28,6 @@ def light_of(name: str) -> str:
 
 
 def direct_route(change: Change) -> str | None:
-    """The route that does a light on the Gaussians; None where none does."""
+    """The route that does a change on the Gaussians; None where none does."""
     route, names = ROUTES.get(change.kind, ("", frozenset()))
     return route if light_of(change.name) in names else None

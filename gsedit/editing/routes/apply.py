@@ -20,13 +20,14 @@ from gsedit.light.relight import relit
 from gsedit.regions.lift import lift
 from gsedit.regions.region import Region, everything
 from gsedit.scene.table import table_of
+from gsedit.scenery.named import in_scenery
 from gsedit.words.instruction import Change, Instruction, Target
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
-EXACT_ROUTES = ("tone", "paint", "light")
-SEEING_ROUTES = ("paint", "light")
+EXACT_ROUTES = ("tone", "paint", "light", "scenery")
+SEEING_ROUTES = ("paint", "light", "scenery")
 """Routes that weigh Gaussians by how much of them is seen."""
 SEEN_VIEWS = 12
 """Most pictures that tell which Gaussians are seen."""
@@ -96,6 +97,8 @@ def apply_change(
             color = None if change.color is None else parse_hex(change.color)
             setup = setup_of(change.name, change.amount, color)
             return relit(scene, setup, cameras, seen, region.inside, execution)
+        case "scenery":
+            return in_scenery(scene, change.name, cameras, seen, region.inside, execution)
         case _:
             raise UsageError(f"{change} has no exact route: edit with --editor small")
     return replace(scene, sh=torch.from_numpy(after.sh).to(scene.sh))
@@ -125,7 +128,7 @@ def apply_instruction(
         after = apply_change(after, change, regions[change.target], seen, cameras, execution)
         inside |= regions[change.target].inside
     found = Region(inside, "; ".join(regions[target].note for target in targets))
-    lit = any(change.route == "light" for change in changes)
+    lit = any(change.route in ("light", "scenery") for change in changes)
     note = None if not lit else far_note(scene, place_of(scene, cameras, seen), seen)
     return Routed(after, found, (note,) if note else ())
 

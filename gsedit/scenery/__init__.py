@@ -1,0 +1,1 @@
+"""Seasons and weather on the Gaussians themselves: snow, rain, autumn and their like."""

@@ -1,0 +1,145 @@
+"""Laws of weather and seasons: snow lies on what faces up, autumn turns leaves alone, wet ground is
+darker and mirrors the sky, and nothing outside a region moves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from gsedit.editing.routes.apply import apply_change
+from gsedit.errors import UsageError
+from gsedit.light.present import survey
+from gsedit.regions.region import Region
+from gsedit.scenery.cover import snow
+from gsedit.scenery.named import SCENERIES, in_scenery
+from gsedit.scenery.noise import noise
+from gsedit.scenery.seasons import autumn
+from gsedit.scenery.setting import Setting, greenness
+from gsedit.words import direct
+from gsedit.words.instruction import Change
+from gsedit.words.read import read_instruction
+from rasterizer.camera import look_at
+from rasterizer.numerics import color_to_sh, sh_to_color
+from rasterizer.scene import Gaussians
+
+GREEN, STONE = (0.25, 0.5, 0.15), (0.55, 0.54, 0.52)
+
+
+def box_scene(color=STONE) -> Gaussians:
+    """A block of stone on a floor: level discs on top and around, upright ones on two sides."""
+    side = torch.arange(-1.2, 1.21, 0.06)
+    x, y = (each.flatten() for each in torch.meshgrid(side, side, indexing="ij"))
+    top = (x.abs() < 0.4) & (y.abs() < 0.4)
+    level = torch.stack((x, y, torch.where(top, 0.5, 0.0)), -1)
+    across, height = (
+        each.flatten()
+        for each in torch.meshgrid(
+            torch.arange(-0.36, 0.37, 0.06), torch.arange(0.05, 0.5, 0.06), indexing="ij"
+        )
+    )
+    walls = [torch.stack((across, torch.full_like(across, at), height), -1) for at in (-0.4, 0.4)]
+    means = torch.cat((level, *walls))
+    flat = torch.tensor((1.0, 0.0, 0.0, 0.0)).expand(len(level), 4)
+    turned = torch.tensor((0.5**0.5, 0.5**0.5, 0.0, 0.0)).expand(len(means) - len(level), 4)
+    scales = torch.tensor((0.05, 0.05, 0.004)).log().expand(len(means), 3).contiguous()
+    sh = color_to_sh(torch.tensor(color)).expand(len(means), 1, 3).clone()
+    return Gaussians(means, torch.cat((flat, turned)), scales, torch.full((len(means),), 4.0), sh)
+
+
+def ring(count: int = 6):
+    turn = torch.arange(count) * (2 * torch.pi / count) - torch.pi / 2
+    up, middle = torch.tensor((0.0, 0.0, 1.0)), torch.tensor((0.0, 0.0, 0.2))
+    eyes = torch.stack((3 * turn.cos(), 3 * turn.sin(), torch.full((count,), 1.5)), -1)
+    return [look_at(eye, middle, up, 50.0, 64, 64) for eye in eyes]
+
+
+@pytest.fixture(scope="module")
+def scene() -> Gaussians:
+    return box_scene()
+
+
+@pytest.fixture(scope="module")
+def setting(scene) -> Setting:
+    return Setting(scene, survey(scene, ring()), ring())
+
+
+def test_snow_whitens_what_faces_up_and_leaves_the_walls(scene, setting):
+    cover = snow(setting).veil
+    wall = scene.means[:, 1].abs() == 0.4
+    wall &= (scene.means[:, 2] > 0.1) & (scene.means[:, 2] < 0.4)
+    top = (scene.means[:, 2] == 0.5) & (scene.means[:, :2].abs().amax(1) < 0.3)
+    assert cover[top].mean() > 0.8
+    assert cover[wall].mean() < 0.25
+
+
+def test_autumn_turns_leaves_and_not_stone(scene):
+    leaves = scene.means[:, 0] > 0.5
+    colors = torch.where(leaves[:, None], torch.tensor(GREEN), torch.tensor(STONE))
+    garden = replace(scene, sh=color_to_sh(colors)[:, None])
+    found = survey(garden, ring())
+    after = sh_to_color(autumn(Setting(garden, found, ring())).applied(garden).sh[:, 0])
+    inner, stone = scene.means[:, 0] > 0.7, scene.means[:, 0] < 0.2
+    assert (after[inner, 0] > after[inner, 1]).double().mean() > 0.7
+    torch.testing.assert_close(after[stone], colors[stone], rtol=0, atol=1e-5)
+    assert after[inner].std(0).max() > 0.03  # from clump to clump
+
+
+def test_gray_brown_and_blue_are_no_foliage():
+    colors = torch.tensor([GREEN, STONE, (0.4, 0.25, 0.15), (0.5, 0.65, 0.9), (0.02, 0.03, 0.02)])
+    green = greenness(colors.double())
+    assert green[0] > 0.9
+    assert green[1:].max() < 0.1
+
+
+def test_wet_ground_is_darker_and_mirrors_the_sky_at_a_low_angle(scene):
+    far = torch.nn.functional.normalize(torch.randn(600, 3), dim=-1) * 6  # a bright dome
+    dome = scene[:600]
+    dome = replace(
+        dome,
+        means=far,
+        log_scales=torch.full((600, 3), -0.5),
+        sh=color_to_sh(torch.ones(600, 1, 3)),
+    )
+    both = scene.map(lambda field: field)
+    both = Gaussians(*(torch.cat((getattr(both, n), getattr(dome, n))) for n in vars(both)))
+    after = in_scenery(both, "wet", ring())
+    floor = (scene.means[:, 2] == 0) & (scene.means.norm(dim=-1) < 1.0)
+    rows = floor.nonzero().squeeze(-1)
+    assert after.degree == 2
+    from rasterizer.harmonics import colors
+
+    steep = colors(after.sh[rows], torch.tensor((0.0, 0.3, -1.0)).expand(len(rows), 3))
+    low = colors(after.sh[rows], torch.tensor((0.0, 1.0, -0.12)).expand(len(rows), 3))
+    assert steep.mean() < 0.9 * sh_to_color(scene.sh[rows, 0]).mean()
+    assert low.mean() > steep.mean() + 0.02
+
+
+@pytest.mark.parametrize("name", sorted(SCENERIES))
+def test_outside_a_region_no_coefficient_changes(scene, name):
+    inside = scene.means[:, 0] > 0
+    change = Change("subject", "look", name, None, None, "scenery")
+    after = apply_change(scene, change, Region(inside), cameras=ring())
+    assert after.sh.isfinite().all()
+    assert torch.equal(after.sh[~inside, :1], scene.sh[~inside])
+    assert not after.sh[~inside, 1:].any()
+
+
+def test_every_scenery_that_a_sentence_names_is_there():
+    assert set(SCENERIES) == direct.SCENERIES
+    for sentence in ("make it snow", "make it autumn", "make it rain"):
+        (change,) = read_instruction(sentence).changes
+        assert change.route == "scenery"
+
+
+def test_an_unknown_scenery_is_refused(scene):
+    with pytest.raises(UsageError, match="there is no scenery"):
+        in_scenery(scene, "hail", ring())
+
+
+def test_noise_is_the_same_each_time_and_of_mean_zero():
+    points = 40 * torch.rand(4000, 3, generator=torch.Generator().manual_seed(0)).double()
+    assert torch.equal(noise(points, 3), noise(points, 3))
+    assert abs(float(noise(points, 3).mean())) < 0.1
+    assert 0.8 < float(noise(points, 3).std()) < 1.2
