@@ -5,8 +5,9 @@ changes by W d, where W holds the blending weights. Conjugate gradients find the
 
     sum over views |W d - (target - picture)|^2 + penalty |d - d0|^2
 
-with the column sums of W as a diagonal preconditioner. d0 is the mean change of what the views
-show: Gaussians of the region that no edited view shows follow it. `n` Gaussians.
+with the column sums of W as a diagonal preconditioner. d0 is an affine map of colors, fitted to the
+change of what the views show: Gaussians of the region that no edited view shows follow it. `n`
+Gaussians.
 """
 
 from __future__ import annotations
@@ -20,13 +21,14 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.datasets.dataset import View
+from gsedit.fitting.color_map import fit_color_map
 from rasterizer.color_weights import ColorWeights, color_weights
 from rasterizer.numerics import AUTO, SH_DC, Execution, sh_to_color
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
 PENALTY = 0.05
-"""Pixels: what a Gaussian must show, over all views, before pictures outweigh the mean change."""
+"""Pixels: what a Gaussian must show, over all views, before pictures outweigh the map."""
 MOST_ITERATIONS = 12
 LEAST_GAIN_DB = 0.2
 """The solve stops after an iteration that lowers the residual by less: it then fits what the
@@ -34,7 +36,7 @@ targets disagree in (bear: 7 iterations for bronze and for snow)."""
 SMALLEST = 1e-9
 """Pixels: floor of what is divided by."""
 SHOWN_WEIGHT = 0.05
-"""Pixels of weight, over all views, from which a Gaussian's change counts in the mean."""
+"""Pixels of weight, over all views, from which a Gaussian is shown: others follow the map."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +48,10 @@ class Solution:
     """Change of the base colors since the start."""
     mse: float
     """Mean squared residual over the targets' pixels, of the linear model."""
+    followed: int
+    """Gaussians of the region that the views do not show: they follow the map of colors."""
+    map_error: float
+    """Root mean square of what the map leaves of the changes that the views show, in [0, 1]."""
 
     @property
     def scene(self) -> Gaussians:
@@ -79,16 +85,21 @@ def solve_colors(
     masks = [1.0 if v.mask is None else v.mask[..., None].to(scene.means) for v in targets]
     if pictures is None:
         pictures = [render(scene, view.camera, execution=execution).color for view in targets]
-    residuals = [m * (v.image - now) for m, v, now in zip(masks, targets, pictures)]
+    before = [m * now for m, now in zip(masks, pictures)]
+    residuals = [m * v.image - now for m, v, now in zip(masks, targets, before)]
     moved = inside[:, None].to(scene.means)
     sums = _back(weights, [mask + torch.zeros_like(r) for mask, r in zip(masks, residuals)])
-    change = _mean_change(moved * _back(weights, residuals), sums[:, :1] * moved)
-    change = _in_range(scene, change) * moved
+    base, is_shown = sh_to_color(scene.sh[:, 0]), inside & (sums[:, 0] > SHOWN_WEIGHT)
+    # what surrounds a Gaussian blurs the change that it is seen to make, and its color alike
+    total = sums.clamp_min(SHOWN_WEIGHT)
+    colors, own = (_back(weights, maps) / total for maps in (before, residuals))
+    followed = fit_color_map(colors, own, sums[:, 0] * is_shown)
+    change = followed.change(base) * moved
     residuals = [r - m * w.picture(change) for r, m, w in zip(residuals, masks, weights)]
     prior = penalty * moved
     found = _descend(weights, masks, residuals, change, moved, sums, prior, least_gain_db)
     for solved, mse in islice(found, most_iterations):
-        yield Solution(scene, solved, mse)
+        yield Solution(scene, solved, mse, int((inside & ~is_shown).sum()), followed.error)
 
 
 def _descend(
@@ -129,24 +140,6 @@ def _back(
     """The views' maps, back-projected and summed."""
     first, *others = (w.back(each) for w, each in zip(weights, maps))
     return sum(others, first)
-
-
-def _mean_change(pulled: Float[Tensor, "n 3"], sums: Float[Tensor, "n 1"]) -> Float[Tensor, "n 3"]:
-    """The mean change of color of what the views show, of every Gaussian; 0 where they show none.
-
-    A Gaussian's own change is its mean residual, `pulled` / `sums`.
-    """
-    shown = sums * (sums > SHOWN_WEIGHT)
-    own = pulled / sums.clamp_min(SHOWN_WEIGHT)
-    mean = (shown * own).sum(0) / shown.sum().clamp_min(SHOWN_WEIGHT)
-    return mean.expand_as(pulled)
-
-
-def _in_range(scene: Gaussians, change: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
-    """The change, less what would take a base color out of [0, 1] or further out."""
-    base = sh_to_color(scene.sh[:, 0])
-    low, high = base.clamp_max(0), base.clamp_min(1)
-    return torch.minimum(torch.maximum(base + change, low), high) - base
 
 
 def _energy(residuals: Sequence[Float[Tensor, "h w 3"]]) -> float:

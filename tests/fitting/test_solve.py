@@ -7,10 +7,11 @@ import pytest
 import torch
 
 from gsedit.datasets.dataset import View
+from gsedit.fitting.color_map import fit_color_map
 from gsedit.fitting.solve import solve_colors
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 from rasterizer.color_weights import color_weights
-from rasterizer.numerics import SH_DC, Execution, sh_to_color
+from rasterizer.numerics import SH_DC, Execution, color_to_sh, sh_to_color
 from rasterizer.render import backproject, render
 
 KERNELS = (Execution(), Execution(kernel="torch"))
@@ -69,10 +70,34 @@ def test_targets_that_are_the_renders_change_nothing(scene, cameras):
         assert (solution.scene.sh - scene.sh).abs().max() < 1e-3 / SH_DC
 
 
-def test_what_no_view_shows_follows_the_mean_change(scene, cameras):
+def test_what_no_view_shows_follows_the_map_of_the_others(scene, cameras):
+    """Colors of the views are halved and get a blue tint; hidden ones inside the region follow."""
+
+    def night(colors):
+        return 0.5 * colors + colors.new_tensor((0.0, 0.0, 0.1))
+
     hidden = torch.arange(len(scene)) % 50 == 0
     covered = replace(scene, logit_opacities=scene.logit_opacities.masked_fill(hidden, -torch.inf))
-    targets = as_views(replace(scene, sh=scene.sh - 0.1 / SH_DC), cameras)
-    *_, last = solve_colors(covered, targets, torch.ones(len(scene), dtype=torch.bool))
-    moved = (last.scene.sh - scene.sh)[hidden] * SH_DC
-    assert ((moved < -0.02) | (sh_to_color(scene.sh[hidden]) < 0.05)).all()
+    base = sh_to_color(scene.sh)
+    targets = as_views(replace(covered, sh=color_to_sh(night(base))), cameras)
+    inside = torch.arange(len(scene)) % 100 != 0
+    *_, last = solve_colors(covered, targets, inside)
+    followed = hidden & inside
+    solved = sh_to_color(last.scene.sh)
+    assert (solved[followed] - night(base[followed])).abs().mean() < 0.02
+    assert (base[followed] - night(base[followed])).abs().mean() > 0.1
+    assert int(followed.sum()) <= last.followed < len(scene) // 2
+    assert last.map_error < 0.05
+    assert torch.equal(last.scene.sh[~inside], scene.sh[~inside])
+
+
+def test_a_map_of_colors_is_found_again_and_stays_in_range():
+    colors = torch.rand(200, 3, generator=torch.Generator().manual_seed(5))
+    slope = torch.tensor([[0.2, 0.1, 0.0], [0.0, -0.3, 0.1], [0.0, 0.2, 0.4]])
+    found = fit_color_map(colors, colors @ slope - 0.4, torch.ones(200))
+    inner = 0.45 + 0.1 * colors
+    assert torch.allclose(found.change(inner), inner @ slope - 0.4, atol=2e-2)
+    assert (colors + found.change(colors)).min() >= -1e-6
+    assert found.error < 0.01
+    still = fit_color_map(colors, colors, torch.zeros(200))
+    assert torch.equal(still.change(colors), torch.zeros_like(colors))

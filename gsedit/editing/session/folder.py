@@ -93,6 +93,10 @@ def edit_record(result: EditResult) -> dict[str, Any]:
             "editor_calls": result.work.calls,
             "network_evaluations": result.work.evaluations,
         },
+        "followed": {
+            "gaussians": result.work.followed,
+            "map_rmse": result.work.map_error,
+        },
         "view_plan": result.view_plan,
         "decisions": result.decisions,
         "timings": result.timings,

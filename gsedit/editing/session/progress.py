@@ -54,6 +54,10 @@ class Work:
     """Views that the 2D editor was asked for; a view that it was asked for twice counts twice."""
     evaluations: int = 0
     """Evaluations of the editor's network: a view at one noise level under one condition is one."""
+    followed: int = 0
+    """Gaussians that no edited view shows, and that followed the map of colors of the others."""
+    map_error: float = 0.0
+    """Root mean square of what the map leaves of the others' changes, in [0, 1]."""
 
 
 @dataclass(frozen=True, eq=False)

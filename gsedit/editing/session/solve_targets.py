@@ -32,6 +32,8 @@ def solve_targets(session: Session, step: int, total: int) -> Iterator[Event]:
         progress.work.steps += len(solved)
         if solved:
             every = torch.ones(len(start), dtype=torch.bool)
+            progress.work.followed = solved[-1].followed
+            progress.work.map_error = solved[-1].map_error
             optimizer.replace(solved[-1].scene, torch.arange(len(start)), fresh=every)
         measured = measure_progress(session)
         loss = solved[-1].mse if solved else None

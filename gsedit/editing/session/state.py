@@ -22,7 +22,7 @@ from gsedit.regions.region import Region, everything
 from gsedit.runs.state import State, check_same, restoring, tensor_like
 from gsedit.runs.stopwatch import Stopwatch
 
-FORMAT = 4
+FORMAT = 5
 """Version of an edit's state: raised when older states can no longer be restored."""
 
 
@@ -91,8 +91,9 @@ def restore(session: Session, state: State) -> None:
         if isinstance(progress.crops, ListedCrops):
             progress.crops.load_state(state.within("met"))
         generator.set_state(tensor_like(state.tensors, "generator", generator.get_state()))
-        for name in Work.__dataclass_fields__:
-            setattr(progress.work, name, index(state.record["work"][name]))
+        for name, default in asdict(Work()).items():
+            value = state.record["work"][name]
+            setattr(progress.work, name, index(value) if type(default) is int else float(value))
         _restore_views(session, state.record, state.tensors)
     pictures = progress.edited.answers
     if not pictures and progress.work.evaluations:
