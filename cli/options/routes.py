@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     from gsedit.datasets.viewpoints import Viewpoint
     from gsedit.editing.routes.apply import Routed
     from gsedit.editing.routes.folder import Compared
+    from gsedit.regions.region import Region
     from gsedit.words.instruction import Instruction
+    from rasterizer.numerics import Execution
     from rasterizer.scene import Gaussians
 
 SHOWN_VIEWS = 4
@@ -46,6 +48,45 @@ def exact_instruction(text: str, editor: EditorOptions, values: Values) -> Instr
     return instruction if is_exact(instruction) else None
 
 
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A scene that is read, and the views in which routes look at it."""
+
+    scene: Gaussians
+    viewpoints: tuple[Viewpoint, ...]
+    region: str
+    execution: Execution
+
+    @property
+    def find(self) -> Callable[[Gaussians], Region]:
+        """The search for the part that changes."""
+        from gsedit.editing.routes.subject import find_part
+
+        return partial(
+            find_part, viewpoints=self.viewpoints, region=self.region, execution=self.execution
+        )
+
+    def asked(self, instruction: Instruction) -> Instruction:
+        """Return the instruction, in the part that --region names if it is given."""
+        return only_in_region(instruction) if self.region != AUTO else instruction
+
+
+def prepare(
+    scene: Path, load: Callable[[], Gaussians], views: ViewOptions, values: Values
+) -> Prepared:
+    """Read the scene, and find its views."""
+    from gsedit.cameras.around import FOUND_VIEWS
+    from gsedit.datasets.viewpoints import same_size
+    from gsedit.editing.session.settings import EditSettings
+
+    settings = with_values(EditSettings(), values)
+    gaussians = load()
+    say_kernel(settings.execution)
+    resolved = resolve_cameras(scene, gaussians, views, FOUND_VIEWS, settings.execution)
+    viewpoints = same_size(resolved.viewpoints, views.size)
+    return Prepared(gaussians, viewpoints, settings.region, settings.execution)
+
+
 def run_routes(
     scene: Path,
     load: Callable[[], Gaussians],
@@ -59,33 +100,24 @@ def run_routes(
     """Edit a scene by exact routes and write the folder. Raises UsageError as `apply_change`."""
     if not is_first():
         return
-    from gsedit.cameras.around import FOUND_VIEWS
-    from gsedit.datasets.viewpoints import same_size
     from gsedit.editing.routes.apply import apply_instruction
     from gsedit.editing.routes.folder import compare
-    from gsedit.editing.routes.subject import find_part
-    from gsedit.editing.session.settings import EditSettings
     from gsedit.runs.stopwatch import Stopwatch
 
-    settings = with_values(EditSettings(), values)
     print_message(f"understood as: {instruction}; done on the Gaussians, no view is edited")
-    watch, execution = Stopwatch(), settings.execution
+    watch = Stopwatch()
     with watch.stage("read"):
-        gaussians = load()
-        say_kernel(execution)
-        resolved = resolve_cameras(scene, gaussians, views, FOUND_VIEWS, execution)
-        viewpoints = same_size(resolved.viewpoints, views.size)
-    find = partial(find_part, viewpoints=viewpoints, region=settings.region, execution=execution)
+        ready = prepare(scene, load, views, values)
     with watch.stage("change"):
-        asked = only_in_region(instruction) if settings.region != AUTO else instruction
-        cameras = [viewpoint.camera for viewpoint in viewpoints]
-        routed = apply_instruction(gaussians, asked, find, cameras, execution)
+        cameras = [viewpoint.camera for viewpoint in ready.viewpoints]
+        asked, execution = ready.asked(instruction), ready.execution
+        routed = apply_instruction(ready.scene, asked, ready.find, cameras, execution)
     for note in routed.notes:
         print_message(note)
     with watch.stage("measure"):
-        compared = compare(gaussians, routed, shown(viewpoints), execution)
+        compared = compare(ready.scene, routed, shown(ready.viewpoints), execution)
     timings = {**watch.stages, "total": watch.seconds}
-    write_folder(scene, folder, instruction, routed, compared, viewpoints, views, timings)
+    write_folder(scene, folder, instruction, routed, compared, ready.viewpoints, views, timings)
     print_routed(folder, compared, timings, as_json=as_json)
 
 

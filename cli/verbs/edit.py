@@ -29,6 +29,7 @@ from ..options.editing import (
     resolve,
     what_it_understood,
 )
+from ..options.preview import preview_file, run_preview
 from ..options.routes import exact_instruction, run_routes
 from ..options.settings import Setting, SettingsGroup, Values
 
@@ -54,6 +55,12 @@ class EditOptions:
         "Edit nothing: print the work that the edit would skip, why, and the largest error "
         "that skipping can cause.",
     )
+    preview: bool = option(
+        False, "Edit nothing: draw one view, before and after, into -o FILE.png (preview.png)."
+    )
+    seeds: int = option(
+        0, "With --preview: so many candidates of a look, from --seed on.", "N", min=0, max=16
+    )
     preset: str = option(
         "default",
         "Values of the options that are not given. paper: the published equations, which "
@@ -72,7 +79,7 @@ class EditOptions:
 
 
 @shows(
-    "--output", "--data", "--region", "--editor", "--strategy", "--batches", "--views",
+    "--output", "--data", "--region", "--editor", "--strategy", "--preview", "--seeds",
     "--size", "--explain", "--resume", "--force", "--seed",
 )  # fmt: skip
 def edit(
@@ -95,6 +102,16 @@ def edit(
     Without --data, the views are renders from the cameras.json beside the scene, or from
     viewpoints that gsedit finds. gsedit list settings edit explains every setting.
     """
+    if own.preview or own.seeds:
+        file = preview_file(own.out)
+        check_request(instruction, views, file, own.explain)
+        common.apply()
+        load = partial(load_scene, scene, drop_invalid=own.drop_invalid)
+        seeds = range(common.seed, common.seed + max(own.seeds, 1))
+        return run_preview(
+            scene, load, instruction, file, views, editor, values, seeds,
+            force=own.force, as_json=common.json,
+        )  # fmt: skip
     folder = check_request(instruction, views, own.out, own.explain)
     plain = own == EditOptions(own.out, drop_invalid=own.drop_invalid, force=own.force)
     if plain and (read := exact_instruction(instruction, editor, values)):

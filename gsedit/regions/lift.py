@@ -1,8 +1,8 @@
 """From values in pictures to values of Gaussians: the mean over all views, by blending weight.
 
 A picture is linear in the colors of the Gaussians, and the factor of a Gaussian's color in a
-pixel is its blending weight. So the gradient of the sum of (picture x map) with respect to the
-colors is the sum of a map's values, weighted by what each Gaussian contributes to each pixel.
+pixel is its blending weight. The transpose of that map gives the sum of a map's values, weighted by
+what each Gaussian contributes to each pixel.
 
 `n` Gaussians; maps of `h w` pixels.
 """
@@ -17,8 +17,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from rasterizer.camera import Camera
+from rasterizer.color_weights import color_weights
 from rasterizer.numerics import AUTO, Execution
-from rasterizer.render import backproject
 from rasterizer.scene import Gaussians
 
 CENTRAL_SIGMA_SIDES = 0.25
@@ -48,7 +48,7 @@ def lift(
     for camera, values in zip(cameras, maps, strict=True):
         ones = torch.ones_like(values)
         stacked = torch.stack((values, ones, _middle(camera).to(values)), -1)
-        sums += backproject(scene, camera, stacked.to(sums), execution=execution)
+        sums += color_weights(scene, camera, execution=execution).back(stacked.to(sums))
     total, weight, central = sums.unbind(-1)
     return Lifted(total / weight.clamp_min(1e-9), weight, central)
 

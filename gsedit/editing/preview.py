@@ -1,0 +1,96 @@
+"""One view of an edit before it is done: as routes change it, or as the 2D editor draws it.
+
+`h w` pixels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import torch
+from PIL import Image
+
+from gsedit.datasets.dataset import View, evenly_spaced
+from gsedit.datasets.image_ops import downscale
+from gsedit.datasets.viewpoints import Viewpoint
+from gsedit.diffusion.settings import SamplerSettings
+from gsedit.editing.guided import carry_change
+from gsedit.editing.routes.apply import apply_instruction
+from gsedit.editing.routes.subject import find_part
+from gsedit.editors.protocol import EditBatch, Editor
+from gsedit.formats.pictures import fitted_size
+from gsedit.pictures.contact_sheet import contact_sheet
+from gsedit.scene.picture import render_picture
+from gsedit.words.instruction import Instruction
+from rasterizer.camera import Camera
+from rasterizer.numerics import AUTO, Execution
+from rasterizer.scene import Gaussians
+
+SEARCHED_VIEWS = 6
+"""Views in which the subject is searched for a preview."""
+
+
+@dataclass(frozen=True, eq=False)
+class Preview:
+    """One view before an edit, and what it would become."""
+
+    before: View
+    after: tuple[View, ...]
+    """The edited view; with several seeds, one for each, named after it."""
+
+    def picture(self) -> Image.Image:
+        """Before and after beside each other; without a before where there are several."""
+        shown = (self.before, *self.after) if len(self.after) == 1 else self.after
+        label = " | ".join(view.name for view in shown)
+        return contact_sheet([(label, shown)])
+
+
+@torch.no_grad()
+def preview_routed(
+    scene: Gaussians,
+    instruction: Instruction,
+    viewpoints: Sequence[Viewpoint],
+    region: str = "auto",
+    execution: Execution = AUTO,
+) -> Preview:
+    """The first view of a scene as exact routes change it, about as the whole edit will.
+
+    The subject is searched in few views. Raises UsageError as `apply_instruction` and `find_part`.
+    """
+    some = [viewpoints[i] for i in evenly_spaced(len(viewpoints), SEARCHED_VIEWS + 1)]
+    find = partial(find_part, viewpoints=some, region=region, execution=execution)
+    cameras = [each.camera for each in some]
+    routed = apply_instruction(scene, instruction, find, cameras, execution)
+    camera = viewpoints[0].camera
+    before, after = (render_picture(s, camera, execution) for s in (scene, routed.scene))
+    return Preview(View("before", camera, before), (View("after", camera, after),))
+
+
+@torch.no_grad()
+def preview_edited(
+    scene: Gaussians,
+    prompt: str,
+    camera: Camera,
+    editor: Editor,
+    seeds: Sequence[int] = (0,),
+    execution: Execution = AUTO,
+) -> Preview:
+    """One view as a 2D editor draws it alone, once for each seed; no scene is fitted to it.
+
+    Raises UsageError where the editor cannot follow the instruction.
+    """
+    editor.check(prompt)
+    before = render_picture(scene, camera, execution)
+    width, height = fitted_size(camera.width, camera.height, editor.capabilities.best_size)
+    small = downscale(before, width, height)[None]
+    after = []
+    for seed in seeds:
+        batch = EditBatch(small, small, prompt, seed=seed)
+        *_, last = editor.edit(batch, SamplerSettings(), torch.Generator().manual_seed(seed))
+        assert last.images is not None  # the protocol: the last item has them
+        drawn = carry_change(last.images, small, before[None])[0].clamp(0, 1)
+        name = "after" if len(seeds) == 1 else f"seed {seed}"
+        after.append(View(name, camera, drawn))
+    return Preview(View("before", camera, before), tuple(after))

@@ -1,0 +1,48 @@
+"""One view of an edit before it is done: what routes change, and candidates of a 2D editor."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+from research.labelled import statue
+
+from gsedit.cameras.orbit import circle
+from gsedit.datasets.viewpoints import Viewpoint
+from gsedit.editing.preview import preview_edited, preview_routed
+from gsedit.editors import make_editor
+from gsedit.scene.picture import render_picture
+from gsedit.words.read import read_instruction
+
+SIZE = 48
+
+
+@pytest.fixture(scope="module")
+def labelled():
+    return statue(0, 1500)
+
+
+@pytest.fixture(scope="module")
+def viewpoints(labelled):
+    middle = torch.tensor([0.0, 0.0, -0.1], dtype=torch.float64)
+    cameras = circle(middle, 0.62, labelled.scene.up, 6, SIZE, elevation=22.0, fov=45.0)
+    return [Viewpoint(str(i), camera) for i, camera in enumerate(cameras)]
+
+
+def test_a_tone_of_the_scene_is_previewed_exactly(labelled, viewpoints):
+    scene = labelled.gaussians
+    found = preview_routed(scene, read_instruction("make it 20% darker"), viewpoints)
+    with torch.no_grad():
+        before = render_picture(scene, viewpoints[0].camera)
+    assert torch.equal(found.before.image, before)
+    torch.testing.assert_close(found.after[0].image, 0.8 * before, atol=0.01, rtol=0)
+    assert found.picture().width > found.picture().height
+
+
+def test_seeds_give_candidates_of_one_look(labelled, viewpoints):
+    scene, camera = labelled.gaussians, viewpoints[0].camera
+    found = preview_edited(scene, "as a pencil sketch", camera, make_editor(), (3, 4, 3))
+    assert [view.name for view in found.after] == ["seed 3", "seed 4", "seed 3"]
+    first, second, again = (view.image for view in found.after)
+    assert torch.equal(first, again)
+    assert not torch.equal(first, second)
+    assert float((first - found.before.image).abs().mean()) > 0.02
