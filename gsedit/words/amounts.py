@@ -31,6 +31,8 @@ def amount_of(words: list[Word]) -> Amount:
     total, last = 0.0, None
     for at, word in enumerate(words):
         after = words[at + 1] if at + 1 < len(words) else None
+        if word.value == "stops" and words[at - 1].text == "a":
+            return Amount(factor=2.0)
         if word.kind == "factor":
             return Amount(factor=word.number)
         if word.kind == "fraction" and not (after and after.kind == "number"):

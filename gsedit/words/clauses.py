@@ -155,7 +155,7 @@ def _governed(before: str, part: list[Word], heir: Word | None) -> Clause:
             clause.words.append(word)
         else:
             (scope if by else clause.words).append(word)
-    if any(word.kind in ("keep", "limit") for word in (*clause.words, *scope)):
+    if any(word.kind in ("keep", "limit", "same") for word in (*clause.words, *scope)):
         return _kept(clause, scope, len(negations))
     if negations:
         _deny(clause, scope, negations)

@@ -56,6 +56,8 @@ WEATHER = frozenset(("snow", "desert", "bland", "metallic blue"))
 """Names of a color that mean another thing in a sentence."""
 ISH = re.compile(r"^(\w+?)(d?d?ish|y)$")
 ROOTS = {"blu": "blue", "whit": "white", "purpl": "purple", "orang": "orange", "re": "red"}
+FAR = 60.0
+"""CIE 1976 difference from which "apple red" is red, and "salmon pink" still salmon."""
 THINGS = frozenset(("sky", "grass", "leaf", "sea", "dirt", "sand", "stone", "brick"))
 """Names of a color that another color may be said of: "paint the sky purple"."""
 PLAIN = (
@@ -125,7 +127,8 @@ def longest(words: list[str]) -> tuple[int, str] | None:
         if color := named(" ".join(words[:count])):
             after = words[count : count + 1]
             doubled = bool(after) and after[0] in PLAIN and words[count - 1] not in THINGS
-            return count + doubled, color
+            plain = named(after[0]) if doubled else None
+            return count + doubled, plain if plain and distance(color, plain) > FAR else color
     word = words[0]
     if word in ("very", "really") and len(words) > 2 and words[1] in MODIFIERS:
         rest = longest(words[2:])

@@ -57,6 +57,10 @@ def refuse_parts(clause: Clause) -> None:
     unknown = [at for at, word in enumerate(words) if word.kind == "unknown"]
     if "shape" in kinds and not scenic and not kinds & {"noun", "hue"}:
         raise Refused("geometry")
+    sided = any(word.value in ("from the left", "from the right") for word in words)
+    asked = kinds & {"do", *TARGETS} and kinds & CONTENT
+    if sided and not scenic and asked and not any(w.value == "light" for w in words):
+        raise Refused("part")
     if "part" in kinds and not scenic and kinds & {"do", "act", "wish", *CONTENT}:
         raise Refused("part")
     for at, word in enumerate(words):

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 
+from gsedit.words.amounts import amount_of
 from gsedit.words.clauses import NEGATIONS, Clause, clauses
 from gsedit.words.instruction import Change, Instruction, Target
 from gsedit.words.parts import PARTS, named_parts, part_of, refuse_idle, refuse_parts
@@ -100,8 +102,6 @@ def _read_clause(clause: Clause, reading: Reading) -> None:
         if clause.turned < 0 and "too" in clause.tags() and reading.changes:
             return  # "night, but not too blue": a limit of what was asked
         _append(clause, changes, parts, reading)
-    if clause.before and clause.before[-1] in ".;!?\n" and not changes:
-        return
     reading.part = explicit or reading.part
 
 
@@ -110,12 +110,13 @@ def _changes(clause: Clause, reading: Reading) -> Placed:
     kinds, tags = clause.kinds(), clause.tags()
     scenic, solid = scenes(clause), solids(clause)
     cast = any(word.kind == "noun" and word.value == "hue" for word in clause.words)
-    graded = kinds & {"up", "down"} or tags & {"too"} or clause.lost or clause.turned
+    graded = kinds & {"up", "down"} or tags & {"too", "lack"} or clause.lost or clause.turned
     material = any(change.kind == "material" for _, change in solid)
     colored = "color" in kinds and not scenic and not material
     if "hue" in kinds or (cast and not material) or (colored and (graded or _so(clause))):
         return [(0, change) for change in hues(clause)]
-    if (scenic or material) and asks_less(clause) and not kinds & {"noun", "state"}:
+    less = asks_less(clause) or "too" in tags
+    if (scenic or material) and less and not kinds & {"noun", "state"}:
         raise Refused("negation")
     if scenic or solid:
         sure = {"turn", "style"} | ({"noun", "up", "down"} if kinds & {"up", "down"} else set())
@@ -145,7 +146,11 @@ def _remark(clause: Clause, explicit: str | None, reading: Reading) -> None:
         reading.changes[-1] = replace(last, amount=-last.amount)
     finish = next((word.value for word in clause.words if word.kind == "finish"), None)
     own = next((word.text for word in clause.words if word.has("adj")), finish)
-    if last.kind == "light":
+    given = amount_of(clause.words).share
+    if given and explicit in PARTS and last.kind == "tone":  # "background -30 %"
+        amount = given if given < 0 or not last.amount else math.copysign(given, last.amount)
+        reading.changes.append(replace(last, target=PARTS[explicit], amount=amount))
+    elif last.kind == "light":
         reading.changes[-1] = directed(last, clause)
     elif finish and last.kind == "paint":
         reading.changes[-1] = replace(last, name=f"{finish} {last.name}")
@@ -203,7 +208,8 @@ def _append(
     kinds = clause.kinds()
     if kinds & {"up", "down"}:
         reading.direction = -1 if asks_less(clause) or "down" in kinds else 1
-    reading.bare = bool(kinds & {"state"}) and not kinds & {"do", "wish", "be", "up", "down"}
+    reading.bare = bool(kinds & {"state"}) and not kinds & {"do", "wish", "up", "down"}
+    reading.bare &= not complains(clause)
 
 
 def _placed(change: Change, part: str | None, clause: Clause) -> Change:

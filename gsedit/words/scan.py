@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import lru_cache
 
@@ -37,6 +37,8 @@ def scanned(sentence: str) -> list[Word]:
     rest, found = tokens(sentence), list[Word]()
     while rest:
         word, used = _next(rest)
+        if word.text == "stop" and found and (found[-1].kind == "number" or found[-1].text == "a"):
+            word = replace(word, kind="unit", value="stops")
         found.append(word)
         rest = rest[used:]
     return found

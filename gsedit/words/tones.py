@@ -30,6 +30,8 @@ def tones(clause: Clause, before: int) -> list[Change]:
             name, sign = word.value.split()
             signs.setdefault(name, (1 if sign == "+" else -1) * _turned(word, clause))
     nouns = _nouns(words, signs, clause)
+    if not signs and not nouns and any(word.value == "stops" for word in words):
+        nouns = ["brightness"]
     for name in nouns:
         if name not in signs and (sign := _noun_sign(clause, before)):
             signs[name] = sign
@@ -47,8 +49,10 @@ def complains(clause: Clause) -> bool:
     kinds, words = clause.kinds(), [word.text for word in clause.words]
     if "too" in clause.tags() or "how" in words:
         return True
-    wished = kinds & {"wish", "do"}
-    return not wished and ("be" in kinds or "so" in words) and "turn" not in kinds
+    said = [word.kind for word in clause.words]
+    last = max((at for at, kind in enumerate(said) if kind not in ("fill", "be")), default=0)
+    states = "be" in said[:last] or "so" in words or "flaw" in clause.tags()
+    return states and not kinds & {"wish", "do", "turn"}
 
 
 def asks_less(clause: Clause) -> bool:
@@ -60,8 +64,10 @@ def asks_less(clause: Clause) -> bool:
 def hues(clause: Clause) -> list[Change]:
     """Changes toward or away from a color: "redder", "too green", "a blue tint"."""
     given = amount_of(clause.words)
-    words = [word for word in clause.words if word.kind in ("color", "hue")]
-    less = clause.turned < 0 or (not clause.turned and (complains(clause) or asks_less(clause)))
+    words = [word for word in reversed(clause.words) if word.kind in ("color", "hue")]
+    less = clause.turned < 0 or complains(clause) or asks_less(clause)
+    if clause.turned > 0 or "lack" in clause.tags():
+        less = False
     sign = -1 if less else 1
     if not words:
         return [tone("hue", sign * given.turn)] if given.turn else []
