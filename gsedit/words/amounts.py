@@ -38,7 +38,8 @@ def amount_of(words: list[Word]) -> Amount:
         if word.kind == "fraction" and not (after and after.kind == "number"):
             return _fraction(words, at, word.number * (last or 1.0))
         if word.kind == "number":
-            if word.number == 0 and after and after.kind == "noun":
+            beside = (*words[at - 1 : at], *words[at + 1 : at + 2])
+            if word.number == 0 and any(each.kind == "noun" for each in beside):
                 return Amount(factor=0.0)
             if after and after.kind == "number" and word.number >= 20 and after.number < 10:
                 total = word.number
@@ -67,8 +68,9 @@ def _number(words: list[Word], at: int, number: float) -> Amount | None:
             return Amount(turn=number / 360)
     if after and after.kind == "fraction":
         return None
+    added = (before and before.text == "by") or any(each.kind in ("up", "down") for each in words)
     if "." in word.text or "/" in word.text:
-        return Amount(share=number) if abs(number) < 1 else Amount(factor=number)
+        return Amount(share=number) if added and abs(number) < 1 else Amount(factor=number)
     plain = word.text[0] in "+-" or (before and before.text == "by")
     if before and before.text in OF_NOW and number > 1:
         return Amount(factor=number / 100)

@@ -18,6 +18,7 @@ CONTENT = TONES | {"color", "material", "light", "look", "finish"}
 """Kinds that name what changes."""
 TARGETS = frozenset(("subject", "background", "ground", "place", "scene", "rest"))
 """Kinds that name a part of the scene."""
+EMPTY = ("no", "without")
 IDLE = TARGETS | {"unknown", "part", "shape", "state"}
 """Kinds that a comparison only brings up."""
 NEGATIONS = frozenset(("not", "drop"))
@@ -71,8 +72,10 @@ def clauses(words: list[Word]) -> list[Clause]:
 def _segments(words: list[Word]) -> Iterator[tuple[str, list[Word]]]:
     """(mark or conjunction before, words) of each clause."""
     before, part, compared = "", list[Word](), False
-    for word in words:
+    for word, after in zip(words, [*words[1:], Word("", "mark", "")]):
         splits = word.kind in ("mark", "conj", "or")
+        if word.text == ":" and after.kind == "number":
+            continue  # "contrast: +10 %"
         if splits and not (compared and word.kind == "conj"):
             if part:
                 yield before, part
@@ -180,7 +183,7 @@ def _deny(clause: Clause, scope: list[Word], negations: list[Word]) -> None:
     if len(negations) > 1 and any(each.kind == "drop" for each in negations):
         clause.denied += [word for word in (*scope, *clause.words) if word.kind in CONTENT]
         clause.words, clause.void = [], not clause.denied
-    elif by.kind == "drop":
+    elif by.kind == "drop" or (named == {"noun"} and by.text in EMPTY and _colorless(scope)):
         _drop(clause, scope, named, told)
     elif sign := _turn(clause, scope, by):
         clause.turned, clause.words = sign, [*clause.words, *scope]
@@ -195,6 +198,11 @@ def _deny(clause: Clause, scope: list[Word], negations: list[Word]) -> None:
         clause.denied += [word for word in clause.words if word.kind in CONTENT]
         clause.void = not clause.denied and not known and bool(clause.before)
         clause.words, clause.opens = [], by
+
+
+def _colorless(scope: list[Word]) -> bool:
+    """Whether what there must not be is color itself."""
+    return {word.value for word in scope if word.kind == "noun"} == {"saturation"}
 
 
 def _drop(clause: Clause, scope: list[Word], named: set[str], told: set[str]) -> None:

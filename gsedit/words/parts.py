@@ -16,9 +16,13 @@ MOST_UNKNOWN = {"paint": 1, "material": 1, "tone": 2, "light": 3, "look": 3}
 """Words that are not known, beside the name of a change that no verb or part goes with."""
 
 
-def named_parts(clause: Clause) -> list[tuple[int, str]]:
+Parts = list[tuple[int, str]]
+"""Kinds of parts with their places in a clause."""
+
+
+def named_parts(clause: Clause) -> Parts:
     """(place in the clause, kind of part) of each part that is named, in order."""
-    words, found = clause.words, list[tuple[int, str]]()
+    words, found = clause.words, Parts()
     behind = light = False
     for at, word in enumerate(words):
         behind |= word.kind == "behind"

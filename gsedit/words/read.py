@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from gsedit.words.amounts import amount_of
 from gsedit.words.clauses import NEGATIONS, Clause, clauses
 from gsedit.words.instruction import Change, Instruction, Target
-from gsedit.words.parts import PARTS, named_parts, part_of, refuse_idle, refuse_parts
+from gsedit.words.parts import PARTS, Parts, named_parts, part_of, refuse_idle, refuse_parts
 from gsedit.words.refusals import REASONS, Refused, first_refusal
 from gsedit.words.scan import Word, scanned
 from gsedit.words.small_looks import change_of_look, routed
@@ -115,7 +115,8 @@ def _changes(clause: Clause, reading: Reading) -> Placed:
     colored = "color" in kinds and not scenic and not material
     if "hue" in kinds or (cast and not material) or (colored and (graded or _so(clause))):
         return [(0, change) for change in hues(clause)]
-    less = asks_less(clause) or "too" in tags
+    off = any(word.text in ("off", "away") for word in clause.words)
+    less = asks_less(clause) or "too" in tags or (off and bool(scenic))
     if (scenic or material) and less and not kinds & {"noun", "state"}:
         raise Refused("negation")
     if scenic or solid:
@@ -162,12 +163,7 @@ def _remark(clause: Clause, explicit: str | None, reading: Reading) -> None:
     reading.bare = False
 
 
-def _completes(
-    clause: Clause,
-    changes: Placed,
-    parts: list[tuple[int, str]],
-    reading: Reading,
-) -> bool:
+def _completes(clause: Clause, changes: Placed, parts: Parts, reading: Reading) -> bool:
     """Whether a clause names but the color or the direction of the change before."""
     last, change = reading.changes[-1] if reading.changes else None, changes[0][1]
     asks = clause.kinds() & {"do", "wish"} or parts or len(changes) > 1
@@ -186,12 +182,7 @@ def _completes(
     return False
 
 
-def _append(
-    clause: Clause,
-    changes: Placed,
-    parts: list[tuple[int, str]],
-    reading: Reading,
-) -> None:
+def _append(clause: Clause, changes: Placed, parts: Parts, reading: Reading) -> None:
     """Add changes to what was read, each with its part."""
     it = any(word.text in ("it", "him", "them") for word in clause.words)
     same = bool(reading.changes) and changes[0][1].kind == reading.changes[-1].kind == "tone"
@@ -202,6 +193,8 @@ def _append(
         near = min(parts, key=lambda part: (abs(part[0] - at), -part[0]))[1] if parts else carried
         if change.kind in ("tone", "look") and parts:
             near = parts[0][1]
+        if change.kind == "look" and changes[0][1].kind in ("paint", "material"):
+            near = None  # "a gold bear in snow"
         if near == "rest":
             reading.others.add(len(reading.changes))
         reading.changes.append(_placed(change, near, clause))
@@ -266,6 +259,8 @@ def _merged(changes: list[Change]) -> list[Change]:
     for change in changes:
         same = [c for c in kept if c.kind == change.kind and c.target == change.target]
         named = [c for c in same if c.name == change.name]
+        if change.kind == "material" and any(c.name != change.name for c in same):
+            raise Refused("two")
         if change.kind == "paint" and any(c.color != change.color for c in same):
             raise Refused("two")
         if change.name == "hue":

@@ -38,7 +38,20 @@ def solids(clause: Clause) -> list[tuple[int, Change]]:
                 name = f"{finish} {word.text}" if finish else word.text
                 found.append((at, Change("subject", "paint", name, word.color, None, "paint")))
         at += 1
-    return found
+    return _covered(words, found)
+
+
+def _covered(words: list[Word], found: list[tuple[int, Change]]) -> list[tuple[int, Change]]:
+    """Changes with one material on another as one: "stone covered with moss"."""
+    if len(found) != 2 or any(change.kind != "material" for _, change in found):
+        return found
+    (first, base), (last, over) = found
+    between = [word.text for word in words[first + 1 : last]]
+    if not {"covered", "cover", "overgrown", "with"} & set(between):
+        return found
+    if "with" not in between and "in" not in between:
+        base, over = over, base
+    return [(first, routed(replace(base, name=f"{base.name} with {over.name}")))]
 
 
 def _joined(words: list[Word], first: int, last: int) -> bool:
@@ -71,7 +84,7 @@ def _material(words: list[Word], at: int) -> tuple[Change, int]:
             break
         own.insert(0, each.text)
         color = color or (each.color if each.kind == "color" else None)
-    name = word.text if word.text.endswith(word.value) else word.value
+    name = word.text if color else word.value
     trim, end = _trim(words, at + 1)
     full = " ".join([*own, name]) + (f" with {trim}" if trim else "")
     return routed(Change("subject", "material", full, color, None, "")), end
@@ -104,7 +117,8 @@ def scenes(clause: Clause) -> list[Change]:
         if idle or not (shines or word.kind in ("light", "look")):
             continue
         name, before = "lamp" if shines else word.value, clause.words[at - 1] if at else word
-        change = Change("scene", "light", name, before.color, None, "")
+        color = before.color if before.kind == "color" else None
+        change = Change("scene", "light", name, color, None, "")
         if word.kind == "look":
             change = Change("scene", "look", name, None, None, "")
         if not any(_same_scene(change, each, times) for each in found):

@@ -9,6 +9,7 @@ SPELLINGS = (
     (r"[\u2018\u2019`]", "'"),
     (r"^(?:why )?(?:do|did)n'?t (you|we|i)\b(?=.*\?)|^why do(?: not|n'?t) (you|we)\b", ""),
     (r"^(could|would|ca|can|wo|should)n'?t (you|we|it|this|that|the)\b", r"\1 \2"),
+    (r"^(?:is|are|does|do|was|were)n'?t (it|this|that|the|you think)\b(?=.*\?)", r"\1"),
     (r"\blet's\b", "let us"),
     (r"colou?r", "color"),
     (r"(?<=\w)-ish\b", "ish"),

@@ -10,6 +10,8 @@ from gsedit.words.scan import Word
 
 DEFAULT = {"brightness": 0.2, "contrast": 0.25, "saturation": 0.3, "warmth": 0.25, "hue": 1 / 12}
 """Share of a tone that is asked for without a number; plain to see, and no color is clipped."""
+RATHER = ("rather", "quite", "pretty", "fairly", "somewhat", "kinda")
+"""Words that make a remark of a quality: "rather dull"."""
 SLIGHT, STRONG = 0.5, 1.75
 PARTICLES = frozenset(("down", "ease", "off", "out", "away"))
 """Words that go with a verb: to cool it down is no less cool."""
@@ -51,7 +53,12 @@ def complains(clause: Clause) -> bool:
         return True
     said = [word.kind for word in clause.words]
     last = max((at for at, kind in enumerate(said) if kind not in ("fill", "be")), default=0)
-    states = "be" in said[:last] or "so" in words or "flaw" in clause.tags()
+    rather = (
+        said[last] == "state"
+        and last > 0
+        and (said[last - 1] == "slight" or words[last - 1] in RATHER)
+    )
+    states = "be" in said[:last] or "so" in words or "flaw" in clause.tags() or rather
     return states and not kinds & {"wish", "do", "turn"}
 
 
@@ -134,6 +141,8 @@ def _noun_sign(clause: Clause, before: int) -> int:
             return (1 if word.value == "+" else -1) * (-1 if flipped else 1)
     if less and more:
         return 0
+    if "slight" in kinds and not (less or more or "be" in kinds):
+        return 1
     if less or more:
         return -1 if less else 1
     if complains(clause):
