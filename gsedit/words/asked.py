@@ -53,7 +53,7 @@ def _unfit(change: Change, look: Look | None) -> str:
     if change.target == "background" or (look.scope == "subject" and change.target == "scene"):
         part = "the subject" if look.scope == "subject" else "the whole picture"
         return (
-            f"{change} is not what small does: {look.name} changes {part}. Ask for each change in "
-            "an edit of its own, and mark what should change with --region"
+            f"{change}: the look {look.name} of small changes {part}. Ask for it alone, as in "
+            f"{look.wording!r}, and mark what may change with --region"
         )
     return ""

@@ -23,7 +23,8 @@ class Change:
     color: str | None
     """Color as "#rrggbb"; None where the name alone says it. For hue the color to turn to."""
     amount: float | None
-    """Signed share for tone: -0.3 is 30 % less; for hue a share of the full circle."""
+    """Signed share for tone: -0.3 is 30 % less; for hue a share of the full circle; for light the
+    share that it is stronger than usual."""
     route: str
     """Way that does the change: "tone", "paint", or "small" for the 2D editor."""
 
@@ -37,7 +38,8 @@ class Change:
                 return f"{part} painted {self.name}{color}"
             case "material":
                 return f"{part} made of {self.name}{color}"
-        return f"{part} with the {self.kind}: {self.name}{color}"
+        amount = "" if self.amount is None else f" {self.amount:+.0%}".replace("%", " %")
+        return f"{part} with the {self.kind}: {self.name}{color}{amount}"
 
 
 MORE = {

@@ -5,10 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 from gsedit.words import lexicon
+from gsedit.words.amounts import amount_of
 from gsedit.words.clauses import NAMED, Clause
 from gsedit.words.instruction import Change
 from gsedit.words.scan import Word
 from gsedit.words.small_looks import routed
+
+WEAKER, STRONGER = -0.4, 0.5
+"""Shares of a light that "a little" and "strong" take and add."""
 
 
 def solids(clause: Clause) -> list[tuple[int, Change]]:
@@ -118,7 +122,7 @@ def scenes(clause: Clause) -> list[Change]:
             continue
         name, before = "lamp" if shines else word.value, clause.words[at - 1] if at else word
         color = before.color if before.kind == "color" else None
-        change = Change("scene", "light", name, color, None, "")
+        change = Change("scene", "light", name, color, _strength(clause), "")
         if word.kind == "look":
             change = Change("scene", "look", name, None, None, "")
         if not any(_same_scene(change, each, times) for each in found):
@@ -131,6 +135,20 @@ def _same_scene(one: Change, other: Change, times: frozenset[str]) -> bool:
     drawn = lexicon.sets()["drawn"]
     looks = one.kind == other.kind == "look" and (one.name in drawn) == (other.name in drawn)
     return looks or one.name == other.name or {one.name, other.name} <= times
+
+
+def _strength(clause: Clause) -> float | None:
+    """Share by which a light is stronger or weaker than usual: "a little mist", "harsh sun"."""
+    if "turn" in clause.kinds():
+        return None
+    said = {word.value if word.kind == "intense" else word.kind for word in clause.words}
+    said |= {word.text for word in clause.words}
+    weaker, stronger = (
+        said & {"-", "slight", "thin", "dim"},
+        said & {"+", "strong", "thick", "dense"},
+    )
+    share = amount_of(clause.words).share
+    return share or (WEAKER if weaker else STRONGER if stronger else None)
 
 
 def _shines(clause: Clause, at: int) -> bool:

@@ -13,7 +13,7 @@ from PIL import Image
 
 from gsedit.errors import InputError
 
-BRONZE = "turn it into bronze"
+WATERCOLOR = "make it a watercolor"
 
 
 @pytest.fixture
@@ -52,12 +52,26 @@ def stages(monkeypatch):
     stage("capture", "capture.json", None)
     stage("fit", "", SimpleNamespace(scene=range(1234), psnr=23.456))
     stage("edit", "edit.json", None)
+
+    def routes(scene, load, instruction, folder, *_, **__):
+        ran.append(("routes", False))
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "edit.json").write_text("{}")
+
+    monkeypatch.setattr(verb, "run_routes", routes)
     monkeypatch.setattr(verb, "capture_summary", lambda _: "3 of 3 photos posed\nfocal 26 mm")
     return SimpleNamespace(ran=ran, end=end)
 
 
-def make(photos, out, *more, instruction=BRONZE):
+def make(photos, out, *more, instruction=WATERCOLOR):
     return gsedit("make", photos, instruction, "-o", out, *more)
+
+
+def test_a_sentence_that_routes_do_is_done_by_them(photos, out, stages):
+    done = make(photos, out, instruction="paint it teal")
+    assert done.exit_code == 0
+    assert stages.ran == [("capture", False), ("fit", False), ("routes", False)]
+    assert "the subject painted teal" in done.stderr
 
 
 def test_the_stages_run_once_and_the_last_screen_names_what_is_where(photos, out, stages):
@@ -105,20 +119,20 @@ def test_photos_may_be_added_after_a_capture_that_failed(photos, out, stages):
 
 def test_another_instruction_replaces_only_the_edit_and_only_with_force(photos, out, stages):
     make(photos, out)
-    refused = make(photos, out, instruction="make it snow")
+    refused = make(photos, out, instruction="draw it in pencil")
     assert refused.exit_code == 2
     assert one_line(refused.stderr)
     assert "the edit of another request (other instruction): add -f" in refused.stderr
     assert "or edit the same scene into another folder: gsedit edit " in refused.stderr
-    assert make(photos, out, "-f", instruction="make it snow").exit_code == 0
+    assert make(photos, out, "-f", instruction="draw it in pencil").exit_code == 0
     assert stages.ran[3:] == [("edit", False)]
 
 
 def test_a_replacement_that_was_interrupted_goes_on_without_force(photos, out, stages):
     make(photos, out)
     stages.end["fit"] = KeyboardInterrupt()
-    make(photos, out, "--size", 128, "-f", instruction="make it snow")
-    assert make(photos, out, "--size", 128, instruction="make it snow").exit_code == 0
+    make(photos, out, "--size", 128, "-f", instruction="draw it in pencil")
+    assert make(photos, out, "--size", 128, instruction="draw it in pencil").exit_code == 0
     assert stages.ran[3:] == [("fit", False), ("fit", True), ("edit", False)]
 
 
