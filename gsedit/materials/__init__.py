@@ -1,0 +1,1 @@
+"""Materials on Gaussians: what they are made of, and how they look in the light of their scene."""

@@ -1,0 +1,156 @@
+"""A part of a scene in a material: its Gaussians get the colors that it has in the scene's light.
+
+Nothing moves, and nothing else changes: colors agree between views since they are the Gaussians'.
+`n` Gaussians, `m` of them inside the part, `v` directions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from gsedit.datasets.dataset import evenly_spaced
+from gsedit.materials.carving import carved
+from gsedit.materials.harmonics import fitted
+from gsedit.materials.material import Material
+from gsedit.materials.patterns import Ground
+from gsedit.materials.shading import (
+    Lighting,
+    Reflectance,
+    Skin,
+    arriving,
+    body,
+    lighting,
+    outgoing,
+    reflectance,
+)
+from gsedit.scene.color_space import srgb_of_linear
+from gsedit.scene.framing import guess_up
+from gsedit.scene.quaternions import even_directions, turn_between
+from gsedit.surface.normals import estimate_normals
+from gsedit.surface.occlusion import occupancy
+from gsedit.surface.surroundings import balanced, find_surroundings, irradiance, middle
+from rasterizer.camera import Camera
+from rasterizer.numerics import AUTO, Execution
+from rasterizer.scene import Gaussians
+
+DEGREE = 3
+"""SH degree of what reflects."""
+CAMERAS = 40
+"""Most cameras whose directions colors are fitted to."""
+AROUND = 128
+"""Directions, even over the sphere, that colors are fitted to."""
+SHARPNESS = 10.0
+"""Sharpness of a camera's weight over directions: half at 21 degrees."""
+AROUND_WEIGHT = 0.05
+"""Weight of directions without cameras, against the mean one."""
+AT_ONCE = 8192
+"""Gaussians that are shaded at once: 60 MB a million directions."""
+
+
+@dataclass(frozen=True, eq=False)
+class Studied:
+    """What shading needs to know of a part of a scene, for any material."""
+
+    light: Lighting
+    skin: Skin
+    ground: Ground
+    sides: Float[Tensor, "m 2 3"]
+    """Light that arrives in front of and behind each Gaussian, of a grey subject."""
+    note: str
+    """What was found out, for a person."""
+
+
+@torch.no_grad()
+def in_material(
+    scene: Gaussians,
+    inside: Bool[Tensor, " n"],
+    material: Material,
+    cameras: Sequence[Camera] = (),
+    execution: Execution = AUTO,
+) -> Gaussians:
+    """The scene with the Gaussians inside in a material; the coefficients of others are the same.
+
+    A material that reflects raises the scene's SH to degree 3, with zeros for what is outside.
+    """
+    studied = study(scene, inside, cameras, execution)
+    degree = 0 if material.is_matte else DEGREE
+    k = max(scene.sh.shape[1], (degree + 1) ** 2)
+    sh = scene.sh.new_zeros(len(scene), k, 3)
+    sh[:, : scene.sh.shape[1]] = scene.sh
+    colored = colors_of(studied, material, cameras, degree)
+    rows = inside.nonzero().squeeze(-1)
+    sh[rows] = 0
+    sh[rows[:, None], torch.arange(colored.shape[1])] = colored.to(sh)
+    return replace(scene, sh=sh)
+
+
+def study(
+    scene: Gaussians,
+    inside: Bool[Tensor, " n"],
+    cameras: Sequence[Camera] = (),
+    execution: Execution = AUTO,
+) -> Studied:
+    """Normals, surroundings, shadows and carving of the Gaussians inside."""
+    part = scene[inside]
+    up = guess_up(scene)
+    found = estimate_normals(scene, cameras, execution)
+    surroundings = balanced(find_surroundings(scene, inside, up, execution))
+    center, radius = middle(scene, inside)
+    normals = found.directions[inside]
+    relief = carved(part, normals)
+    turn = torch.from_numpy(turn_between(up.numpy(), (0, 0, 1))).to(part.means)
+    ground = Ground((part.means - center) @ turn.T / radius, normals @ turn.T, relief.hollow)
+    light = lighting(surroundings, occupancy(part))
+    skin = Skin(part.means, normals, relief.detail)
+    everywhere = torch.from_numpy(even_directions(64)).to(part.means)
+    grey = 0.5 * irradiance(surroundings, everywhere).mean(0).expand_as(part.means)
+    sides = [arriving(light, skin[rows], grey[rows]) for rows in _parts(len(part))]
+    note = "lit by a studio: nothing is around it" if surroundings.studio else "lit by its scene"
+    return Studied(light, skin, ground, torch.cat(sides), note)
+
+
+def colors_of(
+    studied: Studied, material: Material, cameras: Sequence[Camera], degree: int
+) -> Float[Tensor, "m k 3"]:
+    """SH coefficients of the Gaussians in a material."""
+    surface = reflectance(material, studied.ground)
+    diffuse = body(material, surface, studied.sides)
+    mean = studied.sides[:, 0].mean(0)
+    own = mean * surface.color * 0.8
+    eyes = torch.stack([c.center for c in cameras]).to(diffuse) if len(cameras) else None
+    if eyes is not None:
+        eyes = eyes[evenly_spaced(len(eyes), CAMERAS)]
+    directions = torch.from_numpy(even_directions(AROUND)).to(diffuse)
+    found = []
+    for rows in _parts(len(diffuse)):
+        skin = studied.skin[rows]
+        weights = _weights(skin, directions, eyes)
+        views = directions.expand(len(skin), AROUND, 3)
+        sent = outgoing(
+            studied.light, material, surface[rows], skin, diffuse[rows], own[rows], views
+        )
+        shown = torch.from_numpy(srgb_of_linear(sent.clamp(0, 1).numpy())).to(sent)
+        found.append(fitted(shown, -directions, weights, degree))
+    return torch.cat(found)
+
+
+def _weights(
+    skin: Skin, directions: Float[Tensor, "v 3"], eyes: Float[Tensor, "c 3"] | None
+) -> Float[Tensor, "m v"]:
+    """How much colors in each direction count: as many cameras are near it, and as the surface is
+    seen from there."""
+    seen = (skin.normals @ directions.T + 0.1).clamp(1e-3, 0.5)
+    if eyes is None:
+        return seen
+    to_cameras = torch.nn.functional.normalize(eyes - skin.points[:, None], dim=-1)
+    near = torch.exp(SHARPNESS * (to_cameras @ directions.T - 1)).mean(1)
+    return seen * (near / near.mean(1, keepdim=True) + AROUND_WEIGHT)
+
+
+def _parts(count: int) -> list[slice]:
+    return [slice(start, start + AT_ONCE) for start in range(0, count, AT_ONCE)]

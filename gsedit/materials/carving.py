@@ -1,0 +1,72 @@
+"""Carving of a surface, told from its paint: what of the old colors stays under a new material.
+
+A Gaussian that is darker than those around it lies in a carved line, or is painted so. It counts as
+carved as far as its hue is that of its surroundings; where the surface is hollow it is sure. A dark
+stripe of the same hue on a flat surface is taken for carving: it stays, as a faint shadow. `n`
+Gaussians, all of one subject.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from gsedit.scene.color_space import LUMINANCE, linear_of_srgb
+from gsedit.scene.neighbors import nearest
+from rasterizer.numerics import sh_to_color
+from rasterizer.scene import Gaussians
+
+ROUNDS = 12
+"""Means over the nearest neighbors, one after the other: the surroundings of a Gaussian."""
+DETAIL = (0.45, 1.15)
+"""Least and largest ratio to the surroundings, in linear light, that counts as carving."""
+HUE = 0.12
+"""Difference in the share of a channel at which a color is half paint."""
+FLAT = 0.35
+"""Share of darkness that stays where the surface is not hollow."""
+HOLLOW = 0.12
+"""Mean sine at which neighbors stand above a surface that is fully hollow."""
+
+
+@dataclass(frozen=True, eq=False)
+class Relief:
+    """How a surface is carved."""
+
+    detail: Float[Tensor, " n"]
+    """Factor on the light, about 1 where nothing is carved."""
+    hollow: Float[Tensor, " n"]
+    """How hollow or carved it is there, in [0, 1]."""
+
+
+def carved(part: Gaussians, normals: Float[Tensor, "n 3"]) -> Relief:
+    """The relief of a subject's Gaussians."""
+    display = sh_to_color(part.sh[:, 0]).clamp(0, 1).double().numpy()
+    linear = torch.from_numpy(linear_of_srgb(display)).float() + 1e-3
+    rows = torch.from_numpy(nearest(part.means.float().numpy())[1])
+    if not rows.shape[1]:
+        return Relief(torch.ones(len(part)), torch.zeros(len(part)))
+    size = part.opacities * part.log_scales.sort(-1).values[:, 1:].sum(-1).exp() + 1e-12
+    around = _mean(torch.cat((linear, torch.ones(len(part), 1)), 1) * size[:, None], rows, ROUNDS)
+    around = around[:, :3] / around[:, 3:]
+    near = _mean(linear, rows, 1)
+    weights = torch.from_numpy(LUMINANCE).float()
+    ratio = (near @ weights) / (around @ weights)
+    hue = (near / near.sum(1, keepdim=True) - around / around.sum(1, keepdim=True)).abs().amax(1)
+    stone = 1 / (1 + (hue / HUE).square())
+    offset = torch.nn.functional.normalize(part.means[rows] - part.means[:, None], dim=-1)
+    rise = _mean(((offset * normals[:, None]).sum(-1)).mean(1, keepdim=True), rows, 2)[:, 0]
+    hollow = (rise / HOLLOW).clamp(0, 1)
+    kept = stone * (FLAT + (1 - FLAT) * hollow)
+    detail = ratio.clamp(*DETAIL) ** kept
+    dark = ((1 - ratio) / (1 - DETAIL[0])).clamp(0, 1) * stone
+    return Relief(detail, torch.maximum(hollow, dark).clamp(0, 1))
+
+
+def _mean(values: Float[Tensor, "n c"], rows: Tensor, rounds: int) -> Float[Tensor, "n c"]:
+    """Means over neighbors, one after the other."""
+    for _ in range(rounds):
+        values = (values + values[rows].sum(1)) / (1 + rows.shape[1])
+    return values

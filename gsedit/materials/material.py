@@ -1,0 +1,62 @@
+"""A material: how a surface reflects, and the patterns in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+PatternName = Literal[
+    "veins", "rings", "grain", "specks", "patches", "strata", "weave", "bricks", "crevices", "up"
+]
+
+
+@dataclass(frozen=True)
+class Layer:
+    """Something on or in a material, where a pattern in space says."""
+
+    pattern: PatternName
+    """crevices: in hollows and carved lines; up: on what faces up; the others are in space."""
+    color: str
+    """Base color as "#rrggbb", for a display."""
+    share: float = 0.5
+    """Share of the surface that it is about on, in [0, 1]."""
+    scale: float = 0.2
+    """Size of the pattern's features, in radii of the subject."""
+    metalness: float = 0.0
+    roughness: float = 0.8
+    glow: float = 0.0
+
+
+@dataclass(frozen=True)
+class Material:
+    """Parameters of a surface; each but the colors is in [0, 1]."""
+
+    color: str
+    """Base color as "#rrggbb", for a display: albedo, or reflectance of metal head on."""
+    metalness: float = 0.0
+    roughness: float = 0.6
+    """0 is a mirror, 1 is chalk."""
+    coat: float = 0.0
+    """Share of a clear, smooth coat over it: lacquer or glaze."""
+    translucency: float = 0.0
+    """Share of the light that has gone through the body: softer, and deeper in color."""
+    transmission: float = 0.0
+    """Share of what comes through from behind, as in glass, against the base color."""
+    glow: float = 0.0
+    """Light that it sends out itself, against white."""
+    specular: float = 0.04
+    """Reflectance head on of what is no metal."""
+    layers: tuple[Layer, ...] = ()
+    """Patterns, the uppermost last."""
+
+    @property
+    def is_matte(self) -> bool:
+        """Whether its color is about the same from every direction."""
+        shiny = [self.metalness, self.coat, self.transmission]
+        rough = min([self.roughness, *(layer.roughness for layer in self.layers)])
+        shiny += [layer.metalness for layer in self.layers]
+        return max(shiny) == 0 and rough >= MATTE
+
+
+MATTE = 0.75
+"""Roughness from which reflections of a surface without metal are not seen."""

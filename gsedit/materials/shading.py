@@ -1,0 +1,242 @@
+"""Light that surfaces of a material send to a camera, in the light of their surroundings.
+
+Diffuse: the light that arrives from all directions, with the subject's own shadow. Reflected: the
+surroundings as the roughness sees them in the mirror direction, times the environment's BRDF of the
+split sum. Linear light throughout; `n` Gaussians, `v` directions of each to cameras.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from gsedit.materials.material import Material
+from gsedit.materials.patterns import Ground, share_of
+from gsedit.scene.color_space import linear_of_srgb, srgb_of_hex
+from gsedit.scene.quaternions import even_directions
+from gsedit.surface.directions import look_up
+from gsedit.surface.occlusion import Occupancy, open_share
+from gsedit.surface.surroundings import ROUGHNESSES, Surroundings, prefiltered, reflected
+
+RAYS = 96
+"""Directions, even over the sphere, in which light that arrives is looked up."""
+ARRIVING = 3
+"""Prefiltered map that is looked up in these directions: as wide as they are apart."""
+GRAZING = 0.08
+"""Least cosine between a normal and a view: beyond lies the back."""
+PARALLAX_STEPS = 2
+"""Rounds in which the place that a ray meets the surroundings at is found."""
+COAT_ROUGHNESS = 0.08
+COAT_SPECULAR = 0.04
+THROUGH_BEND = 0.7
+"""Share of the view direction that is left in light that has come through a solid: the rest is
+turned towards the inside."""
+DEEP = 0.6
+"""How much deeper in color light is that has gone through a body, as a power above 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class Lighting:
+    """What lights a subject, made ready for many look-ups."""
+
+    surroundings: Surroundings
+    maps: Float[Tensor, "r h w 3"]
+    """The surroundings, prefiltered for each of ROUGHNESSES."""
+    grid: Occupancy
+    """The subject, which shadows itself."""
+
+
+@dataclass(frozen=True, eq=False)
+class Skin:
+    """Surface of a subject, one row a Gaussian: where, how turned, how carved."""
+
+    points: Float[Tensor, "n 3"]
+    normals: Float[Tensor, "n 3"]
+    detail: Float[Tensor, " n"]
+    """Factor on the light for what is carved finer than the normals show."""
+
+    def __getitem__(self, rows: slice) -> Skin:
+        return Skin(self.points[rows], self.normals[rows], self.detail[rows])
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+
+@dataclass(frozen=True, eq=False)
+class Reflectance:
+    """Parameters of a material at each Gaussian; colors in linear light."""
+
+    color: Float[Tensor, "n 3"]
+    metalness: Float[Tensor, " n"]
+    roughness: Float[Tensor, " n"]
+    coat: Float[Tensor, " n"]
+    glow: Float[Tensor, " n"]
+
+    def __getitem__(self, rows: slice) -> Reflectance:
+        return Reflectance(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
+
+
+def lighting(surroundings: Surroundings, grid: Occupancy) -> Lighting:
+    """The surroundings and a subject's own shadow, made ready."""
+    return Lighting(surroundings, prefiltered(surroundings), grid)
+
+
+def reflectance(material: Material, ground: Ground) -> Reflectance:
+    """The parameters of a material at each point of the ground, with its patterns."""
+    n = len(ground.points)
+    like = ground.points
+
+    def even(value: float) -> Tensor:
+        return like.new_full((n,), value)
+
+    found = Reflectance(
+        _linear(material.color).to(like).expand(n, 3),
+        even(material.metalness),
+        even(material.roughness),
+        even(material.coat),
+        even(material.glow),
+    )
+    for layer in material.layers:
+        share = share_of(layer, ground)
+        bare = 1 - share if layer.roughness > material.roughness else torch.ones_like(share)
+        found = Reflectance(
+            torch.lerp(found.color, _linear(layer.color).to(like).expand(n, 3), share[:, None]),
+            torch.lerp(found.metalness, even(layer.metalness), share),
+            torch.lerp(found.roughness, even(layer.roughness), share),
+            found.coat * bare,
+            torch.lerp(found.glow, even(layer.glow), share),
+        )
+    return found
+
+
+def arriving(light: Lighting, skin: Skin, own: Float[Tensor, "n 3"]) -> Float[Tensor, "n 2 3"]:
+    """Mean light, weighted by the cosine, that arrives in front of and behind each surface.
+
+    `own` is the light that the subject itself sends where it hides its surroundings.
+    """
+    directions = torch.from_numpy(even_directions(RAYS)).to(skin.points)
+    rays = directions.expand(len(skin), RAYS, 3)
+    cosine = skin.normals @ directions.T
+    seen = open_share(light.grid, skin.points, skin.normals, rays)
+    level = light.maps[ARRIVING : ARRIVING + 1]
+    sent = _along_rays(light, level[0], skin.points, rays)
+    sent = torch.lerp(own[:, None].expand_as(sent), sent, seen[..., None])
+    sides = []
+    for side in (cosine, -cosine):
+        weight = side.clamp_min(0)
+        sides.append((weight[..., None] * sent).sum(1) / weight.sum(1, keepdim=True))
+    return torch.stack(sides, 1)
+
+
+def outgoing(
+    light: Lighting,
+    material: Material,
+    surface: Reflectance,
+    skin: Skin,
+    diffuse: Float[Tensor, "n 3"],
+    own: Float[Tensor, "n 3"],
+    views: Float[Tensor, "n v 3"],
+) -> Float[Tensor, "n v 3"]:
+    """Linear light that the skin sends in unit directions `views`, to the cameras.
+
+    `diffuse` is what its body sends everywhere (see `body`), `own` as in `arriving`.
+    """
+    n, v, _ = views.shape
+    normals = skin.normals[:, None].expand_as(views)
+    cosine = (normals * views).sum(-1)
+    # views from behind see the rim: the normal is turned just so far that it is in sight
+    facing = torch.nn.functional.normalize(
+        normals + (GRAZING - cosine).clamp_min(0)[..., None] * views, dim=-1
+    )
+    cosine = (facing * views).sum(-1).clamp(GRAZING, 1)
+    mirror = 2 * cosine[..., None] * facing - views
+    seen = open_share(light.grid, skin.points, skin.normals, mirror)[..., None]
+    base = surface.color[:, None]
+    metal = surface.metalness[:, None, None]
+    head_on = torch.lerp(torch.full_like(base, material.specular), base, metal)
+    rough = surface.roughness[:, None].expand(n, v)
+    hidden = own[:, None].expand_as(mirror)
+    bent = mirror_of(light, skin.points, mirror)
+    sharp = torch.lerp(hidden, _reflected(light, bent, rough), seen)
+    sent = diffuse[:, None] + sharp * environment_brdf(head_on, rough, cosine)
+    if material.transmission:
+        through = torch.nn.functional.normalize(
+            -THROUGH_BEND * views - (1 - THROUGH_BEND) * facing, dim=-1
+        )
+        behind = _reflected(light, through, rough)
+        sent = torch.lerp(sent, behind * base, material.transmission)
+    if material.coat:
+        smooth = torch.full_like(rough, COAT_ROUGHNESS)
+        glaze = torch.full_like(base, COAT_SPECULAR)
+        share = environment_brdf(glaze, smooth, cosine) * surface.coat[:, None, None]
+        gloss = torch.lerp(hidden, _reflected(light, bent, smooth), seen)
+        sent = sent * (1 - share) + gloss * share
+    glowing = (surface.glow[:, None] * surface.color)[:, None]
+    return sent * skin.detail[:, None, None] + glowing
+
+
+def body(
+    material: Material, surface: Reflectance, sides: Float[Tensor, "n 2 3"]
+) -> Float[Tensor, "n 3"]:
+    """Light that bodies send alike in all directions: albedo times what arrives, and what has gone
+    through, softer and deeper in color."""
+    front, back = sides.unbind(1)
+    white = 1 - surface.metalness[:, None]
+    share = material.translucency
+    deep = surface.color ** (1 + DEEP * share)
+    through = 0.5 * (front + back)
+    return white * ((1 - share) * surface.color * front + share * deep * through)
+
+
+def environment_brdf(
+    head_on: Float[Tensor, "n 1 3"], roughness: Float[Tensor, "n v"], cosine: Float[Tensor, "n v"]
+) -> Float[Tensor, "n v 3"]:
+    """Share of the prefiltered light that is reflected: Karis' fit (2014) of the split sum's second
+    part for GGX and Schlick."""
+    x, y = 1 - roughness, -0.0275 * roughness + 0.0425
+    z, w = -0.572 * roughness + 1.04, 0.022 * roughness - 0.04
+    a = torch.minimum(x * x, torch.exp2(-9.28 * cosine)) * x + y
+    scale, offset = -1.04 * a + z, 1.04 * a + w
+    return head_on * scale[..., None] + offset[..., None]
+
+
+def mirror_of(
+    light: Lighting, points: Float[Tensor, "n 3"], directions: Float[Tensor, "n v 3"]
+) -> Float[Tensor, "n v 3"]:
+    """Directions from the middle of the subject to what rays from its points meet."""
+    distance = light.surroundings.distance[..., None]
+    if not distance.isfinite().any():
+        return directions
+    far = distance.masked_fill(~distance.isfinite(), 1e6)
+    offset = (points - light.surroundings.center)[:, None]
+    seen = directions
+    for _ in range(PARALLAX_STEPS):
+        away = look_up(far, seen)
+        along = (offset * directions).sum(-1, keepdim=True)
+        rest = (away.square() - offset.square().sum(-1, keepdim=True)).clamp_min(0)
+        reach = -along + (along.square() + rest).sqrt()
+        seen = torch.nn.functional.normalize(offset + reach * directions, dim=-1)
+    return seen
+
+
+def _along_rays(
+    light: Lighting,
+    level: Float[Tensor, "h w 3"],
+    points: Float[Tensor, "n 3"],
+    directions: Float[Tensor, "n v 3"],
+) -> Float[Tensor, "n v 3"]:
+    return look_up(level, mirror_of(light, points, directions))
+
+
+def _reflected(
+    light: Lighting, directions: Float[Tensor, "n v 3"], roughness: Float[Tensor, "n v"]
+) -> Float[Tensor, "n v 3"]:
+    flat = reflected(light.maps, directions.reshape(-1, 3), roughness.reshape(-1))
+    return flat.reshape(directions.shape)
+
+
+def _linear(color: str) -> Float[Tensor, "3"]:
+    return torch.from_numpy(linear_of_srgb(srgb_of_hex(color)))
