@@ -24,6 +24,7 @@ ORDER = {
         "toolkit",
         "measures",
         "synthetic",
+        "materials",
         "words",
         "surface",
         "regions",

@@ -9,23 +9,27 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from gsedit.cameras.paths import up_of
 from gsedit.datasets.dataset import evenly_spaced
-from gsedit.materials.carving import carved
+from gsedit.errors import UsageError
+from gsedit.materials.carving import carved, visible_area
 from gsedit.materials.harmonics import fitted
 from gsedit.materials.material import Material
 from gsedit.materials.patterns import Ground
+from gsedit.materials.present import Received, as_shaded
 from gsedit.materials.shading import (
     Lighting,
-    Reflectance,
     Skin,
     arriving,
     body,
     lighting,
     outgoing,
+    rays_of,
     reflectance,
 )
 from gsedit.scene.color_space import srgb_of_linear
@@ -33,7 +37,7 @@ from gsedit.scene.framing import guess_up
 from gsedit.scene.quaternions import even_directions, turn_between
 from gsedit.surface.normals import estimate_normals
 from gsedit.surface.occlusion import occupancy
-from gsedit.surface.surroundings import balanced, find_surroundings, irradiance, middle
+from gsedit.surface.surroundings import balanced, find_surroundings, middle
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
@@ -48,21 +52,36 @@ SHARPNESS = 10.0
 """Sharpness of a camera's weight over directions: half at 21 degrees."""
 AROUND_WEIGHT = 0.05
 """Weight of directions without cameras, against the mean one."""
+WHITENED = 0.6
+"""Share of white in light that is much too bright for a display."""
+UNSURE = 0.5
+"""Median confidence of normals below which Gaussians show no surface."""
+STUDIO = "nothing is around it: it is lit by a studio"
+RAISED = "reflections need SH of degree 3: the scene had {}, and its file grows"
 AT_ONCE = 8192
 """Gaussians that are shaded at once: 60 MB a million directions."""
 
 
 @dataclass(frozen=True, eq=False)
 class Studied:
-    """What shading needs to know of a part of a scene, for any material."""
+    """Knowledge of a part of a scene that shading it in any material needs."""
 
     light: Lighting
     skin: Skin
     ground: Ground
     sides: Float[Tensor, "m 2 3"]
     """Light that arrives in front of and behind each Gaussian, of a grey subject."""
-    note: str
-    """What was found out, for a person."""
+    notes: tuple[str, ...]
+    """Remarks for a person."""
+
+
+@dataclass(frozen=True, eq=False)
+class Dressed:
+    """A scene of which a part is in a material."""
+
+    scene: Gaussians
+    notes: tuple[str, ...]
+    """Remarks for a person on how it was done."""
 
 
 @torch.no_grad()
@@ -72,12 +91,14 @@ def in_material(
     material: Material,
     cameras: Sequence[Camera] = (),
     execution: Execution = AUTO,
-) -> Gaussians:
+    weights: Float[Tensor, " n"] | None = None,
+) -> Dressed:
     """The scene with the Gaussians inside in a material; the coefficients of others are the same.
 
     A material that reflects raises the scene's SH to degree 3, with zeros for what is outside.
+    Raises UsageError for no Gaussians inside, or for ones that show no surface.
     """
-    studied = study(scene, inside, cameras, execution)
+    studied = study(scene, inside, cameras, execution, weights)
     degree = 0 if material.is_matte else DEGREE
     k = max(scene.sh.shape[1], (degree + 1) ** 2)
     sh = scene.sh.new_zeros(len(scene), k, 3)
@@ -86,7 +107,9 @@ def in_material(
     rows = inside.nonzero().squeeze(-1)
     sh[rows] = 0
     sh[rows[:, None], torch.arange(colored.shape[1])] = colored.to(sh)
-    return replace(scene, sh=sh)
+    raised = k > scene.sh.shape[1]
+    notes = (*studied.notes, *((RAISED.format(scene.degree),) if raised else ()))
+    return Dressed(replace(scene, sh=sh), notes)
 
 
 def study(
@@ -94,24 +117,36 @@ def study(
     inside: Bool[Tensor, " n"],
     cameras: Sequence[Camera] = (),
     execution: Execution = AUTO,
+    weights: Float[Tensor, " n"] | None = None,
 ) -> Studied:
     """Normals, surroundings, shadows and carving of the Gaussians inside."""
     part = scene[inside]
-    up = guess_up(scene)
+    size = visible_area(part)
+    if not len(part):
+        raise UsageError("the material would be on no Gaussian: name what should be in it")
+    up = up_of(cameras) if len(cameras) > 1 else guess_up(scene)
     found = estimate_normals(scene, cameras, execution)
-    surroundings = balanced(find_surroundings(scene, inside, up, execution))
+    if float(found.confidence[inside].median()) < UNSURE:
+        raise UsageError(
+            "the part's Gaussians show no surface that could reflect (they are needles or fog): "
+            "clean the scene first with gsedit clean, or edit with --editor small"
+        )
     center, radius = middle(scene, inside)
     normals = found.directions[inside]
     relief = carved(part, normals)
-    turn = torch.from_numpy(turn_between(up.numpy(), (0, 0, 1))).to(part.means)
+    turn = torch.from_numpy(turn_between(up.numpy(), np.array((0.0, 0.0, 1.0)))).to(part.means)
     ground = Ground((part.means - center) @ turn.T / radius, normals @ turn.T, relief.hollow)
-    light = lighting(surroundings, occupancy(part))
+    grid = occupancy(part)
     skin = Skin(part.means, normals, relief.detail)
-    everywhere = torch.from_numpy(even_directions(64)).to(part.means)
-    grey = 0.5 * irradiance(surroundings, everywhere).mean(0).expand_as(part.means)
-    sides = [arriving(light, skin[rows], grey[rows]) for rows in _parts(len(part))]
-    note = "lit by a studio: nothing is around it" if surroundings.studio else "lit by its scene"
-    return Studied(light, skin, ground, torch.cat(sides), note)
+    rays = rays_of(grid, skin)
+    surroundings = find_surroundings(scene, inside, up, execution, cameras)
+    if not surroundings.studio:
+        shown = Received(relief.luminance, rays.share, size if weights is None else weights[inside])
+        surroundings = as_shaded(surroundings, shown, rays.directions)
+    light = lighting(balanced(surroundings), grid)
+    sides = [arriving(light, skin[rows], rays[rows]) for rows in _parts(len(part))]
+    notes = (STUDIO,) if surroundings.studio else ()
+    return Studied(light, skin, ground, torch.cat(sides), notes)
 
 
 def colors_of(
@@ -134,9 +169,17 @@ def colors_of(
         sent = outgoing(
             studied.light, material, surface[rows], skin, diffuse[rows], own[rows], views
         )
-        shown = torch.from_numpy(srgb_of_linear(sent.clamp(0, 1).numpy())).to(sent)
-        found.append(fitted(shown, -directions, weights, degree))
+        found.append(fitted(displayed(sent), -directions, weights, degree))
     return torch.cat(found)
+
+
+def displayed(light: Float[Tensor, "*s 3"]) -> Float[Tensor, "*s 3"]:
+    """Display colors of linear light; what is too bright keeps its hue and turns half white, where
+    clipped channels would turn gold to lemon."""
+    most = light.amax(-1, keepdim=True).clamp_min(1)
+    hue = (light / most).clamp_min(0)
+    shown = hue + (1 - hue) * WHITENED * (1 - 1 / most)
+    return torch.from_numpy(srgb_of_linear(shown.numpy())).to(light)
 
 
 def _weights(

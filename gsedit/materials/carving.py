@@ -39,20 +39,27 @@ class Relief:
     """Factor on the light, about 1 where nothing is carved."""
     hollow: Float[Tensor, " n"]
     """How hollow or carved it is there, in [0, 1]."""
+    luminance: Float[Tensor, " n"]
+    """Linear luminance of the surroundings of each Gaussian on the surface."""
+
+
+def visible_area(part: Gaussians) -> Float[Tensor, " n"]:
+    """Opacity times the area of the largest face: how much of a picture a Gaussian fills."""
+    return part.opacities * part.log_scales.sort(-1).values[:, 1:].sum(-1).exp() + 1e-12
 
 
 def carved(part: Gaussians, normals: Float[Tensor, "n 3"]) -> Relief:
     """The relief of a subject's Gaussians."""
+    weights = torch.from_numpy(LUMINANCE).float()
     display = sh_to_color(part.sh[:, 0]).clamp(0, 1).double().numpy()
     linear = torch.from_numpy(linear_of_srgb(display)).float() + 1e-3
     rows = torch.from_numpy(nearest(part.means.float().numpy())[1])
     if not rows.shape[1]:
-        return Relief(torch.ones(len(part)), torch.zeros(len(part)))
-    size = part.opacities * part.log_scales.sort(-1).values[:, 1:].sum(-1).exp() + 1e-12
-    around = _mean(torch.cat((linear, torch.ones(len(part), 1)), 1) * size[:, None], rows, ROUNDS)
+        return Relief(torch.ones(len(part)), torch.zeros(len(part)), linear @ weights)
+    size = visible_area(part)[:, None]
+    around = _mean(torch.cat((linear, torch.ones(len(part), 1)), 1) * size, rows, ROUNDS)
     around = around[:, :3] / around[:, 3:]
     near = _mean(linear, rows, 1)
-    weights = torch.from_numpy(LUMINANCE).float()
     ratio = (near @ weights) / (around @ weights)
     hue = (near / near.sum(1, keepdim=True) - around / around.sum(1, keepdim=True)).abs().amax(1)
     stone = 1 / (1 + (hue / HUE).square())
@@ -62,7 +69,7 @@ def carved(part: Gaussians, normals: Float[Tensor, "n 3"]) -> Relief:
     kept = stone * (FLAT + (1 - FLAT) * hollow)
     detail = ratio.clamp(*DETAIL) ** kept
     dark = ((1 - ratio) / (1 - DETAIL[0])).clamp(0, 1) * stone
-    return Relief(detail, torch.maximum(hollow, dark).clamp(0, 1))
+    return Relief(detail, torch.maximum(hollow, dark).clamp(0, 1), around @ weights)
 
 
 def _mean(values: Float[Tensor, "n c"], rows: Tensor, rounds: int) -> Float[Tensor, "n c"]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 PatternName = Literal[
@@ -60,3 +60,28 @@ class Material:
 
 MATTE = 0.75
 """Roughness from which reflections of a surface without metal are not seen."""
+
+
+def recolored(material: Material, color: str) -> Material:
+    """The material in another base color; its patterns are as much lighter or darker than that as
+    they were than its own."""
+    layers = [
+        replace(layer, color=_moved(layer.color, material.color, color))
+        for layer in material.layers
+    ]
+    return replace(material, color=color, layers=tuple(layers))
+
+
+def darker(color: str) -> str:
+    """Return the color of a fold or streak in a surface of another color."""
+    return "#" + "".join(f"{int(0.82 * each):02x}" for each in _channels(color))
+
+
+def _channels(color: str) -> list[int]:
+    return [int(color[at : at + 2], 16) for at in (1, 3, 5)]
+
+
+def _moved(layer: str, before: str, after: str) -> str:
+    """A layer's color, as far from a new base color as it was from the old one."""
+    parts = zip(_channels(layer), _channels(before), _channels(after))
+    return "#" + "".join(f"{min(255, max(0, new + old - base)):02x}" for old, base, new in parts)

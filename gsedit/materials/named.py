@@ -8,13 +8,11 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
-from gsedit.materials.material import Layer, Material
+from gsedit.materials.material import Layer, Material, darker, recolored
 from gsedit.materials.table import MATERIALS, OVERS
 from gsedit.words.colors import longest
-from gsedit.words.materials import MATERIAL_NAMES
+from gsedit.words.small_looks import material_of as canonical
 
-WORDS_OF_A_NAME = 4
-"""Most words of a material's name."""
 FINISHES: dict[str, dict[str, float]] = {
     "matte": {"roughness": 1.0, "coat": 0.0},
     "matt": {"roughness": 1.0, "coat": 0.0},
@@ -46,54 +44,30 @@ def material_of(name: str, color: str | None = None) -> Material | None:
     name says neither a material nor a finish."""
     main, *others = JOINED.split(name.lower().replace("-", " "))
     words = re.findall(r"[a-z]+", main)
-    found = table_name(words)
+    found = canonical(main)
     finish = [word for word in words if word in FINISHES]
-    if found is None and not finish and color is None:
+    if found not in MATERIALS and not finish and color is None:
         return None
-    material = MATERIALS[found] if found else PAINT
+    material = MATERIALS.get(found, PAINT)
     if color is not None:
         material = recolored(material, color)
     for word in finish:
         material = _finished(material, FINISHES[word])
     if "brushed" in finish and material.metalness > 0:
-        streaks = replace(BRUSHED, color=_darker(material.color))
+        streaks = replace(BRUSHED, color=darker(material.color))
         material = replace(material, layers=(streaks, *material.layers))
-    joined = [table_name(words)] if found else []
-    layers = _overs([*others, *_before(words, found)], joined)
+
+    layers = _overs([*others, *_before(words, found)], found)
     return replace(material, layers=(*material.layers, *layers))
 
 
-def table_name(words: list[str]) -> str | None:
-    """The name in the table that words have, the longest and last of them; None without any.
-
-    The last word names what it is: a "copper green marble" is marble.
-    """
-    for count in range(min(WORDS_OF_A_NAME, len(words)), 0, -1):
-        for start in range(len(words) - count, -1, -1):
-            phrase = " ".join(words[start : start + count])
-            known = phrase if phrase in MATERIALS else MATERIAL_NAMES.get(phrase)
-            if known in MATERIALS:
-                return known
-    return None
-
-
-def recolored(material: Material, color: str) -> Material:
-    """The material in another base color; its patterns are as much lighter or darker than that as
-    they were than its own."""
-    layers = [
-        replace(layer, color=_moved(layer.color, material.color, color))
-        for layer in material.layers
-    ]
-    return replace(material, color=color, layers=tuple(layers))
-
-
-def _overs(texts: list[str], known: list[str | None]) -> list[Layer]:
+def _overs(texts: list[str], known: str) -> list[Layer]:
     """Layers that the texts put on a material, in a color if one is said."""
     found: list[Layer] = []
     for text in texts:
         words = re.findall(r"[a-z]+", text)
         name = next((word for word in words if word in OVERS), None)
-        if name is None or name in known:
+        if name is None or name == known:
             continue
         at = words.index(name)
         said = longest(words[max(0, at - 2) : at]) if at else None
@@ -102,7 +76,7 @@ def _overs(texts: list[str], known: list[str | None]) -> list[Layer]:
     return found
 
 
-def _before(words: list[str], found: str | None) -> list[str]:
+def _before(words: list[str], found: str) -> list[str]:
     """The layers that adjectives name: rusty iron, mossy stone, snowy, dusty."""
     adjectives = {"rusty": "rust", "mossy": "moss", "snowy": "snow", "dusty": "dust",
                   "dirty": "dirt", "veined": "veins", "patinated": "patina"}  # fmt: skip
@@ -119,17 +93,3 @@ def _finished(material: Material, changes: dict[str, float]) -> Material:
     )
     kept = {key: value for key, value in changes.items() if key != "coat" or not material.metalness}
     return replace(material, **kept, layers=layers)
-
-
-def _channels(color: str) -> list[int]:
-    return [int(color[at : at + 2], 16) for at in (1, 3, 5)]
-
-
-def _moved(layer: str, before: str, after: str) -> str:
-    """A layer's color, as far from a new base color as it was from the old one."""
-    parts = zip(_channels(layer), _channels(before), _channels(after))
-    return "#" + "".join(f"{min(255, max(0, new + old - base)):02x}" for old, base, new in parts)
-
-
-def _darker(color: str) -> str:
-    return "#" + "".join(f"{int(0.82 * each):02x}" for each in _channels(color))

@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.materials.material import Layer, PatternName
+from gsedit.materials.material import Layer
 from gsedit.scene.quaternions import even_directions
 
 WAVES = 14

@@ -15,12 +15,14 @@ from torch import Tensor
 
 from gsedit.materials.material import Material
 from gsedit.materials.patterns import Ground, share_of
-from gsedit.scene.color_space import linear_of_srgb, srgb_of_hex
+from gsedit.scene.color_space import LUMINANCE, linear_of_srgb, srgb_of_hex
 from gsedit.scene.quaternions import even_directions
-from gsedit.surface.directions import look_up
+from gsedit.surface.directions import cell_areas, look_up
 from gsedit.surface.occlusion import Occupancy, open_share
-from gsedit.surface.surroundings import ROUGHNESSES, Surroundings, prefiltered, reflected
+from gsedit.surface.surroundings import Surroundings, prefiltered, reflected
 
+CONTRAST = 1.3
+"""Power of reflected light against its mean."""
 RAYS = 96
 """Directions, even over the sphere, in which light that arrives is looked up."""
 ARRIVING = 3
@@ -40,11 +42,13 @@ DEEP = 0.6
 
 @dataclass(frozen=True, eq=False)
 class Lighting:
-    """What lights a subject, made ready for many look-ups."""
+    """Light on a subject, made ready for many look-ups."""
 
     surroundings: Surroundings
     maps: Float[Tensor, "r h w 3"]
     """The surroundings, prefiltered for each of ROUGHNESSES."""
+    plain: Float[Tensor, "h w 3"]
+    """The surroundings, softened, as they light what is matte."""
     grid: Occupancy
     """The subject, which shadows itself."""
 
@@ -80,8 +84,18 @@ class Reflectance:
 
 
 def lighting(surroundings: Surroundings, grid: Occupancy) -> Lighting:
-    """The surroundings and a subject's own shadow, made ready."""
-    return Lighting(surroundings, prefiltered(surroundings), grid)
+    """The surroundings and a subject's own shadow, made ready.
+
+    What is reflected has more contrast than pictures show, whose tone curves compress light.
+    """
+    radiance = surroundings.radiance
+    areas = cell_areas(len(radiance)).to(radiance)[..., None]
+    luminance = radiance @ torch.from_numpy(LUMINANCE).to(radiance)[:, None]
+    mean = (luminance * areas).sum() / areas.sum()
+    steeper = radiance * (luminance / mean).clamp_min(1e-3) ** (CONTRAST - 1)
+    steeper = steeper * (radiance * areas).sum() / (steeper * areas).sum()
+    maps = prefiltered(replace(surroundings, radiance=steeper))
+    return Lighting(surroundings, maps, prefiltered(surroundings)[ARRIVING], grid)
 
 
 def reflectance(material: Material, ground: Ground) -> Reflectance:
@@ -112,20 +126,40 @@ def reflectance(material: Material, ground: Ground) -> Reflectance:
     return found
 
 
-def arriving(light: Lighting, skin: Skin, own: Float[Tensor, "n 3"]) -> Float[Tensor, "n 2 3"]:
-    """Mean light, weighted by the cosine, that arrives in front of and behind each surface.
+@dataclass(frozen=True, eq=False)
+class Rays:
+    """Light's ways to each surface: RAYS directions, and whether the subject hides them."""
 
-    `own` is the light that the subject itself sends where it hides its surroundings.
-    """
+    directions: Float[Tensor, "d 3"]
+    """Unit vectors, even over the sphere."""
+    open: Float[Tensor, "n d"]
+    cosine: Float[Tensor, "n d"]
+
+    def __getitem__(self, rows: slice) -> Rays:
+        return Rays(self.directions, self.open[rows], self.cosine[rows])
+
+    @property
+    def share(self) -> Float[Tensor, "n d"]:
+        """Weight of each direction in what a surface receives in front; 0 where it is hidden."""
+        facing = self.cosine.clamp_min(0)
+        return facing * self.open / facing.sum(1, keepdim=True).clamp_min(1e-6)
+
+
+def rays_of(grid: Occupancy, skin: Skin) -> Rays:
+    """The ways of light to a skin."""
     directions = torch.from_numpy(even_directions(RAYS)).to(skin.points)
     rays = directions.expand(len(skin), RAYS, 3)
-    cosine = skin.normals @ directions.T
-    seen = open_share(light.grid, skin.points, skin.normals, rays)
-    level = light.maps[ARRIVING : ARRIVING + 1]
-    sent = _along_rays(light, level[0], skin.points, rays)
-    sent = torch.lerp(own[:, None].expand_as(sent), sent, seen[..., None])
+    seen = open_share(grid, skin.points, skin.normals, rays)
+    return Rays(directions, seen, skin.normals @ directions.T)
+
+
+def arriving(light: Lighting, skin: Skin, rays: Rays) -> Float[Tensor, "n 2 3"]:
+    """Mean light, weighted by the cosine, that arrives in front of and behind each surface; where
+    the subject hides its surroundings, half of their mean."""
+    sent = _along_rays(light, light.plain, skin.points, rays.directions.expand(len(skin), RAYS, 3))
+    sent = torch.lerp(0.5 * sent.mean((0, 1)).expand_as(sent), sent, rays.open[..., None])
     sides = []
-    for side in (cosine, -cosine):
+    for side in (rays.cosine, -rays.cosine):
         weight = side.clamp_min(0)
         sides.append((weight[..., None] * sent).sum(1) / weight.sum(1, keepdim=True))
     return torch.stack(sides, 1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gsedit.materials.material import Layer, Material
+from gsedit.materials.material import Layer, Material, recolored
 
 
 def _metal(color: str, roughness: float = 0.3, *layers: Layer) -> Material:
@@ -67,24 +67,29 @@ STONES = {
         ),
     ),
     "granite": _stone(
-        "#8f8a86", 0.8, Layer("specks", "#55504e", 0.3, 0.035), Layer("specks", "#c9c2ba", 0.2, 0.05)
+        "#8f8a86", 0.8, Layer("specks", "#55504e", 0.3, 0.035),
+        Layer("specks", "#c9c2ba", 0.2, 0.05)
     ),
     "sandstone": _stone(
-        "#d0ab77", 0.95, Layer("strata", "#b98a58", 0.4, 0.12), Layer("specks", "#e0c294", 0.3, 0.03)
+        "#d0ab77", 0.95, Layer("strata", "#b98a58", 0.4, 0.12),
+        Layer("specks", "#e0c294", 0.3, 0.03)
     ),
     "limestone": _stone("#d6cebb", 0.95, Layer("patches", "#bfb49c", 0.3, 0.3)),
     "slate": _stone("#4f5860", 0.75, Layer("strata", "#3c444c", 0.45, 0.06)),
     "stone": _stone(
-        "#8f8b84", 0.95, Layer("patches", "#77736c", 0.4, 0.3), Layer("specks", "#a8a49c", 0.3, 0.04)
+        "#8f8b84", 0.95, Layer("patches", "#77736c", 0.4, 0.3),
+        Layer("specks", "#a8a49c", 0.3, 0.04)
     ),
     "concrete": _stone("#a3a19c", 0.95, Layer("patches", "#8f8d88", 0.35, 0.25)),
     "brick": _stone(
-        "#9c4a34", 0.95, Layer("patches", "#7f3a2a", 0.4, 0.3), Layer("bricks", "#c9c0b2", 0.2, 0.12)
+        "#9c4a34", 0.95, Layer("patches", "#7f3a2a", 0.4, 0.3),
+        Layer("bricks", "#c9c0b2", 0.2, 0.12)
     ),
     "basalt": _stone("#434446", 0.85, Layer("specks", "#2f3032", 0.4, 0.04)),
     "obsidian": Material("#0d0c10", roughness=0.1, coat=1.0),
     "onyx": Material(
-        "#17161a", roughness=0.15, coat=1.0, layers=(Layer("strata", "#5b4a3c", 0.15, 0.12, 0.0, 0.2),)
+        "#17161a", roughness=0.15, coat=1.0, layers=(
+        Layer("strata", "#5b4a3c", 0.15, 0.12, 0.0, 0.2),)
     ),
     "alabaster": _soft("#f3ebdf", 0.5, Layer("veins", "#d9c6a8", 0.12, 0.6)),
     "quartz": _glass("#f0e9ec", 0.35, 0.25),
@@ -98,11 +103,13 @@ STONES = {
         Layer("specks", "#d8b860", 0.06, 0.06, 1.0, 0.35), coat=0.6,
     ),
     "malachite": Material(
-        "#0b8a5c", roughness=0.3, coat=0.7, layers=(Layer("rings", "#0a5038", 0.45, 0.12, 0.0, 0.3),)
+        "#0b8a5c", roughness=0.3, coat=0.7, layers=(
+        Layer("rings", "#0a5038", 0.45, 0.12, 0.0, 0.3),)
     ),
     "coal": _stone("#1f1f21", 0.6, Layer("specks", "#38383b", 0.2, 0.06, 0.3, 0.35)),
     "turquoise": Material(
-        "#36b5aa", roughness=0.35, coat=0.5, layers=(Layer("veins", "#4a3a2c", 0.07, 0.35, 0.0, 0.5),)
+        "#36b5aa", roughness=0.35, coat=0.5, layers=(
+        Layer("veins", "#4a3a2c", 0.07, 0.35, 0.0, 0.5),)
     ),
     "coral": _soft("#f0705c", 0.25, Layer("specks", "#f6a08e", 0.3, 0.05)),
     "lava": Material(
@@ -161,7 +168,6 @@ MADE = {
     "felt": _stone("#8b8f94", 1.0, Layer("specks", "#7c8085", 0.4, 0.03)),
     "denim": _stone("#3f5f8a", 1.0, Layer("weave", "#6a86ab", 0.4, 0.025)),
     "fabric": _stone("#b9ae9c", 1.0, Layer("weave", "#a2967f", 0.4, 0.03)),
-    "cloth": _stone("#b9ae9c", 1.0, Layer("weave", "#a2967f", 0.4, 0.03)),
     "foam": _stone("#f0efea", 1.0),
 }  # fmt: skip
 FOOD = {
@@ -177,14 +183,22 @@ EARTH = {
     "snow": _soft("#f4f8fb", 0.3),
     "mud": _stone("#5f4630", 0.7, Layer("patches", "#463220", 0.4, 0.3, 0.0, 0.6)),
 }
-MATERIALS: dict[str, Material] = METALS | STONES | GEMS | GROWN | MADE | FOOD | EARTH
+TIMBERS = {
+    "oak": "#b08954", "walnut": "#6a4a38", "pine": "#d9b382", "mahogany": "#6e2c18",
+    "teak": "#a0703c", "ebony": "#332720", "birch": "#d8c3a0", "cherry wood": "#7a3b22",
+    "cedar": "#a0603c", "maple": "#d2a66f",
+}  # fmt: skip
+"""Woods that are as wood is, in another color."""
+WOODS = {name: recolored(GROWN["wood"], color) for name, color in TIMBERS.items()}
+MATERIALS: dict[str, Material] = WOODS | METALS | STONES | GEMS | GROWN | MADE | FOOD | EARTH
 """All materials by name."""
 OVERS: dict[str, tuple[Layer, ...]] = {
     "patina": (_VERDIGRIS, Layer("patches", "#7ab8a4", 0.3, 0.3)),
     "verdigris": (_VERDIGRIS, Layer("patches", "#7ab8a4", 0.3, 0.3)),
     "rust": (Layer("patches", "#7a3d1c", 0.4, 0.25, 0.0, 0.95),
              Layer("specks", "#b5632a", 0.15, 0.06, 0.0, 0.95)),
-    "moss": (Layer("up", "#4c6a2a", 0.45, 0.18, 0.0, 1.0), Layer("crevices", "#3a5220", 0.2, 0.1, 0.0, 1.0)),
+    "moss": (Layer("up", "#4c6a2a", 0.45, 0.18, 0.0, 1.0),
+    Layer("crevices", "#3a5220", 0.2, 0.1, 0.0, 1.0)),
     "snow": (Layer("up", "#f4f8fb", 0.4, 0.3, 0.0, 0.95),),
     "dust": (Layer("up", "#b5aa98", 0.5, 0.25, 0.0, 1.0),),
     "dirt": (Layer("crevices", "#4a3a28", 0.35, 0.15, 0.0, 1.0),

@@ -8,7 +8,7 @@ map (gsedit.surface.directions).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import pi
@@ -46,13 +46,17 @@ FILL_POWER = 3.0
 """Power of the inverse squared angle that weighs what is seen where a hole is filled."""
 FILL_ANGLE = 0.1
 """Angle, radians, below which all that is seen counts alike."""
-CLIPPED = (0.9, 1.0)
+OVERHEAD = (0.5, 0.95)
+"""Sine of the elevation at which a sky that no camera saw begins, and where it is full."""
+SKY = 2.5
+"""Brightness of such a sky, or of a ceiling's lamps, against the mean of what was seen."""
+CLIPPED = (0.8, 1.0)
 """Display values of the brightest channel between which light counts as clipped, from 0 to 1."""
 CLIPPED_GAIN = 3.0
 """Factor of clipped light: a bright sky in a picture that is exposed for the ground."""
 ROUGHNESSES = (0.0, 0.15, 0.3, 0.45, 0.6, 0.8, 1.0)
 """Roughness of the prefiltered maps; GGX's alpha is its square."""
-BALANCE = 0.7
+BALANCE = 0.8
 """Share of the light's color that white balance takes away."""
 
 
@@ -78,8 +82,12 @@ def find_surroundings(
     subject: Bool[Tensor, " n"],
     up: Float[Tensor, "3"] | None = None,
     execution: Execution = AUTO,
+    cameras: Sequence[Camera] = (),
 ) -> Surroundings:
     """The surroundings of the subject's Gaussians, from the middle of them, without them.
+
+    Directions that none of the cameras saw anything of are filled in: what a fit leaves there means
+    nothing. Those above are as bright as skies and ceilings are against what stands below them.
 
     A studio, upright along `up` (guessed if None), where fewer than LEAST_SEEN of all directions
     show anything. The subject must not be empty.
@@ -89,10 +97,11 @@ def find_surroundings(
     if not len(others):
         return studio(center, guess_up(scene) if up is None else up)
     color, alpha, distance = panorama(others, center, NEAR_SHARE * radius, execution)
+    alpha = alpha * in_sight(center, distance, cameras)
     if float((alpha * cell_areas(ROWS)).sum()) < LEAST_SEEN * 4 * pi:
         return studio(center, guess_up(scene) if up is None else up)
     display = color / alpha.clamp_min(FAINT)[..., None]
-    seen = filled(unclipped(display), alpha)
+    seen = filled(unclipped(display), alpha, guess_up(scene) if up is None else up)
     known = torch.where(alpha > 0.5, distance, torch.inf)
     return Surroundings(center, seen, known, alpha)
 
@@ -136,13 +145,41 @@ def panorama(
     return found[..., :3], found[..., 3].clamp(0, 1), found[..., 4]
 
 
-def filled(radiance: Float[Tensor, "h w 3"], seen: Float[Tensor, "h w"]) -> Float[Tensor, "h w 3"]:
-    """The light where it was seen; elsewhere the mean of what was, the nearest most."""
+def in_sight(
+    center: Float[Tensor, "3"], distance: Float[Tensor, "h w"], cameras: Sequence[Camera]
+) -> Float[Tensor, "h w"]:
+    """1 for directions in which something is that some camera has in its picture, else 0; softened
+    by a few cells. 1 everywhere without cameras."""
+    if not cameras:
+        return torch.ones_like(distance)
+    points = center + distance[..., None] * cell_directions(ROWS).to(distance)
+    found = torch.zeros_like(distance, dtype=torch.bool)
+    for camera in cameras:
+        xy, z = camera.project(points)
+        size = xy.new_tensor((camera.width, camera.height))
+        found |= (z > 0) & ((xy >= 0) & (xy < size)).all(-1)
+    around = torch.nn.functional.pad(found[None, None].to(distance), (2, 2, 0, 0), "circular")
+    around = torch.nn.functional.pad(around, (0, 0, 2, 2), "replicate")
+    return torch.nn.functional.avg_pool2d(around, 5, stride=1)[0, 0] * found
+
+
+def filled(
+    radiance: Float[Tensor, "h w 3"], seen: Float[Tensor, "h w"], up: Float[Tensor, "3"]
+) -> Float[Tensor, "h w 3"]:
+    """The light where it was seen; elsewhere the mean of what was, the nearest most, and overhead
+    a soft white sky that is SKY times as bright as the mean."""
     weights = halved(seen[..., None], COARSE)
+    areas = cell_areas(COARSE).to(radiance)
     few = halved(radiance * seen[..., None], COARSE) / weights.clamp_min(FAINT)
     kernel = _angle_kernel(lambda angle: (angle.square() + FILL_ANGLE**2) ** -FILL_POWER)
-    smooth = filtered(few, kernel.to(few), weights[..., 0] * cell_areas(COARSE).to(few))
+    smooth = filtered(few, kernel.to(few), weights[..., 0] * areas)
     around = look_up(smooth, cell_directions(ROWS).to(radiance))
+    mass = weights[..., 0] * areas
+    mean = (few * mass[..., None]).sum((0, 1)) / mass.sum().clamp_min(FAINT)
+    white = (mean @ torch.from_numpy(LUMINANCE).to(mean)).expand(3)
+    high = cell_directions(ROWS).to(radiance) @ up.to(radiance)
+    overhead = ((high - OVERHEAD[0]) / (OVERHEAD[1] - OVERHEAD[0])).clamp(0, 1)[..., None]
+    around = torch.lerp(around, (SKY * white).expand_as(around).maximum(around), overhead)
     return torch.lerp(around, radiance, seen[..., None])
 
 

@@ -12,20 +12,19 @@ from dataclasses import dataclass
 from math import pi, sqrt
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.scene.color_space import linear_of_srgb, srgb_of_linear
 from gsedit.scene.quaternions import even_directions
-from gsedit.synthetic.scene import first_hit
-from gsedit.synthetic.shapes import Sdf, gradient
-from gsedit.synthetic.splats import surface_gaussians
 from gsedit.synthetic.scene import SyntheticScene
+from gsedit.synthetic.shapes import Sdf, Triple, gradient
+from gsedit.synthetic.splats import surface_gaussians
 from rasterizer.camera import Camera
 from rasterizer.numerics import color_to_sh
 from rasterizer.scene import Gaussians, concatenate
 
-Light = Callable[[Float[Tensor, "m 3"]], Float[Tensor, "m 3"]]
+Light = Callable[[Float[Tensor, "*m 3"]], Float[Tensor, "*m 3"]]
 """Linear light from unit directions."""
 
 DOME = 6.0
@@ -170,7 +169,7 @@ def display(linear: Float[Tensor, "*s 3"]) -> Float[Tensor, "*s 3"]:
 
 def captured(
     lit: LitSolid, finish: Finish, count: int, surroundings: int, generator: torch.Generator
-) -> tuple[Gaussians, Float[Tensor, " n"]]:
+) -> tuple[Gaussians, Bool[Tensor, " n"]]:
     """Gaussians of the solid with a matte finish and of its surroundings, as a capture has them:
     clipped; and which of them are the solid's."""
     discs = surface_gaussians(lit.solid, count, generator)
@@ -196,7 +195,7 @@ def captured(
     return concatenate(discs, dome), own
 
 
-def garden(directions: Float[Tensor, "m 3"]) -> Float[Tensor, "m 3"]:
+def garden(directions: Float[Tensor, "*m 3"]) -> Float[Tensor, "*m 3"]:
     """A meadow under a blue sky with a low sun, a wall and a dark wood, all soft; z is up."""
     x, y, z = directions.unbind(-1)
     sky = _mixed(directions, (0.95, 0.95, 0.9), (0.25, 0.42, 0.8), (z * 1.5).clamp(0, 1).sqrt())
@@ -215,7 +214,7 @@ def garden(directions: Float[Tensor, "m 3"]) -> Float[Tensor, "m 3"]:
     return light + 9 * torch.sigmoid(((directions @ sun) - 0.97) / 0.004)[..., None]
 
 
-def plain_base(color: tuple[float, float, float]) -> Callable[[Tensor], Tensor]:
+def plain_base(color: Triple) -> Callable[[Tensor], Tensor]:
     """A base color, given for a display, that is the same everywhere."""
     linear = torch.from_numpy(linear_of_srgb(torch.tensor(color, dtype=torch.float64).numpy()))
     return lambda points: linear.to(points).expand(len(points), 3)
@@ -225,9 +224,9 @@ def _between(first: Tensor, second: Tensor, share: Tensor) -> Tensor:
     return torch.lerp(first, second, share[..., None].to(first))
 
 
-def _mixed(like: Tensor, first: tuple, second: tuple, share: Tensor) -> Tensor:
-    ends = (like.new_tensor(each).expand_as(like) for each in (first, second))
-    return _between(*ends, share)
+def _mixed(like: Tensor, first: Triple, second: Triple, share: Tensor) -> Tensor:
+    start, end = (like.new_tensor(each).expand_as(like) for each in (first, second))
+    return _between(start, end, share)
 
 
 def _frames(normals: Float[Tensor, "m 3"]) -> Float[Tensor, "m 3 3"]:

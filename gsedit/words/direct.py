@@ -1,4 +1,4 @@
-"""Names of the lights, weather and seasons that are put on the Gaussians themselves."""
+"""Changes that are done on the Gaussians themselves, by the names that a sentence is read with."""
 
 from __future__ import annotations
 
@@ -28,6 +28,11 @@ def light_of(name: str) -> str:
 
 
 def direct_route(change: Change) -> str | None:
-    """The route that does a change on the Gaussians; None where none does."""
+    """The route that does a change on the Gaussians; None where none does.
+
+    gsedit.materials.table has every material of the lexicon.
+    """
+    if change.kind == "material":
+        return "material"
     route, names = ROUTES.get(change.kind, ("", frozenset()))
     return route if light_of(change.name) in names else None

@@ -26,7 +26,8 @@ class Change:
     """Signed share for tone: -0.3 is 30 % less; for hue a share of the full circle; for light the
     share that it is stronger than usual."""
     route: str
-    """Way that does the change: "tone", "paint", or "small" for the 2D editor."""
+    """Way that does the change: "tone", "paint", "material" or "light"; or the 2D editor "small" or
+    "pix2pix"."""
 
     def __str__(self) -> str:
         part = "the whole scene" if self.target == "scene" else f"the {self.target}"

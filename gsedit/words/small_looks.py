@@ -53,10 +53,7 @@ def routed(change: Change) -> Change:
         return replace(change, route=change.kind)
     if route := direct_route(change):
         return replace(change, route=route)
-    if fits or change.kind != "material":
-        return replace(change, route="small" if fits else "pix2pix")
-    base = lexicon.materials()[material_of(change.name)]
-    return replace(change, route="paint", color=change.color or base)
+    return replace(change, route="small" if fits else "pix2pix")
 
 
 def material_of(name: str) -> str:
@@ -76,7 +73,7 @@ def change_of_look(look: Look) -> Change:
         return routed(Change("scene", kind, look.name, None, None, "small"))
     if look.name in colors.PLAIN:
         return Change("subject", "paint", look.name, colors.named(look.name), None, "paint")
-    return Change("subject", "material", look.name, COLORS.get(look.name), None, "small")
+    return Change("subject", "material", look.name, COLORS.get(look.name), None, "material")
 
 
 def _names(change: Change) -> list[str]:

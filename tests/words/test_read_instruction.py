@@ -139,10 +139,9 @@ def test_a_color_is_read_by_name_and_by_number(sentence, color, name):
     assert (change.kind, change.color, change.name) == ("paint", color, name)
 
 
-def test_a_material_without_a_look_is_painted_in_its_color():
-    assert only("polished pewter").route == "paint"
-    assert only("polished pewter").color == "#8e9294"
-    assert only("bronze").route == "small"
+def test_a_material_goes_by_the_material_route():
+    assert only("polished pewter").route == "material"
+    assert only("bronze").route == "material"
     look = look_of(only("bronze"))
     assert look is not None
     assert look.name == "bronze"

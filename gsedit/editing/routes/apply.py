@@ -17,6 +17,8 @@ from gsedit.errors import UsageError
 from gsedit.light.named import setup_of
 from gsedit.light.place import far_note, place_of
 from gsedit.light.relight import relit
+from gsedit.materials.apply import Dressed, in_material
+from gsedit.materials.named import material_of
 from gsedit.regions.lift import lift
 from gsedit.regions.region import Region, everything
 from gsedit.scene.table import table_of
@@ -26,7 +28,7 @@ from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
-EXACT_ROUTES = ("tone", "paint", "light", "scenery")
+EXACT_ROUTES = ("tone", "paint", "material", "light", "scenery")
 SEEING_ROUTES = ("paint", "light", "scenery")
 """Routes that weigh Gaussians by how much of them is seen."""
 SEEN_VIEWS = 12
@@ -93,6 +95,8 @@ def apply_change(
             weights = None if seen is None else seen.cpu().numpy()
             finish = finish_of(change.name)
             after = painted(table, inside, parse_hex(change.color), finish, weights)
+        case "material":
+            return dressed(scene, change, region, cameras, execution).scene
         case "light":
             color = None if change.color is None else parse_hex(change.color)
             setup = setup_of(change.name, change.amount, color)
@@ -102,6 +106,21 @@ def apply_change(
         case _:
             raise UsageError(f"{change} has no exact route: edit with --editor small")
     return replace(scene, sh=torch.from_numpy(after.sh).to(scene.sh))
+
+
+def dressed(
+    scene: Gaussians,
+    change: Change,
+    region: Region,
+    cameras: Sequence[Camera],
+    execution: Execution = AUTO,
+) -> Dressed:
+    """The scene with the Gaussians of a region in a material. Raises UsageError as `in_material`,
+    and for a name that is no material."""
+    material = material_of(change.name, change.color)
+    if material is None:
+        raise UsageError(f"there is no material {change.name!r}: gsedit looks lists what there is")
+    return in_material(scene, region.inside, material, cameras, execution)
 
 
 def apply_instruction(
@@ -124,13 +143,19 @@ def apply_instruction(
     targets: tuple[Target, ...] = tuple(dict.fromkeys(change.target for change in changes))
     regions = _regions(scene, set(targets), find_region)
     after, inside = scene, torch.zeros(len(scene), dtype=torch.bool)
+    notes: list[str] = []
     for change in changes:
-        after = apply_change(after, change, regions[change.target], seen, cameras, execution)
+        region = regions[change.target]
+        if change.route == "material" and region.inside.any():
+            made = dressed(after, change, region, cameras, execution)
+            after, notes = made.scene, [*notes, *made.notes]
+        else:
+            after = apply_change(after, change, region, seen, cameras, execution)
         inside |= regions[change.target].inside
     found = Region(inside, "; ".join(regions[target].note for target in targets))
     lit = any(change.route in ("light", "scenery") for change in changes)
     note = None if not lit else far_note(scene, place_of(scene, cameras, seen), seen)
-    return Routed(after, found, (note,) if note else ())
+    return Routed(after, found, (*dict.fromkeys(notes), *((note,) if note else ())))
 
 
 def _regions(

@@ -1,0 +1,197 @@
+"""Materials in the light of their scene: the table, the words, the patterns, and the laws."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import get_args
+
+import numpy as np
+import pytest
+import torch
+
+from gsedit.editing.routes.apply import apply_change, apply_instruction
+from gsedit.errors import UsageError
+from gsedit.materials.apply import displayed, in_material
+from gsedit.materials.harmonics import fitted
+from gsedit.materials.material import Layer, Material, PatternName, recolored
+from gsedit.materials.named import material_of
+from gsedit.materials.patterns import Ground, share_of
+from gsedit.materials.shading import environment_brdf
+from gsedit.materials.table import MATERIALS
+from gsedit.regions.region import Region
+from gsedit.scene.picture import render_picture
+from gsedit.scene.quaternions import even_directions
+from gsedit.synthetic import ring_cameras, scenes
+from gsedit.synthetic.reflective import Finish, LitSolid, captured, garden, plain_base
+from gsedit.words import lexicon
+from gsedit.words.read import read_instruction
+from rasterizer.harmonics import basis
+from rasterizer.numerics import SH_DC
+from rasterizer.scene import Gaussians
+
+PATTERNS = get_args(PatternName)
+BRONZE = Material("#b98550", metalness=1.0, roughness=0.38)
+
+
+@pytest.fixture(scope="module")
+def ball():
+    """A stone ball in a garden, which Gaussians are its own, cameras around it, and the truth."""
+    lit = LitSolid(scenes()[0], garden)
+    stone = Finish(plain_base((0.5, 0.45, 0.4)), specular=0.0)
+    scene, own = captured(lit, stone, 1200, 3000, torch.Generator().manual_seed(0))
+    cameras = (*ring_cameras(lit.solid, 10, 64), *ring_cameras(lit.solid, 8, 64, elevation=55.0))
+    return lit, scene, own, cameras
+
+
+def subject_error(scene, lit, camera, finish):
+    """Root mean squared error on the solid's pixels."""
+    truth = lit.photograph(finish, camera, 24, 1).float()
+    hit = lit.solid.trace(camera).hit
+    return float((render_picture(scene, camera) - truth)[hit].square().mean().sqrt())
+
+
+def test_every_material_of_the_lexicon_is_in_the_table():
+    assert set(lexicon.materials()) <= set(MATERIALS)
+    assert len(MATERIALS) >= 40
+
+
+def test_every_material_has_parameters_in_range():
+    for name, material in MATERIALS.items():
+        shares = [material.metalness, material.roughness, material.coat, material.translucency]
+        shares += [material.transmission, material.specular]
+        shares += [each for layer in material.layers for each in (layer.share, layer.roughness)]
+        assert all(0 <= each <= 1 for each in shares), name
+        colors = [material.color, *(layer.color for layer in material.layers)]
+        assert all(len(color) == 7 and int(color[1:], 16) >= 0 for color in colors), name
+
+
+def test_words_say_finish_color_and_what_lies_over():
+    brushed = material_of("brushed copper with green patina")
+    assert brushed.metalness == 1
+    assert {layer.pattern for layer in brushed.layers} >= {"grain", "crevices"}
+    granite = material_of("polished black granite", "#000000")
+    assert granite.coat > 0.5
+    assert granite.color == "#000000"
+    assert material_of("matte teal", "#029386").is_matte
+    assert not material_of("glossy red", "#e50000").is_matte
+    assert any(layer.pattern == "up" for layer in material_of("stone with moss").layers)
+    assert material_of("nothing of the kind") is None
+
+
+def test_a_pattern_in_another_color_is_as_much_darker():
+    veined = Material("#808080", layers=(Layer("veins", "#606060"),))
+    assert recolored(veined, "#a04040").layers[0].color == "#802020"
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+def test_a_pattern_is_on_its_share_of_a_ball(pattern):
+    points = torch.from_numpy(even_directions(4000)).float()
+    hollow = (points[:, 0] * 3).sin().clamp_min(0)
+    share = share_of(Layer(pattern, "#000000", 0.3, 0.3), Ground(points, points, hollow))
+    assert bool(((share >= 0) & (share <= 1)).all())
+    assert 0.2 < float(share.mean()) < 0.45
+    assert float(share.std()) > 0.1
+
+
+def test_a_smooth_metal_reflects_its_color_head_on_and_white_at_grazing():
+    gold = torch.tensor([[[1.0, 0.7, 0.3]]])
+    head_on = environment_brdf(gold, torch.zeros(1, 1), torch.ones(1, 1))
+    grazing = environment_brdf(gold, torch.zeros(1, 1), torch.full((1, 1), 1e-3))
+    torch.testing.assert_close(head_on, gold, atol=0.05, rtol=0)
+    assert float(grazing.amin()) > 0.85
+
+
+def test_a_fit_of_harmonics_finds_harmonics():
+    generator = torch.Generator().manual_seed(0)
+    directions = torch.from_numpy(even_directions(128)).float()
+    wanted = torch.randn(5, 9, 3, generator=generator) * 0.1
+    colors = 0.5 + torch.einsum("vk,nkc->nvc", basis(directions, 2), wanted)
+    found = fitted(colors, directions, torch.ones(5, 128), 2)
+    torch.testing.assert_close(found, wanted, atol=0.03, rtol=0)
+    grey = fitted(torch.full((1, 128, 3), 0.7), directions, torch.ones(1, 128), 0)
+    torch.testing.assert_close(grey, torch.full((1, 1, 3), 0.2 / SH_DC), atol=1e-3, rtol=0)
+
+
+def test_too_bright_light_keeps_its_hue():
+    shown = displayed(torch.tensor([[2.0, 1.4, 0.4], [0.2, 0.1, 0.0]]))
+    assert bool((shown <= 1).all())
+    assert float(shown[0, 0]) > float(shown[0, 1]) > float(shown[0, 2])
+
+
+def test_metal_is_nearer_to_its_exact_picture_than_paint(ball):
+    lit, scene, own, cameras = ball
+    finish = Finish(plain_base((0.725, 0.522, 0.314)), 1.0, 0.38)
+    held_out = ring_cameras(lit.solid, 1, 64, elevation=33.0, start=-20.0)[0]
+    metal = in_material(scene, own, BRONZE, cameras).scene
+    paint = apply_change(
+        scene, read_instruction("paint it #b98550").changes[0], Region(own), None, cameras
+    )
+    errors = [subject_error(each, lit, held_out, finish) for each in (metal, paint, scene)]
+    assert errors[0] < min(errors[1:])
+
+
+def test_matte_material_is_right_on_the_mean_and_stays_at_degree_0(ball):
+    lit, scene, own, cameras = ball
+    finish = Finish(plain_base((0.2, 0.5, 0.55)), specular=0.0)
+    held_out = ring_cameras(lit.solid, 1, 64, elevation=33.0, start=-20.0)[0]
+    done = in_material(scene, own, Material("#33808c", roughness=1.0), cameras).scene
+    assert done.degree == scene.degree == 0
+    assert subject_error(done, lit, held_out, finish) < 0.08
+
+
+def test_what_is_outside_keeps_its_bits_and_reflections_are_told(ball):
+    _, scene, own, cameras = ball
+    done = in_material(scene, own, BRONZE, cameras)
+    assert torch.equal(done.scene.sh[~own, :1], scene.sh[~own])
+    assert not done.scene.sh[~own, 1:].any()
+    assert done.scene.degree == 3
+    assert any("degree 3" in note for note in done.notes)
+    for name in ("means", "quats", "log_scales", "logit_opacities"):
+        assert torch.equal(getattr(done.scene, name), getattr(scene, name))
+
+
+def test_the_same_twice_is_the_same(ball):
+    _, scene, own, cameras = ball
+    first, second = (in_material(scene, own, MATERIALS["jade"], cameras).scene for _ in range(2))
+    assert torch.equal(first.sh, second.sh)
+
+
+def test_an_object_alone_is_lit_by_a_studio(ball):
+    _, scene, own, _ = ball
+    alone = scene[own]
+    instruction = read_instruction("turn it into a bronze statue")
+    routed = apply_instruction(
+        alone, instruction, lambda each: Region(torch.ones(len(each), dtype=torch.bool))
+    )
+    assert any("studio" in note for note in routed.notes)
+    assert float(routed.scene.sh.std()) > 0
+
+
+def test_needles_and_nothing_are_refused(ball):
+    _, scene, own, cameras = ball
+    generator = torch.Generator().manual_seed(3)
+    n = 1500
+    needles = Gaussians(
+        torch.rand(n, 3, generator=generator) * 2 - 1,
+        torch.randn(n, 4, generator=generator),
+        torch.tensor((-2.0, -7.0, -7.0)).repeat(n, 1),
+        torch.zeros(n),
+        torch.zeros(n, 1, 3),
+    )
+    with pytest.raises(UsageError, match="no surface"):
+        in_material(needles, torch.ones(n, dtype=torch.bool), BRONZE, cameras)
+    with pytest.raises(UsageError, match="no Gaussian"):
+        in_material(scene, torch.zeros_like(own), BRONZE, cameras)
+
+
+def test_a_dark_stripe_of_another_hue_goes(ball):
+    _, scene, own, cameras = ball
+    rows = own & (scene.means[:, 2].abs() < 0.15)
+    striped = scene.sh.clone()
+    striped[rows, 0] = (torch.tensor((0.1, 0.35, 0.1)) - 0.5) / SH_DC
+    painted = replace(scene, sh=striped)
+    plain, over = (in_material(each, own, MATERIALS["plaster"], cameras).scene
+                   for each in (scene, painted))  # fmt: skip
+    before = np.abs((striped - scene.sh)[rows, 0].numpy()).mean()
+    after = np.abs((over.sh - plain.sh)[rows, 0].numpy()).mean()
+    assert after < 0.4 * before
