@@ -26,9 +26,14 @@ from gsedit.cameras.around import find_viewpoints
 from gsedit.cameras.orbit import circle
 from gsedit.datasets.load import load_dataset
 from gsedit.datasets.viewpoints import Viewpoint, viewpoints_of
+from gsedit.editing.routes.apply import apply_change
 from gsedit.editing.routes.subject import find_part
 from gsedit.formats.scenes import load
+from gsedit.measures.decibels import psnr_from_rmse
+from gsedit.measures.metrics import NEAREST, pooled_rmse, squared_error
 from gsedit.regions.region import Region, coverage, in_one_color
+from gsedit.scene.picture import render_picture
+from gsedit.words.instruction import Change
 from rasterizer.camera import Camera
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
@@ -41,6 +46,9 @@ DRAWN_SIZE = 512
 """Side of the pictures on which outlines were drawn."""
 RIM_PIXELS = 3.0
 """Distance from the true outline within which a pixel is of the rim."""
+DISTANCES = (2.0, 8.0)
+"""Distances from the outline, pixels, beyond which paint is looked for."""
+PAINT = Change("subject", "paint", "red", "#e50000", None, "paint")
 VIEWS = 16
 """Views of the synthetic scenes."""
 COUNT = 12_000
@@ -64,6 +72,8 @@ class Score(NamedTuple):
     """Share of the rim's inner pixels that are not of the region."""
     spilt: float
     """Share of the rim's outer pixels that are of the region."""
+    beyond: tuple[float, ...]
+    """PSNR of a painted scene to the unpainted one farther than DISTANCES outside the outline."""
     seconds: float
     """CPU seconds of the search."""
 
@@ -74,7 +84,8 @@ def measure(case: Case) -> Score:
     start = process_time()
     region = find_part(case.scene, case.viewpoints)
     seconds = process_time() - start
-    rows = []
+    painted = apply_change(case.scene, PAINT, region)
+    rows, errors = [], [[] for _ in DISTANCES]
     for camera, mask in case.truth:
         shown = render(in_one_color(case.scene, region.inside), camera)
         found = shown.color[..., 0].numpy() > 0.5
@@ -88,8 +99,12 @@ def measure(case: Case) -> Score:
                 (outer_rim & found).sum() / outer_rim.sum(),
             )
         )
+        before, after = (render_picture(scene, camera) for scene in (case.scene, painted))
+        for each, distance in zip(errors, DISTANCES):
+            each.append(squared_error(after, before, torch.from_numpy(outer > distance)))
     iou, bare, spilt = np.mean(rows, axis=0).tolist()
-    return Score(iou, bare, spilt, seconds)
+    beyond = tuple(min(psnr_from_rmse(pooled_rmse(each) or 0), NEAREST) for each in errors)
+    return Score(iou, bare, spilt, beyond, seconds)
 
 
 def drawn(outlines: Sequence[Sequence[float]], size: int) -> Float[Tensor, "{size} {size}"]:
@@ -166,12 +181,15 @@ def main(
     data: Annotated[Path, typer.Argument(help="Folder with bear/ and splats/.")],
 ) -> None:
     """Print a table with a row a scene."""
-    print_result("| scene | IoU | rim bare | rim spilt | CPU seconds |\n|---|---|---|---|---|")
+    print_result(
+        "| scene | IoU | rim bare | rim spilt | 2 px outside | 8 px outside | CPU seconds |\n"
+        "|---|---|---|---|---|---|---|"
+    )
     for case in cases(bear, data):
         score = measure(case)
         print_result(
             f"| {case.name} | {score.iou:.3f} | {score.bare:.1%} | {score.spilt:.1%} "
-            f"| {score.seconds:.1f} |"
+            f"| {' | '.join(f'{each:.1f} dB' for each in score.beyond)} | {score.seconds:.1f} |"
         )
 
 

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from gsedit.datasets.dataset import View, evenly_spaced
 from gsedit.errors import UsageError
-from gsedit.regions.lift import lift
+from gsedit.regions.lift import lift, within_silhouette
 from gsedit.regions.masks import read_masks
 from gsedit.regions.parse import All, Auto, Box, File, Sphere, parse_region
 from gsedit.regions.region import Region, everything, read_flags
@@ -67,7 +67,8 @@ def named_region(
             every = (*views, *held_out)
             masks = read_masks(path, every)
             cameras = [every[i].camera for i in masks]
-            inside = find_drawn(scene, lift(scene, cameras, list(masks.values()), execution))
+            drawn = find_drawn(scene, lift(scene, cameras, list(masks.values()), execution))
+            inside = within_silhouette(scene, cameras, drawn, execution)
     if not inside.any():
         low, high = (
             ", ".join(f"{x:.4g}" for x in corner.tolist())
@@ -115,7 +116,7 @@ def _predicted(
     share = float(lifted.weight[inside].sum() / lifted.weight.sum().clamp_min(1e-9))
     if share > ALONE_SHARE and border_opacity([each.alpha for each in renders]) < EMPTY:
         return Region(everything(scene).inside, "auto: the subject, with nothing around it")
-    return Region(inside, "auto: the subject")
+    return Region(within_silhouette(scene, cameras, inside, execution), "auto: the subject")
 
 
 def border_opacity(alphas: Sequence[Float[Tensor, "h w"]]) -> float:

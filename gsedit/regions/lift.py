@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from rasterizer.camera import Camera
@@ -51,6 +51,31 @@ def lift(
         sums += color_weights(scene, camera, execution=execution).back(stacked.to(sums))
     total, weight, central = sums.unbind(-1)
     return Lifted(total / weight.clamp_min(1e-9), weight, central)
+
+
+SILHOUETTE = 0.5
+"""Share of a pixel that the inside gives, from which the pixel is in its silhouette; and share of a
+Gaussian's pixels that must be in it."""
+
+
+@torch.no_grad()
+def within_silhouette(
+    scene: Gaussians,
+    cameras: Sequence[Camera],
+    inside: Bool[Tensor, " n"],
+    execution: Execution = AUTO,
+) -> Bool[Tensor, " n"]:
+    """The Gaussians inside without those that are seen mostly beyond the silhouette of all.
+
+    These are wide or stray ones, whose color would show far outside. What no view shows stays.
+    """
+    colors = inside.to(scene.means)[:, None].expand(-1, 3).contiguous()
+    sums = scene.means.new_zeros(len(scene), 3)
+    for camera in cameras:
+        weights = color_weights(scene, camera, execution=execution)
+        shown = (weights.picture(colors)[..., :1] > SILHOUETTE).to(sums)
+        sums += weights.back(torch.cat((shown, torch.ones_like(shown), shown), -1))
+    return inside & (sums[:, 0] >= SILHOUETTE * sums[:, 1])
 
 
 def _middle(camera: Camera) -> Float[Tensor, "h w"]:

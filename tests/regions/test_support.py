@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -11,7 +13,7 @@ from research.labelled import statue
 from gsedit.cameras.orbit import circle
 from gsedit.datasets.dataset import capture
 from gsedit.regions.find import border_opacity, named_region
-from gsedit.regions.lift import lift
+from gsedit.regions.lift import lift, within_silhouette
 from gsedit.regions.region import in_one_color
 from gsedit.regions.subject import find_subject
 from gsedit.regions.support import extent_of, find_support
@@ -87,3 +89,18 @@ def test_the_border_of_a_picture_tells_whether_it_is_empty():
     alpha[1:3, 1:5] = 1
     assert border_opacity([alpha]) == 0
     assert border_opacity([alpha, torch.ones(4, 6)]) == 0.5
+
+
+def test_a_wide_gaussian_that_shows_beyond_the_silhouette_is_left_out(labelled, cameras):
+    scene, inside = labelled.gaussians, labelled.subject
+    narrow = within_silhouette(scene, cameras, inside)
+    assert not (narrow & ~inside).any()
+    assert iou(narrow, inside, lift(scene, cameras, [torch.ones(SIZE, SIZE)] * 6).weight) > 0.95
+    one = int(narrow.nonzero()[0])
+    log_scales, logits = scene.log_scales.clone(), scene.logit_opacities.clone()
+    log_scales[one], logits[one] = float(np.log(0.5)), -1.0  # thin: no silhouette of its own
+    wide = replace(scene, log_scales=log_scales, logit_opacities=logits)
+    kept = within_silhouette(wide, cameras, inside)
+    assert not kept[one]
+    assert float(kept.float().mean()) > 0.9 * float(inside.float().mean())
+    assert torch.equal(within_silhouette(wide, [], inside), inside)
