@@ -32,21 +32,18 @@ class ColorWeights:
 
     rows: Int[Tensor, " m"]
     """Rows of the scene that the view may show."""
-    count: int
-    """Gaussians of the scene."""
     _inputs: BlendInputs
     """Its last three columns are written by every product."""
     _backend: Backend
 
-    def picture(self, colors: Float[Tensor, "n 3"]) -> Float[Tensor, "h w 3"]:
-        """W times the colors, over black; colors may have either sign."""
-        self._inputs.table[:, GEOMETRY:] = colors.index_select(0, self.rows)
+    def picture(self, colors: Float[Tensor, "m 3"]) -> Float[Tensor, "h w 3"]:
+        """W times the colors of the rows, over black; colors may have either sign."""
+        self._inputs.table[:, GEOMETRY:] = colors
         return self._backend.forward(self._inputs, False, False).blended.features
 
-    def back(self, maps: Float[Tensor, "h w 3"]) -> Float[Tensor, "n 3"]:
-        """The transpose of W times three maps of the picture."""
-        by_row = self._backend.pull(self._inputs, maps.to(self._inputs.table).contiguous())
-        return by_row.new_zeros(self.count, 3).index_copy_(0, self.rows, by_row)
+    def back(self, maps: Float[Tensor, "h w 3"]) -> Float[Tensor, "m 3"]:
+        """The transpose of W times three maps of the picture: sums for each of the rows."""
+        return self._backend.pull(self._inputs, maps.to(self._inputs.table).contiguous())
 
 
 @torch.no_grad()
@@ -75,4 +72,4 @@ def color_weights(
         table = torch.cat((xy, projected.whitening, splats.log_opacities[:, None]), -1)
     table = torch.cat((table, table.new_zeros(len(table), 3)), -1)
     inputs = BlendInputs(table, bins, camera.width, camera.height, numerics, execution.block)
-    return ColorWeights(rows, len(scene), inputs, backend)
+    return ColorWeights(rows, inputs, backend)

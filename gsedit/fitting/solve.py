@@ -1,13 +1,14 @@
 """The colors that fit edited views best, as a linear least-squares problem.
 
-While the geometry stays, a picture is linear in colors: for a change d of the base colors it
-changes by W d, where W holds the blending weights. Conjugate gradients find the d that minimizes
+While the geometry stays, a picture is linear in colors: for a change d of their harmonics it
+changes by W d, where W holds the blending weights times the harmonics at the view's directions.
+Conjugate gradients find the d that minimizes
 
     sum over views |W d - (target - picture)|^2 + penalty |d - d0|^2
 
-with the column sums of W as a diagonal preconditioner. d0 is an affine map of colors, fitted to the
-change of what the views show: Gaussians of the region that no edited view shows follow it. `n`
-Gaussians.
+with the column sums of the blending weights as a diagonal preconditioner. d0 is an affine map of
+base colors, fitted to the change of what the views show: Gaussians of the region that no edited
+view shows follow it. `n` Gaussians, of which a view may show `m`; `k` harmonics a channel, 1 or 4.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
+from math import isqrt
 
 import torch
 from jaxtyping import Bool, Float
@@ -23,16 +25,22 @@ from torch import Tensor
 from gsedit.datasets.dataset import View
 from gsedit.fitting.color_map import fit_color_map
 from rasterizer.color_weights import ColorWeights, color_weights
+from rasterizer.harmonics import basis
 from rasterizer.numerics import AUTO, SH_DC, Execution, sh_to_color
+from rasterizer.project import view_directions
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
 PENALTY = 0.05
 """Pixels: what a Gaussian must show, over all views, before pictures outweigh the map."""
+BAND_PENALTY = 1.0
+"""Pixels: the same of the change of view-dependent color, which the map leaves as it is."""
+MOST_COEFFICIENTS = 4
+"""Harmonics a channel that change: those of degree 0 and 1, where the scene has them."""
 MOST_ITERATIONS = 12
 LEAST_GAIN_DB = 0.2
 """The solve stops after an iteration that lowers the residual by less: it then fits what the
-targets disagree in (bear: 7 iterations for bronze and for snow)."""
+targets disagree in (docs/measurements/fitting.md)."""
 SMALLEST = 1e-9
 """Pixels: floor of what is divided by."""
 SHOWN_WEIGHT = 0.05
@@ -44,8 +52,8 @@ class Solution:
     """Colors after an iteration of the solve."""
 
     start: Gaussians
-    change: Float[Tensor, "n 3"]
-    """Change of the base colors since the start."""
+    change: Float[Tensor, "n k 3"]
+    """Change of the harmonics since the start, times SH_DC."""
     mse: float
     """Mean squared residual over the targets' pixels, of the linear model."""
     followed: int
@@ -56,8 +64,28 @@ class Solution:
     @property
     def scene(self) -> Gaussians:
         """A copy of the scene with these colors, made when it is asked for."""
-        base = self.start.sh[:, :1] + (self.change / SH_DC)[:, None]
-        return replace(self.start, sh=torch.cat((base, self.start.sh[:, 1:]), 1))
+        sh, k = self.start.sh, self.change.shape[1]
+        return replace(self.start, sh=torch.cat((sh[:, :k] + self.change / SH_DC, sh[:, k:]), 1))
+
+
+@dataclass(frozen=True, eq=False)
+class _Shown:
+    """A target and what it shows of the scene."""
+
+    weights: ColorWeights
+    harmonics: Float[Tensor, "m k"]
+    """Those of the view's directions, over SH_DC."""
+    mask: Float[Tensor, "h w 1"] | float
+    before: Float[Tensor, "h w 3"]
+    """The picture of the scene before, where the mask is."""
+    missing: Float[Tensor, "h w 3"]
+    """The target less that picture."""
+
+    def picture(self, change: Float[Tensor, "n k 3"]) -> Float[Tensor, "h w 3"]:
+        """The change of the picture by this change of the scene."""
+        own = change.index_select(0, self.weights.rows)
+        own = (self.harmonics[:, :, None] * own).sum(1)
+        return self.mask * self.weights.picture(own)
 
 
 @torch.no_grad()
@@ -70,57 +98,74 @@ def solve_colors(
     most_iterations: int = MOST_ITERATIONS,
     least_gain_db: float = LEAST_GAIN_DB,
     penalty: float = PENALTY,
+    band_penalty: float = BAND_PENALTY,
     execution: Execution = AUTO,
 ) -> Iterator[Solution]:
     """Yield the scene after every iteration, the last one last; only colors `inside` change.
 
     `pictures` show the scene as it is now at the targets, for cells that stand for a larger scene;
-    None: it is rendered. Base colors (degree 0) move, higher bands stay. Negative base colors count
-    as they are, not clamped: raise them before. Pixels that a view's mask leaves out do not count.
-    The residual never rises from one iteration to the next.
+    None: it is rendered. Colors of degree 0 and 1 move, higher bands stay. Negative colors count as
+    they are, not clamped: raise them before. Pixels that a view's mask leaves out do not count. The
+    residual never rises from one iteration to the next.
     """
     if not inside.any() or not targets:
         return
-    weights = [color_weights(scene, view.camera, execution=execution) for view in targets]
-    masks = [1.0 if v.mask is None else v.mask[..., None].to(scene.means) for v in targets]
     if pictures is None:
         pictures = [render(scene, view.camera, execution=execution).color for view in targets]
-    before = [m * now for m, now in zip(masks, pictures)]
-    residuals = [m * v.image - now for m, v, now in zip(masks, targets, before)]
-    moved = inside[:, None].to(scene.means)
-    sums = _back(weights, [mask + torch.zeros_like(r) for mask, r in zip(masks, residuals)])
-    base, is_shown = sh_to_color(scene.sh[:, 0]), inside & (sums[:, 0] > SHOWN_WEIGHT)
+    views = [_shown(scene, view, now, execution) for view, now in zip(targets, pictures)]
+    base, moved = sh_to_color(scene.sh[:, 0]), inside[:, None, None].to(scene.means)
+    sums = _back(len(scene), views, [v.mask + torch.zeros_like(v.missing) for v in views], 1)
+    shown = sums[:, 0, :1] * moved[:, 0]
     # what surrounds a Gaussian blurs the change that it is seen to make, and its color alike
-    total = sums.clamp_min(SHOWN_WEIGHT)
-    colors, own = (_back(weights, maps) / total for maps in (before, residuals))
-    followed = fit_color_map(colors, own, sums[:, 0] * is_shown)
-    change = followed.change(base) * moved
-    residuals = [r - m * w.picture(change) for r, m, w in zip(residuals, masks, weights)]
-    prior = penalty * moved
-    found = _descend(weights, masks, residuals, change, moved, sums, prior, least_gain_db)
+    maps = ([v.before for v in views], [v.missing for v in views])
+    colors, own = (_back(len(scene), views, each, 1)[:, 0] for each in maps)
+    total, shown = shown.clamp_min(SHOWN_WEIGHT), shown * (shown > SHOWN_WEIGHT)
+    followed = fit_color_map(colors / total, own / total, shown[:, 0])
+    count = int((inside & (shown[:, 0] == 0)).sum())
+    change = torch.zeros_like(scene.sh[:, : _coefficients(scene)])
+    change[:, 0] = followed.change(base) * moved[:, 0]
+    prior = torch.full_like(change[0, :, :1], band_penalty).index_fill(0, torch.tensor(0), penalty)
+    found = _descend(views, change, moved, sums[:, :, :1], prior, least_gain_db)
     for solved, mse in islice(found, most_iterations):
-        yield Solution(scene, solved, mse, int((inside & ~is_shown).sum()), followed.error)
+        yield Solution(scene, solved, mse, count, followed.error)
+
+
+def _coefficients(scene: Gaussians) -> int:
+    return min(MOST_COEFFICIENTS, scene.sh.shape[1])
+
+
+def _shown(
+    scene: Gaussians, view: View, now: Float[Tensor, "h w 3"], execution: Execution
+) -> _Shown:
+    weights = color_weights(scene, view.camera, execution=execution)
+    mask = 1.0 if view.mask is None else view.mask[..., None].to(scene.means)
+    degree = isqrt(_coefficients(scene)) - 1
+    directions = view_directions(scene.means.index_select(0, weights.rows), view.camera)
+    before = mask * now
+    return _Shown(
+        weights, basis(directions, degree) / SH_DC, mask, before, mask * view.image - before
+    )
 
 
 def _descend(
-    weights: Sequence[ColorWeights],
-    masks: Sequence[Float[Tensor, "h w 1"] | float],
-    residuals: Sequence[Float[Tensor, "h w 3"]],
-    change: Float[Tensor, "n 3"],
-    moved: Float[Tensor, "n 1"],
-    sums: Float[Tensor, "n 3"],
-    prior: Float[Tensor, "n 1"],
+    views: Sequence[_Shown],
+    change: Float[Tensor, "n k 3"],
+    moved: Float[Tensor, "n 1 1"],
+    sums: Float[Tensor, "n 1 1"],
+    prior: Float[Tensor, "k 1"],
     least_gain_db: float,
-) -> Iterator[tuple[Float[Tensor, "n 3"], float]]:
+) -> Iterator[tuple[Float[Tensor, "n k 3"], float]]:
     """Conjugate gradients from `change`: that of every iteration, and its mean squared residual."""
-    gradient = moved * _back(weights, residuals)
-    scale = moved / (sums[:, :1] + prior).clamp_min(SMALLEST)
+    count, k, _ = change.shape
+    residuals = [view.missing - view.picture(change) for view in views]
+    gradient = moved * _back(count, views, residuals, k)
+    scale = moved / (sums + prior).clamp_min(SMALLEST)
     direction = scale * gradient
     steep = (gradient * direction).sum()
     pixels, before = sum(r.numel() for r in residuals), _energy(residuals)
     while steep > 0:
-        seen = [mask * w.picture(direction) for w, mask in zip(weights, masks)]
-        curved = moved * _back(weights, seen) + prior * direction
+        seen = [view.picture(direction) for view in views]
+        curved = moved * _back(count, views, seen, k) + prior * direction
         step = steep / (direction * curved).sum()
         change = change + step * direction
         gradient = gradient - step * curved
@@ -135,11 +180,14 @@ def _descend(
 
 
 def _back(
-    weights: Sequence[ColorWeights], maps: Sequence[Float[Tensor, "h w 3"]]
-) -> Float[Tensor, "n 3"]:
-    """The views' maps, back-projected and summed."""
-    first, *others = (w.back(each) for w, each in zip(weights, maps))
-    return sum(others, first)
+    count: int, views: Sequence[_Shown], maps: Sequence[Float[Tensor, "h w 3"]], k: int
+) -> Float[Tensor, "n k 3"]:
+    """The views' maps, back-projected to `k` harmonics of every Gaussian and summed."""
+    total = maps[0].new_zeros(count, k, 3)
+    for view, each in zip(views, maps):
+        pulled = view.weights.back(each)[:, None]
+        total.index_add_(0, view.weights.rows, view.harmonics[:, :k, None] * pulled)
+    return total
 
 
 def _energy(residuals: Sequence[Float[Tensor, "h w 3"]]) -> float:

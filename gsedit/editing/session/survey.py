@@ -18,6 +18,7 @@ from gsedit.editing.session.unedited import edit_camera
 from gsedit.editing.skip.invisible import faint_gaussians, visible_coefficients
 from gsedit.editing.view_plan import ViewPlan, plan_views, survey, wholeness
 from gsedit.errors import UsageError
+from gsedit.fitting.solve import MOST_COEFFICIENTS
 from gsedit.runs.events import Event
 from gsedit.runs.stopwatch import Stopwatch
 from rasterizer.render import Rendering, render
@@ -63,7 +64,8 @@ def survey_views(
         if settings.skips("gaussians") and not request.solves:
             faint = faint_gaussians(used / used.sum(1, keepdim=True).clamp_min(MIN_WEIGHT))
         scene = request.scene
-        fitted = scene.sh[:, : visible_coefficients(scene.sh, ~faint)]
+        least = MOST_COEFFICIENTS if request.solves else 1
+        fitted = scene.sh[:, : max(least, visible_coefficients(scene.sh, ~faint))]
         request = replace(request, scene=replace(scene, sh=fitted))
         renderings = _renderings(request, plan, faint)
     yield Event("survey", stopwatch.seconds, len(views), len(views), note=_note(request, plan))
