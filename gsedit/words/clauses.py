@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
+from gsedit.words.lexicon import PURE
 from gsedit.words.scan import Word
 
 TONES = frozenset(("noun", "state", "turn", "style", "hue"))
@@ -91,7 +92,8 @@ def _segments(words: list[Word]) -> Iterator[tuple[str, list[Word]]]:
 def _inherits(before: str, part: list[Word]) -> bool:
     """Whether a negation goes on into a clause: "not red or blue", "not this: make it night"."""
     own = {"do", "wish", "touch", "up", "down", "keep", "be", *NEGATIONS}
-    bare = not any(
+    bare = not any(word.text in ("just", "only", "instead", "rather") for word in part)
+    bare &= not any(
         word.kind in own or (word.kind == "turn" and not word.text.endswith("er")) for word in part
     )
     return before.endswith(("or", "nor", ":")) or (bare and before in ("and", ","))
@@ -120,7 +122,9 @@ def _told(part: list[Word]) -> list[Word]:
     kept, mode, named = list[Word](), "", False
     for word in part:
         last = kept[-1].kind if kept else ""
-        if word.kind in ("simile", "asif") or (word.text == "if" and mode == "simile"):
+        if word.kind == "simile" and last == "color":
+            mode = "than"  # "white like snow"
+        elif word.kind in ("simile", "asif") or (word.text == "if" and mode == "simile"):
             mode = "" if word.text == "if" else word.kind
         elif word.text == "as" and last in ("state", "color", "material"):
             mode = "than"
@@ -222,7 +226,8 @@ def _turn(clause: Clause, scope: list[Word], by: Word) -> int:
     """Sign that a negation gives to a quality; 0 where it forbids it or is not plain."""
     kinds = [word.kind for word in scope]
     graded = ("state", "intense", "color")
-    if not any(kind in graded for kind in kinds):
+    shades = [word for word in scope if word.kind == "color" and word.text not in PURE]
+    if not any(kind in graded for kind in kinds) or shades:
         return 0
     if "enough" in kinds:
         return 1

@@ -8,7 +8,15 @@ from dataclasses import dataclass, field, replace
 from gsedit.words.amounts import amount_of
 from gsedit.words.clauses import NEGATIONS, Clause, clauses
 from gsedit.words.instruction import Change, Instruction, Target
-from gsedit.words.parts import PARTS, Parts, named_parts, part_of, refuse_idle, refuse_parts
+from gsedit.words.parts import (
+    PARTS,
+    Parts,
+    is_thing,
+    named_parts,
+    part_of,
+    refuse_idle,
+    refuse_parts,
+)
 from gsedit.words.refusals import REASONS, Refused, first_refusal
 from gsedit.words.scan import Word, scanned
 from gsedit.words.small_looks import change_of_look, routed
@@ -39,6 +47,8 @@ class Reading:
     denied: bool = False
     unsaid: bool = False
     """Whether a tone is named without its direction."""
+    run: int = 0
+    """Number of changes in the list of nouns that is read."""
     bare: bool = False
     """Whether the last change is a quality that no verb goes with: "dull colors"."""
 
@@ -143,6 +153,9 @@ def _remark(clause: Clause, explicit: str | None, reading: Reading) -> None:
         reading.direction = -1 if asks_less(clause) or "down" in kinds else 1
     if last is None:
         return
+    odd = [at for at, word in enumerate(clause.words) if word.kind == "unknown"]
+    if explicit and not kinds & {"be"} and any(not is_thing(clause.words, at) for at in odd):
+        raise Refused("nonsense")  # half of what is asked is not known
     if reading.bare and (kinds & {"up", "down"} or "mend" in clause.tags()) and last.amount:
         reading.changes[-1] = replace(last, amount=-last.amount)
     finish = next((word.value for word in clause.words if word.kind == "finish"), None)
@@ -198,11 +211,28 @@ def _append(clause: Clause, changes: Placed, parts: Parts, reading: Reading) -> 
         if near == "rest":
             reading.others.add(len(reading.changes))
         reading.changes.append(_placed(change, near, clause))
+    _share(clause, len(changes), parts, reading)
     kinds = clause.kinds()
     if kinds & {"up", "down"}:
         reading.direction = -1 if asks_less(clause) or "down" in kinds else 1
     reading.bare = bool(kinds & {"state"}) and not kinds & {"do", "wish", "up", "down"}
     reading.bare &= not complains(clause)
+
+
+def _share(clause: Clause, count: int, parts: Parts, reading: Reading) -> None:
+    """Give the tones of a list the part and the amount that its last noun is said with: "lower the
+    brightness and contrast of the background by 10 %"."""
+    listed = "noun" in clause.kinds()
+    bare = listed and not clause.kinds() & {"do", "wish", "up", "down", "be"}
+    reading.run = (reading.run * bare + count) * listed
+    if not bare or clause.before not in ("and", ","):
+        return
+    last, share = reading.changes[-1], amount_of(clause.words).share
+    for at in range(len(reading.changes) - reading.run, len(reading.changes) - count):
+        each = reading.changes[at]
+        amount = math.copysign(share, each.amount or 1) if share else each.amount
+        target = last.target if parts else each.target
+        reading.changes[at] = replace(each, amount=amount, target=target)
 
 
 def _placed(change: Change, part: str | None, clause: Clause) -> Change:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from gsedit.words import lexicon
+from gsedit.words import colors, lexicon
 from gsedit.words.amounts import amount_of
 from gsedit.words.clauses import NAMED, Clause
 from gsedit.words.instruction import Change
@@ -24,6 +24,10 @@ def solids(clause: Clause) -> list[tuple[int, Change]]:
     while at < len(words):
         word = words[at]
         tinge = word.color and (word.has("tinge") or painted) and not made
+        shaded = at + 1 < len(words) and words[at + 1].text in colors.PLAIN
+        if word.kind == "material" and shaded:
+            at += 1  # "stone gray" is a gray
+            continue
         solid = word.kind == "look" and made and word.value in lexicon.materials()
         if (word.kind == "material" and not tinge) or solid:
             change, end = _material(words, at)
