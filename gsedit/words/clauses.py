@@ -66,8 +66,19 @@ def clauses(words: list[Word]) -> list[Clause]:
         heir = opens if _inherits(before, part) and not kept else None
         clause = _governed(before, _told(_became(part)), heir)
         opens = clause.opens
+        if found and _goes_on(found[-1], clause):
+            clause.words = [*found[-1].words, *clause.words]
+            found[-1].words = []
         found.append(clause)
     return found
+
+
+def _goes_on(noun: Clause, clause: Clause) -> bool:
+    """Whether a tone is said before what becomes of it: "contrast and saturation up"."""
+    kinds = clause.kinds()
+    said = kinds & {"up", "down", "number", "factor", "fraction", "intense"}
+    named = "noun" in noun.kinds() and noun.kinds() <= {"fill", "noun", *TARGETS}
+    return named and clause.before in ("and", ",") and "noun" in kinds and bool(said)
 
 
 def _segments(words: list[Word]) -> Iterator[tuple[str, list[Word]]]:

@@ -95,7 +95,7 @@ def _parsed(words: list[Word]) -> list[Change]:
     denied = {word.value for clause in found for word in clause.denied}
     if denied & names or (reading.denied and not reading.changes):
         raise Refused("negation")
-    if reading.unsaid and not reading.changes:
+    if reading.unsaid:
         raise Refused("direction")
     return _merged(_limited(reading.changes, reading))
 
@@ -137,8 +137,8 @@ def _changes(clause: Clause, reading: Reading) -> Placed:
     else:
         tone = tones(clause, reading.direction)
         unsaid = kinds & {"noun"} and not tone and not kinds & {"be"}
-        if unsaid and any(w.kind == "noun" and w.value in DEFAULT for w in clause.words):
-            reading.unsaid = True
+        nouns = [w.text for w in clause.words if w.kind == "noun" and w.value in DEFAULT]
+        reading.unsaid |= bool(unsaid and any("color" not in text for text in nouns))
     return [*solid, *((0, change) for change in (*scenic, *tone))]
 
 
