@@ -78,7 +78,8 @@ def _goes_on(noun: Clause, clause: Clause) -> bool:
     kinds = clause.kinds()
     said = kinds & {"up", "down", "number", "factor", "fraction", "intense"}
     named = "noun" in noun.kinds() and noun.kinds() <= {"fill", "noun", *TARGETS}
-    return named and clause.before in ("and", ",") and "noun" in kinds and bool(said)
+    it = any(word.text == "it" for word in clause.words) and not kinds & CONTENT
+    return named and bool(said) and (it or ("noun" in kinds and clause.before in ("and", ",")))
 
 
 def _segments(words: list[Word]) -> Iterator[tuple[str, list[Word]]]:
