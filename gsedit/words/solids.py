@@ -11,16 +11,18 @@ from gsedit.words.instruction import Change
 from gsedit.words.scan import Word
 from gsedit.words.small_looks import routed
 
+Solids = list[tuple[int, Change]]
+"""Changes with their places in a clause."""
 WEAKER, STRONGER = -0.4, 0.5
 """Shares of a light that "a little" and "strong" take and add."""
 
 
-def solids(clause: Clause) -> list[tuple[int, Change]]:
+def solids(clause: Clause) -> Solids:
     """(place in the clause, change) of each material and paint, of target "subject"."""
     words, tags = clause.words, clause.tags()
     finish = next((word.value for word in words if word.kind == "finish"), None)
     painted, made = "paint" in tags, _made(clause)
-    found, at = list[tuple[int, Change]](), 0
+    found, at = Solids(), 0
     while at < len(words):
         word = words[at]
         tinge = word.color and (word.has("tinge") or painted) and not made
@@ -36,20 +38,29 @@ def solids(clause: Clause) -> list[tuple[int, Change]]:
             found.append((at, change))
             at = end
             continue
-        if word.color and word.kind in ("color", "material"):
-            trims = found and at + 1 < len(words) and words[at + 1].has("trim")
-            if trims and found[-1][1].kind == "material":
-                last = found[-1][1]
-                name = f"{last.name} with {word.text} {words[at + 1].text}"
-                found[-1] = (found[-1][0], replace(last, name=name))
-            elif not (word.has("thing") and not painted) and not _leads(words, at):
-                name = f"{finish} {word.text}" if finish else word.text
-                found.append((at, Change("subject", "paint", name, word.color, None, "paint")))
+        said = word.color and word.kind in ("color", "material") and not _leads(words, at)
+        if said and (painted or not word.has("thing")):
+            _add_color(words, at, finish, found)
         at += 1
     return _covered(words, found)
 
 
-def _covered(words: list[Word], found: list[tuple[int, Change]]) -> list[tuple[int, Change]]:
+def _add_color(words: list[Word], at: int, finish: str | None, found: Solids) -> None:
+    """Add a paint, or the color of veins to the material before."""
+    word, last = words[at], found[-1] if found else None
+    if (
+        last
+        and last[1].kind == "material"
+        and any(each.has("trim") for each in words[at + 1 : at + 2])
+    ):
+        name = f"{last[1].name} with {word.text} {words[at + 1].text}"
+        found[-1] = (last[0], replace(last[1], name=name))
+    else:
+        name = f"{finish} {word.text}" if finish else word.text
+        found.append((at, Change("subject", "paint", name, word.color, None, "paint")))
+
+
+def _covered(words: list[Word], found: Solids) -> Solids:
     """Changes with one material on another as one: "stone covered with moss"."""
     if len(found) != 2 or any(change.kind != "material" for _, change in found):
         return found
