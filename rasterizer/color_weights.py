@@ -32,17 +32,28 @@ class ColorWeights:
 
     rows: Int[Tensor, " m"]
     """Rows of the scene that the view may show."""
+    count: int
+    """Gaussians of the scene."""
     _inputs: BlendInputs
     """Its last three columns are written by every product."""
     _backend: Backend
 
-    def picture(self, colors: Float[Tensor, "m 3"]) -> Float[Tensor, "h w 3"]:
-        """W times the colors of the rows, over black; colors may have either sign."""
+    def picture(self, colors: Float[Tensor, "n 3"]) -> Float[Tensor, "h w 3"]:
+        """W times the colors, over black; colors may have either sign."""
+        return self.picture_of_rows(colors.index_select(0, self.rows))
+
+    def back(self, maps: Float[Tensor, "h w 3"]) -> Float[Tensor, "n 3"]:
+        """The transpose of W times three maps of the picture."""
+        pulled = self.back_to_rows(maps)
+        return pulled.new_zeros(self.count, 3).index_copy_(0, self.rows, pulled)
+
+    def picture_of_rows(self, colors: Float[Tensor, "m 3"]) -> Float[Tensor, "h w 3"]:
+        """W times the colors of `rows`; no other Gaussian shows."""
         self._inputs.table[:, GEOMETRY:] = colors
         return self._backend.forward(self._inputs, False, False).blended.features
 
-    def back(self, maps: Float[Tensor, "h w 3"]) -> Float[Tensor, "m 3"]:
-        """The transpose of W times three maps of the picture: sums for each of the rows."""
+    def back_to_rows(self, maps: Float[Tensor, "h w 3"]) -> Float[Tensor, "m 3"]:
+        """The rows of `back` that are not zero."""
         return self._backend.pull(self._inputs, maps.to(self._inputs.table).contiguous())
 
 
@@ -72,4 +83,4 @@ def color_weights(
         table = torch.cat((xy, projected.whitening, splats.log_opacities[:, None]), -1)
     table = torch.cat((table, table.new_zeros(len(table), 3)), -1)
     inputs = BlendInputs(table, bins, camera.width, camera.height, numerics, execution.block)
-    return ColorWeights(rows, inputs, backend)
+    return ColorWeights(rows, len(scene), inputs, backend)

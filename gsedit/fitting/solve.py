@@ -85,7 +85,7 @@ class _Shown:
         """The change of the picture by this change of the scene."""
         own = change.index_select(0, self.weights.rows)
         own = (self.harmonics[:, :, None] * own).sum(1)
-        return self.mask * self.weights.picture(own)
+        return self.mask * self.weights.picture_of_rows(own)
 
 
 @torch.no_grad()
@@ -185,7 +185,7 @@ def _back(
     """The views' maps, back-projected to `k` harmonics of every Gaussian and summed."""
     total = maps[0].new_zeros(count, k, 3)
     for view, each in zip(views, maps):
-        pulled = view.weights.back(each)[:, None]
+        pulled = view.weights.back_to_rows(each)[:, None]
         total.index_add_(0, view.weights.rows, view.harmonics[:, :k, None] * pulled)
     return total
 

@@ -36,12 +36,11 @@ def as_views(scene, cameras):
 @pytest.mark.parametrize("execution", KERNELS, ids=("compiled", "torch"))
 def test_weights_are_the_picture_and_its_transpose(scene, cameras, execution):
     weights = color_weights(scene, cameras[0], execution=execution)
-    picture = weights.picture(sh_to_color(scene.sh[weights.rows, 0]))
+    picture = weights.picture(sh_to_color(scene.sh[:, 0]))
     assert torch.allclose(picture, render(scene, cameras[0]).color, atol=1e-5)
     maps = torch.rand(picture.shape, generator=torch.Generator().manual_seed(1))
     expected = backproject(scene, cameras[0], maps)
-    assert torch.allclose(weights.back(maps), expected[weights.rows], atol=1e-4)
-    assert torch.allclose(expected.abs().sum(), expected[weights.rows].abs().sum())
+    assert torch.allclose(weights.back(maps), expected, atol=1e-4)
 
 
 def test_renders_of_other_colors_come_back(scene, cameras):
