@@ -32,12 +32,17 @@ SETTINGS = ("region", "execution")
 """Settings that exact routes heed; any other one asks for the 2D editor."""
 
 
+def heeds_routes(editor: EditorOptions, values: Values) -> bool:
+    """Return whether exact routes may be taken: no option asks for the 2D editor."""
+    return editor == EditorOptions() and all(path[0] in SETTINGS for path in values)
+
+
 def exact_instruction(text: str, editor: EditorOptions, values: Values) -> Instruction | None:
     """Return the instruction if exact routes can do all of it, and no option asks for an editor.
 
     Raises UsageError for a sentence that is refused.
     """
-    if editor != EditorOptions() or any(path[0] not in SETTINGS for path in values):
+    if not heeds_routes(editor, values):
         return None
     from gsedit.editing.routes.apply import is_exact
     from gsedit.words.read import read_instruction
@@ -96,8 +101,12 @@ def run_routes(
     values: Values,
     *,
     as_json: bool,
+    is_last: bool = True,
 ) -> None:
-    """Edit a scene by exact routes and write the folder. Raises UsageError as `apply_change`."""
+    """Edit a scene by exact routes and write the folder. Raises UsageError as `apply_change`.
+
+    The place of the result is printed unless another edit follows.
+    """
     if not is_first():
         return
     from gsedit.editing.routes.apply import apply_instruction
@@ -118,7 +127,8 @@ def run_routes(
         compared = compare(ready.scene, routed, shown(ready.viewpoints), execution)
     timings = {**watch.stages, "total": watch.seconds}
     write_folder(scene, folder, instruction, routed, compared, ready.viewpoints, views, timings)
-    print_routed(folder, compared, timings, as_json=as_json)
+    if is_last:
+        print_routed(folder, compared, timings, as_json=as_json)
 
 
 def only_in_region(instruction: Instruction) -> Instruction:

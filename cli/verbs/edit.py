@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -31,6 +31,7 @@ from ..options.editing import (
 )
 from ..options.preview import preview_file, run_preview
 from ..options.routes import exact_instruction, run_routes
+from ..options.sequence import STEPS, steps_of
 from ..options.settings import Setting, SettingsGroup, Values
 
 if TYPE_CHECKING:
@@ -38,8 +39,9 @@ if TYPE_CHECKING:
     from gsedit.editing.session.result import EditResult
     from gsedit.editing.skip.decision import Decision
     from gsedit.runs.events import Event
+    from gsedit.words.instruction import Instruction as Read
 
-LEFTOVERS = ("metrics.unfinished.jsonl", "command")
+LEFTOVERS = ("metrics.unfinished.jsonl", "command", STEPS)
 """Files of an edit that ended before its first checkpoint: alone they need no protection."""
 
 Instruction = Annotated[str, argument("INSTRUCTION", "What should change, as in 'make it snow'.")]
@@ -120,9 +122,44 @@ def edit(
         common.apply()
         load = partial(load_scene, scene, drop_invalid=own.drop_invalid)
         return run_routes(scene, load, read, folder, views, values, as_json=common.json)
+    if steps := [] if own.explain or ranks().size > 1 else steps_of(instruction, editor, values):
+        check_apart(scene, folder)
+        check_folder(folder, own.force or own.resume, leftovers=LEFTOVERS)
+        return run_steps(scene, steps, folder, own, views, editor, values, common)
     result = run_edit(scene, instruction, folder, own, views, editor, values, common)
     if result is not None:
         print_edit(result, folder, as_json=common.json)
+
+
+def run_steps(
+    scene: Path,
+    steps: Sequence[Read],
+    folder: Path,
+    own: EditOptions,
+    views: ViewOptions,
+    editor: EditorOptions,
+    values: Values,
+    common: Seeded,
+) -> None:
+    """Do one edit after the other, the last one into the folder, the others below it."""
+    from gsedit.editing.routes.apply import is_exact
+
+    for number, step in enumerate(steps, 1):
+        is_last = number == len(steps)
+        out = folder if is_last else folder / STEPS / str(number)
+        if not (own.resume and not is_last and (out / "edit.json").exists()):
+            print_message(f"edit {number} of {len(steps)}: {step.text}")
+            if is_exact(step):
+                common.apply()
+                load = partial(load_scene, scene, drop_invalid=own.drop_invalid)
+                run_routes(
+                    scene, load, step, out, views, values, as_json=common.json, is_last=is_last
+                )
+            else:
+                result = run_edit(scene, step.text, out, own, views, editor, values, common)
+                if is_last and result is not None:
+                    print_edit(result, out, as_json=common.json)
+        scene = out / "scene.ply"
 
 
 def all_settings() -> list[Setting]:
