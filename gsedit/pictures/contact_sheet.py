@@ -41,14 +41,8 @@ def contact_sheet(
     pictures = [view for _, views in rows for i in shown if (view := views[i])]
     cell_w, cell_h = _cell_size(pictures)
     row_h = LABEL + cell_h + MARGIN
-    sheet = Image.new(
-        "RGB",
-        (
-            MARGIN + len(shown) * (cell_w + MARGIN) + (GAP if apart else 0),
-            MARGIN + len(rows) * row_h,
-        ),
-        "white",
-    )
+    width = MARGIN + len(shown) * (cell_w + MARGIN) + (GAP if apart else 0)
+    sheet = Image.new("RGB", (width, MARGIN + len(rows) * row_h), "white")
     draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(14)
     for row, (label, views) in enumerate(rows):
         top = MARGIN + row * row_h
