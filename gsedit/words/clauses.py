@@ -163,7 +163,7 @@ def _governed(before: str, part: list[Word], heir: Word | None) -> Clause:
             negations.append(word)
         elif word.kind == "except":
             excepted = True
-        elif excepted and (word.kind in TARGETS or word.kind in CONTENT or word.kind == "unknown"):
+        elif excepted and word.kind in (*TARGETS, *CONTENT, "unknown"):
             (clause.denied if word.kind in CONTENT else clause.limits).append(word)
             excepted = False
         elif excepted and word.kind in ("do", "wish"):  # "anything but paint it red"
@@ -174,6 +174,8 @@ def _governed(before: str, part: list[Word], heir: Word | None) -> Clause:
             clause.words.append(word)
         else:
             (scope if by else clause.words).append(word)
+    if clause.denied and clause.kinds() & CONTENT:
+        clause.void = True  # "grayscale except the red": no route keeps a color
     if any(word.kind in ("keep", "limit", "same") for word in (*clause.words, *scope)):
         return _kept(clause, scope, len(negations))
     if negations:

@@ -9,53 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from gsedit.scene.color_space import lab_of_srgb, srgb_of_hex, srgb_of_lab
+from gsedit.words.lexicon import shades
 
 TABLE = Path(__file__).with_name("colors.txt")
 LONGEST = 4
 """Most words of a color's name."""
-MODIFIERS = {
-    "light": (18, 0.8),
-    "lighter": (18, 0.8),
-    "pale": (25, 0.55),
-    "pastel": (25, 0.6),
-    "soft": (12, 0.7),
-    "dark": (-20, 0.85),
-    "darker": (-20, 0.85),
-    "deep": (-14, 1.05),
-    "lightest": (26, 0.7),
-    "palest": (30, 0.5),
-    "darkest": (-32, 0.8),
-    "deepest": (-22, 1.1),
-    "rich": (-5, 1.15),
-    "bright": (8, 1.2),
-    "brighter": (8, 1.2),
-    "vivid": (4, 1.3),
-    "neon": (8, 1.4),
-    "hot": (0, 1.2),
-    "dusty": (4, 0.55),
-    "muted": (0, 0.6),
-    "dull": (-4, 0.55),
-    "medium": (0, 1.0),
-    "faded": (12, 0.55),
-}
-"""Step in lightness L* and factor of chroma of a word before a color."""
-OWN = {
-    "gray": "#808080",
-    "off white": "#faf9f6",
-    "rosy": "#e8a0a0",
-    "jet black": "#0a0a0a",
-    "pitch black": "#000000",
-    "fire engine red": "#ce2029",
-    "racing green": "#004225",
-    "british racing green": "#004225",
-    "rose gold": "#b76e79",
-    "cobalt": "#0047ab",
-    "crimson red": "#b0001e",
-    "pure white": "#ffffff",
-    "snow white": "#fffafa",
-    "midnight black": "#0a0a14",
-}
-"""Names that neither list has, or that mean another color in a sentence."""
 WEATHER = frozenset(("snow", "desert", "bland", "metallic blue"))
 """Names of a color that mean another thing in a sentence."""
 ISH = re.compile(r"^(\w+?)(d?d?ish|y)$")
@@ -73,11 +31,12 @@ PLAIN = (
 
 @lru_cache(1)
 def colors() -> dict[str, str]:
-    """Hex colors, as "#rrggbb", by lower-case names: 949 of xkcd, those of CSS, and `OWN`."""
+    """Hex colors, as "#rrggbb", by lower-case names: 949 of xkcd, those of CSS, and some
+    that neither has."""
     lines = TABLE.read_text(encoding="utf-8").splitlines()
     table = dict(line.rsplit(" ", 1) for line in lines if not line.startswith("# "))
     spaced = {name.replace("/", " "): value for name, value in table.items()}
-    return {name: value for name, value in (spaced | OWN).items() if name not in WEATHER}
+    return {name: value for name, value in spaced.items() if name not in WEATHER}
 
 
 def named(name: str) -> str | None:
@@ -98,8 +57,8 @@ def hexadecimal(text: str) -> str | None:
 
 
 def modified(color: str, modifier: str, times: float = 1.0) -> str:
-    """Color that a word of `MODIFIERS` makes of another, in Lab."""
-    step, chroma = MODIFIERS[modifier]
+    """Color that a word of `lexicon.shades` makes of another, in Lab."""
+    step, chroma = shades()[modifier]
     lab = lab_of(color)
     lab = np.array([np.clip(lab[0] + times * step, 3, 98), *(lab[1:] * chroma**times)])
     return _hex(lab)
@@ -134,10 +93,10 @@ def longest(words: list[str]) -> tuple[int, str] | None:
             plain = named(after[0]) if doubled else None
             return count + doubled, plain if plain and distance(color, plain) > FAR else color
     word = words[0]
-    if word in ("very", "really") and len(words) > 2 and words[1] in MODIFIERS:
+    if word in ("very", "really") and len(words) > 2 and words[1] in shades():
         rest = longest(words[2:])
         return rest and (2 + rest[0], modified(rest[1], words[1], 1.6))
-    if word in MODIFIERS and len(words) > 1:
+    if word in shades() and len(words) > 1:
         rest = longest(words[1:])
         return rest and (1 + rest[0], modified(rest[1], word))
     if (root := _root(word)) and len(words) > 1 and (rest := longest(words[1:])):

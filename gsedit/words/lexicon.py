@@ -47,7 +47,7 @@ def _rows() -> list[tuple[str, str, list[str]]]:
 
 SETS = (
     "tinge", "thing", "time", "adj", "trim", "paint", "made", "foreign", "too", "lack", "mend",
-    "act", "drawn", "flaw",
+    "act", "drawn", "flaw", "shade",
 )  # fmt: skip
 """Kinds that tell more of a phrase, whatever else it means."""
 
@@ -80,3 +80,10 @@ def materials() -> dict[str, str]:
     """Base colors, "#rrggbb", by the names of materials."""
     rows = [value.split(" #") for kind, value, _ in _rows() if kind == "material"]
     return {name: f"#{color}" for name, color in rows}
+
+
+@lru_cache(1)
+def shades() -> dict[str, tuple[float, float]]:
+    """Step in lightness L* and factor of chroma of each word such as "dark" before a color."""
+    rows = [(value.split(), phrases) for kind, value, phrases in _rows() if kind == "shade"]
+    return {each: (float(step), float(chroma)) for (step, chroma), row in rows for each in row}

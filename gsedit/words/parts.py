@@ -65,6 +65,8 @@ def refuse_parts(clause: Clause) -> None:
     asked = kinds & {"do", *TARGETS} and kinds & CONTENT
     if sided and not scenic and asked and not any(w.value == "light" for w in words):
         raise Refused("part")
+    if "color" in kinds and any(word.text == "sky" for word in words) and not scenic:
+        raise Refused("part")
     if "part" in kinds and not scenic and kinds & {"do", "act", "wish", *CONTENT}:
         raise Refused("part")
     for at, word in enumerate(words):

@@ -23,8 +23,9 @@ from gsedit.words.small_looks import change_of_look, routed
 from gsedit.words.solids import directed, scenes, solids
 from gsedit.words.tones import DEFAULT, asks_less, complains, hues, tones
 
-FLOOR = 0.5
-"""Least probability of a look that the encoder alone names; chosen on sentences of development."""
+FLOOR, SURE = 0.6, 0.9
+"""Least probability of a look that the encoder alone names, in a sentence of known words and in
+any; chosen on sentences of development."""
 Placed = list[tuple[int, Change]]
 """Changes with their places in a clause."""
 DENIALS = NEGATIONS | {"except", "keep", "limit", "down"}
@@ -313,10 +314,9 @@ def _meant(sentence: str, words: list[Word]) -> list[Change]:
         raise Refused("negation")
     if set(kinds) & {"noun", "state", "turn", "up", "part"}:
         raise Refused("nonsense")
-    if len(kinds) < 3 or kinds.count("unknown") > len(kinds) / 2:
-        raise Refused("nonsense")
+    few = len(kinds) < 3 or kinds.count("unknown") > len(kinds) / 2
     understood = understand(sentence)
-    if not understood.known or understood.looks[0].score < FLOOR:
+    if not understood.known or understood.looks[0].score < (SURE if few else FLOOR):
         raise Refused("nonsense")
     looks = [each.look for each in understood.looks if each.score >= FLOOR]
     changes = [routed(change_of_look(look)) for look in looks]

@@ -168,9 +168,10 @@ def _strength(clause: Clause) -> float | None:
 
 def _shines(clause: Clause, at: int) -> bool:
     """Whether the word "light" is a light of its own: "light from the left", "a red light"."""
-    other = clause.kinds() & {"light", "state", "up", "down", "turn"} or "too" in clause.tags()
-    pointed = "direction" in clause.kinds() or (at > 0 and clause.words[at - 1].kind == "color")
-    return pointed and not other
+    kinds, colored = clause.kinds(), at > 0 and clause.words[at - 1].kind == "color"
+    pointed = "direction" in kinds and not kinds & {"be", "degree"}
+    other = kinds & {"light", "up", "down", "turn"} or ("state" in kinds and not pointed)
+    return (pointed or colored) and not other
 
 
 def directed(change: Change, clause: Clause) -> Change:
