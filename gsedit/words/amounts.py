@@ -80,8 +80,8 @@ def _number(words: list[Word], at: int, number: float) -> Amount | None:
 def _percent(words: list[Word], at: int, share: float) -> Amount:
     """A percentage as what is added, or as what remains: "to 80 %", "80 % of the brightness"."""
     before = words[at - 1].text if at else ""
-    after = words[at + 2].text if at + 2 < len(words) else ""
-    remains = before in OF_NOW or after in ("of", "as")
+    after = words[at + 2] if at + 2 < len(words) else words[at]
+    remains = (before in OF_NOW and after.kind != "turn") or after.text in ("of", "as")
     return Amount(factor=share) if remains else Amount(share=share)
 
 

@@ -104,6 +104,8 @@ def _segments(words: list[Word]) -> Iterator[tuple[str, list[Word]]]:
 def _inherits(before: str, part: list[Word]) -> bool:
     """Whether a negation goes on into a clause: "not red or blue", "not this: make it night"."""
     own = {"do", "wish", "touch", "up", "down", "keep", "be", *NEGATIONS}
+    if not any(word.kind in CONTENT or word.kind in TARGETS for word in part):
+        return False
     bare = not any(word.text in ("just", "only", "instead", "rather") for word in part)
     bare &= not any(
         word.kind in own or (word.kind == "turn" and not word.text.endswith("er")) for word in part

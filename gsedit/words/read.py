@@ -144,7 +144,7 @@ def _changes(clause: Clause, reading: Reading) -> Placed:
 
 
 def _so(clause: Clause) -> bool:
-    return any(word.text in ("so", "how") for word in clause.words) and complains(clause)
+    return any(word.text in ("so", "how") for word in clause.words) and "be" in clause.kinds()
 
 
 def _remark(clause: Clause, explicit: str | None, reading: Reading) -> None:
@@ -203,6 +203,8 @@ def _append(clause: Clause, changes: Placed, parts: Parts, reading: Reading) -> 
     joined = same and clause.before[-1:] not in (".", ";", "!", "?")
     goes_on = not reading.changes or it or joined
     carried = reading.part if goes_on else None
+    if carried == "scene" and changes[0][1].kind in ("paint", "material"):
+        carried = None  # "in this scene, make it gold"
     for at, change in changes:
         near = min(parts, key=lambda part: (abs(part[0] - at), -part[0]))[1] if parts else carried
         if change.kind in ("tone", "look") and parts:

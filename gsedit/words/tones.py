@@ -10,6 +10,7 @@ from gsedit.words.scan import Word
 
 DEFAULT = {"brightness": 0.2, "contrast": 0.25, "saturation": 0.3, "warmth": 0.25, "hue": 1 / 12}
 """Share of a tone that is asked for without a number; plain to see, and no color is clipped."""
+QUALITIES = ("state", "intense")
 RATHER = ("rather", "quite", "pretty", "fairly", "somewhat", "kinda")
 """Words that make a remark of a quality: "rather dull"."""
 SLIGHT, STRONG = 0.5, 1.75
@@ -58,7 +59,8 @@ def complains(clause: Clause) -> bool:
         and last > 0
         and (said[last - 1] == "slight" or words[last - 1] in RATHER)
     )
-    states = "be" in said[:last] or "so" in words or "flaw" in clause.tags() or rather
+    so = any(text == "so" and kind in QUALITIES for text, kind in zip(words, said[1:]))
+    states = "be" in said[:last] or so or "flaw" in clause.tags() or rather
     return states and not kinds & {"wish", "do", "turn"}
 
 
