@@ -46,7 +46,9 @@ DEGREE = 3
 """SH degree of what reflects."""
 CAMERAS = 40
 """Most cameras whose directions colors are fitted to."""
-AROUND = 128
+BEHIND = 0.1
+"""Sine beyond the horizon up to which a surface is seen: its Gaussians are not flat."""
+AROUND = 96
 """Directions, even over the sphere, that colors are fitted to."""
 SHARPNESS = 10.0
 """Sharpness of a camera's weight over directions: half at 21 degrees."""
@@ -163,13 +165,16 @@ def colors_of(
     directions = torch.from_numpy(even_directions(AROUND)).to(diffuse)
     found = []
     for rows in _parts(len(diffuse)):
-        skin = studied.skin[rows]
+        skin, here = studied.skin[rows], surface[rows]
         weights = _weights(skin, directions, eyes)
-        views = directions.expand(len(skin), AROUND, 3)
+        at, way = (weights > 0).nonzero().unbind(-1)
         sent = outgoing(
-            studied.light, material, surface[rows], skin, diffuse[rows], own[rows], views
-        )
-        found.append(fitted(displayed(sent), -directions, weights, degree))
+            studied.light, material, here[at], skin[at], diffuse[rows][at], own[rows][at],
+            directions[way],
+        )  # fmt: skip
+        shown = sent.new_full((*weights.shape, 3), 0.5)
+        shown[at, way] = displayed(sent)
+        found.append(fitted(shown, -directions, weights, degree))
     return torch.cat(found)
 
 
@@ -187,7 +192,7 @@ def _weights(
 ) -> Float[Tensor, "m v"]:
     """How much colors in each direction count: as many cameras are near it, and as the surface is
     seen from there."""
-    seen = (skin.normals @ directions.T + 0.1).clamp(1e-3, 0.5)
+    seen = (skin.normals @ directions.T + BEHIND).clamp(0, 0.5)
     if eyes is None:
         return seen
     to_cameras = torch.nn.functional.normalize(eyes - skin.points[:, None], dim=-1)

@@ -83,7 +83,7 @@ def _rings(ground: Ground, scale: float) -> tuple[Tensor, float]:
     wander = 0.6 * scale * noise(ground.points * 1.2)
     away = ((x + 0.35 + 0.15 * z).square() + (y - 0.2 * z).square()).sqrt() + wander
     fiber = noise(ground.points * ground.points.new_tensor((40.0, 40.0, 3.0)), 4)
-    return (2 * pi * away / scale).sin() + 0.25 * fiber, 0.5
+    return (2 * pi * away / scale).sin() + 0.2 * fiber, 0.22
 
 
 def _grain(ground: Ground, scale: float) -> tuple[Tensor, float]:

@@ -2,7 +2,8 @@
 
 Diffuse: the light that arrives from all directions, with the subject's own shadow. Reflected: the
 surroundings as the roughness sees them in the mirror direction, times the environment's BRDF of the
-split sum. Linear light throughout; `n` Gaussians, `v` directions of each to cameras.
+split sum. Linear light throughout; `n` Gaussians, `p` pairs of a
+Gaussian and a direction to a camera.
 """
 
 from __future__ import annotations
@@ -19,20 +20,20 @@ from gsedit.scene.color_space import LUMINANCE, linear_of_srgb, srgb_of_hex
 from gsedit.scene.quaternions import even_directions
 from gsedit.surface.directions import cell_areas, look_up
 from gsedit.surface.occlusion import Occupancy, open_share
-from gsedit.surface.surroundings import Surroundings, prefiltered, reflected
+from gsedit.surface.surroundings import Surroundings, prefiltered, reflected, softened
 
-CONTRAST = 1.3
+CONTRAST = 1.2
 """Power of reflected light against its mean."""
 RAYS = 96
 """Directions, even over the sphere, in which light that arrives is looked up."""
-ARRIVING = 3
-"""Prefiltered map that is looked up in these directions: as wide as they are apart."""
+ARRIVING = 0.45
+"""Roughness at which light is softened as much as these directions are apart."""
 GRAZING = 0.08
 """Least cosine between a normal and a view: beyond lies the back."""
-PARALLAX_STEPS = 2
-"""Rounds in which the place that a ray meets the surroundings at is found."""
+FARTHEST = 1e6
+"""Distance, world units, of a sky that nothing is known of."""
 COAT_ROUGHNESS = 0.08
-COAT_SPECULAR = 0.04
+COAT_SPECULAR = 0.06
 THROUGH_BEND = 0.7
 """Share of the view direction that is left in light that has come through a solid: the rest is
 turned towards the inside."""
@@ -62,7 +63,7 @@ class Skin:
     detail: Float[Tensor, " n"]
     """Factor on the light for what is carved finer than the normals show."""
 
-    def __getitem__(self, rows: slice) -> Skin:
+    def __getitem__(self, rows: slice | Tensor) -> Skin:
         return Skin(self.points[rows], self.normals[rows], self.detail[rows])
 
     def __len__(self) -> int:
@@ -79,7 +80,7 @@ class Reflectance:
     coat: Float[Tensor, " n"]
     glow: Float[Tensor, " n"]
 
-    def __getitem__(self, rows: slice) -> Reflectance:
+    def __getitem__(self, rows: slice | Tensor) -> Reflectance:
         return Reflectance(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
 
@@ -95,7 +96,7 @@ def lighting(surroundings: Surroundings, grid: Occupancy) -> Lighting:
     steeper = radiance * (luminance / mean).clamp_min(1e-3) ** (CONTRAST - 1)
     steeper = steeper * (radiance * areas).sum() / (steeper * areas).sum()
     maps = prefiltered(replace(surroundings, radiance=steeper))
-    return Lighting(surroundings, maps, prefiltered(surroundings)[ARRIVING], grid)
+    return Lighting(surroundings, maps, softened(surroundings, ARRIVING), grid)
 
 
 def reflectance(material: Material, ground: Ground) -> Reflectance:
@@ -156,12 +157,14 @@ def rays_of(grid: Occupancy, skin: Skin) -> Rays:
 def arriving(light: Lighting, skin: Skin, rays: Rays) -> Float[Tensor, "n 2 3"]:
     """Mean light, weighted by the cosine, that arrives in front of and behind each surface; where
     the subject hides its surroundings, half of their mean."""
-    sent = _along_rays(light, light.plain, skin.points, rays.directions.expand(len(skin), RAYS, 3))
+    directions = rays.directions.expand(len(skin), RAYS, 3)
+    sent = look_up(light.plain, mirror_of(light, skin.points[:, None], directions))
     sent = torch.lerp(0.5 * sent.mean((0, 1)).expand_as(sent), sent, rays.open[..., None])
     sides = []
     for side in (rays.cosine, -rays.cosine):
         weight = side.clamp_min(0)
-        sides.append((weight[..., None] * sent).sum(1) / weight.sum(1, keepdim=True))
+        total = weight.sum(1, keepdim=True).clamp_min(1e-6)
+        sides.append(torch.einsum("nd,ndc->nc", weight, sent) / total)
     return torch.stack(sides, 1)
 
 
@@ -170,46 +173,45 @@ def outgoing(
     material: Material,
     surface: Reflectance,
     skin: Skin,
-    diffuse: Float[Tensor, "n 3"],
-    own: Float[Tensor, "n 3"],
-    views: Float[Tensor, "n v 3"],
-) -> Float[Tensor, "n v 3"]:
-    """Linear light that the skin sends in unit directions `views`, to the cameras.
+    diffuse: Float[Tensor, "p 3"],
+    own: Float[Tensor, "p 3"],
+    views: Float[Tensor, "p 3"],
+) -> Float[Tensor, "p 3"]:
+    """Linear light that points of a skin send in unit directions `views`, to cameras.
 
-    `diffuse` is what its body sends everywhere (see `body`), `own` as in `arriving`.
+    `diffuse` is what its body sends everywhere (see `body`), `own` what the subject sends where it
+    hides its surroundings.
     """
-    n, v, _ = views.shape
-    normals = skin.normals[:, None].expand_as(views)
-    cosine = (normals * views).sum(-1)
+    cosine = (skin.normals * views).sum(-1)
     # views from behind see the rim: the normal is turned just so far that it is in sight
     facing = torch.nn.functional.normalize(
-        normals + (GRAZING - cosine).clamp_min(0)[..., None] * views, dim=-1
+        skin.normals + (GRAZING - cosine).clamp_min(0)[:, None] * views, dim=-1
     )
     cosine = (facing * views).sum(-1).clamp(GRAZING, 1)
-    mirror = 2 * cosine[..., None] * facing - views
-    seen = open_share(light.grid, skin.points, skin.normals, mirror)[..., None]
-    base = surface.color[:, None]
-    metal = surface.metalness[:, None, None]
-    head_on = torch.lerp(torch.full_like(base, material.specular), base, metal)
-    rough = surface.roughness[:, None].expand(n, v)
-    hidden = own[:, None].expand_as(mirror)
+    mirror = 2 * cosine[:, None] * facing - views
+    seen = open_share(light.grid, skin.points, skin.normals, mirror[:, None])
+    head_on = torch.lerp(
+        torch.full_like(surface.color, material.specular),
+        surface.color,
+        surface.metalness[:, None],
+    )
+    rough = surface.roughness
     bent = mirror_of(light, skin.points, mirror)
-    sharp = torch.lerp(hidden, _reflected(light, bent, rough), seen)
-    sent = diffuse[:, None] + sharp * environment_brdf(head_on, rough, cosine)
+    sharp = torch.lerp(own, reflected(light.maps, bent, rough), seen)
+    sent = diffuse + sharp * environment_brdf(head_on, rough, cosine)
     if material.transmission:
         through = torch.nn.functional.normalize(
             -THROUGH_BEND * views - (1 - THROUGH_BEND) * facing, dim=-1
         )
-        behind = _reflected(light, through, rough)
-        sent = torch.lerp(sent, behind * base, material.transmission)
+        behind = reflected(light.maps, through, rough)
+        sent = torch.lerp(sent, behind * surface.color, material.transmission)
     if material.coat:
         smooth = torch.full_like(rough, COAT_ROUGHNESS)
-        glaze = torch.full_like(base, COAT_SPECULAR)
-        share = environment_brdf(glaze, smooth, cosine) * surface.coat[:, None, None]
-        gloss = torch.lerp(hidden, _reflected(light, bent, smooth), seen)
+        glaze = torch.full_like(head_on, COAT_SPECULAR)
+        share = environment_brdf(glaze, smooth, cosine) * surface.coat[:, None]
+        gloss = torch.lerp(own, reflected(light.maps, bent, smooth), seen)
         sent = sent * (1 - share) + gloss * share
-    glowing = (surface.glow[:, None] * surface.color)[:, None]
-    return sent * skin.detail[:, None, None] + glowing
+    return sent * skin.detail[:, None] + surface.glow[:, None] * surface.color
 
 
 def body(
@@ -226,8 +228,8 @@ def body(
 
 
 def environment_brdf(
-    head_on: Float[Tensor, "n 1 3"], roughness: Float[Tensor, "n v"], cosine: Float[Tensor, "n v"]
-) -> Float[Tensor, "n v 3"]:
+    head_on: Float[Tensor, "p 3"], roughness: Float[Tensor, " p"], cosine: Float[Tensor, " p"]
+) -> Float[Tensor, "p 3"]:
     """Share of the prefiltered light that is reflected: Karis' fit (2014) of the split sum's second
     part for GGX and Schlick."""
     x, y = 1 - roughness, -0.0275 * roughness + 0.0425
@@ -238,38 +240,19 @@ def environment_brdf(
 
 
 def mirror_of(
-    light: Lighting, points: Float[Tensor, "n 3"], directions: Float[Tensor, "n v 3"]
-) -> Float[Tensor, "n v 3"]:
+    light: Lighting, points: Float[Tensor, "*#p 3"], directions: Float[Tensor, "*#p 3"]
+) -> Float[Tensor, "*p 3"]:
     """Directions from the middle of the subject to what rays from its points meet."""
     distance = light.surroundings.distance[..., None]
     if not distance.isfinite().any():
         return directions
-    far = distance.masked_fill(~distance.isfinite(), 1e6)
-    offset = (points - light.surroundings.center)[:, None]
-    seen = directions
-    for _ in range(PARALLAX_STEPS):
-        away = look_up(far, seen)
-        along = (offset * directions).sum(-1, keepdim=True)
-        rest = (away.square() - offset.square().sum(-1, keepdim=True)).clamp_min(0)
-        reach = -along + (along.square() + rest).sqrt()
-        seen = torch.nn.functional.normalize(offset + reach * directions, dim=-1)
-    return seen
-
-
-def _along_rays(
-    light: Lighting,
-    level: Float[Tensor, "h w 3"],
-    points: Float[Tensor, "n 3"],
-    directions: Float[Tensor, "n v 3"],
-) -> Float[Tensor, "n v 3"]:
-    return look_up(level, mirror_of(light, points, directions))
-
-
-def _reflected(
-    light: Lighting, directions: Float[Tensor, "n v 3"], roughness: Float[Tensor, "n v"]
-) -> Float[Tensor, "n v 3"]:
-    flat = reflected(light.maps, directions.reshape(-1, 3), roughness.reshape(-1))
-    return flat.reshape(directions.shape)
+    far = distance.masked_fill(~distance.isfinite(), FARTHEST)
+    offset = points - light.surroundings.center
+    away = look_up(far, directions)
+    along = (offset * directions).sum(-1, keepdim=True)
+    rest = (away.square() - offset.square().sum(-1, keepdim=True)).clamp_min(0)
+    reach = -along + (along.square() + rest).sqrt()
+    return torch.nn.functional.normalize(offset + reach * directions, dim=-1)
 
 
 def _linear(color: str) -> Float[Tensor, "3"]:

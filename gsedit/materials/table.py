@@ -63,7 +63,7 @@ STONES = {
         "#f1efeb", roughness=0.35, coat=0.5, translucency=0.25,
         layers=(
             Layer("patches", "#dcdad6", 0.3, 0.6, roughness=0.35),
-            Layer("veins", "#8b8c90", 0.1, 0.55, roughness=0.35),
+            Layer("veins", "#6f7076", 0.14, 0.5, roughness=0.35),
         ),
     ),
     "granite": _stone(
@@ -118,7 +118,7 @@ STONES = {
 }  # fmt: skip
 GEMS = {
     "jade": _gem("#4aa277", 0.6, Layer("patches", "#2f7f58", 0.35, 0.4, 0.0, 0.25),
-                 Layer("veins", "#a8d6b4", 0.08, 0.5, 0.0, 0.25)),
+                 Layer("veins", "#8fcfa4", 0.06, 0.5, 0.0, 0.25)),
     "amethyst": _gem("#8a5fc0", 0.5, Layer("patches", "#6a3fa8", 0.4, 0.35, 0.0, 0.25)),
     "ruby": _gem("#b3122c", 0.5),
     "emerald": _gem("#178a54", 0.5, Layer("veins", "#0c6038", 0.12, 0.4, 0.0, 0.25)),
@@ -137,7 +137,7 @@ GEMS = {
 }  # fmt: skip
 GROWN = {
     "wood": Material("#9a683c", roughness=0.7, coat=0.15, layers=(
-        Layer("rings", "#6f4422", 0.45, 0.13, 0.0, 0.75), Layer("grain", "#5c3719", 0.25, 0.035))),
+        Layer("rings", "#5c3216", 0.4, 0.17, 0.0, 0.75), Layer("grain", "#5c3719", 0.25, 0.035))),
     "bamboo": Material("#cdb372", roughness=0.6, coat=0.3,
                        layers=(Layer("grain", "#b3954f", 0.4, 0.03, 0.0, 0.6),)),
     "cork": _stone("#b58a5c", 1.0, Layer("specks", "#8a623a", 0.3, 0.05)),

@@ -79,7 +79,8 @@ def estimate_normals(
     middle = torch.stack([camera.center for camera in chosen]).mean(0).to(scene.means)
     lit = torch.where(seen.norm(dim=-1, keepdim=True) > FAINT, seen, middle - scene.means)
     own = axes * _sign((axes * lit).sum(-1, keepdim=True))
-    return _smoothed(scene, seen + AXIS_PIXELS * own)
+    away = torch.nn.functional.normalize(scene.means - middle, dim=-1)
+    return _smoothed(scene, seen + AXIS_PIXELS * own - 10 * FAINT * away)
 
 
 def shortest_axes(scene: Gaussians) -> Float[Tensor, "n 3"]:

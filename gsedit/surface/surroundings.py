@@ -234,14 +234,15 @@ def irradiance(surroundings: Surroundings, normals: Float[Tensor, "n 3"]) -> Flo
 def prefiltered(surroundings: Surroundings) -> Float[Tensor, "r h w 3"]:
     """The surroundings as surfaces of each of ROUGHNESSES reflect them: GGX lobes seen head on, as
     in the split sum of Karis (2013)."""
-    radiance = surroundings.radiance
-    few = halved(radiance, COARSE)
-    areas = cell_areas(COARSE).to(few)
-    maps = [radiance]
-    for roughness in ROUGHNESSES[1:]:
-        lobe = filtered(few, _lobe(roughness).to(few), areas)
-        maps.append(look_up(lobe, cell_directions(ROWS).to(few)))
-    return torch.stack(maps)
+    rough = [softened(surroundings, roughness) for roughness in ROUGHNESSES[1:]]
+    return torch.stack([surroundings.radiance, *rough])
+
+
+def softened(surroundings: Surroundings, roughness: float) -> Float[Tensor, "h w 3"]:
+    """The surroundings as a surface of a roughness in (0, 1] reflects them, see `prefiltered`."""
+    few = halved(surroundings.radiance, COARSE)
+    lobe = filtered(few, _lobe(roughness).to(few), cell_areas(COARSE).to(few))
+    return look_up(lobe, cell_directions(ROWS).to(few))
 
 
 def reflected(
@@ -250,14 +251,19 @@ def reflected(
     """Light from unit directions as surfaces of a roughness in [0, 1] see it; between the maps of
     `prefiltered`, linear."""
     steps = torch.tensor(ROUGHNESSES, dtype=directions.dtype)
-    upper = torch.searchsorted(steps, roughness.clamp(0, 1).contiguous()).clamp(1, len(steps) - 1)
-    share = (roughness - steps[upper - 1]) / (steps[upper] - steps[upper - 1])
+    roughness = roughness.clamp(0, 1).contiguous()
+    upper = torch.searchsorted(steps, roughness).clamp(1, len(steps) - 1)
+    share = ((roughness - steps[upper - 1]) / (steps[upper] - steps[upper - 1]))[:, None]
+    if len(directions) and bool((roughness == roughness[0]).all()):
+        level = int(upper[0])
+        return look_up(torch.lerp(maps[level - 1], maps[level], float(share[0])), directions)
     found = directions.new_zeros(len(directions), 3)
     for level in range(1, len(steps)):
-        here = upper == level
-        if here.any():
-            low, high = (look_up(maps[i], directions[here]) for i in (level - 1, level))
-            found[here] = torch.lerp(low, high, share[here, None])
+        here = (upper == level).nonzero().squeeze(-1)
+        if len(here):
+            both = torch.cat((maps[level - 1], maps[level]), -1)
+            low, high = look_up(both, directions[here]).split(3, -1)
+            found[here] = torch.lerp(low, high, share[here])
     return found
 
 
