@@ -94,9 +94,9 @@ def test_a_pattern_is_on_its_share_of_a_ball(pattern):
 
 
 def test_a_smooth_metal_reflects_its_color_head_on_and_white_at_grazing():
-    gold = torch.tensor([[[1.0, 0.7, 0.3]]])
-    head_on = environment_brdf(gold, torch.zeros(1, 1), torch.ones(1, 1))
-    grazing = environment_brdf(gold, torch.zeros(1, 1), torch.full((1, 1), 1e-3))
+    gold = torch.tensor([[1.0, 0.7, 0.3]])
+    head_on = environment_brdf(gold, torch.zeros(1), torch.ones(1))
+    grazing = environment_brdf(gold, torch.zeros(1), torch.full((1,), 1e-3))
     torch.testing.assert_close(head_on, gold, atol=0.05, rtol=0)
     assert float(grazing.amin()) > 0.85
 
