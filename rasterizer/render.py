@@ -11,8 +11,9 @@ from torch import Tensor
 from rasterizer import checks
 from rasterizer.blending.backend import median_depths
 from rasterizer.camera import Camera
+from rasterizer.color_weights import color_weights
 from rasterizer.cpp_projection.picture import draw
-from rasterizer.numerics import AUTO, DEFAULT, SH_DC, Execution, Numerics
+from rasterizer.numerics import AUTO, DEFAULT, Execution, Numerics
 from rasterizer.preprocess import features_of, preprocess, stored_scene
 from rasterizer.project import Box
 from rasterizer.scene import Gaussians
@@ -109,13 +110,8 @@ def backproject(
 
     The adjoint of rendering colors. `maps` have the camera's size.
     """
-    # the picture is linear in color, so this is the gradient of its product with the maps
-    with torch.inference_mode(False), torch.enable_grad():
-        flat = scene.map(lambda field: field.detach().clone())
-        dc = torch.zeros(len(scene), 1, 3, dtype=flat.means.dtype, requires_grad=True)
-        picture = render(replace(flat, sh=dc), camera, numerics=numerics, execution=execution).color
-        (gradient,) = torch.autograd.grad(picture, dc, maps.detach().to(picture))
-    return gradient[:, 0] / SH_DC
+    weights = color_weights(scene.detach(), camera, numerics=numerics, execution=execution)
+    return weights.back(maps.detach().to(scene.means))
 
 
 def contributions(

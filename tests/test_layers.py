@@ -40,7 +40,7 @@ ORDER = {
     ),
     "rasterizer": (
         "reference", "rasterization", "gsplat_meta", "gsplat_inputs", "pixel_lists",
-        "color_weights", "render",
+        "render", "color_weights",
         "cpp_projection", "splat",
         "preprocess", "checks",
         "blending", "tiles", "project", "harmonics", "camera", "scene", "notebook",
