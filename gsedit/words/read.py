@@ -21,7 +21,7 @@ from gsedit.words.refusals import REASONS, Refused, first_refusal
 from gsedit.words.scan import Word, scanned
 from gsedit.words.small_looks import change_of_look, routed
 from gsedit.words.solids import directed, scenes, solids
-from gsedit.words.tones import DEFAULT, asks_less, complains, hues, tones
+from gsedit.words.tones import DEFAULT, asks_less, complains, hues, stressed, tones
 
 FLOOR, SURE = 0.6, 0.9
 """Least probability of a look that the encoder alone names, in a sentence of known words and in
@@ -144,7 +144,7 @@ def _changes(clause: Clause, reading: Reading) -> Placed:
 
 
 def _so(clause: Clause) -> bool:
-    return any(word.text in ("so", "how") for word in clause.words) and "be" in clause.kinds()
+    return stressed(clause, ("color",)) and "be" in clause.kinds()
 
 
 def _remark(clause: Clause, explicit: str | None, reading: Reading) -> None:

@@ -50,7 +50,7 @@ def tone(name: str, amount: float | None, color: str | None = None) -> Change:
 def complains(clause: Clause) -> bool:
     """Whether a clause says that there is too much of what it names: "it is dark"."""
     kinds, words = clause.kinds(), [word.text for word in clause.words]
-    if "too" in clause.tags() or "how" in words:
+    if "too" in clause.tags():
         return True
     said = [word.kind for word in clause.words]
     last = max((at for at, kind in enumerate(said) if kind not in ("fill", "be")), default=0)
@@ -59,9 +59,14 @@ def complains(clause: Clause) -> bool:
         and last > 0
         and (said[last - 1] == "slight" or words[last - 1] in RATHER)
     )
-    so = any(text == "so" and kind in QUALITIES for text, kind in zip(words, said[1:]))
-    states = "be" in said[:last] or so or "flaw" in clause.tags() or rather
+    states = "be" in said[:last] or stressed(clause, QUALITIES) or "flaw" in clause.tags() or rather
     return states and not kinds & {"wish", "do", "turn"}
+
+
+def stressed(clause: Clause, kinds: tuple[str, ...]) -> bool:
+    """Whether a word of these kinds stands after "so" or "how"."""
+    pairs = zip(clause.words, clause.words[1:])
+    return any(word.text in ("so", "how") and after.kind in kinds for word, after in pairs)
 
 
 def asks_less(clause: Clause) -> bool:

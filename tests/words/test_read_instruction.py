@@ -102,6 +102,22 @@ def test_a_negation_around_any_sentence_keeps_it_from_being_done(frame):
         assert not done & {(c.name, (c.amount or 1) > 0) for c in read.changes}, read
 
 
+@pytest.mark.parametrize(
+    "frame",
+    [
+        "please {}", "could you {}?", "Hi there! {}", "I'd like you to {}", "{}, thanks",
+        "ok so {}", "my boss wants you to {}", "{} because I like it",
+    ],
+)  # fmt: skip
+def test_who_asks_and_how_politely_changes_nothing(frame):
+    entries = json.loads((DATA / "open.json").read_text(encoding="utf-8"))
+    verbs = ("make ", "paint ", "turn ", "darken ", "desaturate ", "lower ", "double ", "cut ")
+    asked = [each["text"].rstrip(".!") for each in entries if each["text"].startswith(verbs)]
+    for sentence in asked:
+        framed = read_instruction(frame.format(sentence))
+        assert framed.changes == read_instruction(sentence).changes, framed
+
+
 def test_what_is_denied_beside_what_is_asked_is_left_out():
     assert only("blue, not red").name == only("not red but blue").name == "blue"
     assert only("turn night into day").name == "daylight"
