@@ -68,7 +68,8 @@ def _number(words: list[Word], at: int, number: float) -> Amount | None:
             return Amount(turn=number / 360)
     if after and after.kind == "fraction":
         return None
-    added = (before and before.text == "by") or any(each.kind in ("up", "down") for each in words)
+    added = word.text[0] in "+-" or (before is not None and before.text == "by")
+    added |= any(each.kind in ("up", "down") for each in words)
     if "." in word.text or "/" in word.text:
         return Amount(share=number) if added and abs(number) < 1 else Amount(factor=number)
     plain = word.text[0] in "+-" or (before and before.text == "by")

@@ -11,6 +11,7 @@ SPELLINGS = (
     (r"^(could|would|ca|can|wo|should)n'?t (you|we|it|this|that|the)\b", r"\1 \2"),
     (r"^(?:is|are|does|do|was|were)n'?t (it|this|that|the|you think)\b(?=.*\?)", r"\1"),
     (r"\blet's\b", "let us"),
+    (r"\b(it'?s|is|are|looks|way|far) to (?=\w+\W*$)", r"\1 too "),
     (r"colou?r", "color"),
     (r"(?<=\w)-ish\b", "ish"),
     (r"\b(can)not\b", r"\1 not"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import random
 import re
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 from sentence_grades import graded
 
 from gsedit.words.instruction import Change
+from gsedit.words.lexicon import entries
 from gsedit.words.read import read_instruction
 from gsedit.words.small_looks import look_of
 
@@ -24,18 +26,40 @@ def only(sentence: str) -> Change:
     return read.changes[0]
 
 
-def test_sentences_are_read_and_none_is_done_the_opposite_way():
-    counts, _, _ = graded(DATA / "open.json")
+@pytest.mark.parametrize(
+    ("name", "count", "least"),
+    [("open", 222, 220), ("fresh_open", 105, 103), ("aside", 222, 205), ("fresh_aside", 105, 94)],
+)
+def test_sentences_are_read_and_none_is_done_the_opposite_way(name, count, least):
+    """The least is two below the measured (docs/measurements/instructions.md)."""
+    counts, _, _ = graded(DATA / f"{name}.json")
     assert counts["opposite"] == 0
-    assert counts["right"] + counts["refused rightly"] >= 219
-    assert counts.total() == 222
+    assert counts["right"] + counts["refused rightly"] >= least
+    assert counts.total() == count
 
 
-def test_sentences_that_were_kept_aside_are_read():
-    """Three of 222 are still done the opposite way: a ceiling, not a goal."""
-    counts, _, _ = graded(DATA / "aside.json")
-    assert counts["opposite"] <= 3
-    assert counts["right"] + counts["refused rightly"] >= 198
+def test_any_words_are_read_or_refused():
+    words = [
+        *entries(),
+        "red",
+        "#ff0000",
+        "12",
+        "%",
+        ",",
+        ".",
+        "not",
+        "0",
+        "blorf",
+        "'s",
+        "-3",
+        ":",
+    ]
+    draw = random.Random(0)
+    for _ in range(500):
+        sentence = "not " + " ".join(draw.choices(words, k=draw.randint(1, 8)))
+        read = read_instruction(sentence)
+        assert read.known == bool(read.changes), sentence
+        assert read.known == (not read.refusal)
 
 
 @pytest.mark.parametrize(
