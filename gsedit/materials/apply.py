@@ -21,7 +21,7 @@ from gsedit.materials.carving import carved, visible_area
 from gsedit.materials.harmonics import fitted
 from gsedit.materials.material import Material
 from gsedit.materials.patterns import Ground
-from gsedit.materials.present import Received, as_shaded
+from gsedit.materials.present import USUAL_ALBEDO, Received, as_shaded
 from gsedit.materials.shading import (
     Lighting,
     Skin,
@@ -36,8 +36,8 @@ from gsedit.scene.color_space import srgb_of_linear
 from gsedit.scene.framing import guess_up
 from gsedit.scene.quaternions import even_directions, turn_between
 from gsedit.surface.normals import estimate_normals
-from gsedit.surface.occlusion import occupancy
-from gsedit.surface.surroundings import balanced, find_surroundings, middle
+from gsedit.surface.occlusion import nothing, occupancy
+from gsedit.surface.surroundings import balanced, find_surroundings, middle, surroundings_at
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
@@ -58,6 +58,10 @@ WHITENED = 0.6
 """Share of white in light that is much too bright for a display."""
 UNSURE = 0.5
 """Median confidence of normals below which Gaussians show no surface."""
+NEAR_EYES = 0.02
+"""Distance, in radii of a part that cameras stand in, up to which it is not its surroundings."""
+LEVELS = (0.1, 1.6)
+"""Least and largest light on such a part, as its old colors tell it."""
 STUDIO = "nothing is around it: it is lit by a studio"
 RAISED = "reflections need SH of degree 3: the scene had {}, and its file grows"
 AT_ONCE = 8192
@@ -73,6 +77,8 @@ class Studied:
     ground: Ground
     sides: Float[Tensor, "m 2 3"]
     """Light that arrives in front of and behind each Gaussian, of a grey subject."""
+    sure: float
+    """Median confidence of the normals."""
     notes: tuple[str, ...]
     """Remarks for a person."""
 
@@ -101,6 +107,11 @@ def in_material(
     Raises UsageError for no Gaussians inside, or for ones that show no surface.
     """
     studied = study(scene, inside, cameras, execution, weights)
+    if studied.sure < UNSURE and not material.is_matte:
+        raise UsageError(
+            "the part's Gaussians show no surface that could reflect (they are needles or fog): "
+            "clean the scene first with gsedit clean, or edit with --editor small"
+        )
     degree = 0 if material.is_matte else DEGREE
     k = max(scene.sh.shape[1], (degree + 1) ** 2)
     sh = scene.sh.new_zeros(len(scene), k, 3)
@@ -128,27 +139,40 @@ def study(
         raise UsageError("the material would be on no Gaussian: name what should be in it")
     up = up_of(cameras) if len(cameras) > 1 else guess_up(scene)
     found = estimate_normals(scene, cameras, execution)
-    if float(found.confidence[inside].median()) < UNSURE:
-        raise UsageError(
-            "the part's Gaussians show no surface that could reflect (they are needles or fog): "
-            "clean the scene first with gsedit clean, or edit with --editor small"
-        )
     center, radius = middle(scene, inside)
     normals = found.directions[inside]
     relief = carved(part, normals)
     turn = torch.from_numpy(turn_between(up.numpy(), np.array((0.0, 0.0, 1.0)))).to(part.means)
     ground = Ground((part.means - center) @ turn.T / radius, normals @ turn.T, relief.hollow)
-    grid = occupancy(part)
     skin = Skin(part.means, normals, relief.detail)
+    sure = float(found.confidence[inside].median())
+    if (eyes := _eyes_within(part, cameras)) is not None:
+        around = surroundings_at(scene, eyes, NEAR_EYES * radius, up, execution, cameras)
+        light = lighting(balanced(around), nothing(part))
+        level = (relief.luminance / USUAL_ALBEDO).clamp(*LEVELS)[:, None, None]
+        return Studied(light, skin, ground, level.expand(-1, 2, 3), sure, ())
+    grid = occupancy(part)
     rays = rays_of(grid, skin)
-    surroundings = find_surroundings(scene, inside, up, execution, cameras)
-    if not surroundings.studio:
+    around = find_surroundings(scene, inside, up, execution, cameras)
+    if not around.studio:
         shown = Received(relief.luminance, rays.share, size if weights is None else weights[inside])
-        surroundings = as_shaded(surroundings, shown, rays.directions)
-    light = lighting(balanced(surroundings), grid)
+        around = as_shaded(around, shown, rays.directions)
+    light = lighting(balanced(around), grid)
     sides = [arriving(light, skin[rows], rays[rows]) for rows in _parts(len(part))]
-    notes = (STUDIO,) if surroundings.studio else ()
-    return Studied(light, skin, ground, torch.cat(sides), notes)
+    notes = (STUDIO,) if around.studio else ()
+    return Studied(light, skin, ground, torch.cat(sides), sure, notes)
+
+
+def _eyes_within(part: Gaussians, cameras: Sequence[Camera]) -> Float[Tensor, "3"] | None:
+    """Middle of the cameras where most stand inside a part, as in a room: its surroundings are its
+    own, and its old shading is all that is known of the light on it. None elsewhere."""
+    if not cameras:
+        return None
+    eyes = torch.stack([camera.center for camera in cameras]).to(part.means)
+    ends = part.means.sort(0).values
+    low, high = (ends[int(share * (len(part) - 1))] for share in (0.1, 0.9))
+    inside = ((eyes > low) & (eyes < high)).all(-1)
+    return eyes.mean(0) if float(inside.float().mean()) > 0.5 else None
 
 
 def colors_of(

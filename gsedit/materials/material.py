@@ -10,6 +10,10 @@ PatternName = Literal[
 ]
 
 
+USUAL_SPECULAR = 0.04
+"""Reflectance head on of stone, wood, lacquer: an index of refraction of 1.5."""
+
+
 @dataclass(frozen=True)
 class Layer:
     """Something on or in a material, where a pattern in space says."""
@@ -44,7 +48,7 @@ class Material:
     """Share of what comes through from behind, as in glass, against the base color."""
     glow: float = 0.0
     """Light that it sends out itself, against white."""
-    specular: float = 0.04
+    specular: float = USUAL_SPECULAR
     """Reflectance head on of what is no metal."""
     layers: tuple[Layer, ...] = ()
     """Patterns, the uppermost last."""

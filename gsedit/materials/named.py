@@ -8,13 +8,14 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
-from gsedit.materials.material import Layer, Material, darker, recolored
+from gsedit.materials.material import USUAL_SPECULAR, Layer, Material, darker, recolored
 from gsedit.materials.table import MATERIALS, OVERS
-from gsedit.words.colors import longest
+from gsedit.words.colors import between, longest
 from gsedit.words.small_looks import material_of as canonical
 
 FINISHES: dict[str, dict[str, float]] = {
     "matte": {"roughness": 1.0, "coat": 0.0},
+    "flat": {"roughness": 1.0, "coat": 0.0},
     "matt": {"roughness": 1.0, "coat": 0.0},
     "rough": {"roughness": 0.9, "coat": 0.0},
     "weathered": {"roughness": 0.85, "coat": 0.0},
@@ -35,8 +36,16 @@ FINISHES: dict[str, dict[str, float]] = {
 BRUSHED = Layer("grain", "#000000", 0.5, 0.02, 1.0, 0.5)
 """Streaks of brushed metal; their color is the metal's, darker."""
 JOINED = re.compile(r"\b(?:with|and|covered in|under|overgrown with|flecked with)\b")
-PAINT = Material("#808080", roughness=0.5)
-"""Paint of which nothing but the color is said: satin."""
+PAINT = Material("#808080", roughness=1.0, specular=0.0)
+"""Paint of which nothing but the color is said: matte, all that it reflects is in its color."""
+
+
+def paint_of(name: str, color: str) -> Material:
+    """Paint in a color "#rrggbb", with the finish that its name says: "glossy red"."""
+    material = replace(PAINT, color=color)
+    for word in re.findall(r"[a-z]+", name.lower()):
+        material = _finished(material, FINISHES.get(word, {}))
+    return material if material.is_matte else replace(material, specular=USUAL_SPECULAR)
 
 
 def material_of(name: str, color: str | None = None) -> Material | None:
@@ -72,7 +81,11 @@ def _overs(texts: list[str], known: str) -> list[Layer]:
         at = words.index(name)
         said = longest(words[max(0, at - 2) : at]) if at else None
         layers = OVERS[name]
-        found += [replace(each, color=said[1]) for each in layers] if said else list(layers)
+        found += (
+            [replace(each, color=between(each.color, said[1])) for each in layers]
+            if said
+            else list(layers)
+        )
     return found
 
 

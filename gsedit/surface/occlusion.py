@@ -56,6 +56,13 @@ def occupancy(subject: Gaussians) -> Occupancy:
     return Occupancy(low, cell, full)
 
 
+def nothing(subject: Gaussians) -> Occupancy:
+    """A grid where a subject is, in which nothing hides anything."""
+    low = subject.means.amin(0)
+    side = float((subject.means.amax(0) - low).amax().clamp_min(1e-9))
+    return Occupancy(low, side, torch.zeros(3, 3, 3, dtype=torch.bool))
+
+
 def open_share(
     grid: Occupancy,
     points: Float[Tensor, "m 3"],

@@ -56,6 +56,8 @@ CLIPPED_GAIN = 3.0
 """Factor of clipped light: a bright sky in a picture that is exposed for the ground."""
 ROUGHNESSES = (0.0, 0.15, 0.3, 0.45, 0.6, 0.8, 1.0)
 """Roughness of the prefiltered maps; GGX's alpha is its square."""
+STUDIO_LIGHT = 0.8
+"""Mean light of a studio, against what makes white paper white."""
 BALANCE = 0.8
 """Share of the light's color that white balance takes away."""
 
@@ -93,15 +95,31 @@ def find_surroundings(
     show anything. The subject must not be empty.
     """
     center, radius = middle(scene, subject)
-    others = scene[~subject]
-    if not len(others):
-        return studio(center, guess_up(scene) if up is None else up)
-    color, alpha, distance = panorama(others, center, NEAR_SHARE * radius, execution)
+    near = NEAR_SHARE * radius
+    return surroundings_at(
+        scene[~subject], center, near, guess_up(scene) if up is None else up, execution, cameras
+    )
+
+
+@torch.no_grad()
+def surroundings_at(
+    scene: Gaussians,
+    center: Float[Tensor, "3"],
+    near: float,
+    up: Float[Tensor, "3"],
+    execution: Execution = AUTO,
+    cameras: Sequence[Camera] = (),
+) -> Surroundings:
+    """The light of a scene around a place, see `find_surroundings`; nothing nearer than `near`,
+    world units, is seen."""
+    if not len(scene):
+        return studio(center, up)
+    color, alpha, distance = panorama(scene, center, near, execution)
     alpha = alpha * in_sight(center, distance, cameras)
     if float((alpha * cell_areas(ROWS)).sum()) < LEAST_SEEN * 4 * pi:
-        return studio(center, guess_up(scene) if up is None else up)
+        return studio(center, up)
     display = color / alpha.clamp_min(FAINT)[..., None]
-    seen = filled(unclipped(display), alpha, guess_up(scene) if up is None else up)
+    seen = filled(unclipped(display), alpha, up)
     known = torch.where(alpha > 0.5, distance, torch.inf)
     return Surroundings(center, seen, known, alpha)
 
@@ -206,6 +224,8 @@ def studio(center: Float[Tensor, "3"], up: Float[Tensor, "3"]) -> Surroundings:
         towards = torch.nn.functional.normalize(side * across + ahead * along + above * up, dim=0)
         angle = torch.acos((directions @ towards).clamp(-1, 1))
         light = light + power * torch.sigmoid((size - angle) / 0.05)
+    areas = cell_areas(ROWS)
+    light = light * (STUDIO_LIGHT * 4 * pi / (light * areas).sum())
     radiance = light[..., None].expand(-1, -1, 3).to(center)
     far = torch.full(light.shape, torch.inf, dtype=center.dtype)
     return Surroundings(center, radiance, far, torch.zeros_like(far), studio=True)

@@ -11,14 +11,13 @@ from torch import Tensor
 
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.editing.routes.colors import parse_hex
-from gsedit.editing.routes.paint import finish_of, painted
 from gsedit.editing.routes.tone import toned
 from gsedit.errors import UsageError
 from gsedit.light.named import setup_of
 from gsedit.light.place import far_note, place_of
 from gsedit.light.relight import relit
 from gsedit.materials.apply import Dressed, in_material
-from gsedit.materials.named import material_of
+from gsedit.materials.named import material_of, paint_of
 from gsedit.regions.lift import lift
 from gsedit.regions.region import Region, everything
 from gsedit.scene.table import table_of
@@ -29,7 +28,7 @@ from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
 EXACT_ROUTES = ("tone", "paint", "material", "light", "scenery")
-SEEING_ROUTES = ("paint", "light", "scenery")
+SEEING_ROUTES = ("paint", "material", "light", "scenery")
 """Routes that weigh Gaussians by how much of them is seen."""
 SEEN_VIEWS = 12
 """Most pictures that tell which Gaussians are seen."""
@@ -91,12 +90,8 @@ def apply_change(
     match change.route:
         case "tone":
             after = toned(table, inside, change.name, change.amount, change.color)
-        case "paint":
-            weights = None if seen is None else seen.cpu().numpy()
-            finish = finish_of(change.name)
-            after = painted(table, inside, parse_hex(change.color), finish, weights)
-        case "material":
-            return dressed(scene, change, region, cameras, execution).scene
+        case "paint" | "material":
+            return dressed(scene, change, region, seen, cameras, execution).scene
         case "light":
             color = None if change.color is None else parse_hex(change.color)
             setup = setup_of(change.name, change.amount, color)
@@ -112,15 +107,21 @@ def dressed(
     scene: Gaussians,
     change: Change,
     region: Region,
+    seen: Float[Tensor, " n"] | None,
     cameras: Sequence[Camera],
     execution: Execution = AUTO,
 ) -> Dressed:
-    """The scene with the Gaussians of a region in a material. Raises UsageError as `in_material`,
-    and for a name that is no material."""
-    material = material_of(change.name, change.color)
+    """The scene with the Gaussians of a region in a paint or material. Raises UsageError as
+    `in_material`, and for a name that is no material or a color that is none."""
+    if change.color is not None or change.route == "paint":
+        parse_hex(change.color)
+    if change.route == "paint":
+        material = paint_of(change.name, str(change.color))
+    else:
+        material = material_of(change.name, change.color)
     if material is None:
         raise UsageError(f"there is no material {change.name!r}: gsedit looks lists what there is")
-    return in_material(scene, region.inside, material, cameras, execution)
+    return in_material(scene, region.inside, material, cameras, execution, seen)
 
 
 def apply_instruction(
@@ -146,8 +147,8 @@ def apply_instruction(
     notes: list[str] = []
     for change in changes:
         region = regions[change.target]
-        if change.route == "material" and region.inside.any():
-            made = dressed(after, change, region, cameras, execution)
+        if change.route in ("paint", "material") and region.inside.any():
+            made = dressed(after, change, region, seen, cameras, execution)
             after, notes = made.scene, [*notes, *made.notes]
         else:
             after = apply_change(after, change, region, seen, cameras, execution)
