@@ -25,7 +25,7 @@ DETAIL = (0.45, 1.15)
 """Least and largest ratio to the surroundings, in linear light, that counts as carving."""
 HUE = 0.12
 """Difference in the share of a channel at which a color is half paint."""
-FLAT = 0.35
+FLAT = 0.4
 """Share of darkness that stays where the surface is not hollow."""
 HOLLOW = 0.12
 """Mean sine at which neighbors stand above a surface that is fully hollow."""

@@ -82,7 +82,7 @@ def _overs(texts: list[str], known: str) -> list[Layer]:
         said = longest(words[max(0, at - 2) : at]) if at else None
         layers = OVERS[name]
         found += (
-            [replace(each, color=between(each.color, said[1])) for each in layers]
+            [replace(each, color=_toned(each.color, said[1])) for each in layers]
             if said
             else list(layers)
         )
@@ -106,3 +106,9 @@ def _finished(material: Material, changes: dict[str, float]) -> Material:
     )
     kept = {key: value for key, value in changes.items() if key != "coat" or not material.metalness}
     return replace(material, **kept, layers=layers)
+
+
+def _toned(own: str, said: str) -> str:
+    """A layer's color, a quarter of the way to the one that is said: green patina is not as green
+    as paint."""
+    return between(own, between(own, said))

@@ -119,7 +119,7 @@ def demo_solids() -> tuple[tuple[Sdf, Paint], ...]:
         plain((0.85, 0.13, 0.15)), plain((0.97, 0.93, 0.88)), stripes((0.8, 0, 0.6), 0.14, 2.0)
     )
     painted = (
-        (_fur(), mix(plain((0.62, 0.38, 0.18)), plain((0.86, 0.6, 0.34)), waves(0.22))),
+        (bear_fur(), mix(plain((0.62, 0.38, 0.18)), plain((0.86, 0.6, 0.34)), waves(0.22))),
         (
             _cream(),
             mix(plain((0.97, 0.87, 0.7)), plain((0.86, 0.72, 0.52)), waves(0.18)),
@@ -138,7 +138,7 @@ def demo_solids() -> tuple[tuple[Sdf, Paint], ...]:
     return tuple((translate(part, RAISE), _shifted(coat, RAISE)) for part, coat in painted)
 
 
-def _fur() -> Sdf:
+def bear_fur() -> Sdf:
     """The bear's body, head, ears, limbs and tail."""
     return smooth_union(
         0.07,
