@@ -46,6 +46,8 @@ class Survey:
     """How much each Gaussian is lit by geometry, in [0, 1]."""
     sky: Float[Tensor, "n c"]
     """Light of weight 1 from each direction of the sky, and from below (see `received`)."""
+    seen: Float[Tensor, " n"]
+    """How much of the pictures each Gaussian fills, float64."""
     light: Float[Tensor, " n"]
     """Present light on each Gaussian, about 1 on an open, level place."""
 
@@ -65,8 +67,9 @@ def survey(
     surface = surface_of(scene, place, cameras, execution)
     trust, sky = place.trust(surface.points), received(surface)
     colors = sh_to_color(scene.sh[:, 0]).numpy()
-    light = estimate_present(surface, colors, (seen.double() * trust).numpy(), sky)
-    return Survey(place, surface, trust, sky, light)
+    seen = seen.double()
+    light = estimate_present(surface, colors, (seen * trust).numpy(), sky)
+    return Survey(place, surface, trust, sky, seen, light)
 
 
 def received(surface: Surface) -> Float[Tensor, "n c"]:

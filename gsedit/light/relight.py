@@ -2,7 +2,9 @@
 
 A factor of light is a factor of its GAMMA-th root in display colors, so a Gaussian's color, and
 what of it depends on the direction, is multiplied; blending stays exact. Where geometry is not
-trusted, far from the subject, the factor is one tone for all. `n` Gaussians.
+trusted, far from the subject, the factor is one tone for all, the mean of what is near.
+
+`n` Gaussians.
 """
 
 from __future__ import annotations
@@ -27,8 +29,6 @@ from rasterizer.scene import Gaussians
 
 SUN_REACH = 1.2
 """Distance, in the radius, over which a sun's shadow falls."""
-FAR_SUN = 0.4
-"""Share of a sun's light on what is far away, whose sides are not known."""
 SKY_RISE = (0.02, 0.2)
 """Sine of the elevation above the middle at which what is far away begins to be sky, and is."""
 SKY_BRIGHT = (0.45, 0.75)
@@ -58,23 +58,26 @@ def relit_by(
     found: Survey, scene: Gaussians, setup: LightSetup, execution: Execution = AUTO
 ) -> Gaussians:
     """The scene that was surveyed, or one with other colors, in another light."""
-    new = light_on(found.surface, setup, found.sky, execution)
-    lit = found.surface.smoothed(new) / found.surface.smoothed(found.light)[:, None]
+    present = found.surface.smoothed(found.light)[:, None]
+    outdoors = light_on(found.surface, setup, found.sky, execution)
+    ratio = found.surface.smoothed(outdoors) / present
+    near = (found.trust * found.seen)[:, None]
+    far = (near * ratio).sum(0) / near.sum().clamp_min(1e-12)
+    for lamp in setup.lamps:
+        ratio = ratio + found.surface.smoothed(_lamplight(found.surface, lamp, execution)) / present
     share = found.trust[:, None]
-    ratio = share * lit + (1 - share) * _far_ratio(setup)
+    ratio = share * ratio + (1 - share) * far
     return _change(scene, setup, found.place, found.trust, ratio ** (1 / GAMMA)).applied(scene)
 
 
 def light_on(
     surface: Surface, setup: LightSetup, sky: Float[Tensor, "n c"], execution: Execution = AUTO
 ) -> Float[Tensor, "n 3"]:
-    """Linear light of a setup on each Gaussian."""
+    """Linear light of a setup's sky and sun on each Gaussian."""
     up, down = torch.tensor(setup.sky).double(), torch.tensor(setup.ground).double()
     total = sky[:, :-1].sum(1)[:, None] * up + sky[:, -1:] * down
     if setup.sun is not None:
         total = total + _sunlight(surface, setup.sun, execution)
-    for lamp in setup.lamps:
-        total = total + _lamplight(surface, lamp, execution)
     return total
 
 
@@ -118,14 +121,6 @@ def _lamplight(surface: Surface, lamp: Lamp, execution: Execution) -> Float[Tens
 def _lifted(surface: Surface) -> Float[Tensor, "n 3"]:
     pixel = 2 * surface.place.radius / SHARP
     return surface.points + OFFSET_PIXELS * pixel * surface.normals
-
-
-def _far_ratio(setup: LightSetup) -> Float[Tensor, "3"]:
-    """Light on what is far away, against the present."""
-    total = torch.tensor(setup.sky).double() + torch.tensor(setup.ground).double() / 2
-    if setup.sun is not None:
-        total = total + FAR_SUN * setup.sun.strength * torch.tensor(setup.sun.color).double()
-    return total
 
 
 def _change(

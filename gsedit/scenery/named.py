@@ -16,6 +16,7 @@ from gsedit.light.relight import relit_by
 from gsedit.light.setup import Fog, LightSetup, Sun
 from gsedit.scenery.cover import desert, frost, snow
 from gsedit.scenery.gloss import glossy
+from gsedit.scenery.inks import polaroid, thermal
 from gsedit.scenery.seasons import autumn, spring, summer
 from gsedit.scenery.setting import Setting
 from gsedit.scenery.water import caustics, wet
@@ -54,6 +55,8 @@ SCENERIES: dict[str, Scenery] = {
     "autumn": Scenery(None, (autumn,)),
     "spring": Scenery(None, (spring,)),
     "summer": Scenery(LIGHTS["sunny"], (summer,)),
+    "thermal": Scenery(None, (thermal,)),
+    "polaroid": Scenery(None, (polaroid,)),
     "underwater": Scenery(LIGHTS["underwater light"], (caustics,)),
 }
 """Weather and seasons by the names that `gsedit.words` gives them."""

@@ -13,7 +13,7 @@ AUTUMN = ((0.36, 0.34, 0.1), (0.86, 0.62, 0.1), (0.88, 0.44, 0.08), (0.7, 0.2, 0
           (0.5, 0.3, 0.14))  # fmt: skip
 SPRING = ((0.42, 0.62, 0.2), (0.58, 0.74, 0.26), (0.66, 0.78, 0.36))
 SUMMER = ((0.16, 0.4, 0.1), (0.24, 0.5, 0.12), (0.36, 0.56, 0.14))
-BLOSSOM = ((1.0, 0.8, 0.87), (0.97, 0.56, 0.7))
+BLOSSOM = ((1.0, 0.78, 0.87), (0.98, 0.6, 0.75))
 """Display colors of foliage in middle light."""
 BRIGHTEST = 0.93
 """Display color that foliage does not pass."""
@@ -22,26 +22,25 @@ BRIGHTEST = 0.93
 def autumn(setting: Setting) -> ColorChange:
     """Leaves from green gold over orange to brown, by clump and by leaf."""
     turned = 0.5 + 0.3 * setting.noise(CLUMP, 11) + 0.14 * setting.noise(LEAF, 12)
-    return _leaves(setting, _palette(AUTUMN, turned), 0.96)
+    return _leaves(setting, ramp_of(AUTUMN, turned), 0.96)
 
 
 def spring(setting: Setting) -> ColorChange:
     """Fresh leaves, and blossoms on some of the bushes."""
-    fresh = _palette(SPRING, 0.5 + 0.3 * setting.noise(CLUMP, 13) + 0.1 * setting.noise(LEAF, 14))
-    bushes = step(setting.noise(2 * CLUMP, 15), -0.9, 0.0)
-    petals = step(setting.noise(CLUMP / 2, 16) + 0.3 * setting.noise(LEAF, 17), 0.0, 0.25)
-    petals = petals * bushes
-    pink = _palette(BLOSSOM, 0.5 + 0.4 * setting.noise(LEAF, 18))
-    return _leaves(setting, torch.lerp(fresh, pink, 0.9 * petals[:, None]), 0.9, petals)
+    fresh = ramp_of(SPRING, 0.5 + 0.3 * setting.noise(CLUMP, 13) + 0.1 * setting.noise(LEAF, 14))
+    petals = step(setting.noise(3 * CLUMP, 15), -0.1, 0.15)  # finer ones mix to brown
+    petals = petals * (1 - step(setting.found.surface.confidence, 0.93, 0.99))
+    pink = ramp_of(BLOSSOM, 0.5 + 0.4 * setting.noise(CLUMP, 18))
+    return _leaves(setting, torch.lerp(fresh, pink, petals[:, None]), 0.96, petals)
 
 
 def summer(setting: Setting) -> ColorChange:
     """Full, deep green leaves."""
-    deep = _palette(SUMMER, 0.5 + 0.3 * setting.noise(CLUMP, 19) + 0.1 * setting.noise(LEAF, 20))
+    deep = ramp_of(SUMMER, 0.5 + 0.3 * setting.noise(CLUMP, 19) + 0.1 * setting.noise(LEAF, 20))
     return _leaves(setting, deep, 0.7)
 
 
-def _palette(
+def ramp_of(
     colors: tuple[tuple[float, float, float], ...], at: Float[Tensor, " n"]
 ) -> Float[Tensor, "n 3"]:
     """Colors along a ramp, from 0 to 1."""

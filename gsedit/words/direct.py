@@ -13,7 +13,19 @@ LIGHTS = frozenset(
 )  # fmt: skip
 """Names of the lights in gsedit.light.named."""
 SCENERIES = frozenset(
-    ("snow", "frost", "rain", "wet", "desert", "autumn", "spring", "summer", "underwater")
+    (
+        "snow",
+        "frost",
+        "rain",
+        "wet",
+        "desert",
+        "autumn",
+        "spring",
+        "summer",
+        "underwater",
+        "thermal",
+        "polaroid",
+    )
 )
 """Names of weather and seasons in gsedit.scenery.named."""
 ROUTES = {"light": ("light", LIGHTS), "look": ("scenery", SCENERIES)}
