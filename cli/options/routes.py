@@ -45,11 +45,17 @@ def exact_instruction(text: str, editor: EditorOptions, values: Values) -> Instr
     if not heeds_routes(editor, values):
         return None
     from gsedit.editing.routes.apply import is_exact
+    from gsedit.words.direct import UNCLEAR
     from gsedit.words.read import read_instruction
 
     instruction = read_instruction(text)
     if not instruction.known:
         raise UsageError(instruction.why)
+    if unclear := next((c.name for c in instruction.changes if c.name in UNCLEAR), None):
+        raise UsageError(
+            f"{text!r}: what small makes of a {unclear} is hardly seen to be one: --editor small "
+            "draws it anyway, --editor pix2pix --model FOLDER follows any sentence"
+        )
     return instruction if is_exact(instruction) else None
 
 

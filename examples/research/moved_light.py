@@ -64,6 +64,11 @@ def exact(
     return colored(make(Daylight(toward, light, setup.sky, setup.ground)))
 
 
+def say(line: str) -> None:
+    """Write a line of the table."""
+    sys.stdout.write(f"{line}\n")
+
+
 def psnr(first: Tensor, second: Tensor) -> float:
     """PSNR of display colors, at most 99 dB."""
     error = (first.clamp(0, 1) - second.clamp(0, 1)).square().mean().clamp_min(1e-10)
@@ -84,8 +89,8 @@ def compared(before: Gaussians, after: Gaussians, truth: Gaussians, cameras) -> 
 
 def table() -> None:
     """Print a row for each scene, present light and asked light."""
-    print("| scene | present light | asked light | unedited | best gain | relit |")
-    print("|---|---|---|---|---|---|")
+    say("| scene | present light | asked light | unedited | best gain | relit |")
+    say("|---|---|---|---|---|---|")
     for name, make in {"bear": demo_scene, "columns": columns}.items():
         ring = ring_cameras(make(), 16, SIZE)
         unused = ring_cameras(make(), 3, SIZE, elevation=32, start=-60)
@@ -99,11 +104,11 @@ def table() -> None:
                     continue
                 after = relit(before, setup, ring, seen)
                 row = compared(before, after, truths[end], unused)
-                print(f"| {name} | {start} | {end} | " + " | ".join(f"{x:.1f}" for x in row) + " |")
+                say(f"| {name} | {start} | {end} | {' | '.join(f'{x:.1f}' for x in row)} |")
 
 
 def night_in_a_room() -> None:
-    """Print what night does to a wall behind the cameras, against night as a tone of its picture."""
+    """Print what night does to a wall behind the cameras, against night as one tone of it."""
     draw = torch.Generator().manual_seed(1)
     scene = colored(room(draw))
     up = torch.tensor((0.0, 0.0, 1.0), dtype=torch.float64)
@@ -124,9 +129,12 @@ def night_in_a_room() -> None:
     seen_old, seen_new = (
         torch.stack([render(each, one).color for one in cameras]) for each in (scene, after)
     )
-    print(f"to night as one tone of that view's picture: {psnr(new, gain * muted):.1f} dB")
-    print(f"light left, linear: {float((new.mean() / old.mean()) ** GAMMA):.3f} behind the cameras, "
-          f"{float((seen_new.mean() / seen_old.mean()) ** GAMMA):.3f} before them")  # fmt: skip
+    left = [
+        float((late.mean() / early.mean()) ** GAMMA)
+        for early, late in ((old, new), (seen_old, seen_new))
+    ]
+    say(f"to night as one tone of that view's picture: {psnr(new, gain * muted):.1f} dB")
+    say(f"linear light left: {left[0]:.3f} behind the cameras, {left[1]:.3f} before them")
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ MIST = (0.8, 0.82, 0.84)
 LIGHTS: dict[str, LightSetup] = {
     "night": LightSetup(
         (0.035, 0.055, 0.11), (0.012, 0.016, 0.03), Sun(-60.0, 45.0, 0.1, MOON, 3.0),
-        saturation=0.45, backdrop=(0.04, 0.06, 0.13),
+        saturation=0.45, deep=True, backdrop=(0.04, 0.06, 0.13),
     ),
     "moonlight": LightSetup(
         (0.02, 0.035, 0.08), (0.008, 0.01, 0.02), Sun(-100.0, 38.0, 0.42, MOON, 1.0),
@@ -28,10 +28,11 @@ LIGHTS: dict[str, LightSetup] = {
     ),
     "dusk": LightSetup(
         (0.2, 0.2, 0.32), (0.06, 0.05, 0.06), Sun(-80.0, 6.0, 0.1, (1.0, 0.45, 0.3), 10.0),
-        saturation=0.8, backdrop=(0.5, 0.4, 0.5),
+        saturation=0.8, deep=True, backdrop=(0.5, 0.4, 0.5),
     ),
     "blue hour": LightSetup(
-        (0.14, 0.21, 0.42), (0.04, 0.05, 0.08), saturation=0.75, backdrop=(0.22, 0.32, 0.58),
+        (0.14, 0.21, 0.42), (0.04, 0.05, 0.08), saturation=0.75, deep=True,
+        backdrop=(0.22, 0.32, 0.58),
     ),
     "sunset": LightSetup(
         (0.15, 0.13, 0.2), (0.07, 0.04, 0.03), Sun(-75.0, 12.0, 1.6, LOW_SUN, 2.0),

@@ -16,6 +16,8 @@ Rgb = tuple[float, float, float]
 WHITE: Rgb = (1.0, 1.0, 1.0)
 LEAST, MOST = -1.0, 2.0
 """Signed share by which a light can be changed."""
+BRIGHTEST_DEEP = 4.0
+"""Largest factor of the light of what is deep, where none of it is asked for."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,9 @@ class LightSetup:
     backdrop: Rgb | None = None
     """Display color of a bright sky; None: it is toned as what is far away."""
 
+    deep: bool = False
+    """Whether more of it is darker, as of a night."""
+
     def turned(self, azimuth: float | None, elevation: float | None) -> LightSetup:
         """The setup with its main light (the sun, else the first lamp) from another side."""
         change = {"azimuth": azimuth, "elevation": elevation}
@@ -88,7 +93,10 @@ class LightSetup:
         return self
 
     def scaled(self, factor: float) -> LightSetup:
-        """The setup with all its light times a factor; with fog, only that as dense."""
+        """The setup with all its light times a factor; with fog, only that as dense; the deeper the
+        darker."""
+        if self.deep:
+            factor = 1 / max(factor, 1 / BRIGHTEST_DEEP)
         if self.fog is not None:
             fog = self.fog
             base = 1 - (1 - fog.base) ** factor

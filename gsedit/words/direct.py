@@ -28,6 +28,8 @@ SCENERIES = frozenset(
     )
 )
 """Names of weather and seasons in gsedit.scenery.named."""
+UNCLEAR = frozenset(("cartoon", "pop-art"))
+"""Looks of `small` that cannot be named from its pictures."""
 ROUTES = {"light": ("light", LIGHTS), "look": ("scenery", SCENERIES)}
 """Route and names by kind of change."""
 

@@ -159,6 +159,15 @@ def test_a_light_out_of_range_or_unknown_is_refused(scene, name, amount):
         apply_change(scene, change, everything(scene), cameras=ring())
 
 
+def test_more_of_a_night_is_darker_and_of_a_lamp_brighter(scene):
+    for name, sign in (("night", -1), ("lamp", 1), ("sunset", 1)):
+        change = Change("scene", "light", name, None, None, "light")
+        more = replace(change, amount=0.5)
+        whole = everything(scene)
+        one, two = (apply_change(scene, c, whole, cameras=ring()) for c in (change, more))
+        assert sign * (shown(two).mean() - shown(one).mean()) > 0.005
+
+
 def test_a_sentence_of_light_goes_by_the_direct_route():
     for sentence in ("make it night", "add fog", "make it a cloudy day", "moonlight"):
         (change,) = read_instruction(sentence).changes
