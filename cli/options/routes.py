@@ -119,10 +119,11 @@ def run_routes(
     from gsedit.editing.routes.folder import compare
     from gsedit.runs.stopwatch import Stopwatch
 
-    print_message(f"understood as: {instruction}; done on the Gaussians, no view is edited")
     watch = Stopwatch()
     with watch.stage("read"):
-        ready = prepare(scene, load, views, values)
+        gaussians = load()  # bad input is told in one line: nothing is printed before
+        print_message(f"understood as: {instruction}; done on the Gaussians, no view is edited")
+        ready = prepare(scene, lambda: gaussians, views, values)
     with watch.stage("change"):
         cameras = [viewpoint.camera for viewpoint in ready.viewpoints]
         asked, execution = ready.asked(instruction), ready.execution

@@ -21,7 +21,7 @@ from rasterizer.scene import Gaussians
 
 DEGREE = 2
 """Least degree of the result."""
-VIEWS = 72
+VIEWS = 48
 """Even directions of the sphere; a Gaussian is seen from those on its outer side."""
 ROUGH_WET, ROUGH_PUDDLE = 0.3, 0.1
 """Roughness of a wet surface, and of standing water."""
@@ -36,7 +36,8 @@ RIDGE = 0.02
 def glossy(setting: Setting, after: Gaussians, execution: Execution = AUTO) -> Gaussians:
     """The scene with reflections on what is wet; `after` has its colors, and may be dimmer."""
     surface, place = setting.found.surface, setting.found.place
-    wet = wetness(setting) * setting.sure
+    shown = (setting.found.seen > 0) * setting.found.trust
+    wet = wetness(setting) * setting.sure * shown
     rows = (wet > LEAST_WET).nonzero().squeeze(-1)
     near = (surface.points - place.center).norm(dim=-1) < 0.4 * place.distance
     if not len(rows) or not bool(near.any()) or bool(near.all()):

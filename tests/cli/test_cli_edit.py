@@ -155,7 +155,9 @@ def test_the_features_of_the_gram_loss_are_named(monkeypatch, scene, tmp_path):
 
 
 def test_photos_as_the_condition_must_be_named(scene, tmp_path):
-    result = gsedit("edit", scene, "draw it in pencil", "--condition", "photo", "-o", tmp_path / "out")
+    result = gsedit(
+        "edit", scene, "draw it in pencil", "--condition", "photo", "-o", tmp_path / "out"
+    )
     assert result.exit_code == 2
     assert "name them with --data" in result.stderr
 
@@ -163,7 +165,7 @@ def test_photos_as_the_condition_must_be_named(scene, tmp_path):
 def test_the_folder_of_an_edit_is_edited_further(monkeypatch, scene, tmp_path):
     given = stub_edit(monkeypatch)
     folders = [tmp_path / name for name in ("first", "second", "third")]
-    words = ("draw it in pencil", "as gold", "as bronze")
+    words = ("draw it in pencil", "make it a blueprint", "make it a watercolor")
     for source, out, instruction in zip((scene, *folders), folders, words):
         result = gsedit("edit", source, instruction, "-o", out, "--size", 16, "--seed", 5)
         assert result.exit_code == 0, result.stderr
@@ -228,7 +230,7 @@ def test_of_two_edits_into_one_folder_the_second_is_told(monkeypatch, scene, tmp
 
     def edit_steps(*words, **options):
         monkeypatch.setattr(module, "edit_steps", first)
-        said.append(gsedit("edit", scene, "as gold", "-o", out, "--size", 16, *more))
+        said.append(gsedit("edit", scene, "make it a blueprint", "-o", out, "--size", 16, *more))
         yield from first(*words, **options)
 
     for more in ((), ("-f",)):
