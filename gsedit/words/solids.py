@@ -48,11 +48,8 @@ def solids(clause: Clause) -> Solids:
 def _add_color(words: list[Word], at: int, finish: str | None, found: Solids) -> None:
     """Add a paint, or the color of veins to the material before."""
     word, last = words[at], found[-1] if found else None
-    if (
-        last
-        and last[1].kind == "material"
-        and any(each.has("trim") for each in words[at + 1 : at + 2])
-    ):
+    trims = any(each.has("trim") for each in words[at + 1 : at + 2])
+    if last and last[1].kind == "material" and trims:
         name = f"{last[1].name} with {word.text} {words[at + 1].text}"
         found[-1] = (last[0], replace(last[1], name=name))
     else:
@@ -82,16 +79,13 @@ def _joined(words: list[Word], first: int, last: int) -> bool:
 
 def _made(clause: Clause) -> bool:
     """Whether a clause says that something is made of what it names."""
-    strong = [word for word in clause.words if word.has("made") and word.text not in ("from", "in")]
-    return bool(strong)
+    return any(word.has("made") and word.text not in ("from", "in") for word in clause.words)
 
 
 def _leads(words: list[Word], at: int) -> bool:
     """Whether a color stands before a light, look or material that it belongs to."""
-    after = next((word for word in words[at + 1 :] if word.kind not in ("color", "finish")), None)
-    near = next((word for word in words[at + 1 : at + 2]), None)
-    lit = near and (near.kind in ("light", "look") or near.value == "light")
-    return bool(near and (lit or (near.kind == "material" and near is after)))
+    near = words[at + 1 : at + 2]
+    return any(word.kind in ("light", "look", "material") or word.value == "light" for word in near)
 
 
 def _material(words: list[Word], at: int) -> tuple[Change, int]:
@@ -115,7 +109,7 @@ def _trim(words: list[Word], at: int) -> tuple[str, int]:
         return "", at
     own = list[str]()
     for end, word in enumerate(words[at + 1 :], at + 2):
-        if word.has("trim") or word.kind == "material" or word.text in ("patina", "green patina"):
+        if word.has("trim") or word.kind == "material":
             return " ".join([*own, word.text]), end
         if word.kind in ("color", "finish") or word.has("adj"):
             own.append(word.text)
@@ -158,12 +152,11 @@ def _strength(clause: Clause) -> float | None:
         return None
     said = {word.value if word.kind == "intense" else word.kind for word in clause.words}
     said |= {word.text for word in clause.words}
-    weaker, stronger = (
-        said & {"-", "slight", "thin", "dim"},
-        said & {"+", "strong", "thick", "dense"},
-    )
-    share = amount_of(clause.words).share
-    return share or (WEAKER if weaker else STRONGER if stronger else None)
+    if share := amount_of(clause.words).share:
+        return share
+    if said & {"-", "slight", "thin", "dim"}:
+        return WEAKER
+    return STRONGER if said & {"+", "strong", "thick", "dense"} else None
 
 
 def _shines(clause: Clause, at: int) -> bool:

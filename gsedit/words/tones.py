@@ -54,11 +54,8 @@ def complains(clause: Clause) -> bool:
         return True
     said = [word.kind for word in clause.words]
     last = max((at for at, kind in enumerate(said) if kind not in ("fill", "be")), default=0)
-    rather = (
-        said[last] == "state"
-        and last > 0
-        and (said[last - 1] == "slight" or words[last - 1] in RATHER)
-    )
+    rather = last > 0 and (said[last - 1] == "slight" or words[last - 1] in RATHER)
+    rather &= said[last : last + 1] == ["state"]
     states = "be" in said[:last] or stressed(clause, QUALITIES) or "flaw" in clause.tags() or rather
     return states and not kinds & {"wish", "do", "turn"}
 
@@ -127,12 +124,9 @@ def _nouns(words: list[Word], signs: dict[str, int], clause: Clause) -> list[str
             found += ["brightness"] * bool(moved and not signs)
         elif not (loose and any(each.kind == "color" for each in words)):
             found.append(word.value)
-    others = [name for name in found if name != "saturation"]
-    return (
-        others
-        if others and not any(w.value == "saturation" and w.text != "color" for w in words)
-        else found
-    )
+    if any(word.value == "saturation" and word.text != "color" for word in words):
+        return found
+    return [name for name in found if name != "saturation"] or found
 
 
 def _noun_sign(clause: Clause, before: int) -> int:
@@ -156,10 +150,8 @@ def _noun_sign(clause: Clause, before: int) -> int:
         return -1
     if given.factor is not None:
         return 1 if given.factor > 1 else -1
-    signed = [
-        word.text[0] for word in clause.words if word.kind == "number" and word.text[0] in "+-"
-    ]
-    return (1 if signed[0] == "+" else -1) if signed else before
+    marks = [word.text[0] for word in clause.words if word.kind == "number"]
+    return next(({"+": 1, "-": -1}[mark] for mark in marks if mark in "+-"), before)
 
 
 def _scale(clause: Clause) -> float:
@@ -168,7 +160,7 @@ def _scale(clause: Clause) -> float:
 
 
 def _amount(given: Amount, clause: Clause, name: str, sign: int) -> float:
-    """Signed share of a tone. An amount against the sign that words give is out of range."""
+    """Signed share of a tone. A factor on the other side of 1 is turned around: "twice as dark"."""
     if given.factor is not None:
         factor = given.factor
         agrees = (factor > 1) == (sign > 0) or factor == 0
