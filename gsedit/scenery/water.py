@@ -34,10 +34,7 @@ def wet(setting: Setting) -> ColorChange:
     soaked = wetness(setting) * (1 - 0.6 * setting.foliage)
     linear = 1 - SOAKED * soaked - 0.2 * puddles(setting)
     factor = linear.clamp_min(0.1) ** (1 / 2.2)
-    none = torch.zeros_like(factor)
-    return ColorChange(
-        1.12, factor[:, None].expand(-1, 3), none, torch.zeros(len(factor), 3).double()
-    )
+    return _times(1.12, factor)
 
 
 def caustics(setting: Setting) -> ColorChange:
@@ -48,7 +45,10 @@ def caustics(setting: Setting) -> ColorChange:
     )
     net = CAUSTIC * ridges * step(setting.rise, 0.0, 0.8) * setting.found.trust
     factor = (0.85 + net) ** (1 / 2.2)
-    none = torch.zeros_like(factor)
-    return ColorChange(
-        1.0, factor[:, None].expand(-1, 3), none, torch.zeros(len(factor), 3).double()
-    )
+    return _times(1.0, factor)
+
+
+def _times(saturation: float, factor: Float[Tensor, " n"]) -> ColorChange:
+    """Display colors, more or less saturated, times a factor."""
+    colors = factor[:, None].expand(-1, 3)
+    return ColorChange(saturation, colors, torch.zeros_like(factor), torch.zeros_like(colors))
