@@ -14,14 +14,14 @@ from gsedit.synthetic import demo_scene, surface_gaussians
 INSTRUCTION = "turn the bear into a jade statue"
 
 
-def demo(folder: Path, count: int = 30_000, size: int = 256, steps: int = 150) -> None:
+def demo(folder: Path, count: int = 30_000, size: int = 256) -> None:
     """Make the scene and edit it as the command line does; exits with that command's code."""
     scene = surface_gaussians(demo_scene(), count, torch.Generator().manual_seed(0))
     source = folder.with_name(folder.name + "_scene.ply")
     gsedit.save(scene, source, overwrite=True)
     request = ["edit", str(source), INSTRUCTION, "-o", str(folder), "--size", str(size)]
-    # z is up here; small parts are drawn seldom, so take all rounds and more steps
-    app([*request, "--up", "z", "--coverage", "1", "--update-steps", str(steps), "--force"])
+    # z is up here; take all rounds, so that every small part is seen
+    app([*request, "--up", "z", "--coverage", "1", "--force"])
 
 
 if __name__ == "__main__":

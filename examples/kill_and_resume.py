@@ -19,7 +19,10 @@ from gsedit.datasets.dataset import capture
 from gsedit.runs.state import load_state
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 
-OPTIONS = "--size 64 --batches 3 --steps 6 --update-steps 60 --checkpoint-every 0.3 --threads 1"
+OPTIONS = (
+    "--size 64 --batches 3 --steps 6 --loss mse+gram --update-steps 60 "
+    "--checkpoint-every 0.3 --threads 1"
+)
 SPAN = 5.0
 """Seconds after the first checkpoint in which a kill falls."""
 FIELDS = ("means", "quats", "log_scales", "logit_opacities", "sh")

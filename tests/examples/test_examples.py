@@ -22,7 +22,7 @@ from gsedit.runs.journal import read_events
 def test_the_demo_leaves_its_folder(tmp_path):
     folder = tmp_path / "demo"
     with pytest.raises(SystemExit) as ended:
-        demo(folder, count=1500, size=64, steps=10)
+        demo(folder, count=1500, size=64)
     assert ended.value.code == 0
     names = {"scene.ply", "edit.json", "metrics.jsonl", "before_after.png", "error_vs_time.png"}
     names |= {"cameras.json", "views.json", "region.npy", "targets", "held_out"}
