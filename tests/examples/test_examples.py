@@ -6,13 +6,19 @@ import json
 
 import pytest
 import torch
+from contact_sheet import CELL_PIXELS, closer, edits, grid, show
+from contact_sheet import cell as cell_of
+from contact_sheet import save as save_sheet
 from demo import demo
 from from_gsplat import turn
 from PIL import Image
+from research.labelled import statue
 from scenes import random_cloud
 from write_an_editor import Fade, run
 
 import gsedit
+from gsedit.cameras.orbit import circle
+from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.editing.strategies.single_pass import SinglePass
 from gsedit.editors import Editor
 from gsedit.fitting.settings import UpdateSettings
@@ -56,3 +62,22 @@ def test_an_editor_of_one_s_own_edits_the_bear(tmp_path):
         assert sheet.size[1] > 3 * 48  # three rows
     with pytest.raises(gsedit.UsageError, match="only fades"):
         Fade().check("make it snow")
+
+
+def test_a_contact_sheet_shows_cameras_that_no_edit_looked_through(tmp_path):
+    labelled = statue(0, 800)
+    cameras = circle(
+        torch.zeros(3, dtype=torch.float64), 1.5, labelled.scene.up, 9, 48, elevation=20.0, fov=45.0
+    )
+    viewpoints = [Viewpoint(str(i), camera) for i, camera in enumerate(cameras)]
+    shown = show("statue", labelled.gaussians, viewpoints)
+    assert not {"0", "8"} & {each.name for each in shown.viewpoints}
+    scenes = [shown.scene, *edits(shown, ["make it 20% darker", "buy milk tomorrow"])]
+    assert scenes[2] is None
+    row = [("", cell_of(scene, shown.camera, CELL_PIXELS)) for scene in scenes]
+    save_sheet(grid([row, row], CELL_PIXELS), tmp_path / "sheet.jpg")
+    with Image.open(tmp_path / "sheet.jpg") as sheet:
+        assert sheet.width >= 3 * CELL_PIXELS
+    alpha = gsedit.render(shown.scene, shown.camera).alpha > 0.1
+    filled = closer(shown.camera, alpha)
+    assert filled.fx >= shown.camera.fx

@@ -1,0 +1,218 @@
+"""One picture of many edits: scenes beside each other, a row for each of twelve instructions.
+
+python examples/contact_sheet.py bear.ply guitar.ply biker.spz -o sheet.jpg --front front.jpg
+
+Every picture is of a camera that no edit looked through. A scene file that is not there is left
+out; the built-in scene is the last column. --front: some edits of the first scene, larger.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import torch
+from PIL import Image, ImageDraw, ImageFont
+
+import gsedit
+from gsedit.cameras.around import find_viewpoints
+from gsedit.datasets.cameras_json import cameras_file, read_cameras
+from gsedit.datasets.view_list_files import HELD_OUT_EVERY
+from gsedit.datasets.viewpoints import Viewpoint, same_size, thinned
+from gsedit.editing.routes.apply import apply_instruction
+from gsedit.editing.routes.subject import find_part
+from gsedit.errors import GseditError
+from gsedit.formats.pictures import as_picture
+from gsedit.scene.picture import render_picture
+from gsedit.synthetic import demo_scene
+from gsedit.synthetic.splats import surface_gaussians
+from gsedit.words.read import read_instruction
+from rasterizer.camera import Camera
+from rasterizer.render import render
+from rasterizer.scene import Gaussians
+
+INSTRUCTIONS = (
+    "turn it into a bronze statue",
+    "polished white marble",
+    "make it of gold",
+    "rusty iron",
+    "cover it with moss",
+    "paint it matte teal",
+    "make it snow",
+    "autumn",
+    "at night by moonlight",
+    "sunset from the left",
+    "black and white",
+    "a foggy morning",
+)
+FRONT = (0, 1, 4, 6, 8)
+"""Instructions of the front picture."""
+VIEW_PIXELS = 256
+"""Longer side of the views that edits look at."""
+CELL_PIXELS, FRONT_PIXELS = 176, 320
+LABEL_PIXELS, GAP = 18, 2
+FILLED = 0.85
+"""Share of a picture that a scene with nothing around it fills."""
+MOST_BYTES = 600_000
+BUILT_IN_GAUSSIANS = 20_000
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """A scene, the views that edits look at, and the camera of its pictures."""
+
+    name: str
+    scene: Gaussians
+    viewpoints: tuple[Viewpoint, ...]
+    camera: Camera
+
+
+def show(name: str, scene: Gaussians, viewpoints: Sequence[Viewpoint]) -> Shown:
+    """Choose the held-out camera that sees most of the subject, closer where little is seen."""
+    held_out = [each.camera for each in viewpoints[::HELD_OUT_EVERY]]
+    used = tuple(v for i, v in enumerate(viewpoints) if i % HELD_OUT_EVERY)
+    with torch.no_grad():
+        opaque = [render(scene, camera).alpha > 0.1 for camera in held_out]
+    best = max(range(len(held_out)), key=lambda i: int(opaque[i].sum()))
+    if float(opaque[best].float().mean()) > 0.95:  # surroundings everywhere
+        best = 0
+    return Shown(name, scene, used, closer(held_out[best], opaque[best]))
+
+
+def closer(camera: Camera, opaque: torch.Tensor) -> Camera:
+    """The camera with what is opaque in the middle, filling FILLED of the picture."""
+    rows, columns = opaque.nonzero().unbind(-1)
+    if not len(rows):
+        return camera
+    low_x, high_x = int(columns.min()), int(columns.max()) + 1
+    low_y, high_y = int(rows.min()), int(rows.max()) + 1
+    side = max(high_x - low_x, high_y - low_y)
+    zoom = max(1.0, FILLED * min(camera.width, camera.height) / side)
+    if zoom == 1:
+        return camera
+    return replace(
+        camera,
+        fx=camera.fx * zoom,
+        fy=camera.fy * zoom,
+        cx=camera.width / 2 + zoom * (camera.cx - (low_x + high_x) / 2),
+        cy=camera.height / 2 + zoom * (camera.cy - (low_y + high_y) / 2),
+    )
+
+
+def load_shown(path: Path) -> Shown:
+    """A scene file with the cameras beside it, or found ones."""
+    scene = gsedit.load(path)
+    file = cameras_file(path)
+    found = find_viewpoints(scene, 24, VIEW_PIXELS) if file is None else read_cameras(file)
+    viewpoints = same_size(thinned(found), VIEW_PIXELS)
+    return show(path.stem.split(".")[0], scene, viewpoints)
+
+
+def built_in() -> Shown:
+    """The built-in synthetic scene."""
+    scene = surface_gaussians(
+        demo_scene(), BUILT_IN_GAUSSIANS, torch.Generator().manual_seed(0)
+    )  # fmt: skip
+    return show("built in", scene, find_viewpoints(scene, 24, VIEW_PIXELS))
+
+
+def edits(shown: Shown, instructions: Sequence[str]) -> Iterator[Gaussians | None]:
+    """The scene after each instruction, as `gsedit edit` changes it directly; None, with a line,
+    for one that is refused. The subject is searched once."""
+    subject = find_part(shown.scene, shown.viewpoints)
+    cameras = [each.camera for each in shown.viewpoints]
+    for text in instructions:
+        say(f"{shown.name}: {text}")
+        try:
+            read = read_instruction(text)
+            yield apply_instruction(shown.scene, read, lambda _: subject, cameras).scene
+        except GseditError as error:
+            say(str(error))
+            yield None
+
+
+def cell(scene: Gaussians | None, camera: Camera, pixels: int) -> Image.Image:
+    """A square picture of the camera's middle; gray where there is no scene."""
+    if scene is None:
+        return Image.new("RGB", (pixels, pixels), "lightgray")
+    scale = pixels / min(camera.width, camera.height)
+    size = round(camera.width * scale), round(camera.height * scale)
+    with torch.no_grad():
+        picture = as_picture(render_picture(scene, camera.resized(*size)))
+    left, top = (size[0] - pixels) // 2, (size[1] - pixels) // 2
+    return picture.crop((left, top, left + pixels, top + pixels))
+
+
+Labelled = tuple[str, Image.Image]
+
+
+def grid(rows: Sequence[Sequence[Labelled]], pixels: int) -> Image.Image:
+    """Rows of pictures, each under its label."""
+    height, width = pixels + LABEL_PIXELS, pixels + GAP
+    sheet = Image.new("RGB", (width * len(rows[0]) - GAP, height * len(rows)), "white")
+    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(13)
+    for i, row in enumerate(rows):
+        for j, (label, picture) in enumerate(row):
+            draw.text((j * width + 3, i * height + 1), label, fill="black", font=font)
+            sheet.paste(picture, (j * width, i * height + LABEL_PIXELS))
+    return sheet
+
+
+def labelled_rows(columns: Sequence[Sequence[Image.Image]]) -> list[list[Labelled]]:
+    """A row for the scenes as they were, and one for each instruction."""
+    labels = ("before", *INSTRUCTIONS)
+    return [
+        [(label, first), *(("", each) for each in rest)]
+        for label, first, *rest in zip(labels, *columns)
+    ]
+
+
+def front_picture(shown: Shown, scenes: Sequence[Gaussians | None]) -> Image.Image:
+    """The scene before and after the edits of FRONT, two rows of three."""
+    chosen = [("as captured", scenes[0])]
+    chosen += [(f'"{INSTRUCTIONS[i]}"', scenes[i + 1]) for i in FRONT]
+    cells = [(label, cell(scene, shown.camera, FRONT_PIXELS)) for label, scene in chosen]
+    return grid([cells[:3], cells[3:]], FRONT_PIXELS)
+
+
+def save(sheet: Image.Image, path: Path) -> None:
+    """Write a JPEG of at most MOST_BYTES, of the best quality that allows."""
+    for quality in range(90, 40, -5):
+        sheet.save(path, quality=quality, optimize=True)
+        if path.stat().st_size <= MOST_BYTES:
+            break
+    say(str(path))
+
+
+def say(text: str) -> None:
+    sys.stderr.write(text + "\n")
+    sys.stderr.flush()
+
+
+def main(paths: Sequence[Path], out: Path, front: Path | None) -> None:
+    """Edit all scenes and write the sheet, and the front picture if one is named."""
+    absent = [path for path in paths if not path.exists()]
+    for path in absent:
+        say(f"{path} is not there: it is left out")
+    makers = [partial(load_shown, path) for path in paths if path not in absent]
+    columns = []
+    for make in (*makers, built_in):
+        shown = make()
+        scenes = [shown.scene, *edits(shown, INSTRUCTIONS)]
+        if front is not None and not columns:
+            save(front_picture(shown, scenes), front)
+        columns.append([cell(scene, shown.camera, CELL_PIXELS) for scene in scenes])
+        save(grid(labelled_rows(columns), CELL_PIXELS), out)  # whole after the last scene
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description="Edits of several scenes in one picture.")
+    parser.add_argument("scenes", nargs="*", type=Path, help="scene files, cameras.json beside")
+    parser.add_argument("-o", "--output", type=Path, required=True, help="the sheet, a .jpg")
+    parser.add_argument("--front", type=Path, help="larger pictures of the first scene, a .jpg")
+    given = parser.parse_args()
+    main(given.scenes, given.output, given.front)
