@@ -20,6 +20,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 import gsedit
 from gsedit.cameras.around import find_viewpoints
+from gsedit.cameras.search import ViewConstraints
 from gsedit.datasets.cameras_json import cameras_file, read_cameras
 from gsedit.datasets.view_list_files import HELD_OUT_EVERY
 from gsedit.datasets.viewpoints import Viewpoint, same_size, thinned
@@ -114,10 +115,11 @@ def load_shown(path: Path) -> Shown:
 
 def built_in() -> Shown:
     """The built-in synthetic scene."""
-    scene = surface_gaussians(
-        demo_scene(), BUILT_IN_GAUSSIANS, torch.Generator().manual_seed(0)
-    )  # fmt: skip
-    return show("built in", scene, find_viewpoints(scene, 24, VIEW_PIXELS))
+    synthetic = demo_scene()
+    random = torch.Generator().manual_seed(0)
+    scene = surface_gaussians(synthetic, BUILT_IN_GAUSSIANS, random)
+    upright = ViewConstraints(up=synthetic.up)
+    return show("built in", scene, find_viewpoints(scene, 24, VIEW_PIXELS, wish=upright))
 
 
 def edits(shown: Shown, instructions: Sequence[str]) -> Iterator[Gaussians | None]:

@@ -27,7 +27,7 @@ better than in pictures of 192 (see docs/concepts/regions.md), in a quarter of t
 MAX_PREDICTED_VIEWS = 32
 """Most pictures in which the subject is predicted, evenly spaced."""
 
-ALONE_SHARE = 0.6
+ALONE_SHARE = 0.75
 """Least share of all that is seen which the subject of a scene without surroundings fills: what is
 left are its parts that were not recognised, as shoes and the feet of a stand."""
 EMPTY = 0.1
