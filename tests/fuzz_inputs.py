@@ -11,7 +11,7 @@ import numpy as np
 import torch
 import trimesh
 from bad_files import dataset, write
-from fuzzing import Damage, Outcome, any_bytes, fresh, in_glb, in_json, judge, read_through
+from fuzzing import Damage, Outcome, any_bytes, in_glb, in_json, judge, read_through
 from photo_sets import cameras, colmap_dataset
 from PIL import Image
 
@@ -55,10 +55,12 @@ def fuzz_input(subject: Input, times: int, folder: Path, seed: int = 0) -> Outco
         name = subject.damaged[index % len(subject.damaged)]
         inner = subject.inner is not None and rng.random() < 0.6
         damage = subject.inner if inner and subject.inner else any_bytes
-        fresh(folder / name, damage(whole[name], rng))
+        (folder / name).unlink()  # written over, ext4 would wait for the disk
+        (folder / name).write_bytes(damage(whole[name], rng))
         label = f"{subject.name}: {name} {seed} {index}"
         judge(folder, outcome, label, BYTES_MOST, subject.read, warned="ignore")
-        fresh(folder / name, whole[name])
+        (folder / name).unlink()
+        (folder / name).write_bytes(whole[name])
     return outcome
 
 

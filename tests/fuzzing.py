@@ -293,23 +293,17 @@ class Outcome:
 def fuzz(subject: Subject, times: int, folder: Path, seed: int = 0) -> Outcome:
     """Damage a small scene `times` times, each repeatable by its own number."""
     table = near_grey(ROWS, DEGREE)
-    path = folder / subject.name
-    subject.build(path, table)
+    subject.build(path := folder / subject.name, table)
     raw = path.read_bytes()
     honest = sum(getattr(table, name).nbytes for name in ("means", "quats", "log_scales", "sh"))
     outcome = Outcome()
     for index in range(times):
         rng = np.random.default_rng((seed, index))
         inner = subject.inner is not None and rng.random() < 0.6
-        fresh(path, (subject.inner if inner else any_bytes)(raw, rng))  # pyright: ignore[reportOptionalCall]
+        path.unlink()  # written over, ext4 would wait for the disk
+        path.write_bytes((subject.inner if inner else any_bytes)(raw, rng))  # pyright: ignore[reportOptionalCall]
         judge(path, outcome, f"{subject.name} {seed} {index}", 2 * (BASE + honest))
     return outcome
-
-
-def fresh(path: Path, data: bytes) -> None:
-    """Write a file in place of one that is removed: over it, ext4 would wait for the disk."""
-    path.unlink(missing_ok=True)
-    path.write_bytes(data)
 
 
 def judge(

@@ -33,27 +33,41 @@ def test_light_modules_do_not_load_torch(module):
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize(
-    "first",
-    [
-        "",
-        "import gsedit.editing.edit",
-        "from gsedit.editing.edit import EditSettings",
-        "from importlib import import_module; import_module('gsedit.editing.edit')",
-        "from gsedit import edit; import gsedit.editing.edit",
-        "from gsedit import EditSettings",
-    ],
-)
-def test_gsedit_edit_is_the_function_in_any_order_of_imports(first):
-    done = python(
-        f"{first}\n"
+AFRESH = """
+import sys, torch
+for code in sys.argv[1:]:
+    for name in [each for each in sys.modules if each.split(".")[0] in ("gsedit", "rasterizer")]:
+        del sys.modules[name]
+    try:
+        exec(code, {})
+    except BaseException as error:
+        raise RuntimeError(code) from error
+"""
+
+
+def in_turn(firsts: list[str], then: str) -> subprocess.CompletedProcess[str]:
+    """Run code after each of some others; every time the tree is imported afresh, torch once."""
+    codes = [f"{first}\n{then}" for first in firsts]
+    return subprocess.run([sys.executable, "-c", AFRESH, *codes], capture_output=True, text=True)
+
+
+def test_gsedit_edit_is_the_function_in_any_order_of_imports():
+    done = in_turn(
+        [
+            "",
+            "import gsedit.editing.edit",
+            "from gsedit.editing.edit import EditSettings",
+            "from importlib import import_module; import_module('gsedit.editing.edit')",
+            "from gsedit import edit; import gsedit.editing.edit",
+            "from gsedit import EditSettings",
+        ],
         "import sys, types, gsedit\n"
         "from gsedit import edit\n"
         "assert isinstance(edit, types.FunctionType), edit\n"
         "assert gsedit.edit is edit\n"
         "from gsedit.editing.edit import edit_steps\n"
         "assert isinstance(sys.modules['gsedit.editing.edit'], types.ModuleType)\n"
-        "assert edit_steps is gsedit.edit_steps\n"
+        "assert edit_steps is gsedit.edit_steps\n",
     )
     assert done.returncode == 0, done.stderr
 
@@ -77,16 +91,15 @@ def test_a_module_that_lacks_a_dependency_says_so(monkeypatch, tmp_path):
         _ = gsedit.needy
 
 
-@pytest.mark.parametrize("first", ["", "import rasterizer.render, rasterizer.rasterization"])
-def test_rasterizer_render_is_the_function_in_any_order_of_imports(first):
-    done = python(
-        f"{first}\n"
+def test_rasterizer_render_is_the_function_in_any_order_of_imports():
+    done = in_turn(
+        ["", "import rasterizer.render, rasterizer.rasterization"],
         "import types, rasterizer\n"
         "from rasterizer import rasterization, render\n"
         "assert isinstance(render, types.FunctionType), render\n"
         "assert isinstance(rasterization, types.FunctionType), rasterization\n"
         "from rasterizer.render import render as same\n"
-        "assert rasterizer.render is same is render\n"
+        "assert rasterizer.render is same is render\n",
     )
     assert done.returncode == 0, done.stderr
 
