@@ -32,7 +32,10 @@ def checked(function: Any = None, *, typechecker: Check) -> Any:
         return function
     if _needs_jaxtyped(function):
         return jaxtyped(function, typechecker=typechecker)
-    return _in_a_call_of_its_own(typechecker(function))
+    written = dict(function.__annotations__)
+    call = _in_a_call_of_its_own(typechecker(function))
+    call.__annotations__ = function.__annotations__ = written  # beartype puts types for strings
+    return call
 
 
 def _has_own_constructor(cls: type) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 
 import pytest
 import torch
@@ -39,6 +38,17 @@ def scene():
 def data(scene):
     cameras = ring_cameras(demo_scene(), 16, 64)
     return Dataset(capture(scene, cameras, [f"{i:02d}" for i in range(16)]))
+
+
+@pytest.fixture
+def quick_search(monkeypatch):
+    """A search for views of 64 pixels that tries few places."""
+    few = SearchEffort(places=12, kept=4, rendered=8, varied=4)
+
+    def find(scene, count, size, **options):
+        return find_views(scene, count, 64, effort=few, **options)
+
+    monkeypatch.setattr(around, "find_views", find)
 
 
 def run(scene, data, editor, settings=SMALL, seed=0, prompt=PROMPT, steps=20):
@@ -189,9 +199,7 @@ def test_photos_can_be_the_condition(scene, data):
     assert (editor.batch.originals != 0.5).any()
 
 
-def test_an_edit_without_cameras_places_them(scene, monkeypatch):
-    few = SearchEffort(places=12, rendered=8, varied=4)
-    monkeypatch.setattr(around, "find_views", partial(find_views, effort=few))
+def test_an_edit_without_cameras_places_them(scene, quick_search):
     quick = replace(SMALL, batches=1)
     result = run(scene, None, Swapped(), quick, steps=1)[-1]
     assert all(v.name.startswith("view") for v in result.targets)
@@ -244,7 +252,7 @@ def test_an_update_lowers_the_loss(scene, data):
     assert max(losses[-10:]) < 0.7 * max(losses[:10])
 
 
-def test_the_python_api_reads_edits_and_writes(tmp_path, scene):
+def test_the_python_api_reads_edits_and_writes(tmp_path, scene, quick_search):
     path = tmp_path / "scene.ply"
     gsedit.save(scene, path)
     quick = replace(SMALL, batches=1)

@@ -70,3 +70,7 @@ def test_what_fits_passes():
 def test_what_does_not_fit_is_refused(call):
     with pytest.raises(Exception, match=r"[Tt]ype|violates"):
         call()
+
+
+def test_annotations_stay_as_they_are_written():
+    assert mse.__annotations__["image"] == 'Float[Tensor, "*s"]'
