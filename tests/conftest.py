@@ -1,4 +1,4 @@
-"""Makes the checks of shapes that pyproject.toml asks for cheaper, before anything is imported."""
+"""Cheaper checks of shapes, set before anything is imported; a quick search for views."""
 
 from __future__ import annotations
 
@@ -7,3 +7,18 @@ import pytest
 from shape_checks import checked
 
 pytest.MonkeyPatch().setattr(jaxtyping, "jaxtyped", checked)
+
+
+@pytest.fixture
+def quick_search(monkeypatch):
+    """Views of scenes without cameras have 64 pixels at most, and few places are tried."""
+    from gsedit.cameras import around
+    from gsedit.cameras.choose import find_views
+    from gsedit.cameras.search import SearchEffort
+
+    few = SearchEffort(places=12, kept=4, rendered=8, varied=4)
+
+    def find(scene, count, size, **options):
+        return find_views(scene, count, min(size, 64), effort=few, **options)
+
+    monkeypatch.setattr(around, "find_views", find)

@@ -10,9 +10,6 @@ from three_scenes import Swapped
 
 import gsedit
 from gsedit import Checkpoint, Dataset, EditResult, EditSettings, Event, edit_steps
-from gsedit.cameras import around
-from gsedit.cameras.choose import find_views
-from gsedit.cameras.search import SearchEffort
 from gsedit.datasets.dataset import capture
 from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings
 from gsedit.editing.strategies.single_pass import SinglePass
@@ -38,17 +35,6 @@ def scene():
 def data(scene):
     cameras = ring_cameras(demo_scene(), 16, 64)
     return Dataset(capture(scene, cameras, [f"{i:02d}" for i in range(16)]))
-
-
-@pytest.fixture
-def quick_search(monkeypatch):
-    """A search for views of 64 pixels that tries few places."""
-    few = SearchEffort(places=12, kept=4, rendered=8, varied=4)
-
-    def find(scene, count, size, **options):
-        return find_views(scene, count, 64, effort=few, **options)
-
-    monkeypatch.setattr(around, "find_views", find)
 
 
 def run(scene, data, editor, settings=SMALL, seed=0, prompt=PROMPT, steps=20):

@@ -12,11 +12,14 @@ from point_clouds import ball
 
 from gsedit import Dataset, View, orbit
 from gsedit.cameras.choose import find_views
+from gsedit.cameras.search import SearchEffort
 from gsedit.datasets.near import dataset_near, viewpoints_near
 from gsedit.datasets.viewpoints import Viewpoint, that_see
 from gsedit.formats.scenes import save
 from gsedit.scene.framing import framing_camera
 from rasterizer import Execution, look_at, render
+
+FEW = SearchEffort(places=30, kept=4, rendered=8, varied=4)
 
 
 def scaled(scene, factor):
@@ -28,7 +31,7 @@ def scaled(scene, factor):
 def test_found_views_show_the_same_in_any_unit(factor, kernel):
     scene, execution = ball(300), Execution(kernel=kernel)
     for make in (
-        lambda each: find_views(each, 2, 32, execution=execution),
+        lambda each: find_views(each, 2, 32, execution=execution, effort=FEW),
         lambda each: orbit(each, 2, 32),
         lambda each: [framing_camera(each, size=(32, 32))],
     ):
@@ -48,7 +51,7 @@ def test_gaussians_at_one_place_are_seen(count, factor, points):
     scene = scaled(scene, factor)
     if points:  # of no size
         scene = replace(scene, log_scales=torch.full_like(scene.log_scales, -torch.inf))
-    views = find_views(scene, 3, 32)
+    views = find_views(scene, 3, 32, effort=FEW)
     assert len(views) == 3
     assert all(view.world_to_camera.isfinite().all() for view in views)
     if not points:
@@ -70,7 +73,7 @@ def test_given_cameras_keep_the_renderers_near_plane_unless_the_units_are_tiny()
         assert (view.camera.near is not None) == changed
 
 
-def test_a_view_that_shows_nothing_is_told(tmp_path):
+def test_a_view_that_shows_nothing_is_told(tmp_path, quick_search):
     scene = ball(300)
     save(scaled(scene, 1e-3), tmp_path / "small.ply")
     save(replace(scene, logit_opacities=torch.full((300,), -9.0)), tmp_path / "clear.ply")
@@ -80,7 +83,8 @@ def test_a_view_that_shows_nothing_is_told(tmp_path):
         )
         assert result.exit_code == 0
         assert ("show nothing of the scene" in result.stderr) == told
-    edited = gsedit("edit", tmp_path / "clear.ply", "as gold", "--size", 64, "-o", tmp_path / "e")
+    clear, looks = tmp_path / "clear.ply", ("as gold", "--editor", "small")
+    edited = gsedit("edit", clear, *looks, "--size", 64, "-o", tmp_path / "e")
     assert edited.exit_code == 2
     assert "no opacity reaches 1/255" in edited.stderr
     assert "Leave out --data" not in edited.stderr
