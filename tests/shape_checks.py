@@ -13,8 +13,11 @@ from collections.abc import Callable
 from functools import wraps
 from typing import Any, get_type_hints
 
+from beartype import BeartypeConf, beartype
 from jaxtyping import jaxtyped
 
+CHECK = beartype(conf=BeartypeConf(violation_type=TypeError))
+"""Raises what `jaxtyped` raises."""
 CALL = jaxtyped("context")
 """Axes have one size each in a call, and others in calls within it."""
 Check = Callable[[Any], Any]
@@ -33,7 +36,7 @@ def checked(function: Any = None, *, typechecker: Check) -> Any:
     if _needs_jaxtyped(function):
         return jaxtyped(function, typechecker=typechecker)
     written = dict(function.__annotations__)
-    call = _in_a_call_of_its_own(typechecker(function))
+    call = _in_a_call_of_its_own(CHECK(function))
     call.__annotations__ = function.__annotations__ = written  # beartype puts types for strings
     return call
 
