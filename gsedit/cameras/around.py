@@ -10,7 +10,7 @@ from gsedit.cameras.search import ViewConstraints
 from gsedit.datasets.dataset import Dataset
 from gsedit.datasets.viewpoints import Viewpoint, rendered
 from gsedit.errors import UsageError
-from gsedit.scene.merging.cells import coarsen
+from gsedit.scene.merging.groups import coarsen
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 

@@ -35,8 +35,8 @@ MIN_LISTED_GAUSSIANS = 300_000
 """Gaussians of a scene, below which the compiled kernel renders a crop in less time than torch
 blends one from lists: CPU time of a step of four crops of 64 pixels is 20 ms for 44,000 Gaussians
 (lists: 65 ms), 54 ms for 131,000 (100 ms), and 153 ms for 349,000 (150 ms)."""
-MIN_LISTED_CELLS = 60_000
-"""Limit for cells that stand for a larger scene: lists also know what the cells lack."""
+MIN_LISTED_GROUPS = 60_000
+"""Limit for the groups of a merged scene: lists also know what they lack."""
 
 FELT = Numerics(gradient_min=MIN_LISTED_WEIGHT)
 """Gaussians that lists leave out of a pixel get no gradient from its render either."""
@@ -49,14 +49,14 @@ class _KeptView:
     lists: PixelLists | None
     """None: it is large, and its crops are rendered."""
     missing: Float[Tensor, "h w 3"] | None
-    """Difference of the true picture to that of the lists, or of the cells; None: none."""
+    """Difference of the true picture to that of the lists, or of the merged scene; None: none."""
 
 
 class ExactCrops:
     """Crops that are rendered each time, whatever moves."""
 
     is_coarse = False
-    """Whether they are of cells that stand for a larger scene."""
+    """Whether they are of a merged scene."""
 
     def __init__(self, execution: Execution = AUTO) -> None:
         self.execution = execution

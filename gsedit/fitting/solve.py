@@ -103,7 +103,7 @@ def solve_colors(
 ) -> Iterator[Solution]:
     """Yield the scene after every iteration, the last one last; only colors `inside` change.
 
-    `pictures` show the scene as it is now at the targets, for cells that stand for a larger scene;
+    `pictures` show the scene as it is now at the targets, where it is a merged one;
     None: it is rendered. Colors of degree 0 and 1 move, higher bands stay. Negative colors count as
     they are, not clamped: raise them before. Pixels that a view's mask leaves out do not count. The
     residual never rises from one iteration to the next.

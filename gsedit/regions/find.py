@@ -15,7 +15,7 @@ from gsedit.regions.masks import read_masks
 from gsedit.regions.parse import All, Auto, Box, File, Sphere, parse_region
 from gsedit.regions.region import Region, everything, read_flags
 from gsedit.regions.subject import find_drawn, find_subject
-from gsedit.scene.merging.cells import MergedScene
+from gsedit.scene.merging.groups import MergedScene
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import render
@@ -50,7 +50,7 @@ def named_region(
 ) -> Region | None:
     """The region that `text` (see gsedit.regions.parse) names; None for `auto` without `predict`.
 
-    Masks may be drawn on any view. Where `scene` holds the cells of a large scene, `coarse` maps
+    Masks may be drawn on any view. Where `scene` holds the groups of a large scene, `coarse` maps
     between both. Raises UsageError for an empty region, InputError for a file that does not fit.
     """
     match spec := parse_region(text):

@@ -71,9 +71,9 @@ def _targets(session: Session) -> list[Target]:
 
 
 def _calibrate_crops(session: Session, targets: list[Target]) -> None:
-    """Render the targets' views of a large scene, and correct the crops of its cells by them.
+    """Render the targets' views of a large scene, and correct the crops of its groups by them.
 
-    Cells look nearly like the scene, and the nearer the less remains to be done: here half of the
+    Groups look nearly like the scene, and the nearer the less remains to be done: here half of the
     last round.
     """
     progress, scene = session.progress, session.whole_scene()

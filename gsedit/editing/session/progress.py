@@ -13,7 +13,7 @@ from gsedit.editing.session.request import Request
 from gsedit.editing.session.survey import SurveyedViews
 from gsedit.editing.session.unedited import UneditedRenders
 from gsedit.editors.protocol import GroundTruth
-from gsedit.fitting.crops import MIN_LISTED_CELLS, MIN_LISTED_GAUSSIANS, ExactCrops, ListedCrops
+from gsedit.fitting.crops import MIN_LISTED_GAUSSIANS, MIN_LISTED_GROUPS, ExactCrops, ListedCrops
 from gsedit.fitting.optimizer import SceneOptimizer
 from gsedit.fitting.update import Target, rates
 from gsedit.regions.region import Region
@@ -96,7 +96,7 @@ def start_progress(
 def _crops(request: Request, surveyed: SurveyedViews, unedited: UneditedRenders) -> ExactCrops:
     """Crops from lists of what each pixel shows, or rendered where that is faster or needed."""
     settings, scene, is_coarse = request.settings, request.scene, request.coarse is not None
-    few = len(scene) < (MIN_LISTED_CELLS if is_coarse else MIN_LISTED_GAUSSIANS)
+    few = len(scene) < (MIN_LISTED_GROUPS if is_coarse else MIN_LISTED_GAUSSIANS)
     if settings.geometry == "full" or (few and is_compiled(settings.execution)):
         return ExactCrops(settings.execution)
     transparent = scene.logit_opacities.masked_fill(surveyed.faint, -torch.inf)

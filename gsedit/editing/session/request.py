@@ -22,7 +22,7 @@ from gsedit.measures.features import FeatureExtractor, FilterBank
 from gsedit.runs.json_lines import plain
 from gsedit.runs.ranks import ALONE, Ranks
 from gsedit.runs.state import digest, digest_of
-from gsedit.scene.merging.cells import MergedScene, coarsen
+from gsedit.scene.merging.groups import MergedScene, coarsen
 from rasterizer.scene import Gaussians
 
 RESUME_IGNORED = ("checkpoint_seconds", "execution", "held_out_edits")
@@ -38,7 +38,7 @@ class Request:
     """An edit as it was asked for: scene, instruction, settings, editor, and views."""
 
     scene: Gaussians
-    """The Gaussians that are fitted: for a large scene, its cells."""
+    """The Gaussians that are fitted: of a large scene, the merged ones."""
     prompt: str
     views: tuple[View, ...]
     """Views that may be edited; indices elsewhere are into `every_view`, which begins with them."""
@@ -52,7 +52,7 @@ class Request:
     """Features that the Gram loss compares."""
     generator: torch.Generator
     coarse: MergedScene | None = None
-    """The cells of a large scene, and the scene itself; None for others."""
+    """The merged scene of a large one, and that itself; None for others."""
     ranks: Ranks = ALONE
     """Processes among which the work is shared; each has the whole request."""
 
@@ -112,7 +112,7 @@ def build_request(
     check_installed(settings.update)
     settings = _with_defaults(settings, editor)
     views, held_out = split_views(dataset or around(scene, execution=settings.execution))
-    coarse = _cells(scene.detach(), settings, strategy)
+    coarse = _merged(scene.detach(), settings, strategy)
     return Request(
         coarse.scene if coarse else scene.detach(), prompt, views, held_out, editor, settings,
         strategy, features or FilterBank(), generator, coarse, ranks,
@@ -147,10 +147,10 @@ def _with_defaults(settings: EditSettings, editor: Editor) -> EditSettings:
     )
 
 
-def _cells(scene: Gaussians, settings: EditSettings, strategy: Any) -> MergedScene | None:
-    """The cells that a large scene is edited by; None where its Gaussians are."""
-    by_cells = settings.geometry == "appearance" and settings.skips("cells")
-    return coarsen(scene) if by_cells and fits_pictures(strategy) else None
+def _merged(scene: Gaussians, settings: EditSettings, strategy: Any) -> MergedScene | None:
+    """The merged scene that a large one is edited by; None where its Gaussians are edited."""
+    is_merged = settings.geometry == "appearance" and settings.skips("merging")
+    return coarsen(scene) if is_merged and fits_pictures(strategy) else None
 
 
 def request_record(request: Request) -> dict[str, Any]:

@@ -37,7 +37,7 @@ class Session:
 
     @property
     def scene(self) -> Gaussians:
-        """The fitted scene as it is now, without gradients: of a large one, its cells."""
+        """The fitted scene as it is now, without gradients: of a large one, the merged scene."""
         return self.progress.optimizer.scene.detach()
 
     @property
@@ -71,7 +71,7 @@ def render_edited(session: Session, views: Iterable[int]) -> dict[int, Float[Ten
 def preview(session: Session, i: int, camera: Camera | None = None) -> Float[Tensor, "h w 3"]:
     """The scene as it is now at view i, in [0, 1], or at the `camera` at which it is edited.
 
-    For a large scene: the unedited picture, with the change of its cells added.
+    For a large scene: the unedited picture, with the change of its merged scene added.
     """
     request, unedited = session.request, session.unedited
     execution, own = request.settings.execution, request.every_view[i].camera

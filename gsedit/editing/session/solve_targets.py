@@ -16,7 +16,7 @@ from gsedit.runs.events import Event
 def solve_targets(session: Session, step: int, total: int) -> Iterator[Event]:
     """Solve for the colors of the region that fit all targets; its events are of `step`.
 
-    Opacities and geometry stay. Of a large scene the cells move. Raises InputError where a
+    Opacities and geometry stay. Of a large scene the groups move. Raises InputError where a
     checkpoint left no targets.
     """
     request, progress = session.request, session.progress

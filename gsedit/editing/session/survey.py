@@ -120,5 +120,5 @@ def _note(request: Request, plan: ViewPlan) -> str:
             f"{camera.width}x{camera.height}"
         )
     if request.coarse is not None:
-        note += f"; {len(request.whole):,} Gaussians edited as {len(request.scene):,} cells"
+        note += f"; {len(request.whole):,} Gaussians edited as {len(request.scene):,} groups"
     return note

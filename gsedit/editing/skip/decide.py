@@ -1,4 +1,4 @@
-"""The decisions of an edit: which cells, views, crops and Gaussians it skips.
+"""The decisions of an edit: is the scene merged, which views, crops and Gaussians are skipped.
 
 `n` Gaussians, `v` views of `p` pixels.
 """
@@ -35,7 +35,7 @@ def explain_skips(session: Session) -> tuple[Decision, ...]:
     covered = torch.stack(maps) if maps else torch.zeros(len(planned), 1)
     shares = surveyed.weights[list(planned)]
     decisions = (
-        decide_cells(len(request.whole), len(request.scene)),
+        decide_merging(len(request.whole), len(request.scene)),
         decide_views(
             len(planned),
             budget,
@@ -59,18 +59,18 @@ NO_STEPS = Decision("gaussians", False, "Needed: what no edited view sees follow
 DISABLED = "Not decided: --disable names it"
 
 
-def decide_cells(gaussians: int, cells: int) -> Decision:
-    """Whether the Gaussians of a large scene are edited as so many `cells`."""
-    if cells == gaussians:
-        return Decision("cells", False, "Needed: a scene of so few Gaussians is edited as it is")
+def decide_merging(gaussians: int, groups: int) -> Decision:
+    """Whether the Gaussians of a large scene are edited as so many `groups`."""
+    if groups == gaussians:
+        return Decision("merging", False, "Needed: a scene of so few Gaussians is edited as it is")
     return Decision(
-        "cells",
+        "merging",
         True,
         "Most are smaller than the pixels of the edit: neighbors are surveyed and fitted together "
         "as one, and each takes its share of the change. The error was measured "
         "(docs/measurements/scale.md), it has no proven bound",
-        Skipped(gaussians - cells, gaussians, "Gaussians"),
-        1 - cells / gaussians,
+        Skipped(gaussians - groups, gaussians, "Gaussians"),
+        1 - groups / gaussians,
         "the Gaussians of the survey and the update",
     )
 

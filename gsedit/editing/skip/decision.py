@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-DecisionName = Literal["cells", "views", "crops", "gaussians"]
+DecisionName = Literal["merging", "views", "crops", "gaussians"]
 DECISIONS: tuple[str, ...] = get_args(DecisionName)
 """Names of the decisions, in the order in which they are listed."""
 

@@ -18,14 +18,14 @@ from gsedit.datasets.dataset import View
 from gsedit.datasets.image_ops import downscale
 from gsedit.editing.style.settings import StyleSettings
 from gsedit.errors import UsageError
-from gsedit.fitting.crops import MIN_LISTED_CELLS, MIN_LISTED_GAUSSIANS, ExactCrops, ListedCrops
+from gsedit.fitting.crops import MIN_LISTED_GAUSSIANS, MIN_LISTED_GROUPS, ExactCrops, ListedCrops
 from gsedit.fitting.optimizer import SceneOptimizer
 from gsedit.formats.pictures import fitted_size
 from gsedit.measures.features import FeatureExtractor, FilterBank
 from gsedit.measures.losses import gram, mse
 from gsedit.runs.step_threads import StepThreads
 from gsedit.scene.color_space import LUMINANCE
-from gsedit.scene.merging.cells import coarsen
+from gsedit.scene.merging.groups import coarsen
 from gsedit.scene.picture import render_picture
 from gsedit.scene.table import gaussians_of, table_of
 from gsedit.toolkit.color_maps import as_table
@@ -225,7 +225,7 @@ class Studio:
             yield step + 1, value.item()
         edited = optimizer.scene.detach()
         styled = coarse.transfer(edited) if coarse else edited
-        if self.inside is not None:  # cells mix what is inside with what is not
+        if self.inside is not None:  # groups mix what is inside with what is not
             sh = torch.where(self.inside[:, None, None], styled.sh, scene.sh)
             styled = replace(styled, sh=sh)
         yield styled
@@ -233,7 +233,7 @@ class Studio:
     def _crops(self, scene: Gaussians, small: Gaussians) -> ExactCrops:
         """Draws the scene that is fitted, of which only colors move."""
         execution = self.settings.execution
-        least = MIN_LISTED_GAUSSIANS if small is scene else MIN_LISTED_CELLS
+        least = MIN_LISTED_GAUSSIANS if small is scene else MIN_LISTED_GROUPS
         if is_compiled(execution) and len(small) < least:
             return ExactCrops(execution)
         if small is scene:

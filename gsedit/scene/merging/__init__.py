@@ -1,1 +1,1 @@
-"""Gaussians merged into fewer: pair by pair (decimation) or by cells (edits of large scenes)."""
+"""Gaussians merged into fewer: pair by pair (decimation) or by groups (edits of large scenes)."""

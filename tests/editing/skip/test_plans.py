@@ -126,6 +126,6 @@ def test_explain_edits_nothing_and_needs_no_folder(tmp_path):
 
 def test_an_unknown_name_cannot_be_disabled():
     with pytest.raises(
-        UsageError, match="shapes: nothing that can be disabled; give some of cells"
+        UsageError, match="shapes: nothing that can be disabled; give some of merging"
     ):
         EditSettings(disable="crops, shapes")

@@ -1,4 +1,4 @@
-"""An edit of a large scene by its cells is the edit of all of its Gaussians, nearly."""
+"""An edit of a large scene by its groups is the edit of all of its Gaussians, nearly."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from gsedit import edit
 from gsedit.editing.session import request
 from gsedit.editing.strategies.single_pass import SinglePass
 from gsedit.measures.metrics import psnr
-from gsedit.scene.merging.cells import coarsen
+from gsedit.scene.merging.groups import coarsen
 from rasterizer import render
 
 
 @pytest.mark.parametrize(("loss", "decibels"), [("mse+gram", 0.3), ("mse", 2)])
-def test_an_edit_by_cells_is_that_of_all_gaussians(monkeypatch, loss, decibels):
-    """The solve follows the cells' own weights to the end, few steps do not: it loses more."""
+def test_an_edit_by_groups_is_that_of_all_gaussians(monkeypatch, loss, decibels):
+    """The solve follows the groups' own weights to the end, few steps do not: it loses more."""
     settings = replace(tiny_edits.SETTINGS, update=replace(tiny_edits.SETTINGS.update, loss=loss))
     scene = divide(tiny_edits.scene(), 4, 1, torch.Generator().manual_seed(0))
     data = tiny_edits.data()
@@ -36,15 +36,15 @@ def test_an_edit_by_cells_is_that_of_all_gaussians(monkeypatch, loss, decibels):
             strategy=SinglePass(20),
         )
         results.append(result)
-    whole, cells = results
-    assert cells.metrics.rmse_to_unedited > 0.03
-    assert abs(cells.metrics.rmse_to_unedited - whole.metrics.rmse_to_unedited) < 0.02
-    outside = ~cells.region.inside
+    whole, merged = results
+    assert merged.metrics.rmse_to_unedited > 0.03
+    assert abs(merged.metrics.rmse_to_unedited - whole.metrics.rmse_to_unedited) < 0.02
+    outside = ~merged.region.inside
     assert outside.any()
-    assert torch.equal(cells.scene.sh[outside], scene.sh[outside])
+    assert torch.equal(merged.scene.sh[outside], scene.sh[outside])
     camera = data.views[4].camera
     one, other, before = (
-        render(s, camera).color.clamp(0, 1) for s in (whole.scene, cells.scene, scene)
+        render(s, camera).color.clamp(0, 1) for s in (whole.scene, merged.scene, scene)
     )
     assert psnr(one, other) > psnr(one, before) + 6
-    assert cells.metrics.psnr_to_ground_truth > whole.metrics.psnr_to_ground_truth - decibels
+    assert merged.metrics.psnr_to_ground_truth > whole.metrics.psnr_to_ground_truth - decibels

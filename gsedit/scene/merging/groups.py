@@ -1,10 +1,10 @@
 """A scene of fewer Gaussians that looks the same from afar, and what was done to it done to all.
 
 Gaussians that are much smaller than the pixels of the pictures in which a scene is edited are
-planned, looked at and fitted by cells: neighbors of about one size, as one Gaussian of their mean,
+planned, looked at and fitted by groups: neighbors of about one size, as one Gaussian of their mean,
 covariance and optical depth.
 
-`n` Gaussians in `c` cells.
+`n` Gaussians in `c` groups.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from rasterizer.project import rotation_matrices
 from rasterizer.scene import Gaussians
 
 MAX_GAUSSIANS = 200_000
-"""Gaussians that are edited one by one; of larger scenes, cells are."""
+"""Gaussians that are edited one by one; of larger scenes, groups are."""
 LEVELS = 20
-"""Halvings of each axis, of the box that holds all centers, down to the smallest cell."""
+"""Halvings of each axis, of the box that holds all centers, down to the smallest group."""
 SIZE_CLASSES = 8
-"""Only Gaussians of one class make a cell; a class has four times the size of the one below."""
+"""Only Gaussians of one class make a group; a class has four times the size of the one below."""
 STRAY_DISTANCE_BULKS = 500.0
-"""Widths of the bulk beyond which a row is a stray: one would leave all others in one cell."""
+"""Widths of the bulk beyond which a row is a stray: one would leave all others in one group."""
 ROWS_AT_ONCE = 1 << 20
 """Rows that are worked on at a time: copies of a whole scene would double the memory."""
 DARKEST_COLOR = 1 / 255
@@ -42,27 +42,27 @@ class MergedScene:
 
     scene: Gaussians
     """The merged scene, `c` rows."""
-    cell: Int[Tensor, " n"]
+    group: Int[Tensor, " n"]
     """Row of the coarse scene. int32."""
     fine: Gaussians
     """The scene that it stands for, `n` rows."""
 
     def majority(self, flags: Bool[Tensor, " n"]) -> Bool[Tensor, " c"]:
-        """Cells at least half of whose Gaussians have the flag."""
-        share = torch.zeros(len(self.scene)).index_add_(0, self.cell, flags.float() - 0.5)
+        """Groups at least half of whose Gaussians have the flag."""
+        share = torch.zeros(len(self.scene)).index_add_(0, self.group, flags.float() - 0.5)
         return share >= 0
 
     def expand(self, flags: Bool[Tensor, " c"]) -> Bool[Tensor, " n"]:
-        """To every Gaussian what its cell has."""
-        return flags.index_select(0, self.cell)
+        """To every Gaussian what its group has."""
+        return flags.index_select(0, self.group)
 
     @torch.no_grad()
     def transfer(self, edited: Gaussians) -> Gaussians:
         """The fine scene with the colors and opacities changed as those of the coarse one were.
 
         Where a base color was lowered, the Gaussians' are lowered by the same factor: none becomes
-        negative that is not. All other changes are added. Cells that are as they were stay exactly;
-        so do geometry, and SH bands that the edited scene has not.
+        negative that is not. All other changes are added. Groups that are as they were stay
+        exactly; so do geometry, and SH bands that the edited scene has not.
         """
         fine, k = self.fine, edited.sh.shape[1]
         start = replace(self.scene, sh=self.scene.sh[:, :k])
@@ -77,20 +77,20 @@ class MergedScene:
         logits = edited.logit_opacities - start.logit_opacities
         sh, opacities = fine.sh.clone(), fine.logit_opacities.clone()
         for span in _spans(len(fine)):
-            which = changed.index_select(0, self.cell[span])
+            which = changed.index_select(0, self.group[span])
             rows = which.nonzero().squeeze(-1) + span.start
-            cell = self.cell.index_select(0, rows)
+            group = self.group.index_select(0, rows)
             base = sh_to_color(sh[rows, 0]).clamp_min(DARKEST_COLOR)
-            base = base * factor.index_select(0, cell) + added.index_select(0, cell)
+            base = base * factor.index_select(0, group) + added.index_select(0, group)
             sh[rows, 0] = color_to_sh(base)
-            sh[rows, 1:k] += rest.index_select(0, cell)
-            opacities[rows] += logits.index_select(0, cell)
+            sh[rows, 1:k] += rest.index_select(0, group)
+            opacities[rows] += logits.index_select(0, group)
         return replace(fine, sh=sh, logit_opacities=opacities)
 
 
 @torch.no_grad()
 def coarsen(scene: Gaussians, most: int = MAX_GAUSSIANS) -> MergedScene | None:
-    """Merge a scene into `most` cells or fewer; None where it has no more Gaussians than that."""
+    """Merge a scene into `most` groups or fewer; None where it has no more Gaussians than that."""
     if len(scene) <= most:
         return None
     codes = _codes(scene)
@@ -98,11 +98,11 @@ def coarsen(scene: Gaussians, most: int = MAX_GAUSSIANS) -> MergedScene | None:
     codes = codes.index_select(0, order)
     shared = _shared_levels(codes)
     together = max(2, len(scene) // most)
-    while int((begins := _cell_begins(shared, together)).sum()) > most:
+    while int((begins := _group_begins(shared, together)).sum()) > most:
         together += 1 + together // 8
-    cell = torch.empty(len(scene), dtype=torch.int32)
-    cell[order] = (begins.cumsum(0) - 1).int()
-    return MergedScene(_merged(scene, cell, int(begins.sum())), cell, scene)
+    group = torch.empty(len(scene), dtype=torch.int32)
+    group[order] = (begins.cumsum(0) - 1).int()
+    return MergedScene(_merged(scene, group, int(begins.sum())), group, scene)
 
 
 def _spans(count: int) -> list[slice]:
@@ -133,7 +133,7 @@ def _box(means: Float[Tensor, "n 3"]) -> tuple[Float[Tensor, "3"], float]:
 
 
 def _shared_levels(codes: Int[Tensor, " n"]) -> Int[Tensor, " n"]:
-    """Levels down to which each row shares its cell with the one before it; -1: not even a class.
+    """Levels down to which each row shares its group with the one before it; -1: not even a class.
 
     The codes ascend.
     """
@@ -144,8 +144,8 @@ def _shared_levels(codes: Int[Tensor, " n"]) -> Int[Tensor, " n"]:
     return shared
 
 
-def _cell_begins(shared: Int[Tensor, " n"], together: int) -> Bool[Tensor, " n"]:
-    """Flag the first row of each cell: the largest cells of at most `together` rows, or of the last
+def _group_begins(shared: Int[Tensor, " n"], together: int) -> Bool[Tensor, " n"]:
+    """Flag the first row of each group: the largest ones of at most `together` rows, or of the last
     level."""
     begins = torch.zeros(len(shared), dtype=torch.bool)
     open_ = torch.ones(len(shared), dtype=torch.bool)
@@ -166,13 +166,13 @@ def _area(scales: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
     return ((a * b).square() + (b * c).square() + (c * a).square()).sqrt()
 
 
-def _merged(scene: Gaussians, cell: Int[Tensor, " n"], count: int) -> Gaussians:
-    """One Gaussian a cell; each row weighs as much as it covers."""
+def _merged(scene: Gaussians, group: Int[Tensor, " n"], count: int) -> Gaussians:
+    """One Gaussian a group; each row weighs as much as it covers."""
     k = scene.sh.shape[1]
     weight, means = torch.zeros(count), torch.zeros(count, 3)
     sh, covariances = torch.zeros(count, k, 3), torch.zeros(count, 3, 3)
     for span in _spans(len(scene)):
-        part, at = scene[span], cell[span]
+        part, at = scene[span], group[span]
         depth = -torch.log1p(-part.opacities.clamp_max(0.999)) * _area(part.scales)
         depth = depth.clamp_min(1e-30)
         weight.index_add_(0, at, depth)
@@ -181,7 +181,7 @@ def _merged(scene: Gaussians, cell: Int[Tensor, " n"], count: int) -> Gaussians:
     means /= weight[:, None]
     sh /= weight[:, None, None]
     for span in _spans(len(scene)):
-        part, at = scene[span], cell[span]
+        part, at = scene[span], group[span]
         depth = -torch.log1p(-part.opacities.clamp_max(0.999)) * _area(part.scales)
         share = depth.clamp_min(1e-30) / weight.index_select(0, at)
         axes = rotation_matrices(part.quats) * part.scales[:, None]

@@ -1,4 +1,4 @@
-"""A large scene by cells: they look like it, and what is done to them is done to it."""
+"""A large scene by groups: they look like it, and what is done to them is done to it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import torch
 from research.scale.divide import divide
 
 from gsedit.measures.metrics import psnr
-from gsedit.scene.merging.cells import coarsen
+from gsedit.scene.merging.groups import coarsen
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 from rasterizer import render
 from rasterizer.numerics import SH_DC
@@ -17,7 +17,7 @@ from rasterizer.numerics import SH_DC
 
 @pytest.fixture(scope="module")
 def scenes():
-    """A scene, the same divided in twelve, and cells of that."""
+    """A scene, the same divided in twelve, and groups of that."""
     random = torch.Generator().manual_seed(0)
     whole = surface_gaussians(demo_scene(), 1500, random)
     fine = divide(whole, 12, 1, random)
@@ -46,23 +46,23 @@ def test_divided_and_coarse_scenes_look_alike(scenes):
     assert psnr(many, few) > 20
 
 
-def test_a_cell_holds_neighbors(scenes):
+def test_a_group_holds_neighbors(scenes):
     _, fine, coarse = scenes
-    assert coarse.cell.min() == 0
-    assert coarse.cell.max() == len(coarse.scene) - 1
-    apart = (fine.means - coarse.scene.means[coarse.cell]).norm(dim=1)
+    assert coarse.group.min() == 0
+    assert coarse.group.max() == len(coarse.scene) - 1
+    apart = (fine.means - coarse.scene.means[coarse.group]).norm(dim=1)
     extent = (fine.means - fine.means.mean(0)).norm(dim=1)
     assert apart.mean() < 0.1 * extent.mean()
     majority = coarse.majority(fine.means[:, 0] > 0)
     assert (coarse.expand(majority) == (fine.means[:, 0] > 0)).float().mean() > 0.95
 
 
-def test_small_scenes_have_no_cells(scenes):
+def test_small_scenes_have_no_groups(scenes):
     whole, *_ = scenes
     assert coarsen(whole, len(whole)) is None
 
 
-def test_coincident_gaussians_make_one_cell(scenes):
+def test_coincident_gaussians_make_one_group(scenes):
     whole, *_ = scenes
     same = whole[torch.zeros(50, dtype=torch.int64)]
     coarse = coarsen(same, 10)
@@ -72,7 +72,7 @@ def test_coincident_gaussians_make_one_cell(scenes):
     torch.testing.assert_close(coarse.scene.sh[0], same.sh[0])
 
 
-def test_what_is_done_to_cells_is_done_to_all(scenes):
+def test_what_is_done_to_groups_is_done_to_all(scenes):
     _, fine, coarse = scenes
     edited = coarse.transfer(darkened(coarse))
     camera = ring_cameras(demo_scene(), 1, 64)[0]
@@ -92,7 +92,7 @@ def test_what_is_not_changed_stays_as_it_is(scenes):
     assert (edited.sh[~kept] != fine.sh[~kept]).any(-1).any(-1).float().mean() > 0.99
 
 
-def test_a_stray_does_not_put_all_others_into_one_cell(scenes):
+def test_a_stray_does_not_put_all_others_into_one_group(scenes):
     whole, fine, coarse = scenes
     means = fine.means.clone()
     means[5] = torch.tensor([9e8, -9e8, 0.0])
