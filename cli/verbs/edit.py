@@ -61,7 +61,7 @@ class EditOptions:
         False, "Edit nothing: draw one view, before and after, into -o FILE.png (preview.png)."
     )
     seeds: int = option(
-        0, "With --preview: so many candidates of a look, from --seed on.", "N", min=0, max=16
+        0, "With --preview: so many candidates of a look, one a seed.", "N", min=0, max=16
     )
     preset: str = option(
         "default",
