@@ -1,4 +1,4 @@
-"""Metal, gloss, stone and paint in a scene's light against exact pictures, at cameras not used.
+"""Metal, gloss and paint in a scene's light against exact pictures, at cameras not used.
 
     python -m research.measure_materials [--small] > docs/measurements/data/materials.csv
 
