@@ -120,7 +120,9 @@ def dressed(
     else:
         material = material_of(change.name, change.color)
     if material is None:
-        raise UsageError(f"there is no material {change.name!r}: gsedit list looks shows what there is")
+        raise UsageError(
+            f"there is no material {change.name!r}: gsedit list looks shows what there is"
+        )
     return in_material(scene, region.inside, material, cameras, execution, seen)
 
 
