@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from gsedit.cameras.paths import camera_path
     from gsedit.datasets.dataset import Dataset, View
     from gsedit.datasets.load import load_dataset
-    from gsedit.editing.edit import edit, edit_steps
+    from gsedit.editing.auto import edit
+    from gsedit.editing.edit import edit_steps
     from gsedit.editing.session.folder import write_edit
     from gsedit.editing.session.result import EditResult
     from gsedit.editing.session.settings import EditSettings

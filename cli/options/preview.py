@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 from gsedit.errors import UsageError
 
-from ..core.console import print_result
+from ..core.console import print_message, print_result
 from .cameras import ViewOptions
 from .editing import EditorOptions
-from .routes import exact_instruction, prepare
+from .routes import prepare, read_sentence
 from .settings import Values
 
 if TYPE_CHECKING:
@@ -41,23 +41,27 @@ def run_preview(
 ) -> None:
     """Write the picture. Raises UsageError for a sentence that is refused, as the edit does."""
     from gsedit.editing.preview import preview_edited, preview_routed
+    from gsedit.editing.routes.apply import is_exact
     from gsedit.formats.pictures import save_picture
     from gsedit.storage.atomic import check_writable
 
     check_writable(path, overwrite=force)
-    read = exact_instruction(instruction, editor, values)
-    if read is not None and len(seeds) > 1:
+    steps = read_sentence(instruction, editor, values)
+    read = None if steps is None else steps[0]
+    direct = read is not None and is_exact(read)
+    if direct and len(seeds) > 1:
         raise UsageError(f"{read} has one result, whatever the seed: leave out --seeds")
-    followed = None if read is not None else editor.make(path.parent, instruction)
+    words = instruction if read is None else read.text
+    followed = None if direct else editor.make(path.parent, words)
     ready = prepare(scene, load, views, values)
-    if read is not None:
-        asked = ready.asked(read)
-        found = preview_routed(
-            ready.scene, asked, ready.viewpoints, ready.region, ready.execution
-        )  # fmt: skip
+    if steps is not None and len(steps) > 1:
+        print_message(f"the first of {len(steps)} edits: {words}")
+    given, viewpoints, settings = ready.scene, ready.viewpoints, ready.settings
+    if followed is None:
+        assert read is not None
+        found = preview_routed(given, read, viewpoints, settings)
     else:
-        assert followed is not None
-        camera = ready.viewpoints[0].camera
-        found = preview_edited(ready.scene, instruction, camera, followed, seeds, ready.execution)
+        camera = viewpoints[0].camera
+        found = preview_edited(given, words, camera, followed, seeds, settings.execution)
     save_picture(found.picture(), path, overwrite=force)
     print_result({"picture": path}, str(path), as_json=as_json)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -30,8 +30,7 @@ from ..options.editing import (
     what_it_understood,
 )
 from ..options.preview import preview_file, run_preview
-from ..options.routes import exact_instruction, run_routes
-from ..options.sequence import STEPS, steps_of
+from ..options.routes import read_sentence, run_routes
 from ..options.settings import Setting, SettingsGroup, Values
 
 if TYPE_CHECKING:
@@ -39,8 +38,9 @@ if TYPE_CHECKING:
     from gsedit.editing.session.result import EditResult
     from gsedit.editing.skip.decision import Decision
     from gsedit.runs.events import Event
-    from gsedit.words.instruction import Instruction as Read
 
+STEPS = "steps"
+"""Folder, in that of the edit, with the folders of all edits but the last."""
 LEFTOVERS = ("metrics.unfinished.jsonl", "command", STEPS)
 """Files of an edit that ended before its first checkpoint: alone they need no protection."""
 
@@ -115,51 +115,9 @@ def edit(
             force=own.force, as_json=common.json,
         )  # fmt: skip
     folder = check_request(instruction, views, own.out, own.explain)
-    plain = own == EditOptions(own.out, drop_invalid=own.drop_invalid, force=own.force)
-    if plain and (read := exact_instruction(instruction, editor, values)):
-        check_apart(scene, folder)
-        check_folder(folder, own.force, leftovers=LEFTOVERS)
-        common.apply()
-        load = partial(load_scene, scene, drop_invalid=own.drop_invalid)
-        return run_routes(scene, load, read, folder, views, values, as_json=common.json)
-    if steps := [] if own.explain or ranks().size > 1 else steps_of(instruction, editor, values):
-        check_apart(scene, folder)
-        check_folder(folder, own.force or own.resume, leftovers=LEFTOVERS)
-        return run_steps(scene, steps, folder, own, views, editor, values, common)
     result = run_edit(scene, instruction, folder, own, views, editor, values, common)
     if result is not None:
         print_edit(result, folder, as_json=common.json)
-
-
-def run_steps(
-    scene: Path,
-    steps: Sequence[Read],
-    folder: Path,
-    own: EditOptions,
-    views: ViewOptions,
-    editor: EditorOptions,
-    values: Values,
-    common: Seeded,
-) -> None:
-    """Do one edit after the other, the last one into the folder, the others below it."""
-    from gsedit.editing.routes.apply import is_exact
-
-    for number, step in enumerate(steps, 1):
-        is_last = number == len(steps)
-        out = folder if is_last else folder / STEPS / str(number)
-        if not (own.resume and not is_last and (out / "edit.json").exists()):
-            print_message(f"edit {number} of {len(steps)}: {step.text}")
-            if is_exact(step):
-                common.apply()
-                load = partial(load_scene, scene, drop_invalid=own.drop_invalid)
-                run_routes(
-                    scene, load, step, out, views, values, as_json=common.json, is_last=is_last
-                )
-            else:
-                result = run_edit(scene, step.text, out, own, views, editor, values, common)
-                if is_last and result is not None:
-                    print_edit(result, out, as_json=common.json)
-        scene = out / "scene.ply"
 
 
 def all_settings() -> list[Setting]:
@@ -177,7 +135,48 @@ def run_edit(
     values: Values,
     common: Seeded,
 ) -> EditResult | None:
-    """Edit with progress on the terminal, and write the folder.
+    """Edit by the routes that a sentence needs, and write the folder.
+
+    Where they take turns, the last edit is in the folder, the others below it. Returns None on all
+    ranks but the first, and where the edit is only explained.
+    """
+    usual, result = EditOptions(), None
+    asks_routes = (own.preset, own.features) == (usual.preset, usual.features) and not own.explain
+    steps = read_sentence(instruction, editor, values) if asks_routes else None
+    if steps is None:
+        return run_pipeline(scene, instruction, folder, own, views, editor, values, common)
+    from gsedit.editing.routes.apply import is_exact
+
+    for number, step in enumerate(steps, 1):
+        out = folder if number == len(steps) else folder / STEPS / str(number)
+        if own.resume and out != folder and (out / "edit.json").exists():
+            scene = out / "scene.ply"
+            continue
+        if len(steps) > 1:
+            print_message(f"edit {number} of {len(steps)}: {step.text}")
+        if is_exact(step):
+            check_apart(scene, out)
+            check_folder(out, own.force or own.resume, leftovers=LEFTOVERS)
+            common.apply()
+            load = partial(load_scene, scene, drop_invalid=own.drop_invalid)
+            result = run_routes(scene, load, step, out, views, values)
+        else:
+            result = run_pipeline(scene, step.text, out, own, views, editor, values, common)
+        scene = out / "scene.ply"
+    return result
+
+
+def run_pipeline(
+    scene: Path,
+    instruction: str,
+    folder: Path,
+    own: EditOptions,
+    views: ViewOptions,
+    editor: EditorOptions,
+    values: Values,
+    common: Seeded,
+) -> EditResult | None:
+    """Edit by a 2D editor with progress on the terminal, and write the folder.
 
     Returns None on all ranks but the first, and where the edit is only explained.
     """

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
-from functools import partial
 from pathlib import Path
 from shlex import quote
 from time import monotonic
@@ -18,9 +17,9 @@ from ..core.command import output, shows
 from ..core.console import print_message, print_result
 from ..core.stages import Ledger, Stage, check_stages, run_stages
 from ..options.cameras import ViewOptions
-from ..options.common import Force, Seeded, load_scene
+from ..options.common import Force, Seeded
 from ..options.editing import EditorOptions
-from ..options.routes import exact_instruction, run_routes
+from ..options.routes import read_sentence
 from ..options.settings import Layout, Setting, SettingsGroup, Values, settings_of
 from .capture import Source, capture_summary, run_capture, settings_from
 from .edit import EditOptions, Instruction, run_edit
@@ -122,8 +121,12 @@ class Work:
         else:
             check_places(self.photos, self.out / "capture")
             check_frames(self.photos, self.posing)
-        if exact_instruction(self.instruction, self.editor, {}) is None:
-            self.editor.make(self.edit, self.instruction)
+        from gsedit.editing.routes.apply import is_exact
+
+        steps = read_sentence(self.instruction, self.editor, {})
+        drawn = [self.instruction] if steps is None else []
+        for words in drawn or [step.text for step in steps or () if not is_exact(step)]:
+            self.editor.make(self.edit, words)
 
     def check_no_posing(self) -> None:
         """Raise UsageError where photos that have poses are to be posed in some way."""
@@ -183,11 +186,6 @@ class Work:
 
     def edit_scene(self, same: bool) -> str:
         views = ViewOptions(data=self.dataset, size=self.recipe.pixels())
-        if read := exact_instruction(self.instruction, self.editor, {}):
-            load = partial(load_scene, self.scene, drop_invalid=False)
-            as_json = self.common.json
-            run_routes(self.scene, load, read, self.edit, views, {}, as_json=as_json)
-            return str(read)
         own = EditOptions(self.edit, force=True, resume=same)
         run_edit(self.scene, self.instruction, self.edit, own, views, self.editor, {}, self.common)
         return self.instruction

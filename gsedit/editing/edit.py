@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Generator, Iterator
 from dataclasses import replace
 from itertools import islice
@@ -96,33 +95,6 @@ def explain(
         strategy or SinglePass(), dataset=dataset, settings=settings, features=features,
     )  # fmt: skip
     return explain_skips(result_of(start_session(request)))
-
-
-def edit(
-    scene: Gaussians,
-    prompt: str,
-    *,
-    editor: Editor | None = None,
-    dataset: Dataset | None = None,
-    settings: EditSettings | None = None,
-    strategy: Strategy | None = None,
-    features: FeatureExtractor | None = None,
-    generator: torch.Generator | None = None,
-) -> EditResult:
-    """Run `edit_steps` to its end, with the editor `small` if none is given."""
-    steps = edit_steps(
-        scene,
-        prompt,
-        editor=editor or make_editor(),
-        generator=generator or torch.Generator().manual_seed(0),
-        dataset=dataset,
-        settings=settings,
-        strategy=strategy,
-        features=features,
-    )
-    last = deque(steps, maxlen=1).pop()  # checkpoints are whole scenes: none is kept
-    assert isinstance(last, EditResult)
-    return last
 
 
 def _run(

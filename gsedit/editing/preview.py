@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import torch
 from PIL import Image
@@ -17,8 +16,8 @@ from gsedit.datasets.image_ops import downscale
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editing.guided import carry_change
-from gsedit.editing.routes.apply import apply_instruction
-from gsedit.editing.routes.subject import find_part
+from gsedit.editing.routes.result import change_scene
+from gsedit.editing.session.settings import EditSettings
 from gsedit.editors.protocol import EditBatch, Editor
 from gsedit.formats.pictures import fitted_size
 from gsedit.pictures.contact_sheet import contact_sheet
@@ -52,19 +51,17 @@ def preview_routed(
     scene: Gaussians,
     instruction: Instruction,
     viewpoints: Sequence[Viewpoint],
-    region: str = "auto",
-    execution: Execution = AUTO,
+    settings: EditSettings | None = None,
 ) -> Preview:
     """The first view of a scene as exact routes change it, about as the whole edit will.
 
-    The subject is searched in few views. Raises UsageError as `apply_instruction` and `find_part`.
+    The subject is searched in few views. Raises UsageError as `change_scene`.
     """
     some = [viewpoints[i] for i in evenly_spaced(len(viewpoints), SEARCHED_VIEWS + 1)]
-    find = partial(find_part, viewpoints=some, region=region, execution=execution)
-    cameras = [each.camera for each in some]
-    routed = apply_instruction(scene, instruction, find, cameras, execution)
+    settings = settings or EditSettings()
+    routed = change_scene(scene, instruction, some, settings)
     camera = viewpoints[0].camera
-    before, after = (render_picture(s, camera, execution) for s in (scene, routed.scene))
+    before, after = (render_picture(s, camera, settings.execution) for s in (scene, routed.scene))
     return Preview(View("before", camera, before), (View("after", camera, after),))
 
 

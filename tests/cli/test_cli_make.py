@@ -53,25 +53,12 @@ def stages(monkeypatch):
     stage("fit", "", SimpleNamespace(scene=range(1234), psnr=23.456))
     stage("edit", "edit.json", None)
 
-    def routes(scene, load, instruction, folder, *_, **__):
-        ran.append(("routes", False))
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / "edit.json").write_text("{}")
-
-    monkeypatch.setattr(verb, "run_routes", routes)
     monkeypatch.setattr(verb, "capture_summary", lambda _: "3 of 3 photos posed\nfocal 26 mm")
     return SimpleNamespace(ran=ran, end=end)
 
 
 def make(photos, out, *more, instruction=WATERCOLOR):
     return gsedit("make", photos, instruction, "-o", out, *more)
-
-
-def test_a_sentence_that_routes_do_is_done_by_them(photos, out, stages):
-    done = make(photos, out, instruction="paint it teal")
-    assert done.exit_code == 0
-    assert stages.ran == [("capture", False), ("fit", False), ("routes", False)]
-    assert "the subject painted teal" in done.stderr
 
 
 def test_the_stages_run_once_and_the_last_screen_names_what_is_where(photos, out, stages):

@@ -70,7 +70,7 @@ def test_a_refused_sentence_writes_nothing(reads, scene, photos, tmp_path):
 def test_an_option_of_the_2d_editor_asks_for_it(reads, monkeypatch, scene, photos, tmp_path, more):
     reads(BRIGHTER)
     asked = []
-    monkeypatch.setattr("gsedit_cli.verbs.edit.run_edit", lambda *given: asked.append(given))
+    monkeypatch.setattr("gsedit_cli.verbs.edit.run_pipeline", lambda *given: asked.append(given))
     result = gsedit("edit", scene, "brighter", "--data", photos, "-o", tmp_path / "out", *more)
     assert result.exit_code == 0, result.stderr
     assert len(asked) == 1
@@ -79,6 +79,6 @@ def test_an_option_of_the_2d_editor_asks_for_it(reads, monkeypatch, scene, photo
 def test_a_look_goes_to_the_2d_editor(reads, monkeypatch, scene, photos, tmp_path):
     reads(BRIGHTER, Change("scene", "look", "snow", None, None, "small"))
     asked = []
-    monkeypatch.setattr("gsedit_cli.verbs.edit.run_edit", lambda *given: asked.append(given))
+    monkeypatch.setattr("gsedit_cli.verbs.edit.run_pipeline", lambda *given: asked.append(given))
     gsedit("edit", scene, "brighter and snow", "--data", photos, "-o", tmp_path / "out")
     assert len(asked) == 1

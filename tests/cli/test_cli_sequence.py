@@ -7,27 +7,27 @@ import json
 import pytest
 from command_line import gsedit
 from gsedit_cli.options.editing import EditorOptions
-from gsedit_cli.options.sequence import steps_of
+from gsedit_cli.options.routes import read_sentence
 
 
 @pytest.mark.parametrize(
     ("text", "routes"),
     [
-        ("paint it red", []),
-        ("paint it red and make it night", []),
+        ("paint it red", [["paint"]]),
+        ("paint it red and make it night", [["paint", "light"]]),
         ("paint it red and make it a watercolor", [["paint"], ["small"]]),
         ("make it a watercolor, then 20% darker", [["small"], ["tone"]]),
     ],
 )
 def test_a_sentence_is_cut_where_the_route_changes(text, routes):
-    steps = steps_of(text, EditorOptions(), {})
+    steps = read_sentence(text, EditorOptions(), {}) or ()
     assert [[change.route for change in step.changes] for step in steps] == routes
 
 
 def test_an_option_of_the_2d_editor_takes_it_for_all():
     text = "paint it red and make it a watercolor"
-    assert steps_of(text, EditorOptions(editor="small"), {}) == []
-    assert steps_of(text, EditorOptions(), {("batches",): 1}) == []
+    assert read_sentence(text, EditorOptions(editor="small"), {}) is None
+    assert read_sentence(text, EditorOptions(), {("batches",): 1}) is None
 
 
 def test_each_edit_begins_where_the_last_one_ended(scene, photos, tmp_path):

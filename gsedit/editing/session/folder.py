@@ -34,8 +34,9 @@ def write_edit(
     request: Mapping[str, Any] | None = None,
     overwrite: bool = False,
 ) -> None:
-    """Write scene.ply, region.npy, metrics.jsonl, before_after.png, error_vs_time.png, edit.json,
-    and the 2D edits: targets/ (what the scene was fitted to), held_out/ (of held-out views).
+    """Write scene.ply, region.npy, before_after.png, edit.json; where a 2D editor was asked, also
+    metrics.jsonl, error_vs_time.png, targets/ (what the scene was fitted to) and held_out/ (the 2D
+    edits of held-out views).
 
     `request` is added to edit.json: how the result was made. Each file is whole or not there, and
     edit.json is last: with it the folder is complete. With `overwrite`, pictures that the edit.json
@@ -47,14 +48,17 @@ def write_edit(
         check_writable(folder / name, overwrite=overwrite)
     folder.mkdir(parents=True, exist_ok=True)
     remove_earlier(folder)
+    for name in FILES:
+        (folder / name).unlink(missing_ok=True)
     save(result.scene, folder / "scene.ply", overwrite=overwrite)
     save_region(result.region, folder / "region.npy", overwrite=overwrite)
-    with (
-        atomic_path(folder / "metrics.jsonl", overwrite=overwrite) as temporary,
-        temporary.open("w", encoding="utf-8") as file,
-    ):
-        for event in result.events:
-            write_line(file, as_record(event))
+    if result.events:
+        with (
+            atomic_path(folder / "metrics.jsonl", overwrite=overwrite) as temporary,
+            temporary.open("w", encoding="utf-8") as file,
+        ):
+            for event in result.events:
+                write_line(file, as_record(event))
     _write_pictures(folder, result, overwrite=overwrite)
     pictures = {
         name: write_view_pictures(folder / name, views, overwrite=overwrite)
@@ -105,10 +109,19 @@ def edit_record(result: EditResult) -> dict[str, Any]:
             "found": result.region.note,
             "gaussians": int(result.region.inside.sum()),
         },
+        **_routes(result),
         "edited_views": [view.name for view in result.targets],
         "measured": result.metrics.record(),
         **environment(),
     }
+
+
+def _routes(result: EditResult) -> dict[str, Any]:
+    """Changes that were read in the sentence, and the routes that did them."""
+    if result.understood is None:
+        return {}
+    routes = dict.fromkeys(change.route for change in result.understood.changes)
+    return {"route": "+".join(routes), "understood": result.understood}
 
 
 def _write_pictures(folder: Path, result: EditResult, *, overwrite: bool) -> None:
@@ -120,18 +133,21 @@ def _write_pictures(folder: Path, result: EditResult, *, overwrite: bool) -> Non
 
     held_out = result.held_out
     blank = len(held_out.originals) - len(held_out.edited)
+    done = "edited scene" if result.targets else f"edited: {result.prompt}"
     rows = [
         ("original", result.originals, held_out.originals),
         (f"2D targets: {result.prompt}", result.targets, (*held_out.edited, *(None,) * blank)),
-        ("edited scene", result.finals, held_out.finals),
+        (done, result.finals, held_out.finals),
     ]
+    few = SHEET_HELD_OUT_VIEWS if result.originals else len(held_out.originals)
     sheet = contact_sheet(
-        [(label, (*views, *more[:SHEET_HELD_OUT_VIEWS])) for label, views, more in rows if views],
-        apart=min(SHEET_HELD_OUT_VIEWS, len(held_out.originals)),
+        [(label, (*views, *more[:few])) for label, views, more in rows if views or any(more)],
+        apart=min(few, len(held_out.originals)),
         caption="held out",
     )
     save_picture(sheet, folder / "before_after.png", overwrite=overwrite)
-    error_vs_time(result.events, folder / "error_vs_time.png", overwrite=overwrite)
+    if result.events:
+        error_vs_time(result.events, folder / "error_vs_time.png", overwrite=overwrite)
 
 
 def history_of(scene: Path) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from gsedit.pictures.contact_sheet import contact_sheet
 from gsedit.pictures.notebook import as_html, attempt, decibels, png_bytes
 from gsedit.regions.region import Region
 from gsedit.runs.events import Event
+from gsedit.words.instruction import Instruction
 from rasterizer.scene import Gaussians
 
 
@@ -39,7 +40,8 @@ class EditMetrics:
     @property
     def rmse_to_unedited(self) -> float | None:
         """RMSE between renders of the unedited and the edited scene: 0 is no edit at all."""
-        return self.evaluation.value("rmse_to_unedited")
+        edited = self.evaluation.value("rmse_to_unedited")
+        return self.evaluation.value("rmse_to_unedited", "held_out") if edited is None else edited
 
     @property
     def psnr_to_targets(self) -> float | None:
@@ -85,10 +87,11 @@ class EditMetrics:
             parts.insert(0, f"changed by {self.rmse_to_unedited:.3f} RMSE (0 is no edit)")
         if self.psnr_to_held_out_edits is not None:
             parts.append(f"{self.psnr_to_held_out_edits:.1f} dB to edits of held-out views")
-        if self.psnr_outside_region is not None and self.rmse_outside_region is not None:
+        if self.psnr_outside_region is not None:
+            edited = self.rmse_outside_region
             parts.append(
                 f"outside the region {self.psnr_outside_region:.1f} dB to the unedited scene at "
-                f"held-out views, RMSE {self.rmse_outside_region:.4f} at edited ones"
+                f"held-out views" + (f", RMSE {edited:.4f} at edited ones" if edited else "")
             )
         return "; ".join(parts)
 
@@ -143,6 +146,10 @@ class EditResult:
     """The decisions to skip work, with their reasons."""
     events: tuple[Event, ...] = ()
     """All events of the edit, in order."""
+    understood: Instruction | None = None
+    """The changes that were read in the sentence; None where a 2D editor got it as it is."""
+    notes: tuple[str, ...] = ()
+    """Remarks for a person on how changes were done on the Gaussians."""
 
     def __repr__(self) -> str:
         return f"EditResult({self.prompt!r}, {self.scene!r})"

@@ -94,7 +94,7 @@ def test_another_strategy_needs_nothing_but_itself(scene, data):
     steps = [c.step for c in items if isinstance(c, Checkpoint)]
     assert steps == [0, 3, 3, 6, 6, 9, 9, 12, 12, 15]
     done = {"actions": 10, "steps": 15, "calls": 5, "evaluations": 5 * 4 * 3}
-    assert asdict(result.work) == done
+    assert asdict(result.work).items() >= done.items()
     assert not torch.equal(result.scene.sh, scene.sh)
 
 

@@ -1,0 +1,72 @@
+"""Edit a scene from a sentence: each change by the route that does it, or all by a 2D editor."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+import torch
+
+from gsedit.cameras.around import around
+from gsedit.datasets.dataset import Dataset
+from gsedit.datasets.viewpoints import viewpoints_of
+from gsedit.editing.edit import edit_steps
+from gsedit.editing.routes.apply import is_exact
+from gsedit.editing.routes.plan import steps_of
+from gsedit.editing.routes.result import routed_result
+from gsedit.editing.session.actions import Strategy
+from gsedit.editing.session.result import EditResult
+from gsedit.editing.session.settings import EditSettings
+from gsedit.editors import make_editor
+from gsedit.editors.protocol import Editor
+from gsedit.errors import UsageError
+from gsedit.measures.features import FeatureExtractor
+from gsedit.words.read import read_instruction
+from rasterizer.scene import Gaussians
+
+
+def edit(
+    scene: Gaussians,
+    prompt: str,
+    *,
+    editor: Editor | None = None,
+    dataset: Dataset | None = None,
+    settings: EditSettings | None = None,
+    strategy: Strategy | None = None,
+    features: FeatureExtractor | None = None,
+    generator: torch.Generator | None = None,
+) -> EditResult:
+    """Edit a scene from a sentence, to the end.
+
+    Without an editor and a strategy, the sentence is read (gsedit.words) and each change goes by
+    its own route; the editor `small` draws what no route does. Where they take turns, the result is
+    that of the last one. With either, the 2D editor draws all of it: see `edit_steps`.
+    Raises UsageError for a sentence that is refused.
+    """
+    request: dict[str, Any] = {"dataset": dataset, "settings": settings, "features": features}
+    request["generator"] = generator or torch.Generator().manual_seed(0)
+    if editor or strategy:
+        return _drawn(scene, prompt, editor=editor, strategy=strategy, **request)
+    instruction = read_instruction(prompt)
+    if not instruction.known:
+        raise UsageError(instruction.why)
+    result = None
+    for step in steps_of(instruction):
+        now = scene if result is None else result.scene
+        if is_exact(step):
+            views = dataset or around(now)
+            result = routed_result(now, step, viewpoints_of(views), settings)
+        else:
+            result = _drawn(now, step.text, **request)
+    assert result is not None  # a known instruction has changes
+    return result
+
+
+def _drawn(
+    scene: Gaussians, prompt: str, *, editor: Editor | None = None, **request: Any
+) -> EditResult:
+    """Edit by a 2D editor, `small` if none is given."""
+    steps = edit_steps(scene, prompt, editor=editor or make_editor(), **request)
+    last = deque(steps, maxlen=1).pop()  # checkpoints are whole scenes: none is kept
+    assert isinstance(last, EditResult)
+    return last

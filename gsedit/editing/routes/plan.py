@@ -1,0 +1,31 @@
+"""Order of an edit: changes on the Gaussians and changes that a 2D editor draws take turns."""
+
+from __future__ import annotations
+
+from itertools import groupby
+
+from gsedit.editing.routes.apply import EXACT_ROUTES
+from gsedit.words.instruction import Instruction
+from gsedit.words.small_looks import look_of
+
+
+def steps_of(instruction: Instruction) -> tuple[Instruction, ...]:
+    """Edits that an instruction takes, in order; itself where it takes one.
+
+    Changes beside each other that exact routes do are one edit, and so are looks of the 2D editor.
+    """
+    changes = instruction.changes
+    groups = [tuple(each) for _, each in groupby(changes, lambda c: c.route in EXACT_ROUTES)]
+    if len(groups) < 2:
+        return (instruction,)
+    steps = []
+    for group in groups:
+        if group[0].route in EXACT_ROUTES:
+            words = "; ".join(map(str, group))
+        else:
+            looks = [look_of(change) for change in group]
+            if None in looks:
+                return (instruction,)  # the 2D editor says what it cannot follow
+            words = " and ".join(look.wording for look in looks if look is not None)
+        steps.append(Instruction(words, True, words, group))
+    return tuple(steps)

@@ -1,0 +1,130 @@
+"""The result of an edit on the Gaussians themselves, as that of any other edit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from gsedit.datasets.dataset import View, capture, evenly_spaced
+from gsedit.datasets.view_list_files import HELD_OUT_EVERY, Role
+from gsedit.datasets.viewpoints import Viewpoint
+from gsedit.editing.routes.apply import Routed, apply_instruction
+from gsedit.editing.routes.subject import find_part
+from gsedit.editing.session.progress import Work
+from gsedit.editing.session.result import EditMetrics, EditResult, HeldOutViews
+from gsedit.editing.session.settings import EditSettings
+from gsedit.editing.view_plan import ViewPlan
+from gsedit.measures.decibels import psnr_from_rmse
+from gsedit.measures.evaluation_input import Evaluation, Mean
+from gsedit.measures.metrics import INSIDE, NEAREST, pooled_rmse, rmse, squared_error
+from gsedit.regions.region import Region, coverage
+from gsedit.runs.stopwatch import Stopwatch
+from gsedit.words.instruction import Instruction
+from rasterizer.numerics import AUTO, Execution
+from rasterizer.scene import Gaussians
+
+NAME = "routes"
+"""Name of the strategy in edit.json: no view is edited."""
+SHOWN_VIEWS = 4
+"""Held-out views at which such an edit is measured and shown."""
+FINDS_SUBJECT = "auto"
+"""Value of the setting `region` that leaves the part to the sentence."""
+
+
+def change_scene(
+    scene: Gaussians,
+    instruction: Instruction,
+    viewpoints: Sequence[Viewpoint],
+    settings: EditSettings | None = None,
+) -> Routed:
+    """The scene with an instruction's changes, in the region that the settings name, if they do.
+
+    Raises UsageError as `apply_instruction` and `find_part` do.
+    """
+    settings = settings or EditSettings()
+    if settings.region != FINDS_SUBJECT:
+        changes = tuple(replace(change, target="subject") for change in instruction.changes)
+        instruction = replace(instruction, changes=changes)
+
+    def find(gaussians: Gaussians) -> Region:
+        return find_part(gaussians, viewpoints, settings.region, settings.execution)
+
+    cameras = [each.camera for each in viewpoints]
+    return apply_instruction(scene, instruction, find, cameras, settings.execution)
+
+
+def routed_result(
+    scene: Gaussians,
+    instruction: Instruction,
+    viewpoints: Sequence[Viewpoint],
+    settings: EditSettings | None = None,
+    stopwatch: Stopwatch | None = None,
+) -> EditResult:
+    """Change a scene on its Gaussians; measured at some of the views that an edit holds out.
+
+    Raises UsageError as `change_scene` does.
+    """
+    watch, settings = stopwatch or Stopwatch(), settings or EditSettings()
+    with watch.stage("change"):
+        routed = change_scene(scene, instruction, viewpoints, settings)
+    with watch.stage("measure"):
+        shown = held_out(viewpoints)
+        before = pictures_at(scene, shown, settings.execution)
+        after = pictures_at(routed.scene, shown, settings.execution)
+        metrics = measured(scene, routed.region, before, after, settings.execution)
+    return EditResult(
+        prompt=instruction.text,
+        scene=routed.scene,
+        originals=(),
+        targets=(),
+        finals=(),
+        settings=settings,
+        strategy=None,
+        strategy_name=NAME,
+        view_plan=ViewPlan((), ()),
+        region=routed.region,
+        metrics=metrics,
+        work=Work(),
+        timings={**watch.stages, "total": watch.seconds},
+        held_out=HeldOutViews(before, (), after),
+        understood=instruction,
+        notes=routed.notes,
+    )
+
+
+def held_out(viewpoints: Sequence[Viewpoint]) -> tuple[Viewpoint, ...]:
+    """Some of the views that an edit holds out."""
+    every = viewpoints[::HELD_OUT_EVERY]
+    return tuple(every[i] for i in evenly_spaced(len(every), SHOWN_VIEWS))
+
+
+def pictures_at(
+    scene: Gaussians, viewpoints: Sequence[Viewpoint], execution: Execution = AUTO
+) -> tuple[View, ...]:
+    """Renders of a scene as views."""
+    cameras, names = [each.camera for each in viewpoints], [each.name for each in viewpoints]
+    return tuple(capture(scene, cameras, names, execution))
+
+
+def measured(
+    scene: Gaussians,
+    region: Region,
+    before: Sequence[View],
+    after: Sequence[View],
+    execution: Execution = AUTO,
+) -> EditMetrics:
+    """The difference of held-out views, and how well what is outside the region is kept."""
+    number = len(before)
+    changed = sum(rmse(new.image, old.image) for new, old in zip(after, before)) / number
+    found: dict[str, dict[Role, Mean]] = {"rmse_to_unedited": {"held_out": Mean(changed, number)}}
+    if not region.is_all:
+        error = pooled_rmse(
+            squared_error(
+                old.image, new.image, coverage(region, scene, old.camera, execution) < INSIDE
+            )
+            for old, new in zip(before, after)
+        )
+        if error is not None:
+            kept = min(psnr_from_rmse(error), NEAREST)
+            found["psnr_outside_region"] = {"held_out": Mean(kept, number)}
+    return EditMetrics(Evaluation(found, (), {}, ()))

@@ -1,0 +1,52 @@
+"""Edits in which changes go by routes of their own, from Python."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import tiny_edits
+import torch
+
+import gsedit
+from gsedit.datasets.viewpoints import viewpoints_of
+from gsedit.editing.routes.result import routed_result
+from gsedit.errors import UsageError
+from gsedit.words.instruction import Change, Instruction
+
+BRIGHTER = Change("scene", "tone", "brightness", None, 0.2, "tone")
+
+
+def test_python_edits_by_the_route_of_the_sentence(tmp_path):
+    scene = tiny_edits.scene()
+    result = gsedit.edit(scene, "make it 20% brighter", dataset=tiny_edits.data())
+    assert result.strategy_name == "routes"
+    assert result.understood is not None
+    assert torch.allclose(result.scene.sh[:, 1:], 1.2 * scene.sh[:, 1:], atol=1e-5)
+    assert result.metrics.rmse_to_unedited is not None
+    assert len(result.held_out.finals) == 2  # of nine views
+    gsedit.write_edit(tmp_path / "out", result)
+    assert (tmp_path / "out" / "edit.json").is_file()
+
+
+def test_routes_take_turns_in_the_order_of_the_sentence(monkeypatch):
+    scene, data, asked = tiny_edits.scene(), tiny_edits.data(), []
+
+    def edit_steps(given, prompt, **_):
+        asked.append((given, prompt))
+        read = Instruction(prompt, True, "", (BRIGHTER,))
+        yield replace(routed_result(given, read, viewpoints_of(data)), strategy_name="drawn")
+
+    monkeypatch.setattr("gsedit.editing.auto.edit_steps", edit_steps)
+    words = "make it 20% brighter, then a watercolor, then in black and white"
+    result = gsedit.edit(scene, words, dataset=data)
+    (given, prompt), = asked  # fmt: skip
+    assert prompt != words
+    assert torch.allclose(given.sh[:, 1:], 1.2 * scene.sh[:, 1:], atol=1e-5)
+    gray = result.held_out.finals[0].image
+    assert float((gray - gray.mean(-1, keepdim=True)).abs().mean()) < 0.02
+
+
+def test_a_refused_sentence_is_an_error():
+    with pytest.raises(UsageError, match="must not"):
+        gsedit.edit(tiny_edits.scene(), "do not paint it red", dataset=tiny_edits.data())
