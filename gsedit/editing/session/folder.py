@@ -142,7 +142,7 @@ def _write_pictures(folder: Path, result: EditResult, *, overwrite: bool) -> Non
     few = SHEET_HELD_OUT_VIEWS if result.originals else len(held_out.originals)
     sheet = contact_sheet(
         [(label, (*views, *more[:few])) for label, views, more in rows if views or any(more)],
-        apart=min(few, len(held_out.originals)),
+        apart=min(few, len(held_out.originals)) if result.originals else 0,
         caption="held out",
     )
     save_picture(sheet, folder / "before_after.png", overwrite=overwrite)
