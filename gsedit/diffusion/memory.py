@@ -67,6 +67,12 @@ class _StorageCounter(TorchDispatchMode):
         self.bytes = self.peak = 0
         self.alive: set[int] = set()
 
+    @classmethod
+    def _should_skip_dynamo(cls) -> bool:
+        """False: what is counted is never compiled, and marking it so imports the compiler, which
+        takes more than a second."""
+        return False
+
     def __torch_dispatch__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
         inputs = {_key(x) for x in tree_leaves((args, kwargs)) if isinstance(x, Tensor)}
         result = func(*args, **(kwargs or {}))

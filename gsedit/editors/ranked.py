@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any, TypeVar, cast
 
 import torch
@@ -185,9 +186,13 @@ def prepared(
     condition = denoiser.condition(originals[:1], prompt, torch.Generator())
 
     def guided(predictor: Predictor) -> Tensor:
+        return exact() if predictor is denoiser else predict(predictor)
+
+    def predict(predictor: Predictor) -> Tensor:
         return predict_guided(predictor, condition, x[:1], first, settings)
 
-    held = max(peak_bytes(lambda: guided(denoiser)), peak_bytes(lambda: denoiser.decode(x[:1])))
+    exact = cache(lambda: predict(denoiser))
+    held = max(peak_bytes(exact), peak_bytes(lambda: denoiser.decode(x[:1])))
     chosen = with_precision(denoiser, guided, settings.precision)
     sized = with_micro_batch(views_at_once(len(x), held * sharers, settings.memory))
     return sized if chosen is denoiser else InBfloat16(sized)
