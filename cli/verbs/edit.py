@@ -145,6 +145,13 @@ def run_edit(
     steps = read_sentence(instruction, editor, values) if asks_routes else None
     if steps is None:
         return run_pipeline(scene, instruction, folder, own, views, editor, values, common)
+    if len(steps) > 1:
+        if ranks().size > 1:
+            raise UsageError(
+                f"this takes {len(steps)} edits: ranks do one at a time, ask for each alone"
+            )
+        check_apart(scene, folder)
+        check_folder(folder, own.force or own.resume, leftovers=LEFTOVERS)
     from gsedit.editing.routes.apply import is_exact
 
     for number, step in enumerate(steps, 1):
