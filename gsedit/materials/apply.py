@@ -27,6 +27,7 @@ from gsedit.materials.shading import (
     Skin,
     arriving,
     body,
+    everywhere,
     lighting,
     outgoing,
     rays_of,
@@ -35,11 +36,11 @@ from gsedit.materials.shading import (
 from gsedit.scene.color_space import srgb_of_linear
 from gsedit.scene.framing import guess_up
 from gsedit.scene.quaternions import even_directions, turn_between
-from gsedit.surface.normals import estimate_normals
+from gsedit.surface.normals import estimate_normals, rows_near
 from gsedit.surface.occlusion import nothing, occupancy
 from gsedit.surface.surroundings import balanced, find_surroundings, middle, surroundings_at
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution
+from rasterizer.numerics import AUTO, SH_DC, Execution
 from rasterizer.scene import Gaussians
 
 DEGREE = 3
@@ -64,8 +65,8 @@ LEVELS = (0.1, 1.6)
 """Least and largest light on such a part, as its old colors tell it."""
 STUDIO = "nothing is around it: it is lit by a studio"
 RAISED = "reflections need SH of degree 3: the scene had {}, and its file grows"
-AT_ONCE = 8192
-"""Gaussians that are shaded at once: 60 MB a million directions."""
+AT_ONCE = 1024
+"""Gaussians that are shaded at once: 4 million pairs of cameras and directions, 16 MB."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +107,7 @@ def in_material(
     A material that reflects raises the scene's SH to degree 3, with zeros for what is outside.
     Raises UsageError for no Gaussians inside, or for ones that show no surface.
     """
-    studied = study(scene, inside, cameras, execution, weights)
+    studied = study(scene, inside, cameras, execution, weights, material.is_matte)
     if studied.sure < UNSURE and not material.is_matte:
         raise UsageError(
             "the part's Gaussians show no surface that could reflect (they are needles or fog): "
@@ -131,24 +132,27 @@ def study(
     cameras: Sequence[Camera] = (),
     execution: Execution = AUTO,
     weights: Float[Tensor, " n"] | None = None,
+    matte: bool = False,
 ) -> Studied:
-    """Normals, surroundings, shadows and carving of the Gaussians inside."""
+    """Normals, surroundings, shadows and carving of the Gaussians inside; for a `matte` material
+    without what only reflections need."""
     part = scene[inside]
     size = visible_area(part)
     if not len(part):
         raise UsageError("the material would be on no Gaussian: name what should be in it")
     up = up_of(cameras) if len(cameras) > 1 else guess_up(scene)
-    found = estimate_normals(scene, cameras, execution)
+    near = rows_near(part.means)
+    found = estimate_normals(scene, cameras, execution, inside, near)
     center, radius = middle(scene, inside)
-    normals = found.directions[inside]
-    relief = carved(part, normals)
+    normals = found.directions
+    relief = carved(part, normals, near)
     turn = torch.from_numpy(turn_between(up.numpy(), np.array((0.0, 0.0, 1.0)))).to(part.means)
     ground = Ground((part.means - center) @ turn.T / radius, normals @ turn.T, relief.hollow)
     skin = Skin(part.means, normals, relief.detail)
-    sure = float(found.confidence[inside].median())
+    sure = float(found.confidence.median())
     if (eyes := _eyes_within(part, cameras)) is not None:
         around = surroundings_at(scene, eyes, NEAR_EYES * radius, up, execution, cameras)
-        light = lighting(balanced(around), nothing(part))
+        light = lighting(balanced(around), nothing(part), matte)
         level = (relief.luminance / USUAL_ALBEDO).clamp(*LEVELS)[:, None, None]
         return Studied(light, skin, ground, level.expand(-1, 2, 3), sure, ())
     grid = occupancy(part)
@@ -157,7 +161,7 @@ def study(
     if not around.studio:
         shown = Received(relief.luminance, rays.share, size if weights is None else weights[inside])
         around = as_shaded(around, shown, rays.directions)
-    light = lighting(balanced(around), grid)
+    light = lighting(balanced(around), grid, matte)
     sides = [arriving(light, skin[rows], rays[rows]) for rows in _parts(len(part))]
     notes = (STUDIO,) if around.studio else ()
     return Studied(light, skin, ground, torch.cat(sides), sure, notes)
@@ -178,9 +182,12 @@ def _eyes_within(part: Gaussians, cameras: Sequence[Camera]) -> Float[Tensor, "3
 def colors_of(
     studied: Studied, material: Material, cameras: Sequence[Camera], degree: int
 ) -> Float[Tensor, "m k 3"]:
-    """SH coefficients of the Gaussians in a material."""
+    """SH coefficients of the Gaussians in a material; those of degree 0 are of a matte one."""
     surface = reflectance(material, studied.ground)
     diffuse = body(material, surface, studied.sides)
+    if degree == 0:
+        sent = everywhere(material, surface, studied.skin, diffuse, studied.sides[:, 0])
+        return ((displayed(sent) - 0.5) / SH_DC)[:, None]
     mean = studied.sides[:, 0].mean(0)
     own = mean * surface.color * 0.8
     eyes = torch.stack([c.center for c in cameras]).to(diffuse) if len(cameras) else None

@@ -11,11 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from gsedit.scene.color_space import LUMINANCE, linear_of_srgb
-from gsedit.scene.neighbors import nearest
 from rasterizer.numerics import sh_to_color
 from rasterizer.scene import Gaussians
 
@@ -48,12 +47,11 @@ def visible_area(part: Gaussians) -> Float[Tensor, " n"]:
     return part.opacities * part.log_scales.sort(-1).values[:, 1:].sum(-1).exp() + 1e-12
 
 
-def carved(part: Gaussians, normals: Float[Tensor, "n 3"]) -> Relief:
-    """The relief of a subject's Gaussians."""
+def carved(part: Gaussians, normals: Float[Tensor, "n 3"], rows: Int[Tensor, "n k"]) -> Relief:
+    """The relief of a subject's Gaussians; `rows` are those of the nearest to each."""
     weights = torch.from_numpy(LUMINANCE).float()
     display = sh_to_color(part.sh[:, 0]).clamp(0, 1).double().numpy()
     linear = torch.from_numpy(linear_of_srgb(display)).float() + 1e-3
-    rows = torch.from_numpy(nearest(part.means.float().numpy())[1])
     if not rows.shape[1]:
         return Relief(torch.ones(len(part)), torch.zeros(len(part)), linear @ weights)
     size = visible_area(part)[:, None]

@@ -30,6 +30,8 @@ ARRIVING = 0.45
 """Roughness at which light is softened as much as these directions are apart."""
 GRAZING = 0.08
 """Least cosine between a normal and a view: beyond lies the back."""
+USUAL_COSINE = 0.65
+"""Mean cosine between the normals of a round thing and a view, weighted by what is seen."""
 FARTHEST = 1e6
 """Distance, world units, of a sky that nothing is known of."""
 COAT_ROUGHNESS = 0.08
@@ -84,19 +86,21 @@ class Reflectance:
         return Reflectance(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
 
-def lighting(surroundings: Surroundings, grid: Occupancy) -> Lighting:
-    """The surroundings and a subject's own shadow, made ready.
+def lighting(surroundings: Surroundings, grid: Occupancy, matte: bool = False) -> Lighting:
+    """The surroundings and a subject's own shadow, made ready; without `maps` for what is matte.
 
     What is reflected has more contrast than pictures show, whose tone curves compress light.
     """
-    radiance = surroundings.radiance
+    radiance, plain = surroundings.radiance, softened(surroundings, ARRIVING)
+    if matte:
+        return Lighting(surroundings, radiance[None][:0], plain, grid)
     areas = cell_areas(len(radiance)).to(radiance)[..., None]
     luminance = radiance @ torch.from_numpy(LUMINANCE).to(radiance)[:, None]
     mean = (luminance * areas).sum() / areas.sum()
     steeper = radiance * (luminance / mean).clamp_min(1e-3) ** (CONTRAST - 1)
     steeper = steeper * (radiance * areas).sum() / (steeper * areas).sum()
     maps = prefiltered(replace(surroundings, radiance=steeper))
-    return Lighting(surroundings, maps, softened(surroundings, ARRIVING), grid)
+    return Lighting(surroundings, maps, plain, grid)
 
 
 def reflectance(material: Material, ground: Ground) -> Reflectance:
@@ -157,8 +161,7 @@ def rays_of(grid: Occupancy, skin: Skin) -> Rays:
 def arriving(light: Lighting, skin: Skin, rays: Rays) -> Float[Tensor, "n 2 3"]:
     """Mean light, weighted by the cosine, that arrives in front of and behind each surface; where
     the subject hides its surroundings, half of their mean."""
-    directions = rays.directions.expand(len(skin), RAYS, 3)
-    sent = look_up(light.plain, mirror_of(light, skin.points[:, None], directions))
+    sent = look_up(light.plain, mirror_of(light, skin.points[:, None], rays.directions))
     sent = torch.lerp(0.5 * sent.mean((0, 1)).expand_as(sent), sent, rays.open[..., None])
     sides = []
     for side in (rays.cosine, -rays.cosine):
@@ -214,6 +217,23 @@ def outgoing(
     return sent * skin.detail[:, None] + surface.glow[:, None] * surface.color
 
 
+def everywhere(
+    material: Material,
+    surface: Reflectance,
+    skin: Skin,
+    diffuse: Float[Tensor, "n 3"],
+    front: Float[Tensor, "n 3"],
+) -> Float[Tensor, "n 3"]:
+    """Linear light that a matte skin sends to cameras, about alike in all directions.
+
+    It reflects the light that arrives in `front`, as seen from USUAL_COSINE.
+    """
+    head_on = torch.full_like(surface.color, material.specular)
+    cosine = torch.full_like(surface.roughness, USUAL_COSINE)
+    gloss = front * environment_brdf(head_on, surface.roughness, cosine)
+    return (diffuse + gloss) * skin.detail[:, None] + surface.glow[:, None] * surface.color
+
+
 def body(
     material: Material, surface: Reflectance, sides: Float[Tensor, "n 2 3"]
 ) -> Float[Tensor, "n 3"]:
@@ -245,7 +265,7 @@ def mirror_of(
     """Directions from the middle of the subject to what rays from its points meet."""
     distance = light.surroundings.distance[..., None]
     if not distance.isfinite().any():
-        return directions
+        return directions.expand(torch.broadcast_shapes(points.shape, directions.shape))
     far = distance.masked_fill(~distance.isfinite(), FARTHEST)
     offset = points - light.surroundings.center
     away = look_up(far, directions)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from gsedit.cameras.orbit import orbit
@@ -61,11 +61,16 @@ class Normals:
 
 @torch.no_grad()
 def estimate_normals(
-    scene: Gaussians, cameras: Sequence[Camera] = (), execution: Execution = AUTO
+    scene: Gaussians,
+    cameras: Sequence[Camera] = (),
+    execution: Execution = AUTO,
+    inside: Bool[Tensor, " a"] | None = None,
+    near: Int[Tensor, "n k"] | None = None,
 ) -> Normals:
-    """The normals of all Gaussians, from at most VIEWS of the cameras.
+    """The normals of all Gaussians, or of the `n` inside a part, from at most VIEWS cameras.
 
-    Without cameras, rings above and below are used. Gaussians that no camera sees take that of
+    `near` are the rows of each one's nearest among them, if they are known (`rows_near`). Without
+    cameras, rings above and below are used. Gaussians that no camera sees take that of
     their neighbors, or their shortest axis, turned to the mean of the cameras.
     """
     if not len(scene):
@@ -77,10 +82,19 @@ def estimate_normals(
     for camera in chosen:
         seen += backproject(scene, camera, _view_normals(scene, axes, camera, execution))
     middle = torch.stack([camera.center for camera in chosen]).mean(0).to(scene.means)
-    lit = torch.where(seen.norm(dim=-1, keepdim=True) > FAINT, seen, middle - scene.means)
+    means = scene.means
+    if inside is not None:
+        means, seen, axes = means[inside], seen[inside], axes[inside]
+    lit = torch.where(seen.norm(dim=-1, keepdim=True) > FAINT, seen, middle - means)
     own = axes * _sign((axes * lit).sum(-1, keepdim=True))
-    away = torch.nn.functional.normalize(scene.means - middle, dim=-1)
-    return _smoothed(scene, seen + AXIS_PIXELS * own - 10 * FAINT * away)
+    away = torch.nn.functional.normalize(means - middle, dim=-1)
+    evidence = seen + AXIS_PIXELS * own - 10 * FAINT * away
+    return _smoothed(evidence, rows_near(means) if near is None else near)
+
+
+def rows_near(means: Float[Tensor, "n 3"]) -> Int[Tensor, "n k"]:
+    """The rows of the nearest neighbors of each place."""
+    return torch.from_numpy(nearest(means.float().cpu().numpy())[1])
 
 
 def shortest_axes(scene: Gaussians) -> Float[Tensor, "n 3"]:
@@ -141,7 +155,7 @@ def _view_normals(
     return blended + DEPTH_SHARE * normals_of_depth(camera, drawn.median_depth)
 
 
-def _smoothed(scene: Gaussians, evidence: Float[Tensor, "n 3"]) -> Normals:
+def _smoothed(evidence: Float[Tensor, "n 3"], rows: Int[Tensor, "n k"]) -> Normals:
     """Unit normals, mixed with those of neighbors that face alike; and their agreement.
 
     Each counts by the logarithm of its evidence: one near a camera does not outweigh all others.
@@ -151,7 +165,6 @@ def _smoothed(scene: Gaussians, evidence: Float[Tensor, "n 3"]) -> Normals:
     typical = some.median() if len(some) else strength.new_ones(())
     weight = torch.log1p(strength / typical)[:, None]
     unit = evidence / strength.clamp_min(FAINT)[:, None]
-    rows = torch.from_numpy(nearest(scene.means.float().cpu().numpy())[1])
     agreement = torch.ones_like(strength)
     for _ in range(SMOOTHING_ROUNDS if rows.shape[1] else 0):
         near = unit[rows]

@@ -25,8 +25,8 @@ STEPS = 20
 """Points of a ray that are looked at; each step is longer than the one before."""
 GROWTH = 1.1
 """Length of a step against the one before."""
-AT_ONCE = 1 << 18
-"""Rays that are followed at once: 5 million cells are looked up."""
+AT_ONCE = 1 << 16
+"""Rays that are followed at once: what a step computes of them stays in a cache of 1 MB."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,17 +82,19 @@ def open_share(
 def _open(
     grid: Occupancy, start: Float[Tensor, "m 3"], directions: Float[Tensor, "m d 3"]
 ) -> Float[Tensor, "m d"]:
-    size = torch.tensor(grid.full.shape)
-    strides = torch.tensor((int(size[1] * size[2]), int(size[2]), 1))
-    flat = grid.full.reshape(-1)
-    local = ((start - grid.low) / grid.cell)[:, None]
-    # first steps of a cell, to the far corner with the last one
+    count = directions.shape[1]
     lengths = GROWTH ** torch.arange(STEPS, dtype=torch.float32)
-    reach = float(size.double().norm()) * 0.6
+    # first steps of a cell, to the far corner with the last one
+    reach = float(torch.tensor(grid.full.shape).double().norm()) * 0.6
     steps = lengths.cumsum(0) * (reach / float(lengths.sum()))
-    met = torch.zeros(directions.shape[:2], dtype=torch.bool)
+    at = [each.repeat_interleave(count) for each in ((start - grid.low) / grid.cell).unbind(-1)]
+    along = [each.reshape(-1) for each in directions.unbind(-1)]
+    full = grid.full.reshape(-1)
+    met = torch.zeros(len(at[0]), dtype=torch.bool)
     for step in steps.tolist():
-        cell = (local + step * directions).floor().long()
-        cell = cell.clamp_min(0).minimum(size - 1)  # the border is empty
-        met |= flat[(cell * strides).sum(-1)]
-    return (~met).to(directions)
+        index = torch.zeros_like(at[0])
+        for origin, way, size in zip(at, along, grid.full.shape):
+            cell = torch.add(origin, way, alpha=step).floor_()
+            index.mul_(size).add_(cell.clamp_(0, size - 1))  # the border is empty
+        met |= full.index_select(0, index.int())
+    return (~met).reshape(-1, count).to(directions)

@@ -8,7 +8,7 @@ map (gsedit.surface.directions).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import pi
@@ -189,7 +189,7 @@ def filled(
     weights = halved(seen[..., None], COARSE)
     areas = cell_areas(COARSE).to(radiance)
     few = halved(radiance * seen[..., None], COARSE) / weights.clamp_min(FAINT)
-    kernel = _angle_kernel(lambda angle: (angle.square() + FILL_ANGLE**2) ** -FILL_POWER)
+    kernel = (torch.acos(_cosines()).square() + FILL_ANGLE**2) ** -FILL_POWER
     smooth = filtered(few, kernel.to(few), weights[..., 0] * areas)
     around = look_up(smooth, cell_directions(ROWS).to(radiance))
     mass = weights[..., 0] * areas
@@ -246,8 +246,9 @@ def balanced(surroundings: Surroundings, share: float = BALANCE) -> Surroundings
 def irradiance(surroundings: Surroundings, normals: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
     """Light that a white matte surface of each unit normal sends back: irradiance over pi."""
     radiance = halved(surroundings.radiance, COARSE)
-    kernel = _angle_kernel(lambda angle: angle.cos().clamp_min(0)).to(radiance)
-    smooth = filtered(radiance, kernel, cell_areas(COARSE).to(radiance))
+    smooth = filtered(
+        radiance, _cosines().clamp_min(0).to(radiance), cell_areas(COARSE).to(radiance)
+    )
     return look_up(smooth, normals)
 
 
@@ -303,22 +304,16 @@ def _sampled(
     return torch.cat((bilinear, distance[:, None]), -1)
 
 
-def _angle_kernel(
-    function: Callable[[Float[Tensor, "m m"]], Float[Tensor, "m m"]],
-) -> Float[Tensor, "m m"]:
-    """A function of the angle between all pairs of cells of a coarse map."""
+@lru_cache(1)
+def _cosines() -> Float[Tensor, "m m"]:
+    """Cosines of the angles between all pairs of cells of a coarse map."""
     flat = cell_directions(COARSE).reshape(-1, 3)
-    return function(torch.acos((flat @ flat.T).clamp(-1, 1)))
+    return (flat @ flat.T).clamp(-1, 1)
 
 
 @lru_cache(len(ROUGHNESSES))
 def _lobe(roughness: float) -> Float[Tensor, "m m"]:
     """GGX's distribution at half the angle to the mirror direction, times the cosine."""
-    alpha = max(roughness, 1e-3) ** 2
-
-    def weight(angle: Tensor) -> Tensor:
-        cosine = (angle / 2).cos()
-        spread = cosine.square() * (alpha**2 - 1) + 1
-        return alpha**2 / spread.square() * angle.cos().clamp_min(0)
-
-    return _angle_kernel(weight)
+    alpha, cosine = max(roughness, 1e-3) ** 2, _cosines()
+    spread = (1 + cosine) * ((alpha**2 - 1) / 2) + 1  # the squared cosine of half the angle
+    return alpha**2 / spread.square() * cosine.clamp_min(0)
