@@ -50,3 +50,11 @@ def test_routes_take_turns_in_the_order_of_the_sentence(monkeypatch):
 def test_a_refused_sentence_is_an_error():
     with pytest.raises(UsageError, match="must not"):
         gsedit.edit(tiny_edits.scene(), "do not paint it red", dataset=tiny_edits.data())
+
+
+def test_what_changes_hardly_anything_is_told():
+    scene, data = tiny_edits.scene(), tiny_edits.data()
+    gray = gsedit.edit(scene, "in black and white", dataset=data)
+    assert gray.notes == ()
+    again = gsedit.edit(gray.scene, "in black and white", dataset=data)
+    assert any("hardly anything changed" in note for note in again.notes)
