@@ -36,7 +36,7 @@ _WEAVE = "weave"
 METALS = {
     "gold": _metal("#ffd76b", 0.22),
     "silver": _metal("#f4f3f0", 0.2),
-    "bronze": _metal("#b98550", 0.38, Layer("crevices", "#4a3520", 0.25, 0.2, 0.6, 0.6)),
+    "bronze": _metal("#8c6a42", 0.25, Layer("crevices", "#2a2014", 0.35, 0.2, 0.8, 0.4)),
     "copper": _metal("#f2a07e", 0.28),
     "brass": _metal("#e6c878", 0.28),
     "iron": _metal("#8f8d8b", 0.55, Layer("patches", "#5f5c59", 0.4, 0.15, 0.9, 0.7)),
