@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
-from gsedit.words.lexicon import PURE
+from gsedit.words.lexicon import NEUTRAL, PURE
 from gsedit.words.scan import Word
 
 TONES = frozenset(("noun", "state", "turn", "style", "hue"))
@@ -20,6 +20,9 @@ CONTENT = TONES | {"color", "material", "light", "look", "finish"}
 TARGETS = frozenset(("subject", "background", "ground", "place", "scene", "rest"))
 """Kinds that name a part of the scene."""
 EMPTY = ("no", "without")
+SHADOWS = ("shadow", "shadows")
+SOFT = Word("cloudy", "light", "cloudy")
+"""Light that casts no shadows."""
 IDLE = TARGETS | {"unknown", "part", "shape", "state"}
 """Kinds that a comparison only brings up."""
 NEGATIONS = frozenset(("not", "drop"))
@@ -77,9 +80,11 @@ def _goes_on(noun: Clause, clause: Clause) -> bool:
     """Whether a tone is said before what becomes of it: "contrast and saturation up"."""
     kinds = clause.kinds()
     said = kinds & {"up", "down", "number", "factor", "fraction", "intense"}
-    named = "noun" in noun.kinds() and noun.kinds() <= {"fill", "noun", *TARGETS}
+    named = "noun" in noun.kinds() and noun.kinds() <= {"fill", "noun", "be", "unknown", *TARGETS}
+    flat = not noun.kinds() & {"be", "unknown"}
     it = any(word.text == "it" for word in clause.words) and not kinds & CONTENT
-    return named and bool(said) and (it or ("noun" in kinds and clause.before in ("and", ",")))
+    listed = flat and "noun" in kinds and clause.before in ("and", ",")
+    return named and bool(said) and (it or listed)
 
 
 def _segments(words: list[Word]) -> Iterator[tuple[str, list[Word]]]:
@@ -87,6 +92,9 @@ def _segments(words: list[Word]) -> Iterator[tuple[str, list[Word]]]:
     before, part, compared = "", list[Word](), False
     for word, after in zip(words, [*words[1:], Word("", "mark", "")]):
         splits = word.kind in ("mark", "conj", "or")
+        if part and (word.kind == "retract" or _contrasts(part, word)):
+            yield before, part
+            before, part = "and", []
         if word.text == ":" and after.kind == "number":
             continue  # "contrast: +10 %"
         if splits and not (compared and word.kind == "conj"):
@@ -101,9 +109,16 @@ def _segments(words: list[Word]) -> Iterator[tuple[str, list[Word]]]:
         yield before, part
 
 
+def _contrasts(part: list[Word], word: Word) -> bool:
+    """Whether another direction begins in a clause: "less red more green"."""
+    sides = {"more", "less"}
+    said = {each.text for each in part} & sides
+    return word.text in sides - said and bool(said) and any(w.kind in CONTENT for w in part)
+
+
 def _inherits(before: str, part: list[Word]) -> bool:
     """Whether a negation goes on into a clause: "not red or blue", "not this: make it night"."""
-    own = {"do", "wish", "touch", "up", "down", "keep", "be", *NEGATIONS}
+    own = {"retract", "do", "wish", "touch", "up", "down", "keep", "be", *NEGATIONS}
     if not any(word.kind in CONTENT or word.kind in TARGETS for word in part):
         return False
     bare = not any(word.text in ("just", "only", "instead", "rather") for word in part)
@@ -116,8 +131,11 @@ def _inherits(before: str, part: list[Word]) -> bool:
 def _became(part: list[Word]) -> list[Word]:
     """Words without the name of what gives way: "turn night into day", "paint the red car blue"."""
     names = [at for at, word in enumerate(part) if word.kind in NAMED]
-    verbs = [at for at, word in enumerate(part) if word.kind in ("do", "wish", "touch")]
-    if len(names) < 2 or not verbs or verbs[0] > names[0]:
+    if len(names) < 2:
+        return part
+    verbs = any(word.kind in ("do", "wish", "touch") for word in part[: names[0]])
+    between = [word.text for word in part[names[0] + 1 : names[1]]]
+    if not verbs and between not in (["to"], ["into"]):  # "night to day"
         return part
     first, last = names[0], names[-1]
     between = part[first + 1 : last + 1]
@@ -142,6 +160,8 @@ def _told(part: list[Word]) -> list[Word]:
             mode = "" if word.text == "if" else word.kind
         elif word.text == "as" and last in ("state", "color", "material"):
             mode = "than"
+        elif word.kind == "same" and last == "state" and _compares(kept):
+            mode = "than"  # "not as bright as it is"
         elif word.kind == "than":
             mode = "than"
             kept.append(word)
@@ -153,6 +173,11 @@ def _told(part: list[Word]) -> list[Word]:
         else:
             kept.append(word)
     return kept
+
+
+def _compares(words: list[Word]) -> bool:
+    """Whether a comparison begins before the last word: "as bright", "so bright"."""
+    return any(word.text in ("as", "so") for word in words[-2:-1])
 
 
 def _governed(before: str, part: list[Word], heir: Word | None) -> Clause:
@@ -203,7 +228,10 @@ def _deny(clause: Clause, scope: list[Word], negations: list[Word]) -> None:
     if len(negations) > 1 and any(each.kind == "drop" for each in negations):
         clause.denied += [word for word in (*scope, *clause.words) if word.kind in CONTENT]
         clause.words, clause.void = [], not clause.denied
-    elif by.kind == "drop" or (named == {"noun"} and by.text in EMPTY and _colorless(scope)):
+    elif (by.kind == "drop" or by.text in EMPTY) and not named | told and _shadows(scope):
+        plain = [word for word in scope if word.kind != "intense"]  # "no harsh shadows"
+        clause.words = [*clause.words, *plain, SOFT]
+    elif by.kind == "drop" or (by.text in EMPTY and _tinted(scope, named, told)):
         _drop(clause, scope, named, told)
     elif sign := _turn(clause, scope, by):
         clause.turned, clause.words = sign, [*clause.words, *scope]
@@ -220,9 +248,18 @@ def _deny(clause: Clause, scope: list[Word], negations: list[Word]) -> None:
         clause.words, clause.opens = [], by
 
 
-def _colorless(scope: list[Word]) -> bool:
-    """Whether what there must not be is color itself."""
-    return {word.value for word in scope if word.kind == "noun"} == {"saturation"}
+def _shadows(scope: list[Word]) -> bool:
+    """Whether what there must not be is shadows: no name stands before them."""
+    at = next((at for at, word in enumerate(scope) if word.text in SHADOWS), None)
+    loose = ("fill", "intense", "degree")
+    return at is not None and all(word.kind in loose for word in scope[:at])
+
+
+def _tinted(scope: list[Word], named: set[str], told: set[str]) -> bool:
+    """Whether what there must not be is color itself or a tint: "no blue tint"."""
+    nouns = {word.value for word in scope if word.kind == "noun"}
+    color = named == {"noun"} and nouns == {"saturation"}
+    return color or (named == {"noun", "color"} and nouns == {"hue"} and not told)
 
 
 def _drop(clause: Clause, scope: list[Word], named: set[str], told: set[str]) -> None:
@@ -242,7 +279,7 @@ def _turn(clause: Clause, scope: list[Word], by: Word) -> int:
     """Sign that a negation gives to a quality; 0 where it forbids it or is not plain."""
     kinds = [word.kind for word in scope]
     graded = ("state", "intense", "color")
-    shades = [word for word in scope if word.kind == "color" and word.text not in PURE]
+    shades = [word for word in scope if word.kind == "color" and word.text not in {*PURE, *NEUTRAL}]
     if not any(kind in graded for kind in kinds) or shades:
         return 0
     if "enough" in kinds:

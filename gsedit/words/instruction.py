@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import asdict, dataclass
 from typing import Literal
 
@@ -36,11 +37,14 @@ class Change:
             case "tone":
                 return f"{part} {_tone(self)}"
             case "paint":
-                return f"{part} painted {self.name}{color}"
+                mixed = "a color " * self.name.startswith("between ")
+                return f"{part} painted {mixed}{self.name}{color}"
             case "material":
                 return f"{part} made of {self.name}{color}"
-        amount = "" if self.amount is None else f" {self.amount:+.0%}".replace("%", " %")
-        return f"{part} with the {self.kind}: {self.name}{color}{amount}"
+        name = re.sub(r"(?<!from) (above|below)$", r" from \1", self.name)
+        more = "weaker" if (self.amount or 0) < 0 else "stronger"
+        amount = "" if self.amount is None else f", {abs(self.amount):.0%} {more}"
+        return f"{part} with the {self.kind}: {name}{color}{amount}".replace("%", " %")
 
 
 MORE = {

@@ -21,6 +21,8 @@ PURE = {
     "pink": "#ff80c0", "brown": "#804000", "teal": "#008080", "violet": "#8000ff",
 }  # fmt: skip
 """Colors toward which hue can turn."""
+NEUTRAL = {"gray": ("saturation", -1), "black": ("brightness", -1), "white": ("brightness", 1)}
+"""Tone and sign of more of a color without a hue."""
 COLOR_WARMTH = {"orange": 1, "yellow": 1, "amber": 1, "blue": -1}
 """Colors whose surplus is too warm or too cold a white balance."""
 

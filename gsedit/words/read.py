@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field, replace
 
 from gsedit.words.amounts import amount_of
-from gsedit.words.clauses import NEGATIONS, Clause, clauses
+from gsedit.words.clauses import CONTENT, NEGATIONS, Clause, clauses
 from gsedit.words.instruction import Change, Instruction, Target
 from gsedit.words.parts import (
     PARTS,
@@ -82,6 +82,8 @@ def _parsed(words: list[Word]) -> list[Change]:
     """Changes that words name; empty where none does. Raises Refused."""
     reading, found = Reading(), clauses(words)
     for at, clause in enumerate(found):
+        if "retract" in clause.kinds() and any(later.kinds() & CONTENT for later in found[at:]):
+            reading = Reading()  # "red, I mean blue"
         if clause.void and (after := found[at + 1 : at + 2]) and after[0].kinds() & {"do", "wish"}:
             reading = Reading()  # "no, make it blue"
             continue
@@ -108,9 +110,13 @@ def _read_clause(clause: Clause, reading: Reading) -> None:
     explicit = next((kind for _, kind in parts), None)
     if not changes:
         _remark(clause, explicit, reading)
+    elif _turns_light(clause, changes, reading):
+        pass
     elif not _completes(clause, changes, parts, reading):
         refuse_idle(clause, [change for _, change in changes])
-        if clause.turned < 0 and "too" in clause.tags() and reading.changes:
+        painted = reading.changes and reading.changes[-1].kind == "paint"
+        limits = "too" in clause.tags() or (painted and "color" in clause.kinds())
+        if clause.turned < 0 and limits and reading.changes:
             return  # "night, but not too blue": a limit of what was asked
         _append(clause, changes, parts, reading)
     reading.part = explicit or reading.part
@@ -122,6 +128,7 @@ def _changes(clause: Clause, reading: Reading) -> Placed:
     scenic, solid = scenes(clause), solids(clause)
     cast = any(word.kind == "noun" and word.value == "hue" for word in clause.words)
     graded = kinds & {"up", "down"} or tags & {"too", "lack"} or clause.lost or clause.turned
+    graded = graded or _hinted(clause)
     material = any(change.kind == "material" for _, change in solid)
     colored = "color" in kinds and not scenic and not material
     if "hue" in kinds or (cast and not material) or (colored and (graded or _so(clause))):
@@ -141,6 +148,28 @@ def _changes(clause: Clause, reading: Reading) -> Placed:
         nouns = [w.text for w in clause.words if w.kind == "noun" and w.value in DEFAULT]
         reading.unsaid |= bool(unsaid and any("color" not in text for text in nouns))
     return [*solid, *((0, change) for change in (*scenic, *tone))]
+
+
+def _hinted(clause: Clause) -> bool:
+    """Whether a color is only hinted at: "a touch of blue"."""
+    words = clause.words
+    triples = zip(words, words[1:], words[2:])
+    colors = sum(word.kind == "color" for word in words)
+    return colors == 1 and any(
+        one.kind == "slight" and of.text == "of" and hue.kind == "color" for one, of, hue in triples
+    )
+
+
+def _turns_light(clause: Clause, changes: Placed, reading: Reading) -> bool:
+    """Whether a clause says where the light before it comes from: "sunset, light from the left"."""
+    last = reading.changes[-1] if reading.changes else None
+    shines = all(change.kind == "light" and not change.color for _, change in changes)
+    if not last or last.kind != "light" or not shines or "light" in clause.kinds():
+        return False
+    turned = directed(last, clause)
+    if turned != last:
+        reading.changes[-1] = turned
+    return turned != last
 
 
 def _so(clause: Clause) -> bool:

@@ -14,6 +14,12 @@ SPELLINGS = (
     (r"\b(it'?s|is|are|looks|way|far) to (?=\w+\W*$)", r"\1 too "),
     (r"colou?r", "color"),
     (r"(?<=\w)-ish\b", "ish"),
+    (r"\bde-(?=[a-z])", "de"),
+    (r"\bun-(?=[a-z])", "not "),
+    (r"\b(?!feel|for)(\w+)[- ]free\b(?! (?:of|to|from))|\b(shadow)less\b", r"no \1\2"),
+    (r"\bless than (?=\d|half|an? )", ""),
+    (r"\bminus (?=\d)", "-"),
+    (r"\bplus (?=\d)", "+"),
     (r"\b(can)not\b", r"\1 not"),
     (
         r"\b(do|does|did|is|are|was|were|ca|wo|should|could|would|must|has|have|need)n'?t\b",

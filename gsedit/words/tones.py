@@ -85,6 +85,10 @@ def hues(clause: Clause) -> list[Change]:
     word = words[0]
     name = lexicon.HUES.get(word.text, word.text)
     color = lexicon.PURE.get(name, word.color)
+    name = name.removesuffix("s")  # "boost the whites"
+    if name in lexicon.NEUTRAL:
+        tone_of, way = lexicon.NEUTRAL[name]
+        return [tone(tone_of, _amount(given, clause, tone_of, sign * way))]
     if name in lexicon.COLOR_WARMTH and less:
         size = abs(given.share or DEFAULT["warmth"] * _scale(clause))
         return [tone("warmth", -lexicon.COLOR_WARMTH[name] * size)]

@@ -28,8 +28,11 @@ def only(sentence: str) -> Change:
 
 @pytest.mark.parametrize(
     ("name", "count", "least"),
-    [("open", 222, 220), ("fresh_open", 105, 103), ("aside", 222, 205), ("fresh_aside", 105, 94)],
-)
+    [
+        ("open", 222, 220), ("fresh_open", 105, 103), ("aside", 222, 205), ("fresh_aside", 105, 94),
+        ("strangers", 121, 116),
+    ],
+)  # fmt: skip
 def test_sentences_are_read_and_none_is_done_the_opposite_way(name, count, least):
     """The least is two below the measured (docs/measurements/instructions.md)."""
     counts, _, _ = graded(DATA / f"{name}.json")
@@ -72,6 +75,9 @@ def test_any_words_are_read_or_refused():
         ("twice as dark", "brightness", -1), ("cool it down", "warmth", -1),
         ("too little light", "brightness", 1), ("not as dark", "brightness", 1),
         ("kill the contrast", "contrast", -1), ("reduce the darkness", "brightness", 1),
+        ("the brightness is bad, raise it", "brightness", 1), ("de-saturate it", "saturation", -1),
+        ("minus one stop", "brightness", -1), ("too black", "brightness", 1),
+        ("no more than 10 % brighter", "brightness", 1), ("too gray", "saturation", 1),
     ],
 )  # fmt: skip
 def test_a_tone_has_the_sign_that_is_said(sentence, name, sign):
@@ -98,6 +104,8 @@ def test_an_amount_is_a_signed_share(sentence, amount):
     [
         "do not paint it red", "anything but gold", "remove the snow", "no fog", "less snow",
         "never make it night", "make it any color other than green", "leave the bear as it is",
+        "neither red nor gold", "snow-free", "un-rust it", "the opposite of bright",
+        "end the night", "make it anything else than red", "as if the snow had melted", "before the snow",
     ],
 )  # fmt: skip
 def test_what_must_not_be_is_never_done(sentence):
@@ -105,6 +113,19 @@ def test_what_must_not_be_is_never_done(sentence):
     assert not read.known
     assert read.changes == ()
     assert "say what it should be instead" in read.why
+
+
+@pytest.mark.parametrize(
+    ("sentence", "names"),
+    [
+        ("make it red. no wait, blue", ["blue"]), ("gold, I mean silver", ["silver"]),
+        ("make it red, I mean it", ["red"]), ("night to day", ["daylight"]),
+        ("less red more green", ["hue", "hue"]), ("kill the shadows", ["cloudy"]),
+        ("golden hour, light from behind", ["golden hour from behind"]),
+    ],
+)  # fmt: skip
+def test_what_is_said_last_is_what_is_meant(sentence, names):
+    assert [change.name for change in read_instruction(sentence).changes] == names
 
 
 @pytest.mark.parametrize(
