@@ -105,7 +105,8 @@ def test_an_amount_is_a_signed_share(sentence, amount):
         "do not paint it red", "anything but gold", "remove the snow", "no fog", "less snow",
         "never make it night", "make it any color other than green", "leave the bear as it is",
         "neither red nor gold", "snow-free", "un-rust it", "the opposite of bright",
-        "end the night", "make it anything else than red", "as if the snow had melted", "before the snow",
+        "end the night", "make it anything else than red", "as if the snow had melted",
+        "before the snow",
     ],
 )  # fmt: skip
 def test_what_must_not_be_is_never_done(sentence):
