@@ -14,6 +14,7 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from .chain import THEN, operation_verb
+from .core.allocation import keep_freed_memory
 from .core.command import LazyCommand, lazy_verb, paragraphs
 from .core.console import print_message
 from .core.exits import FAILED, OK, USAGE, Interrupted, explain, one_line
@@ -189,4 +190,5 @@ def main() -> None:
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
     signal.signal(signal.SIGTERM, _interrupt)
+    keep_freed_memory()
     app()
