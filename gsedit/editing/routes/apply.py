@@ -24,7 +24,7 @@ from gsedit.scene.table import table_of
 from gsedit.scenery.named import in_scenery
 from gsedit.words.instruction import Change, Instruction, Target
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, SH_DC, Execution
+from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
 EXACT_ROUTES = ("tone", "paint", "material", "light", "scenery")
@@ -34,11 +34,6 @@ SEEN_VIEWS = 12
 """Most pictures that tell which Gaussians are seen."""
 SEEN_PIXELS = 128
 """Longer side of these pictures."""
-
-VISIBLE = 0.02
-"""Difference of a display color that is seen: five steps of eight bits."""
-FEW = 0.005
-"""Share of Gaussians that changed visibly, below which the user is told."""
 
 FindRegion = Callable[[Gaussians], Region]
 """Finds the subject of a scene."""
@@ -153,25 +148,17 @@ def apply_instruction(
     after, inside = scene, torch.zeros(len(scene), dtype=torch.bool)
     notes: list[str] = []
     for change in changes:
-        region, before = regions[change.target], after
+        region = regions[change.target]
         if change.route in ("paint", "material") and region.inside.any():
             made = dressed(after, change, region, seen, cameras, execution)
             after, notes = made.scene, [*notes, *made.notes]
         else:
             after = apply_change(after, change, region, seen, cameras, execution)
         inside |= region.inside
-        if _moved(before, after, region) < FEW:
-            notes.append(f"{change}: hardly anything changed, the scene has little that it acts on")
     found = Region(inside, "; ".join(regions[target].note for target in targets))
     lit = any(change.route in ("light", "scenery") for change in changes)
     note = None if not lit else far_note(scene, place_of(scene, cameras, seen), seen)
     return Routed(after, found, (*dict.fromkeys(notes), *((note,) if note else ())))
-
-
-def _moved(before: Gaussians, after: Gaussians, region: Region) -> float:
-    """Share of a region's Gaussians whose color changed visibly."""
-    change = SH_DC * (after.sh[:, 0] - before.sh[:, 0])[region.inside]
-    return float((change.abs().amax(1) > VISIBLE).float().mean())
 
 
 def _regions(

@@ -31,6 +31,12 @@ FINDS_SUBJECT = "auto"
 """Value of the setting `region` that leaves the part to the sentence."""
 
 
+LEAST_RMSE = 0.005
+"""RMSE to the unedited views below which the user is told that hardly anything changed: a subject of
+one pixel in a hundred that is painted makes six times as much."""
+HARDLY = "hardly anything changed: the scene has little that this acts on"
+
+
 def change_scene(
     scene: Gaussians,
     instruction: Instruction,
@@ -72,6 +78,7 @@ def routed_result(
         before = pictures_at(scene, shown, settings.execution)
         after = pictures_at(routed.scene, shown, settings.execution)
         metrics = measured(scene, routed.region, before, after, settings.execution)
+    is_seen = (metrics.rmse_to_unedited or 0.0) > LEAST_RMSE
     return EditResult(
         prompt=instruction.text,
         scene=routed.scene,
@@ -88,7 +95,7 @@ def routed_result(
         timings={**watch.stages, "total": watch.seconds},
         held_out=HeldOutViews(before, (), after),
         understood=instruction,
-        notes=routed.notes,
+        notes=(*routed.notes, *(() if is_seen else (HARDLY,))),
     )
 
 
