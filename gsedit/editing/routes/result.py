@@ -32,8 +32,8 @@ FINDS_SUBJECT = "auto"
 
 
 LEAST_RMSE = 0.005
-"""RMSE to the unedited views below which the user is told that hardly anything changed: a subject of
-one pixel in a hundred that is painted makes six times as much."""
+"""RMSE to the unedited views below which the user is told that hardly anything changed: painting a
+subject of one pixel in a hundred makes six times as much."""
 HARDLY = "hardly anything changed: the scene has little that this acts on"
 
 
