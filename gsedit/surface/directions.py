@@ -42,11 +42,16 @@ def look_up(
     column = torch.atan2(flat[:, 1], flat[:, 0]) * (w / (2 * pi)) - 0.5
     top, left = row.floor().clamp_max(max(h - 2, 0)), column.floor()
     down, right = (row - top)[:, None], (column - left)[:, None]
-    first, lefts = top.long(), left.long() % w
-    second, rights = (first + 1).clamp_max(h - 1), (lefts + 1) % w
+    # once around is from -w / 2 to w / 2: remainders of integers would take half of the time
+    lefts = torch.where(left < 0, left + w, left).int()
+    rights = torch.where(lefts == w - 1, 0, lefts + 1)
+    first = top.int() * w
+    second = first + (w if h > 1 else 0)
     cells = values.reshape(h * w, channels)
-    upper = torch.lerp(cells[first * w + lefts], cells[first * w + rights], right)
-    lower = torch.lerp(cells[second * w + lefts], cells[second * w + rights], right)
+    upper, lower = (
+        torch.lerp(*(cells.index_select(0, row + each) for each in (lefts, rights)), right)
+        for row in (first, second)
+    )
     return torch.lerp(upper, lower, down).reshape(*directions.shape[:-1], channels)
 
 
