@@ -69,8 +69,11 @@ def _fitted(design: np.ndarray, shown: np.ndarray, stiff: np.ndarray) -> np.ndar
     """The factors of directions, at the albedo that makes them likeliest."""
     from scipy.optimize import nnls
 
-    count = np.sqrt(PATCHES / len(design)) / (PAINT * max(float(shown.mean()), 1e-4))
+    count = np.sqrt(PATCHES / len(shown)) / (PAINT * max(float(shown.mean()), 1e-4))
     best, least = np.ones(design.shape[1]), np.inf
+    # errors within the design's column space, as small a system; the rest is the same for all
+    basis, design = np.linalg.qr(design)
+    shown = basis.T @ shown
     for albedo in ALBEDOS:
         system = np.concatenate((count * albedo * design, np.diag(np.sqrt(stiff))))
         wanted = np.concatenate((count * shown, np.sqrt(stiff)))
