@@ -49,7 +49,7 @@ def look_up(
     second = first + (w if h > 1 else 0)
     cells = values.reshape(h * w, channels)
     upper, lower = (
-        torch.lerp(*(cells.index_select(0, row + each) for each in (lefts, rights)), right)
+        torch.lerp(cells.index_select(0, row + lefts), cells.index_select(0, row + rights), right)
         for row in (first, second)
     )
     return torch.lerp(upper, lower, down).reshape(*directions.shape[:-1], channels)
