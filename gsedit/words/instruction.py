@@ -24,8 +24,9 @@ class Change:
     color: str | None
     """Color as "#rrggbb"; None where the name alone says it. For hue the color to turn to."""
     amount: float | None
-    """Signed share for tone: -0.3 is 30 % less; for hue a share of the full circle; for light the
-    share that it is stronger than usual."""
+    """Signed share for tone: -0.3 is 30 % less; for hue a share of the full circle; for grayscale,
+    sepia and negative the share in which they are mixed in, None for all; for light the share that
+    it is stronger than usual."""
     route: str
     """Way that does the change: "tone", "paint", "material" or "light"; or the 2D editor "small" or
     "pix2pix"."""
@@ -64,7 +65,8 @@ def _tone(change: Change) -> str:
     if change.name == "hue":
         where = f"{'away from' if amount < 0 else 'toward'} {change.color}" if change.color else ""
         return f"with its hue turned {abs(amount) * 360:.0f} degrees {where}".rstrip()
-    return f"in {change.name}"
+    share = "" if change.amount is None else f"{amount:.0%} ".replace("%", " %")
+    return f"in {share}{change.name}"
 
 
 @dataclass(frozen=True)

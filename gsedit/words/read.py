@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field, replace
 
 from gsedit.words.amounts import amount_of
-from gsedit.words.clauses import CONTENT, NEGATIONS, Clause, clauses
+from gsedit.words.clauses import CONTENT, NEGATIONS, TARGETS, Clause, clauses
 from gsedit.words.instruction import Change, Instruction, Target
 from gsedit.words.parts import (
     PARTS,
@@ -20,7 +20,7 @@ from gsedit.words.parts import (
 from gsedit.words.refusals import REASONS, Refused, first_refusal
 from gsedit.words.scan import Word, scanned
 from gsedit.words.small_looks import change_of_look, routed
-from gsedit.words.solids import directed, scenes, solids
+from gsedit.words.solids import directed, refuse_less, scenes, solids
 from gsedit.words.tones import DEFAULT, asks_less, complains, hues, stressed, tones
 
 FLOOR, SURE = 0.6, 0.9
@@ -137,17 +137,28 @@ def _changes(clause: Clause, reading: Reading) -> Placed:
     less = asks_less(clause) or "too" in tags or (off and bool(scenic))
     if (scenic or material) and less and not kinds & {"noun", "state"}:
         raise Refused("negation")
+    refuse_less(clause, scenic)
     if scenic or solid:
         sure = {"turn", "style"} | ({"noun", "up", "down"} if kinds & {"up", "down"} else set())
         other = ("number", "unit", "fraction", "factor", "slight", "strong", "fill")
         words = [w for w in clause.words if w.kind in sure or w.kind in other]
         tone = tones(replace(clause, words=words), 0) if {w.kind for w in words} & sure else []
+        if tone and any(change.kind == "paint" and _found(clause, at) for at, change in solid):
+            raise Refused("part")  # "make the red darker": what is red in the scene
     else:
         tone = tones(clause, reading.direction)
         unsaid = kinds & {"noun"} and not tone and not kinds & {"be"}
         nouns = [w.text for w in clause.words if w.kind == "noun" and w.value in DEFAULT]
         reading.unsaid |= bool(unsaid and any("color" not in text for text in nouns))
     return [*solid, *((0, change) for change in (*scenic, *tone))]
+
+
+def _found(clause: Clause, at: int) -> bool:
+    """Whether a color is the name of what there is: "the red", but not "the red car"."""
+    words = clause.words
+    after = words[at + 1 : at + 2]
+    named = any(word.kind in ("unknown", "part", *TARGETS) for word in after)
+    return at > 0 and words[at - 1].text in ("the", "this", "that", "these", "those") and not named
 
 
 def _hinted(clause: Clause) -> bool:

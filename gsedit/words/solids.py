@@ -8,11 +8,19 @@ from gsedit.words import colors, lexicon
 from gsedit.words.amounts import amount_of
 from gsedit.words.clauses import NAMED, Clause
 from gsedit.words.instruction import Change
+from gsedit.words.refusals import Refused
 from gsedit.words.scan import Word
 from gsedit.words.small_looks import routed
 
 Solids = list[tuple[int, Change]]
 """Changes with their places in a clause."""
+ENDS = frozenset(
+    ("end", "stop", "stops", "past", "lift", "lifts", "lifted", "clears", "clear", "pass", "passes",
+     "passed", "finished", "done", "finish")
+)  # fmt: skip
+"""Words after the name of a weather that say that it is over."""
+THINNER = frozenset(("thinner", "sparser", "lighter"))
+DENSER = frozenset(("denser", "thicker", "heavier"))
 WEAKER, STRONGER = -0.4, 0.5
 """Shares of a light that "a little" and "strong" take and add."""
 
@@ -139,6 +147,38 @@ def scenes(clause: Clause) -> list[Change]:
     return [routed(directed(change, clause)) for change in found]
 
 
+def refuse_less(clause: Clause, scenic: list[Change]) -> None:
+    """Raise Refused where a light or look that may be there should end or be less of: "the rain is
+    over", "halve the fog"."""
+    words = clause.words
+    first = next((at for at, word in enumerate(words) if word.kind in ("light", "look")), None)
+    if not scenic or first is None:
+        return
+    after = [word.text for word in words[first + 1 :]]
+    ends = bool(after) and (after[-1] in ENDS or (after[-1] == "over" and "be" in clause.kinds()))
+    ends |= any(word.text == "lift" for word in words) and scenic[0].name == "fog"
+    told = {word.text for word in words}
+    thinned = bool(told & THINNER) and not any(w.kind in ("subject", "background") for w in words)
+    given = amount_of(words)
+    share = given.factor if given.factor is not None else _bare(words)
+    looks = share is not None and share < 1 and any(change.kind == "look" for change in scenic)
+    fewer = given.factor is not None and given.factor < 1
+    before = [word.text for word in words[:first] if word.text != "the"]
+    fewer |= before[-1:] == ["half of"]
+    if ends or thinned or looks or fewer:
+        raise Refused("negation")
+
+
+def _bare(words: list[Word]) -> float | None:
+    """Share of a light that is named right before it: 0.5 in "50 % fog", "half moonlight"."""
+    at = next((at for at, word in enumerate(words) if word.kind in ("light", "look")), 0)
+    before = [word.kind for word in words[max(at - 2, 0) : at]]
+    share = amount_of(words).share
+    near = before[-1:] == ["fraction"] or before == ["number", "unit"]
+    signed = any(word.kind == "number" and word.text[0] in "+-" for word in words)
+    return share if near and not signed else None
+
+
 def _same_scene(one: Change, other: Change, times: frozenset[str]) -> bool:
     """Whether two say the same: two ways to draw, two kinds of weather, two times of day."""
     drawn = lexicon.sets()["drawn"]
@@ -152,8 +192,12 @@ def _strength(clause: Clause) -> float | None:
         return None
     said = {word.value if word.kind == "intense" else word.kind for word in clause.words}
     said |= {word.text for word in clause.words}
+    if (bare := _bare(clause.words)) is not None:
+        return bare - 1 if bare != 1 else None
     if share := amount_of(clause.words).share:
         return share
+    if said & DENSER:
+        return STRONGER
     if said & {"-", "slight", "thin", "dim"}:
         return WEAKER
     return STRONGER if said & {"+", "strong", "thick", "dense"} else None

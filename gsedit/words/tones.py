@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 from gsedit.words import lexicon
 from gsedit.words.amounts import Amount, amount_of
 from gsedit.words.clauses import Clause
 from gsedit.words.instruction import Change
+from gsedit.words.refusals import Refused
 from gsedit.words.scan import Word
 
 DEFAULT = {"brightness": 0.2, "contrast": 0.25, "saturation": 0.3, "warmth": 0.25, "hue": 1 / 12}
@@ -24,7 +27,7 @@ def tones(clause: Clause, before: int) -> list[Change]:
     words = clause.words
     styles = [word.value for word in words if word.kind == "style"]
     if styles:
-        return [tone(styles[0], None)]
+        return [tone(styles[0], _part_of_full(clause))]
     if _emptied(words, clause):
         return [tone("grayscale", None)]
     signs = dict[str, int]()
@@ -40,6 +43,22 @@ def tones(clause: Clause, before: int) -> list[Change]:
             signs[name] = sign
     given = amount_of(words)
     return [tone(name, _amount(given, clause, name, sign)) for name, sign in signs.items()]
+
+
+def _part_of_full(clause: Clause) -> float | None:
+    """Share in which a style is mixed in: "50 % sepia"; None for all of it. Raises Refused where
+    there should be less of a style than there is, or more than all of it."""
+    words, given = clause.words, amount_of(clause.words)
+    share = given.share if given.factor is None else given.factor
+    halved = any(word.kind == "factor" for word in words)
+    halved |= any(
+        one.kind == "fraction" and after.text in ("of", "the") for one, after in pairwise(words)
+    )
+    if halved or (asks_less(clause) and not clause.kinds() & {"noun", "state"}):
+        raise Refused("negation")
+    if share is not None and not 0 <= share <= 1:
+        raise Refused("amount")
+    return None if share == 1 else share
 
 
 def tone(name: str, amount: float | None, color: str | None = None) -> Change:
@@ -79,6 +98,8 @@ def hues(clause: Clause) -> list[Change]:
     less = clause.turned < 0 or complains(clause) or asks_less(clause)
     if clause.turned > 0 or "lack" in clause.tags():
         less = False
+    if words and _leaves(clause.words, words[0]):
+        less = clause.turned >= 0
     sign = -1 if less else 1
     if not words:
         return [tone("hue", sign * given.turn)] if given.turn else []
@@ -95,6 +116,12 @@ def hues(clause: Clause) -> list[Change]:
     return [tone("hue", sign * (given.turn or DEFAULT["hue"] * _scale(clause)), color)]
 
 
+def _leaves(words: list[Word], name: Word) -> bool:
+    """Whether "away from" stands before the name of a color or quality."""
+    before = [word.text for word in words[: words.index(name)] if word.text != "the"]
+    return before[-2:] == ["away", "from"]
+
+
 def _emptied(words: list[Word], clause: Clause) -> bool:
     """Whether all color is taken away."""
     color = any(word.kind == "noun" and word.value == "saturation" for word in words)
@@ -107,6 +134,8 @@ def _emptied(words: list[Word], clause: Clause) -> bool:
 
 def _turned(word: Word, clause: Clause) -> int:
     """Sign that a clause gives to a quality."""
+    if _leaves(clause.words, word):
+        return -1
     if clause.turned:
         return clause.turned if word.kind == "state" else 1
     if "enough" in clause.kinds() or "lack" in clause.tags():

@@ -246,3 +246,35 @@ def test_plain_words_are_read_without_the_encoder():
         "read_instruction('paint it red'); sys.exit('torch' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "let the rain end", "the rain should end", "the rain is over", "the rain stops",
+        "it stopped raining", "lift the fog", "halve the fog", "a quarter of the fog",
+        "half the snow", "halve the rain", "make the fog thinner", "less fog", "lighter rain",
+        "half of the fog",
+        "make the red darker", "darken the red", "halve the sepia", "less sepia",
+    ],
+)  # fmt: skip
+def test_less_of_what_may_be_there_is_refused_and_never_added(sentence):
+    assert not read_instruction(sentence).known
+
+
+def test_away_from_a_color_is_the_opposite_of_toward_it():
+    away, toward = only("tint it away from red"), only("tint it toward red")
+    assert away.color == toward.color
+    assert away.amount == -(toward.amount or 0) < 0
+
+
+@pytest.mark.parametrize(
+    ("sentence", "name", "amount"),
+    [
+        ("50% sepia", "sepia", 0.5), ("half sepia", "sepia", 0.5), ("make it sepia", "sepia", None),
+        ("30% grayscale", "grayscale", 0.3), ("half fog", "fog", -0.5), ("50% fog", "fog", -0.5),
+    ],
+)  # fmt: skip
+def test_a_share_of_a_style_or_light_is_not_all_of_it(sentence, name, amount):
+    change = only(sentence)
+    assert (change.name, change.amount) == (name, amount)
