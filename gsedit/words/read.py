@@ -9,6 +9,7 @@ from gsedit.words.amounts import amount_of
 from gsedit.words.clauses import CONTENT, NEGATIONS, TARGETS, Clause, clauses
 from gsedit.words.instruction import Change, Instruction, Target
 from gsedit.words.parts import (
+    DETERMINERS,
     PARTS,
     Parts,
     is_thing,
@@ -20,7 +21,7 @@ from gsedit.words.parts import (
 from gsedit.words.refusals import REASONS, Refused, first_refusal
 from gsedit.words.scan import Word, scanned
 from gsedit.words.small_looks import change_of_look, routed
-from gsedit.words.solids import directed, refuse_less, scenes, solids
+from gsedit.words.solids import directed, refuse_less, scenes, shone, solids
 from gsedit.words.tones import DEFAULT, asks_less, complains, hues, stressed, tones
 
 FLOOR, SURE = 0.6, 0.9
@@ -30,6 +31,11 @@ Placed = list[tuple[int, Change]]
 """Changes with their places in a clause."""
 DENIALS = NEGATIONS | {"except", "keep", "limit", "down"}
 """Kinds of words after which a name is not what is asked for."""
+ONLY = frozenset(("only", "just", "alone", "solely"))
+BECOME = frozenset(
+    ("turn", "turned", "change", "changed", "convert", "transform", "switch", "shift")
+)
+"""Verbs after which a part is what turns to something."""
 MOST = 9.0
 """Largest share of a tone that can be added."""
 
@@ -145,6 +151,7 @@ def _changes(clause: Clause, reading: Reading) -> Placed:
         tone = tones(replace(clause, words=words), 0) if {w.kind for w in words} & sure else []
         if tone and any(change.kind == "paint" and _found(clause, at) for at, change in solid):
             raise Refused("part")  # "make the red darker": what is red in the scene
+        scenic, tone = shone(scenic, tone)
     else:
         tone = tones(clause, reading.direction)
         unsaid = kinds & {"noun"} and not tone and not kinds & {"be"}
@@ -282,9 +289,21 @@ def _placed(change: Change, part: str | None, clause: Clause) -> Change:
     """A change with the part that it is about; a light is of the scene but for the background."""
     if part is None or part == "rest":
         return change
-    whole = part == "subject" and (change.kind == "light" or _pictured(change, clause))
+    lit = change.kind == "light" and not _alone(clause)
+    whole = part == "subject" and (lit or _pictured(change, clause))
     ground = part == "ground" and change.kind in ("light", "look")
     return change if whole or ground else replace(change, target=part_of(part, change))
+
+
+def _alone(clause: Clause) -> bool:
+    """Whether a clause singles out the subject, or says what it turns to: "only the bear at night",
+    "turn the bear to night"."""
+    words = [word for word in clause.words if word.text not in DETERMINERS]
+    return any(
+        part.kind in ("subject", "unknown")
+        and (before.text in ONLY or (before.text in BECOME and after.text in ("to", "into")))
+        for before, part, after in zip(words, words[1:], [*words[2:], *words[:1]])
+    )
 
 
 def _pictured(change: Change, clause: Clause) -> bool:

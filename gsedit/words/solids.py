@@ -7,6 +7,7 @@ from dataclasses import replace
 from gsedit.words import colors, lexicon
 from gsedit.words.amounts import amount_of
 from gsedit.words.clauses import NAMED, Clause
+from gsedit.words.direct import light_of
 from gsedit.words.instruction import Change
 from gsedit.words.refusals import Refused
 from gsedit.words.scan import Word
@@ -14,6 +15,11 @@ from gsedit.words.small_looks import routed
 
 Solids = list[tuple[int, Change]]
 """Changes with their places in a clause."""
+LAMPS = frozenset(
+    ("moonlight", "lamp", "candlelight", "sunny", "neon", "spotlight", "studio light", "backlight",
+     "underwater light")
+)  # fmt: skip
+"""Lights whose brightness is their own, not that of a time of day."""
 ENDS = frozenset(
     ("end", "stop", "stops", "past", "lift", "lifts", "lifted", "clears", "clear", "pass", "passes",
      "passed", "finished", "done", "finish")
@@ -177,6 +183,16 @@ def _bare(words: list[Word]) -> float | None:
     near = before[-1:] == ["fraction"] or before == ["number", "unit"]
     signed = any(word.kind == "number" and word.text[0] in "+-" for word in words)
     return share if near and not signed else None
+
+
+def shone(scenic: list[Change], tone: list[Change]) -> tuple[list[Change], list[Change]]:
+    """(lights and looks, tones) where one lamp and one brightness of it are the lamp's strength:
+    "make the moonlight brighter"."""
+    if [change.name for change in tone] != ["brightness"] or len(scenic) != 1:
+        return scenic, tone
+    if scenic[0].kind != "light" or light_of(scenic[0].name) not in LAMPS:
+        return scenic, tone
+    return [replace(scenic[0], amount=tone[0].amount)], []
 
 
 def _same_scene(one: Change, other: Change, times: frozenset[str]) -> bool:

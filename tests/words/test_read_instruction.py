@@ -278,3 +278,31 @@ def test_away_from_a_color_is_the_opposite_of_toward_it():
 def test_a_share_of_a_style_or_light_is_not_all_of_it(sentence, name, amount):
     change = only(sentence)
     assert (change.name, change.amount) == (name, amount)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "name", "amount"),
+    [
+        ("make the moonlight brighter", "moonlight", 0.2), ("make the lamp brighter", "lamp", 0.2),
+        ("make the fog denser", "fog", 0.5), ("make the lamp 30% dimmer", "lamp", -0.3),
+    ],
+)  # fmt: skip
+def test_a_brighter_lamp_or_denser_fog_is_a_stronger_light(sentence, name, amount):
+    change = only(sentence)
+    assert (change.kind, change.name, change.amount) == ("light", name, amount)
+
+
+def test_denser_alone_is_no_look():
+    assert not read_instruction("make it denser").known
+
+
+@pytest.mark.parametrize(
+    ("sentence", "target"),
+    [
+        ("only the statue at night", "subject"), ("turn the subject to night", "subject"),
+        ("put only the bear in moonlight", "subject"), ("put the bear in moonlight", "scene"),
+        ("only at night", "scene"), ("turn the scene to night", "scene"),
+    ],
+)  # fmt: skip
+def test_a_light_is_of_the_subject_alone_where_it_is_singled_out(sentence, target):
+    assert only(sentence).target == target
