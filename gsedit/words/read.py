@@ -165,6 +165,7 @@ def _found(clause: Clause, at: int) -> bool:
     words = clause.words
     after = words[at + 1 : at + 2]
     named = any(word.kind in ("unknown", "part", *TARGETS) for word in after)
+    named &= not any(word.text in ("parts", "areas", "bits", "ones") for word in after)
     return at > 0 and words[at - 1].text in ("the", "this", "that", "these", "those") and not named
 
 

@@ -255,7 +255,8 @@ def test_plain_words_are_read_without_the_encoder():
         "it stopped raining", "lift the fog", "halve the fog", "a quarter of the fog",
         "half the snow", "halve the rain", "make the fog thinner", "less fog", "lighter rain",
         "half of the fog",
-        "make the red darker", "darken the red", "halve the sepia", "less sepia",
+        "make the red darker", "darken the red", "darken the red parts",
+        "halve the sepia", "less sepia",
     ],
 )  # fmt: skip
 def test_less_of_what_may_be_there_is_refused_and_never_added(sentence):
