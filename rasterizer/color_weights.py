@@ -54,6 +54,9 @@ class ColorWeights:
 
     def back_to_rows(self, maps: Float[Tensor, "h w 3"]) -> Float[Tensor, "m 3"]:
         """The rows of `back` that are not zero."""
+        shape = (self._inputs.height, self._inputs.width, 3)
+        if tuple(maps.shape) != shape:
+            raise ValueError(f"maps have shape {tuple(maps.shape)}, the picture's is {shape}")
         return self._backend.pull(self._inputs, maps.to(self._inputs.table).contiguous())
 
 

@@ -62,6 +62,8 @@ def run_preview(
         found = preview_routed(given, read, viewpoints, settings)
     else:
         camera = viewpoints[0].camera
-        found = preview_edited(given, words, camera, followed, seeds, settings.execution)
+        found = preview_edited(
+            given, words, camera, followed, seeds, settings.sampler, settings.execution
+        )
     save_picture(found.picture(), path, overwrite=force)
     print_result({"picture": path}, str(path), as_json=as_json)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-from gsedit.errors import UsageError
+from typing import TYPE_CHECKING, Any
 
 from ..core.checkpoints import NAME
 from ..core.console import print_message
@@ -38,17 +36,9 @@ def read_sentence(
     if editor != EditorOptions() or any(path[0] not in SETTINGS for path in values):
         return None
     from gsedit.editing.routes.plan import steps_of
-    from gsedit.words.direct import UNCLEAR
     from gsedit.words.read import read_instruction
 
     instruction = read_instruction(text)
-    if not instruction.known:
-        raise UsageError(instruction.why)
-    if unclear := next((c.name for c in instruction.changes if c.name in UNCLEAR), None):
-        raise UsageError(
-            f"{text!r}: what small makes of a {unclear} is hardly seen to be one: --editor small "
-            "draws it anyway, --editor pix2pix --model FOLDER follows any sentence"
-        )
     return steps_of(instruction)
 
 
@@ -69,7 +59,8 @@ def prepare(
     from gsedit.datasets.viewpoints import same_size
     from gsedit.editing.session.settings import EditSettings
 
-    settings = with_values(EditSettings(), values)
+    own = {path: value for path, value in values.items() if path[0] != "strategy"}
+    settings = with_values(EditSettings(), own)
     gaussians = load()
     say_kernel(settings.execution)
     resolved = resolve_cameras(scene, gaussians, views, FOUND_VIEWS, settings.execution)
@@ -83,10 +74,11 @@ def run_routes(
     folder: Path,
     views: ViewOptions,
     values: Values,
+    more: Mapping[str, Any],
 ) -> EditResult | None:
     """Edit a scene by exact routes and write the folder; None on all ranks but the first.
 
-    Raises UsageError as `apply_change`.
+    `more` is added to the request in edit.json. Raises UsageError as `apply_change`.
     """
     if not is_first():
         return None
@@ -105,10 +97,11 @@ def run_routes(
             ready = prepare(scene, lambda: gaussians, views, values)
         viewpoints = ready.viewpoints
         result = routed_result(ready.scene, instruction, viewpoints, ready.settings, watch)
-        for note in result.notes:
+        found = () if result.region.is_all else (f"region: {result.region.note}",)
+        for note in (*found, *result.notes):
             print_message(note)
         request = {"scene": scene, **asdict(views), "editor": {"editor": AUTO}}
-        request |= history_of(scene)
+        request |= {**history_of(scene), **more}
         write_cameras(viewpoints, folder / "cameras.json", overwrite=True)
         write_view_list(by_edit(viewpoints, ()), folder / "views.json", overwrite=True)
         write_edit(folder, result, request=request, overwrite=True)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+import shutil
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from gsedit.editing.session.result import EditResult
     from gsedit.editing.skip.decision import Decision
     from gsedit.runs.events import Event
+    from gsedit.words.instruction import Instruction as Words
 
 STEPS = "steps"
 """Folder, in that of the edit, with the folders of all edits but the last."""
@@ -105,6 +107,8 @@ def edit(
     viewpoints that gsedit finds. gsedit list settings edit explains every setting.
     """
     if own.preview or own.seeds:
+        if own.explain or own.resume:
+            raise UsageError("--preview writes one picture: leave out --explain and --resume")
         file = preview_file(own.out)
         check_request(instruction, views, file, own.explain)
         common.apply()
@@ -141,36 +145,64 @@ def run_edit(
     ranks but the first, and where the edit is only explained.
     """
     usual, result = EditOptions(), None
-    asks_routes = (own.preset, own.features) == (usual.preset, usual.features) and not own.explain
+    asks_routes = (own.preset, own.features) == (usual.preset, usual.features)
     steps = read_sentence(instruction, editor, values) if asks_routes else None
     if steps is None:
         return run_pipeline(scene, instruction, folder, own, views, editor, values, common)
-    if len(steps) > 1:
-        if ranks().size > 1:
-            raise UsageError(
-                f"this takes {len(steps)} edits: ranks do one at a time, ask for each alone"
-            )
-        check_apart(scene, folder)
-        check_folder(folder, own.force or own.resume, leftovers=LEFTOVERS)
     from gsedit.editing.routes.apply import is_exact
 
+    exact = [is_exact(step) for step in steps]
+    if own.explain and any(exact):
+        return print_routes(steps)
+    if own.explain or exact == [False]:
+        return run_pipeline(scene, instruction, folder, own, views, editor, values, common)
+    check_steps(scene, folder, own, len(steps))
+    more = {"drop_invalid": own.drop_invalid, "preset": own.preset, "features": own.features}
+    more |= {"seed": common.seed, "ranks": 1}
+    if len(steps) > 1:
+        more["sentence"], own = instruction, replace(own, force=True)
     for number, step in enumerate(steps, 1):
         out = folder if number == len(steps) else folder / STEPS / str(number)
         if own.resume and out != folder and (out / "edit.json").exists():
+            check_step(out, step, scene)
             scene = out / "scene.ply"
             continue
         if len(steps) > 1:
             print_message(f"edit {number} of {len(steps)}: {step.text}")
         if is_exact(step):
-            check_apart(scene, out)
-            check_folder(out, own.force or own.resume, leftovers=LEFTOVERS)
             common.apply()
             load = partial(load_scene, scene, drop_invalid=own.drop_invalid)
-            result = run_routes(scene, load, step, out, views, values)
+            result = run_routes(scene, load, step, out, views, values, more)
+            copy_frame(scene, out)
         else:
             result = run_pipeline(scene, step.text, out, own, views, editor, values, common)
         scene = out / "scene.ply"
     return result
+
+
+def check_steps(scene: Path, folder: Path, own: EditOptions, number: int) -> None:
+    """Raise UsageError where the folder is another's; remove steps of an earlier edit."""
+    if number > 1 and ranks().size > 1:
+        raise UsageError(f"this takes {number} edits: ranks do one at a time, ask for each alone")
+    check_apart(scene, folder)
+    begun = own.resume and ((folder / NAME).exists() or (folder / STEPS).is_dir())
+    check_folder(folder, own.force or begun, leftovers=LEFTOVERS)
+    if not own.resume:
+        shutil.rmtree(folder / STEPS, ignore_errors=True)
+
+
+def check_step(done: Path, step: Words, scene: Path) -> None:
+    """Raise UsageError where the edit in a folder of steps is not this one of this scene."""
+    from gsedit.formats.edit_records import read_edit_record
+
+    record = read_edit_record(done / "edit.json")
+    if record.get("instruction") != step.text or Path(str(record.get("scene"))) != scene:
+        raise UsageError(f"{done} holds another edit: start again with -f, or name another folder")
+
+
+def print_routes(steps: Sequence[Words]) -> None:
+    """Print what is done on the Gaussians, where an edit is only explained."""
+    print_message(f"{'; '.join(map(str, steps))}: done on the Gaussians, no view is edited")
 
 
 def run_pipeline(

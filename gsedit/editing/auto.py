@@ -19,7 +19,6 @@ from gsedit.editing.session.result import EditResult
 from gsedit.editing.session.settings import EditSettings
 from gsedit.editors import make_editor
 from gsedit.editors.protocol import Editor
-from gsedit.errors import UsageError
 from gsedit.measures.features import FeatureExtractor
 from gsedit.words.read import read_instruction
 from rasterizer.scene import Gaussians
@@ -48,8 +47,6 @@ def edit(
     if editor or strategy:
         return _drawn(scene, prompt, editor=editor, strategy=strategy, **request)
     instruction = read_instruction(prompt)
-    if not instruction.known:
-        raise UsageError(instruction.why)
     result = None
     for step in steps_of(instruction):
         now = scene if result is None else result.scene

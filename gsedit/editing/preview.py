@@ -72,6 +72,7 @@ def preview_edited(
     camera: Camera,
     editor: Editor,
     seeds: Sequence[int] = (0,),
+    sampler: SamplerSettings | None = None,
     execution: Execution = AUTO,
 ) -> Preview:
     """One view as a 2D editor draws it alone, once for each seed; no scene is fitted to it.
@@ -79,13 +80,14 @@ def preview_edited(
     Raises UsageError where the editor cannot follow the instruction.
     """
     editor.check(prompt)
+    sampler = sampler or SamplerSettings()
     before = render_picture(scene, camera, execution)
     width, height = fitted_size(camera.width, camera.height, editor.capabilities.best_size)
     small = downscale(before, width, height)[None]
     after = []
     for seed in seeds:
         batch = EditBatch(small, small, prompt, seed=seed)
-        *_, last = editor.edit(batch, SamplerSettings(), torch.Generator().manual_seed(seed))
+        *_, last = editor.edit(batch, sampler, torch.Generator().manual_seed(seed))
         assert last.images is not None  # the protocol: the last item has them
         drawn = carry_change(last.images, small, before[None])[0].clamp(0, 1)
         name = "after" if len(seeds) == 1 else f"seed {seed}"

@@ -36,6 +36,7 @@ from gsedit.materials.shading import (
 from gsedit.scene.color_space import srgb_of_linear
 from gsedit.scene.framing import guess_up
 from gsedit.scene.quaternions import even_directions, turn_between
+from gsedit.surface.directions import FAINT
 from gsedit.surface.normals import estimate_normals, rows_near
 from gsedit.surface.occlusion import nothing, occupancy
 from gsedit.surface.surroundings import balanced, find_surroundings, middle, surroundings_at
@@ -147,7 +148,9 @@ def study(
     normals = found.directions
     relief = carved(part, normals, near)
     turn = torch.from_numpy(turn_between(up.numpy(), np.array((0.0, 0.0, 1.0)))).to(part.means)
-    ground = Ground((part.means - center) @ turn.T / radius, normals @ turn.T, relief.hollow)
+    ground = Ground(
+        (part.means - center) @ turn.T / max(radius, FAINT), normals @ turn.T, relief.hollow
+    )
     skin = Skin(part.means, normals, relief.detail)
     sure = float(found.confidence.median())
     if (eyes := _eyes_within(part, cameras)) is not None:

@@ -49,13 +49,14 @@ def visible_area(part: Gaussians) -> Float[Tensor, " n"]:
 
 def carved(part: Gaussians, normals: Float[Tensor, "n 3"], rows: Int[Tensor, "n k"]) -> Relief:
     """The relief of a subject's Gaussians; `rows` are those of the nearest to each."""
-    weights = torch.from_numpy(LUMINANCE).float()
+    weights = torch.from_numpy(LUMINANCE).to(part.means)
     display = sh_to_color(part.sh[:, 0]).clamp(0, 1).double().numpy()
-    linear = torch.from_numpy(linear_of_srgb(display)).float() + 1e-3
+    linear = torch.from_numpy(linear_of_srgb(display)).to(part.means) + 1e-3
     if not rows.shape[1]:
-        return Relief(torch.ones(len(part)), torch.zeros(len(part)), linear @ weights)
+        ones = part.means.new_ones(len(part))
+        return Relief(ones, torch.zeros_like(ones), linear @ weights)
     size = visible_area(part)[:, None]
-    around = _mean(torch.cat((linear, torch.ones(len(part), 1)), 1) * size, rows, ROUNDS)
+    around = _mean(torch.cat((linear, torch.ones_like(linear[:, :1])), 1) * size, rows, ROUNDS)
     around = around[:, :3] / around[:, 3:]
     near = _mean(linear, rows, 1)
     ratio = (near @ weights) / (around @ weights)

@@ -104,7 +104,10 @@ def _finished(material: Material, changes: dict[str, float]) -> Material:
         replace(each, roughness=min(each.roughness, roughness) if smoother else each.roughness)
         for each in material.layers
     )
-    kept = {key: value for key, value in changes.items() if key != "coat" or not material.metalness}
+    coat = changes.get("coat", material.coat)
+    if material.metalness:  # metals are polished, not varnished
+        coat = min(coat, material.coat)
+    kept = {**changes, "coat": coat}
     return replace(material, **kept, layers=layers)
 
 

@@ -18,7 +18,7 @@ from gsedit.materials.material import Material
 from gsedit.materials.patterns import Ground, share_of
 from gsedit.scene.color_space import LUMINANCE, linear_of_srgb, srgb_of_hex
 from gsedit.scene.quaternions import even_directions
-from gsedit.surface.directions import cell_areas, look_up
+from gsedit.surface.directions import FAINT, cell_areas, look_up
 from gsedit.surface.occlusion import Occupancy, open_share
 from gsedit.surface.surroundings import Surroundings, prefiltered, reflected, softened
 
@@ -97,8 +97,8 @@ def lighting(surroundings: Surroundings, grid: Occupancy, matte: bool = False) -
     areas = cell_areas(len(radiance)).to(radiance)[..., None]
     luminance = radiance @ torch.from_numpy(LUMINANCE).to(radiance)[:, None]
     mean = (luminance * areas).sum() / areas.sum()
-    steeper = radiance * (luminance / mean).clamp_min(1e-3) ** (CONTRAST - 1)
-    steeper = steeper * (radiance * areas).sum() / (steeper * areas).sum()
+    steeper = radiance * (luminance / mean.clamp_min(FAINT)).clamp_min(1e-3) ** (CONTRAST - 1)
+    steeper = steeper * (radiance * areas).sum() / (steeper * areas).sum().clamp_min(FAINT)
     maps = prefiltered(replace(surroundings, radiance=steeper))
     return Lighting(surroundings, maps, plain, grid)
 

@@ -66,7 +66,7 @@ def test_a_refused_sentence_writes_nothing(reads, scene, photos, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("more", [("--editor", "small"), ("--batches", 1), ("--explain",)])
+@pytest.mark.parametrize("more", [("--editor", "small"), ("--batches", 1)])
 def test_an_option_of_the_2d_editor_asks_for_it(reads, monkeypatch, scene, photos, tmp_path, more):
     reads(BRIGHTER)
     asked = []
@@ -82,3 +82,21 @@ def test_a_look_goes_to_the_2d_editor(reads, monkeypatch, scene, photos, tmp_pat
     monkeypatch.setattr("gsedit_cli.verbs.edit.run_pipeline", lambda *given: asked.append(given))
     gsedit("edit", scene, "brighter and snow", "--data", photos, "-o", tmp_path / "out")
     assert len(asked) == 1
+
+
+def test_a_route_is_explained_without_an_edit(scene, photos, tmp_path):
+    out = tmp_path / "out"
+    result = gsedit("edit", scene, "20% brighter", "--data", photos, "-o", out, "--explain")
+    assert result.exit_code == 0
+    assert "done on the Gaussians, no view is edited" in result.stderr
+    assert not out.exists()
+
+
+def test_a_folder_of_others_is_not_replaced(scene, photos, tmp_path):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "scene.ply").write_bytes(b"mine")
+    for more in ((), ("--resume",)):
+        words = ("edit", scene, "20% brighter", "--data", photos, "-o", out, *more)
+        assert gsedit(*words).exit_code == 2
+        assert (out / "scene.ply").read_bytes() == b"mine"

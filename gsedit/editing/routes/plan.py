@@ -5,6 +5,8 @@ from __future__ import annotations
 from itertools import groupby
 
 from gsedit.editing.routes.apply import EXACT_ROUTES
+from gsedit.errors import UsageError
+from gsedit.words.direct import UNCLEAR
 from gsedit.words.instruction import Instruction
 from gsedit.words.small_looks import look_of
 
@@ -13,8 +15,16 @@ def steps_of(instruction: Instruction) -> tuple[Instruction, ...]:
     """Edits that an instruction takes, in order; itself where it takes one.
 
     Changes beside each other that exact routes do are one edit, and so are looks of the 2D editor.
+    Raises UsageError for an instruction that is refused, and a look that `small` hardly draws.
     """
+    if not instruction.known:
+        raise UsageError(instruction.why)
     changes = instruction.changes
+    if unclear := next((change.name for change in changes if change.name in UNCLEAR), None):
+        raise UsageError(
+            f"{instruction.text!r}: what small makes of a {unclear} is hardly seen to be one: "
+            "--editor small draws it anyway, --editor pix2pix --model FOLDER follows any sentence"
+        )
     groups = [tuple(each) for _, each in groupby(changes, lambda c: c.route in EXACT_ROUTES)]
     if len(groups) < 2:
         return (instruction,)

@@ -48,8 +48,6 @@ def write_edit(
         check_writable(folder / name, overwrite=overwrite)
     folder.mkdir(parents=True, exist_ok=True)
     remove_earlier(folder)
-    for name in FILES:
-        (folder / name).unlink(missing_ok=True)
     save(result.scene, folder / "scene.ply", overwrite=overwrite)
     save_region(result.region, folder / "region.npy", overwrite=overwrite)
     if result.events:
@@ -67,6 +65,9 @@ def write_edit(
     record = {"instruction": result.prompt, **(request or {}), **edit_record(result)}
     write_record({**record, "pictures": pictures}, folder / "edit.json", overwrite=overwrite)
     (folder / UNFINISHED).unlink(missing_ok=True)
+    if not result.events:
+        for name in ("metrics.jsonl", "error_vs_time.png"):
+            (folder / name).unlink(missing_ok=True)
 
 
 def remove_earlier(folder: Path) -> None:

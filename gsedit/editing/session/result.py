@@ -163,7 +163,10 @@ class EditResult:
         return attempt(lambda: as_html(self.prompt, self._rows(), self._picture()))
 
     def _picture(self) -> bytes:
-        rows = {"original": self.originals, "2D targets": self.targets, "edited": self.finals}
+        originals, finals = self.originals, self.finals
+        if not originals:
+            originals, finals = self.held_out.originals, self.held_out.finals
+        rows = {"original": originals, "2D targets": self.targets, "edited": finals}
         shown = [(label, views) for label, views in rows.items() if views]
         return png_bytes(contact_sheet(shown, columns=4))
 
