@@ -39,8 +39,8 @@ class EditorOptions:
 
     editor: str = option(
         AUTO,
-        "2D editor (see gsedit list editors). auto: tone and paint on the scene itself, small "
-        "for the rest.",
+        "2D editor (see gsedit list editors). auto: tone, paint, materials, light and weather "
+        "on the scene itself, small for the rest.",
         "NAME",
     )
     model: str | None = option(

@@ -28,8 +28,8 @@ class Change:
     sepia and negative the share in which they are mixed in, None for all; for light the share that
     it is stronger than usual."""
     route: str
-    """Way that does the change: "tone", "paint", "material" or "light"; or the 2D editor "small" or
-    "pix2pix"."""
+    """Way that does the change: "tone", "paint", "material", "light" or "scenery"; or the 2D
+    editor "small" or "pix2pix"."""
 
     def __str__(self) -> str:
         part = "the whole scene" if self.target == "scene" else f"the {self.target}"
