@@ -88,4 +88,7 @@ def test_a_notebook_shows_its_pictures_and_numbers(edited):
     assert result._repr_png_()[:4] == b"\x89PNG"
     assert len(repr(result)) < 200
     assert replace(result, finals=())._repr_png_() is not None
-    assert replace(result, originals=(), targets=(), finals=())._repr_html_() is None
+    assert (
+        replace(result, originals=(), targets=(), finals=(), held_out=HeldOutViews())._repr_html_()
+        is None
+    )
