@@ -18,6 +18,7 @@ from gsedit.light.shadows import (
     sky_directions,
 )
 from gsedit.scene.neighbors import nearest
+from gsedit.surface.means import neighbor_means
 from gsedit.surface.normals import estimate_normals
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
@@ -51,9 +52,7 @@ class Surface:
 
     def smoothed(self, values: Float[Tensor, "n ..."], rounds: int = 2) -> Float[Tensor, "n ..."]:
         """Means over the nearest neighbors: single Gaussians know their place badly."""
-        for _ in range(rounds if self.near.shape[1] else 0):
-            values = (values + values[self.near].sum(1)) / (1 + self.near.shape[1])
-        return values
+        return neighbor_means(values, self.near, rounds)
 
     def facing(self, direction: Float[Tensor, "... 3"]) -> Float[Tensor, "n ..."]:
         """Cosine of light from unit vectors, at least 0; where a normal is not sure, that of a leaf

@@ -81,16 +81,16 @@ class Studied:
     """Light that arrives in front of and behind each Gaussian, of a grey subject."""
     sure: float
     """Median confidence of the normals."""
-    notes: tuple[str, ...]
+    notes: tuple[str, ...] = ()
     """Remarks for a person."""
 
 
 @dataclass(frozen=True, eq=False)
 class Dressed:
-    """A scene of which a part is in a material."""
+    """A scene of which a part was changed."""
 
     scene: Gaussians
-    notes: tuple[str, ...]
+    notes: tuple[str, ...] = ()
     """Remarks for a person on how it was done."""
 
 

@@ -15,6 +15,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from gsedit.scene.color_space import LUMINANCE, linear_of_srgb
+from gsedit.surface.means import neighbor_means
 from rasterizer.numerics import sh_to_color
 from rasterizer.scene import Gaussians
 
@@ -56,23 +57,20 @@ def carved(part: Gaussians, normals: Float[Tensor, "n 3"], rows: Int[Tensor, "n 
         ones = part.means.new_ones(len(part))
         return Relief(ones, torch.zeros_like(ones), linear @ weights)
     size = visible_area(part)[:, None]
-    around = _mean(torch.cat((linear, torch.ones_like(linear[:, :1])), 1) * size, rows, ROUNDS)
+    around = neighbor_means(
+        torch.cat((linear, torch.ones_like(linear[:, :1])), 1) * size, rows, ROUNDS
+    )
     around = around[:, :3] / around[:, 3:]
-    near = _mean(linear, rows, 1)
+    near = neighbor_means(linear, rows, 1)
     ratio = (near @ weights) / (around @ weights)
     hue = (near / near.sum(1, keepdim=True) - around / around.sum(1, keepdim=True)).abs().amax(1)
     stone = 1 / (1 + (hue / HUE).square())
     offset = torch.nn.functional.normalize(part.means[rows] - part.means[:, None], dim=-1)
-    rise = _mean(((offset * normals[:, None]).sum(-1)).mean(1, keepdim=True), rows, 2)[:, 0]
+    rise = neighbor_means(((offset * normals[:, None]).sum(-1)).mean(1, keepdim=True), rows, 2)[
+        :, 0
+    ]
     hollow = (rise / HOLLOW).clamp(0, 1)
     kept = stone * (FLAT + (1 - FLAT) * hollow)
     detail = ratio.clamp(*DETAIL) ** kept
     dark = ((1 - ratio) / (1 - DETAIL[0])).clamp(0, 1) * stone
     return Relief(detail, torch.maximum(hollow, dark).clamp(0, 1), around @ weights)
-
-
-def _mean(values: Float[Tensor, "n c"], rows: Tensor, rounds: int) -> Float[Tensor, "n c"]:
-    """Means over neighbors, one after the other."""
-    for _ in range(rounds):
-        values = (values + values[rows].sum(1)) / (1 + rows.shape[1])
-    return values

@@ -1,7 +1,6 @@
 """Patterns in space: how much of a layer is at each point, by noise that has no seams.
 
-Points are in radii of the subject, around its middle, with +z up; `n` points. Noise is a sum of
-sines in directions that never repeat together: smooth, without a table, and the same everywhere.
+Points are in radii of the subject, around its middle, with +z up; `n` points.
 """
 
 from __future__ import annotations
@@ -14,10 +13,10 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.materials.material import Layer
-from gsedit.scene.quaternions import even_directions
+from gsedit.surface.noise import noise
 
 WAVES = 14
-"""Plane waves of a noise: more look the same."""
+"""Plane waves of a noise on a subject: more look the same."""
 OCTAVES = 4
 
 
@@ -42,17 +41,9 @@ def share_of(layer: Layer, ground: Ground) -> Float[Tensor, " n"]:
     return torch.sigmoid((field - edge) / width)
 
 
-def noise(points: Float[Tensor, "n 3"], seed: int = 0) -> Float[Tensor, " n"]:
-    """Smooth noise with features of about size 1, mean 0 and standard deviation 1."""
-    generator = torch.Generator().manual_seed(1000 + seed)
-    directions = torch.from_numpy(even_directions(WAVES)).to(points)
-    lengths = pi * (0.7 + 0.8 * torch.rand(WAVES, generator=generator))
-    turn = torch.linalg.qr(torch.randn(3, 3, generator=generator))[0].to(points)
-    phase = 2 * pi * torch.rand(WAVES, generator=generator)
-    waves = (
-        points @ (turn @ (directions * lengths[:, None].to(points)).T) + phase.to(points)
-    ).sin()
-    return waves.sum(-1) * (2 / WAVES) ** 0.5
+def grain(points: Float[Tensor, "n 3"], seed: int = 0) -> Float[Tensor, " n"]:
+    """Noise of materials, with seeds apart from those of weather."""
+    return noise(points, 1000 + seed, WAVES)
 
 
 def turbulence(
@@ -60,7 +51,7 @@ def turbulence(
 ) -> Float[Tensor, " n"]:
     """Noise of several sizes, each half as large and as strong as the one before."""
     return sum(
-        (noise(points * 2**i, seed + i) / 2**i for i in range(octaves)),
+        (grain(points * 2**i, seed + i) / 2**i for i in range(octaves)),
         start=torch.zeros_like(points[:, 0]),
     )
 
@@ -73,16 +64,16 @@ def _warped(points: Float[Tensor, "n 3"], strength: float, seed: int = 50) -> Fl
 def _veins(ground: Ground, scale: float) -> tuple[Tensor, float]:
     """Thin lines where a bent noise is 0, thicker and fainter in turn."""
     bent = _warped(ground.points / scale, 0.45)
-    lines = -noise(bent).abs() + 0.25 * noise(bent * 0.5, 7)
-    return torch.maximum(lines, -1.6 * noise(bent * 1.9, 3).abs() - 0.15), 0.06
+    lines = -grain(bent).abs() + 0.25 * grain(bent * 0.5, 7)
+    return torch.maximum(lines, -1.6 * grain(bent * 1.9, 3).abs() - 0.15), 0.06
 
 
 def _rings(ground: Ground, scale: float) -> tuple[Tensor, float]:
     """Year rings around an axis that leans and wanders, with fibers along it."""
     x, y, z = ground.points.unbind(-1)
-    wander = 0.6 * scale * noise(ground.points * 1.2)
+    wander = 0.6 * scale * grain(ground.points * 1.2)
     away = ((x + 0.35 + 0.15 * z).square() + (y - 0.2 * z).square()).sqrt() + wander
-    fiber = noise(ground.points * ground.points.new_tensor((40.0, 40.0, 3.0)), 4)
+    fiber = grain(ground.points * ground.points.new_tensor((40.0, 40.0, 3.0)), 4)
     return (2 * pi * away / scale).sin() + 0.2 * fiber, 0.22
 
 
@@ -93,7 +84,7 @@ def _grain(ground: Ground, scale: float) -> tuple[Tensor, float]:
 
 
 def _specks(ground: Ground, scale: float) -> tuple[Tensor, float]:
-    return noise(ground.points / scale) + 0.6 * noise(ground.points * (2.3 / scale), 5), 0.15
+    return grain(ground.points / scale) + 0.6 * grain(ground.points * (2.3 / scale), 5), 0.15
 
 
 def _patches(ground: Ground, scale: float) -> tuple[Tensor, float]:
@@ -110,7 +101,7 @@ def _weave(ground: Ground, scale: float) -> tuple[Tensor, float]:
     """Two threads, over and under; on each side of the subject along the axes it faces least."""
     u, v = _flat(ground)
     over = (pi * u / scale).sin() * (pi * v / scale).sin()
-    return over + 0.1 * noise(ground.points / scale * 3, 6), 0.2
+    return over + 0.1 * grain(ground.points / scale * 3, 6), 0.2
 
 
 def _bricks(ground: Ground, scale: float) -> tuple[Tensor, float]:

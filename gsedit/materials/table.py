@@ -31,7 +31,6 @@ _RUST = (
     Layer("specks", "#b5632a", share=0.35, scale=0.06, roughness=0.95),
     Layer("patches", "#4a2413", share=0.2, scale=0.12, roughness=0.95),
 )
-_WEAVE = "weave"
 
 METALS = {
     "gold": _metal("#ffd76b", 0.22),

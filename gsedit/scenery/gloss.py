@@ -15,6 +15,7 @@ from gsedit.scene.quaternions import even_directions
 from gsedit.scenery.setting import Setting
 from gsedit.scenery.water import puddles, wetness
 from gsedit.surface.surroundings import find_surroundings, prefiltered, reflected
+from gsedit.toolkit.grade import GAMMA
 from rasterizer.harmonics import basis
 from rasterizer.numerics import AUTO, Execution, sh_to_color
 from rasterizer.scene import Gaussians
@@ -51,7 +52,7 @@ def glossy(setting: Setting, after: Gaussians, execution: Execution = AUTO) -> G
     views = torch.from_numpy(even_directions(VIEWS)).double()
     views = views[views @ place.up > 0.0]
     normals = surface.normals[rows]
-    base = sh_to_color(after.sh[rows, 0].double()).clamp(0, 1) ** 2.2
+    base = sh_to_color(after.sh[rows, 0].double()).clamp(0, 1) ** GAMMA
     gain = []
     for view in views:
         cosine = (normals @ view).clamp_min(0)
@@ -59,14 +60,14 @@ def glossy(setting: Setting, after: Gaussians, execution: Execution = AUTO) -> G
         fresnel = (WATER + (1 - WATER) * (1 - cosine) ** 5) * (1 - rough) * wet[rows]
         fresnel = fresnel * (cosine > 0)
         light = reflected(maps, mirrored, rough) * dim
-        gain.append((base + fresnel[:, None] * light) ** (1 / 2.2) - base ** (1 / 2.2))
+        gain.append((base + fresnel[:, None] * light) ** (1 / GAMMA) - base ** (1 / GAMMA))
     return _added(after, rows, views, torch.stack(gain))
 
 
 def _dimming(before: Gaussians, after: Gaussians, rows: Tensor) -> float:
     """Light that is left, of the surroundings as of the wet surfaces."""
     old, new = (
-        sh_to_color(each.sh[rows, 0].double()).clamp(0, 1) ** 2.2 for each in (before, after)
+        sh_to_color(each.sh[rows, 0].double()).clamp(0, 1) ** GAMMA for each in (before, after)
     )
     return float((new.mean() / old.mean().clamp_min(1e-6)).clamp(0.05, 1.0) ** 0.5)
 

@@ -9,6 +9,7 @@ from torch import Tensor
 from gsedit.light.color_change import ColorChange
 from gsedit.scenery.seasons import ramp_of
 from gsedit.scenery.setting import Setting
+from gsedit.toolkit.grade import GAMMA
 
 HEAT = ((0.02, 0.0, 0.12), (0.2, 0.02, 0.45), (0.62, 0.08, 0.5), (0.93, 0.28, 0.22),
         (0.99, 0.62, 0.1), (1.0, 0.9, 0.35), (1.0, 1.0, 0.88))  # fmt: skip
@@ -36,7 +37,7 @@ def polaroid(setting: Setting) -> ColorChange:
 
 def _spread(setting: Setting) -> Float[Tensor, " n"]:
     """Brightness from 0 for the darkest to 1 for the brightest parts of what is seen."""
-    luma = setting.found.surface.smoothed(setting.luminance) ** (1 / 2.2)
+    luma = setting.found.surface.smoothed(setting.luminance) ** (1 / GAMMA)
     weight = setting.found.seen
     order = luma.argsort()
     rank = weight[order].cumsum(0) / weight.sum().clamp_min(1e-12)

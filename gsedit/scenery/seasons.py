@@ -8,6 +8,7 @@ from torch import Tensor
 
 from gsedit.light.color_change import ColorChange, step
 from gsedit.scenery.setting import CLUMP, LEAF, Setting
+from gsedit.toolkit.grade import GAMMA
 
 AUTUMN = ((0.36, 0.34, 0.1), (0.86, 0.62, 0.1), (0.88, 0.44, 0.08), (0.7, 0.2, 0.08),
           (0.5, 0.3, 0.14))  # fmt: skip
@@ -60,7 +61,7 @@ def _leaves(
     as bright as the color is."""
     leaves = setting.foliage
     middle = setting.luminance[leaves > 0.5].median() if bool((leaves > 0.5).any()) else 0.2
-    shade = ((setting.luminance + 0.005) / (middle + 0.005)).clamp(0.05, 2.2) ** (1 / 2.2)
+    shade = ((setting.luminance + 0.005) / (middle + 0.005)).clamp(0.05, 2.2) ** (1 / GAMMA)
     if light is not None:
         shade = torch.lerp(shade, shade.clamp_min(1.0), light)
     lit = (color * shade[:, None]).clamp_max(BRIGHTEST)

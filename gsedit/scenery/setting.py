@@ -21,7 +21,8 @@ from gsedit.light.relight import sky_share
 from gsedit.regions.lift import lift
 from gsedit.scene.color_space import LUMINANCE, lab_of_srgb, linear_of_srgb
 from gsedit.scene.picture import render_picture
-from gsedit.scenery.noise import noise
+from gsedit.surface.noise import noise
+from gsedit.toolkit.grade import GAMMA
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution, sh_to_color
 from rasterizer.scene import Gaussians
@@ -119,4 +120,4 @@ class Setting:
         """Luminance against that of the neighbors, softened to a share of its contrast."""
         around = self.found.surface.smoothed(self.luminance, 3)
         ratio = (self.luminance + 0.01) / (around + 0.01)
-        return ratio.clamp(0.3, 2.0) ** (share / 2.2)
+        return ratio.clamp(0.3, 2.0) ** (share / GAMMA)

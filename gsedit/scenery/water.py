@@ -8,6 +8,7 @@ from torch import Tensor
 
 from gsedit.light.color_change import ColorChange, step
 from gsedit.scenery.setting import LEAF, Setting
+from gsedit.toolkit.grade import GAMMA
 
 SOAKED = 0.62
 """Share of its light that soaked stone or soil loses: water fills the pores that scatter it."""
@@ -33,7 +34,7 @@ def wet(setting: Setting) -> ColorChange:
     """Soaked surfaces: darker and more saturated; standing water darkest."""
     soaked = wetness(setting) * (1 - 0.6 * setting.foliage)
     linear = 1 - SOAKED * soaked - 0.2 * puddles(setting)
-    factor = linear.clamp_min(0.1) ** (1 / 2.2)
+    factor = linear.clamp_min(0.1) ** (1 / GAMMA)
     return _times(1.12, factor)
 
 
@@ -44,7 +45,7 @@ def caustics(setting: Setting) -> ColorChange:
         -6 * setting.noise(0.8 * size, 24).abs()
     )
     net = CAUSTIC * ridges * step(setting.rise, 0.0, 0.8) * setting.found.trust
-    factor = (0.85 + net) ** (1 / 2.2)
+    factor = (0.85 + net) ** (1 / GAMMA)
     return _times(1.0, factor)
 
 

@@ -14,9 +14,9 @@ from gsedit.light.present import survey
 from gsedit.regions.region import Region
 from gsedit.scenery.cover import snow
 from gsedit.scenery.named import SCENERIES, in_scenery
-from gsedit.scenery.noise import noise
 from gsedit.scenery.seasons import autumn
 from gsedit.scenery.setting import Setting, greenness
+from gsedit.surface.noise import noise
 from gsedit.words import direct
 from gsedit.words.instruction import Change
 from gsedit.words.read import read_instruction

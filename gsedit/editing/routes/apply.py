@@ -81,6 +81,18 @@ def apply_change(
     Raises UsageError for a region of no Gaussians, a route that is not exact, an unknown tone, an
     amount out of range, or a color that is none.
     """
+    return _changed(scene, change, region, seen, cameras, execution).scene
+
+
+def _changed(
+    scene: Gaussians,
+    change: Change,
+    region: Region,
+    seen: Float[Tensor, " n"] | None,
+    cameras: Sequence[Camera],
+    execution: Execution,
+) -> Dressed:
+    """The scene as `apply_change` makes it, with remarks for a person."""
     if not region.inside.any():
         raise UsageError(
             f"{change} would change no Gaussian: name what should change with --region, "
@@ -91,16 +103,16 @@ def apply_change(
         case "tone":
             after = toned(table, inside, change.name, change.amount, change.color)
         case "paint" | "material":
-            return dressed(scene, change, region, seen, cameras, execution).scene
+            return dressed(scene, change, region, seen, cameras, execution)
         case "light":
             color = None if change.color is None else parse_hex(change.color)
             setup = setup_of(change.name, change.amount, color)
-            return relit(scene, setup, cameras, seen, region.inside, execution)
+            return Dressed(relit(scene, setup, cameras, seen, region.inside, execution))
         case "scenery":
-            return in_scenery(scene, change.name, cameras, seen, region.inside, execution)
+            return Dressed(in_scenery(scene, change.name, cameras, seen, region.inside, execution))
         case _:
             raise UsageError(f"{change} has no exact route: edit with --editor small")
-    return replace(scene, sh=torch.from_numpy(after.sh).to(scene.sh))
+    return Dressed(replace(scene, sh=torch.from_numpy(after.sh).to(scene.sh)))
 
 
 def dressed(
@@ -149,11 +161,8 @@ def apply_instruction(
     notes: list[str] = []
     for change in changes:
         region = regions[change.target]
-        if change.route in ("paint", "material") and region.inside.any():
-            made = dressed(after, change, region, seen, cameras, execution)
-            after, notes = made.scene, [*notes, *made.notes]
-        else:
-            after = apply_change(after, change, region, seen, cameras, execution)
+        made = _changed(after, change, region, seen, cameras, execution)
+        after, notes = made.scene, [*notes, *made.notes]
         inside |= region.inside
     found = Region(inside, "; ".join(regions[target].note for target in targets))
     lit = any(change.route in ("light", "scenery") for change in changes)
