@@ -22,9 +22,6 @@ if TYPE_CHECKING:
     from gsedit.words.instruction import Instruction
     from rasterizer.scene import Gaussians
 
-SETTINGS = ("region", "execution")
-"""Settings that exact routes heed; any other one asks for the 2D editor."""
-
 
 def read_sentence(
     text: str, editor: EditorOptions, values: Values
@@ -33,9 +30,10 @@ def read_sentence(
 
     Raises UsageError for a sentence that is refused.
     """
-    if editor != EditorOptions() or any(path[0] not in SETTINGS for path in values):
+    from gsedit.editing.routes.plan import HEEDED, steps_of
+
+    if editor != EditorOptions() or any(path[0] not in HEEDED for path in values):
         return None
-    from gsedit.editing.routes.plan import steps_of
     from gsedit.words.read import read_instruction
 
     instruction = read_instruction(text)

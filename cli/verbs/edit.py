@@ -82,6 +82,29 @@ class EditOptions:
     resume: Resume = False
 
 
+@dataclass(frozen=True)
+class EditCommand:
+    """Everything that `gsedit edit` was asked."""
+
+    scene: Path
+    """Scene that is edited now."""
+    instruction: str
+    folder: Path
+    """Folder for the results."""
+    own: EditOptions
+    views: ViewOptions
+    editor: EditorOptions
+    values: Values
+    common: Seeded
+    first_scene: Path | None = None
+    """Scene before all edits of a sentence, where it is not `scene`."""
+
+    @property
+    def named_scene(self) -> Path:
+        """Scene that edit.json names as the unedited one."""
+        return self.first_scene or self.scene
+
+
 @shows(
     "--output", "--data", "--region", "--editor", "--strategy", "--preview", "--seeds",
     "--size", "--explain", "--resume", "--force", "--seed",
@@ -119,7 +142,8 @@ def edit(
             force=own.force, as_json=common.json,
         )  # fmt: skip
     folder = check_request(instruction, views, own.out, own.explain)
-    result = run_edit(scene, instruction, folder, own, views, editor, values, common)
+    asked = EditCommand(scene, instruction, folder, own, views, editor, values, common)
+    result = run_edit(asked)
     if result is not None:
         print_edit(result, folder, as_json=common.json)
 
@@ -129,53 +153,56 @@ def all_settings() -> list[Setting]:
     return edit_settings(own_flags(edit))
 
 
-def run_edit(
-    scene: Path,
-    instruction: str,
-    folder: Path,
-    own: EditOptions,
-    views: ViewOptions,
-    editor: EditorOptions,
-    values: Values,
-    common: Seeded,
-) -> EditResult | None:
+def run_edit(asked: EditCommand) -> EditResult | None:
     """Edit by the routes that a sentence needs, and write the folder.
 
     Where they take turns, the last edit is in the folder, the others below it. Returns None on all
     ranks but the first, and where the edit is only explained.
     """
-    usual, result = EditOptions(), None
+    own, usual = asked.own, EditOptions()
     asks_routes = (own.preset, own.features) == (usual.preset, usual.features)
-    steps = read_sentence(instruction, editor, values) if asks_routes else None
+    steps = read_sentence(asked.instruction, asked.editor, asked.values) if asks_routes else None
     if steps is None:
-        return run_pipeline(scene, instruction, folder, own, views, editor, values, common)
+        return run_pipeline(asked)
     from gsedit.editing.routes.apply import is_exact
 
     exact = [is_exact(step) for step in steps]
     if own.explain and any(exact):
         return print_routes(steps)
     if own.explain or exact == [False]:
-        return run_pipeline(scene, instruction, folder, own, views, editor, values, common)
-    check_steps(scene, folder, own, len(steps))
+        return run_pipeline(asked)
+    check_steps(asked.scene, asked.folder, own, len(steps))
+    return run_steps(asked, steps)
+
+
+def run_steps(asked: EditCommand, steps: Sequence[Words]) -> EditResult | None:
+    """Do the edits of a sentence, each on the scene of the one before; return the last result."""
+    from gsedit.editing.routes.apply import is_exact
+
+    own, scene, result = asked.own, asked.scene, None
     more = {"drop_invalid": own.drop_invalid, "preset": own.preset, "features": own.features}
-    more |= {"seed": common.seed, "ranks": 1}
+    more |= {"seed": asked.common.seed, "ranks": 1}
     if len(steps) > 1:
-        more["sentence"], own = instruction, replace(own, force=True)
+        more["sentence"], own = asked.instruction, replace(own, force=True)
     for number, step in enumerate(steps, 1):
-        out = folder if number == len(steps) else folder / STEPS / str(number)
-        if own.resume and out != folder and (out / "edit.json").exists():
+        last = number == len(steps)
+        out = asked.folder if last else asked.folder / STEPS / str(number)
+        if own.resume and not last and (out / "edit.json").exists():
             check_step(out, step, scene)
             scene = out / "scene.ply"
             continue
         if len(steps) > 1:
             print_message(f"edit {number} of {len(steps)}: {step.text}")
+        now = replace(asked, scene=scene, instruction=step.text, folder=out, own=own)
+        now = replace(now, first_scene=asked.scene if last else None)
         if is_exact(step):
-            common.apply()
+            asked.common.apply()
             load = partial(load_scene, scene, drop_invalid=own.drop_invalid)
-            result = run_routes(scene, load, step, out, views, values, more)
+            named = {**more, "scene": now.named_scene}
+            result = run_routes(scene, load, step, out, asked.views, asked.values, named)
             copy_frame(scene, out)
         else:
-            result = run_pipeline(scene, step.text, out, own, views, editor, values, common)
+            result = run_pipeline(now)
         scene = out / "scene.ply"
     return result
 
@@ -205,21 +232,13 @@ def print_routes(steps: Sequence[Words]) -> None:
     print_message(f"{'; '.join(map(str, steps))}: done on the Gaussians, no view is edited")
 
 
-def run_pipeline(
-    scene: Path,
-    instruction: str,
-    folder: Path,
-    own: EditOptions,
-    views: ViewOptions,
-    editor: EditorOptions,
-    values: Values,
-    common: Seeded,
-) -> EditResult | None:
+def run_pipeline(asked: EditCommand) -> EditResult | None:
     """Edit by a 2D editor with progress on the terminal, and write the folder.
 
     Returns None on all ranks but the first, and where the edit is only explained.
     """
-    editor = editor.settled()
+    scene, instruction, folder, own = asked.scene, asked.instruction, asked.folder, asked.own
+    views, values, common, editor = asked.views, asked.values, asked.common, asked.editor.settled()
     kept = {"editor": editor, "features": own.features}
     state = None
     if not own.explain:
@@ -258,9 +277,9 @@ def run_pipeline(
     if followed and (understood := what_it_understood(editor_2d, followed)):
         print_message(understood)
     request = {
-        "scene": scene, "drop_invalid": own.drop_invalid, **asdict(views), "editor": editor,
-        "preset": own.preset, "features": own.features, "seed": common.seed, "ranks": ranks().size,
-        **history_of(scene),
+        "scene": asked.named_scene, "drop_invalid": own.drop_invalid, **asdict(views),
+        "editor": editor, "preset": own.preset, "features": own.features, "seed": common.seed,
+        "ranks": ranks().size, **history_of(scene),
     }  # fmt: skip
     earlier = [] if state is None else events_of(state)
     source = {"scene": scene.absolute(), "drop_invalid": own.drop_invalid}

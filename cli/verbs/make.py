@@ -22,7 +22,7 @@ from ..options.editing import EditorOptions
 from ..options.routes import read_sentence
 from ..options.settings import Layout, Setting, SettingsGroup, Values, settings_of
 from .capture import Source, capture_summary, run_capture, settings_from
-from .edit import EditOptions, Instruction, run_edit
+from .edit import EditCommand, EditOptions, Instruction, run_edit
 from .fit import FitOptions, Recipe, run_fit
 
 RECORD = "make.json"
@@ -187,7 +187,8 @@ class Work:
     def edit_scene(self, same: bool) -> str:
         views = ViewOptions(data=self.dataset, size=self.recipe.pixels())
         own = EditOptions(self.edit, force=True, resume=same)
-        run_edit(self.scene, self.instruction, self.edit, own, views, self.editor, {}, self.common)
+        request = self.scene, self.instruction, self.edit, own, views, self.editor, {}, self.common
+        run_edit(EditCommand(*request))
         return self.instruction
 
     def screen(self, results: list[str], seconds: float) -> str:

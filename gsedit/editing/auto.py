@@ -12,7 +12,7 @@ from gsedit.datasets.dataset import Dataset
 from gsedit.datasets.viewpoints import viewpoints_of
 from gsedit.editing.edit import edit_steps
 from gsedit.editing.routes.apply import is_exact
-from gsedit.editing.routes.plan import steps_of
+from gsedit.editing.routes.plan import asks_editor_2d, steps_of
 from gsedit.editing.routes.result import routed_result
 from gsedit.editing.session.actions import Strategy
 from gsedit.editing.session.result import EditResult
@@ -37,14 +37,15 @@ def edit(
 ) -> EditResult:
     """Edit a scene from a sentence, to the end.
 
-    Without an editor and a strategy, the sentence is read (gsedit.words) and each change goes by
-    its own route; the editor `small` draws what no route does. Where they take turns, the result is
-    that of the last one. With either, the 2D editor draws all of it: see `edit_steps`.
+    The sentence is read (gsedit.words) and each change goes by its own route; the editor `small`
+    draws what no route does. Where they take turns, the result is that of the last one. With an
+    editor, a strategy, features, or a setting other than `region` and `execution`, the 2D editor
+    (`small` if none is given) draws all of it: see `edit_steps`.
     Raises UsageError for a sentence that is refused.
     """
     request: dict[str, Any] = {"dataset": dataset, "settings": settings, "features": features}
     request["generator"] = generator or torch.Generator().manual_seed(0)
-    if editor or strategy:
+    if editor or strategy or features or (settings and asks_editor_2d(settings)):
         return _drawn(scene, prompt, editor=editor, strategy=strategy, **request)
     instruction = read_instruction(prompt)
     result = None

@@ -16,6 +16,7 @@ from torch import Tensor
 from gsedit.cameras.orbit import perpendicular
 from gsedit.cameras.paths import common_point, up_of
 from gsedit.scene.framing import bounds, guess_up
+from gsedit.scene.quantiles import weighted_quantile
 from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians
 
@@ -114,7 +115,7 @@ def _seen_ball(
     """Median and radius of what is seen."""
     points = scene.means.detach().double()
     weight = torch.ones(len(points)).double() if seen is None else seen.double()
-    center = torch.stack([_quantile(points[:, i], weight, 0.5) for i in range(3)])
+    center = weighted_quantile(points, weight, 0.5)
     return center, _reach(scene, seen, center, SEEN_SHARE)
 
 
@@ -127,13 +128,4 @@ def _reach(
     """Radius around a center that holds a share of what is seen."""
     away = (scene.means.detach().double() - center).norm(dim=-1)
     weight = torch.ones_like(away) if seen is None else seen.double()
-    return float(_quantile(away, weight, share))
-
-
-def _quantile(
-    values: Float[Tensor, " n"], weight: Float[Tensor, " n"], share: float
-) -> Float[Tensor, ""]:
-    ordered, index = values.sort()
-    mass = weight[index].cumsum(0)
-    at = int(torch.searchsorted(mass, share * mass[-1]))
-    return ordered[min(at, len(ordered) - 1)]
+    return float(weighted_quantile(away[:, None], weight, share))

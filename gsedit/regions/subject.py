@@ -11,6 +11,7 @@ from torch import Tensor
 from gsedit.regions.graph import Neighbors, connected_part, neighbors, parts, smooth
 from gsedit.regions.lift import Lifted
 from gsedit.regions.support import extent_of, find_support, within
+from gsedit.scene.quantiles import weighted_quantile
 from rasterizer.scene import Gaussians
 
 SMOOTHING_WEIGHT = 10.0
@@ -67,19 +68,11 @@ def _looked_at(scene: Gaussians, lifted: Lifted) -> Bool[Tensor, " n"]:
     if not likely.any():
         return torch.ones_like(likely)
     points, score = scene.means.detach()[likely].double(), (lifted.central * lifted.mean)[likely]
-    low, high = (_quantile(points, score.double(), share) for share in (BOX_TAIL, 1 - BOX_TAIL))
+    low, high = (
+        weighted_quantile(points, score.double(), share) for share in (BOX_TAIL, 1 - BOX_TAIL)
+    )
     margin = BOX_MARGIN * float((high - low).norm())
     return ((scene.means >= low - margin) & (scene.means <= high + margin)).all(1)
-
-
-def _quantile(
-    points: Float[Tensor, "m 3"], weights: Float[Tensor, " m"], share: float
-) -> Float[Tensor, "3"]:
-    """Weighted quantiles of the coordinates."""
-    ordered, order = points.sort(0)
-    below = weights[order].cumsum(0) / weights.sum().clamp_min(1e-12)
-    at = (below < share).sum(0).clamp_max(len(points) - 1)
-    return ordered.gather(0, at[None])[0]
 
 
 def _rows(lifted: Lifted, rows: Int[Tensor, " m"]) -> Lifted:

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Float64
 
+from gsedit.scene.planes import planes_through, refined_plane
+
 TRIPLES = 400
 """Planes that are tried, each through three points: a third of the points on one plane give 15."""
 MOST_POINTS = 4000
@@ -25,8 +27,6 @@ ABOVE = 0.97
 """Least share of the object that is above the plane."""
 TOUCHING = 0.25
 """Largest height of the object's lowest parts over the plane, of its extent."""
-REFINED = 5
-"""Least-squares fits to the points that are on the plane, one after the other."""
 MARGIN_MADS = 1.0
 """Height from which a point is above the plane, in median distances of the points on it."""
 LEAST_MARGIN = 0.0025
@@ -102,10 +102,7 @@ def _best_plane(
     """The plane with most voters, of those that may carry the body; None without any."""
     tolerance = TOLERANCE * extent
     a, b, c = voters[random.integers(len(voters), size=(3, TRIPLES))]
-    normals = np.cross(b - a, c - a)
-    lengths = np.linalg.norm(normals, axis=1)
-    normals, a = normals[lengths > 0] / lengths[lengths > 0, None], a[lengths > 0]
-    offsets = (normals * a).sum(1)
+    normals, offsets = planes_through(a, b, c)
     side = np.sign(np.median(body @ normals.T - offsets, axis=0))
     normals, offsets = normals * side[:, None], offsets * side
     lowest = np.quantile(body @ normals.T - offsets, 1 - ABOVE, axis=0)
@@ -127,12 +124,7 @@ def _refined(
     extent: float,
 ) -> Support:
     """The plane fitted to the voters that are on it, and how rough it is."""
-    for _ in range(REFINED):
-        on = voters[np.abs(voters @ normal - offset) < TOLERANCE * extent]
-        middle = on.mean(0)
-        fitted = np.linalg.svd(on - middle, full_matrices=False)[2][2]
-        normal = fitted * np.sign(fitted @ normal)
-        offset = float(normal @ middle)
+    normal, offset = refined_plane(voters, normal, offset, TOLERANCE * extent)
     distance = np.abs(voters @ normal - offset)
     rough = float(np.median(distance[distance < TOLERANCE * extent]))
     return Support(normal, offset, max(MARGIN_MADS * rough, LEAST_MARGIN * extent))

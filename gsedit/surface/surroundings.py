@@ -243,15 +243,6 @@ def balanced(surroundings: Surroundings, share: float = BALANCE) -> Surroundings
     return replace(surroundings, radiance=radiance * gain)
 
 
-def irradiance(surroundings: Surroundings, normals: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
-    """Light that a white matte surface of each unit normal sends back: irradiance over pi."""
-    radiance = halved(surroundings.radiance, COARSE)
-    smooth = filtered(
-        radiance, _cosines().clamp_min(0).to(radiance), cell_areas(COARSE).to(radiance)
-    )
-    return look_up(smooth, normals)
-
-
 def prefiltered(surroundings: Surroundings) -> Float[Tensor, "r h w 3"]:
     """The surroundings as surfaces of each of ROUGHNESSES reflect them: GGX lobes seen head on, as
     in the split sum of Karis (2013)."""

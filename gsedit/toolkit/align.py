@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from gsedit.errors import UsageError
+from gsedit.scene.planes import planes_through, refined_plane
 from gsedit.scene.quaternions import AXES, quaternion_of, turn_between
 from gsedit.scene.similarity import Similarity
 from gsedit.scene.table import SplatTable, gaussians_of
@@ -59,12 +60,8 @@ def find_ground(table: SplatTable, up: Float64[np.ndarray, "3"] | None = None) -
     best = _best_of_three(points[:TRIED_SPLATS], thickness, up)
     if best is None or best.share < LEAST_SHARE:
         raise UsageError("no ground was found: name what is up, or turn by transform --rotate")
-    for _ in range(5):
-        inside = np.abs(points @ best.normal - best.height) < thickness
-        middle = points[inside].mean(0)
-        normal = np.linalg.svd(points[inside] - middle, full_matrices=False)[2][2]
-        best = _judge(points, normal, middle, thickness, best.normal)
-    return best
+    normal, height = refined_plane(points, best.normal, best.height, thickness)
+    return _judge(points, normal, height, thickness, best.normal)
 
 
 def _best_of_three(
@@ -72,16 +69,11 @@ def _best_of_three(
 ) -> Plane | None:
     """Find the best plane through three of the points."""
     corners = points[np.random.default_rng(0).integers(0, len(points), (TRIES, 3))]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    lengths = np.linalg.norm(normals, axis=1)
-    normals /= np.maximum(lengths, np.finfo(np.float64).tiny)[:, None]
-    level = lengths > 0
+    normals, heights = planes_through(*np.moveaxis(corners, 1, 0))
     if up is not None:
-        level &= np.abs(normals @ up) > np.cos(np.radians(TILT))
-    planes = [
-        _judge(points, normal, corner, thickness, up)
-        for normal, corner in zip(normals[level], corners[level, 0])
-    ]
+        level = np.abs(normals @ up) > np.cos(np.radians(TILT))
+        normals, heights = normals[level], heights[level]
+    planes = [_judge(points, *each, thickness, up) for each in zip(normals, heights)]
     return max(planes, key=lambda plane: plane.share * plane.above**4, default=None)
 
 
@@ -98,19 +90,19 @@ def _sample(table: SplatTable) -> Float64[np.ndarray, "n 3"]:
 def _judge(
     points: Float64[np.ndarray, "n 3"],
     normal: Float64[np.ndarray, "3"],
-    corner: Float64[np.ndarray, "3"],
+    height: float,
     thickness: float,
     up: Float64[np.ndarray, "3"] | None,
 ) -> Plane:
-    """The plane through `corner`, its normal towards `up`, or else towards most points."""
-    off = (points - corner) @ normal
+    """The plane with its normal towards `up`, or else towards most points."""
+    off = points @ normal - height
     share = float(np.mean(np.abs(off) < thickness))
     over, under = np.mean(off > thickness), np.mean(off < -thickness)
     turn = normal @ up < 0 if up is not None else under > over
     if turn:
-        normal, over, under = -normal, under, over
+        normal, height, over, under = -normal, -height, under, over
     above = float(over / max(over + under, 1e-9))
-    return Plane(normal, float(normal @ corner), share, above)
+    return Plane(normal, float(height), share, above)
 
 
 @dataclass(frozen=True, eq=False)

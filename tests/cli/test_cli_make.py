@@ -37,7 +37,8 @@ def stages(monkeypatch):
 
     def stage(name, file, result):
         def run(*places, **options):
-            own = next((each for each in places if hasattr(each, "resume")), None)
+            given = [getattr(each, "own", each) for each in places]
+            own = next((each for each in given if hasattr(each, "resume")), None)
             ran.append((name, own is not None and own.resume))
             folder = places[1] if own is None else own.out
             if name in end:

@@ -40,6 +40,6 @@ def test_each_edit_begins_where_the_last_one_ended(scene, photos, tmp_path):
     assert first["route"] == "tone"
     record = json.loads((out / "edit.json").read_text())
     assert [each["instruction"] for each in record["history"]] == [first["instruction"]]
-    assert record["first_scene"] == str(scene)
+    assert record["first_scene"] == record["scene"] == first["scene"] == str(scene)
     again = gsedit("edit", scene, *words, "--size", 32, "-o", out)
     assert again.exit_code == 2

@@ -41,8 +41,8 @@ def test_a_video_becomes_an_edited_scene(video, tmp_path, monkeypatch):
         ("sampler", "steps"): 2, ("strategy", "update_steps"): 2, ("batches",): 1,
         ("held_out_edits",): 0,
     }  # fmt: skip
-    run_edit = verb.run_edit  # its last arguments are the values of settings and common options
-    monkeypatch.setattr(verb, "run_edit", lambda *a: run_edit(*a[:-2], few, a[-1]))
+    run_edit = verb.run_edit
+    monkeypatch.setattr(verb, "run_edit", lambda asked: run_edit(replace(asked, values=few)))
     monkeypatch.setattr(picture, "check_drawing", no_opengl)
     settings = partial(replace, features=800)  # of capture; every second counts in a test
     monkeypatch.setattr(verb, "settings_from", lambda *a: settings(settings_from(*a)))

@@ -11,7 +11,9 @@ import torch
 import gsedit
 from gsedit.datasets.viewpoints import viewpoints_of
 from gsedit.editing.routes.result import routed_result
+from gsedit.editing.session.settings import EditSettings
 from gsedit.errors import UsageError
+from gsedit.fitting.settings import UpdateSettings
 from gsedit.words.instruction import Change, Instruction
 
 BRIGHTER = Change("scene", "tone", "brightness", None, 0.2, "tone")
@@ -58,3 +60,23 @@ def test_what_changes_hardly_anything_is_told():
     assert gray.notes == ()
     again = gsedit.edit(gray.scene, "in black and white", dataset=data)
     assert any("hardly anything changed" in note for note in again.notes)
+
+
+@pytest.mark.parametrize(
+    ("settings", "drawn"),
+    [
+        (EditSettings(region="all"), False),
+        (EditSettings(geometry="full"), True),
+        (EditSettings(update=UpdateSettings(loss="mse+gram")), True),
+    ],
+)
+def test_a_setting_of_the_2d_editor_asks_for_it(monkeypatch, settings, drawn):
+    scene, data, asked = tiny_edits.scene(), tiny_edits.data(), []
+
+    def edit_steps(given, prompt, **_):
+        asked.append(prompt)
+        yield routed_result(given, Instruction(prompt, True, "", (BRIGHTER,)), viewpoints_of(data))
+
+    monkeypatch.setattr("gsedit.editing.auto.edit_steps", edit_steps)
+    gsedit.edit(scene, "make it 20% brighter", dataset=data, settings=settings)
+    assert bool(asked) == drawn

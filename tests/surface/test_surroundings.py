@@ -88,8 +88,8 @@ def test_an_object_alone_gets_a_studio(found):
     assert float(alone.radiance.max()) > 1
     up = torch.tensor((0.0, 0.0, 1.0))
     made = light.studio(torch.zeros(3), up)
-    lit = light.irradiance(made, torch.stack((up, -up)))
-    assert float(lit[0].mean()) > 2 * float(lit[1].mean())
+    over = cell_directions(len(made.radiance)) @ up > 0
+    assert float(made.radiance[over].mean()) > 2 * float(made.radiance[~over].mean())
 
 
 def test_clipped_light_is_above_one_and_other_light_is_kept():
@@ -107,22 +107,6 @@ def test_filters_keep_a_constant_light():
         torch.ones(64, 128),
     )
     torch.testing.assert_close(light.prefiltered(even), torch.full((7, 64, 128, 3), 0.4))
-    normals = torch.from_numpy(even_directions(20)).float()
-    torch.testing.assert_close(light.irradiance(even, normals), torch.full((20, 3), 0.4))
-
-
-def test_irradiance_of_a_linear_sky_is_exact(found):
-    """The cosine lobe keeps 2/3 of a band of degree 1 (Ramamoorthi and Hanrahan 2001)."""
-    directions = cell_directions(64)
-    sky = light.Surroundings(
-        CENTER,
-        0.5 + 0.3 * directions[..., 2:].expand(-1, -1, 3),
-        torch.ones(64, 128),
-        torch.ones(64, 128),
-    )
-    normals = torch.from_numpy(even_directions(30)).float()
-    expected = 0.5 + 0.2 * normals[:, 2:].expand(-1, 3)
-    torch.testing.assert_close(light.irradiance(sky, normals), expected, atol=4e-3, rtol=0)
 
 
 def test_rougher_reflections_vary_less(found):

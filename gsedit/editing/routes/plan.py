@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import groupby
 
 from gsedit.editing.routes.apply import EXACT_ROUTES
+from gsedit.editing.session.settings import EditSettings
 from gsedit.errors import UsageError
 from gsedit.words.direct import UNCLEAR
 from gsedit.words.instruction import Instruction
 from gsedit.words.small_looks import look_of
+
+HEEDED = ("region", "execution")
+"""Settings that exact routes heed; any other one asks for the 2D editor."""
+
+
+def asks_editor_2d(settings: EditSettings) -> bool:
+    """Whether settings differ from the defaults where only the 2D editor heeds them."""
+    usual = EditSettings()
+    return replace(settings, **{name: getattr(usual, name) for name in HEEDED}) != usual
 
 
 def steps_of(instruction: Instruction) -> tuple[Instruction, ...]:
