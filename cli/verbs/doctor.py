@@ -13,7 +13,7 @@ from ..core.exits import UNREADABLE
 from ..options.common import Common
 
 if TYPE_CHECKING:
-    from gsedit.editors.pix2pix.weights import Weights
+    from gsedit.editors.models.weights import Weights
 
 Model = Annotated[
     str | None,
@@ -60,8 +60,8 @@ def check_machine(*, as_json: bool) -> None:
 
 def check_weights(model: str, *, as_json: bool) -> None:
     """Print what of a model's weights is there. Exits with UNREADABLE unless all of it is."""
-    from gsedit.editors.pix2pix.hub import find
-    from gsedit.editors.pix2pix.weights import inspect
+    from gsedit.editors.models.hub import find
+    from gsedit.editors.models.weights import inspect
 
     weights = inspect(find(model, offline=True))
     names = ("folder", "complete", "kind", "parts", "notes")

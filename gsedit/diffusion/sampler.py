@@ -87,6 +87,9 @@ def multistep(
 Hook = Callable[[Latents], Latents]
 """A linear map of latents that makes corresponding cells agree."""
 
+Rescale = Callable[[Latents, Latents], Latents]
+"""(guided prediction, prediction under text and picture) -> the prediction to step with."""
+
 
 @dataclass(frozen=True, eq=False)
 class SamplerStep:
@@ -122,9 +125,9 @@ def add_noise(
 def levels_of(schedule: Schedule, settings: SamplerSettings) -> list[NoiseLevel]:
     """The `steps` + 1 levels between which these settings step; the first is where x starts."""
     # Stable Diffusion's own DDIM ends with the little noise of step 0 (set_alpha_to_one false)
-    ends_at_zero = settings.solver == "ddim" and settings.spacing == "leading"
+    ends_at_zero = settings.method == "ddim" and settings.spacing == "leading"
     return schedule.levels(
-        settings.steps, settings.strength, settings.spacing, clean=not ends_at_zero
+        settings.step_count, settings.strength, settings.spacing, clean=not ends_at_zero
     )
 
 
@@ -138,14 +141,16 @@ def sample(
     consensus: Hook | None = None,
     share: Hook | None = None,
     anchor: Anchor | None = None,
+    rescale: Rescale | None = None,
     generator: torch.Generator | None = None,
 ) -> Iterator[SamplerStep]:
     """Denoise `x`, latents at the first of the levels, to the last; yields every step.
 
     `consensus` acts on `settings.target` while sigma is above t_end; with all of its strength, the
     deviation of corresponding cells then never changes its sign and never grows, whatever the
-    solver. `share` acts on fresh noise, which only eta > 0 and `ancestral` draw (from `generator`,
-    then required). `condition` is that of the views that are not anchored, in their order. `levels`
+    solver. `share` acts on fresh noise, which only eta > 0, `ancestral` and `lcm` draw (from
+    `generator`, then required). `rescale` is applied to guided predictions. `condition` is that of
+    the views that are not anchored, in their order. `levels`
     overrule the settings' steps.
     The state keeps the dtype of `x`, float32 or float64, whatever the network computes in. Raises
     UsageError, also where a number stops being finite: it names the settings that did it.
@@ -158,16 +163,18 @@ def sample(
 
     for step, (here, there) in enumerate(pairwise(levels), start=1):
         agree = settled if here.sigma > settings.consensus_end else None
-        predict = partial(_predict, denoiser, condition, settings, anchor)
+        predict = partial(_predict, denoiser, condition, settings, anchor, rescale)
         own = predict(x, here)
         pair = _agreed(own, x, here, settings, agree)
-        match settings.solver:
+        match settings.method:
             case "heun":
                 corrector = partial(_predict_agreed, predict, settings, agree)
                 x = heun(pair, here, there, corrector)
             case "dpm++2m":
                 step_before, previous = _settled(own, pair, here, previous, settled)
                 x = multistep(pair, here, there, step_before)
+            case "lcm":
+                x = _renoised(pair, there, share, generator)
             case "euler" | "ddim" | "ancestral":
                 x = _one_step(pair, here, there, settings.fresh_noise, share, generator)
         if agree and settings.target == "xt":
@@ -239,8 +246,22 @@ def _one_step(
     """A step of ddim, euler or ancestral: part of the noise, by eta, is drawn anew."""
     if eta == 0 or there.b == 0:
         return straight_on(pair, there)
-    noise = torch.randn(pair.x0.shape, generator=generator, dtype=pair.x0.dtype)
-    return ancestral(pair, here, there, eta, share(noise) if share else noise)
+    return ancestral(pair, here, there, eta, _fresh(pair.x0, share, generator))
+
+
+def _renoised(
+    pair: Pair, there: NoiseLevel, share: Hook | None, generator: torch.Generator | None
+) -> Latents:
+    """A step of a consistency model (Luo et al. 2023, alg. 3): all of the noise is drawn anew."""
+    if there.b == 0:
+        return straight_on(pair, there)
+    return straight_on(Pair(pair.x0, _fresh(pair.x0, share, generator)), there)
+
+
+def _fresh(x: Latents, share: Hook | None, generator: torch.Generator | None) -> Latents:
+    """Noise for latents like these, shared by corresponding cells."""
+    noise = torch.randn(x.shape, generator=generator, dtype=x.dtype)
+    return share(noise) if share else noise
 
 
 def _predict(
@@ -248,30 +269,41 @@ def _predict(
     condition: Any,
     settings: SamplerSettings,
     anchor: Anchor | None,
+    rescale: Rescale | None,
     x: Latents,
     level: NoiseLevel,
 ) -> Pair:
     """The guided pair; of an anchored view, its given x0 and the eps that leads there."""
     if anchor is None:
-        return _predict_free(denoiser, condition, x, level, settings)
+        return _predict_free(denoiser, condition, x, level, settings, rescale)
     free = ~anchor.views
     pair = Pair(anchor.x0.to(x).clone(), noise_of(anchor.x0.to(x), x, level))
     if free.any():
-        predicted = _predict_free(denoiser, condition, x[free], level, settings)
+        predicted = _predict_free(denoiser, condition, x[free], level, settings, rescale)
         pair.x0[free], pair.eps[free] = predicted
     return pair
 
 
 def _predict_free(
-    denoiser: Predictor, condition: Any, x: Latents, level: NoiseLevel, settings: SamplerSettings
+    denoiser: Predictor,
+    condition: Any,
+    x: Latents,
+    level: NoiseLevel,
+    settings: SamplerSettings,
+    rescale: Rescale | None,
 ) -> Pair:
     """The guided pair of views that are not anchored."""
-    guided = predict_guided(denoiser, condition, x, level, settings)
+    guided = predict_guided(denoiser, condition, x, level, settings, rescale)
     return as_pair(denoiser.predicts, guided, x, level)
 
 
 def predict_guided(
-    denoiser: Predictor, condition: Any, x: Latents, level: NoiseLevel, settings: SamplerSettings
+    denoiser: Predictor,
+    condition: Any,
+    x: Latents,
+    level: NoiseLevel,
+    settings: SamplerSettings,
+    rescale: Rescale | None = None,
 ) -> Latents:
     """The guided prediction, in the dtype of x. Raises UsageError if it is not finite."""
     s_T, s_I = settings.scales
@@ -279,13 +311,15 @@ def predict_guided(
     dtype = next(branch.dtype for branch in branches if branch is not None)
     text_image, image, none = (b if b is None else b.to(x.dtype) for b in branches)
     guided = guide(text_image, image, none, s_T, s_I)
+    if rescale and text_image is not None:
+        guided = rescale(guided, text_image)
     _check_finite(guided, f"{denoiser.name}'s prediction (in {dtype})", level, settings)
     return guided
 
 
 def _check_start(x: Latents, settings: SamplerSettings, generator: torch.Generator | None) -> None:
     if settings.fresh_noise > 0 and generator is None:
-        name = "ancestral" if settings.solver == "ancestral" else "eta above 0"
+        name = "eta above 0" if settings.method == "ddim" else settings.method
         raise UsageError(f"{name} draws fresh noise and needs a generator")
     if x.dtype not in (torch.float32, torch.float64):
         raise UsageError(
@@ -300,7 +334,7 @@ def _check_finite(x: Latents, what: str, level: NoiseLevel, settings: SamplerSet
         s_T, s_I = settings.scales
         raise UsageError(
             f"{what} at t = {level.t:g} (sigma {level.sigma:.3g}) are not finite, with solver "
-            f"{settings.solver}, {settings.steps} steps, guidance {s_T:g} and "
+            f"{settings.method}, {settings.step_count} steps, guidance {s_T:g} and "
             f"image guidance {s_I:g}: compute in float32, lower the guidance, "
             "or take more steps"
         )

@@ -24,7 +24,8 @@ class NoiseLevel(NamedTuple):
     """x_t = a x0 + b noise, with unit noise."""
 
     t: float
-    """The training step, as a network's input; between two of them it is interpolated."""
+    """The training step, as a network's input; between two of them it is interpolated. See
+    `Schedule.log_times`."""
     a: float
     b: float
 
@@ -47,6 +48,8 @@ class Schedule:
     """Added to every time step of the leading spacing (diffusers' `steps_offset`; 1 for SD)."""
     straight: bool = False
     """x_t = (1 - s) x0 + s noise, as rectified flows have it; otherwise a^2 + b^2 = 1."""
+    log_times: bool = False
+    """A level's `t`, the network's input, is log(sigma) / 4 (Karras et al. 2022), not its index."""
 
     @classmethod
     def scaled_linear(
@@ -63,6 +66,19 @@ class Schedule:
         left = ((times + shift) / (1 + shift) * math.pi / 2).cos() ** 2
         betas = (1 - left[1:] / left[:-1]).clamp_max(beta_max)
         return cls((1 - betas).cumprod(0))
+
+    @classmethod
+    def rectified_flow(cls, steps: int = 1000) -> Schedule:
+        """Straight paths from the picture to the noise (Liu et al. 2023): s = t / steps."""
+        s = torch.linspace(0, 1, steps + 1, dtype=torch.float64)
+        return cls((1 - s) ** 2 / ((1 - s) ** 2 + s**2), straight=True)
+
+    @classmethod
+    def edm(cls, sigma_min: float, sigma_max: float, steps: int = 1000) -> Schedule:
+        """Sigmas of Karras et al. 2022, in units of a clean latent; evenly spaced logarithms."""
+        first, last = math.log(sigma_min), math.log(sigma_max)
+        sigma = torch.linspace(first, last, steps, dtype=torch.float64).exp()
+        return cls(1 / (1 + sigma**2), log_times=True)
 
     def zero_terminal_snr(self) -> Schedule:
         """Schedule with pure noise at its last step and its first unchanged (Lin et al. 2024, alg.
@@ -90,7 +106,7 @@ class Schedule:
             ab = 1 / (1 + sigma**2)
         elif part:
             ab *= 1 - part
-        return NoiseLevel(float(t), ab**0.5, (1 - ab) ** 0.5)
+        return self._timed(NoiseLevel(float(t), ab**0.5, (1 - ab) ** 0.5))
 
     def level_at(self, sigma: float) -> NoiseLevel:
         """The level of that sigma, with the training step where it is; CLEAN at 0.
@@ -104,7 +120,12 @@ class Schedule:
             b = sigma / (1 + sigma)
             return NoiseLevel(_fractional_index(_straight_table(ab), b), 1 - b, b)
         a = (1 + sigma**2) ** -0.5
-        return NoiseLevel(_fractional_index(((1 - ab) / ab).sqrt(), sigma), a, sigma * a)
+        index = _fractional_index(((1 - ab) / ab).sqrt(), sigma)
+        return self._timed(NoiseLevel(index, a, sigma * a))
+
+    def _timed(self, level: NoiseLevel) -> NoiseLevel:
+        """The level with the time that the network reads."""
+        return level._replace(t=math.log(level.sigma) / 4) if self.log_times else level
 
     def alpha(self, t: int | float) -> float:
         """`ab` at `t`; before step 0 it is that of step 0, not 1 (set_alpha_to_one False)."""

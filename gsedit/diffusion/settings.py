@@ -13,7 +13,7 @@ from gsedit.errors import UsageError
 
 Target = Literal["x0", "xt", "eps"]
 Noise = Literal["shared", "independent"]
-Solver = Literal["ddim", "euler", "heun", "dpm++2m", "ancestral"]
+Solver = Literal["ddim", "euler", "heun", "dpm++2m", "ancestral", "lcm"]
 Precision = Literal["float32", "bfloat16", "auto"]
 Spacing = Literal["leading", "linspace", "trailing", "karras"]
 """Positions of the steps: three ways of dividing the training steps (named as in diffusers; leading
@@ -30,14 +30,17 @@ class SamplerDefaults(NamedTuple):
     temperature: float = 1.0
     t_end: float = 4.7
     """Sigma, where Stable Diffusion has done a fifth of its steps: the paper's 10 of 50."""
+    steps: int = 20
+    solver: Solver = "ddim"
 
 
 @dataclass(frozen=True)
 class SamplerSettings:
     """How a batch of views is sampled. Every range is checked; a bad value is a UsageError."""
 
-    steps: int = 20
-    """Denoising steps, from 1 to 1000. The time of an edit is proportional to it."""
+    steps: int | None = None
+    """Denoising steps, from 1 to 1000. The time of an edit is proportional to it. None: the
+    editor's own (20; models distilled to few steps 4)."""
     guidance_text: float | None = field(default=None, metadata={"flag": "--guidance"})
     """Weight of the instruction, s_T of InstructPix2Pix, 0 or more; 1 or less adds no push towards
     it. None: the editor's own (7.5; small 1.4)."""
@@ -47,8 +50,9 @@ class SamplerSettings:
     strength: float = 0.98
     """Fraction of the noise schedule at which the noised render starts, above 0 and at most 1;
     less keeps more of the render."""
-    solver: Solver = "ddim"
-    """How a step is taken. heun runs the network twice a step; ancestral draws fresh noise."""
+    solver: Solver | None = None
+    """How a step is taken. heun runs the network twice a step; ancestral and lcm draw fresh noise.
+    None: the editor's own (ddim)."""
     spacing: Spacing = "leading"
     """Positions of the steps on the noise schedule, named as in diffusers; karras spaces the
     seventh roots of sigma evenly."""
@@ -87,7 +91,8 @@ class SamplerSettings:
         self._check_combinations()
 
     def _check_ranges(self) -> None:
-        _require(1 <= self.steps <= 1000, "steps", self.steps, "from 1 to 1000")
+        valid = self.steps is None or 1 <= self.steps <= 1000
+        _require(valid, "steps", self.steps, "from 1 to 1000")
         for name in ("guidance_text", "guidance_image", "t_end"):
             value = getattr(self, name)
             valid = value is None or (math.isfinite(value) and value >= 0)
@@ -112,15 +117,21 @@ class SamplerSettings:
         }
         for name, allowed in choices.items():
             value, names = getattr(self, name), get_args(allowed)
-            _require(value in names, name, value, f"one of {', '.join(names)}")
+            missing = name == "solver" and value is None
+            _require(missing or value in names, name, value, f"one of {', '.join(names)}")
 
     def _check_combinations(self) -> None:
         if self.spacing in ("leading", "trailing"):
             most = int(1000 * self.strength)  # noise levels of Stable Diffusion's schedule
-            _require(self.steps <= most, "steps", self.steps, f"at most {most} at this strength")
-        if self.eta and self.solver not in ("ddim", "ancestral"):
+            _require(
+                self.step_count <= most,
+                "steps",
+                self.step_count,
+                f"at most {most} at this strength",
+            )
+        if self.eta and self.method not in ("ddim", "ancestral"):
             raise UsageError(
-                f"eta {self.eta:g} is for the solver ddim, {self.solver} draws no noise: "
+                f"eta {self.eta:g} is for the solver ddim, {self.method} has none: "
                 "use solver ddim, or eta 0"
             )
         if self.consensus and self.target == "eps" and self.noise == "independent":
@@ -158,8 +169,18 @@ class SamplerSettings:
 
     @property
     def fresh_noise(self) -> float:
-        """The share of the noise that each step draws anew: eta, or 1 for the solver ancestral."""
-        return 1.0 if self.solver == "ancestral" else self.eta
+        """The share of the noise that each step draws anew: eta, or 1 for ancestral and lcm."""
+        return 1.0 if self.method in ("ancestral", "lcm") else self.eta
+
+    @property
+    def step_count(self) -> int:
+        """The steps, with InstructPix2Pix's where they are None."""
+        return SamplerDefaults().steps if self.steps is None else self.steps
+
+    @property
+    def method(self) -> Solver:
+        """The solver, with InstructPix2Pix's where it is None."""
+        return SamplerDefaults().solver if self.solver is None else self.solver
 
     @classmethod
     def preset(cls, name: str) -> SamplerSettings:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol, runtime_checkable
 
 import torch
@@ -13,6 +13,9 @@ from torch import Tensor
 from gsedit.consistency.correspond import Correspondences
 from gsedit.datasets.padding import PadMode
 from gsedit.diffusion.guidance import Predictor
+from gsedit.diffusion.predictions import Latents
+from gsedit.diffusion.sampler import levels_of
+from gsedit.diffusion.schedules import NoiseLevel
 from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings
 from gsedit.runs.ranks import Ranks
 from gsedit.words.understanding import Understanding
@@ -106,6 +109,16 @@ class Capabilities:
     with_subject: Callable[[Float[Tensor, "v h w"]], Denoiser] | None = None
     """Make this denoiser for pictures whose subject is where this probability says (as many views,
     in the same order). None where a denoiser cannot be told."""
+    levels: Callable[[SamplerSettings, tuple[int, int]], list[NoiseLevel]] | None = None
+    """(settings, rows and columns of latent cells) -> the levels that sampling steps between, for
+    schedules that depend on the picture's size or on the number of steps. None: those that the
+    settings divide the schedule into."""
+    with_text_weight: Callable[[float], Denoiser] | None = None
+    """Make this denoiser with the instruction's weight as an input of its network, for models that
+    guidance was distilled into: then only the text's branch is predicted. None for others."""
+    rescale: Callable[[Latents, Latents], Latents] | None = None
+    """(guided prediction, prediction under text and picture) -> the prediction to step with. None:
+    the guided one."""
     with_ranks: Callable[[Ranks], Editor] | None = None
     """Make this editor with its views shared out over several processes. None where that is not
     possible: then rank 0 edits, and the others receive the pictures."""
@@ -202,3 +215,21 @@ class Denoiser(Predictor, Autoencoder, Protocol):
     ) -> Any:
         """Whatever `branches` needs and no step changes; computed once for the views."""
         ...
+
+
+def levels_for(
+    denoiser: Denoiser, settings: SamplerSettings, cells: tuple[int, int]
+) -> list[NoiseLevel]:
+    """The levels that a denoiser steps between, for pictures of `cells` (rows, columns)."""
+    levels = denoiser.capabilities.levels
+    return levels(settings, cells) if levels else levels_of(denoiser.schedule, settings)
+
+
+def for_settings(denoiser: Denoiser, settings: SamplerSettings) -> tuple[Denoiser, SamplerSettings]:
+    """(denoiser, settings without None): the text's weight is given to a network that reads it."""
+    settings = settings.with_defaults(denoiser.capabilities.defaults)
+    with_text_weight = denoiser.capabilities.with_text_weight
+    if with_text_weight is None:
+        return denoiser, settings
+    weighted = with_text_weight(settings.scales[0])
+    return weighted, replace(settings, guidance_text=1.0, guidance_image=1.0)

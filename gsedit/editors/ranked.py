@@ -17,9 +17,16 @@ from torch import Tensor
 from gsedit.diffusion.guidance import Branches, Need, Predictor
 from gsedit.diffusion.memory import peak_bytes, views_at_once
 from gsedit.diffusion.precision import InBfloat16, with_precision
-from gsedit.diffusion.sampler import levels_of, predict_guided
+from gsedit.diffusion.sampler import predict_guided
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors.protocol import Capabilities, Denoiser, EditBatch, Editor, EditProgress
+from gsedit.editors.protocol import (
+    Capabilities,
+    Denoiser,
+    EditBatch,
+    Editor,
+    EditProgress,
+    levels_for,
+)
 from gsedit.errors import UsageError
 from gsedit.runs.ranks import Ranks
 
@@ -104,11 +111,12 @@ class SharedDenoiser:
     def capabilities(self) -> Capabilities:
         """The denoiser's, and the denoiser itself, for who computes the same on all ranks."""
         declared = self._denoiser.capabilities
-        masked = declared.with_subject
+        masked, weighted = declared.with_subject, declared.with_text_weight
         return replace(
             declared,
             denoiser=self._denoiser,
             with_subject=masked and (lambda subject: self._with(masked(self._mine(subject)))),
+            with_text_weight=weighted and (lambda weight: self._with(weighted(weight))),
         )
 
     def encode(self, images: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v c y x"]:
@@ -182,14 +190,16 @@ def prepared(
     with_micro_batch = denoiser.capabilities.with_micro_batch
     if with_micro_batch is None:
         return denoiser
-    first = levels_of(denoiser.schedule, settings)[0]
+    rows, columns = x.shape[2:]
+    first = levels_for(denoiser, settings, (rows, columns))[0]
     condition = denoiser.condition(originals[:1], prompt, torch.Generator())
+    rescale = denoiser.capabilities.rescale
 
     def guided(predictor: Predictor) -> Tensor:
         return exact() if predictor is denoiser else predict(predictor)
 
     def predict(predictor: Predictor) -> Tensor:
-        return predict_guided(predictor, condition, x[:1], first, settings)
+        return predict_guided(predictor, condition, x[:1], first, settings, rescale)
 
     exact = cache(lambda: predict(denoiser))
     held = max(peak_bytes(exact), peak_bytes(lambda: denoiser.decode(x[:1])))

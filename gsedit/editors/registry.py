@@ -83,8 +83,8 @@ def _closed_form() -> Editor:
 
 def _pix2pix(model: str | Path | None = None, weights_dir: str | Path | None = None) -> Editor:
     """InstructPix2Pix weights of Stable Diffusion 1.5 or SDXL, a folder or hub id: any sentence."""
-    from gsedit.editors.pix2pix.denoiser import load_pix2pix
-    from gsedit.editors.pix2pix.hub import DEFAULT as DEFAULT_MODEL
+    from gsedit.editors.models.hub import DEFAULT as DEFAULT_MODEL
+    from gsedit.editors.models.stable_diffusion import load_pix2pix
     from gsedit.editors.sampling import DiffusionEditor
 
     return DiffusionEditor(load_pix2pix(model or DEFAULT_MODEL, weights_dir=weights_dir))
@@ -93,8 +93,8 @@ def _pix2pix(model: str | Path | None = None, weights_dir: str | Path | None = N
 def _pix2pix_missing() -> Iterable[str]:
     from importlib.util import find_spec
 
-    from gsedit.editors.pix2pix import hub
-    from gsedit.editors.pix2pix.weights import inspect as inspect_weights
+    from gsedit.editors.models import hub
+    from gsedit.editors.models.weights import inspect as inspect_weights
 
     absent = [name for name in ("diffusers", "transformers") if find_spec(name) is None]
     if absent:

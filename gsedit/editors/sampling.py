@@ -17,9 +17,16 @@ from torch import Tensor
 from gsedit.consistency.consensus import consensus, share_noise
 from gsedit.datasets.padding import pad_to, pad_to_multiple, round_up
 from gsedit.diffusion.guidance import Around, Branches, Need
-from gsedit.diffusion.sampler import Anchor, Hook, add_noise, levels_of, sample
+from gsedit.diffusion.sampler import Anchor, Hook, add_noise, sample
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors.protocol import Capabilities, Denoiser, EditBatch, EditProgress
+from gsedit.editors.protocol import (
+    Capabilities,
+    Denoiser,
+    EditBatch,
+    EditProgress,
+    for_settings,
+    levels_for,
+)
 from gsedit.editors.ranked import prepared, shared_out
 from gsedit.errors import UsageError
 
@@ -64,18 +71,19 @@ class DiffusionEditor:
         """
         self.check(batch.prompt)
         _check_shapes(batch)
-        settings = settings.with_defaults(self.denoiser.capabilities.defaults)
+        weighted, settings = for_settings(self.denoiser, settings)
         if batch.anchored is not None and batch.anchored.all():
-            yield EditProgress(settings.steps, settings.steps, batch.images.clone())
+            yield EditProgress(settings.step_count, settings.step_count, batch.images.clone())
             return
         whole = padded(batch, self.denoiser)
         free = _free(batch)
-        denoiser = with_subject_mask(self.denoiser, whole.subject, free)
+        denoiser = with_subject_mask(weighted, whole.subject, free)
         z0, anchor = _encoded(whole, self.denoiser)
         agree, share = _hooks(whole, settings, self.capabilities)
         noise = torch.randn(z0.shape, generator=generator, dtype=z0.dtype)
-        start = levels_of(self.denoiser.schedule, settings)[0]
-        x = add_noise(z0, settings.noise_scale * share(noise), start)
+        rows, columns = z0.shape[2:]
+        levels = levels_for(denoiser, settings, (rows, columns))
+        x = add_noise(z0, settings.noise_scale * share(noise), levels[0])
         originals = whole.originals[free]
         condition = denoiser.condition(originals, batch.prompt, generator)
         counted = Counted(prepared(denoiser, x[free], originals, batch.prompt, settings))
@@ -84,6 +92,8 @@ class DiffusionEditor:
             condition,
             x,
             settings,
+            levels=levels,
+            rescale=denoiser.capabilities.rescale,
             consensus=agree,
             share=share,
             anchor=anchor,
@@ -94,7 +104,7 @@ class DiffusionEditor:
             if step.step < step.steps:
                 yield EditProgress(step.step, step.steps, evaluations=counted.evaluations)
         images = _completed(batch, self.denoiser.decode(x[free]))
-        yield EditProgress(settings.steps, settings.steps, images, counted.evaluations)
+        yield EditProgress(len(levels) - 1, len(levels) - 1, images, counted.evaluations)
 
 
 class Counted(Around):

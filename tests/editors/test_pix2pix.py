@@ -17,7 +17,7 @@ from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.sampler import Anchor, sample
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editors import EditBatch, make_editor
-from gsedit.editors.pix2pix.denoiser import load_pix2pix
+from gsedit.editors.models.stable_diffusion import load_pix2pix
 from gsedit.errors import UsageError
 
 pytestmark = pytest.mark.usefixtures("offline")

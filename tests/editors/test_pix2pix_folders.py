@@ -11,8 +11,8 @@ import pytest
 import torch
 from tiny_pix2pix import SD
 
-from gsedit.editors.pix2pix import hub
-from gsedit.editors.pix2pix.denoiser import load_pix2pix
+from gsedit.editors.models import hub
+from gsedit.editors.models.stable_diffusion import load_pix2pix
 from gsedit.errors import InputError, UsageError
 
 pytestmark = pytest.mark.usefixtures("offline")

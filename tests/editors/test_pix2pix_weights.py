@@ -11,7 +11,7 @@ from gsedit_cli.main import app
 from safetensors.torch import save_file
 from typer.testing import CliRunner
 
-from gsedit.editors.pix2pix.weights import inspect, tensors
+from gsedit.editors.models.weights import inspect, tensors
 from gsedit.errors import InputError
 
 

@@ -75,7 +75,7 @@ class EditAlone(RollbackAction):
 def alone(sampler: SamplerSettings, strength: float) -> SamplerSettings:
     """The settings for a view on its own from that noise level, with fewer steps where the
     schedule has fewer levels below it."""
-    steps = max(1, min(sampler.steps, int(1000 * strength)))
+    steps = max(1, min(sampler.step_count, int(1000 * strength)))
     return replace(sampler, strength=strength, steps=steps, consensus=False, noise="independent")
 
 

@@ -27,7 +27,7 @@ from gsedit.editing.strategies._dataset import (
     dataset_views,
 )
 from gsedit.editing.strategies._random_views import RandomViews
-from gsedit.editors.protocol import Denoiser
+from gsedit.editors.protocol import Denoiser, for_settings
 from gsedit.editors.sampling import Counted, padded, with_subject_mask
 from gsedit.errors import UsageError
 from gsedit.runs.events import Event
@@ -52,7 +52,9 @@ class Distil(RandomViews):
         self, session: Session, view: int, image: Float[Tensor, "h w 3"]
     ) -> tuple[Float[Tensor, ""], float]:
         """(loss with the gradient of score distillation, mean of w(t) (eps_hat - eps)^2)."""
-        denoiser, generator = denoiser_of(session), session.request.generator
+        generator = session.request.generator
+        sampler = session.request.settings.sampler
+        denoiser, sampler = for_settings(denoiser_of(session), sampler)
         batch = batch_of(session, (view,), start={view: image.detach()})
         whole = padded(batch, denoiser)
         pixels = pad_to_multiple(image[None], denoiser.multiple, denoiser.padding)
@@ -65,7 +67,8 @@ class Distil(RandomViews):
             x = add_noise(z, noise, level)
             condition = denoiser.condition(whole.originals, whole.prompt, generator)
             counted = Counted(with_subject_mask(denoiser, whole.subject))
-            guided = predict_guided(counted, condition, x, level, session.request.settings.sampler)
+            rescale = denoiser.capabilities.rescale
+            guided = predict_guided(counted, condition, x, level, sampler, rescale)
             error = as_pair(denoiser.predicts, guided, x, level).eps - noise
         session.progress.work.evaluations += counted.evaluations
         weight = level.b**2

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from gsedit.editors.pix2pix.weights import DEFECTS, WANTED, inspect
+from gsedit.editors.models.weights import DEFECTS, WANTED, inspect
 from gsedit.errors import InputError, UsageError
 
 DEFAULT = "timbrooks/instruct-pix2pix"

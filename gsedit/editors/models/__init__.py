@@ -1,0 +1,1 @@
+"""2D editing models in diffusers' layout: found, inspected, loaded, and run as denoisers."""

@@ -1,1 +1,0 @@
-"""InstructPix2Pix weights in diffusers' layout: found, inspected, loaded, and run as a denoiser."""
