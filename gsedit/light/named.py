@@ -14,16 +14,16 @@ from gsedit.words.direct import light_of
 LOW_SUN = (1.0, 0.52, 0.2)
 WARM = (1.0, 0.72, 0.42)
 FLAME = (1.0, 0.5, 0.16)
-MOON = (0.62, 0.78, 1.0)
+MOON = (0.5, 0.72, 1.0)
 MIST = (0.8, 0.82, 0.84)
 
 LIGHTS: dict[str, LightSetup] = {
     "night": LightSetup(
-        (0.035, 0.055, 0.11), (0.012, 0.016, 0.03), Sun(-60.0, 45.0, 0.1, MOON, 3.0),
+        (0.026, 0.052, 0.125), (0.009, 0.015, 0.032), Sun(-60.0, 45.0, 0.1, MOON, 3.0),
         saturation=0.45, deep=True, backdrop=(0.04, 0.06, 0.13),
     ),
     "moonlight": LightSetup(
-        (0.02, 0.035, 0.08), (0.008, 0.01, 0.02), Sun(-100.0, 38.0, 0.42, MOON, 1.0),
+        (0.015, 0.034, 0.09), (0.006, 0.01, 0.023), Sun(-100.0, 38.0, 0.42, MOON, 1.0),
         saturation=0.35, backdrop=(0.05, 0.08, 0.17),
     ),
     "dusk": LightSetup(

@@ -27,6 +27,8 @@ NEAR = 1.6
 """Radius that is lit, in the cameras' distance from what they look at."""
 FADE = 0.35
 """Share of the radius over which light gives way to tone."""
+ALONE = 0.7
+"""Radius, in the cameras' distance, below which nothing is around what they look at."""
 TOLD = 0.02
 """Least share of what is seen that a person is told of."""
 WHOLE, MARGIN = 0.98, 1.1
@@ -48,6 +50,11 @@ class Place:
     """Median distance of the cameras from the center."""
     radius: float
     """Beyond it geometry is not trusted."""
+
+    @property
+    def alone(self) -> bool:
+        """Whether the cameras look at an object with nothing around it."""
+        return self.radius < ALONE * self.distance
 
     def direction(self, azimuth: float, elevation: float) -> Float[Tensor, "3"]:
         """Unit vector to where light of these angles (degrees, see LightSetup) comes from."""
@@ -86,8 +93,10 @@ def place_of(
     return Place(center, up, _front(cameras, up), distance, radius)
 
 
-def far_note(scene: Gaussians, place: Place, seen: Float[Tensor, " n"] | None) -> str | None:
-    """Remark on what of a scene only changes its tone; None where that is next to nothing."""
+def light_note(scene: Gaussians, place: Place, seen: Float[Tensor, " n"] | None) -> str | None:
+    """Remark on what of a scene only changes its tone, or that nothing is around it; else None."""
+    if place.alone:
+        return "nothing is around it: dim light is exposed so that it is seen against black"
     far = 1 - place.trust(scene.means.detach().double())
     weight = torch.ones_like(far) if seen is None else seen.double()
     share = float((far * weight).sum() / weight.sum().clamp_min(1e-12))

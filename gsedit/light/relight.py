@@ -15,6 +15,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from gsedit.light.alone import exposure, gleaming
 from gsedit.light.color_change import ColorChange, only_inside, step
 from gsedit.light.place import Place
 from gsedit.light.present import Survey, survey
@@ -22,6 +23,7 @@ from gsedit.light.setup import Fog, Lamp, LightSetup, Sun
 from gsedit.light.shadows import SHARP, lit_share, parallel_map, spot_map, sun_directions
 from gsedit.light.surface import OFFSET_PIXELS, Surface
 from gsedit.scene.color_space import LUMINANCE
+from gsedit.scene.quantiles import weighted_quantile
 from gsedit.toolkit.grade import GAMMA
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution, sh_to_color
@@ -33,6 +35,12 @@ SKY_RISE = (0.02, 0.2)
 """Sine of the elevation above the middle at which what is far away begins to be sky, and is."""
 SKY_BRIGHT = (0.45, 0.75)
 """Display luminance at which it may be sky, and is."""
+PATCH_RANK, PRESSED = 0.7, 0.6
+"""Rank among what is seen above which something may be a patch of sun, and the power of its
+brightness that is taken off."""
+DIM = (0.45, 0.15)
+"""Mean of new light over present light at which patches begin to fade, and where they are taken
+off."""
 SHOULDER = 0.8
 """Display color above which a gain of light is compressed: a lit wall keeps its texture."""
 
@@ -58,16 +66,35 @@ def relit_by(
     found: Survey, scene: Gaussians, setup: LightSetup, execution: Execution = AUTO
 ) -> Gaussians:
     """The scene that was surveyed, or one with other colors, in another light."""
-    present = found.surface.smoothed(found.light)[:, None]
-    outdoors = light_on(found.surface, setup, found.sky, execution)
-    ratio = found.surface.smoothed(outdoors) / present
-    near = (found.trust * found.seen)[:, None]
-    far = (near * ratio).sum(0) / near.sum().clamp_min(1e-12)
+    surface = found.surface
+    present = surface.smoothed(found.light)[:, None]
+    outdoors = surface.smoothed(light_on(surface, setup, found.sky, execution))
+    lamps = torch.zeros_like(outdoors)
     for lamp in setup.lamps:
-        ratio = ratio + found.surface.smoothed(_lamplight(found.surface, lamp, execution)) / present
+        lamps = lamps + surface.smoothed(_lamplight(surface, lamp, execution))
+    near = (found.trust * found.seen)[:, None]
+    far = (near * outdoors / present).sum(0) / near.sum().clamp_min(1e-12)
     share = found.trust[:, None]
-    ratio = share * ratio + (1 - share) * far
-    return _change(scene, setup, found.place, found.trust, ratio ** (1 / GAMMA)).applied(scene)
+    outside = share * outdoors / present + (1 - share) * far
+    outside = outside * patches_kept(found, scene, far)[:, None]
+    ratio = outside + share * lamps / present
+    gain = exposure(found, scene, ratio)
+    change = _change(scene, setup, found.place, found.trust, (gain * ratio) ** (1 / GAMMA))
+    after = change.applied(scene)
+    return gleaming(after, (gain - 1) * (outdoors + lamps))
+
+
+def patches_kept(found: Survey, scene: Gaussians, mean: Float[Tensor, "3"]) -> Float[Tensor, " n"]:
+    """Factor, at most 1, of what is far brighter than most of a scene, where new light is dim.
+
+    What a day's sun lit through leaves, past all that the scene holds, is no bright surface: it
+    would shine at night. `mean` is the mean of new light over present light.
+    """
+    weights = torch.from_numpy(LUMINANCE / LUMINANCE.sum())
+    luminance = (sh_to_color(scene.sh[:, 0].detach().double()).clamp(0, 1) ** GAMMA) @ weights
+    pivot = weighted_quantile(luminance[:, None], found.seen, PATCH_RANK).clamp_min(1e-4)
+    over = (luminance / pivot).clamp_min(1)
+    return over ** -(PRESSED * step(mean @ weights, *DIM))
 
 
 def light_on(

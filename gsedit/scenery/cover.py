@@ -8,9 +8,12 @@ from torch import Tensor
 
 from gsedit.light.color_change import ColorChange, step
 from gsedit.scenery.setting import LEAF, Setting
+from gsedit.toolkit.grade import GAMMA
 
-WHITE_SNOW, BLUE_SNOW = (0.95, 0.965, 0.985), (0.58, 0.67, 0.82)
+WHITE_SNOW, BLUE_SNOW = (1.0, 1.01, 1.03), (0.64, 0.74, 0.9)
 """Display colors of snow in full light, and in its shade."""
+DRIFTS = 0.035
+"""Standard deviation of the brightness of drifts."""
 WINTER_SKY = (0.84, 0.87, 0.9)
 SAND, DARK_SAND = (0.89, 0.75, 0.53), (0.62, 0.46, 0.3)
 DESERT_SKY = (0.8, 0.83, 0.82)
@@ -23,9 +26,12 @@ def snow(setting: Setting) -> ColorChange:
     dusted = step(setting.noise(LEAF, 2) + 0.8 * setting.rise, -0.5, 0.7)
     share = setting.sure * lying + (1 - setting.sure) * 0.85 * dusted
     share = share * step(setting.overhead, 0.12, 0.55)
-    share = setting.found.surface.smoothed(share, 1) * 0.97
-    color = _between(BLUE_SNOW, WHITE_SNOW, setting.lit(0.12, 0.6))
-    return _covered(setting, share, color * setting.detail(0.25)[:, None], WINTER_SKY, 0.7, 0.9)
+    stems = setting.foliage * step(setting.noise(LEAF, 8), 0.2, 1.0)
+    share = setting.found.surface.smoothed(share * (1 - 0.7 * stems), 1) * 0.97
+    drifts = 1 + DRIFTS * setting.noise(3 * LEAF, 7)
+    color = _between(BLUE_SNOW, WHITE_SNOW, setting.lit(0.1, 0.7))
+    color = color * (setting.detail(0.35) * drifts)[:, None]
+    return _covered(setting, share, color, WINTER_SKY, 0.7, 0.9)
 
 
 def frost(setting: Setting) -> ColorChange:
@@ -66,11 +72,16 @@ def _covered(
     saturation: float,
     factor: float,
 ) -> ColorChange:
-    """A cover over a scene, before a sky of a color."""
+    """A cover over a scene, before a sky of a color; colors are as displayed in a light of 1."""
+    found = setting.found
+    present = found.surface.smoothed(found.light)
+    near = found.trust * found.seen
+    mean = (near @ present) / near.sum().clamp_min(1e-12)
+    present = mean + found.trust * (present - mean)
     sky_part = 0.85 * setting.sky
     veil = 1 - (1 - share) * (1 - sky_part)
-    mixed = (1 - sky_part)[:, None] * share[:, None] * color
+    mixed = ((1 - sky_part) * share * present ** (1 / GAMMA))[:, None] * color
     mixed = mixed + sky_part[:, None] * torch.tensor(sky).double()
     tint = mixed / veil.clamp_min(1e-12)[:, None]
     ones = torch.full((len(share), 3), factor, dtype=torch.float64)
-    return ColorChange(saturation, ones, veil, tint.clamp(0, 1))
+    return ColorChange(saturation, ones, veil, tint)

@@ -31,6 +31,9 @@ GREEN_HUES = (92.0, 104.0, 165.0, 185.0)
 """Angles in Lab, degrees, at which foliage begins, surely is, ends to be sure, and ends."""
 GREEN_CHROMA = (9.0, 18.0)
 """Lab chroma below which nothing is foliage, and above which all that is green is."""
+SMOOTH, LAWN_CHROMA = (0.92, 0.97), (32.0, 20.0)
+"""Confidence of normals at which a surface begins to be smooth, and is; Lab chroma from which a
+green there is a lawn's, and below which it is a stain's."""
 LEAFY = (0.2, 0.55)
 """Mean greenness of what is seen of a Gaussian from which it is foliage: the color of a single
 Gaussian is noise, that of its pixels is not."""
@@ -95,17 +98,25 @@ class Setting:
 
     @cached_property
     def foliage(self) -> Float[Tensor, " n"]:
-        """Share of leaves and grass: green, and not the smooth side of a thing."""
+        """Share of leaves and grass: green, and on a smooth surface as vivid as a lawn."""
         own = self.found.surface.smoothed(greenness(self.colors), 1)
         chosen = evenly_spaced(len(self.cameras), FOLIAGE_VIEWS)
         cameras = [self.cameras[i].fitted(FOLIAGE_PIXELS) for i in chosen]
         if not cameras:
-            return step(own, *LEAFY)
+            return step(own, *LEAFY) * (1 - self._stained)
         pictures = [render_picture(self.scene, each, self.execution) for each in cameras]
         maps = [greenness(picture.double().clamp(0, 1)).float() for picture in pictures]
         seen = lift(self.scene, cameras, maps, self.execution)
         green = torch.where(seen.weight > MIN_SEEN_PIXELS, seen.mean.double(), own)
-        return step(self.found.surface.smoothed(green, 1), *LEAFY)
+        return step(self.found.surface.smoothed(green, 1), *LEAFY) * (1 - self._stained)
+
+    @property
+    def _stained(self) -> Float[Tensor, " n"]:
+        """How surely a green is a stain: pale, on a smooth surface."""
+        surface = self.found.surface
+        lab = torch.from_numpy(lab_of_srgb(surface.smoothed(self.colors, 1).numpy()))
+        pale = step(lab[:, 1:].norm(dim=-1), *LAWN_CHROMA)
+        return step(surface.confidence, *SMOOTH) * pale * self.found.trust
 
     def noise(self, size: float, seed: int = 0) -> Float[Tensor, " n"]:
         """Noise of mean 0 and deviation 1 whose features have a size, in the cameras' distance."""

@@ -12,7 +12,7 @@ from gsedit.editing.routes.apply import apply_change
 from gsedit.errors import UsageError
 from gsedit.light.direction import direction_of
 from gsedit.light.named import LIGHTS, setup_of
-from gsedit.light.place import far_note, place_of
+from gsedit.light.place import light_note, place_of
 from gsedit.light.relight import relit
 from gsedit.light.setup import Fog, Lamp, LightSetup, Sun
 from gsedit.regions.region import Region, everything
@@ -23,7 +23,7 @@ from rasterizer.camera import look_at
 from rasterizer.numerics import color_to_sh, sh_to_color
 from rasterizer.scene import Gaussians, concatenate
 
-DARK = (0.02, 0.02, 0.02)
+DARK, TWICE = (0.02, 0.02, 0.02), (0.04, 0.04, 0.04)
 
 
 def ball(count: int = 1500, radius: float = 0.5, center=(0.0, 0.0, 0.5)) -> Gaussians:
@@ -92,22 +92,53 @@ def test_an_open_sky_darkens_what_is_under_the_ball_least_light_from_above_most(
     assert after[near].mean() < after[open_].mean()
 
 
-def test_light_is_linear_in_its_strength(scene):
-    once = relit(scene, LightSetup(DARK, DARK), ring())
-    double = relit(scene, LightSetup((0.04,) * 3, (0.04,) * 3), ring())
+def surrounded(scene: Gaussians) -> Gaussians:
+    """The scene, with another one like it far away."""
+    far = replace(scene, means=scene.means + torch.tensor((0.0, 40.0, 0.0)))
+    return concatenate(scene, far)
+
+
+def test_light_is_linear_in_its_strength_where_something_is_around(scene):
+    both = surrounded(scene)
+    once = relit(both, LightSetup(DARK, DARK), ring())
+    double = relit(both, LightSetup(TWICE, TWICE), ring())
     ratio = sh_to_color(double.sh[:, 0]) / sh_to_color(once.sh[:, 0])
     torch.testing.assert_close(ratio, torch.full_like(ratio, 2 ** (1 / 2.2)), rtol=1e-3, atol=1e-3)
     bands = double.sh[:, 1:] / once.sh[:, 1:]
     torch.testing.assert_close(bands, torch.full_like(bands, 2 ** (1 / 2.2)), rtol=1e-3, atol=1e-3)
 
 
+@pytest.mark.parametrize("albedo", [0.02, 0.5])
+def test_an_object_that_is_alone_is_seen_at_night_and_more_light_is_brighter(scene, albedo):
+    color = color_to_sh(torch.full((len(scene), 1, 3), albedo))
+    lone = replace(scene, sh=color)
+    nights = [shown(relit(lone, setup_of("night", amount), ring())) for amount in (0.0, 0.5)]
+    night, deeper = (float(each.mean()) for each in nights)
+    assert night > 0.1
+    assert deeper < night
+    assert "nothing is around" in str(light_note(lone, place_of(lone, ring()), None))
+    assert not place_of(surrounded(lone), ring()).alone
+    around = relit(surrounded(lone), setup_of("night"), ring())[: len(lone)]
+    assert shown(around).mean() < night
+
+
+def test_patches_of_a_days_sun_fade_where_new_light_is_dim(scene):
+    both = surrounded(scene)
+    patch = both.means[:, :2].norm(dim=-1) < 0.3
+    both.sh[:, 0] = color_to_sh(torch.where(patch[:, None], 0.9, 0.4).expand(-1, 3))
+    contrast = []
+    for light in ("daylight", "night"):
+        after = shown(relit(both, setup_of(light), ring()))
+        contrast.append(float(after[patch].mean() / after[~patch & (both.means[:, 1] < 5)].mean()))
+    assert contrast[1] < 0.8 * contrast[0]
+
+
 def test_what_is_far_changes_its_tone_only(scene):
-    far = replace(scene, means=scene.means + torch.tensor((0.0, 40.0, 0.0)))
-    both, cameras = concatenate(scene, far), ring()
+    both, cameras = surrounded(scene), ring()
     after = relit(both, LIGHTS["sunny"], cameras)
     color = sh_to_color(after.sh[len(scene) :, 0])
     torch.testing.assert_close(color, color[:1].expand_as(color), rtol=0, atol=1e-5)
-    note = far_note(both, place_of(both, cameras), torch.ones(len(both)))
+    note = light_note(both, place_of(both, cameras), torch.ones(len(both)))
     assert note is not None
     assert "50%" in note
 

@@ -86,6 +86,29 @@ def test_autumn_turns_leaves_and_not_stone(scene):
     assert after[inner].std(0).max() > 0.03  # from clump to clump
 
 
+def test_a_pale_green_stain_on_smooth_stone_is_no_foliage(scene, setting):
+    stained = replace(
+        scene, sh=color_to_sh(torch.tensor((0.5, 0.53, 0.4))).expand(len(scene), 1, 3)
+    )
+    found = setting.found
+    smooth = Setting(stained, found, ring())
+    leafy = replace(found.surface, confidence=torch.full((len(scene),), 0.6).double())
+    rough = Setting(stained, replace(found, surface=leafy), ring())
+    sides = found.surface.confidence > 0.97
+    assert rough.foliage[sides].mean() > 0.5
+    assert smooth.foliage[sides].mean() < 0.1
+
+
+def test_snow_is_as_bright_in_a_dark_capture_as_in_a_bright_one(scene):
+    top = (scene.means[:, 2] == 0.5) & (scene.means[:, :2].abs().amax(1) < 0.3)
+    whites = []
+    for stone in ((0.2, 0.2, 0.19), (0.7, 0.69, 0.66)):
+        after = in_scenery(box_scene(stone), "snow", ring())
+        whites.append(float(sh_to_color(after.sh[top, 0]).mean()))
+    assert min(whites) > 0.8
+    assert abs(whites[0] - whites[1]) < 0.08
+
+
 def test_gray_brown_and_blue_are_no_foliage():
     colors = torch.tensor([GREEN, STONE, (0.4, 0.25, 0.15), (0.5, 0.65, 0.9), (0.02, 0.03, 0.02)])
     green = greenness(colors.double())

@@ -14,7 +14,7 @@ from gsedit.editing.routes.colors import parse_hex
 from gsedit.editing.routes.tone import toned
 from gsedit.errors import UsageError
 from gsedit.light.named import setup_of
-from gsedit.light.place import far_note, place_of
+from gsedit.light.place import light_note, place_of
 from gsedit.light.relight import relit
 from gsedit.materials.apply import Dressed, in_material
 from gsedit.materials.named import material_of, paint_of
@@ -166,7 +166,7 @@ def apply_instruction(
         inside |= region.inside
     found = Region(inside, "; ".join(regions[target].note for target in targets))
     lit = any(change.route in ("light", "scenery") for change in changes)
-    note = None if not lit else far_note(scene, place_of(scene, cameras, seen), seen)
+    note = None if not lit else light_note(scene, place_of(scene, cameras, seen), seen)
     return Routed(after, found, (*dict.fromkeys(notes), *((note,) if note else ())))
 
 
