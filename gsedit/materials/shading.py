@@ -8,7 +8,7 @@ Gaussian and a direction to a camera.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float
@@ -16,14 +16,12 @@ from torch import Tensor
 
 from gsedit.materials.material import Material
 from gsedit.materials.patterns import Ground, share_of
-from gsedit.scene.color_space import LUMINANCE, linear_of_srgb, srgb_of_hex
+from gsedit.scene.color_space import linear_of_srgb, srgb_of_hex
 from gsedit.scene.quaternions import even_directions
-from gsedit.surface.directions import FAINT, cell_areas, look_up
+from gsedit.surface.directions import look_up
 from gsedit.surface.occlusion import Occupancy, open_share
 from gsedit.surface.surroundings import Surroundings, prefiltered, reflected, softened
 
-CONTRAST = 1.2
-"""Power of reflected light against its mean."""
 RAYS = 96
 """Directions, even over the sphere, in which light that arrives is looked up."""
 ARRIVING = 0.45
@@ -32,8 +30,8 @@ GRAZING = 0.08
 """Least cosine between a normal and a view: beyond lies the back."""
 USUAL_COSINE = 0.65
 """Mean cosine between the normals of a round thing and a view, weighted by what is seen."""
-FARTHEST = 1e6
-"""Distance, world units, of a sky that nothing is known of."""
+FARTHEST = 1e3
+"""Distance of a sky that nothing is known of, against the farthest thing that is seen."""
 COAT_ROUGHNESS = 0.08
 COAT_SPECULAR = 0.06
 THROUGH_BEND = 0.7
@@ -87,19 +85,9 @@ class Reflectance:
 
 
 def lighting(surroundings: Surroundings, grid: Occupancy, matte: bool = False) -> Lighting:
-    """The surroundings and a subject's own shadow, made ready; without `maps` for what is matte.
-
-    What is reflected has more contrast than pictures show, whose tone curves compress light.
-    """
-    radiance, plain = surroundings.radiance, softened(surroundings, ARRIVING)
-    if matte:
-        return Lighting(surroundings, radiance[None][:0], plain, grid)
-    areas = cell_areas(len(radiance)).to(radiance)[..., None]
-    luminance = radiance @ torch.from_numpy(LUMINANCE).to(radiance)[:, None]
-    mean = (luminance * areas).sum() / areas.sum()
-    steeper = radiance * (luminance / mean.clamp_min(FAINT)).clamp_min(1e-3) ** (CONTRAST - 1)
-    steeper = steeper * (radiance * areas).sum() / (steeper * areas).sum().clamp_min(FAINT)
-    maps = prefiltered(replace(surroundings, radiance=steeper))
+    """The surroundings and a subject's own shadow, made ready; without `maps` for what is matte."""
+    plain = softened(surroundings, ARRIVING)
+    maps = plain[None][:0] if matte else prefiltered(surroundings)
     return Lighting(surroundings, maps, plain, grid)
 
 
@@ -264,9 +252,10 @@ def mirror_of(
 ) -> Float[Tensor, "*p 3"]:
     """Directions from the middle of the subject to what rays from its points meet."""
     distance = light.surroundings.distance[..., None]
-    if not distance.isfinite().any():
+    known = distance.isfinite()
+    if not known.any():
         return directions.expand(torch.broadcast_shapes(points.shape, directions.shape))
-    far = distance.masked_fill(~distance.isfinite(), FARTHEST)
+    far = torch.where(known, distance, FARTHEST * distance[known].max())
     offset = points - light.surroundings.center
     away = look_up(far, directions)
     along = (offset * directions).sum(-1, keepdim=True)

@@ -115,10 +115,10 @@ def surroundings_at(
     if not len(scene):
         return studio(center, up)
     color, alpha, distance = panorama(scene, center, near, execution)
+    display = color / alpha.clamp_min(FAINT)[..., None]
     alpha = alpha * in_sight(center, distance, cameras)
     if float((alpha * cell_areas(ROWS)).sum()) < LEAST_SEEN * 4 * pi:
         return studio(center, up)
-    display = color / alpha.clamp_min(FAINT)[..., None]
     seen = filled(unclipped(display), alpha, up)
     known = torch.where(alpha > 0.5, distance, torch.inf)
     return Surroundings(center, seen, known, alpha)

@@ -19,7 +19,7 @@ from gsedit.scene.color_space import linear_of_srgb, srgb_of_linear
 from gsedit.scene.quaternions import even_directions
 from gsedit.synthetic.scene import SyntheticScene
 from gsedit.synthetic.shapes import Sdf, Triple, gradient
-from gsedit.synthetic.splats import surface_gaussians
+from gsedit.synthetic.splats import surface_gaussians, surface_points
 from rasterizer.camera import Camera
 from rasterizer.numerics import color_to_sh
 from rasterizer.scene import Gaussians, concatenate
@@ -172,11 +172,11 @@ def captured(
 ) -> tuple[Gaussians, Bool[Tensor, " n"]]:
     """Gaussians of the solid with a matte finish and of its surroundings, as a capture has them:
     clipped; and which of them are the solid's."""
-    discs = surface_gaussians(lit.solid, count, generator)
-    points = discs.means.double()
+    state = generator.get_state()
+    points = surface_points(lit.solid, count, generator)  # discs lie a little under them
+    discs = surface_gaussians(lit.solid, count, generator.set_state(state))
     normals = torch.nn.functional.normalize(gradient(lit.solid.sdf, points), dim=-1)
-    points = points - lit.solid.sdf(points)[:, None] * normals  # discs lie a little under it
-    color = display(lit.outgoing(finish, points, normals, normals, 48))
+    color = display(lit.outgoing(finish, points, normals, normals, 192))
     discs = Gaussians(
         discs.means, discs.quats, discs.log_scales, discs.logit_opacities,
         color_to_sh(color)[:, None].float(),
@@ -236,32 +236,37 @@ def _frames(normals: Float[Tensor, "m 3"]) -> Float[Tensor, "m 3 3"]:
     return torch.stack((across, torch.linalg.cross(normals, across), normals), -1)
 
 
-def _even_square(samples: int, like: Tensor) -> tuple[Tensor, Tensor]:
-    """A rank-1 lattice: even numbers in [0, 1) for the angle from an axis and the one around it."""
+def _even_square(like: Float[Tensor, "m 3"], samples: int) -> tuple[Tensor, Tensor]:
+    """A rank-1 lattice, shifted anew for each row: numbers in [0, 1) for the angle from an axis and
+    the one around it. One lattice for all rows would meet a small sun everywhere or nowhere."""
     index = torch.arange(samples, dtype=like.dtype)
-    return (index + 0.5) / samples, (index * 0.6180339887498949) % 1
+    row = torch.arange(len(like), dtype=like.dtype)[:, None]
+    height = (index + (row * 0.7548776662466927) % 1) / samples
+    return height, (index * 0.6180339887498949 + row * 0.5698402909980532) % 1
+
+
+def _turned(
+    normals: Float[Tensor, "m 3"], cosine: Float[Tensor, "m s"], turn: Float[Tensor, "m s"]
+) -> Float[Tensor, "m s 3"]:
+    """Directions at angles from each normal, and around it in turns."""
+    ring, angle = (1 - cosine.square()).clamp_min(0).sqrt(), 2 * pi * turn
+    local = torch.stack((ring * angle.cos(), ring * angle.sin(), cosine), -1)
+    return torch.einsum("mij,msj->msi", _frames(normals), local)
 
 
 def _cosine(normals: Float[Tensor, "m 3"], samples: int) -> Float[Tensor, "m s 3"]:
     """Directions around normals, as dense as the cosine to them."""
-    height, turn = _even_square(samples, normals)
-    ring = height.sqrt()
-    local = torch.stack(
-        (ring * (2 * pi * turn).cos(), ring * (2 * pi * turn).sin(), (1 - height).sqrt()), -1
-    )
-    return torch.einsum("mij,sj->msi", _frames(normals), local)
+    height, turn = _even_square(normals, samples)
+    return _turned(normals, (1 - height).sqrt(), turn)
 
 
 def _microfacets(
     normals: Float[Tensor, "m 3"], roughness: float, samples: int
 ) -> Float[Tensor, "m s 3"]:
     """Normals of microfacets, as dense as GGX's distribution times the cosine."""
-    height, turn = _even_square(samples, normals)
+    height, turn = _even_square(normals, samples)
     alpha = max(roughness, 1e-3) ** 2
-    cosine = ((1 - height) / (1 + (alpha**2 - 1) * height)).sqrt()
-    ring = (1 - cosine.square()).clamp_min(0).sqrt()
-    local = torch.stack((ring * (2 * pi * turn).cos(), ring * (2 * pi * turn).sin(), cosine), -1)
-    return torch.einsum("mij,sj->msi", _frames(normals), local)
+    return _turned(normals, ((1 - height) / (1 + (alpha**2 - 1) * height)).sqrt(), turn)
 
 
 def _smith(cosine: Float[Tensor, "m s 1"], roughness: float) -> Float[Tensor, "m s 1"]:

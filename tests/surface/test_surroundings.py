@@ -10,6 +10,7 @@ from gsedit.scene.color_space import linear_of_srgb
 from gsedit.scene.quaternions import even_directions
 from gsedit.surface import surroundings as light
 from gsedit.surface.directions import cell_areas, cell_directions, halved, look_up
+from rasterizer.camera import look_at
 from rasterizer.numerics import color_to_sh
 from rasterizer.scene import Gaussians, concatenate
 
@@ -79,6 +80,17 @@ def test_what_no_camera_saw_is_filled_smoothly():
     assert bool((zenith < 2 * rim).all())
     steps = (half.radiance[1:20] - half.radiance[:19]).abs()
     assert float(steps.max()) < 0.05
+
+
+def test_the_border_of_what_cameras_see_is_as_bright_as_the_rest(found):
+    cameras = [
+        look_at(CENTER + 4 * side, CENTER, torch.tensor((0.0, 0, 1)), 50.0, 32, 32)
+        for side in torch.eye(3)[:2] + torch.tensor((0.0, 0, 0.5))
+    ]
+    part = light.find_surroundings(*with_subject(dome()), cameras=cameras)
+    border = (part.seen > 0.01) & (part.seen < 0.9)
+    assert int(border.sum()) > 20
+    assert bool((part.radiance[border] < 1.5 * found.radiance.amax()).all())
 
 
 def test_an_object_alone_gets_a_studio(found):
