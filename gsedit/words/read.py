@@ -21,8 +21,8 @@ from gsedit.words.parts import (
 from gsedit.words.refusals import REASONS, Refused, first_refusal
 from gsedit.words.scan import Word, scanned
 from gsedit.words.small_looks import change_of_look, routed
-from gsedit.words.solids import directed, refuse_less, scenes, shone, solids
-from gsedit.words.tones import DEFAULT, asks_less, complains, hues, stressed, tones
+from gsedit.words.solids import directed, refuse_amount, scenes, shone, solids
+from gsedit.words.tones import asks_less, hues, stressed, tones
 
 FLOOR, SURE = 0.6, 0.9
 """Least probability of a look that the encoder alone names, in a sentence of known words and in
@@ -36,8 +36,9 @@ BECOME = frozenset(
     ("turn", "turned", "change", "changed", "convert", "transform", "switch", "shift")
 )
 """Verbs after which a part is what turns to something."""
-MOST = 9.0
-"""Largest share of a tone that can be added."""
+SOLID = ("material", "paint")
+MOST = {"tone": 5.0, "light": 2.0}
+"""Largest share that can be added to a tone and to the strength of a light, as the routes take."""
 
 
 @dataclass
@@ -56,8 +57,6 @@ class Reading:
     """Whether a tone is named without its direction."""
     run: int = 0
     """Number of changes in the list of nouns that is read."""
-    bare: bool = False
-    """Whether the last change is a quality that no verb goes with: "dull colors"."""
 
 
 def read_instruction(sentence: str) -> Instruction:
@@ -71,7 +70,7 @@ def read_instruction(sentence: str) -> Instruction:
         if kind := first_refusal(sentence, words):
             raise Refused(kind)
         changes = _parsed(words) or _meant(sentence, words)
-        if any(c.amount is not None and not -1 <= c.amount <= MOST for c in changes):
+        if any(not -1 <= (c.amount or 0) <= MOST.get(c.kind, 0) for c in changes):
             raise Refused("amount")
     except Refused as refused:
         kind = str(refused)
@@ -116,8 +115,6 @@ def _read_clause(clause: Clause, reading: Reading) -> None:
     explicit = next((kind for _, kind in parts), None)
     if not changes:
         _remark(clause, explicit, reading)
-    elif _turns_light(clause, changes, reading):
-        pass
     elif not _completes(clause, changes, parts, reading):
         refuse_idle(clause, [change for _, change in changes])
         painted = reading.changes and reading.changes[-1].kind == "paint"
@@ -134,39 +131,36 @@ def _changes(clause: Clause, reading: Reading) -> Placed:
     scenic, solid = scenes(clause), solids(clause)
     cast = any(word.kind == "noun" and word.value == "hue" for word in clause.words)
     graded = kinds & {"up", "down"} or tags & {"too", "lack"} or clause.lost or clause.turned
-    graded = graded or _hinted(clause)
+    graded = graded or _hinted(clause) or stressed(clause, ("color",))
     material = any(change.kind == "material" for _, change in solid)
     colored = "color" in kinds and not scenic and not material
-    if "hue" in kinds or (cast and not material) or (colored and (graded or _so(clause))):
+    if "hue" in kinds or (cast and not material) or (colored and graded):
         return [(0, change) for change in hues(clause)]
     off = any(word.text in ("off", "away") for word in clause.words)
     less = asks_less(clause) or "too" in tags or (off and bool(scenic))
     if (scenic or material) and less and not kinds & {"noun", "state"}:
         raise Refused("negation")
-    refuse_less(clause, scenic)
+    refuse_amount(clause, scenic)
     if scenic or solid:
-        sure = {"turn", "style"} | ({"noun", "up", "down"} if kinds & {"up", "down"} else set())
-        other = ("number", "unit", "fraction", "factor", "slight", "strong", "fill")
-        words = [w for w in clause.words if w.kind in sure or w.kind in other]
-        tone = tones(replace(clause, words=words), 0) if {w.kind for w in words} & sure else []
-        if tone and any(change.kind == "paint" and _found(clause, at) for at, change in solid):
-            raise Refused("part")  # "make the red darker": what is red in the scene
+        moved = {"turn", "style", *(("noun",) * bool(kinds & {"up", "down"}))}
+        tone = tones(clause, 0) if kinds & moved else []
+        if tone:
+            solid = [each for each in solid if not _describes(clause, each[0])]
         scenic, tone = shone(scenic, tone)
     else:
         tone = tones(clause, reading.direction)
-        unsaid = kinds & {"noun"} and not tone and not kinds & {"be"}
-        nouns = [w.text for w in clause.words if w.kind == "noun" and w.value in DEFAULT]
-        reading.unsaid |= bool(unsaid and any("color" not in text for text in nouns))
+        reading.unsaid |= "noun" in kinds and not tone and "be" not in kinds
     return [*solid, *((0, change) for change in (*scenic, *tone))]
 
 
-def _found(clause: Clause, at: int) -> bool:
-    """Whether a color is the name of what there is: "the red", but not "the red car"."""
-    words = clause.words
-    after = words[at + 1 : at + 2]
-    named = any(word.kind in ("unknown", "part", *TARGETS) for word in after)
-    named &= not any(word.text in ("parts", "areas", "bits", "ones") for word in after)
-    return at > 0 and words[at - 1].text in ("the", "this", "that", "these", "those") and not named
+def _describes(clause: Clause, at: int) -> bool:
+    """Whether a color or material is a thing's own: "the red car". Raises Refused for one that is
+    the name of a part: "the red"."""
+    if not at or clause.words[at - 1].text not in DETERMINERS:
+        return False
+    if any(word.kind in ("unknown", *TARGETS) for word in clause.words[at + 1 : at + 2]):
+        return True
+    raise Refused("part")
 
 
 def _hinted(clause: Clause) -> bool:
@@ -179,41 +173,17 @@ def _hinted(clause: Clause) -> bool:
     )
 
 
-def _turns_light(clause: Clause, changes: Placed, reading: Reading) -> bool:
-    """Whether a clause says where the light before it comes from: "sunset, light from the left"."""
-    last = reading.changes[-1] if reading.changes else None
-    shines = all(change.kind == "light" and not change.color for _, change in changes)
-    if not last or last.kind != "light" or not shines or "light" in clause.kinds():
-        return False
-    turned = directed(last, clause)
-    if turned != last:
-        reading.changes[-1] = turned
-    return turned != last
-
-
-def _so(clause: Clause) -> bool:
-    return stressed(clause, ("color",)) and "be" in clause.kinds()
-
-
 def _remark(clause: Clause, explicit: str | None, reading: Reading) -> None:
     """A clause without a change: a finish, a direction or a part of the change before."""
     kinds, last = clause.kinds(), reading.changes[-1] if reading.changes else None
-    if kinds & {"up", "down"}:
-        reading.direction = -1 if asks_less(clause) or "down" in kinds else 1
     if last is None:
         return
     odd = [at for at, word in enumerate(clause.words) if word.kind == "unknown"]
     if explicit and not kinds & {"be"} and any(not is_thing(clause.words, at) for at in odd):
         raise Refused("nonsense")  # half of what is asked is not known
-    if reading.bare and (kinds & {"up", "down"} or "mend" in clause.tags()) and last.amount:
-        reading.changes[-1] = replace(last, amount=-last.amount)
     finish = next((word.value for word in clause.words if word.kind == "finish"), None)
     own = next((word.text for word in clause.words if word.has("adj")), finish)
-    given = amount_of(clause.words).share
-    if given and explicit in PARTS and last.kind == "tone":  # "background -30 %"
-        amount = given if given < 0 or not last.amount else math.copysign(given, last.amount)
-        reading.changes.append(replace(last, target=PARTS[explicit], amount=amount))
-    elif last.kind == "light":
+    if last.kind == "light":
         reading.changes[-1] = directed(last, clause)
     elif finish and last.kind == "paint":
         reading.changes[-1] = replace(last, name=f"{finish} {last.name}")
@@ -222,26 +192,25 @@ def _remark(clause: Clause, explicit: str | None, reading: Reading) -> None:
     elif explicit in PARTS and not reading.part and not clause.before.endswith("."):
         target = PARTS[explicit]
         reading.changes[:] = [replace(change, target=target) for change in reading.changes]
-    reading.bare = False
 
 
 def _completes(clause: Clause, changes: Placed, parts: Parts, reading: Reading) -> bool:
-    """Whether a clause names but the color or the direction of the change before."""
-    last, change = reading.changes[-1] if reading.changes else None, changes[0][1]
-    asks = clause.kinds() & {"do", "wish"} or parts or len(changes) > 1
-    if last is None or asks:
+    """Whether a clause names but the color or the direction of the change before: "sunset, light
+    from the left"."""
+    if not reading.changes:
         return False
-    if reading.bare and change.kind in ("paint", "material") and clause.before == ",":
-        reading.changes.pop()  # "a pale, dusty blue"
+    last, change, kinds = reading.changes[-1], changes[0][1], clause.kinds()
+    if last.kind == "light" == change.kind and not change.color:
+        turned = directed(last, clause)
+        if turned != last and ("light" not in kinds or change.name.startswith("sunny ")):
+            reading.changes[-1] = turned
+            return True
+    asks = kinds & {"do", "wish"} or parts or len(changes) > 1
+    if asks or change.kind != "paint" or last.kind not in ("light", "look", "material"):
         return False
-    if change.kind == "light" and last.kind == "light" and change.name.startswith("sunny "):
-        reading.changes[-1] = directed(last, clause)
-        return True
-    if change.kind == "paint" and last.kind in ("light", "look", "material"):
-        if last.kind != "look":
-            reading.changes[-1] = directed(replace(last, color=change.color), clause)
-        return True
-    return False
+    if last.kind != "look":
+        reading.changes[-1] = directed(replace(last, color=change.color), clause)
+    return True
 
 
 def _append(clause: Clause, changes: Placed, parts: Parts, reading: Reading) -> None:
@@ -251,8 +220,6 @@ def _append(clause: Clause, changes: Placed, parts: Parts, reading: Reading) -> 
     joined = same and clause.before[-1:] not in (".", ";", "!", "?")
     goes_on = not reading.changes or it or joined
     carried = reading.part if goes_on else None
-    if carried == "scene" and changes[0][1].kind in ("paint", "material"):
-        carried = None  # "in this scene, make it gold"
     for at, change in changes:
         near = min(parts, key=lambda part: (abs(part[0] - at), -part[0]))[1] if parts else carried
         if change.kind in ("tone", "look") and parts:
@@ -266,24 +233,20 @@ def _append(clause: Clause, changes: Placed, parts: Parts, reading: Reading) -> 
     kinds = clause.kinds()
     if kinds & {"up", "down"}:
         reading.direction = -1 if asks_less(clause) or "down" in kinds else 1
-    reading.bare = bool(kinds & {"state"}) and not kinds & {"do", "wish", "up", "down"}
-    reading.bare &= not complains(clause)
 
 
 def _share(clause: Clause, count: int, parts: Parts, reading: Reading) -> None:
     """Give the tones of a list the part and the amount that its last noun is said with: "lower the
     brightness and contrast of the background by 10 %"."""
-    listed = "noun" in clause.kinds()
-    bare = listed and not clause.kinds() & {"do", "wish", "up", "down", "be"}
-    reading.run = (reading.run * bare + count) * listed
-    if not bare or clause.before not in ("and", ","):
-        return
-    last, share = reading.changes[-1], amount_of(clause.words).share
-    for at in range(len(reading.changes) - reading.run, len(reading.changes) - count):
+    kinds, share = clause.kinds(), amount_of(clause.words).share
+    bare = not kinds & {"do", "wish", "up", "down", "be"} and clause.before in ("and", ",")
+    last, end = reading.changes[-1], len(reading.changes) - count
+    for at in range(end - reading.run * (bare and "noun" in kinds), end):
         each = reading.changes[at]
         amount = math.copysign(share, each.amount or 1) if share else each.amount
         target = last.target if parts else each.target
         reading.changes[at] = replace(each, amount=amount, target=target)
+    reading.run = 0 if share or "noun" not in kinds else reading.run * bare + count
 
 
 def _placed(change: Change, part: str | None, clause: Clause) -> Change:
@@ -291,7 +254,8 @@ def _placed(change: Change, part: str | None, clause: Clause) -> Change:
     if part is None or part == "rest":
         return change
     lit = change.kind == "light" and not _alone(clause)
-    whole = part == "subject" and (lit or _pictured(change, clause))
+    pictured = change.kind == "look" and any(word.text == "of" for word in clause.words)
+    whole = part == "subject" and (lit or pictured)  # "a sketch of the bear"
     ground = part == "ground" and change.kind in ("light", "look")
     return change if whole or ground else replace(change, target=part_of(part, change))
 
@@ -307,12 +271,6 @@ def _alone(clause: Clause) -> bool:
     )
 
 
-def _pictured(change: Change, clause: Clause) -> bool:
-    """Whether a look is of a picture of the subject: "a sketch of the bear"."""
-    texts = [word.text for word in clause.words]
-    return change.kind == "look" and "of" in texts
-
-
 def _limited(changes: list[Change], reading: Reading) -> list[Change]:
     """Changes that keep to what the sentence leaves alone. Raises Refused."""
     kinds = {word.kind for word in reading.limits}
@@ -322,47 +280,45 @@ def _limited(changes: list[Change], reading: Reading) -> list[Change]:
         kept.add("background")
     if kinds & {"subject", "unknown"}:
         kept.add("subject")
-    behind = "background" in named or reading.part == "background"
     if "rest" in kinds:
-        kept.add("subject" if behind else "background")
-    other: Target = "subject" if "background" in kept or "background" in named else "background"
+        kept.add("subject" if "background" in {*named, reading.part} else "background")
     if len(kept) > 1 or "scene" in kinds:
         raise Refused("negation")
+    rest: Target = "subject" if "background" in kept | named else "background"
     changes = [
-        replace(change, target=other) if at in reading.others else change
+        replace(change, target=rest) if at in reading.others else change
         for at, change in enumerate(changes)
     ]
     if not kept:
         return changes
-    alone = kept.pop()
-    other = "background" if alone == "subject" else "subject"
-    others = any(change.target != alone for change in changes)
-    toned = all(change.target == alone and change.kind == "tone" for change in changes)
-    if toned and any(word.kind != "rest" for word in reading.limits):
-        raise Refused("negation")
-    return [
-        change if change.target == alone and others else replace(change, target=other)
-        for change in changes
-    ]
+    other: Target = "background" if "subject" in kept else "subject"
+    if all(change.target in kept for change in changes):
+        if "rest" not in kinds and all(change.kind == "tone" for change in changes):
+            raise Refused("negation")
+        kept = set()
+    return [each if each.target in kept else replace(each, target=other) for each in changes]
 
 
 def _merged(changes: list[Change]) -> list[Change]:
     """Changes without those that repeat another. Raises Refused for two that exclude each other."""
     kept = list[Change]()
     for change in changes:
-        same = [c for c in kept if c.kind == change.kind and c.target == change.target]
-        named = [c for c in same if c.name == change.name]
-        if change.kind == "material" and any(c.name != change.name for c in same):
-            raise Refused("two")
-        if change.kind == "paint" and any(c.color != change.color for c in same):
-            raise Refused("two")
+        beside = [c for c in kept if c.target == change.target]
+        named = [c for c in beside if (c.kind, c.name) == (change.kind, change.name)]
         if change.name == "hue":
             named = [c for c in named if c.color == change.color]
-        if change.kind == "tone" and any((c.amount or 0) * (change.amount or 0) < 0 for c in named):
+        excluded = any((c.amount or 0) * (change.amount or 0) < 0 for c in named)
+        if excluded or (change.kind in SOLID and any(_differ(c, change) for c in beside)):
             raise Refused("two")
         if not named:
             kept.append(change)
     return kept
+
+
+def _differ(one: Change, other: Change) -> bool:
+    """Whether two changes are materials or paints, and not the same one."""
+    same = one.color == other.color if one.kind == "paint" else one.name == other.name
+    return one.kind in SOLID and (one.kind != other.kind or not same)
 
 
 def _meant(sentence: str, words: list[Word]) -> list[Change]:

@@ -28,7 +28,11 @@ REASONS = {
     "direction": "this does not say which way: say more or less, as in 'more contrast'",
     "finish": "a finish alone changes nothing: name a color or material with it, as in "
     "'glossy red'",
-    "amount": "this amount is out of range: give from -100 % to 900 %, as in 'by 20 %'",
+    "amount": "this amount is out of range: give from -100 % to 500 %, of light to 200 %, as in "
+    "'by 20 %'",
+    "strength": "weather, seasons and styles have one strength: say them plain, as in "
+    "'make it rain'",
+    "side": "fog, clouds and weather come from no side: leave the side out, as in 'add fog'",
     "nonsense": f"this asks for no change that is known: {SAY}, as in 'a bronze statue at night'",
 }
 """Message to a person, by the kind of refusal."""

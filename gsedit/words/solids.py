@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from gsedit.words import colors, lexicon
 from gsedit.words.amounts import amount_of
-from gsedit.words.clauses import NAMED, Clause
+from gsedit.words.clauses import NAMED, TONES, Clause
 from gsedit.words.direct import light_of
 from gsedit.words.instruction import Change
 from gsedit.words.refusals import Refused
@@ -27,6 +27,8 @@ ENDS = frozenset(
 """Words after the name of a weather that say that it is over."""
 THINNER = frozenset(("thinner", "sparser", "lighter"))
 DENSER = frozenset(("denser", "thicker", "heavier"))
+UNSIDED = frozenset(("fog", "cloudy", "storm", "blue hour"))
+"""Lights without a sun or lamp."""
 WEAKER, STRONGER = -0.4, 0.5
 """Shares of a light that "a little" and "strong" take and add."""
 
@@ -153,26 +155,24 @@ def scenes(clause: Clause) -> list[Change]:
     return [routed(directed(change, clause)) for change in found]
 
 
-def refuse_less(clause: Clause, scenic: list[Change]) -> None:
-    """Raise Refused where a light or look that may be there should end or be less of: "the rain is
-    over", "halve the fog"."""
+def refuse_amount(clause: Clause, scenic: list[Change]) -> None:
+    """Raise Refused where a light or look that may be there should end or be less of ("the rain is
+    over", "halve the fog"), and where a look, which has one strength, should be more of."""
     words = clause.words
     first = next((at for at, word in enumerate(words) if word.kind in ("light", "look")), None)
     if not scenic or first is None:
         return
+    told, given = {word.text for word in words}, amount_of(words)
     after = [word.text for word in words[first + 1 :]]
     ends = bool(after) and (after[-1] in ENDS or (after[-1] == "over" and "be" in clause.kinds()))
-    ends |= any(word.text == "lift" for word in words) and scenic[0].name == "fog"
-    told = {word.text for word in words}
+    ends |= "lift" in told and scenic[0].name == "fog"
     thinned = bool(told & THINNER) and not any(w.kind in ("subject", "background") for w in words)
-    given = amount_of(words)
-    share = given.factor if given.factor is not None else _bare(words)
-    looks = share is not None and share < 1 and any(change.kind == "look" for change in scenic)
-    fewer = given.factor is not None and given.factor < 1
-    before = [word.text for word in words[:first] if word.text != "the"]
-    fewer |= before[-1:] == ["half of"]
-    if ends or thinned or looks or fewer:
+    of_it = [word.text for word in words[:first] if word.text != "the"][-1:] == ["half of"]
+    if ends or thinned or of_it or (given.factor is not None and given.factor < 1):
         raise Refused("negation")
+    more = told & DENSER or given.given
+    if more and any(change.kind == "look" for change in scenic) and not clause.kinds() & TONES:
+        raise Refused("strength")
 
 
 def _bare(words: list[Word]) -> float | None:
@@ -210,7 +210,8 @@ def _strength(clause: Clause) -> float | None:
     said |= {word.text for word in clause.words}
     if (bare := _bare(clause.words)) is not None:
         return bare - 1 if bare != 1 else None
-    if share := amount_of(clause.words).share:
+    given = amount_of(clause.words)
+    if share := given.share if given.factor is None else given.factor - 1:
         return share
     if said & DENSER:
         return STRONGER
@@ -228,9 +229,12 @@ def _shines(clause: Clause, at: int) -> bool:
 
 
 def directed(change: Change, clause: Clause) -> Change:
-    """A light with the directions that a clause gives: "sunset from the left"."""
+    """A light with the directions that a clause gives: "sunset from the left". Raises Refused for
+    a side of what comes from none: "rain from the left"."""
     said = [word.value for word in clause.words if word.kind == "direction"]
-    said += ["from behind" for word in clause.words if word.text == "behind"]
-    if change.kind != "light" or not said:
+    if change.kind == "look" or change.name in UNSIDED:
+        if {"from the left", "from the right"} & set(said):
+            raise Refused("side")
         return change
-    return replace(change, name=" ".join([change.name, *dict.fromkeys(said)]))
+    said += ["from behind" for word in clause.words if word.text == "behind"]
+    return replace(change, name=" ".join([change.name, *dict.fromkeys(said)])) if said else change

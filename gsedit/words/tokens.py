@@ -12,6 +12,7 @@ SPELLINGS = (
     (r"^(?:is|are|does|do|was|were)n'?t (it|this|that|the|you think)\b(?=.*\?)", r"\1"),
     (r"\blet's\b", "let us"),
     (r"\b(it'?s|is|are|looks|way|far) to (?=\w+\W*$)", r"\1 too "),
+    (r"\b(?:at )?(?:half|quarter) past \w+\b|\b(?:at )?\w+ o'?clock\b", ""),
     (r"colou?r", "color"),
     (r"(?<=\w)-ish\b", "ish"),
     (r"\bde-(?=[a-z])", "de"),
