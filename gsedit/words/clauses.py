@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
-from gsedit.words.lexicon import NEUTRAL, PURE
 from gsedit.words.scan import Word
 
 TONES = frozenset(("noun", "state", "turn", "style", "hue"))
@@ -78,12 +77,11 @@ def clauses(words: list[Word]) -> list[Clause]:
 
 def _goes_on(noun: Clause, clause: Clause) -> bool:
     """Whether a tone is said before what becomes of it: "contrast and saturation up"."""
-    kinds = clause.kinds()
+    kinds, before = clause.kinds(), noun.kinds()
     said = kinds & {"up", "down", "number", "factor", "fraction", "intense"}
-    named = "noun" in noun.kinds() and noun.kinds() <= {"fill", "noun", "be", "unknown", *TARGETS}
-    flat = not noun.kinds() & {"be", "unknown"}
+    named = "noun" in before and before <= {"fill", "noun", "be", "unknown", *TARGETS}
     it = any(word.text == "it" for word in clause.words) and not kinds & CONTENT
-    listed = flat and "noun" in kinds and clause.before in ("and", ",")
+    listed = "noun" in kinds and clause.before in ("and", ",") and not before & {"be", "unknown"}
     return named and bool(said) and (it or listed)
 
 
@@ -111,9 +109,9 @@ def _segments(words: list[Word]) -> Iterator[tuple[str, list[Word]]]:
 
 def _contrasts(part: list[Word], word: Word) -> bool:
     """Whether another direction begins in a clause: "less red more green"."""
-    sides = {"more", "less"}
-    said = {each.text for each in part} & sides
-    return word.text in sides - said and bool(said) and any(w.kind in CONTENT for w in part)
+    said = {each.text for each in part} & {"more", "less"}
+    other = bool(said) and word.text in {"more", "less"} - said
+    return other and any(each.kind in CONTENT for each in part)
 
 
 def _inherits(before: str, part: list[Word]) -> bool:
@@ -121,10 +119,8 @@ def _inherits(before: str, part: list[Word]) -> bool:
     own = {"retract", "do", "wish", "touch", "up", "down", "keep", "be", *NEGATIONS}
     if not any(word.kind in CONTENT or word.kind in TARGETS for word in part):
         return False
-    bare = not any(word.text in ("just", "only", "instead", "rather") for word in part)
-    bare &= not any(
-        word.kind in own or (word.kind == "turn" and not word.text.endswith("er")) for word in part
-    )
+    own_way = ("just", "only", "instead", "rather")
+    bare = not any(word.kind in own or word.text in own_way for word in part)
     return before.endswith(("or", "nor", ":")) or (bare and before in ("and", ","))
 
 
@@ -149,35 +145,15 @@ def _became(part: list[Word]) -> list[Word]:
 
 
 def _told(part: list[Word]) -> list[Word]:
-    """Words without what a comparison only brings up: after "like" nothing is a part or a thing,
-    after "as if" only the first name counts, after "red as" none does."""
-    kept, mode, named = list[Word](), "", False
+    """Words without what a comparison only brings up: "red as a rose", "white like snow"."""
+    kept, compared = list[Word](), False
     for word in part:
         last = kept[-1].kind if kept else ""
-        if word.kind == "simile" and last == "color":
-            mode = "than"  # "white like snow"
-        elif word.kind in ("simile", "asif") or (word.text == "if" and mode == "simile"):
-            mode = "" if word.text == "if" else word.kind
-        elif word.text == "as" and last in ("state", "color", "material"):
-            mode = "than"
-        elif word.kind == "same" and last == "state" and _compares(kept):
-            mode = "than"  # "not as bright as it is"
-        elif word.kind == "than":
-            mode = "than"
-            kept.append(word)
-        elif mode and word.kind in (*IDLE, *(CONTENT if mode == "than" else ())):
-            continue
-        elif mode == "asif" and word.kind in CONTENT:
-            kept += [] if named and last not in CONTENT else [word]
-            named = True
-        else:
+        compared |= word.kind == "than" or (word.kind == "simile" and last == "color")
+        compared |= word.text == "as" and last in ("state", "color", "material")
+        if not compared or word.kind not in IDLE | CONTENT:
             kept.append(word)
     return kept
-
-
-def _compares(words: list[Word]) -> bool:
-    """Whether a comparison begins before the last word: "as bright", "so bright"."""
-    return any(word.text in ("as", "so") for word in words[-2:-1])
 
 
 def _governed(before: str, part: list[Word], heir: Word | None) -> Clause:
@@ -279,8 +255,7 @@ def _turn(clause: Clause, scope: list[Word], by: Word) -> int:
     """Sign that a negation gives to a quality; 0 where it forbids it or is not plain."""
     kinds = [word.kind for word in scope]
     graded = ("state", "intense", "color")
-    shades = [word for word in scope if word.kind == "color" and word.text not in {*PURE, *NEUTRAL}]
-    if not any(kind in graded for kind in kinds) or shades:
+    if not any(kind in graded for kind in kinds):
         return 0
     if "enough" in kinds:
         return 1
@@ -288,8 +263,6 @@ def _turn(clause: Clause, scope: list[Word], by: Word) -> int:
     told = {word.text for word in scope[:at] if word.kind == "degree"}
     before = {word.kind for word in clause.words}
     verbs = {"wish", "do", "touch"} & {*kinds[:at], *before}
-    if scope[at].kind == "state" and at and scope[at - 1].text == "to":
-        return 0  # "no need to dim it"
     if "be" in before and by.text == "not" and not verbs and kinds[at] != "color":
         return 0 if told & {"too", "so", "overly"} else 1
     return -1 if told - {"very", "really", "particularly", "especially"} else 0
