@@ -144,7 +144,7 @@ def map_incrementally(say: Say, database: str, images: str, output: str, count: 
         database, images, output, options,
         initial_image_pair_callback=lambda: place(2), next_image_callback=lambda: place(1),
     )  # fmt: skip
-    return {"models": [_model(index, output, model) for index, model in models.items()]}
+    return {"models": [_model(index, model) for index, model in models.items()]}
 
 
 def map_globally(say: Say, database: str, images: str, output: str, count: int, seed: int,
@@ -164,10 +164,10 @@ def map_globally(say: Say, database: str, images: str, output: str, count: int, 
     options.num_threads, options.random_seed = threads, seed
     models = pycolmap.global_mapping(calibrated, images, output, options)
     calibrated.unlink()
-    return {"models": [_model(index, output, model) for index, model in models.items()]}
+    return {"models": [_model(index, model) for index, model in models.items()]}
 
 
-def _model(index: int, output: str, model: pycolmap.Reconstruction) -> dict[str, Any]:
+def _model(index: int, model: pycolmap.Reconstruction) -> dict[str, Any]:
     posed = [image for image in model.images.values() if image.has_pose]
     return {
         "folder": str(index),
@@ -197,7 +197,7 @@ def refine(say: Say, model: str, database: str, images: str, output: str, seed: 
         camera = reconstruction.cameras[number]
         focal, width, height = camera.mean_focal_length(), camera.width, camera.height
         cameras.append({"photo": name, "focal": focal, "width": width, "height": height})
-    return {**_model(0, output, reconstruction), "cameras": cameras}
+    return {**_model(0, reconstruction), "cameras": cameras}
 
 
 def _with_centers(reconstruction: pycolmap.Reconstruction, threads: int) -> pycolmap.Reconstruction:

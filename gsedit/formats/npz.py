@@ -78,7 +78,7 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
         elements={name.removeprefix(ELEMENTS): rows for name, rows in beside.items()},
     )
     notes = (f"arrays left out: {', '.join(unknown)}",) if unknown else ()
-    return SceneSource(path, ".npz", header, count, lambda: _read(path, header, count), notes)
+    return SceneSource(path, ".npz", header, count, lambda: _read(path, header), notes)
 
 
 def _is_element(name: str, shape: tuple[int, ...], kind: np.dtype) -> bool:
@@ -182,7 +182,7 @@ class Archive:
         return InputError(f"{self.path} cannot be read as .npz ({reason}): save it again")
 
 
-def _read(path: Path, header: SceneHeader, count: int) -> Blocks:
+def _read(path: Path, header: SceneHeader) -> Blocks:
     keys = {**{name: name for name in SPLAT_FIELDS}, **{n: EXTRA + n for n in header.extra}}
     with Archive(path) as archive:
         streams = [archive.parts(key, AT_ONCE) for key in keys.values()]
