@@ -38,9 +38,6 @@ def amount_of(words: list[Word]) -> Amount:
         if word.kind == "fraction" and not (after and after.kind == "number"):
             return _fraction(words, at, word.number * (last or 1.0))
         if word.kind == "number":
-            beside = (*words[at - 1 : at], *words[at + 1 : at + 2])
-            if word.number == 0 and any(each.kind == "noun" for each in beside):
-                return Amount(factor=0.0)
             if after and after.kind == "number" and word.number >= 20 and after.number < 10:
                 total = word.number
                 continue
@@ -55,8 +52,6 @@ def _number(words: list[Word], at: int, number: float) -> Amount | None:
     word, before = words[at], words[at - 1] if at else None
     after = words[at + 1] if at + 1 < len(words) else None
     unit = after.value if after and after.kind == "unit" else None
-    if before and before.kind == "unit" and before.value == "times":
-        return Amount(factor=number)
     match unit:
         case "%":
             return _percent(words, at, number / 100)

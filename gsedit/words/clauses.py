@@ -129,14 +129,9 @@ def _became(part: list[Word]) -> list[Word]:
     names = [at for at, word in enumerate(part) if word.kind in NAMED]
     if len(names) < 2:
         return part
-    verbs = any(word.kind in ("do", "wish", "touch") for word in part[: names[0]])
-    between = [word.text for word in part[names[0] + 1 : names[1]]]
-    if not verbs and between not in (["to"], ["into"]):  # "night to day"
-        return part
     first, last = names[0], names[-1]
     between = part[first + 1 : last + 1]
-    swaps = any(word.text in ("swap", "switch", "exchange", "replace") for word in part[:first])
-    led = any(word.text in ("into", "to", *(("for", "with", "by") * swaps)) for word in between)
+    led = any(word.text in ("into", "to") for word in between)
     of_part = between[0].kind in TARGETS or between[0].kind == "unknown"
     kinds = {part[first].kind, part[last].kind}
     same = len(names) == 2 and (kinds <= {"color", "material"} or kinds == {"light"})
@@ -169,9 +164,6 @@ def _governed(before: str, part: list[Word], heir: Word | None) -> Clause:
         elif excepted and word.kind in (*TARGETS, *CONTENT, "unknown"):
             (clause.denied if word.kind in CONTENT else clause.limits).append(word)
             excepted = False
-        elif excepted and word.kind in ("do", "wish"):  # "anything but paint it red"
-            by, excepted = word, False
-            negations.append(word)
         elif by and word.kind == "do" and any(each.kind in CONTENT for each in scope):
             by = None
             clause.words.append(word)
@@ -201,10 +193,7 @@ def _deny(clause: Clause, scope: list[Word], negations: list[Word]) -> None:
     by = negations[0]
     kinds = {word.kind for word in scope}
     named, told = kinds & CONTENT, {word.kind for word in clause.words} & CONTENT
-    if len(negations) > 1 and any(each.kind == "drop" for each in negations):
-        clause.denied += [word for word in (*scope, *clause.words) if word.kind in CONTENT]
-        clause.words, clause.void = [], not clause.denied
-    elif (by.kind == "drop" or by.text in EMPTY) and not named | told and _shadows(scope):
+    if (by.kind == "drop" or by.text in EMPTY) and not named | told and _shadows(scope):
         plain = [word for word in scope if word.kind != "intense"]  # "no harsh shadows"
         clause.words = [*clause.words, *plain, SOFT]
     elif by.kind == "drop" or (by.text in EMPTY and _tinted(scope, named, told)):

@@ -93,9 +93,6 @@ def longest(words: list[str]) -> tuple[int, str] | None:
             plain = named(after[0]) if doubled else None
             return count + doubled, plain if plain and distance(color, plain) > FAR else color
     word = words[0]
-    if word in ("very", "really") and len(words) > 2 and words[1] in shades():
-        rest = longest(words[2:])
-        return rest and (2 + rest[0], modified(rest[1], words[1], 1.6))
     if word in shades() and len(words) > 1:
         rest = longest(words[1:])
         return rest and (1 + rest[0], modified(rest[1], word))

@@ -14,19 +14,10 @@ LIGHTS = frozenset(
 """Names of the lights in gsedit.light.named."""
 SCENERIES = frozenset(
     (
-        "snow",
-        "frost",
-        "rain",
-        "wet",
-        "desert",
-        "autumn",
-        "spring",
-        "summer",
-        "underwater",
-        "thermal",
-        "polaroid",
+        "snow", "frost", "rain", "wet", "desert", "autumn", "spring", "summer", "underwater",
+        "thermal", "polaroid",
     )
-)
+)  # fmt: skip
 """Names of weather and seasons in gsedit.scenery.named."""
 UNCLEAR = frozenset(("cartoon", "pop-art"))
 """Looks of `small` that cannot be named from its pictures."""

@@ -9,6 +9,9 @@ from typing import Literal
 
 Target = Literal["subject", "background", "scene"]
 Kind = Literal["material", "paint", "tone", "light", "look"]
+MOST = {"tone": 5.0, "light": 2.0}
+"""Largest shares that a tone and a light's strength grow by: colors six times as bright are white
+or black nearly everywhere."""
 
 
 @dataclass(frozen=True)

@@ -23,16 +23,13 @@ Parts = list[tuple[int, str]]
 def named_parts(clause: Clause) -> Parts:
     """(place in the clause, kind of part) of each part that is named, in order."""
     words, found = clause.words, Parts()
-    behind = light = False
+    behind = False
     for at, word in enumerate(words):
         behind |= word.kind == "behind"
-        light |= word.kind == "light"
-        pointed = False
-        cast = False
-        if word.kind in TARGETS and not pointed and not cast:
+        if word.kind in TARGETS:
             found.append((at, "background" if behind and word.kind == "subject" else word.kind))
             behind = False
-        elif word.kind == "unknown" and is_thing(words, at) and not pointed:
+        elif word.kind == "unknown" and is_thing(words, at):
             found.append((at, "background" if behind else "subject"))
     return found
 
@@ -80,8 +77,7 @@ def refuse_parts(clause: Clause) -> None:
         ):
             raise Refused("geometry")  # "with a red scarf"
         owned = at and (words[at - 1].kind == "poss" or words[at - 1].text in OWNERS)
-        after = False
-        if owned or after:
+        if owned:
             raise Refused("part")
     if "act" in clause.tags() and not (scenic or kinds & {"noun", "turn", "style"}):
         _refuse_objects(words)

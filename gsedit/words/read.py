@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from gsedit.words.amounts import amount_of
 from gsedit.words.clauses import CONTENT, NEGATIONS, TARGETS, Clause, clauses
-from gsedit.words.instruction import Change, Instruction, Target
+from gsedit.words.instruction import MOST, Change, Instruction, Target
 from gsedit.words.parts import (
     DETERMINERS,
     PARTS,
@@ -37,8 +37,6 @@ BECOME = frozenset(
 )
 """Verbs after which a part is what turns to something."""
 SOLID = ("material", "paint")
-MOST = {"tone": 5.0, "light": 2.0}
-"""Largest share that can be added to a tone and to the strength of a light, as the routes take."""
 
 
 @dataclass
@@ -222,8 +220,6 @@ def _append(clause: Clause, changes: Placed, parts: Parts, reading: Reading) -> 
     carried = reading.part if goes_on else None
     for at, change in changes:
         near = min(parts, key=lambda part: (abs(part[0] - at), -part[0]))[1] if parts else carried
-        if change.kind in ("tone", "look") and parts:
-            near = parts[0][1]
         if change.kind == "look" and changes[0][1].kind in ("paint", "material"):
             near = None  # "a gold bear in snow"
         if near == "rest":

@@ -60,8 +60,8 @@ def _next(words: list[str]) -> tuple[Word, int]:
     hue = colors.longest(
         [_singular(first) if _singular(first) in colors.PLAIN else first, *words[1:6]]
     )
-    plain = entry is not None and entry.kind == "fill" and first not in ("light", "sky", "pop")
-    if hue and hue[0] > used - plain and not (hue[0] == 1 and first in ("light", "dark")):
+    plain = entry is not None and entry.kind == "fill"
+    if hue and hue[0] > used - plain:
         return _colored(" ".join(words[: hue[0]]), hue[1]), hue[0]
     if entry is None:
         return _single(first), 1

@@ -7,9 +7,7 @@ import unicodedata
 
 SPELLINGS = (
     (r"[\u2018\u2019`]", "'"),
-    (r"^(?:why )?(?:do|did)n'?t (you|we|i)\b(?=.*\?)|^why do(?: not|n'?t) (you|we)\b", ""),
     (r"^(could|would|ca|can|wo|should)n'?t (you|we|it|this|that|the)\b", r"\1 \2"),
-    (r"^(?:is|are|does|do|was|were)n'?t (it|this|that|the|you think)\b(?=.*\?)", r"\1"),
     (r"\blet's\b", "let us"),
     (r"\b(it'?s|is|are|looks|way|far) to (?=\w+\W*$)", r"\1 too "),
     (r"\b(?:at )?(?:half|quarter) past \w+\b|\b(?:at )?\w+ o'?clock\b", ""),
@@ -32,15 +30,12 @@ SPELLINGS = (
     (r"'d\b", " would"),
     (r"'(ll|m|re|ve)\b", ""),
     (r"\bgrey", "gray"),
-    (r"\baluminium\b", "aluminum"),
     (r"\bfibre\b", "fiber"),
-    (r"\bfavour\b", "favor"),
     (r"\bpercents?\b|\bper cent\b|\bpct\b", "%"),
     (r"(?<=\d)\.(?=\D|$)", " . "),
     (r"(?<=\w)\s+-\s+(?=\w)|->|=>|=|--+|[\u2014\u2013]", " : "),
     (r"(?<=[a-z])-(?=[a-z])", " "),
     (r"\+(?!\d)", " and "),
-    (r"\bn'|'n'", " and "),
     (r"\b(lighter|darker|paler|deeper|brighter) (?:shade|tone|version) of\b", r"\1"),
 )
 """Patterns and what stands in their place, in order."""

@@ -307,3 +307,34 @@ def test_denser_alone_is_no_look():
 )  # fmt: skip
 def test_a_light_is_of_the_subject_alone_where_it_is_singled_out(sentence, target):
     assert only(sentence).target == target
+
+
+@pytest.mark.parametrize(
+    ("sentence", "refusal"),
+    [
+        ("make it 900 % brighter", "amount"), ("fog five times as dense", "amount"),
+        ("heavier rain", "strength"), ("50 % more snow", "strength"),
+        ("fog from the left", "side"), ("rain from the right", "side"),
+        ("bronze with a hint of green", "two"), ("make the red darker", "part"),
+    ],
+)  # fmt: skip
+def test_what_no_route_does_as_it_is_said_is_refused(sentence, refusal):
+    assert read_instruction(sentence).refusal == refusal
+
+
+@pytest.mark.parametrize(
+    ("sentence", "amount"),
+    [("double the fog", 1.0), ("a sunny day at half past ten", None), ("thick fog", 0.5)],
+)
+def test_a_light_is_as_strong_as_it_is_said(sentence, amount):
+    assert only(sentence).amount == amount
+
+
+def test_a_color_may_only_say_which_thing():
+    change = only("make the red car darker")
+    assert (change.target, change.kind, change.name) == ("subject", "tone", "brightness")
+
+
+def test_each_tone_of_a_list_keeps_its_own_amount():
+    changes = read_instruction("warmth +20, contrast -10").changes
+    assert [change.amount for change in changes] == [0.2, -0.1]

@@ -17,13 +17,12 @@ from gsedit.scene.table import SplatTable
 from gsedit.toolkit.color_maps import Affine
 from gsedit.toolkit.grade import COLDEST, GAMMA, HOTTEST, NEUTRAL, Grade
 from gsedit.toolkit.recolor import recolored
+from gsedit.words.instruction import MOST
 
 DEFAULT_SHARE = 0.3
 """Share of a change without a number: plainly seen, and far from the ends."""
 WHOLE = 1.0
 """Share of a change that is all or nothing: grayscale, sepia, negative."""
-MOST = 5.0
-"""Largest share: colors six times as bright are white or black nearly everywhere."""
 DARKEST_STOPS = -20.0
 """Stops that stand for no light: a display color of 1 becomes half of an 8-bit step."""
 WARMEST = 4.0
@@ -51,9 +50,10 @@ def tone_map(name: str, amount: float | None, color: str | None = None) -> Affin
         raise UsageError(f"there is no tone {name!r}: choose one of {', '.join(TONES)}")
     make, default, least = TONES[name]
     share = default if amount is None else amount
-    if not (isfinite(share) and least <= share <= MOST):
+    most = MOST["tone"]
+    if not (isfinite(share) and least <= share <= most):
         raise UsageError(
-            f"{name} by {share:+.0%} is out of range: say a share from {least:+.0%} to {MOST:+.0%}"
+            f"{name} by {share:+.0%} is out of range: say a share from {least:+.0%} to {most:+.0%}"
         )
     if name == "hue" and color is not None:
         return _tint(share, color)
