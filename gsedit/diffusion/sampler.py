@@ -125,9 +125,9 @@ def add_noise(
 def levels_of(schedule: Schedule, settings: SamplerSettings) -> list[NoiseLevel]:
     """The `steps` + 1 levels between which these settings step; the first is where x starts."""
     # Stable Diffusion's own DDIM ends with the little noise of step 0 (set_alpha_to_one false)
-    ends_at_zero = settings.method == "ddim" and settings.spacing == "leading"
+    ends_at_zero = settings.method == "ddim" and settings.step_spacing == "leading"
     return schedule.levels(
-        settings.step_count, settings.strength, settings.spacing, clean=not ends_at_zero
+        settings.step_count, settings.strength, settings.step_spacing, clean=not ends_at_zero
     )
 
 

@@ -15,10 +15,11 @@ Target = Literal["x0", "xt", "eps"]
 Noise = Literal["shared", "independent"]
 Solver = Literal["ddim", "euler", "heun", "dpm++2m", "ancestral", "lcm"]
 Precision = Literal["float32", "bfloat16", "auto"]
-Spacing = Literal["leading", "linspace", "trailing", "karras"]
+Spacing = Literal["leading", "linspace", "trailing", "karras", "middle"]
 """Positions of the steps: three ways of dividing the training steps (named as in diffusers; leading
-is Stable Diffusion's and starts below the top, linspace and trailing start at it), or sigmas whose
-seventh roots are evenly spaced (Karras et al. 2022, eq. 5)."""
+is Stable Diffusion's and starts below the top, linspace and trailing start at it), sigmas whose
+seventh roots are evenly spaced (Karras et al. 2022, eq. 5), or the middles of equal parts of the
+training steps, of which none is spent on a picture without noise."""
 
 
 class SamplerDefaults(NamedTuple):
@@ -32,6 +33,7 @@ class SamplerDefaults(NamedTuple):
     """Sigma, where Stable Diffusion has done a fifth of its steps: the paper's 10 of 50."""
     steps: int = 20
     solver: Solver = "ddim"
+    spacing: Spacing = "leading"
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,7 @@ class SamplerSettings:
 
     steps: int | None = None
     """Denoising steps, from 1 to 1000. The time of an edit is proportional to it. None: the
-    editor's own (20; models distilled to few steps 4)."""
+    editor's own (20; small 10, models distilled to few steps 4)."""
     guidance_text: float | None = field(default=None, metadata={"flag": "--guidance"})
     """Weight of the instruction, s_T of InstructPix2Pix, 0 or more; 1 or less adds no push towards
     it. None: the editor's own (7.5; small 1.4)."""
@@ -53,9 +55,10 @@ class SamplerSettings:
     solver: Solver | None = None
     """How a step is taken. heun runs the network twice a step; ancestral and lcm draw fresh noise.
     None: the editor's own (ddim)."""
-    spacing: Spacing = "leading"
+    spacing: Spacing | None = None
     """Positions of the steps on the noise schedule, named as in diffusers; karras spaces the
-    seventh roots of sigma evenly."""
+    seventh roots of sigma evenly, middle takes the middles of equal parts. None: the editor's own
+    (leading; small middle)."""
     eta: float = 0.0
     """Fresh noise of the solver ddim, from 0 (deterministic) to 1 (DDPM). The clusters of
     corresponding cells share it as they share the first noise; ancestral always has 1."""
@@ -117,11 +120,11 @@ class SamplerSettings:
         }
         for name, allowed in choices.items():
             value, names = getattr(self, name), get_args(allowed)
-            missing = name == "solver" and value is None
-            _require(missing or value in names, name, value, f"one of {', '.join(names)}")
+            valid = value is None or value in names
+            _require(valid, name, value, f"one of {', '.join(names)}")
 
     def _check_combinations(self) -> None:
-        if self.spacing in ("leading", "trailing"):
+        if self.step_spacing in ("leading", "trailing"):
             most = int(1000 * self.strength)  # noise levels of Stable Diffusion's schedule
             _require(
                 self.step_count <= most,
@@ -158,6 +161,11 @@ class SamplerSettings:
         )
 
     @property
+    def step_spacing(self) -> Spacing:
+        """The spacing, with InstructPix2Pix's where it is None."""
+        return self.spacing or SamplerDefaults().spacing
+
+    @property
     def noise_scale(self) -> float:
         """The temperature, with InstructPix2Pix's where it is None."""
         return SamplerDefaults().temperature if self.temperature is None else self.temperature
@@ -190,7 +198,7 @@ class SamplerSettings:
                 return cls()
             case "paper":
                 return cls(
-                    steps=50, strength=1.0, target="xt", noise="independent", temperature=1.0,
+                    steps=50, spacing="leading", strength=1.0, target="xt", noise="independent", temperature=1.0,
                     t_end=SamplerDefaults().t_end, harmonise=False,
                 )  # fmt: skip
         raise UsageError(f"preset must be default or paper, not {name!r}")

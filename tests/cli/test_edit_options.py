@@ -99,9 +99,8 @@ def test_flags_are_those_that_users_know_and_no_two_are_equal():
 
 def test_the_listed_defaults_are_the_librarys():
     listed = settings_of_edit()
-    sampler, update, edit = SamplerSettings(), UpdateSettings(), EditSettings()
+    update, edit = UpdateSettings(), EditSettings()
     for flag, value in {
-        "--steps": sampler.steps,
         "--patches": update.patches,
         "--patch": update.patch,
         "--loss": update.loss,
@@ -113,6 +112,8 @@ def test_the_listed_defaults_are_the_librarys():
     }.items():
         assert listed[flag]["default"] == str(value)
     for flag, text in {
+        "--steps": f"({SamplerDefaults().steps}; small {DEFAULTS.steps})",
+        "--spacing": f"({SamplerDefaults().spacing}; small {DEFAULTS.spacing})",
         "--guidance": f"({SamplerDefaults().guidance_text}; small {DEFAULTS.guidance_text:g})",
         "--temperature": f"({SamplerDefaults().temperature:g}; small {DEFAULTS.temperature:g})",
     }.items():

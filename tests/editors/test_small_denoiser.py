@@ -134,8 +134,7 @@ def test_unknown_words_give_a_finite_edit(small):
 @pytest.mark.parametrize("other", [{"guidance_text": 7.5}, {"temperature": 1.0}])
 def test_its_defaults_are_used_unless_a_setting_is_given(small, other):
     editor, images = DiffusionEditor(small), pictures(1, 16, 16)
-    declared = DEFAULTS._asdict()
-    del declared["steps"]  # which `edit` sets
+    declared = DEFAULTS._asdict() | {"steps": 3}
     assert torch.equal(edit(editor, images), edit(editor, images, **declared))
     assert not torch.equal(edit(editor, images), edit(editor, images, **other))
 
@@ -151,7 +150,7 @@ def test_where_the_subject_is_can_be_told(small):
     """Told nothing new, nothing changes; told otherwise, the edit is another one there."""
     originals = pictures(2, 16, 32)
     generator = torch.Generator().manual_seed(0)
-    own = small.condition(originals, "as gold", generator).encoded.geometry[:, 0]
+    own = small.condition(originals, "as gold", generator).shown.subject.unflatten(1, (16, 32))
     with_subject = small.capabilities.with_subject
     batch = EditBatch(originals, originals, "as gold")
 
@@ -163,9 +162,9 @@ def test_where_the_subject_is_can_be_told(small):
         )
         return last.images
 
-    told = with_subject(own.sigmoid()).condition(originals, "as gold", generator)
-    torch.testing.assert_close(told.encoded.geometry[:, 0], own, atol=1e-3, rtol=0)
-    torch.testing.assert_close(edited(own.sigmoid()), edited(None), atol=1e-3, rtol=0)
+    told = with_subject(own).condition(originals, "as gold", generator).shown.subject
+    torch.testing.assert_close(told, own.flatten(1), atol=1e-3, rtol=0)
+    torch.testing.assert_close(edited(own), edited(None), atol=1e-3, rtol=0)
     left = torch.zeros(2, 16, 32)
     left[:, :, :16] = 1
     assert (edited(left) - edited(1 - left)).abs().max() > 1e-3

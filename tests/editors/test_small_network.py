@@ -71,6 +71,18 @@ def test_the_instruction_changes_the_prediction(small):
     assert not torch.allclose(red, blue, atol=1e-6)
 
 
+def test_instructions_of_one_pass_are_as_apart(small):
+    """The network computes once for both what it computes for each."""
+    network, x, picture = small.network, noise(2, CHANNELS, 5, 7), noise(2, CHANNELS, 5, 7, seed=1)
+    ones = torch.ones(2)
+    prepared = network.prepare(picture, ones, network.encode_image(picture, ones))
+    text = network.text_encoder(tokenise(["as gold", "as gold", "", ""]))
+    together = network.denoise(x, 2 * ones, prepared, text).chunk(2)
+    for each, sentence in zip(together, ("as gold", "")):
+        apart = predict(network, x, 2.0, picture, sentence=sentence)
+        torch.testing.assert_close(each, apart, atol=1e-4, rtol=1e-4)
+
+
 def test_views_do_not_influence_each_other(small):
     x, picture = noise(3, CHANNELS, 8, 8), noise(3, CHANNELS, 8, 8, seed=1)
     together = predict(small.network, x, 1.0, picture)

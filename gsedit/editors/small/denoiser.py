@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -15,8 +16,8 @@ from typing import NamedTuple
 
 import torch
 import torch.nn.functional as F
-from jaxtyping import Float, Int
-from torch import Tensor
+from jaxtyping import Float
+from torch import Tensor, nn
 
 from gsedit.datasets.padding import PadMode
 from gsedit.diffusion.guidance import Branches, Need
@@ -29,6 +30,7 @@ from gsedit.editors.small.network import (
     CHANNELS,
     Architecture,
     EncodedImage,
+    PreparedImage,
     SmallNetwork,
     from_cells,
     to_cells,
@@ -48,8 +50,12 @@ MODEL_HINT = (
 )
 MID_SIGMA = 4.0  # in the middle of the schedule
 STEPS = 1000
-DEFAULTS = SamplerDefaults(guidance_text=1.4, guidance_image=1.0, temperature=0.2, t_end=4.0)
-"""Each of its instructions has one correct result, so little of the starting noise is used.
+DEFAULTS = SamplerDefaults(
+    steps=10, spacing="middle", guidance_text=1.4, guidance_image=1.0, temperature=0.2, t_end=4.0
+)
+"""Each of its instructions has one correct result, so little of the starting noise is used. Ten
+steps in the middles of their parts equal the twenty of the leading spacing to 51 dB
+(docs/measurements/sampler.md).
 Consensus acts for half of the steps: later ones lose strength (docs/measurements/consensus.md),
 and the coarse colors that views still differ in are brought to agreement after sampling."""
 BEST_SIZE = 192
@@ -61,9 +67,9 @@ def schedule() -> Schedule:
     """sigma = MID_SIGMA tan(pi t / 2): a cosine schedule shifted towards the noise.
 
     Neighboring pixels and cells are alike: their mean is visible through noise that hides each of
-    them, the more so the larger the image (Hoogeboom et al. 2023, section 2.1). The default 20
-    steps start at sigma 37, where a render's mean color is still visible; the training accounts
-    for that (see research.train_small.loss.noisy_targets).
+    them, the more so the larger the image (Hoogeboom et al. 2023, section 2.1). The default steps
+    start at sigma 37, where a render's mean color is still visible; the training accounts for
+    that (see research.train_small.loss.noisy_targets).
     """
     t = torch.arange(1, STEPS + 1, dtype=torch.float64) / (STEPS + 1)
     return Schedule(1 / (1 + sigma_at(t) ** 2))
@@ -77,12 +83,10 @@ def sigma_at(t: Float[Tensor, " t"]) -> Float[Tensor, " t"]:
 class Condition(NamedTuple):
     """Condition of the network at every step."""
 
-    latents: Float[Tensor, "v c y x"]
-    """Latents of the unedited images."""
-    encoded: EncodedImage
+    shown: PreparedImage
     """The unedited images, encoded."""
-    null_encoded: EncodedImage
-    """Features of one view where the image is dropped."""
+    dropped: PreparedImage
+    """One view whose image is dropped."""
     text: Float[Tensor, "1 d"]
     null_text: Float[Tensor, "1 d"]
     """Features of the empty instruction."""
@@ -202,19 +206,22 @@ class Small:
         asked = ", ".join(self.wordings(prompt))
         text, null_text = self.network.text_encoder(tokenise([asked, ""])).split(1)
         latents = self.encode(originals)
-        parts = [self._encode(part, 1.0) for part in latents.split(self.micro_batch)]
-        null_encoded = self._encode(latents[:1], 0.0)
-        encoded = _cat(parts)
+        encoded = _cat([self._encode(part, 1.0) for part in latents.split(self.micro_batch)])
         if self.subject is not None:
             encoded = with_subject(encoded, self.subject[: len(latents)])
-        return Condition(latents, encoded, null_encoded, text, null_text)
+        one, ones = latents[:1], latents.new_ones(len(latents))
+        shown = self.network.prepare(latents, ones, encoded)
+        dropped = self.network.prepare(one, 0 * ones[:1], self._encode(one, 0.0))
+        return Condition(shown, dropped, text, null_text)
 
     @torch.no_grad()
     def branches(
         self, x: Float[Tensor, "v c y x"], t: float, condition: Condition, need: Need
     ) -> Branches:
         """v under (text, image), (null, image) and (null, null), as far as in need."""
-        parts = torch.arange(len(x)).split(self.micro_batch)
+        parts = [
+            slice(start, start + self.micro_batch) for start in range(0, len(x), self.micro_batch)
+        ]
         chunks = [self._predictions(x, rows, t, condition, need) for rows in parts]
         predicted = iter(torch.cat(branch) for branch in zip(*chunks))
         return Branches(*(next(predicted) if wanted else None for wanted in need))
@@ -222,31 +229,46 @@ class Small:
     def _predictions(
         self,
         x: Float[Tensor, "v c y x"],
-        rows: Int[Tensor, " n"],
+        rows: slice,
         t: float,
         condition: Condition,
         need: Need,
     ) -> tuple[Float[Tensor, "n c y x"], ...]:
         """v of these views under each condition in need, in one pass of the network."""
-        level, n = self.schedule.level(t), len(rows)
-        latents, encoded, null_encoded, text, null_text = condition
-        shown = EncodedImage(*(part[rows] for part in encoded))
-        dropped = EncodedImage(*(part.expand(n, -1, -1, -1) for part in null_encoded))
-        branches = [(text, 1.0, shown), (null_text, 1.0, shown), (null_text, 0.0, dropped)]
-        texts, masks, images = zip(*(each for each, wanted in zip(branches, need) if wanted))
-        x_t = x[rows].float().repeat(len(texts), 1, 1, 1)
-        x0 = self.network(
-            x_t,
-            x_t.new_full((len(x_t),), level.sigma),
-            latents[rows].repeat(len(texts), 1, 1, 1),
-            x_t.new_tensor(masks).repeat_interleave(n),
-            _cat(images),
-            torch.cat([each.expand(n, -1) for each in texts]),
-        )
-        return ((level.a * x_t - x0) / level.b).chunk(len(texts))
+        level, network, x_t = self.schedule.level(t), self.network, x[rows].float()
+        if torch.is_autocast_enabled("cpu"):
+            network = _in_bfloat16(network)
+        sigma = x_t.new_full((len(x_t),), level.sigma)
+
+        def predict(image: PreparedImage, texts: Sequence[Tensor]) -> tuple[Tensor, ...]:
+            text = torch.cat([each.expand(len(x_t), -1) for each in texts])
+            clean = network.denoise(x_t, sigma, image, text).chunk(len(texts))
+            return tuple((level.a * x_t - x0) / level.b for x0 in clean)
+
+        texts = [t for t, wanted in zip((condition.text, condition.null_text), need) if wanted]
+        predicted: tuple[Tensor, ...] = ()
+        if texts:
+            predicted = predict(PreparedImage(*(part[rows] for part in condition.shown)), texts)
+        if need.none:
+            dropped = (part.expand(len(x_t), *part.shape[1:]) for part in condition.dropped)
+            predicted += predict(PreparedImage(*dropped), [condition.null_text])
+        return predicted
 
     def _encode(self, latents: Float[Tensor, "n c y x"], mask: float) -> EncodedImage:
         return self.network.encode_image(latents, latents.new_full((len(latents),), mask))
+
+
+@lru_cache(maxsize=2)
+def _in_bfloat16(network: SmallNetwork) -> SmallNetwork:
+    """A copy whose convolutions and linear layers hold their weights in bfloat16, laid out as the
+    processor multiplies them: autocast would convert them again at every step."""
+    rounded = deepcopy(network)
+    for layer in rounded.modules():
+        if isinstance(layer, nn.Conv2d | nn.Linear):
+            layer.to(torch.bfloat16)
+        if isinstance(layer, nn.Conv2d):
+            layer.weight.data = layer.weight.contiguous(memory_format=torch.channels_last)
+    return rounded
 
 
 def cell_colors(change: Float[Tensor, "v c y x"]) -> Float[Tensor, "v c y x"]:
