@@ -10,7 +10,7 @@ from gsedit.errors import UsageError
 
 from ..core.console import print_message, print_result
 from .cameras import ViewOptions
-from .editing import EditorOptions
+from .editing import EditorOptions, what_it_understood
 from .routes import prepare, read_sentence
 from .settings import Values
 
@@ -59,8 +59,11 @@ def run_preview(
     given, viewpoints, settings = ready.scene, ready.viewpoints, ready.settings
     if followed is None:
         assert read is not None
+        print_message(f"understood as: {read}")
         found = preview_routed(given, read, viewpoints, settings)
     else:
+        if understood := what_it_understood(followed, words):
+            print_message(understood)
         camera = viewpoints[0].camera
         found = preview_edited(
             given, words, camera, followed, seeds, settings.sampler, settings.execution

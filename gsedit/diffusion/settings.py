@@ -198,8 +198,8 @@ class SamplerSettings:
                 return cls()
             case "paper":
                 return cls(
-                    steps=50, spacing="leading", strength=1.0, target="xt", noise="independent", temperature=1.0,
-                    t_end=SamplerDefaults().t_end, harmonise=False,
+                    steps=50, spacing="leading", strength=1.0, target="xt", noise="independent",
+                    temperature=1.0, t_end=SamplerDefaults().t_end, harmonise=False,
                 )  # fmt: skip
         raise UsageError(f"preset must be default or paper, not {name!r}")
 

@@ -21,6 +21,7 @@ from gsedit.editing.session.settings import EditSettings
 from gsedit.editors.protocol import EditBatch, Editor
 from gsedit.formats.pictures import fitted_size
 from gsedit.pictures.contact_sheet import contact_sheet
+from gsedit.regions.lift import lift
 from gsedit.scene.picture import render_picture
 from gsedit.words.instruction import Instruction
 from rasterizer.camera import Camera
@@ -29,6 +30,8 @@ from rasterizer.scene import Gaussians
 
 SEARCHED_VIEWS = 6
 """Views in which the subject is searched for a preview."""
+SHOWN_PIXELS = 0.05
+"""Pixels of the view from which a Gaussian's reflections are computed for it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +62,10 @@ def preview_routed(
     """
     some = [viewpoints[i] for i in evenly_spaced(len(viewpoints), SEARCHED_VIEWS + 1)]
     settings = settings or EditSettings()
-    routed = change_scene(scene, instruction, some, settings)
     camera = viewpoints[0].camera
+    ones = torch.ones(camera.height, camera.width)
+    shown = lift(scene, [camera], [ones], settings.execution).weight > SHOWN_PIXELS
+    routed = change_scene(scene, instruction, some, settings, shown)
     before, after = (render_picture(s, camera, settings.execution) for s in (scene, routed.scene))
     return Preview(View("before", camera, before), (View("after", camera, after),))
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from gsedit.cameras.paths import up_of
@@ -102,10 +102,12 @@ def in_material(
     cameras: Sequence[Camera] = (),
     execution: Execution = AUTO,
     weights: Float[Tensor, " n"] | None = None,
+    shown: Bool[Tensor, " n"] | None = None,
 ) -> Dressed:
     """The scene with the Gaussians inside in a material; the coefficients of others are the same.
 
-    A material that reflects raises the scene's SH to degree 3, with zeros for what is outside.
+    A material that reflects raises the scene's SH to degree 3, with zeros for what is outside; of
+    it, only the Gaussians that are `shown` (None: all) are shaded, as for one picture.
     Raises UsageError for no Gaussians inside, or for ones that show no surface.
     """
     studied = study(scene, inside, cameras, execution, weights, material.is_matte)
@@ -118,8 +120,12 @@ def in_material(
     k = max(scene.sh.shape[1], (degree + 1) ** 2)
     sh = scene.sh.new_zeros(len(scene), k, 3)
     sh[:, : scene.sh.shape[1]] = scene.sh
-    colored = colors_of(studied, material, cameras, degree)
     rows = inside.nonzero().squeeze(-1)
+    only = torch.arange(len(rows))
+    if shown is not None and not material.is_matte:
+        only = shown[rows].nonzero().squeeze(-1)
+        rows = rows[only]
+    colored = colors_of(studied, material, cameras, degree, only)
     sh[rows] = 0
     sh[rows[:, None], torch.arange(colored.shape[1])] = colored.to(sh)
     raised = k > scene.sh.shape[1]
@@ -183,9 +189,14 @@ def _eyes_within(part: Gaussians, cameras: Sequence[Camera]) -> Float[Tensor, "3
 
 
 def colors_of(
-    studied: Studied, material: Material, cameras: Sequence[Camera], degree: int
-) -> Float[Tensor, "m k 3"]:
-    """SH coefficients of the Gaussians in a material; those of degree 0 are of a matte one."""
+    studied: Studied,
+    material: Material,
+    cameras: Sequence[Camera],
+    degree: int,
+    only: Int[Tensor, " s"],
+) -> Float[Tensor, "s k 3"]:
+    """SH coefficients of these of the Gaussians in a material; those of degree 0 are of all of them
+    in a matte one."""
     surface = reflectance(material, studied.ground)
     diffuse = body(material, surface, studied.sides)
     if degree == 0:
@@ -197,7 +208,7 @@ def colors_of(
         eyes = eyes[evenly_spaced(len(eyes), CAMERAS)]
     directions = torch.from_numpy(even_directions(AROUND)).to(diffuse)
     found = []
-    for rows in _parts(len(diffuse)):
+    for rows in only.split(AT_ONCE):
         skin, here = studied.skin[rows], surface[rows]
         weights = _weights(skin, directions, eyes)
         at, way = (weights > 0).nonzero().unbind(-1)

@@ -17,6 +17,7 @@ def test_a_preview_is_one_picture_and_nothing_else(scene, photos, tmp_path):
     result = gsedit("edit", scene, *words, "--preview", "-o", file)
     assert result.exit_code == 0, result.stderr
     assert result.stdout.strip().endswith("look.png")
+    assert "understood as: " in result.stderr
     assert [path.name for path in files(file.parent)] == ["look.png"]
     with Image.open(file) as picture:
         assert picture.width > 1.7 * picture.height

@@ -112,7 +112,7 @@ def test_the_listed_defaults_are_the_librarys():
     }.items():
         assert listed[flag]["default"] == str(value)
     for flag, text in {
-        "--steps": f"({SamplerDefaults().steps}; small {DEFAULTS.steps})",
+        "--steps": f"({SamplerDefaults().steps}; small {DEFAULTS.steps},",
         "--spacing": f"({SamplerDefaults().spacing}; small {DEFAULTS.spacing})",
         "--guidance": f"({SamplerDefaults().guidance_text}; small {DEFAULTS.guidance_text:g})",
         "--temperature": f"({SamplerDefaults().temperature:g}; small {DEFAULTS.temperature:g})",

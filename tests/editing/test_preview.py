@@ -9,7 +9,10 @@ from research.labelled import statue
 from gsedit.cameras.orbit import circle
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.editing.preview import preview_edited, preview_routed
+from gsedit.editing.routes.result import change_scene
+from gsedit.editing.session.settings import EditSettings
 from gsedit.editors import make_editor
+from gsedit.measures.metrics import psnr
 from gsedit.scene.picture import render_picture
 from gsedit.words.read import read_instruction
 
@@ -36,6 +39,19 @@ def test_a_tone_of_the_scene_is_previewed_exactly(labelled, viewpoints):
     assert torch.equal(found.before.image, before)
     torch.testing.assert_close(found.after[0].image, 0.8 * before, atol=0.01, rtol=0)
     assert found.picture().width > found.picture().height
+
+
+def test_a_preview_of_a_material_is_as_the_edit_shows_it(labelled, viewpoints):
+    """Reflections are computed of what the view shows: the picture is that of the whole edit."""
+    scene, asked = labelled.gaussians, read_instruction("make it polished bronze")
+    inside = EditSettings(region="sphere:0,0,0,0.3")
+    found = preview_routed(scene, asked, viewpoints, inside)
+    with torch.no_grad():
+        whole = render_picture(
+            change_scene(scene, asked, viewpoints, inside).scene, viewpoints[0].camera
+        )
+    assert psnr(found.after[0].image, whole) > 40
+    assert psnr(found.before.image, whole) < 30
 
 
 def test_seeds_give_candidates_of_one_look(labelled, viewpoints):

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.datasets.dataset import evenly_spaced
@@ -91,6 +91,7 @@ def _changed(
     seen: Float[Tensor, " n"] | None,
     cameras: Sequence[Camera],
     execution: Execution,
+    shown: Bool[Tensor, " n"] | None = None,
 ) -> Dressed:
     """The scene as `apply_change` makes it, with remarks for a person."""
     if not region.inside.any():
@@ -103,7 +104,7 @@ def _changed(
         case "tone":
             after = toned(table, inside, change.name, change.amount, change.color)
         case "paint" | "material":
-            return dressed(scene, change, region, seen, cameras, execution)
+            return dressed(scene, change, region, seen, cameras, execution, shown)
         case "light":
             color = None if change.color is None else parse_hex(change.color)
             setup = setup_of(change.name, change.amount, color)
@@ -122,9 +123,10 @@ def dressed(
     seen: Float[Tensor, " n"] | None,
     cameras: Sequence[Camera],
     execution: Execution = AUTO,
+    shown: Bool[Tensor, " n"] | None = None,
 ) -> Dressed:
-    """The scene with the Gaussians of a region in a paint or material. Raises UsageError as
-    `in_material`, and for a name that is no material or a color that is none."""
+    """The scene with the Gaussians of a region in a paint or material, see `in_material`. Raises
+    UsageError as that does, and for a name that is no material or a color that is none."""
     if change.color is not None or change.route == "paint":
         parse_hex(change.color)
     if change.route == "paint":
@@ -135,7 +137,7 @@ def dressed(
         raise UsageError(
             f"there is no material {change.name!r}: gsedit list looks shows what there is"
         )
-    return in_material(scene, region.inside, material, cameras, execution, seen)
+    return in_material(scene, region.inside, material, cameras, execution, seen, shown)
 
 
 def apply_instruction(
@@ -144,10 +146,12 @@ def apply_instruction(
     find_region: FindRegion,
     cameras: Sequence[Camera] = (),
     execution: Execution = AUTO,
+    shown: Bool[Tensor, " n"] | None = None,
 ) -> Routed:
     """The scene with every change of the instruction, in order; the subject is searched once.
 
-    The cameras, if any, tell which Gaussians are seen: paint is adjusted to those.
+    The cameras, if any, tell which Gaussians are seen: paint is adjusted to those. What is not
+    `shown` (None: all is) may keep its old reflections, as for one picture.
     Raises UsageError where a change has no exact route, and as `apply_change`, `find_region`.
     """
     if not is_exact(instruction):
@@ -161,7 +165,7 @@ def apply_instruction(
     notes: list[str] = []
     for change in changes:
         region = regions[change.target]
-        made = _changed(after, change, region, seen, cameras, execution)
+        made = _changed(after, change, region, seen, cameras, execution, shown)
         after, notes = made.scene, [*notes, *made.notes]
         inside |= region.inside
     found = Region(inside, "; ".join(regions[target].note for target in targets))

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from jaxtyping import Bool
+from torch import Tensor
+
 from gsedit.datasets.dataset import View, capture, evenly_spaced
 from gsedit.datasets.view_list_files import HELD_OUT_EVERY, Role
 from gsedit.datasets.viewpoints import Viewpoint
@@ -42,8 +45,10 @@ def change_scene(
     instruction: Instruction,
     viewpoints: Sequence[Viewpoint],
     settings: EditSettings | None = None,
+    shown: Bool[Tensor, " n"] | None = None,
 ) -> Routed:
-    """The scene with an instruction's changes, in the region that the settings name, if they do.
+    """The scene with an instruction's changes, in the region that the settings name, if they do;
+    `shown` as in `apply_instruction`.
 
     Raises UsageError as `apply_instruction` and `find_part` do.
     """
@@ -56,7 +61,7 @@ def change_scene(
         return find_part(gaussians, viewpoints, settings.region, settings.execution)
 
     cameras = [each.camera for each in viewpoints]
-    return apply_instruction(scene, instruction, find, cameras, settings.execution)
+    return apply_instruction(scene, instruction, find, cameras, settings.execution, shown)
 
 
 def routed_result(
