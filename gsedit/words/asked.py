@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 from gsedit.words.instruction import Change
-from gsedit.words.looks import LOOKS, Look
+from gsedit.words.looks import Look
 from gsedit.words.read import read_instruction
 from gsedit.words.small_looks import look_of
 from gsedit.words.understanding import ScoredLook, Understanding
@@ -21,9 +21,6 @@ def looks_asked(sentence: str) -> Understanding:
 
     Raises InputError where the files of the encoder are missing or damaged.
     """
-    for look in LOOKS.values():
-        if sentence == look.wording:
-            return Understanding.of(look.name)
     read = read_instruction(sentence)
     if read.refusal in GUESSED:
         from gsedit.words.reader import understand

@@ -80,9 +80,8 @@ def _goes_on(noun: Clause, clause: Clause) -> bool:
     kinds, before = clause.kinds(), noun.kinds()
     said = kinds & {"up", "down", "number", "factor", "fraction", "intense"}
     named = "noun" in before and before <= {"fill", "noun", "be", "unknown", *TARGETS}
-    it = any(word.text == "it" for word in clause.words) and not kinds & CONTENT
-    listed = "noun" in kinds and clause.before in ("and", ",") and not before & {"be", "unknown"}
-    return named and bool(said) and (it or listed)
+    listed = clause.before in ("and", ",") and not before & {"be", "unknown"}
+    return named and bool(said) and (listed if "noun" in kinds else not kinds & CONTENT)
 
 
 def _segments(words: list[Word]) -> Iterator[tuple[str, list[Word]]]:
@@ -180,11 +179,9 @@ def _governed(before: str, part: list[Word], heir: Word | None) -> Clause:
 
 def _kept(clause: Clause, scope: list[Word], count: int) -> Clause:
     """A clause about what stays as it is."""
+    if not count and any(word.kind == "limit" for word in clause.words):
+        return replace(clause, limits=[*clause.limits, Word("rest", "rest", "rest")])
     limits = [word for word in (*clause.words, *scope) if word.kind in TARGETS]
-    said = any(word.kind == "limit" for word in clause.words)
-    rest = [Word("rest", "rest", "rest")] if said else []
-    if said and not count:
-        return replace(clause, limits=[*clause.limits, *rest])
     return replace(clause, words=[], limits=[] if count else [*clause.limits, *limits])
 
 

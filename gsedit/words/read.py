@@ -20,7 +20,7 @@ from gsedit.words.parts import (
 )
 from gsedit.words.refusals import REASONS, Refused, first_refusal
 from gsedit.words.scan import Word, scanned
-from gsedit.words.small_looks import change_of_look, routed
+from gsedit.words.small_looks import TONES, change_of_look, routed
 from gsedit.words.solids import directed, refuse_amount, scenes, shone, solids
 from gsedit.words.tones import asks_less, hues, stressed, tones
 
@@ -333,7 +333,6 @@ def _meant(sentence: str, words: list[Word]) -> list[Change]:
     if not understood.known or understood.looks[0].score < (SURE if few else FLOOR):
         raise Refused("nonsense")
     looks = [each.look for each in understood.looks if each.score >= FLOOR]
-    changes = [routed(change_of_look(look)) for look in looks]
-    if any(change.kind == "tone" for change in changes):  # a direction that no word says
+    if any(look.name in TONES.values() for look in looks):  # a direction that no word says
         raise Refused("nonsense")
-    return changes
+    return [change_of_look(look) for look in looks]

@@ -43,13 +43,7 @@ class Reader(nn.Module):
         return self.subject(vector).softmax(0), self.scene(vector).softmax(0)
 
     def read(self, sentence: str) -> Understanding:
-        """The look that is likeliest against none, and that of the other scope too if it is sure.
-
-        A wording of the table is its look, whatever the weights say of it.
-        """
-        for look in LOOKS.values():
-            if sentence == look.wording:
-                return Understanding.of(look.name)
+        """The look that is likeliest against none, and the other scope's too if it is sure."""
         likeliest, sure = zip(*map(_likeliest, (SUBJECT_LOOKS, SCENE_LOOKS), self(sentence)))
         known = max(sure) > 0.5
         if known and min(sure) > SECOND:

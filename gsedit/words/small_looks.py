@@ -63,11 +63,7 @@ def material_of(name: str) -> str:
 
 
 def change_of_look(look: Look) -> Change:
-    """Change that a look of `small` is."""
-    for (name, sign), each in TONES.items():
-        if each == look.name:
-            plain = name in ("grayscale", "sepia", "negative")
-            return Change("scene", "tone", name, None, None if plain else 0.25 * sign, "tone")
+    """Change that a look of `small` is; a tone is a look here, which has no amount."""
     if look.scope == "scene":
         kind = "light" if look.name in LIGHTS else "look"
         return routed(Change("scene", kind, look.name, None, None, "small"))

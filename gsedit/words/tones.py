@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 from gsedit.words import lexicon
 from gsedit.words.amounts import Amount, amount_of
 from gsedit.words.clauses import Clause
@@ -50,10 +48,8 @@ def _part_of_full(clause: Clause) -> float | None:
     there should be less of a style than there is, or more than all of it."""
     words, given = clause.words, amount_of(clause.words)
     share = given.share if given.factor is None else given.factor
-    halved = any(word.kind == "factor" for word in words)
-    halved |= any(
-        one.kind == "fraction" and after.text in ("of", "the") for one, after in pairwise(words)
-    )
+    fewer = any(word.kind in ("factor", "fraction") for word in words)
+    halved = given.factor is not None and fewer
     if halved or (asks_less(clause) and not clause.kinds() & {"noun", "state"}):
         raise Refused("negation")
     if share is not None and not 0 <= share <= 1:
@@ -138,8 +134,6 @@ def _turned(word: Word, clause: Clause) -> int:
         return -1
     if clause.turned:
         return clause.turned if word.kind == "state" else 1
-    if "enough" in clause.kinds() or "lack" in clause.tags():
-        return 1
     given = amount_of(clause.words)
     fewer = word.kind == "state" and given.factor is not None and given.factor < 1
     return -1 if asks_less(clause) or fewer or (word.kind == "state" and complains(clause)) else 1
@@ -157,9 +151,7 @@ def _nouns(words: list[Word], signs: dict[str, int], clause: Clause) -> list[str
             found += ["brightness"] * bool(moved and not signs)
         elif not (loose and any(each.kind == "color" for each in words)):
             found.append(word.value)
-    if any(word.value == "saturation" and word.text != "color" for word in words):
-        return found
-    return [name for name in found if name != "saturation"] or found
+    return found
 
 
 def _noun_sign(clause: Clause, before: int) -> int:

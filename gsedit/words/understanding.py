@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from difflib import get_close_matches
 
 from gsedit.words.looks import LOOKS, Look, Scope
 
@@ -34,11 +33,6 @@ class Understanding:
     """The changes in words; where it is not known the reason, and none may be guessed where there
     are no looks."""
 
-    @classmethod
-    def of(cls, *names: str) -> Understanding:
-        """Certain of these looks."""
-        return cls(tuple(ScoredLook(name, 1.0) for name in names), known=True)
-
     @property
     def names(self) -> tuple[str, ...]:
         return tuple(each.name for each in self.looks)
@@ -62,21 +56,10 @@ def not_understood(editor: str, prompt: str, nearest: Understanding) -> str:
     if not nearest.looks:
         return f"{prompt.strip()!r}: {nearest.why}"
     guess = f"{nearest} ({nearest.looks[0].score:.2f})"
-    spelling = _spelling(prompt)
-    did_you_mean = f"Did you mean {spelling!r}? " if spelling else ""
     return (
         f"{prompt.strip()!r} asks for no look that {editor} knows; the nearest is {guess}. "
-        f"{did_you_mean}{editor} changes material, colour, weather, season, light and style (see "
+        f"{editor} changes material, colour, weather, season, light and style (see "
         "gsedit list looks); it cannot add, remove, move or reshape anything. Say it in other "
         "words, add --guess for the nearest look, or use an editor that follows any sentence: "
         "--editor pix2pix --model FOLDER, or --editor command --run PROGRAM"
     )
-
-
-def _spelling(prompt: str) -> str | None:
-    """The look whose name a word of the prompt nearly is; None if there is none."""
-    for word in prompt.lower().split():
-        # 0.8: one letter wrong or missing in a name of five
-        for name in get_close_matches(word, LOOKS, n=1, cutoff=0.8):
-            return name
-    return None

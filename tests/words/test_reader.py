@@ -13,7 +13,7 @@ from gsedit.errors import InputError
 from gsedit.words import reader
 from gsedit.words.looks import LOOKS
 from gsedit.words.reader import understand
-from gsedit.words.understanding import Understanding
+from gsedit.words.understanding import ScoredLook, Understanding
 
 NEAREST, BOTH, REFUSED, WRONGLY_REFUSED = 51, 11, 14, 10
 """Counts out of 65, 15, 20 and 65: two below the measured (docs/measurements/instructions.md)."""
@@ -64,16 +64,20 @@ def test_what_no_look_fulfils_is_unknown():
 
 @pytest.mark.parametrize("name", LOOKS)
 def test_a_look_is_understood_by_its_name_and_by_its_wording(name):
-    assert understand(LOOKS[name].wording) == Understanding.of(name)
-    by_name = understand(f"make it {name}")
-    assert (by_name.names, by_name.known) == ((name,), True)
+    for sentence in (LOOKS[name].wording, f"make it {name}"):
+        understood = understand(sentence)
+        assert (understood.names, understood.known) == ((name,), True)
+
+
+def sure_of(*names: str) -> Understanding:
+    return Understanding(tuple(ScoredLook(name, 1.0) for name in names), known=True)
 
 
 def test_the_scope_is_the_scenes_where_a_scenes_look_is_asked_for():
-    assert Understanding.of("gold").scope == "subject"
-    assert Understanding.of("snow").scope == "scene"
-    assert Understanding.of("gold", "snow").scope == "scene"
-    assert Understanding.of("gold", "snow").wordings == (
+    assert sure_of("gold").scope == "subject"
+    assert sure_of("snow").scope == "scene"
+    assert sure_of("gold", "snow").scope == "scene"
+    assert sure_of("gold", "snow").wordings == (
         "turn it into a golden statue", "make it snow",
     )  # fmt: skip
 
