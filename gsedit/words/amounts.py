@@ -38,6 +38,9 @@ def amount_of(words: list[Word]) -> Amount:
         if word.kind == "fraction" and not (after and after.kind == "number"):
             return _fraction(words, at, word.number * (last or 1.0))
         if word.kind == "number":
+            beside = (*words[at - 1 : at], *words[at + 1 : at + 2])
+            if word.number == 0 and any(each.kind == "noun" for each in beside):
+                return Amount(factor=0.0)
             if after and after.kind == "number" and word.number >= 20 and after.number < 10:
                 total = word.number
                 continue

@@ -128,9 +128,14 @@ def _became(part: list[Word]) -> list[Word]:
     names = [at for at, word in enumerate(part) if word.kind in NAMED]
     if len(names) < 2:
         return part
+    swaps = any(word.text in ("swap", "switch", "exchange", "replace") for word in part[: names[0]])
+    verbs = swaps or any(word.kind in ("do", "wish", "touch") for word in part[: names[0]])
+    between = [word.text for word in part[names[0] + 1 : names[1]]]
+    if not verbs and between not in (["to"], ["into"]):  # "night to day"
+        return part
     first, last = names[0], names[-1]
     between = part[first + 1 : last + 1]
-    led = any(word.text in ("into", "to") for word in between)
+    led = any(word.text in ("into", "to", *(("for", "with", "by") * swaps)) for word in between)
     of_part = between[0].kind in TARGETS or between[0].kind == "unknown"
     kinds = {part[first].kind, part[last].kind}
     same = len(names) == 2 and (kinds <= {"color", "material"} or kinds == {"light"})
@@ -139,13 +144,26 @@ def _became(part: list[Word]) -> list[Word]:
 
 
 def _told(part: list[Word]) -> list[Word]:
-    """Words without what a comparison only brings up: "red as a rose", "white like snow"."""
-    kept, compared = list[Word](), False
+    """Words without what a comparison only brings up: after "like" nothing is a part or a thing,
+    after "as if" only the first name counts, after "red as" none does."""
+    kept, mode, named = list[Word](), "", False
     for word in part:
         last = kept[-1].kind if kept else ""
-        compared |= word.kind == "than" or (word.kind == "simile" and last == "color")
-        compared |= word.text == "as" and last in ("state", "color", "material")
-        if not compared or word.kind not in IDLE | CONTENT:
+        if word.kind == "simile" and last == "color":
+            mode = "than"  # "white like snow"
+        elif word.kind in ("simile", "asif") or (word.text == "if" and mode == "simile"):
+            mode = "" if word.text == "if" else word.kind
+        elif word.text == "as" and last in ("state", "color", "material"):
+            mode = "than"
+        elif word.kind == "than":
+            mode = "than"
+            kept.append(word)
+        elif mode and word.kind in (*IDLE, *(CONTENT if mode == "than" else ())):
+            continue
+        elif mode == "asif" and word.kind in CONTENT:
+            kept += [] if named and last not in CONTENT else [word]
+            named = True
+        else:
             kept.append(word)
     return kept
 
@@ -190,7 +208,10 @@ def _deny(clause: Clause, scope: list[Word], negations: list[Word]) -> None:
     by = negations[0]
     kinds = {word.kind for word in scope}
     named, told = kinds & CONTENT, {word.kind for word in clause.words} & CONTENT
-    if (by.kind == "drop" or by.text in EMPTY) and not named | told and _shadows(scope):
+    if len(negations) > 1 and any(each.kind == "drop" for each in negations):
+        clause.denied += [word for word in (*scope, *clause.words) if word.kind in CONTENT]
+        clause.words, clause.void = [], not clause.denied
+    elif (by.kind == "drop" or by.text in EMPTY) and not named | told and _shadows(scope):
         plain = [word for word in scope if word.kind != "intense"]  # "no harsh shadows"
         clause.words = [*clause.words, *plain, SOFT]
     elif by.kind == "drop" or (by.text in EMPTY and _tinted(scope, named, told)):

@@ -23,13 +23,16 @@ Parts = list[tuple[int, str]]
 def named_parts(clause: Clause) -> Parts:
     """(place in the clause, kind of part) of each part that is named, in order."""
     words, found = clause.words, Parts()
-    behind = False
+    behind = light = False
     for at, word in enumerate(words):
         behind |= word.kind == "behind"
-        if word.kind in TARGETS:
+        light |= word.kind == "light"
+        pointed = light and any(each.kind == "direction" for each in words[max(at - 3, 0) : at])
+        cast = light and behind and not any(w.value in ("fog", "cloudy", "storm") for w in words)
+        if word.kind in TARGETS and not pointed and not cast:
             found.append((at, "background" if behind and word.kind == "subject" else word.kind))
             behind = False
-        elif word.kind == "unknown" and is_thing(words, at):
+        elif word.kind == "unknown" and is_thing(words, at) and not pointed:
             found.append((at, "background" if behind else "subject"))
     return found
 
@@ -77,7 +80,10 @@ def refuse_parts(clause: Clause) -> None:
         ):
             raise Refused("geometry")  # "with a red scarf"
         owned = at and (words[at - 1].kind == "poss" or words[at - 1].text in OWNERS)
-        if owned:
+        after = at and words[at - 1].kind == "subject"
+        of = [word.text for word in words[at + 1 : at + 2]] == ["of"]
+        whole = any(word.kind == "subject" for word in words[at + 1 : at + 4])
+        if owned or after or (of and whole):
             raise Refused("part")
     if "act" in clause.tags() and not (scenic or kinds & {"noun", "turn", "style"}):
         _refuse_objects(words)

@@ -22,7 +22,7 @@ from gsedit.words.refusals import REASONS, Refused, first_refusal
 from gsedit.words.scan import Word, scanned
 from gsedit.words.small_looks import TONES, change_of_look, routed
 from gsedit.words.solids import directed, refuse_amount, scenes, shone, solids
-from gsedit.words.tones import asks_less, hues, stressed, tones
+from gsedit.words.tones import asks_less, complains, hues, stressed, tones
 
 FLOOR, SURE = 0.6, 0.9
 """Least probability of a look that the encoder alone names, in a sentence of known words and in
@@ -53,6 +53,8 @@ class Reading:
     denied: bool = False
     unsaid: bool = False
     """Whether a tone is named without its direction."""
+    bare: bool = False
+    """Whether the last change is a quality that no verb goes with: "dull colors"."""
     run: int = 0
     """Number of changes in the list of nouns that is read."""
 
@@ -174,14 +176,22 @@ def _hinted(clause: Clause) -> bool:
 def _remark(clause: Clause, explicit: str | None, reading: Reading) -> None:
     """A clause without a change: a finish, a direction or a part of the change before."""
     kinds, last = clause.kinds(), reading.changes[-1] if reading.changes else None
+    if kinds & {"up", "down"}:
+        reading.direction = -1 if asks_less(clause) or "down" in kinds else 1
     if last is None:
         return
     odd = [at for at, word in enumerate(clause.words) if word.kind == "unknown"]
     if explicit and not kinds & {"be"} and any(not is_thing(clause.words, at) for at in odd):
         raise Refused("nonsense")  # half of what is asked is not known
+    if reading.bare and (kinds & {"up", "down"} or "mend" in clause.tags()) and last.amount:
+        reading.changes[-1] = replace(last, amount=-last.amount)
     finish = next((word.value for word in clause.words if word.kind == "finish"), None)
     own = next((word.text for word in clause.words if word.has("adj")), finish)
-    if last.kind == "light":
+    given = amount_of(clause.words).share
+    if given and explicit in PARTS and last.kind == "tone":  # "background -30 %"
+        amount = given if given < 0 or not last.amount else math.copysign(given, last.amount)
+        reading.changes.append(replace(last, target=PARTS[explicit], amount=amount))
+    elif last.kind == "light":
         reading.changes[-1] = directed(last, clause)
     elif finish and last.kind == "paint":
         reading.changes[-1] = replace(last, name=f"{finish} {last.name}")
@@ -190,6 +200,7 @@ def _remark(clause: Clause, explicit: str | None, reading: Reading) -> None:
     elif explicit in PARTS and not reading.part and not clause.before.endswith("."):
         target = PARTS[explicit]
         reading.changes[:] = [replace(change, target=target) for change in reading.changes]
+    reading.bare = False
 
 
 def _completes(clause: Clause, changes: Placed, parts: Parts, reading: Reading) -> bool:
@@ -218,6 +229,8 @@ def _append(clause: Clause, changes: Placed, parts: Parts, reading: Reading) -> 
     joined = same and clause.before[-1:] not in (".", ";", "!", "?")
     goes_on = not reading.changes or it or joined
     carried = reading.part if goes_on else None
+    if carried == "scene" and changes[0][1].kind in SOLID:
+        carried = None  # "in this scene, make it gold"
     for at, change in changes:
         near = min(parts, key=lambda part: (abs(part[0] - at), -part[0]))[1] if parts else carried
         if change.kind == "look" and changes[0][1].kind in ("paint", "material"):
@@ -226,6 +239,10 @@ def _append(clause: Clause, changes: Placed, parts: Parts, reading: Reading) -> 
             reading.others.add(len(reading.changes))
         reading.changes.append(_placed(change, near, clause))
     _share(clause, len(changes), parts, reading)
+    verbs = {"do", "wish", "up", "down"}
+    reading.bare = (
+        "state" in clause.kinds() and not clause.kinds() & verbs and not complains(clause)
+    )
     kinds = clause.kinds()
     if kinds & {"up", "down"}:
         reading.direction = -1 if asks_less(clause) or "down" in kinds else 1

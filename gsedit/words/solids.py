@@ -107,7 +107,7 @@ def _leads(words: list[Word], at: int) -> bool:
 def _material(words: list[Word], at: int) -> tuple[Change, int]:
     """A material with the words beside it that belong to it, and where they end."""
     word, own = words[at], list[str]()
-    color = None
+    color = word.color if word.text.endswith(f" {word.value}") else None
     for each in reversed(words[:at]):
         if not (each.kind in ("color", "finish", "material") or each.has("adj")):
             break
@@ -181,7 +181,8 @@ def _bare(words: list[Word]) -> float | None:
     before = [word.kind for word in words[max(at - 2, 0) : at]]
     share = amount_of(words).share
     near = before[-1:] == ["fraction"] or before == ["number", "unit"]
-    return share if near else None
+    signed = any(word.kind == "number" and word.text[0] in "+-" for word in words)
+    return share if near and not signed else None
 
 
 def shone(scenic: list[Change], tone: list[Change]) -> tuple[list[Change], list[Change]]:
@@ -221,7 +222,7 @@ def _shines(clause: Clause, at: int) -> bool:
     """Whether the word "light" is a light of its own: "light from the left", "a red light"."""
     kinds, colored = clause.kinds(), at > 0 and clause.words[at - 1].kind == "color"
     pointed = "direction" in kinds and not kinds & {"be", "degree"}
-    other = kinds & {"light", "up", "down", "turn", "state"}
+    other = kinds & {"light", "up", "down", "turn"} or ("state" in kinds and not pointed)
     return (pointed or colored) and not other
 
 

@@ -162,8 +162,11 @@ def _noun_sign(clause: Clause, before: int) -> int:
         return 1
     for word in clause.words:
         if word.kind == "intense":
-            flipped = complains(clause) or less or clause.turned < 0
+            fewer = given.factor is not None and given.factor < 1
+            flipped = complains(clause) or less or fewer or clause.turned < 0
             return (1 if word.value == "+" else -1) * (-1 if flipped else 1)
+    if less and more:
+        return 0
     if "slight" in kinds and not (less or more or "be" in kinds):
         return 1
     if less or more:

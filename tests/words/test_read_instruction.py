@@ -77,6 +77,9 @@ def test_any_words_are_read_or_refused():
         ("kill the contrast", "contrast", -1), ("reduce the darkness", "brightness", 1),
         ("the brightness is bad, raise it", "brightness", 1), ("de-saturate it", "saturation", -1),
         ("minus one stop", "brightness", -1), ("too black", "brightness", 1),
+        ("dull colors, fix it", "saturation", 1), ("dark, fix that", "brightness", 1),
+        ("contrast half as strong", "contrast", -1), ("half as dark", "brightness", 1),
+        ("the contrast is bad, more please", "contrast", 1),
         ("no more than 10 % brighter", "brightness", 1), ("too gray", "saturation", 1),
     ],
 )  # fmt: skip
@@ -316,6 +319,7 @@ def test_a_light_is_of_the_subject_alone_where_it_is_singled_out(sentence, targe
         ("heavier rain", "strength"), ("50 % more snow", "strength"),
         ("fog from the left", "side"), ("rain from the right", "side"),
         ("bronze with a hint of green", "two"), ("make the red darker", "part"),
+        ("as if it were dark", "nonsense"), ("paint the frobs of the bear red", "part"),
     ],
 )  # fmt: skip
 def test_what_no_route_does_as_it_is_said_is_refused(sentence, refusal):
@@ -324,8 +328,11 @@ def test_what_no_route_does_as_it_is_said_is_refused(sentence, refusal):
 
 @pytest.mark.parametrize(
     ("sentence", "amount"),
-    [("double the fog", 1.0), ("a sunny day at half past ten", None), ("thick fog", 0.5)],
-)
+    [
+        ("double the fog", 1.0), ("a sunny day at half past ten", None), ("thick fog", 0.5),
+        ("+50 % fog", 0.5), ("50 % fog", -0.5), ("bright light from the left", None),
+    ],
+)  # fmt: skip
 def test_a_light_is_as_strong_as_it_is_said(sentence, amount):
     assert only(sentence).amount == amount
 
@@ -338,3 +345,32 @@ def test_a_color_may_only_say_which_thing():
 def test_each_tone_of_a_list_keeps_its_own_amount():
     changes = read_instruction("warmth +20, contrast -10").changes
     assert [change.amount for change in changes] == [0.2, -0.1]
+    changes = read_instruction("brightness +20 %, background -30 %").changes
+    assert [(each.target, each.amount) for each in changes] == [
+        ("scene", 0.2),
+        ("background", -0.3),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("sentence", "name"),
+    [
+        ("switch night for day", "daylight"), ("replace the snow with rain", "rain"),
+        ("turn the bronze bear gold", "gold"),
+    ],
+)  # fmt: skip
+def test_what_gives_way_is_not_made(sentence, name):
+    assert only(sentence).name == name
+
+
+@pytest.mark.parametrize(
+    ("sentence", "names"),
+    [
+        ("red bear on blue background", ["red", "blue"]), ("in this scene, make it gold", ["gold"]),
+        ("without removing the color, make it darker", ["brightness"]),
+    ],
+)  # fmt: skip
+def test_what_is_named_is_all_that_changes(sentence, names):
+    changes = read_instruction(sentence).changes
+    assert [change.name for change in changes] == names
+    assert all(change.target != "scene" or change.kind == "tone" for change in changes)
