@@ -3,7 +3,8 @@
 python examples/contact_sheet.py bear.ply guitar.ply biker.spz -o sheet.jpg --front front.jpg
 
 Every picture is of a camera that no edit looked through. A scene file that is not there is left
-out; the built-in scene is the last column. --front: some edits of the first scene, larger.
+out; the built-in scene is the last column. The last row is drawn by the 2D editor `small`, the
+others as `gsedit edit` does them. --front: some edits of the first scene, larger.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import accumulate
 from pathlib import Path
 
 import torch
@@ -23,12 +25,12 @@ from gsedit.cameras.around import find_viewpoints
 from gsedit.cameras.search import ViewConstraints
 from gsedit.datasets.cameras_json import cameras_file, read_cameras
 from gsedit.datasets.view_list_files import HELD_OUT_EVERY
-from gsedit.datasets.viewpoints import Viewpoint, same_size, thinned
+from gsedit.datasets.viewpoints import Viewpoint, rendered, same_size, thinned
 from gsedit.editing.routes.apply import apply_instruction
 from gsedit.editing.routes.subject import find_part
+from gsedit.editors import make_editor
 from gsedit.errors import GseditError
 from gsedit.formats.pictures import as_picture
-from gsedit.scene.picture import render_picture
 from gsedit.synthetic import demo_scene
 from gsedit.synthetic.splats import surface_gaussians
 from gsedit.words.read import read_instruction
@@ -39,7 +41,6 @@ from rasterizer.scene import Gaussians
 INSTRUCTIONS = (
     "turn it into a bronze statue",
     "polished white marble",
-    "make it of gold",
     "rusty iron",
     "cover it with moss",
     "paint it matte teal",
@@ -47,18 +48,26 @@ INSTRUCTIONS = (
     "autumn",
     "at night by moonlight",
     "sunset from the left",
-    "black and white",
     "a foggy morning",
+    "draw it in pencil",
+    "turn it into a bronze statue",
 )
-FRONT = (0, 1, 4, 6, 8)
+DRAWN = len(INSTRUCTIONS) - 1
+"""Instruction that the 2D editor `small` draws."""
+FRONT = (0, 1, 5, 6, 8)
 """Instructions of the front picture."""
 VIEW_PIXELS = 256
 """Longer side of the views that edits look at."""
-CELL_PIXELS, FRONT_PIXELS = 176, 320
+CELL_PIXELS, FRONT_PIXELS = 200, 320
+"""Heights of pictures."""
 LABEL_PIXELS, GAP = 18, 2
-FILLED = 0.85
-"""Share of a picture that a scene with nothing around it fills."""
-MOST_BYTES = 600_000
+FILLED = 0.94
+"""Share of a picture's height that a scene with nothing around it fills, or of its width."""
+NARROWEST, WIDEST = 0.6, 1.4
+"""Proportions of a picture, width to height: those of what it shows, within these."""
+BACKGROUND = 0.16
+"""Display gray behind a scene with nothing around it: what is black is seen before it."""
+MOST_BYTES = 900_000
 BUILT_IN_GAUSSIANS = 20_000
 
 
@@ -73,34 +82,42 @@ class Shown:
 
 
 def show(name: str, scene: Gaussians, viewpoints: Sequence[Viewpoint]) -> Shown:
-    """Choose the held-out camera that sees most of the subject, closer where little is seen."""
+    """Choose the held-out camera that sees most of the subject, closer where little is seen.
+
+    The first of the other cameras, which tells sides, is the nearest to it.
+    """
     held_out = [each.camera for each in viewpoints[::HELD_OUT_EVERY]]
-    used = tuple(v for i, v in enumerate(viewpoints) if i % HELD_OUT_EVERY)
+    used = [v for i, v in enumerate(viewpoints) if i % HELD_OUT_EVERY]
     with torch.no_grad():
         opaque = [render(scene, camera).alpha > 0.1 for camera in held_out]
     best = max(range(len(held_out)), key=lambda i: int(opaque[i].sum()))
-    if float(opaque[best].float().mean()) > 0.95:  # surroundings everywhere
+    around = float(opaque[best].float().mean()) > 0.5
+    if around:
         best = 0
-    return Shown(name, scene, used, closer(held_out[best], opaque[best]))
+    camera = held_out[best]
+    used.sort(key=lambda v: float((v.camera.center - camera.center).norm()))
+    return Shown(name, scene, tuple(used), camera if around else closer(camera, opaque[best]))
 
 
 def closer(camera: Camera, opaque: torch.Tensor) -> Camera:
-    """The camera with what is opaque in the middle, filling FILLED of the picture."""
+    """The camera with what is opaque in the middle of a picture of its proportions, filling it."""
     rows, columns = opaque.nonzero().unbind(-1)
     if not len(rows):
         return camera
     low_x, high_x = int(columns.min()), int(columns.max()) + 1
     low_y, high_y = int(rows.min()), int(rows.max()) + 1
-    side = max(high_x - low_x, high_y - low_y)
-    zoom = max(1.0, FILLED * min(camera.width, camera.height) / side)
-    if zoom == 1:
-        return camera
+    wide, high = high_x - low_x, high_y - low_y
+    height = camera.height
+    width = round(height * min(max(wide / high, NARROWEST), WIDEST))
+    zoom = FILLED * min(width / wide, height / high)
     return replace(
         camera,
         fx=camera.fx * zoom,
         fy=camera.fy * zoom,
-        cx=camera.width / 2 + zoom * (camera.cx - (low_x + high_x) / 2),
-        cy=camera.height / 2 + zoom * (camera.cy - (low_y + high_y) / 2),
+        cx=width / 2 + zoom * (camera.cx - (low_x + high_x) / 2),
+        cy=height / 2 + zoom * (camera.cy - (low_y + high_y) / 2),
+        width=width,
+        height=height,
     )
 
 
@@ -123,13 +140,18 @@ def built_in() -> Shown:
 
 
 def edits(shown: Shown, instructions: Sequence[str]) -> Iterator[Gaussians | None]:
-    """The scene after each instruction, as `gsedit edit` changes it directly; None, with a line,
-    for one that is refused. The subject is searched once."""
+    """The scene after each instruction, as `gsedit edit` changes it directly, and the one numbered
+    DRAWN as `small` draws it; None, with a line, for one that is refused. The subject is searched
+    once."""
     subject = find_part(shown.scene, shown.viewpoints)
     cameras = [each.camera for each in shown.viewpoints]
-    for text in instructions:
+    for i, text in enumerate(instructions):
         say(f"{shown.name}: {text}")
         try:
+            if i == DRAWN:
+                views = rendered(shown.scene, shown.viewpoints)
+                yield gsedit.edit(shown.scene, text, editor=make_editor(), dataset=views).scene
+                continue
             read = read_instruction(text)
             yield apply_instruction(shown.scene, read, lambda _: subject, cameras).scene
         except GseditError as error:
@@ -138,35 +160,37 @@ def edits(shown: Shown, instructions: Sequence[str]) -> Iterator[Gaussians | Non
 
 
 def cell(scene: Gaussians | None, camera: Camera, pixels: int) -> Image.Image:
-    """A square picture of the camera's middle; gray where there is no scene."""
+    """A picture of a height; gray where there is no scene."""
+    size = round(camera.width * pixels / camera.height), pixels
     if scene is None:
-        return Image.new("RGB", (pixels, pixels), "lightgray")
-    scale = pixels / min(camera.width, camera.height)
-    size = round(camera.width * scale), round(camera.height * scale)
+        return Image.new("RGB", size, "lightgray")
     with torch.no_grad():
-        picture = as_picture(render_picture(scene, camera.resized(*size)))
-    left, top = (size[0] - pixels) // 2, (size[1] - pixels) // 2
-    return picture.crop((left, top, left + pixels, top + pixels))
+        drawn = render(scene, camera.resized(*size))
+    behind = BACKGROUND * (1 - drawn.alpha)[..., None]
+    return as_picture((drawn.color + behind).clamp(0, 1))
 
 
 Labelled = tuple[str, Image.Image]
 
 
-def grid(rows: Sequence[Sequence[Labelled]], pixels: int) -> Image.Image:
-    """Rows of pictures, each under its label."""
-    height, width = pixels + LABEL_PIXELS, pixels + GAP
-    sheet = Image.new("RGB", (width * len(rows[0]) - GAP, height * len(rows)), "white")
+def grid(rows: Sequence[Sequence[Labelled]]) -> Image.Image:
+    """Rows of pictures, each under its label; those of a row are as high, of a column as wide."""
+    pixels = rows[0][0][1].height
+    lefts = [0, *accumulate(picture.width + GAP for _, picture in rows[0])]
+    height = pixels + LABEL_PIXELS
+    sheet = Image.new("RGB", (lefts[-1] - GAP, height * len(rows)), "white")
     draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(13)
     for i, row in enumerate(rows):
-        for j, (label, picture) in enumerate(row):
-            draw.text((j * width + 3, i * height + 1), label, fill="black", font=font)
-            sheet.paste(picture, (j * width, i * height + LABEL_PIXELS))
+        for left, (_, picture) in zip(lefts, row, strict=False):
+            sheet.paste(picture, (left, i * height + LABEL_PIXELS))
+        for left, (label, _) in zip(lefts, row, strict=False):
+            draw.text((left + 3, i * height + 1), label, fill="black", font=font)
     return sheet
 
 
 def labelled_rows(columns: Sequence[Sequence[Image.Image]]) -> list[list[Labelled]]:
     """A row for the scenes as they were, and one for each instruction."""
-    labels = ("before", *INSTRUCTIONS)
+    labels = ("before", *INSTRUCTIONS[:DRAWN], f"by the 2D editor small: {INSTRUCTIONS[DRAWN]}")
     return [
         [(label, first), *(("", each) for each in rest)]
         for label, first, *rest in zip(labels, *columns)
@@ -178,7 +202,7 @@ def front_picture(shown: Shown, scenes: Sequence[Gaussians | None]) -> Image.Ima
     chosen = [("as captured", scenes[0])]
     chosen += [(f'"{INSTRUCTIONS[i]}"', scenes[i + 1]) for i in FRONT]
     cells = [(label, cell(scene, shown.camera, FRONT_PIXELS)) for label, scene in chosen]
-    return grid([cells[:3], cells[3:]], FRONT_PIXELS)
+    return grid([cells[:3], cells[3:]])
 
 
 def save(sheet: Image.Image, path: Path) -> None:
@@ -208,7 +232,7 @@ def main(paths: Sequence[Path], out: Path, front: Path | None) -> None:
         if front is not None and not columns:
             save(front_picture(shown, scenes), front)
         columns.append([cell(scene, shown.camera, CELL_PIXELS) for scene in scenes])
-        save(grid(labelled_rows(columns), CELL_PIXELS), out)  # whole after the last scene
+        save(grid(labelled_rows(columns)), out)  # whole after the last scene
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import torch
@@ -61,7 +62,7 @@ def glossy(setting: Setting, after: Gaussians, execution: Execution = AUTO) -> G
         fresnel = fresnel * (cosine > 0)
         light = reflected(maps, mirrored, rough) * dim
         gain.append((base + fresnel[:, None] * light) ** (1 / GAMMA) - base ** (1 / GAMMA))
-    return _added(after, rows, views, torch.stack(gain))
+    return added(after, rows, views, gain)
 
 
 def _dimming(before: Gaussians, after: Gaussians, rows: Tensor) -> float:
@@ -72,14 +73,20 @@ def _dimming(before: Gaussians, after: Gaussians, rows: Tensor) -> float:
     return float((new.mean() / old.mean().clamp_min(1e-6)).clamp(0.05, 1.0) ** 0.5)
 
 
-def _added(
-    scene: Gaussians, rows: Tensor, views: Float[Tensor, "d 3"], gain: Float[Tensor, "d m 3"]
+def added(
+    scene: Gaussians,
+    rows: Tensor,
+    views: Float[Tensor, "d 3"],
+    gains: Iterable[Float[Tensor, "m 3"]],
 ) -> Gaussians:
-    """The scene with display colors added for directions it is seen from."""
+    """The scene with display colors added to rows of it, for each direction it is seen from."""
     degree = max(scene.degree, DEGREE)
     functions = basis(-views, DEGREE)
     square = functions.T @ functions + RIDGE * len(views) * torch.eye(functions.shape[1]).double()
-    fitted = torch.einsum("kd,dmc->mkc", torch.linalg.solve(square, functions.T), gain)
+    weights = torch.linalg.solve(square, functions.T)
+    fitted = torch.zeros(len(rows), len(weights), 3).to(weights)
+    for weight, gain in zip(weights.T, gains, strict=True):
+        fitted += weight[:, None] * gain[:, None]
     sh = torch.zeros(len(scene), (degree + 1) ** 2, 3, dtype=scene.sh.dtype)
     sh[:, : scene.sh.shape[1]] = scene.sh.detach()
     sh[rows, : functions.shape[1]] += fitted.to(sh)

@@ -22,7 +22,7 @@ LIFT = 0.12
 
 def thermal(setting: Setting) -> ColorChange:
     """Colors of a thermal camera; what is bright is hot, and leaves are cold."""
-    heat = _spread(setting) * (1 - 0.35 * setting.foliage)
+    heat = spread(setting) * (1 - 0.35 * setting.foliage)
     color = ramp_of(HEAT, heat)
     return ColorChange(1.0, torch.ones_like(color), torch.ones_like(heat), color)
 
@@ -35,7 +35,7 @@ def polaroid(setting: Setting) -> ColorChange:
     return ColorChange(0.72, factor, veil, (black / LIFT).expand_as(factor))
 
 
-def _spread(setting: Setting) -> Float[Tensor, " n"]:
+def spread(setting: Setting) -> Float[Tensor, " n"]:
     """Brightness from 0 for the darkest to 1 for the brightest parts of what is seen."""
     luma = setting.found.surface.smoothed(setting.luminance) ** (1 / GAMMA)
     weight = setting.found.seen

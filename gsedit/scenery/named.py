@@ -15,6 +15,7 @@ from gsedit.light.present import survey
 from gsedit.light.relight import relit_by
 from gsedit.light.setup import Fog, LightSetup, Sun
 from gsedit.scenery.cover import desert, frost, snow
+from gsedit.scenery.drawings import blueprint, chalked, penciled, sketch, watercolor
 from gsedit.scenery.gloss import glossy
 from gsedit.scenery.inks import polaroid, thermal
 from gsedit.scenery.seasons import autumn, spring, summer
@@ -25,6 +26,7 @@ from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
 Effect = Callable[[Setting], ColorChange]
+Sheen = Callable[[Setting, Gaussians, Execution], Gaussians]
 
 
 @dataclass(frozen=True)
@@ -35,8 +37,8 @@ class Scenery:
     """Light that it comes in; None: the present light."""
     effects: tuple[Effect, ...]
     """Changes of surfaces, in order, of the scene in its present light."""
-    gloss: bool = False
-    """Whether what is wet mirrors the sky."""
+    sheen: Sheen | None = None
+    """What depends on the side that it is seen from, from the scene before and after."""
 
 
 OVERCAST = LightSetup((0.95, 0.99, 1.05), (0.35, 0.35, 0.36))
@@ -49,14 +51,17 @@ HEAT = LightSetup((0.3, 0.27, 0.23), (0.22, 0.17, 0.11), Sun(-40.0, 58.0, 1.1, (
 SCENERIES: dict[str, Scenery] = {
     "snow": Scenery(OVERCAST, (snow,)),
     "frost": Scenery(OVERCAST, (frost,)),
-    "rain": Scenery(RAIN, (wet,), gloss=True),
-    "wet": Scenery(None, (wet,), gloss=True),
+    "rain": Scenery(RAIN, (wet,), sheen=glossy),
+    "wet": Scenery(None, (wet,), sheen=glossy),
     "desert": Scenery(HEAT, (desert,)),
     "autumn": Scenery(None, (autumn,)),
     "spring": Scenery(None, (spring,)),
     "summer": Scenery(LIGHTS["sunny"], (summer,)),
     "thermal": Scenery(None, (thermal,)),
     "polaroid": Scenery(None, (polaroid,)),
+    "sketch": Scenery(None, (sketch,), penciled),
+    "blueprint": Scenery(None, (blueprint,), chalked),
+    "watercolor": Scenery(None, (watercolor,)),
     "underwater": Scenery(LIGHTS["underwater light"], (caustics,)),
 }
 """Weather and seasons by the names that `gsedit.words` gives them."""
@@ -83,6 +88,6 @@ def in_scenery(
         after = effect(Setting(after, found, cameras, execution)).applied(after)
     if scenery.light is not None:
         after = relit_by(found, after, scenery.light, execution)
-    if scenery.gloss:
-        after = glossy(Setting(scene, found), after, execution)
+    if scenery.sheen is not None:
+        after = scenery.sheen(Setting(scene, found), after, execution)
     return only_inside(scene, after, inside)

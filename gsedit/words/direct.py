@@ -15,10 +15,10 @@ LIGHTS = frozenset(
 SCENERIES = frozenset(
     (
         "snow", "frost", "rain", "wet", "desert", "autumn", "spring", "summer", "underwater",
-        "thermal", "polaroid",
+        "thermal", "polaroid", "sketch", "blueprint", "watercolor",
     )
 )  # fmt: skip
-"""Names of weather and seasons in gsedit.scenery.named."""
+"""Names of weather, seasons and drawings in gsedit.scenery.named."""
 UNCLEAR = frozenset(("cartoon", "pop-art"))
 """Looks of `small` that cannot be named from its pictures."""
 ROUTES = {"light": ("light", LIGHTS), "look": ("scenery", SCENERIES)}

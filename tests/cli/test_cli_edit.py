@@ -69,7 +69,7 @@ def stub_edit(monkeypatch, *, end: BaseException | None = None):
 def test_edit_leaves_the_scene_and_its_evidence(monkeypatch, scene, photos, tmp_path):
     given = stub_edit(monkeypatch)
     out = tmp_path / "out"
-    result = gsedit("edit", scene, "draw it in pencil", "--data", photos, "-o", out, "--batches", 1)
+    result = gsedit("edit", scene, "make it impressionist", "--data", photos, "-o", out, "--batches", 1)
     assert result.exit_code == 0, result.stderr
     assert result.stdout.strip() == str(out / "scene.ply")
     names = {"scene.ply", "edit.json", "metrics.jsonl", "before_after.png", "error_vs_time.png"}
@@ -78,18 +78,18 @@ def test_edit_leaves_the_scene_and_its_evidence(monkeypatch, scene, photos, tmp_
     assert {path.relative_to(out).as_posix() for path in files(out)} == names
     assert [event.stage for event in read_events(out / "metrics.jsonl")] == ["update", "measure"]
     record = json.loads((out / "edit.json").read_text())
-    assert record["instruction"] == given["prompt"] == "draw it in pencil"
+    assert record["instruction"] == given["prompt"] == "make it impressionist"
     assert record["settings"]["batches"] == 1
     assert record["settings"]["sampler"]["steps"] == SamplerSettings().steps
     assert record["measured"]["psnr_to_targets"]["edited"]["value"] is None  # JSON has no infinity
     assert set(record) >= {"seed", "versions", "threads", "timings", "platform", "python"}
-    assert gsedit("edit", scene, "draw it in pencil", "-o", out).exit_code == 2
+    assert gsedit("edit", scene, "make it impressionist", "-o", out).exit_code == 2
 
 
 def test_an_interrupted_edit_keeps_its_metrics_and_checkpoint(monkeypatch, scene, tmp_path):
     stub_edit(monkeypatch, end=KeyboardInterrupt())
     out = tmp_path / "out"
-    result = gsedit("edit", scene, "draw it in pencil", "-o", out, "--size", 16)
+    result = gsedit("edit", scene, "make it impressionist", "-o", out, "--size", 16)
     assert result.exit_code == 130
     assert f"{out / 'checkpoint.safetensors'} (step 1)" in result.stderr
     assert "--resume" in result.stderr
@@ -99,7 +99,7 @@ def test_an_interrupted_edit_keeps_its_metrics_and_checkpoint(monkeypatch, scene
     }
     assert len(read_events(out / "metrics.unfinished.jsonl")) == 1
 
-    again = ("edit", scene, "draw it in pencil", "-o", out, "--size", 16)
+    again = ("edit", scene, "make it impressionist", "-o", out, "--size", 16)
     asked = gsedit(*again)
     assert asked.exit_code == 2
     assert "add --resume to continue it, or -f to start again" in asked.stderr
@@ -125,7 +125,7 @@ def test_a_run_that_kept_nothing_is_repeated_without_force(monkeypatch, scene, t
     for name in left:
         (out / name).write_text("")
     stub_edit(monkeypatch)
-    assert gsedit("edit", scene, "draw it in pencil", "-o", out, "--size", 16).exit_code == 0
+    assert gsedit("edit", scene, "make it impressionist", "-o", out, "--size", 16).exit_code == 0
     assert {path.name for path in files(out)} >= {"scene.ply", "edit.json"}
 
 
@@ -156,7 +156,7 @@ def test_the_features_of_the_gram_loss_are_named(monkeypatch, scene, tmp_path):
 
 def test_photos_as_the_condition_must_be_named(scene, tmp_path):
     result = gsedit(
-        "edit", scene, "draw it in pencil", "--condition", "photo", "-o", tmp_path / "out"
+        "edit", scene, "make it impressionist", "--condition", "photo", "-o", tmp_path / "out"
     )
     assert result.exit_code == 2
     assert "name them with --data" in result.stderr
@@ -165,7 +165,7 @@ def test_photos_as_the_condition_must_be_named(scene, tmp_path):
 def test_the_folder_of_an_edit_is_edited_further(monkeypatch, scene, tmp_path):
     given = stub_edit(monkeypatch)
     folders = [tmp_path / name for name in ("first", "second", "third")]
-    words = ("draw it in pencil", "make it a blueprint", "make it a watercolor")
+    words = ("make it impressionist", "impressionist style", "an impressionist painting")
     for source, out, instruction in zip((scene, *folders), folders, words):
         result = gsedit("edit", source, instruction, "-o", out, "--size", 16, "--seed", 5)
         assert result.exit_code == 0, result.stderr
@@ -194,7 +194,7 @@ def test_the_folder_of_an_edit_is_edited_further(monkeypatch, scene, tmp_path):
 def test_an_edit_that_stops_leaves_the_earlier_result_as_it_was(monkeypatch, scene, tmp_path):
     stub_edit(monkeypatch)
     out = tmp_path / "out"
-    again = ("edit", scene, "draw it in pencil", "-o", out, "--size", 16)
+    again = ("edit", scene, "make it impressionist", "-o", out, "--size", 16)
     assert gsedit(*again).exit_code == 0
     own, stale = out / "targets" / "mine" / "own.png", out / "targets" / "earlier.png"
     own.parent.mkdir()
@@ -230,16 +230,16 @@ def test_of_two_edits_into_one_folder_the_second_is_told(monkeypatch, scene, tmp
 
     def edit_steps(*words, **options):
         monkeypatch.setattr(module, "edit_steps", first)
-        said.append(gsedit("edit", scene, "make it a blueprint", "-o", out, "--size", 16, *more))
+        said.append(gsedit("edit", scene, "an impressionist painting", "-o", out, "--size", 16, *more))
         yield from first(*words, **options)
 
     for more in ((), ("-f",)):
         monkeypatch.setattr(module, "edit_steps", edit_steps)
-        done = gsedit("edit", scene, "draw it in pencil", "-o", out, "--size", 16, *more)
+        done = gsedit("edit", scene, "make it impressionist", "-o", out, "--size", 16, *more)
         assert done.exit_code == 0, done.stderr
         assert said[-1].exit_code == 2
         assert "another gsedit is writing" in said[-1].stderr
-        assert given["prompt"] == "draw it in pencil"
+        assert given["prompt"] == "make it impressionist"
 
 
 def test_resume_begins_where_nothing_was_kept(monkeypatch, scene, tmp_path):
@@ -247,7 +247,7 @@ def test_resume_begins_where_nothing_was_kept(monkeypatch, scene, tmp_path):
     out.mkdir()
     (out / "metrics.unfinished.jsonl").write_text("")
     given = stub_edit(monkeypatch)
-    result = gsedit("edit", scene, "draw it in pencil", "-o", out, "--size", 16, "--resume")
+    result = gsedit("edit", scene, "make it impressionist", "-o", out, "--size", 16, "--resume")
     assert result.exit_code == 0, result.stderr
     assert "the edit begins" in result.stderr
     assert given["resume"] is None
@@ -262,7 +262,7 @@ def test_an_edit_goes_on_without_the_checkpoint_that_a_full_disk_takes(
     stub_edit(monkeypatch)
     monkeypatch.setattr("gsedit.runs.state.save_state", full)
     out = tmp_path / "out"
-    result = gsedit("edit", scene, "draw it in pencil", "-o", out, "--size", 16)
+    result = gsedit("edit", scene, "make it impressionist", "-o", out, "--size", 16)
     assert result.exit_code == 0, result.stderr
     assert result.stderr.count("the work continues without this checkpoint") == 1
     assert (out / "edit.json").exists()
@@ -270,7 +270,7 @@ def test_an_edit_goes_on_without_the_checkpoint_that_a_full_disk_takes(
 
 def test_other_threads_are_told(monkeypatch, scene, tmp_path):
     stub_edit(monkeypatch, end=KeyboardInterrupt())
-    words = ("edit", scene, "draw it in pencil", "-o", tmp_path / "out", "--size", 16, "--threads")
+    words = ("edit", scene, "make it impressionist", "-o", tmp_path / "out", "--size", 16, "--threads")
     monkeypatch.setenv("OMP_NUM_THREADS", "1")  # so that --threads lasts no longer than the test
     threads = torch.get_num_threads()
     gsedit(*words, 1)

@@ -13,7 +13,7 @@ from PIL import Image
 
 from gsedit.errors import InputError
 
-WATERCOLOR = "make it a watercolor"
+WATERCOLOR = "make it impressionist"
 
 
 @pytest.fixture
@@ -107,20 +107,20 @@ def test_photos_may_be_added_after_a_capture_that_failed(photos, out, stages):
 
 def test_another_instruction_replaces_only_the_edit_and_only_with_force(photos, out, stages):
     make(photos, out)
-    refused = make(photos, out, instruction="draw it in pencil")
+    refused = make(photos, out, instruction="an impressionist painting")
     assert refused.exit_code == 2
     assert one_line(refused.stderr)
     assert "the edit of another request (other instruction): add -f" in refused.stderr
     assert "or edit the same scene into another folder: gsedit edit " in refused.stderr
-    assert make(photos, out, "-f", instruction="draw it in pencil").exit_code == 0
+    assert make(photos, out, "-f", instruction="an impressionist painting").exit_code == 0
     assert stages.ran[3:] == [("edit", False)]
 
 
 def test_a_replacement_that_was_interrupted_goes_on_without_force(photos, out, stages):
     make(photos, out)
     stages.end["fit"] = KeyboardInterrupt()
-    make(photos, out, "--size", 128, "-f", instruction="draw it in pencil")
-    assert make(photos, out, "--size", 128, instruction="draw it in pencil").exit_code == 0
+    make(photos, out, "--size", 128, "-f", instruction="an impressionist painting")
+    assert make(photos, out, "--size", 128, instruction="an impressionist painting").exit_code == 0
     assert stages.ran[3:] == [("fit", False), ("fit", True), ("edit", False)]
 
 

@@ -15,8 +15,8 @@ from gsedit_cli.options.routes import read_sentence
     [
         ("paint it red", [["paint"]]),
         ("paint it red and make it night", [["paint", "light"]]),
-        ("paint it red and make it a watercolor", [["paint"], ["small"]]),
-        ("make it a watercolor, then 20% darker", [["small"], ["tone"]]),
+        ("paint it red and make it impressionist", [["paint"], ["small"]]),
+        ("make it impressionist, then 20% darker", [["small"], ["tone"]]),
     ],
 )
 def test_a_sentence_is_cut_where_the_route_changes(text, routes):
@@ -25,14 +25,14 @@ def test_a_sentence_is_cut_where_the_route_changes(text, routes):
 
 
 def test_an_option_of_the_2d_editor_takes_it_for_all():
-    text = "paint it red and make it a watercolor"
+    text = "paint it red and make it impressionist"
     assert read_sentence(text, EditorOptions(editor="small"), {}) is None
     assert read_sentence(text, EditorOptions(), {("batches",): 1}) is None
 
 
 def test_each_edit_begins_where_the_last_one_ended(scene, photos, tmp_path):
     out = tmp_path / "out"
-    words = ("make it 20% darker and as a watercolor painting", "--data", photos, "--region", "all")
+    words = ("make it 20% darker and as an impressionist painting", "--data", photos, "--region", "all")
     result = gsedit("edit", scene, *words, "--size", 32, "--json", "-o", out)
     assert result.exit_code == 0, result.stderr
     assert json.loads(result.stdout.splitlines()[-1])["folder"] == str(out)

@@ -40,7 +40,7 @@ def test_routes_take_turns_in_the_order_of_the_sentence(monkeypatch):
         yield replace(routed_result(given, read, viewpoints_of(data)), strategy_name="drawn")
 
     monkeypatch.setattr("gsedit.editing.auto.edit_steps", edit_steps)
-    words = "make it 20% brighter, then a watercolor, then in black and white"
+    words = "make it 20% brighter, then an impressionist painting, then in black and white"
     result = gsedit.edit(scene, words, dataset=data)
     (given, prompt), = asked  # fmt: skip
     assert prompt != words

@@ -75,9 +75,9 @@ def test_a_contact_sheet_shows_cameras_that_no_edit_looked_through(tmp_path):
     scenes = [shown.scene, *edits(shown, ["make it 20% darker", "buy milk tomorrow"])]
     assert scenes[2] is None
     row = [("", cell_of(scene, shown.camera, CELL_PIXELS)) for scene in scenes]
-    save_sheet(grid([row, row], CELL_PIXELS), tmp_path / "sheet.jpg")
+    save_sheet(grid([row, row]), tmp_path / "sheet.jpg")
     with Image.open(tmp_path / "sheet.jpg") as sheet:
-        assert sheet.width >= 3 * CELL_PIXELS
+        assert sheet.height > 2 * CELL_PIXELS
     alpha = gsedit.render(shown.scene, shown.camera).alpha > 0.1
     filled = closer(shown.camera, alpha)
     assert filled.fx >= shown.camera.fx
