@@ -54,7 +54,7 @@ INSTRUCTIONS = (
 )
 DRAWN = len(INSTRUCTIONS) - 1
 """Instruction that the 2D editor `small` draws."""
-FRONT = (0, 1, 5, 6, 8)
+FRONT = (0, 5, 6, 7, 10)
 """Instructions of the front picture."""
 VIEW_PIXELS = 256
 """Longer side of the views that edits look at."""

@@ -36,13 +36,14 @@ RIDGE = 0.02
 
 
 def glossy(setting: Setting, after: Gaussians, execution: Execution = AUTO) -> Gaussians:
-    """The scene with reflections on what is wet; `after` has its colors, and may be dimmer."""
+    """The scene with reflections on what is wet, of a studio where nothing is around; `after` has
+    its colors, and may be dimmer."""
     surface, place = setting.found.surface, setting.found.place
     shown = (setting.found.seen > 0) * setting.found.trust
     wet = wetness(setting) * setting.sure * shown
     rows = (wet > LEAST_WET).nonzero().squeeze(-1)
     near = (surface.points - place.center).norm(dim=-1) < 0.4 * place.distance
-    if not len(rows) or not bool(near.any()) or bool(near.all()):
+    if not len(rows) or not bool(near.any()):
         return after
     maps = prefiltered(find_surroundings(setting.scene, near, place.up, execution)).double()
     dim = _dimming(setting.scene, after, rows)

@@ -69,7 +69,8 @@ def stub_edit(monkeypatch, *, end: BaseException | None = None):
 def test_edit_leaves_the_scene_and_its_evidence(monkeypatch, scene, photos, tmp_path):
     given = stub_edit(monkeypatch)
     out = tmp_path / "out"
-    result = gsedit("edit", scene, "make it impressionist", "--data", photos, "-o", out, "--batches", 1)
+    more = ("--data", photos, "-o", out, "--batches", 1)
+    result = gsedit("edit", scene, "make it impressionist", *more)
     assert result.exit_code == 0, result.stderr
     assert result.stdout.strip() == str(out / "scene.ply")
     names = {"scene.ply", "edit.json", "metrics.jsonl", "before_after.png", "error_vs_time.png"}
@@ -230,7 +231,7 @@ def test_of_two_edits_into_one_folder_the_second_is_told(monkeypatch, scene, tmp
 
     def edit_steps(*words, **options):
         monkeypatch.setattr(module, "edit_steps", first)
-        said.append(gsedit("edit", scene, "an impressionist painting", "-o", out, "--size", 16, *more))
+        said.append(gsedit("edit", scene, "impressionist style", "-o", out, "--size", 16, *more))
         yield from first(*words, **options)
 
     for more in ((), ("-f",)):
@@ -270,7 +271,7 @@ def test_an_edit_goes_on_without_the_checkpoint_that_a_full_disk_takes(
 
 def test_other_threads_are_told(monkeypatch, scene, tmp_path):
     stub_edit(monkeypatch, end=KeyboardInterrupt())
-    words = ("edit", scene, "make it impressionist", "-o", tmp_path / "out", "--size", 16, "--threads")
+    words = ("edit", scene, "impressionist", "-o", tmp_path / "out", "--size", 16, "--threads")
     monkeypatch.setenv("OMP_NUM_THREADS", "1")  # so that --threads lasts no longer than the test
     threads = torch.get_num_threads()
     gsedit(*words, 1)

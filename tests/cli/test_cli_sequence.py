@@ -32,7 +32,7 @@ def test_an_option_of_the_2d_editor_takes_it_for_all():
 
 def test_each_edit_begins_where_the_last_one_ended(scene, photos, tmp_path):
     out = tmp_path / "out"
-    words = ("make it 20% darker and as an impressionist painting", "--data", photos, "--region", "all")
+    words = ("make it 20% darker and impressionist", "--data", photos, "--region", "all")
     result = gsedit("edit", scene, *words, "--size", 32, "--json", "-o", out)
     assert result.exit_code == 0, result.stderr
     assert json.loads(result.stdout.splitlines()[-1])["folder"] == str(out)
