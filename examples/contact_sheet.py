@@ -59,7 +59,7 @@ FRONT = (0, 5, 6, 7, 10)
 VIEW_PIXELS = 256
 """Longer side of the views that edits look at."""
 CELL_PIXELS, FRONT_PIXELS = 200, 320
-"""Heights of pictures."""
+"""Heights of pictures, pixels."""
 LABEL_PIXELS, GAP = 18, 2
 FILLED = 0.94
 """Share of a picture's height that a scene with nothing around it fills, or of its width."""

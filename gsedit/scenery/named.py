@@ -38,7 +38,7 @@ class Scenery:
     effects: tuple[Effect, ...]
     """Changes of surfaces, in order, of the scene in its present light."""
     sheen: Sheen | None = None
-    """What depends on the side that it is seen from, from the scene before and after."""
+    """Adds colors that depend on the view, to the scene after the effects."""
 
 
 OVERCAST = LightSetup((0.95, 0.99, 1.05), (0.35, 0.35, 0.36))

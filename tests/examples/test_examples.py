@@ -80,4 +80,4 @@ def test_a_contact_sheet_shows_cameras_that_no_edit_looked_through(tmp_path):
         assert sheet.height > 2 * CELL_PIXELS
     alpha = gsedit.render(shown.scene, shown.camera).alpha > 0.1
     filled = closer(shown.camera, alpha)
-    assert filled.fx >= shown.camera.fx
+    assert filled.fx == pytest.approx(shown.camera.fx, rel=0.1)  # it is filled already
