@@ -153,13 +153,14 @@ class SharedDenoiser:
         originals: Float[Tensor, "v h w 3"],
         prompt: str,
         settings: SamplerSettings,
+        known: dict[Any, Fit],
     ) -> Predictor:
         """See `prepared`. Ranks of one machine share its memory, and all compute in the precision
         that rank 0 finds."""
         own: Predictor = self._denoiser
         if len(mine := self._mine(x)):
             originals, local = self._mine(originals), self._ranks.local
-            own = prepared(self._denoiser, mine, originals, prompt, settings, local)
+            own = prepared(self._denoiser, mine, originals, prompt, settings, known, local)
         rounded = self._ranks.first(isinstance(own, InBfloat16))
         network = own.network if isinstance(own, InBfloat16) else own
         return self._with(InBfloat16(network) if rounded else network)
@@ -171,25 +172,53 @@ class SharedDenoiser:
         return SharedDenoiser(denoiser, self._ranks)
 
 
+@dataclass(frozen=True)
+class Fit:
+    """How a denoiser fits this machine."""
+
+    view_bytes: int
+    """The most memory that a pass or a decoding of one view takes."""
+    rounded: bool
+    """Whether it is exact enough in bfloat16, and faster."""
+
+
 def prepared(
     denoiser: Denoiser,
     x: Float[Tensor, "v c y x"],
     originals: Float[Tensor, "v h w 3"],
     prompt: str,
     settings: SamplerSettings,
+    known: dict[Any, Fit],
     sharers: int = 1,
 ) -> Predictor:
     """The denoiser with as many views in a pass as fit in memory, which so many processes share,
     and in bfloat16 if that is exact enough (see gsedit.diffusion.precision).
 
     A denoiser that runs a network (with_micro_batch is declared) is measured on the first view:
-    the memory of a pass and of a decoding, and the error of bfloat16. Others are left alone.
+    the memory of a pass and of a decoding, and the error of bfloat16. `known` keeps what was
+    measured, for other batches of the same size and settings. Others are left alone.
     """
     if isinstance(denoiser, SharedDenoiser):
-        return denoiser.prepared(x, originals, prompt, settings)
+        return denoiser.prepared(x, originals, prompt, settings, known)
     with_micro_batch = denoiser.capabilities.with_micro_batch
     if with_micro_batch is None:
         return denoiser
+    key = (x.shape[1:], settings)
+    if key not in known:
+        known[key] = _fit(denoiser, x, originals, prompt, settings)
+    fit = known[key]
+    sized = with_micro_batch(views_at_once(len(x), fit.view_bytes * sharers, settings.memory))
+    return InBfloat16(sized) if fit.rounded else sized
+
+
+def _fit(
+    denoiser: Denoiser,
+    x: Float[Tensor, "v c y x"],
+    originals: Float[Tensor, "v h w 3"],
+    prompt: str,
+    settings: SamplerSettings,
+) -> Fit:
+    """Measure a denoiser on the first view, see `prepared`."""
     rows, columns = x.shape[2:]
     first = levels_for(denoiser, settings, (rows, columns))[0]
     condition = denoiser.condition(originals[:1], prompt, torch.Generator())
@@ -204,5 +233,4 @@ def prepared(
     exact = cache(lambda: predict(denoiser))
     held = max(peak_bytes(exact), peak_bytes(lambda: denoiser.decode(x[:1])))
     chosen = with_precision(denoiser, guided, settings.precision)
-    sized = with_micro_batch(views_at_once(len(x), held * sharers, settings.memory))
-    return sized if chosen is denoiser else InBfloat16(sized)
+    return Fit(held, chosen is not denoiser)

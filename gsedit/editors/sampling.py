@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -27,7 +27,7 @@ from gsedit.editors.protocol import (
     for_settings,
     levels_for,
 )
-from gsedit.editors.ranked import prepared, shared_out
+from gsedit.editors.ranked import Fit, prepared, shared_out
 from gsedit.errors import UsageError
 
 
@@ -36,6 +36,8 @@ class DiffusionEditor:
     """An Editor: the regularised sampler over one denoiser."""
 
     denoiser: Denoiser
+    known: dict[Any, Fit] = field(default_factory=dict, repr=False)
+    """Measurements of the denoiser on this machine, by size and settings of a batch."""
 
     @property
     def name(self) -> str:
@@ -86,7 +88,8 @@ class DiffusionEditor:
         x = add_noise(z0, settings.noise_scale * share(noise), levels[0])
         originals = whole.originals[free]
         condition = denoiser.condition(originals, batch.prompt, generator)
-        counted = Counted(prepared(denoiser, x[free], originals, batch.prompt, settings))
+        fitting = prepared(denoiser, x[free], originals, batch.prompt, settings, self.known)
+        counted = Counted(fitting)
         steps = sample(
             counted,
             condition,

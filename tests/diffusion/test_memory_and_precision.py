@@ -143,4 +143,4 @@ def test_a_denoiser_without_a_network_is_left_alone():
 
     model = WithoutNetwork([])
     x = torch.zeros(1, 4, 8, 8)
-    assert prepared(model, x, torch.zeros(1, 8, 8, 3), "", SamplerSettings()) is model
+    assert prepared(model, x, torch.zeros(1, 8, 8, 3), "", SamplerSettings(), {}) is model

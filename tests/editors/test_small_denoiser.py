@@ -139,6 +139,16 @@ def test_its_defaults_are_used_unless_a_setting_is_given(small, other):
     assert not torch.equal(edit(editor, images), edit(editor, images, **other))
 
 
+def test_what_one_batch_measures_serves_the_next(small):
+    """The result of a batch is that of an editor that measures anew."""
+    editor, images = DiffusionEditor(small), pictures(2, 16, 16)
+    edit(editor, images)
+    assert len(editor.known) == 1
+    second = edit(editor, images.flip(0))
+    assert len(editor.known) == 1
+    assert torch.equal(second, edit(DiffusionEditor(small), images.flip(0)))
+
+
 @pytest.mark.parametrize(("temperature", "differs"), [(0.0, False), (0.5, True), (1.0, True)])
 def test_without_starting_noise_the_seed_changes_nothing(small, temperature, differs):
     editor, images = DiffusionEditor(small), pictures(1, 16, 16)

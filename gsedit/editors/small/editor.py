@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import torch
 
@@ -72,6 +73,6 @@ class SmallEditor:
             evaluations = spent + progress.evaluations
             yield EditProgress(step, passes * progress.steps, progress.images, evaluations)
 
-    @property
+    @cached_property
     def _sampler(self) -> DiffusionEditor:
         return DiffusionEditor(self.small)
