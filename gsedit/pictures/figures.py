@@ -4,12 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from itertools import cycle
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
+
+from PIL import Image, ImageDraw, ImageFont
 
 from gsedit.measures.decibels import psnr_from_rmse
 from gsedit.runs.events import Event
 from gsedit.storage.atomic import atomic_path
+
+WIDTH, PANEL, MARGIN = 770, 330, 54
+"""Pixels: width of the figure, height of a panel, and what is left around its curves."""
+INK, GRID = "#333333", "#dddddd"
+COLORS = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b")
+"""A color a stage, as matplotlib has them."""
 
 
 def curves(
@@ -25,38 +34,66 @@ def curves(
 
 
 def error_vs_time(events: Iterable[Event], path: Path | str, *, overwrite: bool = False) -> None:
-    """A PNG of error and loss against run time, a curve a stage. Needs no screen."""
-    from matplotlib.figure import Figure  # not pyplot: no global state, no window system
+    """A PNG of error and loss against run time, a curve a stage; errors in decibels on the right.
 
+    It is drawn here: the import of matplotlib takes longer than the drawing.
+    """
     events = list(events)
-    figure = Figure(figsize=(7, 6), layout="constrained")
-    upper, lower = figure.subplots(2, 1, sharex=True)
+    figure = Image.new("RGB", (WIDTH, 2 * PANEL), "white")
+    draw = ImageDraw.Draw(figure)
+    end = max((event.seconds for event in events), default=0.0) or 1.0
     fields: tuple[Literal["error", "loss"], ...] = ("error", "loss")
-    for axes, field in zip((upper, lower), fields):
-        for stage, points in curves(events, field).items():
-            axes.plot(*zip(*points), marker=".", label=stage)
-        if axes.has_data():
-            axes.legend()
-        else:
-            axes.text(0.5, 0.5, f"no {field} was measured", ha="center", transform=axes.transAxes)
-        axes.grid(alpha=0.3)
-    upper.set_ylabel("error (RMSE of colors in [0, 1])")
-    lower.set_ylabel("loss")
-    lower.set_xlabel("seconds since the start")
-    lower.set_xlim(left=0)
-    _add_decibels(upper)
+    labels = {"error": "error (RMSE of colors in [0, 1]); right: PSNR, dB", "loss": "loss"}
+    for row, field in enumerate(fields):
+        _draw_panel(draw, row * PANEL, labels[field], curves(events, field), end, field == "error")
+    draw.text((WIDTH / 2, 2 * PANEL - 6), "seconds since the start", INK, _font(), "mb")
     with atomic_path(path, overwrite=overwrite) as temporary:
-        figure.savefig(temporary, format="png", dpi=110)
+        figure.save(temporary, format="PNG")
 
 
-def _add_decibels(axes: Any) -> None:
-    """Add a second scale in PSNR, where the curves have an error above zero."""
-    high = axes.get_ylim()[1]
-    if not axes.lines or high <= 0:
-        return
-    axes.set_ylim(0, high)
-    ticks = [tick for tick in axes.get_yticks() if 1e-9 < tick <= high]  # 0 has no decibels
-    right = axes.twinx()
-    right.set_ylim(axes.get_ylim())
-    right.set_yticks(ticks, [f"{psnr_from_rmse(tick):.1f}" for tick in ticks])
-    right.set_ylabel("PSNR, dB")
+def _draw_panel(
+    draw: ImageDraw.ImageDraw,
+    top: int,
+    label: str,
+    measured: dict[str, list[tuple[float, float]]],
+    end: float,
+    with_decibels: bool,
+) -> None:
+    """One field's curves from `top` on, from 0 to `end` seconds."""
+    high = max((value for points in measured.values() for _, value in points), default=0.0) or 1.0
+    left, right, low = MARGIN, WIDTH - MARGIN, top + PANEL - MARGIN
+    across, up = (right - left) / (1.05 * end), (low - top - MARGIN) / (1.1 * high)
+    draw.text((left, top + MARGIN - 8), label, INK, _font(), "lb")
+    for tick in _ticks(end):
+        x = left + tick * across
+        draw.line((x, top + MARGIN, x, low), GRID, 1)
+        draw.text((x, low + 6), f"{tick:g}", INK, _font(), "mt")
+    for tick in _ticks(high):
+        y = low - tick * up
+        draw.line((left, y, right, y), GRID, 1)
+        draw.text((left - 6, y), f"{tick:g}", INK, _font(), "rm")
+        if with_decibels and measured and tick > 0:  # 0 has no decibels
+            draw.text((right + 6, y), f"{psnr_from_rmse(tick):.1f}", INK, _font(), "lm")
+    draw.rectangle((left, top + MARGIN, right, low), outline=INK)
+    named = right
+    for (stage, points), color in zip(measured.items(), cycle(COLORS)):
+        draw.text((named, top + MARGIN - 8), stage, color, _font(), "rb")
+        named -= draw.textlength(stage, _font()) + 14
+        places = [(left + seconds * across, low - value * up) for seconds, value in points]
+        draw.line(places, color, 2)
+        for x, y in places:
+            draw.ellipse((x - 3, y - 3, x + 3, y + 3), color)
+    if not measured:
+        middle = ((left + right) / 2, (top + MARGIN + low) / 2)
+        draw.text(middle, "nothing was measured", INK, _font(), "mm")
+
+
+def _ticks(high: float) -> list[float]:
+    """Round numbers from 0 to `high`, above 0, about five steps."""
+    power = 10.0 ** math.floor(math.log10(high))
+    step = next(power * part for part in (0.1, 0.2, 0.25, 0.5, 1, 2) if high <= 6 * power * part)
+    return [k * step for k in range(int(high / step + 1e-9) + 1)]
+
+
+def _font() -> ImageFont.ImageFont | ImageFont.FreeTypeFont:
+    return ImageFont.load_default(13)
