@@ -97,12 +97,7 @@ class EditCommand:
     values: Values
     common: Seeded
     first_scene: Path | None = None
-    """Scene before all edits of a sentence, where it is not `scene`."""
-
-    @property
-    def named_scene(self) -> Path:
-        """Scene that edit.json names as the unedited one."""
-        return self.first_scene or self.scene
+    """Scene before all edits, which edit.json names in the place of `scene`."""
 
 
 @shows(
@@ -198,7 +193,7 @@ def run_steps(asked: EditCommand, steps: Sequence[Words]) -> EditResult | None:
         if is_exact(step):
             asked.common.apply()
             load = partial(load_scene, scene, drop_invalid=own.drop_invalid)
-            named = {**more, "scene": now.named_scene}
+            named = {**more, "scene": now.first_scene or scene}
             result = run_routes(scene, load, step, out, asked.views, asked.values, named)
             copy_frame(scene, out)
         else:
@@ -277,7 +272,7 @@ def run_pipeline(asked: EditCommand) -> EditResult | None:
     if followed and (understood := what_it_understood(editor_2d, followed)):
         print_message(understood)
     request = {
-        "scene": asked.named_scene, "drop_invalid": own.drop_invalid, **asdict(views),
+        "scene": asked.first_scene or scene, "drop_invalid": own.drop_invalid, **asdict(views),
         "editor": editor, "preset": own.preset, "features": own.features, "seed": common.seed,
         "ranks": ranks().size, **history_of(scene),
     }  # fmt: skip
