@@ -300,33 +300,27 @@ def write_cameras_and_views(dataset: Dataset, result: EditResult, folder: Path) 
     from gsedit.datasets.view_list_files import by_edit, write_view_list
     from gsedit.datasets.viewpoints import viewpoints_of
 
-    edited = {view.name for view in result.originals}
+    views = by_edit(viewpoints_of(dataset), {view.name for view in result.originals})
     write_cameras(dataset.views, folder / "cameras.json", overwrite=True)
-    write_view_list(by_edit(viewpoints_of(dataset), edited), folder / "views.json", overwrite=True)
+    write_view_list(views, folder / "views.json", overwrite=True)
 
 
 def copy_frame(scene: Path, folder: Path) -> None:
     """Copy the file beside the scene that names its frame: the edited scene has the same frame."""
-    from gsedit.datasets.export_frame import (
-        NAME,
-        dataparser_file,
-        read_dataparser,
-        write_dataparser,
-    )
+    from gsedit.datasets import export_frame as frames
 
-    file = dataparser_file(scene)
+    file = frames.dataparser_file(scene)
     if file is not None:
-        write_dataparser(read_dataparser(file), folder / NAME, overwrite=True)
+        frames.write_dataparser(frames.read_dataparser(file), folder / frames.NAME, overwrite=True)
     else:
-        (folder / NAME).unlink(missing_ok=True)  # an earlier run's
+        (folder / frames.NAME).unlink(missing_ok=True)  # an earlier run's
 
 
 def print_plan(decisions: tuple[Decision, ...], *, as_json: bool) -> None:
     """Print the work that an edit would skip."""
     from gsedit.editing.skip.decision import screen
 
-    record = {"decisions": decisions}
-    print_result(record, screen(decisions), as_json=as_json)
+    print_result({"decisions": decisions}, screen(decisions), as_json=as_json)
 
 
 def check_request(instruction: str, views: ViewOptions, out: Path | None, explain: bool) -> Path:
