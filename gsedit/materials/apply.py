@@ -210,7 +210,7 @@ def colors_of(
     found = []
     for rows in only.split(AT_ONCE):
         skin, here = studied.skin[rows], surface[rows]
-        weights = _weights(skin, directions, eyes)
+        weights = view_weights(skin.points, skin.normals, directions, eyes)
         at, way = (weights > 0).nonzero().unbind(-1)
         sent = outgoing(
             studied.light, material, here[at], skin[at], diffuse[rows][at], own[rows][at],
@@ -231,15 +231,18 @@ def displayed(light: Float[Tensor, "*s 3"]) -> Float[Tensor, "*s 3"]:
     return torch.from_numpy(srgb_of_linear(shown.numpy())).to(light)
 
 
-def _weights(
-    skin: Skin, directions: Float[Tensor, "v 3"], eyes: Float[Tensor, "c 3"] | None
+def view_weights(
+    points: Float[Tensor, "m 3"],
+    normals: Float[Tensor, "m 3"],
+    directions: Float[Tensor, "v 3"],
+    eyes: Float[Tensor, "c 3"] | None,
 ) -> Float[Tensor, "m v"]:
-    """How much colors in each direction count: as many cameras are near it, and as the surface is
-    seen from there."""
-    seen = (skin.normals @ directions.T + BEHIND).clamp(0, 0.5)
+    """How much colors in each unit direction count: as many of the cameras at `eyes` are near it,
+    and as the surface is seen from there; the same all around without cameras."""
+    seen = (normals @ directions.T + BEHIND).clamp(0, 0.5)
     if eyes is None:
         return seen
-    to_cameras = torch.nn.functional.normalize(eyes - skin.points[:, None], dim=-1)
+    to_cameras = torch.nn.functional.normalize(eyes - points[:, None], dim=-1)
     near = torch.exp(SHARPNESS * (to_cameras @ directions.T - 1)).mean(1)
     return seen * (near / near.mean(1, keepdim=True) + AROUND_WEIGHT)
 
