@@ -1,12 +1,13 @@
 """Metal, gloss, marble and paint in a scene's light against exact pictures, at cameras not used.
 
-    python -m research.measure_materials [bear|armchair] [--ceiling] [--small] > materials.csv
+    python -m research.measure_materials [bear|armchair] [CASE ...] [--ceiling] [--small]
 
 A stone bear in a garden, captured from 36 cameras that look down on it: its sky is not seen, and
 its sun is clipped. A stone armchair in a room with windows and a lamp. The light of both is known,
-and exact pictures are traced from four other cameras. Each material is put on by its route, as paint
-of its color by the route "paint", with --small by the editor `small`, and with --ceiling as SH of
-degree 3 of the exact light at exact points. Pictures are means of two by two pixels.
+and exact pictures are traced from four other cameras. Each material (CASE is the first word of its
+name; all without) is put on by its route, as paint of its color by the route "paint", with --small
+by the editor `small`, and with --ceiling as SH of degree 3 of the exact light at exact points.
+Pictures are means of two by two pixels. The table goes to the output as CSV.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ import gsedit
 from gsedit.datasets.dataset import Dataset, capture
 from gsedit.editing.routes.apply import apply_change, seen_weights
 from gsedit.editing.session.settings import EditSettings
+from gsedit.editors import make_editor
 from gsedit.materials.apply import AROUND, in_material, view_weights
 from gsedit.materials.harmonics import fitted
 from gsedit.materials.material import Layer, Material
@@ -74,10 +76,11 @@ COLORS = {"bronze": "#b98550", "gold": "#ffd76b", "silver": "#f4f3f0", "chrome":
 MARBLE = Material("#f1efeb", 0.0, 0.2, layers=(Layer("veins", "#6f7076", 0.2, 0.7, roughness=0.2),))
 """Polished stone with veins, without the translucency and the coat that exact pictures have not."""
 PAINTS = ("#653700", "#029386", "#e50000", "#ffffff", "#0343df", "#808080", "#fac205", "#15b01a")
+SCENES = ("bear", "armchair")
 PROMPTS = {"bronze": "turn it into a bronze statue", "gold": "turn it into a golden statue",
            "silver": "turn it into a silver statue"}  # fmt: skip
-COLUMNS = ("scene", "material", "by", "PSNR dB, whole picture", "PSNR dB, subject", "CIEDE2000 of the mean",
-           "CPU s")  # fmt: skip
+COLUMNS = ("scene", "material", "by", "PSNR dB, whole picture", "PSNR dB, subject",
+           "CIEDE2000 of the mean", "CPU s")  # fmt: skip
 
 
 def cases(veins: Callable[[torch.Tensor], torch.Tensor]) -> dict[str, tuple[Finish, Material]]:
@@ -182,7 +185,9 @@ def by_small(scene: Gaussians, own: torch.Tensor, prompt: str, cameras: list[Cam
     with TemporaryDirectory() as folder:
         save_region(Region(own), file := Path(folder) / "own.npy")
         settings = EditSettings(region=str(file))
-        return gsedit.edit(scene, prompt, dataset=Dataset(views), settings=settings).scene
+        return gsedit.edit(
+            scene, prompt, editor=make_editor("small"), dataset=Dataset(views), settings=settings
+        ).scene
 
 
 def dressed(
@@ -219,8 +224,11 @@ def measure(lit: LitSolid, arguments: list[str], table: Any) -> None:
     stone = Finish(plain_base((0.5, 0.45, 0.4)), specular=0.0)
     scene, own = captured(lit, stone, COUNT, DOME, torch.Generator().manual_seed(0))
     seen = seen_weights(scene, used)
+    wanted = {each for each in arguments if each[0] != "-"} - set(SCENES)
     differences = []
     for case, (finish, material) in cases(veined(scene, own)).items():
+        if wanted and case.split()[0] not in wanted:
+            continue
         exact = [lit.photograph(finish, camera, SAMPLES) for camera in held_out]
 
         makers: dict[str, Callable[[], Gaussians]] = {
@@ -241,7 +249,8 @@ def measure(lit: LitSolid, arguments: list[str], table: Any) -> None:
             sys.stdout.flush()
             if is_paint:
                 differences.append(row[2])
-    sys.stderr.write(f"{name}: median CIEDE2000 of paints: {np.median(differences):.1f}\n")
+    if differences:
+        sys.stderr.write(f"{name}: median CIEDE2000 of paints: {np.median(differences):.1f}\n")
 
 
 def main(arguments: list[str]) -> None:
@@ -249,7 +258,7 @@ def main(arguments: list[str]) -> None:
     table = csv.writer(sys.stdout, lineterminator="\n")
     table.writerow(COLUMNS)
     for lit in (bear(), armchair()):
-        if lit.solid.name in arguments or not {"bear", "armchair"} & set(arguments):
+        if lit.solid.name in arguments or not set(SCENES) & set(arguments):
             measure(lit, arguments, table)
 
 

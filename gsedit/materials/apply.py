@@ -17,11 +17,11 @@ from torch import Tensor
 from gsedit.cameras.paths import up_of
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.errors import UsageError
-from gsedit.materials.carving import carved, visible_area
+from gsedit.materials.carving import carved, engraved, visible_area
 from gsedit.materials.harmonics import fitted
 from gsedit.materials.material import Material
-from gsedit.materials.patterns import Ground
-from gsedit.materials.present import USUAL_ALBEDO, Received, as_shaded
+from gsedit.materials.patterns import Ground, coverage
+from gsedit.materials.present import USUAL_ALBEDO, Received, are_too_dark, as_shaded
 from gsedit.materials.shading import (
     Lighting,
     Skin,
@@ -39,7 +39,13 @@ from gsedit.scene.quaternions import even_directions, turn_between
 from gsedit.surface.directions import FAINT
 from gsedit.surface.normals import estimate_normals, rows_near
 from gsedit.surface.occlusion import nothing, occupancy
-from gsedit.surface.surroundings import balanced, find_surroundings, middle, surroundings_at
+from gsedit.surface.surroundings import (
+    balanced,
+    find_surroundings,
+    middle,
+    surroundings_at,
+    with_studio,
+)
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, SH_DC, Execution
 from rasterizer.scene import Gaussians
@@ -65,6 +71,7 @@ NEAR_EYES = 0.02
 LEVELS = (0.1, 1.6)
 """Least and largest light on such a part, as its old colors tell it."""
 STUDIO = "nothing is around it: it is lit by a studio"
+DIM = "what is around it is too dark to have lit it: a studio lights it where nothing is"
 RAISED = "reflections need SH of degree 3: the scene had {}, and its file grows"
 AT_ONCE = 1024
 """Gaussians that are shaded at once: 4 million pairs of cameras and directions, 16 MB."""
@@ -126,8 +133,9 @@ def in_material(
         only = shown[rows].nonzero().squeeze(-1)
         rows = rows[only]
     colored = colors_of(studied, material, cameras, degree, only)
-    sh[rows] = 0
-    sh[rows[:, None], torch.arange(colored.shape[1])] = colored.to(sh)
+    bare = 1 - coverage(material.clings, studied.ground)[only]
+    sh[rows] *= bare[:, None, None].to(sh)
+    sh[rows, : colored.shape[1]] += ((1 - bare)[:, None, None] * colored).to(sh)
     raised = k > scene.sh.shape[1]
     notes = (*studied.notes, *((RAISED.format(scene.degree),) if raised else ()))
     return Dressed(replace(scene, sh=sh), notes)
@@ -153,6 +161,7 @@ def study(
     center, radius = middle(scene, inside)
     normals = found.directions
     relief = carved(part, normals, near)
+    normals = engraved(part.means, normals, relief, near)
     turn = torch.from_numpy(turn_between(up.numpy(), np.array((0.0, 0.0, 1.0)))).to(part.means)
     ground = Ground(
         (part.means - center) @ turn.T / max(radius, FAINT), normals @ turn.T, relief.hollow
@@ -167,12 +176,14 @@ def study(
     grid = occupancy(part)
     rays = rays_of(grid, skin)
     around = find_surroundings(scene, inside, up, execution, cameras)
+    dim = False
     if not around.studio:
         shown = Received(relief.luminance, rays.share, size if weights is None else weights[inside])
-        around = as_shaded(around, shown, rays.directions)
+        dim = are_too_dark(around, shown, rays.directions)
+        around = with_studio(around, up) if dim else as_shaded(around, shown, rays.directions)
     light = lighting(balanced(around), grid, matte)
     sides = [arriving(light, skin[rows], rays[rows]) for rows in _parts(len(part))]
-    notes = (STUDIO,) if around.studio else ()
+    notes = (STUDIO,) if around.studio else (DIM,) if dim else ()
     return Studied(light, skin, ground, torch.cat(sides), sure, notes)
 
 

@@ -25,8 +25,10 @@ DETAIL = (0.45, 1.15)
 """Least and largest ratio to the surroundings, in linear light, that counts as carving."""
 HUE = 0.12
 """Difference in the share of a channel at which a color is half paint."""
-FLAT = 0.4
+FLAT = 0.6
 """Share of darkness that stays where the surface is not hollow."""
+DEPTH = 3.0
+"""Slope of a carved line, against the change of the logarithm of light between neighbors."""
 HOLLOW = 0.12
 """Mean sine at which neighbors stand above a surface that is fully hollow."""
 
@@ -64,6 +66,7 @@ def carved(part: Gaussians, normals: Float[Tensor, "n 3"], rows: Int[Tensor, "n 
     near = neighbor_means(linear, rows, 1)
     ratio = (near @ weights) / (around @ weights)
     hue = (near / near.sum(1, keepdim=True) - around / around.sum(1, keepdim=True)).abs().amax(1)
+    hue = hue * ratio.clamp(0, 1)  # what is black has no hue: it may be a crack
     stone = 1 / (1 + (hue / HUE).square())
     offset = torch.nn.functional.normalize(part.means[rows] - part.means[:, None], dim=-1)
     rise = neighbor_means(((offset * normals[:, None]).sum(-1)).mean(1, keepdim=True), rows, 2)[
@@ -74,3 +77,20 @@ def carved(part: Gaussians, normals: Float[Tensor, "n 3"], rows: Int[Tensor, "n 
     detail = ratio.clamp(*DETAIL) ** kept
     dark = ((1 - ratio) / (1 - DETAIL[0])).clamp(0, 1) * stone
     return Relief(detail, torch.maximum(hollow, dark).clamp(0, 1), around @ weights)
+
+
+def engraved(
+    points: Float[Tensor, "n 3"],
+    normals: Float[Tensor, "n 3"],
+    relief: Relief,
+    rows: Int[Tensor, "n k"],
+) -> Float[Tensor, "n 3"]:
+    """Unit normals as if what is dark lay deeper: carving that is finer than the normals show
+    turns reflections too."""
+    if not rows.shape[1]:
+        return normals
+    height = relief.detail.log()
+    offset = torch.nn.functional.normalize(points[rows] - points[:, None], dim=-1)
+    slope = ((height[rows] - height[:, None])[..., None] * offset).mean(1)
+    slope = slope - (slope * normals).sum(-1, keepdim=True) * normals
+    return torch.nn.functional.normalize(normals - DEPTH * slope, dim=-1)

@@ -52,6 +52,8 @@ class Material:
     """Reflectance head on of what is no metal."""
     layers: tuple[Layer, ...] = ()
     """Patterns, the uppermost last."""
+    clings: tuple[Layer, ...] = ()
+    """Patterns that it is in, where it is not everywhere: the old surface shows between them."""
 
     @property
     def is_matte(self) -> bool:

@@ -41,6 +41,14 @@ def share_of(layer: Layer, ground: Ground) -> Float[Tensor, " n"]:
     return torch.sigmoid((field - edge) / width)
 
 
+def coverage(layers: tuple[Layer, ...], ground: Ground) -> Float[Tensor, " n"]:
+    """How much any of the layers is at each point, in [0, 1]; 1 without layers."""
+    bare = torch.full_like(ground.hollow, float(bool(layers)))
+    for layer in layers:
+        bare = bare * (1 - share_of(layer, ground))
+    return 1 - bare
+
+
 def grain(points: Float[Tensor, "n 3"], seed: int = 0) -> Float[Tensor, " n"]:
     """Noise of materials, with seeds apart from those of weather."""
     return noise(points, 1000 + seed, WAVES)

@@ -65,6 +65,16 @@ def as_shaded(
     return replace(surroundings, radiance=surroundings.radiance * smooth[..., None])
 
 
+def are_too_dark(
+    surroundings: Surroundings, received: Received, directions: Float[Tensor, "d 3"]
+) -> bool:
+    """Whether the subject is brighter than the lightest paint would be in its surroundings, as on a
+    dark tile with nothing around."""
+    light = look_up(surroundings.radiance, directions) @ torch.from_numpy(LUMINANCE).to(directions)
+    most = ALBEDOS[-1] * (received.share @ light)
+    return float(((received.luminance - most) * received.weight).sum()) > 0
+
+
 def _fitted(design: np.ndarray, shown: np.ndarray, stiff: np.ndarray) -> np.ndarray:
     """The factors of directions, at the albedo that makes them likeliest."""
     from scipy.optimize import nnls

@@ -231,6 +231,13 @@ def studio(center: Float[Tensor, "3"], up: Float[Tensor, "3"]) -> Surroundings:
     return Surroundings(center, radiance, far, torch.zeros_like(far), studio=True)
 
 
+def with_studio(surroundings: Surroundings, up: Float[Tensor, "3"]) -> Surroundings:
+    """The surroundings with a studio's light where nothing was seen."""
+    lamps = studio(surroundings.center, up).radiance
+    seen = surroundings.seen[..., None]
+    return replace(surroundings, radiance=torch.lerp(lamps, surroundings.radiance, seen))
+
+
 def balanced(surroundings: Surroundings, share: float = BALANCE) -> Surroundings:
     """The surroundings with a `share` of the mean light's color taken away; as bright as before."""
     radiance = surroundings.radiance
