@@ -149,7 +149,7 @@ GROWN = {
                      layers=(Layer("specks", "#83a048", 0.4, 0.05),
                              Layer("specks", "#3a5220", 0.3, 0.08)),
                      clings=(Layer("up", "#5d7a33", 0.5, 0.18),
-                             Layer("crevices", "#5d7a33", 0.25, 0.1))),
+                             Layer("crevices", "#5d7a33", 0.12, 0.1))),
     "straw": _stone("#d8bf72", 1.0, Layer("grain", "#a88c42", 0.4, 0.03)),
     "wool": _stone("#e6dfd0", 1.0, Layer("weave", "#cfc5b0", 0.4, 0.035)),
     "flesh": _soft("#d9a58a", 0.35),

@@ -12,6 +12,7 @@ import torch
 from gsedit.editing.routes.apply import apply_change, apply_instruction
 from gsedit.errors import UsageError
 from gsedit.materials.apply import displayed, in_material
+from gsedit.materials.carving import Relief, engraved
 from gsedit.materials.harmonics import fitted
 from gsedit.materials.material import Layer, Material, PatternName, recolored
 from gsedit.materials.named import material_of
@@ -21,6 +22,7 @@ from gsedit.materials.table import MATERIALS
 from gsedit.regions.region import Region
 from gsedit.scene.picture import render_picture
 from gsedit.scene.quaternions import even_directions
+from gsedit.surface.normals import rows_near
 from gsedit.synthetic import ring_cameras, scenes
 from gsedit.synthetic.reflective import Finish, LitSolid, captured, garden, plain_base
 from gsedit.words import lexicon
@@ -165,6 +167,39 @@ def test_an_object_alone_is_lit_by_a_studio(ball):
     )
     assert any("studio" in note for note in routed.notes)
     assert float(routed.scene.sh.std()) > 0
+
+
+def test_a_bright_object_on_a_dark_tile_is_lit_by_a_studio(ball):
+    _, scene, own, _ = ball
+    low = ~own & (scene.means[:, 2] < -3)
+    sh = scene.sh.clone()
+    sh[low] = (0.08 - 0.5) / SH_DC
+    tile = replace(scene, sh=sh)[own | low]
+    made = in_material(tile, own[own | low], MATERIALS["silver"])
+    assert any("studio" in note for note in made.notes)
+    shown = 0.5 + SH_DC * made.scene.sh[: int(own.sum()), 0]
+    assert float(shown.mean()) > 0.3
+
+
+def test_moss_clings_to_what_faces_up_and_the_old_surface_shows_below(ball):
+    lit, scene, own, cameras = ball
+    after = in_material(scene, own, MATERIALS["moss"], cameras).scene
+    moved = (after.sh - scene.sh)[own, 0].abs().mean(-1)
+    height = scene.means[own][:, 2] / lit.solid.radius
+    assert float(moved[height > 0.6].mean()) > 2 * float(moved[height < -0.6].mean())
+
+
+def test_a_dark_line_on_flat_metal_turns_what_is_reflected():
+    points = torch.cartesian_prod(torch.arange(12.0), torch.arange(12.0), torch.zeros(1))
+    normals = torch.tensor((0.0, 0, 1)).expand(len(points), 3)
+    detail = torch.where((points[:, 0] - 5.5).abs() < 1, 0.5, 1.0)
+    relief = Relief(detail, torch.zeros(len(points)), detail)
+    turned = engraved(points, normals, relief, rows_near(points))
+    at = (points[:, 1] > 3) & (points[:, 1] < 8)
+    left, right, far = (turned[at & (points[:, 0] == x), 0].mean() for x in (4, 7, 10))
+    assert left > 0.1
+    assert right < -0.1
+    assert abs(far) < 1e-5
 
 
 def test_needles_and_nothing_are_refused(ball):
