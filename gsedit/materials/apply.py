@@ -152,16 +152,14 @@ def study(
     """Normals, surroundings, shadows and carving of the Gaussians inside; for a `matte` material
     without what only reflections need."""
     part = scene[inside]
-    size = visible_area(part)
     if not len(part):
         raise UsageError("the material would be on no Gaussian: name what should be in it")
     up = up_of(cameras) if len(cameras) > 1 else guess_up(scene)
     near = rows_near(part.means)
     found = estimate_normals(scene, cameras, execution, inside, near)
     center, radius = middle(scene, inside)
-    normals = found.directions
-    relief = carved(part, normals, near)
-    normals = engraved(part.means, normals, relief, near)
+    relief = carved(part, found.directions, near)
+    normals = engraved(part.means, found.directions, relief, near)
     turn = torch.from_numpy(turn_between(up.numpy(), np.array((0.0, 0.0, 1.0)))).to(part.means)
     ground = Ground(
         (part.means - center) @ turn.T / max(radius, FAINT), normals @ turn.T, relief.hollow
@@ -178,13 +176,14 @@ def study(
     around = find_surroundings(scene, inside, up, execution, cameras)
     dim = False
     if not around.studio:
-        shown = Received(relief.luminance, rays.share, size if weights is None else weights[inside])
+        weight = visible_area(part) if weights is None else weights[inside]
+        shown = Received(relief.luminance, rays.share, weight)
         dim = are_too_dark(around, shown, rays.directions)
         around = with_studio(around, up) if dim else as_shaded(around, shown, rays.directions)
     light = lighting(balanced(around), grid, matte)
-    sides = [arriving(light, skin[rows], rays[rows]) for rows in _parts(len(part))]
+    sides = torch.cat([arriving(light, skin[rows], rays[rows]) for rows in _parts(len(part))])
     notes = (STUDIO,) if around.studio else (DIM,) if dim else ()
-    return Studied(light, skin, ground, torch.cat(sides), sure, notes)
+    return Studied(light, skin, ground, sides, sure, notes)
 
 
 def _eyes_within(part: Gaussians, cameras: Sequence[Camera]) -> Float[Tensor, "3"] | None:
