@@ -151,8 +151,7 @@ def study(
 ) -> Studied:
     """Normals, surroundings, shadows and carving of the Gaussians inside; for a `matte` material
     without what only reflections need."""
-    part = scene[inside]
-    if not len(part):
+    if not len(part := scene[inside]):
         raise UsageError("the material would be on no Gaussian: name what should be in it")
     up = up_of(cameras) if len(cameras) > 1 else guess_up(scene)
     near = rows_near(part.means)
