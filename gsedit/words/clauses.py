@@ -24,6 +24,10 @@ SOFT = Word("cloudy", "light", "cloudy")
 """Light that casts no shadows."""
 IDLE = TARGETS | {"unknown", "part", "shape", "state"}
 """Kinds that a comparison only brings up."""
+BECOMES = frozenset(
+    ("to", "into", "becomes", "become", "turns to", "turns into", "turn to", "turn into")
+)
+"""Words between what was and what is to be: "night to day"."""
 NEGATIONS = frozenset(("not", "drop"))
 NAMED = frozenset(("color", "material", "light", "look"))
 
@@ -68,6 +72,9 @@ def clauses(words: list[Word]) -> list[Clause]:
         heir = opens if _inherits(before, part) and not kept else None
         clause = _governed(before, _told(_became(part)), heir)
         opens = clause.opens
+        if found and before == "and" and not clause.kinds() & {"do", "wish", "be", "turn"}:
+            cures = [word for word in found[-1].words if word.has("cure")]
+            clause.words = [*cures, *clause.words]  # "fix the low contrast and the dull colors"
         if found and _goes_on(found[-1], clause):
             clause.words = [*found[-1].words, *clause.words]
             found[-1].words = []
@@ -109,7 +116,7 @@ def _segments(words: list[Word]) -> Iterator[tuple[str, list[Word]]]:
 def _contrasts(part: list[Word], word: Word) -> bool:
     """Whether another direction begins in a clause: "less red more green"."""
     said = {each.text for each in part} & {"more", "less"}
-    other = bool(said) and word.text in {"more", "less"} - said
+    other = bool(said) and word.text in {"more", "less"} - said and part[-1].kind not in NEGATIONS
     return other and any(each.kind in CONTENT for each in part)
 
 
@@ -131,11 +138,14 @@ def _became(part: list[Word]) -> list[Word]:
     swaps = any(word.text in ("swap", "switch", "exchange", "replace") for word in part[: names[0]])
     verbs = swaps or any(word.kind in ("do", "wish", "touch") for word in part[: names[0]])
     between = [word.text for word in part[names[0] + 1 : names[1]]]
-    if not verbs and between not in (["to"], ["into"]):  # "night to day"
+    if not verbs and " ".join(between) not in BECOMES:
         return part
     first, last = names[0], names[-1]
     between = part[first + 1 : last + 1]
-    led = any(word.text in ("into", "to", *(("for", "with", "by") * swaps)) for word in between)
+    led = any(
+        word.text in ("into", "to", "becomes", "become", *(("for", "with", "by") * swaps))
+        for word in between
+    )
     of_part = between[0].kind in TARGETS or between[0].kind == "unknown"
     kinds = {part[first].kind, part[last].kind}
     same = len(names) == 2 and (kinds <= {"color", "material"} or kinds == {"light"})
@@ -241,7 +251,9 @@ def _shadows(scope: list[Word]) -> bool:
 def _tinted(scope: list[Word], named: set[str], told: set[str]) -> bool:
     """Whether what there must not be is color itself or a tint: "no blue tint"."""
     nouns = {word.value for word in scope if word.kind == "noun"}
-    color = named == {"noun"} and nouns == {"saturation"}
+    at = next((at for at, word in enumerate(scope) if word.kind == "noun"), 0)
+    moved = any(word.kind not in ("fill", "degree") for word in scope[:at])  # "no more color"
+    color = named == {"noun"} and nouns == {"saturation"} and not moved
     return color or (named == {"noun", "color"} and nouns == {"hue"} and not told)
 
 

@@ -130,14 +130,16 @@ def _changes(clause: Clause, reading: Reading) -> Placed:
     kinds, tags = clause.kinds(), clause.tags()
     scenic, solid = scenes(clause), solids(clause)
     cast = any(word.kind == "noun" and word.value == "hue" for word in clause.words)
-    graded = kinds & {"up", "down"} or tags & {"too", "lack"} or clause.lost or clause.turned
+    graded = (
+        kinds & {"up", "down"} or tags & {"too", "lack", "cure"} or clause.lost or clause.turned
+    )
     graded = graded or _hinted(clause) or stressed(clause, ("color",))
     material = any(change.kind == "material" for _, change in solid)
     colored = "color" in kinds and not scenic and not material
     if "hue" in kinds or (cast and not material) or (colored and graded):
         return [(0, change) for change in hues(clause)]
     off = any(word.text in ("off", "away") for word in clause.words)
-    less = asks_less(clause) or "too" in tags or (off and bool(scenic))
+    less = asks_less(clause) or tags & {"too", "cure"} or (off and bool(scenic))
     if (scenic or material) and less and not kinds & {"noun", "state"}:
         raise Refused("negation")
     refuse_amount(clause, scenic)
@@ -149,7 +151,9 @@ def _changes(clause: Clause, reading: Reading) -> Placed:
         scenic, tone = shone(scenic, tone)
     else:
         tone = tones(clause, reading.direction)
-        reading.unsaid |= "noun" in kinds and not tone and "be" not in kinds
+        nouns = [w.text for w in clause.words if w.kind == "noun" and w.value != "light"]
+        unsaid = any("color" not in text for text in nouns)  # "change its color: blue"
+        reading.unsaid |= unsaid and not tone and "be" not in kinds
     return [*solid, *((0, change) for change in (*scenic, *tone))]
 
 
@@ -183,8 +187,11 @@ def _remark(clause: Clause, explicit: str | None, reading: Reading) -> None:
     odd = [at for at, word in enumerate(clause.words) if word.kind == "unknown"]
     if explicit and not kinds & {"be"} and any(not is_thing(clause.words, at) for at in odd):
         raise Refused("nonsense")  # half of what is asked is not known
+    if last.kind in ("light", "look") and asks_less(clause) and not explicit:
+        raise Refused("negation")  # "heavy fog, reduce it"
     if reading.bare and (kinds & {"up", "down"} or "mend" in clause.tags()) and last.amount:
-        reading.changes[-1] = replace(last, amount=-last.amount)
+        agrees = last.amount > 0 and "up" in kinds  # "vivid colors, more please"
+        reading.changes[-1] = replace(last, amount=last.amount if agrees else -last.amount)
     finish = next((word.value for word in clause.words if word.kind == "finish"), None)
     own = next((word.text for word in clause.words if word.has("adj")), finish)
     given = amount_of(clause.words).share
@@ -239,11 +246,9 @@ def _append(clause: Clause, changes: Placed, parts: Parts, reading: Reading) -> 
             reading.others.add(len(reading.changes))
         reading.changes.append(_placed(change, near, clause))
     _share(clause, len(changes), parts, reading)
-    verbs = {"do", "wish", "up", "down"}
-    reading.bare = (
-        "state" in clause.kinds() and not clause.kinds() & verbs and not complains(clause)
-    )
     kinds = clause.kinds()
+    quality = kinds & {"state", "intense"} and not kinds & {"do", "wish", "up", "down"}
+    reading.bare = bool(quality) and not complains(clause)
     if kinds & {"up", "down"}:
         reading.direction = -1 if asks_less(clause) or "down" in kinds else 1
 

@@ -22,13 +22,16 @@ LAMPS = frozenset(
 """Lights whose brightness is their own, not that of a time of day."""
 ENDS = frozenset(
     ("end", "stop", "stops", "past", "lift", "lifts", "lifted", "clears", "clear", "pass", "passes",
-     "passed", "finished", "done", "finish")
+     "passed", "finished", "done", "finish", "melted", "melts", "thaws", "thawed")
 )  # fmt: skip
 """Words after the name of a weather that say that it is over."""
 THINNER = frozenset(("thinner", "sparser", "lighter"))
 DENSER = frozenset(("denser", "thicker", "heavier"))
 UNSIDED = frozenset(("fog", "cloudy", "storm", "blue hour"))
 """Lights without a sun or lamp."""
+STRENGTHS = frozenset(("strength", "power", "intensity", "force"))
+AMOUNTS = ("fraction", "factor", "unit")
+"""Kinds of words that end an amount."""
 WEAKER, STRONGER = -0.4, 0.5
 """Shares of a light that "a little" and "strong" take and add."""
 
@@ -168,7 +171,9 @@ def refuse_amount(clause: Clause, scenic: list[Change]) -> None:
     ends |= "lift" in told and scenic[0].name == "fog"
     thinned = bool(told & THINNER) and not any(w.kind in ("subject", "background") for w in words)
     of_it = [word.text for word in words[:first] if word.text != "the"][-1:] == ["half of"]
-    if ends or thinned or of_it or (given.factor is not None and given.factor < 1):
+    ends |= "enough" in clause.kinds() and not clause.kinds() & TONES  # "that is enough snow"
+    fewer = given.factor is not None and given.factor < 1 and _bare(words) is None
+    if ends or thinned or of_it or fewer:
         raise Refused("negation")
     more = told & DENSER or given.given
     if more and any(change.kind == "look" for change in scenic) and not clause.kinds() & TONES:
@@ -176,13 +181,18 @@ def refuse_amount(clause: Clause, scenic: list[Change]) -> None:
 
 
 def _bare(words: list[Word]) -> float | None:
-    """Share of a light that is named right before it: 0.5 in "50 % fog", "half moonlight"."""
+    """Share of a light that is named right before it, or is its strength: 0.5 in "50 % fog", "half
+    moonlight", "moonlight at half strength"."""
+    given, texts = amount_of(words), [word.text for word in words]
+    last = max((at for at, word in enumerate(words) if word.kind in AMOUNTS), default=-1)
+    moved = any(word.kind in ("up", "down") for word in words)
+    if last >= 0 and set(texts[last + 1 : last + 2]) & STRENGTHS and not moved:
+        return given.share if given.factor is None else given.factor
     at = next((at for at, word in enumerate(words) if word.kind in ("light", "look")), 0)
     before = [word.kind for word in words[max(at - 2, 0) : at]]
-    share = amount_of(words).share
     near = before[-1:] == ["fraction"] or before == ["number", "unit"]
     signed = any(word.kind == "number" and word.text[0] in "+-" for word in words)
-    return share if near and not signed else None
+    return given.share if near and not signed else None
 
 
 def shone(scenic: list[Change], tone: list[Change]) -> tuple[list[Change], list[Change]]:

@@ -15,7 +15,7 @@ SPELLINGS = (
     (r"(?<=\w)-ish\b", "ish"),
     (r"\bde-(?=[a-z])", "de"),
     (r"\bun-(?=[a-z])", "not "),
-    (r"\b(?!feel|for)(\w+)[- ]free\b(?! (?:of|to|from))|\b(shadow)less\b", r"no \1\2"),
+    (r"\b(?!feel|for)(\w+)[- ]free\b(?! (?:of|to|from))|\b(shadow|snow|fog)less\b", r"no \1\2"),
     (r"\bless than (?=\d|half|an? )", ""),
     (r"\bminus (?=\d)", "-"),
     (r"\bplus (?=\d)", "+"),

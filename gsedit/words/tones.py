@@ -71,8 +71,13 @@ def complains(clause: Clause) -> bool:
     last = max((at for at, kind in enumerate(said) if kind not in ("fill", "be")), default=0)
     rather = last > 0 and (said[last - 1] == "slight" or words[last - 1] in RATHER)
     rather &= said[last : last + 1] == ["state"]
-    states = "be" in said[:last] or stressed(clause, QUALITIES) or "flaw" in clause.tags() or rather
-    return states and not kinds & {"wish", "do", "turn"}
+    states = (
+        "be" in said[:last]
+        or stressed(clause, QUALITIES)
+        or clause.tags() & {"flaw", "cure"}
+        or rather
+    )
+    return bool(states) and not kinds & {"wish", "do", "turn"}
 
 
 def stressed(clause: Clause, kinds: tuple[str, ...]) -> bool:
@@ -171,7 +176,7 @@ def _noun_sign(clause: Clause, before: int) -> int:
         return 1
     if less or more:
         return -1 if less else 1
-    if complains(clause):
+    if complains(clause) and "cure" not in clause.tags():  # "fix the contrast" says no way
         return -1
     if given.factor is not None:
         return 1 if given.factor > 1 else -1

@@ -81,6 +81,11 @@ def test_any_words_are_read_or_refused():
         ("contrast half as strong", "contrast", -1), ("half as dark", "brightness", 1),
         ("the contrast is bad, more please", "contrast", 1),
         ("no more than 10 % brighter", "brightness", 1), ("too gray", "saturation", 1),
+        ("fix the darkness", "brightness", 1), ("correct the low contrast", "contrast", 1),
+        ("weak contrast, increase it", "contrast", 1), ("counteract the yellow", "warmth", -1),
+        ("vivid colors, more please", "saturation", 1), ("deep colors, less", "saturation", -1),
+        ("more contrast without less saturation", "contrast", 1),
+        ("brighten without fading the colors", "brightness", 1),
     ],
 )  # fmt: skip
 def test_a_tone_has_the_sign_that_is_said(sentence, name, sign):
@@ -109,7 +114,8 @@ def test_an_amount_is_a_signed_share(sentence, amount):
         "never make it night", "make it any color other than green", "leave the bear as it is",
         "neither red nor gold", "snow-free", "un-rust it", "the opposite of bright",
         "end the night", "make it anything else than red", "as if the snow had melted",
-        "before the snow",
+        "before the snow", "enough with the snow", "that is enough fog", "a snowless winter",
+        "fix the fog", "heavy fog, reduce it",
     ],
 )  # fmt: skip
 def test_what_must_not_be_is_never_done(sentence):
@@ -126,6 +132,8 @@ def test_what_must_not_be_is_never_done(sentence):
         ("make it red, I mean it", ["red"]), ("night to day", ["daylight"]),
         ("less red more green", ["hue", "hue"]), ("kill the shadows", ["cloudy"]),
         ("golden hour, light from behind", ["golden hour from behind"]),
+        ("winter becomes summer", ["summer"]), ("the sun goes down", ["sunset"]),
+        ("change its color: blue", ["blue"]), ("fix the colors: more saturation", ["saturation"]),
     ],
 )  # fmt: skip
 def test_what_is_said_last_is_what_is_meant(sentence, names):
@@ -331,6 +339,7 @@ def test_what_no_route_does_as_it_is_said_is_refused(sentence, refusal):
     [
         ("double the fog", 1.0), ("a sunny day at half past ten", None), ("thick fog", 0.5),
         ("+50 % fog", 0.5), ("50 % fog", -0.5), ("bright light from the left", None),
+        ("moonlight at half strength", -0.5), ("increase the moonlight by 50 % strength", 0.5),
     ],
 )  # fmt: skip
 def test_a_light_is_as_strong_as_it_is_said(sentence, amount):
