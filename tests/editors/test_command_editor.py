@@ -212,3 +212,30 @@ def test_a_program_s_pictures_are_harmonised(program):
     torch.testing.assert_close(together, torch.full((2, 6, 8, 3), 0.3))
     half = run(program(code), request, SamplerSettings(consensus_weight=0.5))
     torch.testing.assert_close(half, apart * 0.5 + 0.15)
+
+
+COPY = """
+import sys
+from pathlib import Path
+from shutil import copy
+for path in sorted(Path(sys.argv[1]).iterdir()):
+    copy(path, Path(sys.argv[2]) / path.name)
+"""
+
+
+@pytest.mark.parametrize(("field", "expected"), [("renders", "images"), ("masks", "subject")])
+def test_a_program_may_ask_for_renders_and_masks(tmp_path, field, expected):
+    (tmp_path / "copy.py").write_text(COPY)
+    words = f"{{python}} {tmp_path / 'copy.py'} {{{field}}} {{output}} {{input}}"
+    request = batch(subject=torch.tensor([0.0, 1.0])[:, None, None].expand(2, 6, 8))
+    images = run(Command(words, folder=tmp_path / "exchange"), request)
+    given = getattr(request, expected)
+    if field == "masks":
+        given = given[..., None].expand(-1, -1, -1, 3)
+    torch.testing.assert_close(images, given, rtol=0, atol=1 / 255)
+
+
+def test_without_a_region_the_mask_is_everything(tmp_path):
+    (tmp_path / "copy.py").write_text(COPY)
+    words = f"{{python}} {tmp_path / 'copy.py'} {{masks}} {{output}} {{input}}"
+    assert (run(Command(words, folder=tmp_path / "exchange"), batch()) == 1).all()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import sys
 import tempfile
 import time
 from collections import deque
@@ -38,8 +39,11 @@ class Command:
     """An Editor that runs a program for every batch of views. Raises UsageError."""
 
     run: str
-    """The command, as for a shell, with {input} and {output} in it, {prompt} and {seed} optional.
-    The folders are absolute; the program starts where gsedit was started."""
+    """The command, as for a shell, with {input} (the folder of unedited pictures) and {output} (the
+    folder to fill) in it. Optional: {prompt}; {seed}; {renders}, a folder of what the scene looks
+    like now; {masks}, a folder of where the edit belongs (white; everywhere where no region was
+    given); {python}, the interpreter that runs gsedit. The folders are absolute and have pictures
+    of the same names; the program starts where gsedit was started."""
     timeout: float | None = None
     """Seconds for a batch of views; None: no limit."""
     folder: Path | None = None
@@ -61,7 +65,7 @@ class Command:
         if "\0" in prompt:
             raise UsageError("the instruction has a NUL character in it, which no program is given")
         program = split_command(self.run)[0]
-        if shutil.which(program) is None:
+        if program != "{python}" and shutil.which(program) is None:
             raise UsageError(
                 f"there is no program {program!r} to run: install it, or give its whole path in "
                 "--run (a script must be executable, or be given to its interpreter: "
@@ -84,7 +88,7 @@ class Command:
         edited = batch.images.clone()
         if free:
             exchange = new_exchange(self.folder, [f"{view:03d}.png" for view in free])
-            exchange.write(batch.originals[free])
+            self._write(exchange, batch, free)
             for finished in self._run(batch, exchange):
                 yield EditProgress(finished, len(free) + 1)
             edited[free] = exchange.read(*batch.images.shape[1:3]).to(edited)
@@ -97,6 +101,16 @@ class Command:
                 strength=settings.consensus_weight,
             )
         yield EditProgress(len(free) + 1, len(free) + 1, edited)
+
+    def _write(self, exchange: Exchange, batch: EditBatch, views: list[int]) -> None:
+        """The pictures that the command asks for."""
+        exchange.write("input", batch.originals[views])
+        if "{renders}" in self.run:
+            exchange.write("renders", batch.images[views])
+        if "{masks}" in self.run:
+            everywhere = torch.ones(batch.images.shape[:3])
+            masks = (everywhere if batch.subject is None else batch.subject)[views]
+            exchange.write("masks", masks[..., None].expand(-1, -1, -1, 3))
 
     def _run(self, batch: EditBatch, exchange: Exchange) -> Iterator[int]:
         """Run the program to its end; yields the number of pictures whenever it has grown."""
@@ -129,6 +143,9 @@ class Command:
             "output": str(exchange.output),
             "prompt": batch.prompt,
             "seed": str(batch.seed),
+            "renders": str(exchange.folder / "renders"),
+            "masks": str(exchange.folder / "masks"),
+            "python": sys.executable,
         }
         return fill_fields(split_command(self.run), values)
 
@@ -186,10 +203,12 @@ class Exchange:
                 return f"it said: {' | '.join(lines)}"
         return "it said nothing"
 
-    def write(self, images: Float[Tensor, "v h w 3"]) -> None:
-        """The pictures as 8-bit PNGs into `input`."""
+    def write(self, inside: str, images: Float[Tensor, "v h w 3"]) -> None:
+        """The pictures as 8-bit PNGs into the folder `inside` this one."""
+        place = self.folder / inside
+        place.mkdir(exist_ok=True)
         for image, name in zip(images, self.names, strict=True):
-            as_picture(image).save(self.input / name)
+            as_picture(image).save(place / name)
 
     def read(self, height: int, width: int) -> Float[Tensor, "v {height} {width} 3"]:
         """The pictures in `output`. Raises InputError naming the first bad one."""

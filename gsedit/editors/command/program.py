@@ -1,7 +1,7 @@
 """A command line with fields, and the program that it starts, which never outlives its caller.
 
 No shell is involved. The command is split once, as a shell would split it, and only then are
-`{input}`, `{output}`, `{prompt}` and `{seed}` put in: whatever the instruction holds, it stays
+the FIELDS put in: whatever the instruction holds, it stays
 inside one argument. (One that begins with a dash may still look like an option to the program:
 `--prompt={prompt}` prevents that.)
 """
@@ -19,7 +19,7 @@ from typing import IO
 
 from gsedit.errors import UsageError
 
-FIELDS = ("input", "output", "prompt", "seed")
+FIELDS = ("input", "output", "prompt", "seed", "renders", "masks", "python")
 EXAMPLE = '--run "my_editor {input} {output} {prompt}"'
 POLL = 0.1  # seconds between looks at a program, which works for seconds at least
 GRACE = 3.0  # seconds between asking a program to stop and killing it

@@ -1,0 +1,277 @@
+"""The program that sends pictures to a server: each protocol against a stand-in that speaks it."""
+
+import base64
+import io
+import json
+import re
+import threading
+import time
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from urllib.parse import parse_qs, urlsplit
+
+import pytest
+from PIL import Image, ImageOps
+from programs import batch, run
+
+from gsedit.editors.command.editor import Command
+from gsedit.editors.command.http import main
+from gsedit.errors import GseditError
+
+SIZE = (48, 32)
+WORKFLOW = {
+    "1": {"class_type": "LoadImage", "inputs": {"image": "{image}"}},
+    "2": {"class_type": "Edit", "inputs": {"text": "{prompt}, please", "seed": "{seed}"}},
+    "3": {"class_type": "SaveImage", "inputs": {"images": ["2", 0]}},
+}
+
+
+def png(image):
+    buffer = io.BytesIO()
+    image.save(buffer, "PNG")
+    return buffer.getvalue()
+
+
+def inverted(file):
+    return png(ImageOps.invert(Image.open(io.BytesIO(file)).convert("RGB")))
+
+
+def parts(body, kind):
+    """The fields and files of a multipart form."""
+    line = re.search("boundary=(.+)", kind)[1].encode()
+    found = {}
+    for part in body.split(b"--" + line)[1:-1]:
+        head, _, content = part.removesuffix(b"\r\n").partition(b"\r\n\r\n")
+        found[re.search(b' name="([^"]+)"', head)[1].decode()] = content
+    return found
+
+
+class StandIn(BaseHTTPRequestHandler):
+    """Speaks all protocols; edits by inverting. `answer` overrules every answer."""
+
+    answer = None
+
+    def log_message(self, *words):
+        pass
+
+    def reply(self, content, kind="application/json", code=200):
+        if not isinstance(content, bytes):
+            content = json.dumps(content).encode()
+        self.send_response(code)
+        self.send_header("Content-Type", kind)
+        self.end_headers()
+        self.wfile.write(content)
+
+    def do_GET(self):
+        path = urlsplit(self.path)
+        calls, query = self.server.calls, parse_qs(path.query)
+        if path.path.startswith("/history/"):
+            calls.append(("history", None))
+            if calls.count(("history", None)) < 2:
+                return self.reply({})
+            picture = {"filename": "out.png", "subfolder": "", "type": "output"}
+            return self.reply({"7": {"outputs": {"3": {"images": [picture]}}, "status": {}}})
+        assert (path.path, query["filename"]) == ("/view", ["out.png"])
+        return self.reply(inverted(self.server.upload), "image/png")
+
+    def do_POST(self):
+        body = self.rfile.read(int(self.headers["Content-Length"]))
+        kind, seen = self.headers["Content-Type"], self.server.asked
+        self.server.calls.append((self.path, self.headers.get("Authorization")))
+        if self.server.answer is not None:
+            return self.server.answer(self)
+        if self.path == "/upload/image":
+            self.server.upload = parts(body, kind)["image"]
+            return self.reply({"name": "in.png", "subfolder": "", "type": "input"})
+        if self.path == "/prompt":
+            seen.append(json.loads(body)["prompt"])
+            return self.reply({"prompt_id": "7", "node_errors": {}})
+        if self.path == "/api/generate":
+            asked = json.loads(body)
+            seen.append(asked)
+            edited = inverted(base64.b64decode(asked["init_image"]))
+            return self.reply({"latency": 1, "images": [base64.b64encode(edited).decode()]})
+        form = parts(body, kind)
+        seen.append(form)
+        edited = base64.b64encode(inverted(form["image"])).decode()
+        return self.reply({"data": [{"b64_json": edited}]})
+
+
+@contextmanager
+def serving(answer=None):
+    server = ThreadingHTTPServer(("127.0.0.1", 0), StandIn)
+    server.calls, server.asked, server.answer, server.upload = [], [], answer, b""
+    threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True).start()
+    try:
+        yield server, f"http://127.0.0.1:{server.server_port}"
+    finally:
+        server.shutdown()
+        server.server_close()
+
+
+@pytest.fixture
+def folders(tmp_path):
+    for name in ("input", "output", "masks"):
+        (tmp_path / name).mkdir()
+    for i in range(2):
+        Image.new("RGB", SIZE, (10, 20 + i, 30)).save(tmp_path / "input" / f"{i:03d}.png")
+        Image.new("RGB", SIZE, (255, 255, 255)).save(tmp_path / "masks" / f"{i:03d}.png")
+    (tmp_path / "flow.json").write_text(json.dumps(WORKFLOW))
+    return tmp_path
+
+
+def send(folders, name, url, *more):
+    where = [str(folders / "input"), str(folders / "output")]
+    return main([name, url, *where, "--prompt", "make it snow", "--seed", "5", *more])
+
+
+def edited(folders):
+    return [Image.open(path).getpixel((0, 0)) for path in sorted((folders / "output").iterdir())]
+
+
+@pytest.mark.parametrize("name", ["openai", "sdcpp", "comfyui", "fastsd"])
+def test_every_picture_is_edited(folders, name, monkeypatch):
+    monkeypatch.setattr("gsedit.editors.command.http.POLL", 0.01)
+    workflow = ["--workflow", str(folders / "flow.json")] if name == "comfyui" else []
+    with serving() as (server, url):
+        assert send(folders, name, url, *workflow) == 0
+    assert edited(folders) == [(245, 235, 225), (245, 234, 225)]
+    assert not any(key for _, key in server.calls)
+
+
+def test_a_workflow_gets_the_picture_the_words_and_the_seed(folders, monkeypatch):
+    monkeypatch.setattr("gsedit.editors.command.http.POLL", 0.01)
+    with serving() as (server, url):
+        send(folders, "comfyui", url, "--workflow", str(folders / "flow.json"))
+    asked = server.asked[0]
+    assert asked["1"]["inputs"]["image"] == "in.png"
+    assert asked["2"]["inputs"] == {"text": "make it snow, please", "seed": 5}
+    assert asked["3"] == WORKFLOW["3"]
+
+
+def test_settings_masks_and_seeds_are_sent(folders):
+    more = ["--set", "steps=4", "--masks", str(folders / "masks")]
+    with serving() as (server, url):
+        send(folders, "sdcpp", url, *more)
+        form = server.asked[0]
+    inside = re.search(b"<sd_cpp_extra_args>(.+)</sd_cpp_extra_args>", form["prompt"])[1]
+    assert json.loads(inside) == {"seed": 5, "steps": 4}
+    assert form["size"] == b"48x32"
+    assert Image.open(io.BytesIO(form["mask"])).size == SIZE
+
+
+def test_openai_masks_are_transparent_where_the_edit_belongs(folders):
+    with serving() as (server, url):
+        send(folders, "openai", url, "--masks", str(folders / "masks"))
+    form = server.asked[0]
+    assert Image.open(io.BytesIO(form["mask"])).getpixel((0, 0))[3] == 0
+
+
+def test_pictures_that_are_there_are_not_asked_for_again(folders):
+    Image.new("RGB", SIZE).save(folders / "output" / "000.png")
+    with serving() as (server, url):
+        send(folders, "openai", url)
+    assert server.calls == [("/v1/images/edits", None)]
+
+
+def html(handler):
+    handler.reply(b"<html><h1>Welcome</h1></html>", "text/html")
+
+
+def missing(handler):
+    handler.reply({"error": "no such model"}, code=404)
+
+
+def hanging(handler):
+    time.sleep(1)
+
+
+def moved(handler):
+    handler.send_response(302)
+    handler.send_header("Location", "http://127.0.0.1:1/elsewhere")
+    handler.end_headers()
+
+
+def of_shape(width, height):
+    picture = base64.b64encode(png(Image.new("RGB", (width, height)))).decode()
+    return lambda handler: handler.reply({"data": [{"b64_json": picture}]})
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        (html, "'<html><h1>Welcome</h1></html>', which is not JSON"),
+        (missing, 'answered 404 (\'{"error": "no such model"}\')'),
+        (hanging, "did not answer in 0.3 s: raise --timeout"),
+        (moved, "answered 302"),
+        (of_shape(32, 32), "a picture of 32x32 pixels to one of 48x32"),
+        (lambda handler: handler.reply({"data": []}), "without 0"),
+        (lambda handler: handler.reply({"data": [{"b64_json": "?"}]}), "not in base 64"),
+        (lambda handler: handler.reply({"data": [{"b64_json": "QUJD"}]}), "is not a picture"),
+    ],
+    ids=["html", "404", "hangs", "moved", "shape", "empty", "base64", "text"],
+)
+def test_a_server_that_misbehaves_is_told_in_one_line(folders, answer, message, capsys):
+    with serving(answer) as (_, url):
+        assert send(folders, "openai", url, "--timeout", "0.3") == 1
+    said = capsys.readouterr().err
+    assert message in said
+    assert said.count("\n") == 1
+    assert not list((folders / "output").iterdir())
+
+
+def test_sides_that_a_model_rounds_are_scaled_back(folders):
+    with serving(of_shape(64, 43)) as (_, url):
+        assert send(folders, "openai", url) == 0
+    assert Image.open(folders / "output" / "000.png").size == SIZE
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["openai", "localhost:8000"], "no URL of a server"),
+        (["openai", "http://127.0.0.1:1"], "start the server"),
+        (["comfyui", "http://127.0.0.1:1"], "needs --workflow"),
+        (["openai", "http://127.0.0.1:1", "--set", "steps"], "write NAME=VALUE"),
+    ],
+)
+def test_what_is_asked_wrongly(folders, words, message, capsys):
+    assert send(folders, *words) == 1
+    assert message in capsys.readouterr().err
+
+
+def test_a_workflow_without_its_fields_is_refused(folders, capsys):
+    (folders / "flow.json").write_text('{"1": {"inputs": {"image": "cat.png"}}}')
+    words = ["--workflow", str(folders / "flow.json")]
+    assert send(folders, "comfyui", "http://127.0.0.1:1", *words) == 1
+    assert "has no {image}" in capsys.readouterr().err
+
+
+def test_a_key_is_sent_to_its_server_and_never_unencrypted_elsewhere(folders, monkeypatch, capsys):
+    monkeypatch.setenv("GSEDIT_API_KEY", "secret")
+    with serving() as (server, url):
+        assert send(folders, "openai", url) == 0
+    assert server.calls[0] == ("/v1/images/edits", "Bearer secret")
+    assert send(folders, "openai", "http://example.org") == 1
+    said = capsys.readouterr().err
+    assert "unencrypted" in said
+    assert "secret" not in said
+
+
+def test_the_editor_runs_it(tmp_path):
+    program = "{python} -m gsedit.editors.command.http"
+    with serving() as (server, url):
+        words = f"{program} sdcpp {url} {{input}} {{output}} --prompt {{prompt}} --seed {{seed}}"
+        editor = Command(words, folder=tmp_path / "exchange")
+        request = batch(seed=11)
+        images = run(editor, request)
+    assert (images - (1 - request.originals)).abs().max() < 1 / 255
+    asked = server.asked[0]
+    assert b'"seed": 11' in asked["prompt"]
+
+
+def test_the_editor_passes_on_what_the_program_said(tmp_path):
+    words = "{python} -m gsedit.editors.command.http openai http://127.0.0.1:1 {input} {output} "
+    editor = Command(words + "--prompt {prompt}", folder=tmp_path / "exchange")
+    with pytest.raises(GseditError, match=r"start the server, or correct the URL"):
+        run(editor, batch())
