@@ -21,9 +21,9 @@ from research.train_small.picture_cache import Chunk
 from research.train_small.pictures import procedural
 from research.train_small.settings import Phase, TrainSettings
 from research.train_small.sources import PackedSources, pack
-from research.train_small.train import train
+from research.train_small.train import on_device, train
 from research.train_small.training import TrainingState, train_steps
-from small_networks import TINY
+from small_networks import TINY, random_network
 
 from gsedit.diffusion.sampler import levels_of
 from gsedit.diffusion.settings import SamplerSettings
@@ -168,3 +168,8 @@ def test_a_loss_that_is_not_finite_ends_the_training(pictures):
         next(train_steps(state, pictures, [Phase(16, 1, 2)]))
     assert all(torch.equal(v, before[k]) or v.isnan().any() for k, v in before.items())
     assert state.step == 0
+
+
+def test_a_device_that_there_is_not_is_refused():
+    with pytest.raises(UsageError, match="--device xpu:9 cannot be used"):
+        on_device(random_network(), "xpu:9")

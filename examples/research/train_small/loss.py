@@ -9,7 +9,7 @@ from torch import Tensor
 
 from gsedit.editors.small.denoiser import sigma_at
 from gsedit.editors.small.network import PRIOR_STD, EncodedImage, SmallNetwork, to_cells
-from gsedit.editors.small.text import tokenise
+from gsedit.editors.small.text import Tokens, tokenise
 from research.train_small.batches import TrainingBatch
 from research.train_small.settings import TrainSettings
 
@@ -28,8 +28,10 @@ def training_loss(
 ) -> Float[Tensor, ""]:
     """Weighted squared error of x0 at random noise levels, plus the image encoder's geometry loss.
 
-    Pictures and prompts are dropped at random, as classifier-free guidance needs it.
+    Pictures and prompts are dropped at random, as classifier-free guidance needs it. All chance is
+    drawn on the CPU, so that a seed means the same on every device; the network's computes.
     """
+    device = next(network.parameters()).device
     count, edits = len(batch.images), len(batch.prompts) // len(batch.images)
     cells, targets = to_cells(batch.images), to_cells(batch.targets)
     images = cells.repeat_interleave(edits, 0)
@@ -40,10 +42,14 @@ def training_loss(
     no_text = u < torch.where(no_image, 0.5, s.condition_dropout)
     prompts = ["" if drop else prompt for drop, prompt in zip(no_text.tolist(), batch.prompts)]
     fast = s.precision != torch.float32
-    with torch.autocast("cpu", dtype=s.precision, enabled=fast):
+    tokens = Tokens(*(part.to(device) for part in tokenise(prompts)))
+    cells, targets, images, sigma, x, image_dropped, no_image = (
+        each.to(device) for each in (cells, targets, images, sigma, x, image_dropped, no_image)
+    )
+    with torch.autocast(device.type, dtype=s.precision, enabled=fast):
         encoded = network.encode_image(cells, (~image_dropped).float())
         repeated = EncodedImage(*(part.repeat_interleave(edits, 0) for part in encoded))
-        text = network.text_encoder(tokenise(prompts))
+        text = network.text_encoder(tokens)
         x0 = network(x, sigma, images, (~no_image).float(), repeated, text).float()
     weight = ((PRIOR_STD**2 + sigma**2) / sigma**2).clamp_max(MAX_WEIGHT)
     error = weight * (x0 - targets).square().mean((1, 2, 3))
@@ -54,7 +60,7 @@ def training_loss(
 def _geometry_loss(encoded: EncodedImage, batch: TrainingBatch) -> Float[Tensor, " n"]:
     """Cross entropy of the subject's mask plus squared errors of inverse depth and height."""
     subject, *rest = encoded.geometry.float().unbind(1)
-    true_subject, *true_rest = batch.geometry.unbind(-1)
+    true_subject, *true_rest = batch.geometry.to(subject).unbind(-1)
     entropy = F.binary_cross_entropy_with_logits(subject, true_subject, reduction="none")
     squares = torch.stack(rest).sub(torch.stack(true_rest)).square().sum(0)
     return (entropy + squares).mean((1, 2))

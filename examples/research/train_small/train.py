@@ -1,6 +1,6 @@
 """Train the editor `small` from scratch: about three hours on two cores, 4 GB of memory.
 
-python -m research.train_small.train OUT
+python -m research.train_small.train OUT [--device cuda]
 
 The pictures are those of OUT/pictures; missing ones are made first. The training may be stopped at
 any time: called again, it continues from its last checkpoint, at most 500 steps back. The weights
@@ -10,6 +10,7 @@ are OUT/small.safetensors; train_small.score evaluates them.
 from __future__ import annotations
 
 import argparse
+import copy
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,6 +20,7 @@ import torch
 from gsedit.diffusion.precision import has_bfloat16
 from gsedit.editors.small.denoiser import Small, save_small
 from gsedit.editors.small.network import SmallNetwork
+from gsedit.errors import UsageError
 from gsedit.storage.atomic import atomic_path
 from research.train_small.picture_cache import Chunk, cached_pictures
 from research.train_small.prompts import look_words
@@ -35,18 +37,24 @@ def train(
     chunks: Sequence[Chunk] = CHUNKS,
     rounds: Sequence[Sequence[Phase]] = ROUNDS,
     network: SmallNetwork | None = None,
+    device: str = "cpu",
 ) -> None:
-    """Train, or continue from the checkpoint in the folder, and leave the weights there."""
+    """Train, or continue from the checkpoint in the folder, and leave the weights there.
+
+    Pictures are made and cropped on the CPU, the network is on the `device`. Raises UsageError
+    where there is no such device.
+    """
     torch.manual_seed(SEED)
-    precision = torch.bfloat16 if has_bfloat16() else torch.float32
+    fast = device != "cpu" or has_bfloat16()
+    precision = torch.bfloat16 if fast else torch.float32
     state = TrainingState(
-        network or SmallNetwork(),
+        on_device(network or SmallNetwork(), device),
         torch.Generator().manual_seed(SEED),
         TrainSettings(precision=precision),
     )
     checkpoint = folder / "state.pt"
     if checkpoint.exists():
-        state.load_state_dict(torch.load(checkpoint))
+        state.load_state_dict(torch.load(checkpoint, map_location="cpu"))
     pictures = cached_pictures(folder / "pictures", chunks, processes=torch.get_num_threads())
     losses = list[float]()
     for report in train_steps(state, pictures, *rounds):
@@ -62,9 +70,19 @@ def train(
     save(state, folder)
 
 
+def on_device(network: SmallNetwork, device: str) -> SmallNetwork:
+    """The network on a device of torch. Raises UsageError where there is no such device."""
+    try:
+        return network.to(device)
+    except (RuntimeError, AssertionError) as error:  # a build without CUDA asserts
+        reason = str(error).split("\n", 1)[0]
+        raise UsageError(f"--device {device} cannot be used ({reason}): leave it out") from None
+
+
 def save(state: TrainingState, folder: Path) -> None:
     """Write the weights, and the checkpoint from which the training continues."""
-    small = Small(state.average, looks=tuple(TARGET_EDITS), words=look_words())
+    average = copy.deepcopy(state.average).cpu()
+    small = Small(average, looks=tuple(TARGET_EDITS), words=look_words())
     metadata = {"seed": str(SEED), "steps": str(state.step)}
     save_small(small, folder / "small.safetensors", metadata)
     with atomic_path(folder / "state.pt", overwrite=True) as temporary:
@@ -78,7 +96,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("folder", type=Path, metavar="OUT")
-    train(parser.parse_args(arguments).folder)
+    parser.add_argument("--device", default="cpu", help="a device of torch: cpu, cuda, ...")
+    options = parser.parse_args(arguments)
+    train(options.folder, device=options.device)
 
 
 if __name__ == "__main__":
