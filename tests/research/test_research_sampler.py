@@ -153,4 +153,4 @@ def test_rows_as_json_and_as_a_table(solver_rows, consensus_rows, tmp_path):
 
 def test_the_settings_of_every_variant_are_valid():
     for options in consensus_study.VARIANTS.values():
-        assert SamplerSettings(**options).steps == 20
+        assert SamplerSettings(**options).step_count == 20
