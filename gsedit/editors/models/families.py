@@ -1,0 +1,205 @@
+"""Table of the model families that can be edited with, by the pipeline class of diffusers.
+
+A folder's model_index.json names its pipeline class and the class of every component. What is not
+in this table is refused by name, before any weights are fetched or read. Loads no torch.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Role = Literal["network", "encoder", "words", "scheduler"]
+"""network: of diffusers. encoder: of transformers. words: a tokenizer or processor, no weights."""
+
+
+@dataclass(frozen=True)
+class Component:
+    """One folder of a model that is used."""
+
+    name: str
+    role: Role
+    classes: tuple[str, ...]
+    """Classes that work; of `words`, none: any."""
+    optional: bool = False
+    """Whether the model works without it."""
+
+
+@dataclass(frozen=True)
+class Family:
+    """Models of one architecture, which one module loads."""
+
+    title: str
+    pipelines: tuple[str, ...]
+    """Values of `_class_name` in model_index.json."""
+    module: str
+    """The module of `gsedit.editors.models` whose `load(parts, micro_batch=...)` makes the Model."""
+    components: tuple[Component, ...]
+    """Everything that is fetched; the first is the denoising network."""
+    size: int
+    """Pixels of the longer side that it was trained at, where no file says."""
+    example: str
+    """A model of the family on the hub."""
+    licence: str
+    """Licence of that model's weights."""
+    gigabytes: float
+    """Size of that model's files that are used, about, in GB."""
+
+    def component(self, name: str) -> Component | None:
+        """The component of that name; None where it is not used."""
+        return next((each for each in self.components if each.name == name), None)
+
+    @property
+    def network(self) -> Component:
+        """The denoising network."""
+        return self.components[0]
+
+
+VARIANCE_PRESERVING = (
+    "DDIMScheduler", "DDPMScheduler", "PNDMScheduler", "LMSDiscreteScheduler",
+    "EulerDiscreteScheduler", "EulerAncestralDiscreteScheduler", "HeunDiscreteScheduler",
+    "DPMSolverMultistepScheduler", "DPMSolverSinglestepScheduler", "DEISMultistepScheduler",
+    "KDPM2DiscreteScheduler", "KDPM2AncestralDiscreteScheduler", "UniPCMultistepScheduler",
+    "LCMScheduler",
+)  # fmt: skip
+"""Schedulers of Stable Diffusion's noise: they differ in how they step, which is `--solver` here,
+not in how much noise there is at a training step. LCMScheduler makes a consistency model."""
+FLOW = ("FlowMatchEulerDiscreteScheduler",)
+
+
+def _network(name: str, *classes: str) -> Component:
+    return Component(name, "network", classes)
+
+
+def _encoder(name: str, *classes: str) -> Component:
+    return Component(name, "encoder", classes)
+
+
+def _words(*names: str) -> tuple[Component, ...]:
+    return tuple(Component(name, "words", ()) for name in names)
+
+
+def _scheduler(*classes: str) -> Component:
+    return Component("scheduler", "scheduler", classes)
+
+
+_CLIP = _encoder("text_encoder", "CLIPTextModel")
+_PROJECTED = "CLIPTextModelWithProjection"
+
+SD = Family(
+    title="InstructPix2Pix of Stable Diffusion 1.5",
+    pipelines=("StableDiffusionInstructPix2PixPipeline",),
+    module="stable_diffusion",
+    components=(
+        _network("unet", "UNet2DConditionModel"),
+        _network("vae", "AutoencoderKL"),
+        _CLIP,
+        *_words("tokenizer"),
+        _scheduler(*VARIANCE_PRESERVING),
+    ),
+    size=256,
+    example="timbrooks/instruct-pix2pix",
+    licence="MIT; its base, Stable Diffusion 1.5: CreativeML OpenRAIL-M",
+    gigabytes=4.3,
+)
+SDXL = Family(
+    title="InstructPix2Pix of SDXL, CosXL-Edit",
+    pipelines=("StableDiffusionXLInstructPix2PixPipeline",),
+    module="stable_diffusion",
+    components=(
+        *SD.components[:3],
+        _encoder("text_encoder_2", _PROJECTED),
+        *_words("tokenizer", "tokenizer_2"),
+        _scheduler(*VARIANCE_PRESERVING, "EDMEulerScheduler"),
+    ),
+    size=1024,
+    example="diffusers/sdxl-instructpix2pix-768",
+    licence="CreativeML OpenRAIL++-M; CosXL-Edit: Stability AI, research only",
+    gigabytes=14,
+)
+DREAMLITE = Family(
+    title="DreamLite, DreamLite-mobile",
+    pipelines=("DreamLitePipeline", "DreamLiteMobilePipeline"),
+    module="dreamlite",
+    components=(
+        _network("unet", "DreamLiteUNetModel"),
+        _network("vae", "AutoencoderTiny"),
+        _encoder("text_encoder", "Qwen3VLForConditionalGeneration"),
+        *_words("tokenizer", "processor"),
+        _scheduler(*FLOW),
+    ),
+    size=1024,
+    example="carlofkl/DreamLite-mobile",
+    licence="CC BY-NC 4.0",
+    gigabytes=5.1,
+)
+KLEIN = Family(
+    title="FLUX.2-klein, FLUX.2-klein KV",
+    pipelines=("Flux2KleinPipeline", "Flux2KleinKVPipeline"),
+    module="klein",
+    components=(
+        _network("transformer", "Flux2Transformer2DModel"),
+        _network("vae", "AutoencoderKLFlux2"),
+        _encoder("text_encoder", "Qwen3ForCausalLM"),
+        *_words("tokenizer"),
+        _scheduler(*FLOW),
+    ),
+    size=1024,
+    example="black-forest-labs/FLUX.2-klein-4B",
+    licence="4B: Apache 2.0; 9B: FLUX non-commercial",
+    gigabytes=16,
+)
+KONTEXT = Family(
+    title="FLUX.1-Kontext",
+    pipelines=("FluxKontextPipeline",),
+    module="kontext",
+    components=(
+        _network("transformer", "FluxTransformer2DModel"),
+        _network("vae", "AutoencoderKL"),
+        _CLIP,
+        _encoder("text_encoder_2", "T5EncoderModel"),
+        *_words("tokenizer", "tokenizer_2"),
+        _scheduler(*FLOW),
+    ),
+    size=1024,
+    example="black-forest-labs/FLUX.1-Kontext-dev",
+    licence="FLUX.1 dev, non-commercial",
+    gigabytes=34,
+)
+ULTRAEDIT = Family(
+    title="UltraEdit of Stable Diffusion 3",
+    pipelines=("StableDiffusion3InstructPix2PixPipeline",),
+    module="ultraedit",
+    components=(
+        _network("transformer", "SD3Transformer2DModel"),
+        _network("vae", "AutoencoderKL"),
+        _encoder("text_encoder", _PROJECTED),
+        _encoder("text_encoder_2", _PROJECTED),
+        _encoder("text_encoder_3", "T5EncoderModel"),
+        *_words("tokenizer", "tokenizer_2", "tokenizer_3"),
+        _scheduler(*FLOW),
+    ),
+    size=512,
+    example="BleachNick/SD3_UltraEdit_freeform",
+    licence="Stability AI non-commercial research community",
+    gigabytes=16,
+)
+QWEN = Family(
+    title="Qwen-Image-Edit, Qwen-Image-Edit-Plus",
+    pipelines=("QwenImageEditPipeline", "QwenImageEditPlusPipeline"),
+    module="qwen",
+    components=(
+        _network("transformer", "QwenImageTransformer2DModel"),
+        _network("vae", "AutoencoderKLQwenImage"),
+        _encoder("text_encoder", "Qwen2_5_VLForConditionalGeneration"),
+        *_words("tokenizer", "processor"),
+        _scheduler(*FLOW),
+    ),
+    size=1024,
+    example="Qwen/Qwen-Image-Edit",
+    licence="Apache 2.0",
+    gigabytes=58,
+)
+FAMILIES = (SD, SDXL, DREAMLITE, KLEIN, ULTRAEDIT, KONTEXT, QWEN)
+PIPELINES = {name: family for family in FAMILIES for name in family.pipelines}
+"""Families by the class of their pipeline."""

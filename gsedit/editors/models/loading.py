@@ -1,0 +1,43 @@
+"""A model of any family, from a folder or a hub id."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+
+from gsedit.diffusion.settings import Precision
+from gsedit.editors.models.hub import Consent, find
+from gsedit.editors.models.model import Model
+from gsedit.editors.models.parts import Parts
+from gsedit.errors import UsageError
+
+
+def load_model(
+    model: str | Path,
+    *,
+    weights_dir: str | Path | None = None,
+    micro_batch: int = 1,
+    precision: Precision = "auto",
+    yes: Consent = False,
+) -> Model:
+    """The model of a folder or hub id, looked for on this machine before the hub is asked.
+
+    In order: `model` as a folder, `weights_dir`/`model`, the hub's local cache, the hub. Only what
+    `families` lists is fetched and loaded, from safetensors alone. `yes` agrees to a download, or
+    is asked with its size and licence. Raises UsageError without diffusers or without agreement,
+    InputError for a model that is missing, incomplete, a pickle or of another kind.
+    """
+    if micro_batch < 1:
+        raise UsageError(f"micro_batch must be 1 or more, not {micro_batch}")
+    parts = Parts.of(find(str(model), weights_dir, yes=yes), precision)
+    try:
+        import diffusers  # noqa: F401  # pyright: ignore[reportUnusedImport]
+        import transformers  # noqa: F401  # pyright: ignore[reportUnusedImport]
+
+        family = import_module(f"gsedit.editors.models.{parts.family.module}")
+    except ImportError as error:
+        raise UsageError(
+            f"the editors pix2pix and diffusers need diffusers and transformers ({error.name} is "
+            "missing): pip install 'gsedit[diffusers]'"
+        ) from error
+    return family.load(parts, micro_batch=micro_batch)

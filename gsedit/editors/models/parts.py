@@ -1,0 +1,111 @@
+"""The parts of a model's folder, loaded one at a time, for the families to build on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from gsedit.diffusion.memory import SHARE, free_bytes
+from gsedit.diffusion.settings import Precision
+from gsedit.editors.models.families import Family
+from gsedit.editors.models.weights import Weights, config_of, inspect
+from gsedit.errors import InputError
+
+DTYPES = {"F32": torch.float32, "F16": torch.float16, "BF16": torch.bfloat16}
+"""By their names in the headers of safetensors files."""
+
+
+@dataclass(frozen=True)
+class Parts:
+    """A complete model's folder. Every method raises InputError with the part's place."""
+
+    weights: Weights
+    precision: Precision = "auto"
+    """Of the weights in memory. auto: as they are stored, where the processor can compute in that:
+    see `dtype`."""
+
+    @classmethod
+    def of(cls, folder: str | Path, precision: Precision = "auto") -> Parts:
+        """The parts of a folder. Raises InputError where it is incomplete or of another kind."""
+        return cls(inspect(folder).require(), precision)
+
+    @property
+    def folder(self) -> Path:
+        return self.weights.folder
+
+    @property
+    def family(self) -> Family:
+        assert self.weights.family is not None  # complete
+        return self.weights.family
+
+    @property
+    def pipeline(self) -> str:
+        """Class of diffusers' pipeline, as in model_index.json."""
+        return self.weights.pipeline
+
+    def has(self, name: str) -> bool:
+        """Whether the folder holds this component."""
+        return any(part.name == name for part in self.weights.parts)
+
+    def pipeline_config(self) -> dict[str, Any]:
+        """The settings of the whole pipeline; none where the folder has no model_index.json."""
+        path = self.folder / "model_index.json"
+        return config_of(path) if path.exists() else {}
+
+    def scheduler_config(self) -> dict[str, Any]:
+        """The scheduler's settings, `_class_name` among them; none where it has no file."""
+        path = self.folder / "scheduler" / "scheduler_config.json"
+        config = config_of(path) if path.exists() else {}
+        return config | ({"_class_name": self.weights.scheduler} if self.weights.scheduler else {})
+
+    def network(self, name: str, kind: Any) -> Any:
+        """A network of diffusers, for inference; the VAE always in float32."""
+        dtype = torch.float32 if name == "vae" else self.dtype(name)
+        return self._weighted(name, kind, torch_dtype=dtype, low_cpu_mem_usage=True)
+
+    def text_encoder(self, name: str, kind: Any) -> Any:
+        """A network of transformers, for inference."""
+        return self._weighted(name, kind, dtype=self.dtype(name))
+
+    def tokenizer(self, name: str, kind: Any) -> Any:
+        """A tokenizer or processor of transformers."""
+        return self._load(name, kind)
+
+    def dtype(self, name: str) -> torch.dtype:
+        """The dtype of a component in memory.
+
+        As stored with auto; but half precision without bfloat16's range overflows, and few
+        processors compute in it: it becomes float32 where the whole model fits into half of the
+        free memory so, bfloat16 elsewhere.
+        """
+        if self.precision != "auto":
+            return getattr(torch, self.precision)
+        stored = DTYPES.get(self.weights.stored(name), torch.float32)
+        if stored != torch.float16:
+            return stored
+        size = 2 * sum(part.size for part in self.weights.parts)
+        return torch.float32 if size <= SHARE * free_bytes() else torch.bfloat16
+
+    def _weighted(self, name: str, kind: Any, **options: Any) -> Any:
+        variant = self.weights.variant(name)
+        network = self._load(name, kind, use_safetensors=True, variant=variant, **options)
+        absent = [key for key, value in network.named_parameters() if value.is_meta]
+        if absent:
+            raise InputError(
+                f"{self.folder / name} has no {absent[0]} (of {len(absent)} weights that are "
+                "missing): it is of another model than its config.json; download both again"
+            )
+        return network.eval().requires_grad_(False)  # score distillation needs no other gradients
+
+    def _load(self, name: str, kind: Any, **options: Any) -> Any:
+        path = self.folder / name
+        try:
+            return kind.from_pretrained(str(path), local_files_only=True, **options)
+        except Exception as error:  # these libraries raise whatever their backends do
+            reason = next(iter(str(error).strip().splitlines()), type(error).__name__)
+            raise InputError(
+                f"{path} cannot be loaded ({reason}): download the model again"
+            ) from error
