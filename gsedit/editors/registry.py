@@ -21,11 +21,15 @@ from typing import TYPE_CHECKING, Any
 from gsedit.errors import GseditError, UsageError
 
 if TYPE_CHECKING:
+    from gsedit.diffusion.settings import Precision
+    from gsedit.editors.models.hub import Consent
     from gsedit.editors.protocol import Editor
 
 GROUP = "gsedit.editors"
 DEFAULT = "small"
 OURS = "gsedit"
+OFFERED = ("folder", "precision", "yes")
+"""Options that are offered to every editor, and taken by those that have them."""
 PARTS = ["name", "cell", "check", "edit", "capabilities"]
 """Attributes that every editor has."""
 
@@ -81,24 +85,61 @@ def _closed_form() -> Editor:
     return DiffusionEditor(ClosedForm())
 
 
-def _pix2pix(model: str | Path | None = None, weights_dir: str | Path | None = None) -> Editor:
-    """InstructPix2Pix weights of Stable Diffusion 1.5 or SDXL, a folder or hub id: any sentence."""
+def _pix2pix(
+    model: str | Path | None = None,
+    weights_dir: str | Path | None = None,
+    precision: Precision = "auto",
+    yes: Consent = False,
+) -> Editor:
+    """InstructPix2Pix of Stable Diffusion 1.5, by default the authors' own weights: any sentence."""
     from gsedit.editors.models.hub import DEFAULT as DEFAULT_MODEL
-    from gsedit.editors.models.stable_diffusion import load_pix2pix
+
+    return _diffusers(model or DEFAULT_MODEL, weights_dir, precision, yes)
+
+
+def _diffusers(
+    model: str | Path | None = None,
+    weights_dir: str | Path | None = None,
+    precision: Precision = "auto",
+    yes: Consent = False,
+) -> Editor:
+    """2D editing models in diffusers' layout, a folder or hub id: any sentence."""
+    from gsedit.editors.models.loading import load_model
     from gsedit.editors.sampling import DiffusionEditor
 
-    return DiffusionEditor(load_pix2pix(model or DEFAULT_MODEL, weights_dir=weights_dir))
+    if model is None:
+        raise UsageError(f"the diffusers editor needs a model: add {_models()}")
+    return DiffusionEditor(
+        load_model(model, weights_dir=weights_dir, precision=precision, yes=yes)
+    )
 
 
-def _pix2pix_missing() -> Iterable[str]:
+def _models() -> str:
+    """The option, with a model of every family."""
+    from gsedit.editors.models.families import FAMILIES
+
+    examples = ", ".join(f"{each.example} ({each.title})" for each in FAMILIES)
+    return f"--model FOLDER_OR_ID, such as {examples}"
+
+
+def _libraries_missing() -> Iterable[str]:
     from importlib.util import find_spec
-
-    from gsedit.editors.models import hub
-    from gsedit.editors.models.weights import inspect as inspect_weights
 
     absent = [name for name in ("diffusers", "transformers") if find_spec(name) is None]
     if absent:
         yield f"{' and '.join(absent)}: pip install 'gsedit[diffusers]'"
+
+
+def _diffusers_missing() -> Iterable[str]:
+    yield from _libraries_missing()
+    yield f"a model: add {_models()}"
+
+
+def _pix2pix_missing() -> Iterable[str]:
+    from gsedit.editors.models import hub
+    from gsedit.editors.models.weights import inspect as inspect_weights
+
+    yield from _libraries_missing()
     try:
         complete = inspect_weights(hub.find(hub.DEFAULT, offline=True)).complete
     except GseditError:
@@ -106,7 +147,7 @@ def _pix2pix_missing() -> Iterable[str]:
     if not complete:
         yield (
             "weights: add --model FOLDER_OR_ID, or let the first use download "
-            f"{hub.DEFAULT}; {hub.download_advice(hub.DEFAULT)}"
+            f"{hub.DEFAULT} with --yes; {hub.download_advice(hub.DEFAULT)}"
         )
 
 
@@ -132,6 +173,7 @@ BUILT_IN: dict[str, tuple[Factory, Missing]] = {
     "small": (_small, _small_missing),
     "closed-form": (_closed_form, tuple),
     "pix2pix": (_pix2pix, _pix2pix_missing),
+    "diffusers": (_diffusers, _diffusers_missing),
     "command": (_command, _command_missing),
 }
 EDITORS = tuple(BUILT_IN)
@@ -144,16 +186,17 @@ EDITORS = tuple(BUILT_IN)
 def make_editor(name: str = DEFAULT, **options: Any) -> Editor:
     """The editor of that name; `options` that are None are as if they were not given.
 
-    `model` is for small (a file, see load_small) and pix2pix, `guess` for small (see Small),
-    `weights_dir` for pix2pix (see load_pix2pix), `run`, `timeout` (seconds) and `folder` for
+    `model` is for small (a file, see load_small), pix2pix and diffusers, `guess` for small (see
+    Small), `weights_dir`, `precision` and `yes` for pix2pix and diffusers (see load_model), `run`, `timeout` (seconds) and `folder` for
     command (see Command). Raises UsageError for a name or an option that there is not, GseditError
     where a third party's editor cannot be made.
     """
     factory, source = _factory(name)
     parameters = _parameters(factory)
     given = {key: value for key, value in options.items() if value is not None}
-    if "folder" not in parameters:  # always offered, and no option of the command line
-        given.pop("folder", None)
+    for key in OFFERED:
+        if key not in parameters:
+            given.pop(key, None)
     for key in given:
         if key not in parameters:
             raise UsageError(f"the {name} editor has no option {_flag(key)}: {_hint(key, factory)}")
@@ -265,7 +308,7 @@ def _parameters(factory: Factory) -> tuple[str, ...]:
 
 
 def _flags(factory: Factory) -> tuple[str, ...]:
-    return tuple(_flag(key) for key in _parameters(factory) if key != "folder")
+    return tuple(_flag(key) for key in _parameters(factory) if key not in ("folder", "precision"))
 
 
 def _flag(key: str) -> str:

@@ -17,7 +17,7 @@ from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.sampler import Anchor, sample
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editors import EditBatch, make_editor
-from gsedit.editors.models.stable_diffusion import load_pix2pix
+from gsedit.editors.models.loading import load_model
 from gsedit.errors import UsageError
 
 pytestmark = pytest.mark.usefixtures("offline")
@@ -87,7 +87,7 @@ def test_xl_sampling_equals_diffusers(xl_pipeline, xl_folder, tmp_path, zeros):
         # diffusers' own "" fails for several prompts; given by us it is never zeros
         negative_prompt=None if zeros else [""] * 2,
     ).images
-    model = load_pix2pix(copy, micro_batch=2)
+    model = load_model(copy, micro_batch=2)
     condition = model.condition(pictures, PROMPT, torch.Generator())
     request = SamplerSettings(steps=4, strength=1.0, consensus=False)
     *_, state = sample(model, condition, start, request)
@@ -99,7 +99,7 @@ def test_xl_sampling_equals_diffusers(xl_pipeline, xl_folder, tmp_path, zeros):
 
 
 def test_xl_is_told_the_size_of_the_pictures(xl_folder):
-    model = load_pix2pix(xl_folder)
+    model = load_model(xl_folder)
     condition = model.condition(images(), PROMPT, torch.Generator())
     assert condition.size == (32, 32)
     far = condition._replace(size=(1024, 512))
@@ -135,12 +135,12 @@ def test_v_prediction_equals_diffusers(pipeline, folder, tmp_path):
     pipe.set_progress_bar_config(disable=True)
     expected = theirs(pipe, settings)
     torch.testing.assert_close(
-        ours(load_pix2pix(tmp_path / "v"), settings), expected, rtol=1e-5, atol=1e-4
+        ours(load_model(tmp_path / "v"), settings), expected, rtol=1e-5, atol=1e-4
     )
 
 
 def test_micro_batches_change_nothing(folder, model):
-    together = load_pix2pix(folder, micro_batch=3)
+    together = load_model(folder, micro_batch=3)
     settings = SamplerSettings(steps=2)
     # a batch of another size may take another convolution kernel: roundings only
     torch.testing.assert_close(ours(together, settings), ours(model, settings), rtol=0, atol=1e-4)

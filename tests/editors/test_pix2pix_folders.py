@@ -12,7 +12,7 @@ import torch
 from tiny_pix2pix import SD
 
 from gsedit.editors.models import hub
-from gsedit.editors.models.stable_diffusion import load_pix2pix
+from gsedit.editors.models.loading import load_model
 from gsedit.errors import InputError, UsageError
 
 pytestmark = pytest.mark.usefixtures("offline")
@@ -21,16 +21,16 @@ pytestmark = pytest.mark.usefixtures("offline")
 def test_half_precision_copies_are_read(pipeline, tmp_path):
     pipeline.save_pretrained(tmp_path / "half", variant="fp16")
     assert not list((tmp_path / "half" / "unet").glob("*model.safetensors"))
-    assert load_pix2pix(tmp_path / "half").unet.dtype == torch.float32
+    assert load_model(tmp_path / "half").unet.dtype == torch.float32
 
 
 def test_pickles_are_never_opened(pipeline, tmp_path):
     pipeline.save_pretrained(tmp_path / "old", safe_serialization=False)
     assert list((tmp_path / "old" / "unet").glob("*.bin"))
     with pytest.raises(InputError, match="a pickle runs whatever code is in it"):
-        load_pix2pix(tmp_path / "old")
+        load_model(tmp_path / "old")
     with pytest.raises(InputError, match="is a pickle"):
-        load_pix2pix(next((tmp_path / "old" / "unet").glob("*.bin")))
+        load_model(next((tmp_path / "old" / "unet").glob("*.bin")))
 
 
 def test_an_instruction_that_would_be_cut_off(model):
@@ -41,8 +41,8 @@ def test_an_instruction_that_would_be_cut_off(model):
 
 
 def test_found_by_name_in_the_weights_folder(folder):
-    assert load_pix2pix("tiny", weights_dir=folder.parent).channels == 4
-    assert load_pix2pix("someone/tiny", weights_dir=folder.parent).channels == 4
+    assert load_model("tiny", weights_dir=folder.parent).channels == 4
+    assert load_model("someone/tiny", weights_dir=folder.parent).channels == 4
 
 
 def broken(folder: Path, tmp_path: Path, part: str, **changes: object) -> Path:
@@ -63,7 +63,7 @@ def broken(folder: Path, tmp_path: Path, part: str, **changes: object) -> Path:
 )
 def test_models_of_another_kind(folder, tmp_path, part, changes, message):
     with pytest.raises(InputError, match=message):
-        load_pix2pix(broken(folder, tmp_path, part, **changes))
+        load_model(broken(folder, tmp_path, part, **changes))
 
 
 def test_missing_and_truncated_parts(folder, tmp_path):
@@ -71,27 +71,27 @@ def test_missing_and_truncated_parts(folder, tmp_path):
     weights = copy / "unet" / "diffusion_pytorch_model.safetensors"
     weights.write_bytes(weights.read_bytes()[:1000])
     with pytest.raises(InputError, match=r"unet/.*cut short"):
-        load_pix2pix(copy)
+        load_model(copy)
     weights.write_bytes((folder / "unet" / weights.name).read_bytes())
     config = json.loads((copy / "unet" / "config.json").read_text())
     odd = config | {"down_block_types": ["Odd"] * 2}
     (copy / "unet" / "config.json").write_text(json.dumps(odd))
     with pytest.raises(InputError, match="unet cannot be loaded"):
-        load_pix2pix(copy)
+        load_model(copy)
     (copy / "unet" / "config.json").write_text("{")
     with pytest.raises(InputError, match=r"config\.json: line 1"):
-        load_pix2pix(copy)
+        load_model(copy)
     (copy / "unet" / "config.json").write_text(json.dumps(config))
     shutil.rmtree(copy / "vae")
     with pytest.raises(InputError, match="has no vae/"):
-        load_pix2pix(copy)
+        load_model(copy)
 
 
 def test_a_model_that_is_nowhere(tmp_path):
     with pytest.raises(InputError, match="no such model folder"):
-        load_pix2pix(tmp_path / "nothing" / "here")
+        load_model(tmp_path / "nothing" / "here")
     with pytest.raises(InputError) as caught:
-        load_pix2pix("owner/name", weights_dir=tmp_path)
+        load_model("owner/name", weights_dir=tmp_path)
     message = str(caught.value)
     for place in ("owner/name", str(tmp_path / "owner" / "name"), str(tmp_path / "name")):
         assert place in message
@@ -99,7 +99,7 @@ def test_a_model_that_is_nowhere(tmp_path):
     assert "hf download owner/name --local-dir FOLDER --include" in message
     assert message.endswith("then bring FOLDER here and add --model FOLDER")
     with pytest.raises(UsageError, match="micro_batch"):
-        load_pix2pix(tmp_path, micro_batch=0)
+        load_model(tmp_path, micro_batch=0)
 
 
 def snapshot(cache: Path, source: Path) -> Path:
@@ -143,7 +143,7 @@ def test_the_real_cache_is_found(folder, tmp_path, monkeypatch):
 def test_zero_terminal_snr_is_read(folder, tmp_path):
     part = "scheduler/scheduler_config.json"
     changes = {"rescale_betas_zero_snr": True, "prediction_type": "v_prediction"}
-    model = load_pix2pix(broken(folder, tmp_path, part, **changes))
+    model = load_model(broken(folder, tmp_path, part, **changes))
     assert model.predicts == "v"
     ours = model.schedule.alphas_cumprod
     theirs = diffusers.DDIMScheduler(**SD, rescale_betas_zero_snr=True).alphas_cumprod

@@ -115,7 +115,7 @@ SDXL = Family(
     size=1024,
     example="diffusers/sdxl-instructpix2pix-768",
     licence="CreativeML OpenRAIL++-M; CosXL-Edit: Stability AI, research only",
-    gigabytes=14,
+    gigabytes=14.0,
 )
 DREAMLITE = Family(
     title="DreamLite, DreamLite-mobile",
@@ -147,7 +147,7 @@ KLEIN = Family(
     size=1024,
     example="black-forest-labs/FLUX.2-klein-4B",
     licence="4B: Apache 2.0; 9B: FLUX non-commercial",
-    gigabytes=16,
+    gigabytes=16.0,
 )
 KONTEXT = Family(
     title="FLUX.1-Kontext",
@@ -164,7 +164,7 @@ KONTEXT = Family(
     size=1024,
     example="black-forest-labs/FLUX.1-Kontext-dev",
     licence="FLUX.1 dev, non-commercial",
-    gigabytes=34,
+    gigabytes=34.0,
 )
 ULTRAEDIT = Family(
     title="UltraEdit of Stable Diffusion 3",
@@ -182,7 +182,7 @@ ULTRAEDIT = Family(
     size=512,
     example="BleachNick/SD3_UltraEdit_freeform",
     licence="Stability AI non-commercial research community",
-    gigabytes=16,
+    gigabytes=16.0,
 )
 QWEN = Family(
     title="Qwen-Image-Edit, Qwen-Image-Edit-Plus",
@@ -198,7 +198,7 @@ QWEN = Family(
     size=1024,
     example="Qwen/Qwen-Image-Edit",
     licence="Apache 2.0",
-    gigabytes=58,
+    gigabytes=58.0,
 )
 FAMILIES = (SD, SDXL, DREAMLITE, KLEIN, ULTRAEDIT, KONTEXT, QWEN)
 PIPELINES = {name: family for family in FAMILIES for name in family.pipelines}

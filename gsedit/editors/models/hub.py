@@ -3,20 +3,39 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from gsedit.editors.models.weights import DEFECTS, WANTED, inspect
+from gsedit.editors.models.families import SD, Family
+from gsedit.editors.models.layout import INDEX, WORDS, chosen, expected, identify
+from gsedit.editors.models.weights import NO_PICKLE, PICKLES, config_of, inspect
 from gsedit.errors import InputError, UsageError
 
-DEFAULT = "timbrooks/instruct-pix2pix"
+DEFAULT = SD.example
 """The authors' own weights on the hub."""
 
+UNUSED = ("*.fp16*", "*.non_ema*", "safety_checker/*")
+"""Files of a hub repository that are no use where the full weights are taken."""
 
-def find(model: str, weights_dir: str | Path | None = None, *, offline: bool = False) -> Path:
-    """The folder that holds the model, whole or not. Raises InputError.
+Consent = bool | Callable[[str], bool]
+"""Whether a download is agreed to, or what asks, given a sentence with its size and licence."""
+
+
+def find(
+    model: str,
+    weights_dir: str | Path | None = None,
+    *,
+    offline: bool = False,
+    yes: Consent = False,
+) -> Path:
+    """The folder that holds the model, whole or not.
 
     What the hub's cache holds is taken if it is whole, since the hub can complete it; with
-    `offline` the hub is not asked, and what the cache holds is taken as it is.
+    `offline` the hub is not asked, and what the cache holds is taken as it is. A download has to
+    be agreed to. Raises InputError for a model that is nowhere or of another kind, UsageError
+    for a download without agreement.
     """
     places = [Path(model).expanduser()]
     if weights_dir is not None:
@@ -36,37 +55,155 @@ def find(model: str, weights_dir: str | Path | None = None, *, offline: bool = F
         raise UsageError(
             "a hub id needs huggingface_hub: pip install 'gsedit[diffusers]'"
         ) from None
+    cached = _cached(model)
+    if cached is not None and (offline or _is_complete(cached)):
+        return cached
     failed = ""
-    for local in (True,) if offline else (True, False):
+    if not offline:
         try:
-            folder = _fetch(model, local)
-        except Exception as error:  # network, permission and cache errors have no common base
-            failed = "" if local else f" and could not be downloaded ({_reason(error)})"
-            continue
-        if offline or not local or inspect(folder).complete:
-            return folder
+            offer = offer_of(model)
+        except Unreachable as error:
+            failed = f" and could not be downloaded ({error})"
+        else:
+            _agree(offer, yes)
+            try:
+                return offer.fetch()
+            except Exception as error:  # network, disk and cache errors have no common base
+                failed = f" and could not be downloaded ({_reason(error)})"
     raise InputError(
         f"{model} is not on this machine (looked for {looked} and in {constants.HF_HUB_CACHE})"
         f"{failed}; {download_advice(model)}"
     )
 
 
-def _fetch(model: str, local: bool) -> Path:
-    """The folder of the hub's cache, completed from the hub unless `local`."""
+class Unreachable(Exception):
+    """The hub did not answer, with the reason."""
+
+
+@dataclass(frozen=True)
+class Offer:
+    """A download: everything that is known before it begins."""
+
+    model: str
+    family: Family
+    files: tuple[str, ...]
+    size: int
+    """Bytes of all files; those that the cache holds already are not fetched again."""
+    licence: str
+
+    def __str__(self) -> str:
+        return (
+            f"{self.model} ({self.family.title}) is not on this machine: "
+            f"{self.size / 1e9:,.1f} GB in {len(self.files)} files, licence {self.licence}"
+        )
+
+    def fetch(self) -> Path:
+        """The folder of the hub's cache, with these files. Raises what the hub's library does."""
+        from huggingface_hub import snapshot_download
+
+        patterns = [_exactly(name) for name in self.files]
+        return Path(snapshot_download(self.model, allow_patterns=patterns))
+
+
+def offer_of(model: str) -> Offer:
+    """What would be downloaded, from a list of the model's files and its small JSON files.
+
+    Raises Unreachable, and InputError for a model of another kind or without safetensors.
+    """
+    from huggingface_hub import HfApi
+
+    try:
+        found = HfApi().model_info(model, files_metadata=True)
+    except Exception as error:  # network and permission errors have no common base
+        raise Unreachable(_reason(error)) from error
+    sizes = {each.rfilename: each.size or 0 for each in found.siblings or ()}
+    configs: dict[str, Mapping[str, Any] | None] = {}
+
+    def read(name: str) -> Mapping[str, Any] | None:
+        if name not in configs:
+            configs[name] = _fetched(model, name) if name in sizes else None
+        return configs[name]
+
+    family = identify(model, read).family
+    files = _files(model, family, read(INDEX), sizes)
+    card = getattr(found, "card_data", None)
+    licence = (card and (card.get("license_name") or card.get("license"))) or "not stated"
+    size = sum(sizes[name] for name in files)
+    return Offer(model, family, files, size, str(licence))
+
+
+def _files(
+    model: str, family: Family, index: Mapping[str, Any] | None, names: Iterable[str]
+) -> tuple[str, ...]:
+    """The files to fetch, of all names. Raises InputError where a component has no weights."""
+    names = tuple(names)
+    wanted = [INDEX] if index is not None else []
+    for component in expected(family, index):
+        files = chosen(component, names)
+        if component.role in ("network", "encoder") and not files.weights:
+            place = f"{model}/{component.name}"
+            if any(n.startswith(f"{component.name}/") and n.endswith(PICKLES) for n in names):
+                raise InputError(
+                    f"{place} has only pickles: {NO_PICKLE}; choose another model, such as "
+                    f"--model {family.example}"
+                )
+            raise InputError(
+                f"{place} has no weights as safetensors: choose another model, such as "
+                f"--model {family.example}"
+            )
+        wanted += [*files.settings, *files.weights]
+    return tuple(wanted)
+
+
+def _fetched(model: str, name: str) -> Mapping[str, Any]:
+    """A small JSON file of the hub. Raises Unreachable, and InputError for one that is no JSON."""
+    from huggingface_hub import hf_hub_download
+
+    try:
+        path = hf_hub_download(model, name)
+    except Exception as error:  # as above
+        raise Unreachable(_reason(error)) from error
+    return config_of(Path(path))
+
+
+def _agree(offer: Offer, yes: Consent) -> None:
+    """Raise UsageError unless the download is agreed to."""
+    agreed = yes(str(offer)) if callable(yes) else yes
+    if not agreed:
+        raise UsageError(f"{offer}: add --yes to download it, or --model FOLDER with other weights")
+
+
+def _cached(model: str) -> Path | None:
+    """The folder of the hub's cache, whole or not; None where there is none."""
     from huggingface_hub import snapshot_download
 
-    wanted = {"allow_patterns": list(WANTED), "ignore_patterns": list(DEFECTS)}
-    return Path(snapshot_download(model, local_files_only=local, **wanted))
+    try:
+        return Path(snapshot_download(model, local_files_only=True))
+    except Exception:  # its library has no common base of errors; nothing is there
+        return None
+
+
+def _is_complete(folder: Path) -> bool:
+    """Whether a folder of the cache can be loaded; one of another kind cannot be completed."""
+    if not (folder / INDEX).exists() and not (folder / "unet").is_dir():
+        return False
+    return inspect(folder).complete
+
+
+def _exactly(name: str) -> str:
+    """A pattern that matches only this name."""
+    return re.sub(r"([\[\]*?])", r"[\1]", name)
 
 
 def download_advice(model: str) -> str:
     """How to bring a model of the hub to a machine without a network."""
-    patterns = [f"--include '{each}'" for each in WANTED]
-    patterns += [f"--exclude '{each}'" for each in DEFECTS]
+    names = (INDEX, *(f"*/*{end}" for end in (*WORDS, ".safetensors")))
+    patterns = [f"--include '{each}'" for each in names]
+    patterns += [f"--exclude '{each}'" for each in UNUSED]
     return (
-        "where there is a network, run: "
-        f"hf download {model} --local-dir FOLDER {' '.join(patterns)} "
-        "(about 4 GB for SD 1.5, 14 GB for SDXL); then bring FOLDER here and add --model FOLDER"
+        f"where there is a network, run: hf download {model} --local-dir FOLDER "
+        f"{' '.join(patterns)} (about 4 GB for SD 1.5, 14 GB for SDXL); "
+        "then bring FOLDER here and add --model FOLDER"
     )
 
 
@@ -75,6 +212,6 @@ def _reason(error: Exception) -> str:
     name = type(error).__name__
     if "Offline" in name or "LocalEntry" in name:
         return "no network, or HF_HUB_OFFLINE is set"
-    if "RepositoryNotFound" in name:
+    if "RepositoryNotFound" in name or "GatedRepo" in name:
         return "the hub knows no such model, or it needs a login"
     return name

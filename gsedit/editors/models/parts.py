@@ -38,17 +38,16 @@ class Parts:
 
     @property
     def family(self) -> Family:
-        assert self.weights.family is not None  # complete
         return self.weights.family
 
     @property
     def pipeline(self) -> str:
         """Class of diffusers' pipeline, as in model_index.json."""
-        return self.weights.pipeline
+        return self.weights.kind.pipeline
 
     def has(self, name: str) -> bool:
         """Whether the folder holds this component."""
-        return any(part.name == name for part in self.weights.parts)
+        return self.weights.part(name) is not None
 
     def pipeline_config(self) -> dict[str, Any]:
         """The settings of the whole pipeline; none where the folder has no model_index.json."""
@@ -59,7 +58,8 @@ class Parts:
         """The scheduler's settings, `_class_name` among them; none where it has no file."""
         path = self.folder / "scheduler" / "scheduler_config.json"
         config = config_of(path) if path.exists() else {}
-        return config | ({"_class_name": self.weights.scheduler} if self.weights.scheduler else {})
+        name = self.weights.kind.scheduler
+        return config | {"_class_name": name} if name else config
 
     def network(self, name: str, kind: Any) -> Any:
         """A network of diffusers, for inference; the VAE always in float32."""
@@ -83,14 +83,16 @@ class Parts:
         """
         if self.precision != "auto":
             return getattr(torch, self.precision)
-        stored = DTYPES.get(self.weights.stored(name), torch.float32)
+        part = self.weights.part(name)
+        stored = DTYPES.get(part.stored if part else "", torch.float32)
         if stored != torch.float16:
             return stored
         size = 2 * sum(part.size for part in self.weights.parts)
         return torch.float32 if size <= SHARE * free_bytes() else torch.bfloat16
 
     def _weighted(self, name: str, kind: Any, **options: Any) -> Any:
-        variant = self.weights.variant(name)
+        part = self.weights.part(name)
+        variant = part.variant if part else None
         network = self._load(name, kind, use_safetensors=True, variant=variant, **options)
         absent = [key for key, value in network.named_parameters() if value.is_meta]
         if absent:
