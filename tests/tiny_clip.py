@@ -6,7 +6,7 @@ from pathlib import Path
 
 import torch
 import transformers
-from tiny_pix2pix import tiny_tokenizer
+from tiny_models import tiny_tokenizer
 
 
 def write_tiny_clip(folder: Path) -> Path:

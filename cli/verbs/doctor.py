@@ -17,9 +17,7 @@ if TYPE_CHECKING:
 
 Model = Annotated[
     str | None,
-    argument(
-        "MODEL", "A folder of InstructPix2Pix weights, or a Hugging Face id in the local cache."
-    ),
+    argument("MODEL", "A folder of a 2D model's weights, or a Hugging Face id in the local cache."),
 ]
 
 
@@ -64,8 +62,9 @@ def check_weights(model: str, *, as_json: bool) -> None:
     from gsedit.editors.models.weights import inspect
 
     weights = inspect(find(model, offline=True))
-    names = ("folder", "complete", "kind", "parts", "notes")
+    names = ("folder", "complete", "parts", "notes")
     record = {name: getattr(weights, name) for name in names}
+    record |= {"kind": weights.family.title, "pipeline": weights.kind.pipeline}
     print_result(record, as_text(weights), as_json=as_json)
     if not weights.complete:
         raise typer.Exit(UNREADABLE)
@@ -76,10 +75,9 @@ def as_text(weights: Weights) -> str:
     lines = []
     for part in weights.parts:
         held = f"{part.size / 1e6:,.1f} MB in {len(part.files)} files" if part.files else "here"
-        copy = f", {part.variant} copy" if part.variant else ""
+        copy = f", {part.stored}" if part.stored else ""
         lines.append(f"{part.name:<16} {'INCOMPLETE' if part.problems else held + copy}")
         lines += [f"{'':<16} -> {problem}" for problem in part.problems]
     lines += [f"{'note':<16} {note}" for note in weights.notes]
-    kind = f"InstructPix2Pix ({weights.kind})" if weights.kind else "a model"
     state = "complete" if weights.complete else f"incomplete, {len(weights.problems)} problems"
-    return "\n".join([*lines, f"{weights.folder}: {kind}, {state}"])
+    return "\n".join([*lines, f"{weights.folder}: {weights.family.title}, {state}"])

@@ -91,7 +91,7 @@ def _pix2pix(
     precision: Precision = "auto",
     yes: Consent = False,
 ) -> Editor:
-    """InstructPix2Pix of Stable Diffusion 1.5, by default the authors' own weights: any sentence."""
+    """InstructPix2Pix, by default the authors' weights of Stable Diffusion 1.5: any sentence."""
     from gsedit.editors.models.hub import DEFAULT as DEFAULT_MODEL
 
     return _diffusers(model or DEFAULT_MODEL, weights_dir, precision, yes)
@@ -109,9 +109,7 @@ def _diffusers(
 
     if model is None:
         raise UsageError(f"the diffusers editor needs a model: add {_models()}")
-    return DiffusionEditor(
-        load_model(model, weights_dir=weights_dir, precision=precision, yes=yes)
-    )
+    return DiffusionEditor(load_model(model, weights_dir=weights_dir, precision=precision, yes=yes))
 
 
 def _models() -> str:
@@ -187,9 +185,9 @@ def make_editor(name: str = DEFAULT, **options: Any) -> Editor:
     """The editor of that name; `options` that are None are as if they were not given.
 
     `model` is for small (a file, see load_small), pix2pix and diffusers, `guess` for small (see
-    Small), `weights_dir`, `precision` and `yes` for pix2pix and diffusers (see load_model), `run`, `timeout` (seconds) and `folder` for
-    command (see Command). Raises UsageError for a name or an option that there is not, GseditError
-    where a third party's editor cannot be made.
+    Small), `weights_dir`, `precision` and `yes` for pix2pix and diffusers (see load_model), `run`,
+    `timeout` (seconds) and `folder` for command (see Command). Raises UsageError for
+    a name or an option that there is not, GseditError where a third party's editor cannot be made.
     """
     factory, source = _factory(name)
     parameters = _parameters(factory)

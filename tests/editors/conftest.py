@@ -36,14 +36,14 @@ def offline(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def pipeline(tmp_path_factory):
-    from tiny_pix2pix import tiny_pipeline
+    from tiny_models import tiny_pipeline
 
     return tiny_pipeline(tmp_path_factory.mktemp("words"))
 
 
 @pytest.fixture(scope="session")
 def xl_pipeline(tmp_path_factory):
-    from tiny_pix2pix import tiny_xl_pipeline
+    from tiny_models import tiny_xl_pipeline
 
     return tiny_xl_pipeline(tmp_path_factory.mktemp("xl_words"))
 

@@ -96,7 +96,9 @@ def test_ours_are_listed_with_what_they_need():
     assert ours["small"].options == ("--model", "--guess")
     assert ours["closed-form"].ready
     assert not ours["closed-form"].options
-    assert ours["pix2pix"].options == ("--model", "--weights-dir")
+    for name in ("pix2pix", "diffusers"):
+        assert ours[name].options == ("--model", "--weights-dir", "--yes")
+    assert "black-forest-labs/FLUX.2-klein-4B (FLUX.2-klein" in ours["diffusers"].needs[-1]
     assert ours["command"].options == ("--run", "--timeout")
     assert "{input} {output} {prompt}" in ours["command"].needs[0]
     assert all(listing.summary for listing in ours.values())
@@ -124,13 +126,14 @@ def test_what_pix2pix_misses_is_named(monkeypatch, tmp_path):
         (
             "closed-from",
             {},
-            r"no editor 'closed-from': choose one of small, closed-form, pix2pix, command",
+            "no editor 'closed-from': choose one of small, closed-form, pix2pix, diffusers, "
+            "command",
         ),
         (
             "closed-form",
             {"model": "x"},
             "closed-form editor has no option --model: it takes none; --editor small or --editor "
-            "pix2pix has it",
+            "pix2pix or --editor diffusers has it",
         ),
         ("pix2pix", {"run": "x"}, "no option --run: it takes --model, --weights-dir"),
         ("command", {"weights_dir": "x"}, "no option --weights-dir: it takes --run, --timeout"),

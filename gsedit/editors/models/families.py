@@ -33,7 +33,7 @@ class Family:
     pipelines: tuple[str, ...]
     """Values of `_class_name` in model_index.json."""
     module: str
-    """The module of `gsedit.editors.models` whose `load(parts, micro_batch=...)` makes the Model."""
+    """The module here whose `load(parts, micro_batch=...)` makes the Model."""
     components: tuple[Component, ...]
     """Everything that is fetched; the first is the denoising network."""
     size: int
@@ -51,7 +51,7 @@ class Family:
 
     @property
     def network(self) -> Component:
-        """The denoising network."""
+        """The network that denoises."""
         return self.components[0]
 
 

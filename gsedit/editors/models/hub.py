@@ -106,7 +106,7 @@ class Offer:
 
 
 def offer_of(model: str) -> Offer:
-    """What would be downloaded, from a list of the model's files and its small JSON files.
+    """Everything that would be downloaded, from a list of files and the small JSON files.
 
     Raises Unreachable, and InputError for a model of another kind or without safetensors.
     """
@@ -178,7 +178,8 @@ def _cached(model: str) -> Path | None:
     from huggingface_hub import snapshot_download
 
     try:
-        return Path(snapshot_download(model, local_files_only=True))
+        # the pattern: its library refuses a folder that lacks a file of the whole repository
+        return Path(snapshot_download(model, local_files_only=True, allow_patterns=[INDEX]))
     except Exception:  # its library has no common base of errors; nothing is there
         return None
 

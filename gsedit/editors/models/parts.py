@@ -24,8 +24,7 @@ class Parts:
 
     weights: Weights
     precision: Precision = "auto"
-    """Of the weights in memory. auto: as they are stored, where the processor can compute in that:
-    see `dtype`."""
+    """Precision of the weights in memory; auto: as they are stored, see `dtype`."""
 
     @classmethod
     def of(cls, folder: str | Path, precision: Precision = "auto") -> Parts:

@@ -64,7 +64,7 @@ class Weights:
 
     @property
     def family(self) -> Family:
-        """The architecture."""
+        """Family of the model's architecture."""
         return self.kind.family
 
     @property
@@ -105,6 +105,8 @@ def inspect(folder: str | Path) -> Weights:
             "transformer/"
         )
     index = config_of(folder / INDEX) if (folder / INDEX).exists() else None
+    if index is None and (folder / "unet" / "config.json").exists():
+        config_of(folder / "unet" / "config.json")  # the only file that tells what an old folder is
     kind = identify(str(folder), lambda name: index if name == INDEX else _settings(folder / name))
     is_sd = kind.family in (SD, SDXL)
     used = expected(kind.family, index)

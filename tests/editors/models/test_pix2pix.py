@@ -10,7 +10,7 @@ import diffusers
 import pytest
 import torch
 from closeness import slope_error
-from tiny_pix2pix import PROMPT, SD
+from tiny_models import PROMPT, SD
 
 from gsedit.consistency.correspond import Correspondences
 from gsedit.diffusion.guidance import Need

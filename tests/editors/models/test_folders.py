@@ -9,7 +9,7 @@ from pathlib import Path
 import diffusers
 import pytest
 import torch
-from tiny_pix2pix import SD
+from tiny_models import SD
 
 from gsedit.editors.models import hub
 from gsedit.editors.models.loading import load_model
@@ -113,21 +113,19 @@ def snapshot(cache: Path, source: Path) -> Path:
 def test_the_hub_s_cache_comes_before_the_network(folder, tmp_path, monkeypatch):
     monkeypatch.setattr("huggingface_hub.constants.HF_HUB_CACHE", str(tmp_path))
     cached = snapshot(tmp_path, folder)
-    calls = []
+    asked = []
 
-    def fetch(model: str, local: bool) -> Path:
-        calls.append(local)
-        if not local:
-            raise ConnectionError
-        return cached
+    def offer(model: str) -> hub.Offer:
+        asked.append(model)
+        raise hub.Unreachable("no network")
 
-    monkeypatch.setattr(hub, "_fetch", fetch)
+    monkeypatch.setattr(hub, "offer_of", offer)
     assert hub.find("owner/name") == cached
-    assert calls == [True]
+    assert not asked
     (cached / "unet" / "diffusion_pytorch_model.safetensors").unlink()  # cut off while it came
-    with pytest.raises(InputError, match=r"could not be downloaded \(ConnectionError\)"):
+    with pytest.raises(InputError, match=r"could not be downloaded \(no network\)"):
         hub.find("owner/name")
-    assert calls == [True, True, False]
+    assert asked == ["owner/name"]
     assert hub.find("owner/name", offline=True) == cached  # for the doctor to look at
 
 

@@ -11,7 +11,9 @@ from gsedit_cli.main import app
 from safetensors.torch import save_file
 from typer.testing import CliRunner
 
-from gsedit.editors.models.weights import inspect, tensors
+from gsedit.editors.models import families
+from gsedit.editors.models.headers import tensors
+from gsedit.editors.models.weights import inspect
 from gsedit.errors import InputError
 
 
@@ -48,14 +50,15 @@ UNET = "diffusion_pytorch_model"
 def test_a_whole_model(model):
     found = inspect(model).require()
     assert found.complete
-    assert found.kind == "SD"
+    assert found.family == families.SD
     assert not found.notes
     assert [part.name for part in found.parts] == ["unet", "vae", "text_encoder", "tokenizer"]
     size = (model / "unet" / f"{UNET}.safetensors").stat().st_size
     assert (found.parts[0].size, found.parts[0].variant) == (size, None)
+    assert found.parts[0].stored == "F32"
     assert tensors(model / "vae" / f"{UNET}.safetensors") == {
-        "conv_in.weight": (4, 8, 3, 3),
-        "b": (5,),
+        "conv_in.weight": ("F32", (4, 8, 3, 3), 4 * 8 * 9 * 4),
+        "b": ("F16", (5,), 10),
     }
 
 
@@ -64,7 +67,7 @@ def test_an_xl_model_has_two_of_each(model):
         json.dumps({"in_channels": 8, "addition_embed_type": "text_time"})
     )
     found = inspect(model)
-    assert found.kind == "SDXL"
+    assert found.family == families.SDXL
     assert [part.name for part in found.parts if part.problems] == ["text_encoder_2", "tokenizer_2"]
     with pytest.raises(InputError, match=r"has no text_encoder_2/.*\(and 1 more: gsedit doctor"):
         found.require()
@@ -73,7 +76,7 @@ def test_an_xl_model_has_two_of_each(model):
 def test_half_precision_copies_and_shards_are_found(model):
     unet = model / "unet"
     (unet / f"{UNET}.safetensors").rename(unet / f"{UNET}.fp16.safetensors")
-    assert inspect(model).variant("unet") == "fp16"
+    assert inspect(model).part("unet").variant == "fp16"
     names = [f"{UNET}-0000{i}-of-00002.safetensors" for i in (1, 2)]
     for name in names:
         save_file({name: torch.ones(2)}, unet / name)
@@ -110,9 +113,9 @@ def damage(model: Path, how: str) -> None:
         case "gone":
             unet.unlink()
         case "config":
-            (unet.parent / "config.json").write_text("{")
+            (model / "vae" / "config.json").write_text("{")
         case "no config":
-            (unet.parent / "config.json").unlink()
+            (model / "vae" / "config.json").unlink()
         case "plain":
             (unet.parent / "config.json").write_text('{"in_channels": 4}')
         case "other":
@@ -132,8 +135,8 @@ def damage(model: Path, how: str) -> None:
         ("pointer", "is a Git LFS pointer, not weights: run 'git lfs pull'"),
         ("pickle", r"has only \S+\.bin: a pickle runs whatever code is in it.*safetensors"),
         ("gone", rf"has no {UNET}\.safetensors: download it"),
-        ("config", r"unet/config\.json: line 1"),
-        ("no config", r"unet/config\.json is missing"),
+        ("config", r"vae/config\.json: line 1"),
+        ("no config", r"vae/config\.json is missing"),
         ("plain", r"not an InstructPix2Pix model \(its unet takes 4 channels, not 8\)"),
         ("other", "takes 4 channels and its config.json says 8: the two are of different models"),
         ("words", r"tokenizer has no merges\.txt"),
@@ -149,7 +152,8 @@ def test_what_is_wrong_is_found_without_loading(model, how, message):
     record = json.loads(gsedit("doctor", model, "--json").stdout)
     assert not record["complete"]
     (part,) = (part for part in record["parts"] if part["problems"])
-    assert part["name"] == ("tokenizer" if how == "words" else "unet")
+    named = {"words": "tokenizer", "config": "vae", "no config": "vae"}
+    assert part["name"] == named.get(how, "unet")
 
 
 def test_a_single_file_is_no_model(tmp_path):
@@ -166,7 +170,7 @@ def test_the_doctor_on_weights(model):
     (model / "scheduler" / "scheduler_config.json").unlink()
     result = gsedit("doctor", model)
     assert result.exit_code == 0
-    assert result.stdout.splitlines()[-1] == f"{model}: InstructPix2Pix (SD), complete"
+    assert result.stdout.splitlines()[-1] == f"{model}: {families.SD.title}, complete"
     assert "unet/extra.bin: left alone" in result.stdout
     assert "Stable Diffusion's own schedule" in result.stdout
     result = gsedit("doctor", model / "nothing" / "here")
