@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from rasterizer.camera import Camera
     from rasterizer.scene import Gaussians
 
+VIEW_PIXELS = 256
+"""Longer side of views where --size is not given."""
 CHECKED_FOUND_VIEWS = 8
 """Found views of which a small render tells whether they show anything."""
 
@@ -85,7 +87,12 @@ class Placing:
 class ViewOptions(Placing):
     """The cameras of a verb that needs several."""
 
-    size: Size = 256
+    size: Size = None
+
+    @property
+    def pixels(self) -> int:
+        """Longer side of the views, with its default."""
+        return self.size or VIEW_PIXELS
 
     def check(self) -> None:
         """Raise UsageError for a name that is no axis, a text that is no point, or points beside
@@ -177,13 +184,13 @@ def resolve_cameras(
     from gsedit.datasets.viewpoints import thinned, viewpoints_of
 
     if options.data is not None:
-        photos = load_photos(options.data, options.size, path)
-        say_if_smaller(photos, options.size)
+        photos = load_photos(options.data, options.pixels, path)
+        say_if_smaller(photos, options.pixels)
         return ResolvedCameras(viewpoints_of(photos), photos)
-    if not options.placed and (recorded := recorded_viewpoints(path, scene, options.size)):
+    if not options.placed and (recorded := recorded_viewpoints(path, scene, options.pixels)):
         return ResolvedCameras(recorded)
     print_message("searching the scene for views; a cameras.json beside it saves this")
-    found = find_viewpoints(scene, count, options.size, wish=options.wish(), execution=execution)
+    found = find_viewpoints(scene, count, options.pixels, wish=options.wish(), execution=execution)
     say_if_empty(thinned(found, CHECKED_FOUND_VIEWS), scene, execution)
     return ResolvedCameras(found, found=True)
 

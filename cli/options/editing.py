@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+import typer
+
 from gsedit.errors import UsageError
 
 from ..core.command import option
+from ..core.console import print_message
 from .settings import Layout, Setting, Values, choices_text, settings_of, with_values
 
 if TYPE_CHECKING:
+    from gsedit.diffusion.settings import Precision
     from gsedit.editing.session.actions import Strategy
     from gsedit.editing.session.settings import EditSettings
     from gsedit.editors import Editor
@@ -44,9 +49,15 @@ class EditorOptions:
         "NAME",
     )
     model: str | None = option(
-        None, "pix2pix: a folder of weights, or a Hugging Face id. small: a file of weights."
+        None,
+        "pix2pix, diffusers: a folder of weights, or a Hugging Face id. small: a file of weights.",
     )
-    weights_dir: Path | None = option(None, "pix2pix: folder where downloaded weights are kept.")
+    weights_dir: Path | None = option(
+        None, "pix2pix, diffusers: folder where downloaded weights are kept."
+    )
+    yes: bool = option(
+        False, "pix2pix, diffusers: download what --model names without being asked."
+    )
     run: str | None = option(
         None,
         'command: the program to run, as in "my_editor {input} {output} {prompt}". It must '
@@ -71,7 +82,7 @@ class EditorOptions:
 
         return replace(self, editor=DEFAULT) if self.editor == AUTO else self
 
-    def make(self, out: Path, instruction: str | None) -> Editor:
+    def make(self, out: Path, instruction: str | None, precision: Precision = "auto") -> Editor:
         """Make the editor, which may keep files below `out`.
 
         Raises UsageError for an option that it does not have, or an instruction that it cannot
@@ -87,10 +98,36 @@ class EditorOptions:
             timeout=self.timeout,
             folder=out / "command",
             guess=self.guess or None,
+            yes=self.yes or agreed,
+            precision=precision,
         )
         if instruction is not None:
             editor.check(instruction)
         return editor
+
+
+def agreed(offer: str) -> bool:
+    """Ask on the terminal whether to download; no where there is none."""
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        return False
+    return typer.confirm(f"{offer}. Download it?", err=True)
+
+
+def at_size(settings: EditSettings, editor: Editor, size: int | None) -> EditSettings:
+    """Return the settings with --size as the editor's too, where that was made for more.
+
+    Prints a line then: an editor draws worse at a size that it was not trained at.
+    """
+    declared = editor.capabilities
+    made_for = declared.best_size
+    if size is None or settings.edit_size or not made_for or not declared.enlarges:
+        return settings
+    if size < made_for:
+        print_message(
+            f"--size {size}: this model was made for {made_for} pixels and draws worse below; "
+            "leave --size out for its own, which takes longer"
+        )
+    return replace(settings, edit_size=min(size, made_for))
 
 
 def what_it_understood(editor: Editor, instruction: str) -> str:

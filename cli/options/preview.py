@@ -10,7 +10,7 @@ from gsedit.errors import UsageError
 
 from ..core.console import print_message, print_result
 from .cameras import ViewOptions
-from .editing import EditorOptions, what_it_understood
+from .editing import EditorOptions, at_size, what_it_understood
 from .routes import prepare, read_sentence
 from .settings import Values
 
@@ -52,7 +52,8 @@ def run_preview(
     if direct and len(seeds) > 1:
         raise UsageError(f"{read} has one result, whatever the seed: leave out --seeds")
     words = instruction if read is None else read.text
-    followed = None if direct else editor.make(path.parent, words)
+    precision = values.get(("sampler", "precision"), "auto")
+    followed = None if direct else editor.make(path.parent, words, precision)
     ready = prepare(scene, load, views, values)
     if steps is not None and len(steps) > 1:
         print_message(f"the first of {len(steps)} edits: {words}")
@@ -64,9 +65,10 @@ def run_preview(
     else:
         if understood := what_it_understood(followed, words):
             print_message(understood)
-        camera = viewpoints[0].camera
+        settings = at_size(settings, followed, views.size)
         found = preview_edited(
-            given, words, camera, followed, seeds, settings.sampler, settings.execution
-        )
+            given, words, viewpoints[0].camera, followed, seeds, settings.sampler,
+            settings.execution, settings.edit_size,
+        )  # fmt: skip
     save_picture(found.picture(), path, overwrite=force)
     print_result({"picture": path}, str(path), as_json=as_json)

@@ -62,7 +62,7 @@ def prepare(
     gaussians = load()
     say_kernel(settings.execution)
     resolved = resolve_cameras(scene, gaussians, views, FOUND_VIEWS, settings.execution)
-    return Prepared(gaussians, same_size(resolved.viewpoints, views.size), settings)
+    return Prepared(gaussians, same_size(resolved.viewpoints, views.pixels), settings)
 
 
 def run_routes(

@@ -25,6 +25,7 @@ from ..options.cameras import ViewOptions, framed_alike, load_views
 from ..options.common import DropInvalid, Force, Scene, Seeded, load_scene
 from ..options.editing import (
     EditorOptions,
+    at_size,
     edit_settings,
     idle_options,
     resolve,
@@ -234,7 +235,7 @@ def run_pipeline(asked: EditCommand) -> EditResult | None:
     """
     scene, instruction, folder, own = asked.scene, asked.instruction, asked.folder, asked.own
     views, values, common, editor = asked.views, asked.values, asked.common, asked.editor.settled()
-    kept = {"editor": editor, "features": own.features}
+    kept = {"editor": replace(editor, yes=False), "features": own.features}
     state = None
     if not own.explain:
         check_apart(scene, folder)
@@ -255,7 +256,8 @@ def run_pipeline(asked: EditCommand) -> EditResult | None:
         print_message(f"{', '.join(idle)}: no effect where colors are solved for (--loss mse)")
     check_condition(settings.condition, views.data)
     followed = instruction if asks_editor(strategy) else None
-    editor_2d = editor.make(folder, followed)
+    editor_2d = editor.make(folder, followed, settings.sampler.precision)
+    settings = at_size(settings, editor_2d, views.size)
     extractor = load_features(own.features)
     gaussians = load_scene(scene, drop_invalid=own.drop_invalid)
     say_kernel(settings.execution, UPDATES)
@@ -273,7 +275,8 @@ def run_pipeline(asked: EditCommand) -> EditResult | None:
         print_message(understood)
     request = {
         "scene": asked.first_scene or scene, "drop_invalid": own.drop_invalid, **asdict(views),
-        "editor": editor, "preset": own.preset, "features": own.features, "seed": common.seed,
+        "size": views.pixels, "editor": kept["editor"], "preset": own.preset,
+        "features": own.features, "seed": common.seed,
         "ranks": ranks().size, **history_of(scene),
     }  # fmt: skip
     earlier = [] if state is None else events_of(state)

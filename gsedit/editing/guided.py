@@ -10,6 +10,8 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor
 
+from gsedit.datasets.image_ops import downscale
+
 RADIUS = 1
 """Radius of the local maps' windows, in small pixels: of 1, 2 and 4, the nearest to the truth."""
 SLOPE_WEIGHT = 1e-3
@@ -23,7 +25,8 @@ def carry_change(
 ) -> Float[Tensor, "v h w 3"]:
     """The full-size pictures with the change from `original` to `edited`.
 
-    `original` is `full` made smaller. `edited` itself where both have one size. In every window of
+    `original` is `full` made smaller, or the same view of more pixels: then the change is averaged.
+    `edited` itself where both have one size. In every window of
     the small pictures the change is an affine map of colors, by least squares (the guided filter,
     He et al. 2013, eqs. 14-16, with its coefficients interpolated as in the fast guided filter, He
     and Sun 2015); with a ridge towards the slope 1, so that flat windows keep the details that only
@@ -32,6 +35,10 @@ def carry_change(
     """
     if edited.shape == full.shape:
         return edited
+    if edited.shape[1] > full.shape[1]:
+        height, width = full.shape[1:3]
+        change = [downscale(each, width, height) for each in edited - original]
+        return (full + torch.stack(change)).clamp(0, 1)
     small, guide, goal = (images.movedim(-1, 1) for images in (original, full, edited))
     coefficients = _affine_maps(small, goal)
     rest = goal - _apply(coefficients, small)

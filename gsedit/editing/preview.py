@@ -18,6 +18,7 @@ from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editing.guided import carry_change
 from gsedit.editing.routes.result import change_scene
 from gsedit.editing.session.settings import EditSettings
+from gsedit.editing.session.unedited import edit_camera
 from gsedit.editors.protocol import EditBatch, Editor
 from gsedit.formats.pictures import fitted_size
 from gsedit.pictures.contact_sheet import contact_sheet
@@ -79,22 +80,29 @@ def preview_edited(
     seeds: Sequence[int] = (0,),
     sampler: SamplerSettings | None = None,
     execution: Execution = AUTO,
+    size: int | None = None,
 ) -> Preview:
     """One view as a 2D editor draws it alone, once for each seed; no scene is fitted to it.
+
+    `size`: longer side of the picture that the editor is given, as `EditSettings.edit_size`.
 
     Raises UsageError where the editor cannot follow the instruction.
     """
     editor.check(prompt)
     sampler = sampler or SamplerSettings()
     before = render_picture(scene, camera, execution)
-    width, height = fitted_size(camera.width, camera.height, editor.capabilities.best_size)
-    small = downscale(before, width, height)[None]
+    declared, longest = editor.capabilities, max(camera.width, camera.height)
+    size = size or declared.best_size or longest
+    if size > longest and declared.enlarges:
+        shown = render_picture(scene, edit_camera(camera, size), execution)[None]
+    else:
+        shown = downscale(before, *fitted_size(camera.width, camera.height, size))[None]
     after = []
     for seed in seeds:
-        batch = EditBatch(small, small, prompt, seed=seed)
+        batch = EditBatch(shown, shown, prompt, seed=seed)
         *_, last = editor.edit(batch, sampler, torch.Generator().manual_seed(seed))
         assert last.images is not None  # the protocol: the last item has them
-        drawn = carry_change(last.images, small, before[None])[0].clamp(0, 1)
+        drawn = carry_change(last.images, shown, before[None])[0].clamp(0, 1)
         name = "after" if len(seeds) == 1 else f"seed {seed}"
         after.append(View(name, camera, drawn))
     return Preview(View("before", camera, before), tuple(after))

@@ -88,6 +88,9 @@ class Capabilities:
     best_size: int | None = None
     """Longer side, pixels, of the pictures that it edits best: larger views are edited at this size
     and the change is carried up. None: any size."""
+    enlarges: bool = False
+    """Whether smaller views are edited at `best_size` too, and the change is carried down: for
+    networks that draw something else at a size that they were not trained at."""
     understand: Callable[[str], Understanding] | None = None
     """The looks that an instruction was understood as, of the subject, the scene or both; None for
     editors that take any sentence as it is."""

@@ -119,8 +119,8 @@ def sample_views(
 
     Without `matches` every view is edited on its own. Sampling begins at `start`, or where the
     scene is now. Everything that a target goes through belongs here: held-out views are asked for
-    in the same way. Views larger than the editor's size are edited small, and their change is
-    carried up. Yields events of the `stage`; returns pictures in [0, 1].
+    in the same way. Views are edited at the editor's size, and their change is carried to their
+    own. Yields events of the `stage`; returns pictures in [0, 1].
     """
     request, progress = session.request, session.progress
     batch = batch_of(session, members, anchors, matches, start)
@@ -215,11 +215,16 @@ def batch_of(
     cameras = {i: unedited.edit_camera(i) for i in members}
     new = [i for i in members if i not in anchors]
     start = start or {i: preview(session, i, cameras[i]) for i in new}
-    images = [_fitted(answers[i] if i in anchors else start[i], cameras[i]) for i in members]
-    originals = [_fitted(unedited.condition(i), cameras[i]) for i in members]
+    originals = {i: unedited.edit_condition(i) for i in members}
+    images = [
+        _at_edit_size(answers[i], unedited.condition(i), originals[i])
+        if i in anchors
+        else _fitted(start[i], cameras[i])
+        for i in members
+    ]
     return EditBatch(
         images=torch.stack(images),
-        originals=torch.stack(originals),
+        originals=torch.stack(list(originals.values())),
         prompt=request.prompt,
         correspondences=matches,
         anchored=torch.tensor([i in anchors for i in members]),
@@ -236,6 +241,19 @@ def _subject(session: Session, cameras: Sequence[Camera]) -> Float[Tensor, "v h 
         return None
     scene, execution = session.request.scene, session.request.settings.execution
     return torch.stack([coverage(session.region, scene, c, execution) for c in cameras])
+
+
+def _at_edit_size(
+    answer: Float[Tensor, "h w 3"], own: Float[Tensor, "h w 3"], original: Float[Tensor, "y x 3"]
+) -> Float[Tensor, "y x 3"]:
+    """An edited view at the size of the unedited picture that the editor is shown.
+
+    `own`: the unedited picture at the view's size. Enlarged, the answer keeps the picture's detail.
+    """
+    height, width = original.shape[:2]
+    if width > answer.shape[1]:
+        return carry_change(answer[None], own[None], original[None])[0]
+    return downscale(answer, width, height).clamp(0, 1)
 
 
 def _fitted(image: Float[Tensor, "h w 3"], camera: Camera) -> Float[Tensor, "y x 3"]:

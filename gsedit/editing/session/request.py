@@ -23,6 +23,7 @@ from gsedit.runs.json_lines import plain
 from gsedit.runs.ranks import ALONE, Ranks
 from gsedit.runs.state import digest, digest_of
 from gsedit.scene.merging.groups import MergedScene, coarsen
+from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians
 
 RESUME_IGNORED = ("checkpoint_seconds", "execution", "held_out_edits")
@@ -110,8 +111,8 @@ def build_request(
     if not len(scene):
         raise UsageError("the scene is empty: there is nothing to edit")
     check_installed(settings.update)
-    settings = _with_defaults(settings, editor)
     views, held_out = split_views(dataset or around(scene, execution=settings.execution))
+    settings = _with_defaults(settings, editor, (views or held_out)[0].camera)
     coarse = _merged(scene.detach(), settings, strategy)
     return Request(
         coarse.scene if coarse else scene.detach(), prompt, views, held_out, editor, settings,
@@ -137,14 +138,17 @@ def _follows(editor: Editor, prompt: str) -> bool:
     return True
 
 
-def _with_defaults(settings: EditSettings, editor: Editor) -> EditSettings:
-    """The settings in force, which the result records: the editor's defaults are filled in."""
+def _with_defaults(settings: EditSettings, editor: Editor, camera: Camera) -> EditSettings:
+    """The settings in force, which the result records: the editor's defaults are filled in.
+
+    Views of this camera's size are edited larger where the editor enlarges, but photos never.
+    """
     declared = editor.capabilities
-    return replace(
-        settings,
-        sampler=settings.sampler.with_defaults(declared.defaults),
-        edit_size=settings.edit_size or declared.best_size,
-    )
+    size = settings.edit_size or declared.best_size
+    if size and (settings.condition == "photo" or not declared.enlarges):
+        size = min(size, max(camera.width, camera.height))
+    sampler = settings.sampler.with_defaults(declared.defaults)
+    return replace(settings, sampler=sampler, edit_size=size)
 
 
 def _merged(scene: Gaussians, settings: EditSettings, strategy: Any) -> MergedScene | None:

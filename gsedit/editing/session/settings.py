@@ -47,7 +47,8 @@ class EditSettings:
     costs as much as a view that is edited. 0 for none."""
     edit_size: int | None = None
     """Longer side, pixels, of the pictures that the editor is given: of larger views it edits small
-    ones, and the change is carried to full size. None: what the editor was made for."""
+    ones, and the change is carried to full size; a network of --editor diffusers also edits large
+    ones of smaller views. None: what the editor was made for."""
     region: str = "auto"
     """The region that may change. auto: the subject if the instruction is about it, else
     everything; all: everything; box:x0,y0,z0,x1,y1,z1 or sphere:x,y,z,r in the coordinates of the

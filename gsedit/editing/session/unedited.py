@@ -8,8 +8,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from gsedit.datasets.image_ops import downscale
 from gsedit.editing.session.request import Request
-from gsedit.formats.pictures import fitted_size
 from gsedit.regions.region import Region, composite, coverage
 from rasterizer.camera import Camera
 from rasterizer.numerics import Execution
@@ -60,6 +60,13 @@ class UneditedRenders:
             self._small_renderings[i] = self._render(camera)
         return self._small_renderings[i]
 
+    def edit_condition(self, i: int) -> Float[Tensor, "y x 3"]:
+        """The picture of `condition` at the size at which it is edited; a photo is not enlarged."""
+        camera, own = self.edit_camera(i), self.request.every_view[i].camera
+        if camera.width > own.width:
+            return self.edit_rendering(i).color.clamp(0, 1)
+        return downscale(self.condition(i), camera.width, camera.height).clamp(0, 1)
+
     def condition(self, i: int) -> Float[Tensor, "h w 3"]:
         """The picture that the editor is shown as the unedited view i, in [0, 1].
 
@@ -103,7 +110,10 @@ def render_with_depth(scene: Gaussians, camera: Camera, execution: Execution) ->
 
 def edit_camera(camera: Camera, edit_size: int | None) -> Camera:
     """The camera at the size at which its view is edited; itself where that is its own size."""
-    width, height = fitted_size(camera.width, camera.height, edit_size)
-    if (width, height) == (camera.width, camera.height):
+    longest = max(camera.width, camera.height)
+    if edit_size is None or edit_size == longest:
         return camera
+    width, height = (
+        max(1, round(side * edit_size / longest)) for side in (camera.width, camera.height)
+    )
     return camera.resized(width, height)

@@ -42,7 +42,9 @@ class Model(ABC):
     def capabilities(self) -> Capabilities:
         """It runs a network, of which a pass may hold several views, trained at one size."""
         return Capabilities(
-            with_micro_batch=lambda views: replace(self, micro_batch=views), best_size=self.size
+            with_micro_batch=lambda views: replace(self, micro_batch=views),
+            best_size=self.size,
+            enlarges=True,
         )
 
     @property

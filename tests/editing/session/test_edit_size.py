@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from gsedit_cli.options.editing import at_size
 
 from gsedit import Dataset, EditSettings, Event, edit_steps
 from gsedit.datasets.dataset import capture
@@ -24,8 +25,8 @@ class Swapped:
 
     name, cell = "swapped", 4
 
-    def __init__(self, best_size=None):
-        self.capabilities = Capabilities(best_size=best_size)
+    def __init__(self, best_size=None, enlarges=False):
+        self.capabilities = Capabilities(best_size=best_size, enlarges=enlarges)
         self.batches = []
 
     def check(self, prompt):
@@ -90,6 +91,38 @@ def test_the_setting_overrules_the_editor_and_nothing_is_made_larger(scene, data
         *items, _ = run(scene, data, editor, batches=1, **settings)
         assert editor.batches[0].images.shape == (2, 48, 72, 3)
         assert not any("edited at" in item.note for item in items if isinstance(item, Event))
+
+
+def test_small_views_are_edited_large_where_the_editor_was_made_for_that(scene, data):
+    editor = Swapped(best_size=144, enlarges=True)
+    *items, result = run(scene, data, editor)
+    for batch in editor.batches:
+        assert batch.images.shape[1:] == batch.originals.shape[1:] == (96, 144, 3)
+        assert batch.correspondences.labels.shape == (len(batch.images), 24, 36)
+        known = batch.images[batch.anchored]
+        if len(known):  # finished views are enlarged with the detail of the large picture
+            assert psnr(known, batch.originals[batch.anchored].flip(-1)) > 30
+    assert editor.batches[1].anchored.any()
+    for original, target in zip(result.originals, result.targets):
+        assert target.image.shape == (48, 72, 3)
+        assert psnr(target.image, original.image.flip(-1)) > 30
+    assert result.settings.edit_size == 144
+    notes = " ".join(item.note for item in items if isinstance(item, Event))
+    assert "edited at 144x96 pixels" in notes
+
+
+def test_photos_are_not_enlarged(scene, data):
+    editor = Swapped(best_size=144, enlarges=True)
+    run(scene, data, editor, batches=1, condition="photo")
+    assert editor.batches[0].images.shape[1:] == (48, 72, 3)
+
+
+@pytest.mark.parametrize(("size", "expected"), [(256, 256), (1024, 512), (None, None)])
+def test_an_explicit_size_is_the_editor_s_too(capsys, size, expected):
+    editor = Swapped(best_size=512, enlarges=True)
+    assert at_size(EditSettings(), editor, size).edit_size == expected
+    assert ("made for 512 pixels" in capsys.readouterr().err) == (size == 256)
+    assert at_size(EditSettings(), Swapped(best_size=512), size).edit_size is None
 
 
 def test_a_size_in_which_nothing_is_seen_is_refused():
