@@ -61,13 +61,7 @@ Data = Annotated[
 ]
 Size = Annotated[
     int | None,
-    flag(
-        "--size",
-        "Longer side of the views, and of what a 2D editor is given if that was made for more.",
-        "PIXELS",
-        min=16,
-        show_default="256",
-    ),
+    flag("--size", "Longer side of the views.", "PIXELS", min=16, show_default="256"),
 ]
 DropInvalid = Annotated[
     bool, flag("--drop-invalid", "Skip Gaussians with NaN or Inf instead of refusing the file.")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -67,7 +69,8 @@ class Parts:
 
     def text_encoder(self, name: str, kind: Any) -> Any:
         """A network of transformers, for inference."""
-        return self._weighted(name, kind, dtype=self.dtype(name))
+        dtype = self.dtype(name)
+        return self._weighted(name, kind, dtype=dtype, ignore_mismatched_sizes=True)
 
     def tokenizer(self, name: str, kind: Any) -> Any:
         """A tokenizer or processor of transformers."""
@@ -92,21 +95,48 @@ class Parts:
     def _weighted(self, name: str, kind: Any, **options: Any) -> Any:
         part = self.weights.part(name)
         variant = part.variant if part else None
-        network = self._load(name, kind, use_safetensors=True, variant=variant, **options)
-        absent = [key for key, value in network.named_parameters() if value.is_meta]
-        if absent:
+        options |= {"use_safetensors": True, "variant": variant, "output_loading_info": True}
+        network, found = self._load(name, kind, **options)
+        missing = sorted(found["missing_keys"])
+        other = [
+            f"{key} is {tuple(held)}, not {tuple(wanted)}"
+            for key, held, wanted in found["mismatched_keys"]
+        ]
+        if wrong := [*other, *(f"{key} is missing" for key in missing)]:
+            more = f" and {len(wrong) - 1} more" if len(wrong) > 1 else ""
             raise InputError(
-                f"{self.folder / name} has no {absent[0]} (of {len(absent)} weights that are "
-                "missing): it is of another model than its config.json; download both again"
+                f"{self.folder / name} has weights of another shape than its config.json "
+                f"({wrong[0]}{more}): the two are of different models; download both again"
             )
         return network.eval().requires_grad_(False)  # score distillation needs no other gradients
 
     def _load(self, name: str, kind: Any, **options: Any) -> Any:
         path = self.folder / name
         try:
-            return kind.from_pretrained(str(path), local_files_only=True, **options)
+            with _quiet():
+                return kind.from_pretrained(str(path), local_files_only=True, **options)
         except Exception as error:  # these libraries raise whatever their backends do
             reason = next(iter(str(error).strip().splitlines()), type(error).__name__)
+            reason = reason.partition(". If you want to instead")[0]  # diffusers' own next move
             raise InputError(
                 f"{path} cannot be loaded ({reason}): download the model again"
             ) from error
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Without the progress bars and reports of the libraries: what is wrong is raised."""
+    import diffusers
+    import transformers
+
+    logs = diffusers.utils.logging, transformers.utils.logging
+    levels = [log.get_verbosity() for log in logs]
+    for log in logs:
+        log.set_verbosity_error()
+        log.disable_progress_bar()
+    try:
+        yield
+    finally:
+        for log, level in zip(logs, levels):
+            log.set_verbosity(level)
+            log.enable_progress_bar()
