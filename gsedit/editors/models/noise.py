@@ -13,7 +13,7 @@ import torch
 
 from gsedit.diffusion.predictions import Prediction
 from gsedit.diffusion.schedules import CLEAN, NoiseLevel, Schedule
-from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings
+from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings, Spacing
 from gsedit.errors import InputError, UsageError
 
 PREDICTIONS: dict[str, Prediction] = {"epsilon": "eps", "v_prediction": "v"}
@@ -48,8 +48,10 @@ def noise_of(config: Mapping[str, Any], place: Path) -> Noise:
         levels = partial(_consistency_levels, noise.schedule, original)
         defaults = SamplerDefaults(steps=LCM_STEPS, solver="lcm")
         return noise._replace(levels=levels, defaults=defaults)
-    if config.get("set_alpha_to_one") or config.get("timestep_spacing") == "trailing":
-        return noise._replace(levels=partial(_plain_levels, noise.schedule, dict(config)))
+    if config.get("timestep_spacing") == "trailing":
+        return noise._replace(defaults=SamplerDefaults(spacing="trailing"))
+    if config.get("set_alpha_to_one"):
+        return noise._replace(levels=partial(_levels_to_clean, noise.schedule))
     return noise
 
 
@@ -80,19 +82,11 @@ def _from_betas(config: Mapping[str, Any], place: Path) -> Schedule:
     return replace(schedule, offset=config.get("steps_offset", 1))
 
 
-def _plain_levels(
-    schedule: Schedule, config: Mapping[str, Any], settings: SamplerSettings, _: tuple[int, int]
+def _levels_to_clean(
+    schedule: Schedule, settings: SamplerSettings, _: tuple[int, int]
 ) -> list[NoiseLevel]:
-    """Levels as the settings divide them, but for what the scheduler's own settings say.
-
-    `timestep_spacing` trailing takes the place of leading, the default; the last level of ddim is
-    that of no noise with `set_alpha_to_one`.
-    """
-    trailing = config.get("timestep_spacing") == "trailing" and settings.spacing == "leading"
-    spacing = "trailing" if trailing else settings.spacing
-    ends_at_zero = settings.method == "ddim" and spacing == "leading"
-    clean = not ends_at_zero or bool(config.get("set_alpha_to_one"))
-    return schedule.levels(settings.step_count, settings.strength, spacing, clean=clean)
+    """Levels as the settings divide them; the last without noise (`set_alpha_to_one`)."""
+    return schedule.levels(settings.step_count, settings.strength, settings.step_spacing)
 
 
 def _consistency_levels(
@@ -123,28 +117,30 @@ def _edm(config: Mapping[str, Any], place: Path) -> Noise:
     spacing = config.get("sigma_schedule", "karras")
     if spacing not in ("karras", "exponential"):
         raise InputError(f"{place}: sigma_schedule {spacing!r} is not karras or exponential")
-    low, high = config.get("sigma_min", 0.002), config.get("sigma_max", 80.0)
-    schedule = Schedule.edm(low, high)
-    return Noise(schedule, predicts, partial(_edm_levels, schedule, dict(config)))
+    schedule = Schedule.edm(config.get("sigma_min", 0.002), config.get("sigma_max", 80.0))
+    own: Spacing = "karras" if spacing == "karras" else "linspace"
+    levels = partial(_edm_levels, schedule, dict(config))
+    return Noise(schedule, predicts, levels, SamplerDefaults(spacing=own))
 
 
 def _edm_levels(
     schedule: Schedule, config: Mapping[str, Any], settings: SamplerSettings, _: tuple[int, int]
 ) -> list[NoiseLevel]:
-    """Levels of the scheduler's sigmas, the first at the strength; `--spacing` takes its place.
+    """Levels of sigmas from that of the strength to the least one; the last as the scheduler's.
 
-    leading, the default of the settings, is the scheduler's own.
+    karras: their roots of the order `rho` are evenly spaced. linspace: their logarithms are.
     """
-    count, strength = settings.step_count, settings.strength
-    if settings.spacing != "leading":
-        return schedule.levels(count, strength, settings.spacing)
-    low, high = config.get("sigma_min", 0.002), schedule.level(schedule.t_max(strength) - 1).sigma
-    if config.get("sigma_schedule", "karras") == "karras":
-        rho = config.get("rho", 7.0)
-        sigmas = [root**rho for root in _even(high ** (1 / rho), low ** (1 / rho), count)]
+    count, strength, spacing = settings.step_count, settings.strength, settings.step_spacing
+    first, last = (schedule.level(t) for t in (schedule.t_max(strength) - 1, 0))
+    if spacing == "karras":
+        power = 1 / config.get("rho", 7.0)
+        roots = _even(first.sigma**power, last.sigma**power, count)
+        levels = [schedule.level_at(root ** (1 / power)) for root in roots]
+    elif spacing == "linspace":
+        logs = _even(math.log(first.sigma), math.log(last.sigma), count)
+        levels = [schedule.level_at(math.exp(log)) for log in logs]
     else:
-        sigmas = [math.exp(log) for log in _even(math.log(high), math.log(low), count)]
-    levels = [schedule.level_at(sigma) for sigma in sigmas]
+        return schedule.levels(count, strength, spacing)
     return [*levels, levels[-1] if config.get("final_sigmas_type") == "sigma_min" else CLEAN]
 
 

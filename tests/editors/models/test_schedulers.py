@@ -140,7 +140,8 @@ def test_trailing_steps_are_the_scheduler_s(folder, tmp_path):
     scheduler = diffusers.DDIMScheduler(**SD, timestep_spacing="trailing")
     model = load_model(scheduled(folder, tmp_path / "trailing", scheduler))
     scheduler.set_timesteps(7)
-    levels = levels_for(model, settings_of(7), (CELLS, CELLS))
+    model, settings = for_settings(model, settings_of(7))
+    levels = levels_for(model, settings, (CELLS, CELLS))
     assert [level.t for level in levels[:-1]] == scheduler.timesteps.tolist()
 
 
