@@ -24,6 +24,8 @@ class SmallHub(ThreadingHTTPServer):
         self.sent = 0
         self.fetched: list[str] = []
         """Names of the files whose contents were sent."""
+        self.revisions: set[str] = set()
+        """Branches, tags or commits that were asked for."""
 
     @property
     def url(self) -> str:
@@ -43,10 +45,12 @@ class _Handler(BaseHTTPRequestHandler):
         path = self.path.partition("?")[0].strip("/")
         if path.startswith("api/models/"):
             self._describe(*path.split("/")[2:4], rest=path.split("/")[4:])
+        elif path.count("/") < 4:
+            self._send(404, b"", {})
         else:
-            owner, _, rest = path.partition("/")
-            name, *file = rest.split("/")  # name, resolve, revision, file
-            self._file(self.server.root / owner / name / "/".join(file[2:]))
+            owner, name, _, revision, file = path.split("/", 4)  # the third is "resolve"
+            self.server.revisions.add(revision)
+            self._file(self.server.root / owner / name / file)
 
     def _describe(self, owner: str, name: str, rest: list[str]) -> None:
         folder = self.server.root / owner / name

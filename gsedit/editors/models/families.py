@@ -39,7 +39,7 @@ class Family:
     size: int
     """Pixels of the longer side that it was trained at, where no file says."""
     example: str
-    """A model of the family on the hub."""
+    """A model of the family on the hub, with @revision where it is not in the main one."""
     licence: str
     """Licence of that model's weights."""
     gigabytes: float
@@ -129,7 +129,7 @@ DREAMLITE = Family(
         _scheduler(*FLOW),
     ),
     size=1024,
-    example="carlofkl/DreamLite-mobile",
+    example="carlofkl/DreamLite-mobile@diffusers",
     licence="CC BY-NC 4.0",
     gigabytes=5.1,
 )

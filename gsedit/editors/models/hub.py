@@ -13,6 +13,8 @@ from gsedit.editors.models.layout import INDEX, WORDS, chosen, expected, identif
 from gsedit.editors.models.weights import NO_PICKLE, PICKLES, config_of, inspect
 from gsedit.errors import InputError, UsageError
 
+HUB_ID = re.compile(r"([\w.-]+/[\w.-]+)(?:@([\w./-]+))?")
+"""A model's name, and a branch, tag or commit of it."""
 DEFAULT = SD.example
 """The authors' own weights on the hub."""
 
@@ -44,10 +46,10 @@ def find(
         if place.exists():
             return place
     looked = " and ".join(str(place) for place in places)
-    if not re.fullmatch(r"[\w.-]+/[\w.-]+", model):
+    if not HUB_ID.fullmatch(model):
         raise InputError(
-            f"{model}: no such model folder (looked for {looked}), and no hub id (like owner/name) "
-            "either"
+            f"{model}: no such model folder (looked for {looked}), and no hub id (like owner/name "
+            "or owner/name@revision) either"
         )
     try:
         from huggingface_hub import constants
@@ -102,7 +104,7 @@ class Offer:
         from huggingface_hub import snapshot_download
 
         patterns = [_exactly(name) for name in self.files]
-        return Path(snapshot_download(self.model, allow_patterns=patterns))
+        return Path(snapshot_download(**_named(self.model), allow_patterns=patterns))
 
 
 def offer_of(model: str) -> Offer:
@@ -113,7 +115,7 @@ def offer_of(model: str) -> Offer:
     from huggingface_hub import HfApi
 
     try:
-        found = HfApi().model_info(model, files_metadata=True)
+        found = HfApi().model_info(**_named(model), files_metadata=True)
     except Exception as error:  # network and permission errors have no common base
         raise Unreachable(_reason(error)) from error
     sizes = {each.rfilename: each.size or 0 for each in found.siblings or ()}
@@ -160,7 +162,7 @@ def _fetched(model: str, name: str) -> Mapping[str, Any]:
     from huggingface_hub import hf_hub_download
 
     try:
-        path = hf_hub_download(model, name)
+        path = hf_hub_download(**_named(model), filename=name)
     except Exception as error:  # as above
         raise Unreachable(_reason(error)) from error
     return config_of(Path(path))
@@ -179,7 +181,8 @@ def _cached(model: str) -> Path | None:
 
     try:
         # the pattern: its library refuses a folder that lacks a file of the whole repository
-        return Path(snapshot_download(model, local_files_only=True, allow_patterns=[INDEX]))
+        found = snapshot_download(**_named(model), local_files_only=True, allow_patterns=[INDEX])
+        return Path(found)
     except Exception:  # its library has no common base of errors; nothing is there
         return None
 
@@ -191,6 +194,12 @@ def _is_complete(folder: Path) -> bool:
     return inspect(folder).complete
 
 
+def _named(model: str) -> dict[str, str | None]:
+    """The name and the revision of a hub id, as its library's functions take them."""
+    name, _, revision = model.partition("@")
+    return {"repo_id": name, "revision": revision or None}
+
+
 def _exactly(name: str) -> str:
     """A pattern that matches only this name."""
     return re.sub(r"([\[\]*?])", r"[\1]", name)
@@ -198,11 +207,13 @@ def _exactly(name: str) -> str:
 
 def download_advice(model: str) -> str:
     """How to bring a model of the hub to a machine without a network."""
+    name, _, revision = model.partition("@")
+    of = f" --revision {revision}" if revision else ""
     names = (INDEX, *(f"*/*{end}" for end in (*WORDS, ".safetensors")))
     patterns = [f"--include '{each}'" for each in names]
     patterns += [f"--exclude '{each}'" for each in UNUSED]
     return (
-        f"where there is a network, run: hf download {model} --local-dir FOLDER "
+        f"where there is a network, run: hf download {name}{of} --local-dir FOLDER "
         f"{' '.join(patterns)} (about 4 GB for SD 1.5, 14 GB for SDXL); "
         "then bring FOLDER here and add --model FOLDER"
     )

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from gsedit.editors.models.families import SD, SDXL, Component, Family
 from gsedit.editors.models.headers import Stored, tensors
@@ -24,6 +24,7 @@ from gsedit.editors.models.layout import (
     index_name,
     single_name,
 )
+from gsedit.editors.models.single_file import refusal
 from gsedit.errors import InputError
 from gsedit.storage.json_files import object_of, read_json
 
@@ -98,7 +99,7 @@ def inspect(folder: str | Path) -> Weights:
     """
     folder = Path(folder).expanduser()
     if folder.is_file():
-        raise InputError(_single_file(folder))
+        _refuse_file(folder)
     if not folder.is_dir():
         raise InputError(
             f"{folder}: there is no such folder; give the one that holds {INDEX}, unet/ or "
@@ -234,11 +235,11 @@ def _notes(folder: Path, kind: Kind, parts: Sequence[str]) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _single_file(path: Path) -> str:
-    layout = "a folder in diffusers' layout is needed, with unet/, vae/, text_encoder/, tokenizer/"
+def _refuse_file(path: Path) -> NoReturn:
+    """Raise InputError for a model that is a single file, with the next move."""
     if path.suffix in PICKLES:
-        return f"{path} is a pickle: {NO_PICKLE}; {layout}"
-    return (
-        f"{path} is a single file: {layout} (diffusers makes one of it: "
-        "StableDiffusionInstructPix2PixPipeline.from_single_file(FILE).save_pretrained(FOLDER))"
-    )
+        raise InputError(
+            f"{path} is a pickle: {NO_PICKLE}; give a folder in diffusers' layout, with unet/, "
+            "vae/, text_encoder/ and tokenizer/"
+        )
+    raise InputError(refusal(path))

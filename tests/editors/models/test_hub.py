@@ -50,9 +50,11 @@ UNUSED = (
 )  # fmt: skip
 
 
-def find(hub: SmallHub, cache: Path, yes: str = "False") -> subprocess.CompletedProcess[str]:
+def find(
+    hub: SmallHub, cache: Path, yes: str = "False", model: str = "owner/name"
+) -> subprocess.CompletedProcess[str]:
     """`find` in a process of its own: the hub's library reads its address when it is imported."""
-    code = f"from gsedit.editors.models.hub import find; print(find('owner/name', yes={yes}))"
+    code = f"from gsedit.editors.models.hub import find; print(find('{model}', yes={yes}))"
     env = os.environ | {"HF_ENDPOINT": hub.url, "HF_HOME": str(cache), "HF_HUB_OFFLINE": "0"}
     env |= {"HF_HUB_DISABLE_PROGRESS_BARS": "1", "NO_PROXY": "*"}
     return subprocess.run(
@@ -112,8 +114,10 @@ def test_half_precision_is_fetched_where_there_is_no_other(tmp_path):
     index = {"weight_map": {"a": Path(half[0]).name}}
     (folder / "unet" / f"{UNET}.safetensors.index.fp16.json").write_text(json.dumps(index))
     with small_hub(tmp_path) as hub:
-        done = find(hub, tmp_path / "cache", yes="True")
+        done = find(hub, tmp_path / "cache", yes="True", model="owner/name@a-branch")
     assert done.returncode == 0, done.stderr
+    assert "a-branch" in hub.revisions
+    assert "main" not in hub.revisions
     assert Path(half[0]).name in hub.fetched
     assert f"{UNET}.fp16.safetensors" not in hub.fetched
 

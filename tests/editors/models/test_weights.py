@@ -156,11 +156,37 @@ def test_what_is_wrong_is_found_without_loading(model, how, message):
     assert part["name"] == named.get(how, "unet")
 
 
-def test_a_single_file_is_no_model(tmp_path):
-    for name, message in (("a.ckpt", "is a pickle"), ("a.safetensors", "from_single_file")):
+XL = {"conditioner.embedders.1.model.ln_final.weight": torch.ones(2)}
+
+
+@pytest.mark.parametrize(
+    ("channels", "more", "message"),
+    [
+        (
+            8,
+            {},
+            r"StableDiffusionInstructPix2PixPipeline.from_single_file\(.*=8\); p.save",
+        ),
+        (8, XL, r"StableDiffusionXLInstructPix2PixPipeline.from_single_file\(.*=8\); p.save"),
+        (8, XL | {"edm_vpred.sigma_max": torch.ones(1)}, "is_cosxl_edit=True.*sigma_max=120.0"),
+        (4, XL, r"no InstructPix2Pix model \(its unet takes 4 channels"),
+    ],
+)
+def test_a_single_file_is_refused_with_what_makes_a_folder_of_it(tmp_path, channels, more, message):
+    name = "model.diffusion_model.input_blocks.0.0.weight"
+    save_file({name: torch.ones(4, channels, 3, 3)} | more, tmp_path / "a.safetensors")
+    with pytest.raises(InputError, match=message):
+        inspect(tmp_path / "a.safetensors")
+
+
+def test_other_single_files(tmp_path):
+    for name, message in (("a.ckpt", "is a pickle"), ("a.safetensors", "cut short")):
         (tmp_path / name).write_bytes(b"")
-        with pytest.raises(InputError, match=f"{message}.*FOLDER|{message}.*folder"):
+        with pytest.raises(InputError, match=message):
             inspect(tmp_path / name)
+    save_file({"lora": torch.ones(2)}, tmp_path / "lora.safetensors")
+    with pytest.raises(InputError, match="no checkpoint of Stable Diffusion"):
+        inspect(tmp_path / "lora.safetensors")
     with pytest.raises(InputError, match="no such folder"):
         inspect(tmp_path / "nowhere")
 
