@@ -194,7 +194,7 @@ def _is_complete(folder: Path) -> bool:
     return inspect(folder).complete
 
 
-def _named(model: str) -> dict[str, str | None]:
+def _named(model: str) -> dict[str, Any]:
     """The name and the revision of a hub id, as its library's functions take them."""
     name, _, revision = model.partition("@")
     return {"repo_id": name, "revision": revision or None}
