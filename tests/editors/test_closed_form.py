@@ -322,7 +322,7 @@ def test_answer_is_the_majoritys_variant():
 def test_editors_by_name():
     assert make_editor("closed-form").cell == 8
     assert "closed-form" in EDITORS
-    with pytest.raises(UsageError, match="small, closed-form, pix2pix, command"):
+    with pytest.raises(UsageError, match="small, closed-form, pix2pix, diffusers, command"):
         make_editor("photoshop")
     with pytest.raises(UsageError, match="--editor pix2pix"):
         make_editor("closed-form", model="folder")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -46,36 +47,45 @@ def find(
         if place.exists():
             return place
     looked = " and ".join(str(place) for place in places)
-    if not HUB_ID.fullmatch(model):
-        raise InputError(
-            f"{model}: no such model folder (looked for {looked}), and no hub id (like owner/name "
-            "or owner/name@revision) either"
-        )
-    try:
-        from huggingface_hub import constants
-    except ImportError:
-        raise UsageError(
-            "a hub id needs huggingface_hub: pip install 'gsedit[diffusers]'"
-        ) from None
+    _check_id(model, looked)
     cached = _cached(model)
     if cached is not None and (offline or _is_complete(cached)):
         return cached
     failed = ""
     if not offline:
         try:
-            offer = offer_of(model)
+            return _downloaded(model, yes)
         except Unreachable as error:
             failed = f" and could not be downloaded ({error})"
-        else:
-            _agree(offer, yes)
-            try:
-                return offer.fetch()
-            except Exception as error:  # network, disk and cache errors have no common base
-                failed = f" and could not be downloaded ({_reason(error)})"
+    from huggingface_hub import constants
+
     raise InputError(
         f"{model} is not on this machine (looked for {looked} and in {constants.HF_HUB_CACHE})"
         f"{failed}; {download_advice(model)}"
     )
+
+
+def _check_id(model: str, looked: str) -> None:
+    """Raise InputError for what is no hub id, UsageError without the hub's library."""
+    if not HUB_ID.fullmatch(model):
+        raise InputError(
+            f"{model}: no such model folder (looked for {looked}), and no hub id (like owner/name "
+            "or owner/name@revision) either"
+        )
+    if find_spec("huggingface_hub") is None:
+        raise UsageError("a hub id needs huggingface_hub: pip install 'gsedit[diffusers]'")
+
+
+def _downloaded(model: str, yes: Consent) -> Path:
+    """The folder that a download makes. Raises Unreachable; UsageError without agreement."""
+    offer = offer_of(model)
+    agreed = yes(str(offer)) if callable(yes) else yes
+    if not agreed:
+        raise UsageError(f"{offer}: add --yes to download it, or --model FOLDER with other weights")
+    try:
+        return offer.fetch()
+    except Exception as error:  # network, disk and cache errors have no common base
+        raise Unreachable(_reason(error)) from error
 
 
 class Unreachable(Exception):
@@ -166,13 +176,6 @@ def _fetched(model: str, name: str) -> Mapping[str, Any]:
     except Exception as error:  # as above
         raise Unreachable(_reason(error)) from error
     return config_of(Path(path))
-
-
-def _agree(offer: Offer, yes: Consent) -> None:
-    """Raise UsageError unless the download is agreed to."""
-    agreed = yes(str(offer)) if callable(yes) else yes
-    if not agreed:
-        raise UsageError(f"{offer}: add --yes to download it, or --model FOLDER with other weights")
 
 
 def _cached(model: str) -> Path | None:
