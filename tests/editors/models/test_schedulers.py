@@ -89,15 +89,15 @@ def test_cosxl_edit_equals_diffusers(xl_pipeline, xl_folder, tmp_path, spacing):
         is_cosxl_edit=True,
         add_watermarker=False,
     )
-    settings = settings_of(5)
+    settings = settings_of(4)
     expected = theirs(pipe, settings, height=2 * CELLS, width=2 * CELLS)
     found = ours(folder, settings)
-    assert len(found) == len(expected) == 5
+    assert len(found) == len(expected) == 4
     for x, y in zip(found, expected):  # sigma falls from 120: their float32 sums start there
         torch.testing.assert_close(x, y, rtol=1e-4, atol=1e-4)
 
 
-@pytest.mark.parametrize("steps", [1, 4, 7])
+@pytest.mark.parametrize("steps", [1, 4])
 def test_consistency_models_equal_diffusers(pipeline, folder, tmp_path, steps):
     scheduler = diffusers.LCMScheduler(**SD)
     copy = scheduled(folder, tmp_path / "lcm", scheduler)
@@ -130,7 +130,7 @@ def test_the_last_level_is_the_scheduler_s(pipeline, folder, tmp_path, alpha):
     pipe = diffusers.StableDiffusionInstructPix2PixPipeline(
         **{**pipeline.components, "scheduler": scheduler}, requires_safety_checker=False
     )
-    settings = settings_of(3)
+    settings = settings_of(2)
     found = ours(copy, settings)[-1]
     a = float(scheduler.final_alpha_cumprod**0.5)
     torch.testing.assert_close(found * a, theirs(pipe, settings)[-1], rtol=1e-4, atol=1e-4)
