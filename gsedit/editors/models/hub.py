@@ -228,5 +228,5 @@ def _reason(error: Exception) -> str:
     if "Offline" in name or "LocalEntry" in name:
         return "no network, or HF_HUB_OFFLINE is set"
     if "RepositoryNotFound" in name or "GatedRepo" in name:
-        return "the hub knows no such model, or it needs a login"
+        return "the hub knows no such model, or it needs a login (hf auth login)"
     return name
