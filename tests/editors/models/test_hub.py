@@ -133,4 +133,7 @@ def test_what_cannot_be_used_is_said_before_it_is_fetched(tmp_path):
 def test_a_model_that_the_hub_does_not_know(tmp_path):
     with small_hub(tmp_path) as hub:
         said = refusal(find(hub, tmp_path / "cache", yes="True"))
-    assert "could not be downloaded (the hub knows no such model, or it needs a login (hf auth login))" in said
+    assert (
+        "could not be downloaded (the hub knows no such model, or it needs a login (hf auth login))"
+        in said
+    )
