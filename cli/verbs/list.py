@@ -98,6 +98,7 @@ def editor_text(listing: Listing) -> str:
 
 def list_looks(*, as_json: bool) -> None:
     """Print every look, those of the subject first."""
+    from gsedit.words.direct import UNCLEAR
     from gsedit.words.looks import LOOKS
 
     for look in LOOKS.values():
@@ -106,7 +107,10 @@ def list_looks(*, as_json: bool) -> None:
     if not as_json:
         print_message(
             "ask in your own words, for one look of the subject, one of the scene, or both; test a "
-            'sentence: gsedit list looks "SENTENCE"; draw them: gsedit list looks -o looks.png'
+            'sentence: gsedit list looks "SENTENCE"; draw them: gsedit list looks -o looks.png\n'
+            "--editor small draws all of these. By default they are done on the Gaussians, "
+            f"{' and '.join(sorted(UNCLEAR))} are refused, and small draws only what is asked for "
+            "as impressionist: its watercolor, hardly seen"
         )
 
 

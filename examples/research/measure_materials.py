@@ -1,26 +1,26 @@
 """Metal, gloss, marble and paint in a scene's light against exact pictures, at cameras not used.
 
-    python -m research.measure_materials [bear|armchair] [CASE ...] [--ceiling] [--small]
+    python -m research.measure_materials materials.csv > materials.md
 
 A stone bear in a garden, captured from 36 cameras that look down on it: its sky is not seen, and
 its sun is clipped. A stone armchair in a room with windows and a lamp. The light of both is known,
-and exact pictures are traced from four other cameras. Each material (CASE is the first word of its
-name; all without) is put on by its route, as paint of its color by the route "paint", with --small
-by the editor `small`, and with --ceiling as SH of degree 3 of the exact light at exact points.
-Pictures are means of two by two pixels. The table goes to the output as CSV.
+and exact pictures are traced from four other cameras. Each material is put on by its route and, but
+for matte paint, as paint of its color by the route "paint"; bronze and gold also by the editor
+`small`, and as SH of degree 3 of the exact light at exact points: the ceiling. Pictures are means
+of two by two pixels. All numbers go to a CSV as they come, a table of Markdown to the output.
 """
 
 from __future__ import annotations
 
 import csv
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import process_time
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -76,11 +76,22 @@ COLORS = {"bronze": "#b98550", "gold": "#ffd76b", "silver": "#f4f3f0", "chrome":
 MARBLE = Material("#f1efeb", 0.0, 0.2, layers=(Layer("veins", "#6f7076", 0.2, 0.7, roughness=0.2),))
 """Polished stone with veins, without the translucency and the coat that exact pictures have not."""
 PAINTS = ("#653700", "#029386", "#e50000", "#ffffff", "#0343df", "#808080", "#fac205", "#15b01a")
-SCENES = ("bear", "armchair")
-PROMPTS = {"bronze": "turn it into a bronze statue", "gold": "turn it into a golden statue",
-           "silver": "turn it into a silver statue"}  # fmt: skip
+PROMPTS = {"bronze": "turn it into a bronze statue", "gold": "turn it into a golden statue"}
 COLUMNS = ("scene", "material", "by", "PSNR dB, whole picture", "PSNR dB, subject",
            "CIEDE2000 of the mean", "CPU s")  # fmt: skip
+BY = ("material", "paint", "small", "ceiling")
+
+
+class Row(NamedTuple):
+    """One way to a material on one scene, against exact pictures; see COLUMNS."""
+
+    scene: str
+    material: str
+    by: str
+    whole: float
+    subject: float
+    difference: float
+    seconds: float
 
 
 def cases(veins: Callable[[torch.Tensor], torch.Tensor]) -> dict[str, tuple[Finish, Material]]:
@@ -213,9 +224,8 @@ def painted(
     return apply_change(scene, flat, Region(own), seen, cameras)
 
 
-def measure(lit: LitSolid, arguments: list[str], table: Any) -> None:
-    """Write the rows of one scene, and its median over paints to the error stream."""
-    name = lit.solid.name
+def measure(lit: LitSolid) -> Iterator[Row]:
+    """Yield the rows of one scene."""
     rings = ((0.0, -90.0), (25.0, -80.0), (50.0, -70.0))
     used = [c for up, start in rings
             for c in ring_cameras(lit.solid, 12, SIZE, elevation=up, start=start)]  # fmt: skip
@@ -224,43 +234,47 @@ def measure(lit: LitSolid, arguments: list[str], table: Any) -> None:
     stone = Finish(plain_base((0.5, 0.45, 0.4)), specular=0.0)
     scene, own = captured(lit, stone, COUNT, DOME, torch.Generator().manual_seed(0))
     seen = seen_weights(scene, used)
-    wanted = {each for each in arguments if each[0] != "-"} - set(SCENES)
-    differences = []
     for case, (finish, material) in cases(veined(scene, own)).items():
-        if wanted and case.split()[0] not in wanted:
-            continue
         exact = [lit.photograph(finish, camera, SAMPLES) for camera in held_out]
-
-        makers: dict[str, Callable[[], Gaussians]] = {
-            "material": partial(dressed, scene, own, material, used, seen),
-            "paint": partial(painted, scene, own, material, used, seen),
-        }
-        if case in PROMPTS and "--small" in arguments:
+        makers = {"material": partial(dressed, scene, own, material, used, seen)}
+        if not case.startswith("paint"):
+            makers["paint"] = partial(painted, scene, own, material, used, seen)
+        if case in PROMPTS:
             makers["small"] = partial(by_small, scene, own, PROMPTS[case], used)
-        if case in PROMPTS and "--ceiling" in arguments:
             makers["ceiling"] = partial(ceiling, scene, own, lit, finish, used)
-        is_paint = case.startswith("paint")
-        for by in ["material"] if is_paint else makers:
+        for by, make in makers.items():
             start = process_time()
-            made = makers[by]()
+            made = make()
             seconds = process_time() - start
-            row = measured(made, held_out, exact, lit)
-            table.writerow([name, case, by, *(f"{each:.1f}" for each in row), f"{seconds:.1f}"])
-            sys.stdout.flush()
-            if is_paint:
-                differences.append(row[2])
-    if differences:
-        sys.stderr.write(f"{name}: median CIEDE2000 of paints: {np.median(differences):.1f}\n")
+            yield Row(lit.solid.name, case, by, *measured(made, held_out, exact, lit), seconds)
 
 
-def main(arguments: list[str]) -> None:
-    """Write the table as CSV."""
-    table = csv.writer(sys.stdout, lineterminator="\n")
-    table.writerow(COLUMNS)
-    for lit in (bear(), armchair()):
-        if lit.solid.name in arguments or not set(SCENES) & set(arguments):
-            measure(lit, arguments, table)
+def markdown(rows: Sequence[Row]) -> str:
+    """Whole pictures' PSNR of each way, and the material's mean color and time, as a table."""
+    lines = [f"| scene | material | {' | '.join(BY)} | CIEDE2000 | CPU s |", "|---" * 8 + "|"]
+    for own in (row for row in rows if row.by == "material"):
+        ways = {row.by: f"{row.whole:.1f}" for row in rows if row[:2] == own[:2]}
+        cells = [own.scene, own.material, *(ways.get(by, "") for by in BY)]
+        lines.append(f"| {' | '.join(cells)} | {own.difference:.1f} | {own.seconds:.1f} |")
+    return "\n".join(lines) + "\n"
+
+
+def main(file: Path) -> None:
+    """Measure both scenes, into a CSV and a table."""
+    rows: list[Row] = []
+    with file.open("w", newline="") as stream:
+        table = csv.writer(stream, lineterminator="\n")
+        table.writerow(COLUMNS)
+        for lit in (bear(), armchair()):
+            for row in measure(lit):
+                table.writerow([*row[:3], *(f"{each:.1f}" for each in row[3:])])
+                stream.flush()
+                rows.append(row)
+    sys.stdout.write(markdown(rows))
+    for name in dict.fromkeys(row.scene for row in rows):
+        paints = [r.difference for r in rows if r.scene == name and r.material[:5] == "paint"]
+        sys.stdout.write(f"\n{name}: median CIEDE2000 of paints {np.median(paints):.1f}\n")
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main(Path(sys.argv[1]))

@@ -211,7 +211,7 @@ def colors_of(
     if degree == 0:
         sent = everywhere(material, surface, studied.skin, diffuse, studied.sides[:, 0])
         return ((displayed(sent) - 0.5) / SH_DC)[:, None]
-    own = studied.sides[:, 0].mean(0) * surface.color
+    own = studied.sides[:, 0] * surface.color
     eyes = torch.stack([c.center for c in cameras]).to(diffuse) if len(cameras) else None
     if eyes is not None:
         eyes = eyes[evenly_spaced(len(eyes), CAMERAS)]
