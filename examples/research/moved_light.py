@@ -76,8 +76,8 @@ def psnr(first: Tensor, second: Tensor) -> float:
 
 
 def compared(before: Gaussians, after: Gaussians, truth: Gaussians, cameras) -> list[float]:
-    """PSNR to the truth of the unedited scene, of its best gain of each channel, of the relit scene,
-    and of its best gain: exposure is a choice."""
+    """PSNR to the truth of the unedited scene, of its best gain of each channel, of the relit
+    scene, and of its best gain: exposure is a choice."""
     sums = torch.zeros(4)
     for camera in cameras:
         pictures = [render(each, camera) for each in (before, after, truth)]
