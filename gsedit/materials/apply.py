@@ -216,8 +216,9 @@ def colors_of(
     if eyes is not None:
         eyes = eyes[evenly_spaced(len(eyes), CAMERAS)]
     directions = torch.from_numpy(even_directions(AROUND)).to(diffuse)
-    found = []
-    for rows in only.split(AT_ONCE):
+    found = [diffuse.new_zeros(0, (degree + 1) ** 2, 3)]
+    for start in range(0, len(only), AT_ONCE):
+        rows = only[start : start + AT_ONCE]
         skin, here = studied.skin[rows], surface[rows]
         weights = view_weights(skin.points, skin.normals, directions, eyes)
         at, way = (weights > 0).nonzero().unbind(-1)

@@ -16,6 +16,8 @@ from gsedit.storage.atomic import atomic_path
 
 WIDTH, PANEL, MARGIN = 770, 330, 54
 """Pixels: width of the figure, height of a panel, and what is left around its curves."""
+NOTHING = 1e-9
+"""Largest value that is drawn as 0."""
 INK, GRID = "#333333", "#dddddd"
 COLORS = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b")
 """A color a stage, as matplotlib has them."""
@@ -60,7 +62,8 @@ def _draw_panel(
     with_decibels: bool,
 ) -> None:
     """One field's curves from `top` on, from 0 to `end` seconds."""
-    high = max((value for points in measured.values() for _, value in points), default=0.0) or 1.0
+    high = max((value for points in measured.values() for _, value in points), default=0.0)
+    high = high if high > NOTHING else 1.0
     left, right, low = MARGIN, WIDTH - MARGIN, top + PANEL - MARGIN
     across, up = (right - left) / (1.05 * end), (low - top - MARGIN) / (1.1 * high)
     draw.text((left, top + MARGIN - 8), label, INK, _font(), "lb")

@@ -152,6 +152,16 @@ def test_what_is_outside_keeps_its_bits_and_reflections_are_told(ball):
         assert torch.equal(getattr(done.scene, name), getattr(scene, name))
 
 
+def test_what_a_picture_shows_is_shaded_as_in_the_whole(ball):
+    _, scene, own, cameras = ball
+    whole = in_material(scene, own, BRONZE, cameras).scene
+    few = own & (torch.arange(len(scene)) % 7 == 0)
+    part = in_material(scene, own, BRONZE, cameras, shown=few).scene
+    torch.testing.assert_close(part.sh[few], whole.sh[few])
+    away = in_material(scene, own, BRONZE, cameras, shown=~own).scene
+    assert torch.equal(away.sh[:, :1], scene.sh)
+
+
 def test_the_same_twice_is_the_same(ball):
     _, scene, own, cameras = ball
     first, second = (in_material(scene, own, MATERIALS["jade"], cameras).scene for _ in range(2))

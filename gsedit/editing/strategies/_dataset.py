@@ -74,8 +74,9 @@ class EditAlone(RollbackAction):
 
 def alone(sampler: SamplerSettings, strength: float) -> SamplerSettings:
     """The settings for a view on its own from that noise level, with fewer steps where the
-    schedule has fewer levels below it."""
-    steps = max(1, min(sampler.step_count, int(1000 * strength)))
+    schedule has fewer levels below it; None stays for the editor's own."""
+    most = max(1, int(1000 * strength))
+    steps = sampler.steps if sampler.step_count <= most else most
     return replace(sampler, strength=strength, steps=steps, consensus=False, noise="independent")
 
 

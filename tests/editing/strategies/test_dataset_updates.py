@@ -12,6 +12,7 @@ from tiny_edits import run as run_tiny
 
 from gsedit import Event
 from gsedit.diffusion.settings import SamplerSettings
+from gsedit.editing.strategies._dataset import alone
 from gsedit.editing.strategies.bulk import Bulk
 from gsedit.editing.strategies.combined import Combined
 from gsedit.editing.strategies.iterative import Iterative
@@ -132,7 +133,7 @@ def test_a_low_noise_level_takes_as_many_steps_as_it_has_levels():
     editor = Watched()
     run(Iterative(total_steps=1, least_noise=0.02, most_noise=0.03), settings, editor)
     ((_, asked),) = editor.asked
-    assert 20 <= asked.steps <= 30
+    assert 20 <= asked.step_count <= 30
 
 
 @pytest.mark.parametrize(
@@ -148,3 +149,10 @@ def test_a_low_noise_level_takes_as_many_steps_as_it_has_levels():
 def test_values_out_of_range_are_refused(wrong):
     with pytest.raises(UsageError):
         wrong()
+
+
+def test_a_view_on_its_own_has_the_editors_steps_where_none_are_given():
+    settings = SamplerSettings()
+    assert alone(settings, 0.5).steps is None
+    assert alone(settings, 0.005).steps == 5
+    assert alone(replace(settings, steps=30), 0.5).steps == 30
