@@ -48,6 +48,8 @@ def noise_of(config: Mapping[str, Any], place: Path) -> Noise:
         levels = partial(_consistency_levels, noise.schedule, original)
         defaults = SamplerDefaults(steps=LCM_STEPS, solver="lcm")
         return noise._replace(levels=levels, defaults=defaults)
+    if config.get("use_karras_sigmas"):
+        return noise._replace(defaults=SamplerDefaults(spacing="karras"))
     if config.get("timestep_spacing") == "trailing":
         return noise._replace(defaults=SamplerDefaults(spacing="trailing"))
     if config.get("set_alpha_to_one"):

@@ -145,6 +145,20 @@ def test_trailing_steps_are_the_scheduler_s(folder, tmp_path):
     assert [level.t for level in levels[:-1]] == scheduler.timesteps.tolist()
 
 
+def test_karras_sigmas_are_the_scheduler_s(folder, tmp_path):
+    scheduler = diffusers.EulerDiscreteScheduler(
+        beta_start=SD["beta_start"],
+        beta_end=SD["beta_end"],
+        beta_schedule=SD["beta_schedule"],
+        use_karras_sigmas=True,
+    )
+    model = load_model(scheduled(folder, tmp_path / "karras", scheduler))
+    scheduler.set_timesteps(6)
+    model, settings = for_settings(model, settings_of(6))
+    found = [level.sigma for level in levels_for(model, settings, (CELLS, CELLS))]
+    torch.testing.assert_close(torch.tensor(found), scheduler.sigmas, rtol=1e-4, atol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("scheduler", "message"),
     [
