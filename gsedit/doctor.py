@@ -108,7 +108,8 @@ def check_packages() -> Iterator[Check]:
     )
     for name in ("diffusers", "transformers"):
         installed = installed_version(name)
-        advice = "" if installed else "the editors pix2pix and diffusers need it: pip install 'gsedit[diffusers]'"
+        needed = "the editors pix2pix and diffusers need it: pip install 'gsedit[diffusers]'"
+        advice = "" if installed else needed
         yield Check(name, installed or "not installed", advice)
     weights = installed_version("stlpips_pytorch")
     advice = "perceptual distances need its weights: pip install 'gsedit[perceptual]'"

@@ -115,7 +115,7 @@ SDXL = Family(
     size=1024,
     example="diffusers/sdxl-instructpix2pix-768",
     licence="CreativeML OpenRAIL++-M; CosXL-Edit: Stability AI, research only",
-    gigabytes=14.0,
+    gigabytes=12.3,
 )
 DREAMLITE = Family(
     title="DreamLite, DreamLite-mobile",
@@ -181,7 +181,7 @@ ULTRAEDIT = Family(
     ),
     size=512,
     example="BleachNick/SD3_UltraEdit_freeform",
-    licence="Stability AI non-commercial research community",
+    licence="none stated; its base, Stable Diffusion 3: Stability AI's own",
     gigabytes=16.0,
 )
 QWEN = Family(
