@@ -179,7 +179,8 @@ def _noun_sign(clause: Clause, before: int) -> int:
     if complains(clause) and "cure" not in clause.tags():  # "fix the contrast" says no way
         return -1
     if given.factor is not None:
-        return 1 if given.factor > 1 else -1
+        under = any(word.text == "under" for word in clause.words)  # "two stops under"
+        return 1 if given.factor > 1 and not under else -1
     marks = [word.text[0] for word in clause.words if word.kind == "number"]
     return next(({"+": 1, "-": -1}[mark] for mark in marks if mark in "+-"), before)
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from gsedit.editing.routes.apply import apply_change
+from gsedit.editing.routes.apply import apply_change, apply_instruction
 from gsedit.errors import UsageError
 from gsedit.light.direction import direction_of
 from gsedit.light.named import LIGHTS, setup_of
@@ -120,6 +120,13 @@ def test_an_object_that_is_alone_is_seen_at_night_and_more_light_is_brighter(sce
     assert not place_of(surrounded(lone), ring()).alone
     around = relit(surrounded(lone), setup_of("night"), ring())[: len(lone)]
     assert shown(around).mean() < night
+
+
+def test_only_what_brings_light_is_remarked_on_as_light(scene):
+    lone = scene[:600]
+    for sentence, said in (("night", True), ("snow", True), ("autumn", False), ("sketch", False)):
+        found = apply_instruction(lone, read_instruction(sentence), everything, ring())
+        assert any("dim light" in note for note in found.notes) == said
 
 
 def test_patches_of_a_days_sun_fade_where_new_light_is_dim(scene):

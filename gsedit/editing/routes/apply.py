@@ -21,7 +21,7 @@ from gsedit.materials.named import material_of, paint_of
 from gsedit.regions.lift import lift
 from gsedit.regions.region import Region, everything
 from gsedit.scene.table import table_of
-from gsedit.scenery.named import in_scenery
+from gsedit.scenery.named import SCENERIES, in_scenery
 from gsedit.words.instruction import Change, Instruction, Target
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
@@ -169,9 +169,15 @@ def apply_instruction(
         after, notes = made.scene, [*notes, *made.notes]
         inside |= region.inside
     found = Region(inside, "; ".join(regions[target].note for target in targets))
-    lit = any(change.route in ("light", "scenery") for change in changes)
+    lit = any(map(_relights, changes))
     note = None if not lit else light_note(scene, place_of(scene, cameras, seen), seen)
     return Routed(after, found, (*dict.fromkeys(notes), *((note,) if note else ())))
+
+
+def _relights(change: Change) -> bool:
+    """Whether a change brings another light; autumn and a sketch do not."""
+    scenic = change.route == "scenery" and SCENERIES[change.name].light is not None
+    return change.route == "light" or scenic
 
 
 def _regions(
