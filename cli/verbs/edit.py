@@ -99,6 +99,8 @@ class EditCommand:
     common: Seeded
     first_scene: Path | None = None
     """Scene before all edits, which edit.json names in the place of `scene`."""
+    sized: bool = True
+    """Whether the size of the views, where there is one, was asked for."""
 
 
 @shows(
@@ -257,7 +259,7 @@ def run_pipeline(asked: EditCommand) -> EditResult | None:
     check_condition(settings.condition, views.data)
     followed = instruction if asks_editor(strategy) else None
     editor_2d = editor.make(folder, followed, settings.sampler.precision)
-    settings = at_size(settings, editor_2d, views.size)
+    settings = at_size(settings, editor_2d, views.size if asked.sized else None)
     extractor = load_features(own.features)
     gaussians = load_scene(scene, drop_invalid=own.drop_invalid)
     say_kernel(settings.execution, UPDATES)

@@ -188,7 +188,7 @@ class Work:
         views = ViewOptions(data=self.dataset, size=self.recipe.pixels())
         own = EditOptions(self.edit, force=True, resume=same)
         request = self.scene, self.instruction, self.edit, own, views, self.editor, {}, self.common
-        run_edit(EditCommand(*request))
+        run_edit(EditCommand(*request, sized=self.recipe.size is not None))
         return self.instruction
 
     def screen(self, results: list[str], seconds: float) -> str:
