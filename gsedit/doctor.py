@@ -106,7 +106,7 @@ def check_packages() -> Iterator[Check]:
         ", ".join(f"{name} {version or 'MISSING'}" for name, version in versions.items()),
         f"gsedit needs them: pip install {missing}" if missing else "",
     )
-    for name in ("diffusers", "transformers"):
+    for name in ("diffusers", "transformers", "accelerate"):
         installed = installed_version(name)
         needed = "the editors pix2pix and diffusers need it: pip install 'gsedit[diffusers]'"
         advice = "" if installed else needed

@@ -123,9 +123,10 @@ def _models() -> str:
 def _libraries_missing() -> Iterable[str]:
     from importlib.util import find_spec
 
-    absent = [name for name in ("diffusers", "transformers") if find_spec(name) is None]
+    needed = ("accelerate", "diffusers", "transformers")
+    absent = [name for name in needed if find_spec(name) is None]
     if absent:
-        yield f"{' and '.join(absent)}: pip install 'gsedit[diffusers]'"
+        yield f"{', '.join(absent)}: pip install 'gsedit[diffusers]'"
 
 
 def _diffusers_missing() -> Iterable[str]:

@@ -115,7 +115,7 @@ def test_what_pix2pix_misses_is_named(monkeypatch, tmp_path):
     monkeypatch.setattr("huggingface_hub.constants.HF_HUB_CACHE", str(tmp_path))
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     packages, weights = next(each for each in list_editors() if each.name == "pix2pix").needs
-    assert "diffusers and transformers: pip install 'gsedit[diffusers]'" in packages
+    assert "accelerate, diffusers, transformers: pip install 'gsedit[diffusers]'" in packages
     assert "--model" in weights
     assert "hf download timbrooks/instruct-pix2pix --local-dir FOLDER" in weights
 

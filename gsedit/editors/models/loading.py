@@ -31,13 +31,11 @@ def load_model(
         raise UsageError(f"micro_batch must be 1 or more, not {micro_batch}")
     parts = Parts.of(find(str(model), weights_dir, yes=yes), precision)
     try:
-        import diffusers  # noqa: F401  # pyright: ignore[reportUnusedImport]
-        import transformers  # noqa: F401  # pyright: ignore[reportUnusedImport]
-
+        for library in ("accelerate", "diffusers", "transformers"):
+            import_module(library)
         family = import_module(f"gsedit.editors.models.{parts.family.module}")
     except ImportError as error:
         raise UsageError(
-            f"the editors pix2pix and diffusers need diffusers and transformers ({error.name} is "
-            "missing): pip install 'gsedit[diffusers]'"
+            f"the editors pix2pix and diffusers need {error.name}: pip install 'gsedit[diffusers]'"
         ) from error
     return family.load(parts, micro_batch=micro_batch)
