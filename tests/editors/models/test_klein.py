@@ -1,0 +1,150 @@
+"""FLUX.2-klein against diffusers' pipelines, tiny and random."""
+
+from __future__ import annotations
+
+import model_laws
+import pytest
+import torch
+from tiny_flux import klein, picture, trace, views
+from torch.nn.functional import pixel_unshuffle
+
+from gsedit.diffusion.flow import FlowScheduler
+from gsedit.diffusion.guidance import Need
+from gsedit.diffusion.settings import SamplerSettings
+from gsedit.editors.models.klein import Klein, set_cache_processors
+from gsedit.editors.models.tokens import packed
+from gsedit.editors.protocol import for_settings
+from gsedit.errors import UsageError
+
+pytestmark = pytest.mark.usefixtures("offline")
+LENGTH = 24
+"""Tokens of an instruction here: 512 would be most of the work."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def short():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("gsedit.editors.models.klein.LENGTH", LENGTH)
+        yield
+
+
+def ours(pipe, *, distilled: bool = True, cached: bool = False, micro_batch: int = 1) -> Klein:
+    flow = FlowScheduler.read(pipe.scheduler.config, "scheduler")
+    if cached:
+        set_cache_processors(pipe.transformer)
+    return Klein(
+        transformer=pipe.transformer,
+        vae=pipe.vae,
+        text_encoder=pipe.text_encoder,
+        tokenizer=pipe.tokenizer,
+        flow=flow,
+        schedule=flow.schedule,
+        distilled=distilled,
+        cached=cached,
+        micro_batch=micro_batch,
+    )
+
+
+def noise(count: int = 2, rows: int = 8, columns: int = 12) -> torch.Tensor:
+    return torch.randn(count, 2, rows, columns, generator=torch.Generator().manual_seed(2))
+
+
+KINDS = {
+    "distilled": {},
+    "guided": {"distilled": False},
+    "cached": {"cached": True},
+}
+
+
+@pytest.fixture(scope="module", params=KINDS)
+def both(request):
+    pipe = klein(**KINDS[request.param])
+    return pipe, ours(pipe, **KINDS[request.param])
+
+
+@torch.no_grad()
+def test_every_step_equals_diffusers(both):
+    pipe, model = both
+    pictures, start = views(2, 64, 72), noise(2, 32, 36)  # the pipeline takes 64 pixels or more
+    guided = {} if model.cached else {"guidance_scale": 4.0}
+    expected = [
+        trace(
+            pipe,
+            prompt=model_laws.PROMPT,
+            image=picture(view),
+            height=64,
+            width=72,
+            latents=pixel_unshuffle(x[None], 2),
+            num_inference_steps=3,
+            max_sequence_length=LENGTH,
+            **guided,
+        )
+        for view, x in zip(pictures, start)
+    ]
+    settings = SamplerSettings(steps=3, strength=1.0, consensus=False)
+    steps = list(model_laws.run(model, pictures, start, settings))
+    assert len(steps) == 3
+    for step, theirs in zip(steps, zip(*expected)):
+        torch.testing.assert_close(packed(step.x), torch.cat(theirs), **model_laws.CLOSE)
+
+
+def needed(model: Klein) -> Need:
+    return Need(True, not model.distilled, not model.distilled)
+
+
+@torch.no_grad()
+def test_micro_batches_change_nothing(both):
+    _, model = both
+    model_laws.micro_batches_change_nothing(model, views(3, 16, 24), noise(3), needed(model))
+
+
+@torch.no_grad()
+def test_views_do_not_mix(both):
+    _, model = both
+    model_laws.views_do_not_mix(model, views(2, 16, 24), noise(), needed(model))
+
+
+def test_consensus_law(both):
+    model_laws.consensus_law_holds(both[1], views(2, 16, 24), noise())
+
+
+@torch.no_grad()
+def test_encode_and_decode_equal_the_pipelines(both):
+    pipe, model = both
+    pictures = views(2, 32, 36)
+    pixels = 2 * pictures.movedim(-1, 1) - 1
+    theirs = pipe._encode_vae_image(pixels, torch.Generator())
+    ours = model.encode(pictures)
+    torch.testing.assert_close(pixel_unshuffle(ours, 2), theirs)
+    mean, variance = (
+        each.view(1, -1, 1, 1) for each in (pipe.vae.bn.running_mean, pipe.vae.bn.running_var)
+    )
+    latents = theirs * (variance + pipe.vae.config.batch_norm_eps).sqrt() + mean
+    expected = pipe.vae.decode(pipe._unpatchify_latents(latents)).sample
+    torch.testing.assert_close(model.decode(ours), expected.movedim(1, -1) / 2 + 0.5)
+
+
+def test_sides_and_defaults(both):
+    _, model = both
+    assert (model.cell, model.multiple, model.channels, model.size) == (2, 4, 2, 256)
+    defaults = model.capabilities.defaults
+    assert defaults.guidance_text == (1 if model.distilled else 4)
+    assert defaults.steps == (4 if model.distilled else 50)
+
+
+def test_a_long_instruction_is_refused(both):
+    _, model = both
+    model.check("make " * 15)
+    with pytest.raises(UsageError, match="longer than this model reads"):
+        model.check("make " * 30)
+
+
+def test_guidance_of_a_distilled_model_is_refused(both):
+    _, model = both
+    if not model.distilled:
+        return
+    with pytest.raises(UsageError, match="distilled"):
+        for_settings(model, SamplerSettings(guidance_text=4.0))
+    condition = model.condition(views(1, 16, 24), model_laws.PROMPT, torch.Generator())
+    with pytest.raises(UsageError, match="distilled"):
+        model.branches(noise(1), 500.0, condition, Need())

@@ -1,0 +1,83 @@
+"""Laws that every model in diffusers' layout obeys; its own test file calls each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from itertools import pairwise
+from typing import Any
+
+import torch
+
+from gsedit.consistency.consensus import consensus
+from gsedit.diffusion.guidance import Need
+from gsedit.diffusion.sampler import SamplerStep, sample
+from gsedit.diffusion.settings import SamplerSettings
+from gsedit.editors.models.model import Model
+from gsedit.editors.protocol import for_settings, levels_for
+
+PROMPT = "make it snow"
+CLOSE: dict[str, Any] = {"rtol": 1e-5, "atol": 1e-4}
+"""float32 networks, latents of order 1 to 10."""
+
+
+@torch.no_grad()
+def run(
+    model: Model, pictures: torch.Tensor, start: torch.Tensor, settings: SamplerSettings, **options
+) -> Iterator[SamplerStep]:
+    """The sampler's steps from this noise, at the model's own levels and guidance."""
+    weighted, settings = for_settings(model, settings)
+    assert isinstance(weighted, Model)
+    condition = weighted.condition(pictures, PROMPT, torch.Generator())
+    levels = levels_for(weighted, settings, (start.shape[2], start.shape[3]))
+    return sample(weighted, condition, start, settings, levels=levels, **options)
+
+
+def micro_batches_change_nothing(
+    model: Model, pictures: torch.Tensor, start: torch.Tensor, need: Need
+) -> None:
+    """One view or three in a pass predict alike, and encode and decode alike."""
+    for views in (1, 3):
+        other = replace(model, micro_batch=views)
+        condition = other.condition(pictures, PROMPT, torch.Generator())
+        predicted = other.branches(start, 700.0, condition, need)
+        found = (other.encode(pictures), other.decode(start), *filter(torch.is_tensor, predicted))
+        if views == 1:
+            expected = found
+    for one, three in zip(expected, found, strict=True):
+        torch.testing.assert_close(one, three, **CLOSE)
+
+
+def views_do_not_mix(model: Model, pictures: torch.Tensor, start: torch.Tensor, need: Need) -> None:
+    """In one pass, another picture beside a view changes nothing of it."""
+    model = replace(model, micro_batch=2)
+    other = pictures.clone()
+    other[1] = 1 - other[1]
+    first, second = (
+        model.branches(start, 700.0, model.condition(each, PROMPT, torch.Generator()), need)
+        for each in (pictures, other)
+    )
+    one, two = first.text_image, second.text_image
+    assert one is not None
+    assert two is not None
+    torch.testing.assert_close(one[0], two[0], **CLOSE)
+    assert (one[1] - two[1]).abs().max() > 1e-3
+
+
+def consensus_law_holds(model: Model, pictures: torch.Tensor, start: torch.Tensor) -> None:
+    """The deviation of corresponding cells never changes its sign and never grows."""
+    views, _, *cells = start.shape
+    numbers = torch.arange(cells[0] * cells[1]).reshape(1, *cells)
+    agree = partial(consensus, labels=numbers.expand(views, -1, -1))
+    for solver in ("euler", "dpm++2m"):
+        settings = SamplerSettings(steps=4, strength=1.0, solver=solver, t_end=0.0)
+        steps = [
+            start,
+            *(step.x for step in run(model, pictures, start, settings, consensus=agree)),
+        ]
+        deviations = [x - x.mean(0) for x in steps]
+        for before, after in pairwise(deviations):
+            assert (after.abs() <= before.abs() + 1e-5).all()
+            assert (after * before >= -1e-5).all()
+        assert deviations[-1].abs().max() < 1e-5
