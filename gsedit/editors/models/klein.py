@@ -137,7 +137,7 @@ class Klein(Model):
         text, null, reference = condition.text, condition.null, condition.reference
         if null is None and (need.image or need.none):
             raise UsageError(f"{self.name} is distilled, it has no guidance: leave guidance at 1")
-        branches = [(text, reference), (null, reference), (null, None)]
+        branches = [(text, reference), (null, reference), (null, reference[:, :0])]
         return tuple(
             self._velocity(x, t, *branch) for branch, needed in zip(branches, need) if needed
         )
@@ -147,21 +147,21 @@ class Klein(Model):
         x: Float[Tensor, "b c y x"],
         t: float,
         text: Float[Tensor, "1 l e"],
-        reference: Float[Tensor, "b ..."] | None,
+        reference: Float[Tensor, "b ..."],
     ) -> Float[Tensor, "b c y x"]:
-        dtype = self.transformer.dtype
-        tokens, places = packed(x).to(dtype), _places(0, x)
-        inputs = (
-            tokens, network_times(t, len(x), dtype), text.expand(len(x), -1, -1), places,
-        )  # fmt: skip
-        if reference is None:
-            out = self.run(_alone, self.transformer, *inputs)
-        elif self.cached:
-            out = self.run(_with_cache, self.transformer, *inputs, reference)
-        else:
-            out = self.run(
-                _with_reference, self.transformer, *inputs, reference, _places(REFERENCE, x)
-            )
+        dtype, views = self.transformer.dtype, len(x)
+        places = _places(0, x)
+        if not self.cached:
+            places = torch.cat((places, _places(REFERENCE, x)[: reference.shape[1]]))
+        out = self.run(
+            _with_cache if self.cached else _with_reference,
+            self.transformer,
+            packed(x).to(dtype),
+            reference,
+            network_times(t, views, dtype),
+            text.to(dtype).expand(views, -1, -1),
+            places,
+        )
         return unpacked(out.to(x.dtype), x.shape[2] // 2, x.shape[3] // 2)
 
     def _levels(self, settings: SamplerSettings, cells: tuple[int, int]) -> list[NoiseLevel]:
@@ -258,46 +258,41 @@ def _features(text_encoder: Any, ids: Tensor, mask: Tensor) -> Tensor:
     return torch.cat([out.hidden_states[layer] for layer in LAYERS], -1)
 
 
-def _alone(
-    transformer: Any, tokens: Tensor, time: Tensor, text: Tensor, places: Tensor, **cache: Any
+def _with_reference(
+    transformer: Any, tokens: Tensor, reference: Tensor, time: Tensor, text: Tensor, places: Tensor
 ) -> Tensor:
-    """The flow at the noised picture's tokens, without an unedited picture."""
+    """The flow at the noised picture's tokens, which come before the unedited picture's."""
+    return transformer(
+        hidden_states=torch.cat((tokens, reference), 1),
+        timestep=time,
+        encoder_hidden_states=text,
+        txt_ids=_text_places(text),
+        img_ids=places,
+    ).sample[:, : tokens.shape[1]]
+
+
+def _with_cache(
+    transformer: Any, tokens: Tensor, kept: Tensor, time: Tensor, text: Tensor, places: Tensor
+) -> Tensor:
+    """The flow, with the unedited picture's keys and values in place of its tokens."""
+    from diffusers.models.transformers.transformer_flux2 import Flux2KVCache
+
+    cache = Flux2KVCache(
+        len(transformer.transformer_blocks), len(transformer.single_transformer_blocks)
+    )
+    cache.num_ref_tokens = kept.shape[3]
+    every = (*cache.double_block_caches, *cache.single_block_caches)
+    for layer, pair in zip(every, kept.unbind(1)):
+        layer.store(*pair.unbind(1))
     return transformer(
         hidden_states=tokens,
         timestep=time,
         encoder_hidden_states=text,
         txt_ids=_text_places(text),
         img_ids=places,
-        **cache,
+        kv_cache=cache,
+        kv_cache_mode="cached",
     ).sample
-
-
-def _with_reference(
-    transformer: Any,
-    tokens: Tensor,
-    time: Tensor,
-    text: Tensor,
-    places: Tensor,
-    reference: Tensor,
-    reference_places: Tensor,
-) -> Tensor:
-    both, all_places = torch.cat((tokens, reference), 1), torch.cat((places, reference_places))
-    return _alone(transformer, both, time, text, all_places)[:, : tokens.shape[1]]
-
-
-def _with_cache(
-    transformer: Any, tokens: Tensor, time: Tensor, text: Tensor, places: Tensor, kept: Tensor
-) -> Tensor:
-    """The flow, with the unedited picture's keys and values in place of its tokens."""
-    from diffusers.models.transformers.transformer_flux2 import Flux2KVCache
-
-    layers = len(transformer.transformer_blocks), len(transformer.single_transformer_blocks)
-    cache = Flux2KVCache(*layers)
-    cache.num_ref_tokens = kept.shape[3]
-    every = (*cache.double_block_caches, *cache.single_block_caches)
-    for layer, pair in zip(every, kept.unbind(1)):
-        layer.store(*pair.unbind(1))
-    return _alone(transformer, tokens, time, text, places, kv_cache=cache, kv_cache_mode="cached")
 
 
 def _keys_and_values(
