@@ -162,9 +162,9 @@ def clip_config() -> transformers.CLIPTextConfig:
     )
 
 
-def t5() -> transformers.T5EncoderModel:
+def t5(width: int = 32) -> transformers.T5EncoderModel:
     config = transformers.T5Config(
-        d_model=32, d_ff=37, d_kv=8, num_heads=4, num_layers=2, vocab_size=8, pad_token_id=0
+        d_model=width, d_ff=37, d_kv=8, num_heads=4, num_layers=2, vocab_size=8, pad_token_id=0
     )
     return transformers.T5EncoderModel(config)
 
@@ -181,6 +181,38 @@ def kontext(*, weighted: bool = True) -> diffusers.FluxKontextPipeline:
         "scheduler": diffusers.FlowMatchEulerDiscreteScheduler(**FLOW),
     }
     return quiet(diffusers.FluxKontextPipeline(**parts))
+
+
+def sd3(*, shown: int = 1, with_t5: bool = True) -> diffusers.StableDiffusion3Pipeline:
+    """Stable Diffusion 3 shown so many pictures; cells of 2 pixels, patches of 2 cells."""
+
+    def transformer() -> diffusers.SD3Transformer2DModel:
+        return diffusers.SD3Transformer2DModel(
+            sample_size=32,
+            patch_size=2,
+            in_channels=2 * (1 + shown),
+            out_channels=2,
+            num_layers=2,
+            attention_head_dim=8,
+            num_attention_heads=4,
+            caption_projection_dim=32,
+            joint_attention_dim=80,
+            pooled_projection_dim=64,
+        )
+
+    kind = transformers.CLIPTextModelWithProjection
+    parts: dict[str, Any] = {
+        "transformer": seeded(transformer).eval(),
+        "vae": seeded(vae).eval(),
+        "text_encoder": seeded(lambda: kind(clip_config()), 1).eval(),
+        "tokenizer": word_tokenizer(model_max_length=16),
+        "text_encoder_2": seeded(lambda: kind(clip_config()), 2).eval(),
+        "tokenizer_2": word_tokenizer(model_max_length=16),
+        "text_encoder_3": seeded(lambda: t5(80)).eval() if with_t5 else None,
+        "tokenizer_3": word_tokenizer() if with_t5 else None,
+        "scheduler": diffusers.FlowMatchEulerDiscreteScheduler(shift=3.0),
+    }
+    return quiet(diffusers.StableDiffusion3Pipeline(**parts))
 
 
 def quiet(pipe: Any) -> Any:
