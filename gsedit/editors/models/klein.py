@@ -35,12 +35,10 @@ LAYERS = (9, 18, 27)
 """Layers of the text encoder whose outputs are the instruction's features."""
 REFERENCE = 10
 """Position of the unedited picture on the first axis, where the noised one is at 0."""
-DISTILLED = SamplerDefaults(
-    guidance_text=1.0, guidance_image=1.0, steps=4, solver="euler", t_end=1.0
-)
-"""t_end is a guess: consensus at 3 of the 4 steps at 512 pixels."""
-GUIDED = SamplerDefaults(guidance_text=4.0, guidance_image=1.0, steps=50, solver="euler", t_end=1.0)
-"""The weight and the steps are those of diffusers' pipeline."""
+DISTILLED = SamplerDefaults(guidance_text=1.0, guidance_image=1.0, steps=4, solver="euler")
+"""t_end is Stable Diffusion's, a guess here: 3 of the 4 steps are above it."""
+GUIDED = SamplerDefaults(guidance_text=4.0, guidance_image=1.0, steps=50, solver="euler")
+"""Weight and steps of diffusers' pipeline."""
 
 
 class Condition(NamedTuple):

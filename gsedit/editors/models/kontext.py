@@ -31,17 +31,15 @@ if TYPE_CHECKING:
 
 LENGTH = 512
 """Tokens of an instruction."""
-DEFAULTS = SamplerDefaults(
-    guidance_text=2.5, guidance_image=1.0, steps=28, solver="euler", t_end=1.0
-)
-"""Weight of its makers' example, steps of diffusers' pipeline; t_end is a guess."""
+DEFAULTS = SamplerDefaults(guidance_text=2.5, guidance_image=1.0, steps=28, solver="euler")
+"""Weight of its makers' example, steps of diffusers' pipeline; t_end is Stable Diffusion's."""
 
 
 class TextFeatures(NamedTuple):
     """An instruction as the transformer reads it."""
 
     tokens: Float[Tensor, "1 l e"]
-    """Features of T5, one vector a token."""
+    """A vector of T5 for each token."""
     pooled: Float[Tensor, "1 p"]
     """The vector of CLIP, which reads the first 77 tokens only."""
 
@@ -58,7 +56,7 @@ class Condition(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Kontext(Model):
-    """FLUX.1-Kontext."""
+    """FLUX.1-Kontext with its text encoders."""
 
     transformer: Any
     vae: Any
@@ -102,7 +100,7 @@ class Kontext(Model):
         return 128 * self.cell
 
     def excess(self, prompt: str) -> int:
-        """Of T5: CLIP's part is a summary of the beginning."""
+        """Tokens too many for T5; CLIP's part is a summary of the beginning."""
         return tokens_over(self.t5_tokenizer, prompt, LENGTH)
 
     def encode(self, images: Float[Tensor, "v h w 3"]) -> Latents:
@@ -191,7 +189,7 @@ def load(parts: Parts, *, micro_batch: int) -> Kontext:
     """The model of a folder. Raises InputError for a schedule that is not supported."""
     from diffusers.models.autoencoders.autoencoder_kl import AutoencoderKL
     from diffusers.models.transformers.transformer_flux import FluxTransformer2DModel
-    from transformers import AutoTokenizer, CLIPTextModel, CLIPTokenizer, T5EncoderModel
+    from transformers import AutoTokenizer, CLIPTextModel, T5EncoderModel
 
     flow = FlowScheduler.read(parts.scheduler_config(), parts.folder / "scheduler")
     transformer = parts.network("transformer", FluxTransformer2DModel)
@@ -200,7 +198,7 @@ def load(parts: Parts, *, micro_batch: int) -> Kontext:
         transformer=transformer,
         vae=parts.network("vae", AutoencoderKL),
         clip=parts.text_encoder("text_encoder", CLIPTextModel),
-        clip_tokenizer=parts.tokenizer("tokenizer", CLIPTokenizer),
+        clip_tokenizer=parts.tokenizer("tokenizer", AutoTokenizer),
         t5=parts.text_encoder("text_encoder_2", T5EncoderModel),
         t5_tokenizer=parts.tokenizer("tokenizer_2", AutoTokenizer),
         flow=flow,

@@ -32,10 +32,8 @@ from gsedit.errors import InputError
 if TYPE_CHECKING:
     from gsedit.editors.models.parts import Parts
 
-DEFAULTS = SamplerDefaults(
-    guidance_text=7.5, guidance_image=1.5, steps=28, solver="euler", t_end=1.0
-)
-"""Weights of UltraEdit's example, steps of diffusers' pipeline; t_end is a guess."""
+DEFAULTS = SamplerDefaults(guidance_text=7.5, guidance_image=1.5, steps=28, solver="euler")
+"""Weights of UltraEdit's example, steps of diffusers' pipeline; t_end is Stable Diffusion's."""
 OWN_VERSION = (0, 33)
 """Diffusers before it had no pipeline of this name but in UltraEdit's copy of it."""
 OWN_SIZE = 512
@@ -100,11 +98,11 @@ class UltraEdit(Model):
 
     @property
     def length(self) -> int:
-        """Tokens of T5."""
+        """Tokens that T5 reads."""
         return OWN_LENGTH if self.own else LENGTH
 
     def excess(self, prompt: str) -> int:
-        """Of T5, where it is there: it reads what CLIP has no room for."""
+        """Tokens too many for T5, where it is there: it reads what CLIP has no room for."""
         if self.t5 is None:
             return max(clip.excess(prompt) for clip in self.clips)
         return tokens_over(self.t5.tokenizer, prompt, self.length)
@@ -197,27 +195,22 @@ def load(parts: Parts, *, micro_batch: int) -> UltraEdit:
     """The model of a folder. Raises InputError for what is not supported."""
     from diffusers.models.autoencoders.autoencoder_kl import AutoencoderKL
     from diffusers.models.transformers.transformer_sd3 import SD3Transformer2DModel
-    from transformers import (
-        AutoTokenizer,
-        CLIPTextModelWithProjection,
-        CLIPTokenizer,
-        T5EncoderModel,
-    )
+    from transformers import AutoTokenizer, CLIPTextModelWithProjection, T5EncoderModel
 
     flow = FlowScheduler.read(parts.scheduler_config(), parts.folder / "scheduler")
 
-    def encoder(number: str, kind: Any, words: Any) -> TextEncoder:
+    def encoder(number: str, kind: Any) -> TextEncoder:
         network = parts.text_encoder(f"text_encoder{number}", kind)
-        return TextEncoder(network, parts.tokenizer(f"tokenizer{number}", words))
+        return TextEncoder(network, parts.tokenizer(f"tokenizer{number}", AutoTokenizer))
 
     model = UltraEdit(
         transformer=parts.network("transformer", SD3Transformer2DModel),
         vae=parts.network("vae", AutoencoderKL),
         clips=(
-            encoder("", CLIPTextModelWithProjection, CLIPTokenizer),
-            encoder("_2", CLIPTextModelWithProjection, CLIPTokenizer),
+            encoder("", CLIPTextModelWithProjection),
+            encoder("_2", CLIPTextModelWithProjection),
         ),
-        t5=encoder("_3", T5EncoderModel, AutoTokenizer) if parts.has("text_encoder_3") else None,
+        t5=encoder("_3", T5EncoderModel) if parts.has("text_encoder_3") else None,
         flow=flow,
         schedule=flow.schedule,
         own=_made_by_ultraedit(parts.pipeline_config()),
