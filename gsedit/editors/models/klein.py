@@ -195,8 +195,10 @@ class Klein(Model):
         )
 
     def _embed(self, text: str) -> Float[Tensor, "1 l e"]:
-        read = words(self.tokenizer, self._chat(text), LENGTH)
-        return self.run(_features, self.text_encoder, read.ids, read.mask)
+        ids, mask = words(self.tokenizer, self._chat(text), LENGTH)
+        network = self.text_encoder.model  # without the layer that predicts the next word
+        out = network(ids, attention_mask=mask, use_cache=False, output_hidden_states=True)
+        return torch.cat([out.hidden_states[layer] for layer in LAYERS], -1)
 
 
 def load(parts: Parts, *, micro_batch: int) -> Klein:
@@ -249,11 +251,6 @@ def _text_places(text: Tensor) -> Int[Tensor, "l 4"]:
     """Positions of the text's tokens: (0, 0, 0, number)."""
     numbers = torch.arange(text.shape[1])
     return torch.nn.functional.pad(numbers[:, None], (3, 0))
-
-
-def _features(text_encoder: Any, ids: Tensor, mask: Tensor) -> Tensor:
-    out = text_encoder.model(ids, attention_mask=mask, use_cache=False, output_hidden_states=True)
-    return torch.cat([out.hidden_states[layer] for layer in LAYERS], -1)
 
 
 def _with_reference(

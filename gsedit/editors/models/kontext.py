@@ -180,9 +180,7 @@ class Kontext(Model):
     def _embed(self, text: str) -> TextFeatures:
         tokens = words(self.t5_tokenizer, text, LENGTH).ids
         start = words(self.clip_tokenizer, text, self.clip_tokenizer.model_max_length).ids
-        return TextFeatures(
-            self.run(_features, self.t5, tokens), self.run(_pooled, self.clip, start)
-        )
+        return TextFeatures(self.t5(tokens).last_hidden_state, self.clip(start).pooler_output)
 
 
 def load(parts: Parts, *, micro_batch: int) -> Kontext:
@@ -213,14 +211,6 @@ def _places(picture: int, latents: Latents) -> Float[Tensor, "n 3"]:
     """Positions of a picture's tokens: (picture, row, column)."""
     rows, columns = (torch.arange(side // 2) for side in latents.shape[2:])
     return torch.cartesian_prod(torch.tensor([picture]), rows, columns).float()
-
-
-def _features(t5: Any, ids: Tensor) -> Tensor:
-    return t5(ids).last_hidden_state
-
-
-def _pooled(clip: Any, ids: Tensor) -> Tensor:
-    return clip(ids).pooler_output
 
 
 def _flow(
