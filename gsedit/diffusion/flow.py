@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from gsedit.diffusion.schedules import CLEAN, NoiseLevel, Schedule
-from gsedit.diffusion.settings import SamplerSettings
+from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings
 from gsedit.errors import InputError, UsageError
 
 CLASS = "FlowMatchEulerDiscreteScheduler"
@@ -142,9 +142,9 @@ def empirical_mu(tokens: int, steps: int) -> float:
 
 def check_spacing(settings: SamplerSettings) -> None:
     """Raise UsageError for a spacing other than the default: a flow model has its own."""
-    if settings.spacing != SamplerSettings.spacing:
+    if settings.step_spacing != SamplerDefaults().spacing:
         raise UsageError(
-            f"spacing {settings.spacing} is not for this model, which divides its noise levels in "
+            f"spacing {settings.step_spacing} is not for this model, which divides its noise levels in "
             "its own way: leave it out"
         )
 
