@@ -144,8 +144,8 @@ def check_spacing(settings: SamplerSettings) -> None:
     """Raise UsageError for a spacing other than the default: a flow model has its own."""
     if settings.step_spacing != SamplerDefaults().spacing:
         raise UsageError(
-            f"spacing {settings.step_spacing} is not for this model, which divides its noise levels in "
-            "its own way: leave it out"
+            f"spacing {settings.step_spacing} is not for this model, which divides its noise "
+            "levels in its own way: leave it out"
         )
 
 
