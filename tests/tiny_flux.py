@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import diffusers
@@ -219,3 +221,11 @@ def quiet(pipe: Any) -> Any:
     """The pipeline without its progress bar."""
     pipe.set_progress_bar_config(disable=True)
     return pipe
+
+
+def saved(pipe: Any, folder: Path, **index: str) -> Path:
+    """A folder with the pipeline, and these entries in its model_index.json."""
+    pipe.save_pretrained(folder)
+    path = folder / "model_index.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | index))
+    return folder

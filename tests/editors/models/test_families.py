@@ -39,9 +39,8 @@ def configs(pipeline: str) -> dict[str, dict]:
     family = PIPELINES[pipeline]
     files: dict[str, dict] = {"model_index.json": {"_class_name": pipeline}}
     for component in family.components:
-        if component.role != "words":
-            files["model_index.json"][component.name] = ["library", component.classes[0]]
-        kind = component.classes[0] if component.classes else ""
+        kind = component.classes[0] if component.classes else "AnyTokenizer"
+        files["model_index.json"][component.name] = ["library", kind]
         match component.role:
             case "network":
                 files[f"{component.name}/config.json"] = {"_class_name": kind}

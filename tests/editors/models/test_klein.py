@@ -5,13 +5,13 @@ from __future__ import annotations
 import model_laws
 import pytest
 import torch
-from tiny_flux import klein, picture, trace, views
+from tiny_flux import klein, picture, saved, trace, views
 from torch.nn.functional import pixel_unshuffle
 
-from gsedit.diffusion.flow import FlowScheduler
 from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors.models.klein import Klein, set_cache_processors
+from gsedit.editors.models.klein import Klein
+from gsedit.editors.models.loading import load_model
 from gsedit.editors.models.tokens import packed
 from gsedit.editors.protocol import for_settings
 from gsedit.errors import UsageError
@@ -28,38 +28,17 @@ def short():
         yield
 
 
-def ours(pipe, *, distilled: bool = True, cached: bool = False, micro_batch: int = 1) -> Klein:
-    flow = FlowScheduler.read(pipe.scheduler.config, "scheduler")
-    if cached:
-        set_cache_processors(pipe.transformer)
-    return Klein(
-        transformer=pipe.transformer,
-        vae=pipe.vae,
-        text_encoder=pipe.text_encoder,
-        tokenizer=pipe.tokenizer,
-        flow=flow,
-        schedule=flow.schedule,
-        distilled=distilled,
-        cached=cached,
-        micro_batch=micro_batch,
-    )
-
-
 def noise(count: int = 2, rows: int = 8, columns: int = 12) -> torch.Tensor:
     return torch.randn(count, 2, rows, columns, generator=torch.Generator().manual_seed(2))
 
 
-KINDS = {
-    "distilled": {},
-    "guided": {"distilled": False},
-    "cached": {"cached": True},
-}
+KINDS = {"distilled": {}, "guided": {"distilled": False}, "cached": {"cached": True}}
 
 
 @pytest.fixture(scope="module", params=KINDS)
-def both(request):
+def both(request, tmp_path_factory):
     pipe = klein(**KINDS[request.param])
-    return pipe, ours(pipe, **KINDS[request.param])
+    return pipe, load_model(saved(pipe, tmp_path_factory.mktemp("klein")))
 
 
 @torch.no_grad()

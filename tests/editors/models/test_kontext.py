@@ -7,13 +7,12 @@ from dataclasses import replace
 import model_laws
 import pytest
 import torch
-from tiny_flux import kontext, trace, views
+from tiny_flux import kontext, saved, trace, views
 
-from gsedit.diffusion.flow import FlowScheduler
 from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.sampler import sample
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors.models.kontext import DEFAULTS, Kontext
+from gsedit.editors.models.loading import load_model
 from gsedit.editors.models.tokens import packed, unpacked
 from gsedit.editors.protocol import levels_for
 from gsedit.errors import UsageError
@@ -32,22 +31,9 @@ def short():
 
 
 @pytest.fixture(scope="module", params=[True, False], ids=["weighted", "plain"])
-def both(request):
+def both(request, tmp_path_factory):
     pipe = kontext(weighted=request.param)
-    flow = FlowScheduler.read(pipe.scheduler.config, "scheduler")
-    model = Kontext(
-        transformer=pipe.transformer,
-        vae=pipe.vae,
-        clip=pipe.text_encoder,
-        clip_tokenizer=pipe.tokenizer,
-        t5=pipe.text_encoder_2,
-        t5_tokenizer=pipe.tokenizer_2,
-        flow=flow,
-        schedule=flow.schedule,
-        guidance=DEFAULTS.guidance_text if request.param else None,
-        negative=None if request.param else "",
-    )
-    return pipe, model
+    return pipe, load_model(saved(pipe, tmp_path_factory.mktemp("kontext")))
 
 
 def noise(count: int = 2) -> torch.Tensor:

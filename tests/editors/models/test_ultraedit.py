@@ -11,16 +11,15 @@ from dataclasses import replace
 import model_laws
 import pytest
 import torch
-from tiny_flux import sd3, views
+from tiny_flux import saved, sd3, views
 
-from gsedit.diffusion.flow import FlowScheduler
 from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors.models.stable_diffusion import TextEncoder
-from gsedit.editors.models.ultraedit import UltraEdit, _made_by_ultraedit
-from gsedit.errors import UsageError
+from gsedit.editors.models.loading import load_model
+from gsedit.errors import InputError, UsageError
 
 pytestmark = pytest.mark.usefixtures("offline")
+NAME = "StableDiffusion3InstructPix2PixPipeline"
 KINDS = {
     "diffusers": {},
     "own": {"own": True},
@@ -30,24 +29,15 @@ KINDS = {
 
 
 @pytest.fixture(scope="module", params=KINDS)
-def both(request):
+def both(request, tmp_path_factory):
     options = dict(KINDS[request.param])
-    own = options.pop("own", False)
+    version = "0.30.0.dev0" if options.pop("own", False) else "0.34.0"
     pipe = sd3(**options)
-    flow = FlowScheduler.read(pipe.scheduler.config, "scheduler")
-    model = UltraEdit(
-        transformer=pipe.transformer,
-        vae=pipe.vae,
-        clips=(
-            TextEncoder(pipe.text_encoder, pipe.tokenizer),
-            TextEncoder(pipe.text_encoder_2, pipe.tokenizer_2),
-        ),
-        t5=pipe.text_encoder_3 and TextEncoder(pipe.text_encoder_3, pipe.tokenizer_3),
-        flow=flow,
-        schedule=flow.schedule,
-        own=own,
-    )
-    return pipe, model
+    index = {
+        "_class_name": "StableDiffusion3InstructPix2PixPipeline",
+        "_diffusers_version": version,
+    }
+    return pipe, load_model(saved(pipe, tmp_path_factory.mktemp("sd3"), **index))
 
 
 def noise(count: int = 2) -> torch.Tensor:
@@ -138,13 +128,6 @@ def test_sides_and_a_long_instruction(both):
         model.check("make " * (limit + 1))
 
 
-@pytest.mark.parametrize(
-    ("version", "own"), [("0.30.0.dev0", True), ("0.34.0", False), (None, False)]
-)
-def test_whose_weights_they_are_is_told_by_the_version(version, own):
-    assert _made_by_ultraedit({"_diffusers_version": version} if version else {}) == own
-
-
 @torch.no_grad()
 def test_the_instruction_is_heard(both):
     _, model = both
@@ -156,3 +139,8 @@ def test_the_instruction_is_heard(both):
         for text in ("make it snow", "snow it")
     )
     assert (one - other).abs().max() > 1e-3
+
+
+def test_a_model_that_is_shown_no_picture_is_refused(tmp_path):
+    with pytest.raises(InputError, match="takes 2 channels"):
+        load_model(saved(sd3(shown=0), tmp_path, _class_name=NAME))
