@@ -11,7 +11,7 @@ from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.editing.preview import preview_edited, preview_routed
 from gsedit.editing.routes.result import change_scene
 from gsedit.editing.session.settings import EditSettings
-from gsedit.editors import make_editor
+from gsedit.editors import Capabilities, EditProgress, make_editor
 from gsedit.measures.metrics import psnr
 from gsedit.scene.picture import render_picture
 from gsedit.words.read import read_instruction
@@ -62,3 +62,26 @@ def test_seeds_give_candidates_of_one_look(labelled, viewpoints):
     assert torch.equal(first, again)
     assert not torch.equal(first, second)
     assert float((first - found.before.image).abs().mean()) > 0.02
+
+
+class Enlarging:
+    """Swaps red and blue, and was made for twice the size; keeps the size of what it was given."""
+
+    name, cell, capabilities = "enlarging", 4, Capabilities(best_size=2 * SIZE, enlarges=True)
+
+    def check(self, prompt):
+        pass
+
+    def edit(self, batch, settings, generator):
+        self.given = batch.images.shape[1:3]
+        yield EditProgress(1, 1, batch.originals.flip(-1))
+
+
+def test_a_small_view_is_drawn_at_the_size_that_the_editor_was_made_for(labelled, viewpoints):
+    scene, camera, editor = labelled.gaussians, viewpoints[0].camera, Enlarging()
+    found = preview_edited(scene, "swap", camera, editor)
+    assert editor.given == (2 * SIZE, 2 * SIZE)
+    assert found.after[0].image.shape == (SIZE, SIZE, 3)
+    assert psnr(found.after[0].image, found.before.image.flip(-1)) > 30
+    preview_edited(scene, "swap", camera, editor, size=SIZE // 2)
+    assert editor.given == (SIZE // 2, SIZE // 2)
