@@ -116,7 +116,7 @@ def _models() -> str:
     """The option, with a model of every family."""
     from gsedit.editors.models.families import FAMILIES
 
-    examples = ", ".join(each.example for each in FAMILIES)
+    examples = ", ".join(f"{each.example} ({each.gigabytes:.0f} GB)" for each in FAMILIES)
     return f"--model FOLDER_OR_ID, such as {examples}"
 
 

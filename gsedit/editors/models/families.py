@@ -36,18 +36,12 @@ class Family:
     """The module here whose `load(parts, micro_batch=...)` makes the Model."""
     components: tuple[Component, ...]
     """Everything that is fetched; the first is the denoising network."""
-    size: int
-    """Pixels of the longer side that it was trained at, where no file says."""
     example: str
     """A model of the family on the hub, with @revision where it is not in the main one."""
     licence: str
     """Licence of that model's weights."""
     gigabytes: float
     """Size of that model's files that are used, about, in GB."""
-
-    def component(self, name: str) -> Component | None:
-        """The component of that name; None where it is not used."""
-        return next((each for each in self.components if each.name == name), None)
 
     @property
     def network(self) -> Component:
@@ -97,7 +91,6 @@ SD = Family(
         *_words("tokenizer"),
         _scheduler(*VARIANCE_PRESERVING),
     ),
-    size=256,
     example="timbrooks/instruct-pix2pix",
     licence="MIT; its base, Stable Diffusion 1.5: CreativeML OpenRAIL-M",
     gigabytes=4.3,
@@ -112,7 +105,6 @@ SDXL = Family(
         *_words("tokenizer", "tokenizer_2"),
         _scheduler(*VARIANCE_PRESERVING, "EDMEulerScheduler"),
     ),
-    size=1024,
     example="diffusers/sdxl-instructpix2pix-768",
     licence="CreativeML OpenRAIL++-M; CosXL-Edit: Stability AI, research only",
     gigabytes=12.3,
@@ -128,7 +120,6 @@ DREAMLITE = Family(
         *_words("tokenizer", "processor"),
         _scheduler(*FLOW),
     ),
-    size=1024,
     example="carlofkl/DreamLite-mobile@diffusers",
     licence="CC BY-NC 4.0",
     gigabytes=5.1,
@@ -144,7 +135,6 @@ KLEIN = Family(
         *_words("tokenizer"),
         _scheduler(*FLOW),
     ),
-    size=1024,
     example="black-forest-labs/FLUX.2-klein-4B",
     licence="4B: Apache 2.0; 9B: FLUX non-commercial",
     gigabytes=16.0,
@@ -161,7 +151,6 @@ KONTEXT = Family(
         *_words("tokenizer", "tokenizer_2"),
         _scheduler(*FLOW),
     ),
-    size=1024,
     example="black-forest-labs/FLUX.1-Kontext-dev",
     licence="FLUX.1 dev, non-commercial",
     gigabytes=34.0,
@@ -180,7 +169,6 @@ ULTRAEDIT = Family(
         Component("tokenizer_3", "words", (), optional=True),
         _scheduler(*FLOW),
     ),
-    size=512,
     example="BleachNick/SD3_UltraEdit_freeform",
     licence="none stated; its base, Stable Diffusion 3: Stability AI's own",
     gigabytes=16.0,
@@ -196,7 +184,6 @@ QWEN = Family(
         *_words("tokenizer", "processor"),
         _scheduler(*FLOW),
     ),
-    size=1024,
     example="Qwen/Qwen-Image-Edit",
     licence="Apache 2.0",
     gigabytes=58.0,

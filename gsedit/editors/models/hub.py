@@ -139,7 +139,9 @@ def offer_of(model: str) -> Offer:
     family = identify(model, read).family
     files = _files(model, family, read(INDEX), sizes)
     card = getattr(found, "card_data", None)
-    licence = (card and (card.get("license_name") or card.get("license"))) or "not stated"
+    licence = (card and (card.get("license_name") or card.get("license"))) or (
+        f"not stated (of {family.example}: {family.licence})"
+    )
     size = sum(sizes[name] for name in files)
     return Offer(model, family, files, size, str(licence))
 
@@ -217,8 +219,7 @@ def download_advice(model: str) -> str:
     patterns += [f"--exclude '{each}'" for each in UNUSED]
     return (
         f"where there is a network, run: hf download {name}{of} --local-dir FOLDER "
-        f"{' '.join(patterns)} (about 4 GB for SD 1.5, 14 GB for SDXL); "
-        "then bring FOLDER here and add --model FOLDER"
+        f"{' '.join(patterns)}; then bring FOLDER here and add --model FOLDER"
     )
 
 
