@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -79,6 +80,7 @@ def _check_id(model: str, looked: str) -> None:
 def _downloaded(model: str, yes: Consent) -> Path:
     """The folder that a download makes. Raises Unreachable; UsageError without agreement."""
     offer = offer_of(model)
+    _check_disk(offer)
     agreed = yes(str(offer)) if callable(yes) else yes
     if not agreed:
         raise UsageError(f"{offer}: add --yes to download it, or --model FOLDER with other weights")
@@ -180,6 +182,20 @@ def _fetched(model: str, name: str) -> Mapping[str, Any]:
     return config_of(Path(path))
 
 
+def _check_disk(offer: Offer) -> None:
+    """Raise UsageError where the cache's disk has less room than the download takes."""
+    from huggingface_hub import constants
+
+    cache = Path(constants.HF_HUB_CACHE)
+    place = next(each for each in (cache, *cache.parents) if each.exists())
+    free = shutil.disk_usage(place).free
+    if offer.size > free:
+        raise UsageError(
+            f"{offer}; {free / 1e9:,.1f} GB are free in {cache}: make room, or name a folder on "
+            "another disk as HF_HOME"
+        )
+
+
 def _cached(model: str) -> Path | None:
     """The folder of the hub's cache, whole or not; None where there is none."""
     from huggingface_hub import snapshot_download
@@ -230,4 +246,6 @@ def _reason(error: Exception) -> str:
         return "no network, or HF_HUB_OFFLINE is set"
     if "RepositoryNotFound" in name or "GatedRepo" in name:
         return "the hub knows no such model, or it needs a login (hf auth login)"
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
     return name

@@ -11,7 +11,7 @@ import pytest
 import torch
 from tiny_models import SD
 
-from gsedit.editors.models import hub
+from gsedit.editors.models import families, hub
 from gsedit.editors.models.loading import load_model
 from gsedit.errors import InputError, UsageError
 
@@ -148,3 +148,13 @@ def test_zero_terminal_snr_is_read(folder, tmp_path):
     assert float(ours[-1]) == 0
     # float32 there: 1000 products, and roots of differences of nearly equal numbers
     torch.testing.assert_close(ours.float(), theirs, rtol=0, atol=1e-5)
+
+
+def test_a_download_that_does_not_fit_on_the_disk_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("huggingface_hub.constants.HF_HUB_CACHE", str(tmp_path / "hub"))
+    offer = hub.Offer("owner/name", families.SD, ("model_index.json",), 10**18, "mit")
+    monkeypatch.setattr(hub, "offer_of", lambda model: offer)
+    with pytest.raises(
+        UsageError, match=r"1,000,000,000\.0 GB in 1 files.* GB are free in .*hub: "
+    ):
+        hub.find("owner/name", yes=True)
