@@ -22,7 +22,8 @@ LAMPS = frozenset(
 """Lights whose brightness is their own, not that of a time of day."""
 ENDS = frozenset(
     ("end", "stop", "stops", "past", "lift", "lifts", "lifted", "clears", "clear", "pass", "passes",
-     "passed", "finished", "done", "finish", "melted", "melts", "thaws", "thawed")
+     "passed", "finished", "done", "finish", "melted", "melts", "thaws", "thawed",
+     "ends", "thins", "dries")
 )  # fmt: skip
 """Words after the name of a weather that say that it is over."""
 THINNER = frozenset(("thinner", "sparser", "lighter"))
@@ -168,6 +169,7 @@ def refuse_amount(clause: Clause, scenic: list[Change]) -> None:
     told, given = {word.text for word in words}, amount_of(words)
     after = [word.text for word in words[first + 1 :]]
     ends = bool(after) and (after[-1] in ENDS or (after[-1] == "over" and "be" in clause.kinds()))
+    ends |= bool(ENDS & set(after[:1])) and after[0] not in ("past", "clear", "done")
     ends |= "lift" in told and scenic[0].name == "fog"
     thinned = bool(told & THINNER) and not any(w.kind in ("subject", "background") for w in words)
     of_it = [word.text for word in words[:first] if word.text != "the"][-1:] == ["half of"]

@@ -15,8 +15,8 @@ QUALITIES = ("state", "intense")
 RATHER = ("rather", "quite", "pretty", "fairly", "somewhat", "kinda")
 """Words that make a remark of a quality: "rather dull"."""
 SLIGHT, STRONG = 0.5, 1.75
-PARTICLES = frozenset(("down", "ease", "off", "out", "away"))
-"""Words that go with a verb: to cool it down is no less cool."""
+PARTICLES = frozenset(("down", "falls", "ease", "off", "out", "away"))
+"""Words that go with a verb: to cool it down is no less cool, and night falls."""
 
 
 def tones(clause: Clause, before: int) -> list[Change]:

@@ -83,7 +83,8 @@ def test_any_words_are_read_or_refused():
         ("no more than 10 % brighter", "brightness", 1), ("too gray", "saturation", 1),
         ("fix the darkness", "brightness", 1), ("correct the low contrast", "contrast", 1),
         ("weak contrast, increase it", "contrast", 1), ("counteract the yellow", "warmth", -1),
-        ("two stops under", "brightness", -1), ("vivid colors, more please", "saturation", 1),
+        ("two stops under", "brightness", -1), ("underexpose it", "brightness", -1),
+        ("contrast falls", "contrast", -1), ("vivid colors, more please", "saturation", 1),
         ("deep colors, less", "saturation", -1),
         ("more contrast without less saturation", "contrast", 1),
         ("brighten without fading the colors", "brightness", 1),
@@ -116,7 +117,7 @@ def test_an_amount_is_a_signed_share(sentence, amount):
         "neither red nor gold", "snow-free", "un-rust it", "the opposite of bright",
         "end the night", "make it anything else than red", "as if the snow had melted",
         "before the snow", "enough with the snow", "that is enough fog", "a snowless winter",
-        "fix the fog", "heavy fog, reduce it",
+        "fix the fog", "heavy fog, reduce it", "the fog thins out", "snow stops falling",
     ],
 )  # fmt: skip
 def test_what_must_not_be_is_never_done(sentence):
@@ -135,6 +136,8 @@ def test_what_must_not_be_is_never_done(sentence):
         ("golden hour, light from behind", ["golden hour from behind"]),
         ("sun from behind the camera", ["sunny from the front"]),
         ("winter becomes summer", ["summer"]), ("the sun goes down", ["sunset"]),
+        ("night falls", ["night"]), ("it is getting dark", ["dusk"]),
+        ("light falls from above", ["lamp above"]),
         ("change its color: blue", ["blue"]), ("fix the colors: more saturation", ["saturation"]),
     ],
 )  # fmt: skip
