@@ -126,9 +126,14 @@ class Texture:
         return Branches(*(x0 if needed else None for needed in need))
 
 
-def picture_views(side: int = 12, shift: int = 1) -> OverlappingViews:
-    """Crops of one painted picture, edited by the closed-form editor, which perturbs light, tint
-    and place of each view as 2D editors do.
+PROMPT = "turn it into bronze"
+
+
+def picture_views(
+    side: int = 12, shift: int = 1, denoiser: ClosedForm | None = None
+) -> OverlappingViews:
+    """Crops of one painted picture, edited by the closed-form editor (None: as it is by default),
+    which perturbs light, tint and place of each view as 2D editors do.
     """
     cell, wide = CELL_PIXELS, side + VIEWS * shift
     labels = crops(VIEWS, side, shift)
@@ -139,11 +144,11 @@ def picture_views(side: int = 12, shift: int = 1) -> OverlappingViews:
     views = torch.stack(
         [full[v * step :, v * step :][: side * cell, : side * cell] for v in range(VIEWS)]
     )
-    editor = DiffusionEditor(ClosedForm())
+    editor = DiffusionEditor(denoiser or ClosedForm())
     matches = Correspondences(labels, torch.ones(VIEWS, VIEWS), cell)
 
     def edit(settings: SamplerSettings, seed: int) -> Tensor:
-        batch = EditBatch(views, views, "turn it into bronze", matches, None, seed)
+        batch = EditBatch(views, views, PROMPT, matches, None, seed)
         *_, progress = editor.edit(batch, settings, torch.Generator().manual_seed(seed))
         assert progress.images is not None
         return progress.images

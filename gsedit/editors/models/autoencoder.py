@@ -32,7 +32,9 @@ def decoded(
 
 
 def _mode(vae: Any, pixels: Tensor) -> Tensor:
-    return vae.encode(pixels).latent_dist.mode()
+    encoding = vae.encode(pixels)
+    # AutoencoderTiny (TAESD's architecture) has no distribution
+    return encoding.latents if "latents" in encoding else encoding.latent_dist.mode()
 
 
 def _picture(vae: Any, latents: Tensor) -> Tensor:

@@ -1,0 +1,203 @@
+"""DreamLite and DreamLite-mobile against diffusers' own pipelines, tiny and random."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from inspect import signature
+
+import diffusers
+import pytest
+import torch
+from model_laws import (
+    PROMPT,
+    consensus_law_holds,
+    micro_batches_change_nothing,
+    views_do_not_mix,
+)
+from model_runs import (
+    as_files,
+    assert_deviations_shrink,
+    assert_same_steps,
+    noise,
+    pictures,
+    states,
+    steps_of,
+)
+from tiny_dreamlite import tiny_dreamlite
+
+from gsedit.diffusion.flow import FlowScheduler
+from gsedit.diffusion.guidance import Need
+from gsedit.diffusion.settings import SamplerSettings
+from gsedit.editors import EditBatch
+from gsedit.editors.models.dreamlite import INSTRUCTION, DreamLite
+from gsedit.editors.models.loading import load_model
+from gsedit.editors.models.vision_language import Reader
+from gsedit.editors.protocol import for_settings
+from gsedit.editors.sampling import DiffusionEditor
+from gsedit.errors import UsageError
+
+ALONE = SamplerSettings(strength=1.0, consensus=False)
+
+
+@pytest.fixture(scope="module")
+def base():
+    return tiny_dreamlite()
+
+
+@pytest.fixture(scope="module")
+def mobile():
+    return tiny_dreamlite(diffusers.DreamLiteMobilePipeline)
+
+
+def ours(pipe, *, distilled: bool = False, most: int = 200) -> DreamLite:
+    scheduler = FlowScheduler.read(dict(pipe.scheduler.config), "scheduler")
+    patches = pipe.processor.image_processor
+    return DreamLite(
+        unet=pipe.unet,
+        vae=pipe.vae,
+        reader=Reader(pipe.text_encoder, pipe.tokenizer, patches, most=most),
+        scheduler=scheduler,
+        schedule=scheduler.schedule,
+        distilled=distilled,
+    )
+
+
+def theirs(pipe, images, monkeypatch, **options) -> list[torch.Tensor]:
+    """The pipeline's steps for one picture, from the noise of `noise(model, images)`."""
+    steps = steps_of(pipe.scheduler, monkeypatch)
+    generator = torch.Generator().manual_seed(2)
+    pipe(PROMPT, image=as_files(images)[0], generator=generator, output_type="latent", **options)
+    return steps
+
+
+@pytest.mark.parametrize(("steps", "s_T", "s_I"), [(4, 3.5, 1.5), (3, 5.0, 1.0)])
+def test_every_step_equals_diffusers(base, monkeypatch, steps, s_T, s_I):
+    images, model = pictures(1), ours(base)
+    expected = theirs(
+        base, images, monkeypatch, num_inference_steps=steps, guidance_scale=s_T,
+        image_guidance_scale=s_I,
+    )  # fmt: skip
+    settings = replace(ALONE, steps=steps, guidance_text=s_T, guidance_image=s_I)
+    found = states(model, images, noise(model, images), settings)
+    assert_same_steps(found, expected)
+    assert (found[-1] - found[0]).abs().amax() > 0.1
+
+
+def test_its_own_settings_are_those_of_diffusers(base):
+    asked = {name: value.default for name, value in signature(base.__call__).parameters.items()}
+    own = ours(base).capabilities.defaults
+    assert (own.guidance_text, own.guidance_image) == (
+        asked["guidance_scale"],
+        asked["image_guidance_scale"],
+    )
+    assert own.steps == asked["num_inference_steps"]
+
+
+def test_every_step_of_mobile_equals_diffusers(mobile, monkeypatch):
+    images, model = pictures(1), ours(mobile, distilled=True)
+    found = states(model, images, noise(model, images), ALONE)
+    assert_same_steps(found, theirs(mobile, images, monkeypatch))
+    assert len(found) == 4
+
+
+def test_pictures_equal_those_of_diffusers(mobile):
+    images, model = pictures(1), ours(mobile, distilled=True)
+    generator = torch.Generator().manual_seed(2)
+    expected = mobile(PROMPT, image=as_files(images)[0], generator=generator, output_type="pt")
+    *_, x = states(model, images, noise(model, images), ALONE)
+    shown = expected.images.movedim(1, -1)
+    torch.testing.assert_close(model.decode(x).clamp(0, 1), shown, rtol=0, atol=1e-4)
+
+
+def test_text_is_read_as_diffusers_reads_it(base):
+    """Beside the picture of its own view; filled up on neither side."""
+    images, model = pictures(2), ours(base)
+    condition = model.condition(images, PROMPT, torch.Generator())
+    for view, picture in enumerate(as_files(images)):
+        expected, mask = base.encode_prompt(
+            "edit", ["", INSTRUCTION.format(PROMPT)], torch.device("cpu"), torch.float32, picture
+        )
+        null, text = (row[seen.bool()] for row, seen in zip(expected, mask))
+        torch.testing.assert_close(condition.null[view], null, rtol=0, atol=1e-5)
+        torch.testing.assert_close(condition.text[view], text, rtol=0, atol=1e-5)
+    assert not torch.equal(condition.text[0], condition.text[1])
+
+
+def test_the_condition_is_not_scaled_and_the_start_is(base):
+    images, model = pictures(2), ours(base)
+    shown = model.condition(images, PROMPT, torch.Generator()).images
+    torch.testing.assert_close(shown, _encoded(base, images))
+    torch.testing.assert_close(model.encode(images), (shown - 0.1) * 0.7)
+    x = images.clone().requires_grad_()
+    latents = (model.encode(x), 0.7 * _encoded(base, x))
+    slope, expected = (torch.autograd.grad(z.sum(), x)[0] for z in latents)
+    torch.testing.assert_close(slope, expected)
+
+
+def _encoded(pipe, images: torch.Tensor) -> torch.Tensor:
+    return pipe.prepare_image_latents(2 * images.movedim(-1, 1) - 1, torch.float32, "cpu")
+
+
+@pytest.mark.parametrize("distilled", [False, True])
+def test_laws(base, mobile, distilled):
+    model = ours(mobile, distilled=True) if distilled else ours(base)
+    need = Need(image=not distilled, none=not distilled)
+    images = pictures(3)
+    start = noise(model, images)
+    micro_batches_change_nothing(model, images, start, need)
+    views_do_not_mix(model, images[:2], start[:2], need)
+    consensus_law_holds(model, images[:2], start[:2])
+    assert_deviations_shrink(model, 4 if distilled else 8)
+
+
+def test_every_branch_is_the_same_alone(base):
+    """Texts of one branch need no filling up: what is filled up is not read."""
+    images, model = pictures(1), ours(base)
+    x, condition = noise(model, images), model.condition(images, PROMPT, torch.Generator())
+    together = model.branches(x, 300.0, condition, Need())
+    for index in range(3):
+        alone = model.branches(x, 300.0, condition, Need(*(index == i for i in range(3))))
+        torch.testing.assert_close(alone[index], together[index], rtol=0, atol=1e-5)
+
+
+def test_any_size_is_edited(mobile):
+    """33 by 29 pixels become 36 by 32: the VAE halves once and the U-Net once more."""
+    editor = DiffusionEditor(ours(mobile, distilled=True))
+    assert (editor.cell, editor.denoiser.multiple, editor.capabilities.best_size) == (2, 4, 256)
+    views = pictures(2, 29, 33)
+    batch = EditBatch(views, views, PROMPT)
+    *_, last = editor.edit(batch, SamplerSettings(), torch.Generator().manual_seed(0))
+    assert last.images.shape == views.shape
+    assert last.evaluations == 2 * 4  # one branch, four steps
+    assert last.images.isfinite().all()
+
+
+def test_a_saved_folder_is_the_same_model(mobile, tmp_path):
+    """Its processor needs no torchvision, and either layout of its file."""
+    mobile.save_pretrained(tmp_path)
+    words = tmp_path / "processor"
+    loaded = [load_model(tmp_path)]
+    pictures_alone = json.loads((words / "preprocessor_config.json").read_text())
+    (words / "preprocessor_config.json").unlink()
+    (words / "processor_config.json").write_text(json.dumps({"image_processor": pictures_alone}))
+    loaded.append(load_model(tmp_path))
+    images, model = pictures(1), ours(mobile, distilled=True)
+    start = noise(model, images)
+    expected = states(model, images, start, ALONE)
+    for each in loaded:
+        assert (each.name, each.size) == ("dreamlite-mobile", 256)
+        assert_same_steps(states(each, images, start, ALONE), expected)
+
+
+def test_bad_requests_name_the_next_move(base, mobile):
+    model = ours(base, most=len(PROMPT))  # a letter is a token here
+    model.check(PROMPT)
+    with pytest.raises(UsageError, match=r"2 tokens .* fewer words"):
+        model.check(PROMPT + "!!")
+    with pytest.raises(UsageError, match="empty"):
+        model.check(" ")
+    with pytest.raises(UsageError, match=r"without guidance.*leave it out"):
+        for_settings(ours(mobile, distilled=True), SamplerSettings(guidance_text=3.0))
+    with pytest.raises(UsageError, match="spacing"):
+        states(model, pictures(1), torch.zeros(1, 4, 8, 12), SamplerSettings(spacing="karras"))
