@@ -37,6 +37,8 @@ BECOME = frozenset(
 )
 """Verbs after which a part is what turns to something."""
 SOLID = ("material", "paint")
+DULLER = {"glossy": "matte", "metallic": "matte", "matte": "glossy"}
+"""Finish that is less of each: "bronze, but less shiny"."""
 
 
 @dataclass
@@ -192,8 +194,10 @@ def _remark(clause: Clause, explicit: str | None, reading: Reading) -> None:
     if reading.bare and (kinds & {"up", "down"} or "mend" in clause.tags()) and last.amount:
         agrees = last.amount > 0 and "up" in kinds  # "vivid colors, more please"
         reading.changes[-1] = replace(last, amount=last.amount if agrees else -last.amount)
+    less = asks_less(clause)
     finish = next((word.value for word in clause.words if word.kind == "finish"), None)
-    own = next((word.text for word in clause.words if word.has("adj")), finish)
+    finish = DULLER.get(str(finish)) if less else finish
+    own = next((word.text for word in clause.words if word.has("adj") and not less), finish)
     given = amount_of(clause.words).share
     if given and explicit in PARTS and last.kind == "tone":  # "background -30 %"
         amount = given if given < 0 or not last.amount else math.copysign(given, last.amount)

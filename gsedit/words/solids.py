@@ -117,6 +117,8 @@ def _material(words: list[Word], at: int) -> tuple[Change, int]:
             break
         own.insert(0, each.text)
         color = color or (each.color if each.kind == "color" else None)
+    if any(each.kind == "down" for each in words[: at - len(own)][-1:]) and own:
+        raise Refused("negation")  # "less dark wood"
     name = word.text if color else word.value
     trim, end = _trim(words, at + 1)
     full = " ".join([*own, name]) + (f" with {trim}" if trim else "")

@@ -118,6 +118,7 @@ def test_an_amount_is_a_signed_share(sentence, amount):
         "end the night", "make it anything else than red", "as if the snow had melted",
         "before the snow", "enough with the snow", "that is enough fog", "a snowless winter",
         "fix the fog", "heavy fog, reduce it", "the fog thins out", "snow stops falling",
+        "less dark wood",
     ],
 )  # fmt: skip
 def test_what_must_not_be_is_never_done(sentence):
@@ -135,6 +136,7 @@ def test_what_must_not_be_is_never_done(sentence):
         ("less red more green", ["hue", "hue"]), ("kill the shadows", ["cloudy"]),
         ("golden hour, light from behind", ["golden hour from behind"]),
         ("sun from behind the camera", ["sunny from the front"]),
+        ("bronze but less shiny", ["matte bronze"]), ("same colors, more contrast", ["contrast"]),
         ("winter becomes summer", ["summer"]), ("the sun goes down", ["sunset"]),
         ("night falls", ["night"]), ("it is getting dark", ["dusk"]),
         ("light falls from above", ["lamp above"]),
