@@ -145,6 +145,8 @@ def _changes(clause: Clause, reading: Reading) -> Placed:
     if (scenic or material) and less and not kinds & {"noun", "state"}:
         raise Refused("negation")
     refuse_amount(clause, scenic)
+    if "too" in tags and "state" in kinds and not clause.turned:
+        scenic = []  # "the sun is too bright" asks for no sun
     if scenic or solid:
         moved = {"turn", "style", *(("noun",) * bool(kinds & {"up", "down"}))}
         tone = tones(clause, 0) if kinds & moved else []

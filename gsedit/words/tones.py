@@ -70,7 +70,7 @@ def complains(clause: Clause) -> bool:
     said = [word.kind for word in clause.words]
     last = max((at for at, kind in enumerate(said) if kind not in ("fill", "be")), default=0)
     rather = last > 0 and (said[last - 1] == "slight" or words[last - 1] in RATHER)
-    rather &= said[last : last + 1] == ["state"]
+    rather &= said[last : last + 1] == ["state"] and "please" not in words
     states = (
         "be" in said[:last]
         or stressed(clause, QUALITIES)
