@@ -251,7 +251,7 @@ def measure(lit: LitSolid) -> Iterator[Row]:
 
 def markdown(rows: Sequence[Row]) -> str:
     """Whole pictures' PSNR of each way, and the material's mean color and time, as a table."""
-    lines = [f"| scene | material | {' | '.join(BY)} | CIEDE2000 | CPU s |", "|---" * 8 + "|"]
+    lines = [f"| scene | finish | {' | '.join(BY)} | CIEDE2000 | CPU s |", "|---" * 8 + "|"]
     for own in (row for row in rows if row.by == "material"):
         ways = {row.by: f"{row.whole:.1f}" for row in rows if row[:2] == own[:2]}
         cells = [own.scene, own.material, *(ways.get(by, "") for by in BY)]
