@@ -18,8 +18,9 @@ from gsedit.errors import InputError, UsageError
 
 PREDICTIONS: dict[str, Prediction] = {"epsilon": "eps", "v_prediction": "v"}
 """By their names in diffusers' configs."""
-LCM_STEPS = 4
-"""Steps that latent consistency models are distilled for (Luo et al. 2023)."""
+CONSISTENCY = SamplerDefaults(steps=4, solver="lcm", t_end=1.2)
+"""Latent consistency models are distilled for few steps (Luo et al. 2023). t_end: three steps of
+four. A guess, since it was measured with an exact score alone (docs/measurements/sampler.md)."""
 
 Levels = Callable[[SamplerSettings, tuple[int, int]], list[NoiseLevel]]
 
@@ -46,8 +47,7 @@ def noise_of(config: Mapping[str, Any], place: Path) -> Noise:
     if name == "LCMScheduler":
         original = config.get("original_inference_steps", 50)
         levels = partial(_consistency_levels, noise.schedule, original)
-        defaults = SamplerDefaults(steps=LCM_STEPS, solver="lcm")
-        return noise._replace(levels=levels, defaults=defaults)
+        return noise._replace(levels=levels, defaults=CONSISTENCY)
     if config.get("use_karras_sigmas"):
         return noise._replace(defaults=SamplerDefaults(spacing="karras"))
     if config.get("timestep_spacing") == "trailing":

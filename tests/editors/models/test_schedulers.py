@@ -7,6 +7,7 @@ import shutil
 from pathlib import Path
 
 import diffusers
+import model_laws
 import pytest
 import torch
 from tiny_models import PROMPT, SD
@@ -192,3 +193,14 @@ def test_two_names_for_one_scheduler_are_refused(xl_folder, tmp_path):
         load_model(copy)
     diffusers.DPMSolverMultistepScheduler().save_pretrained(copy / "scheduler")
     assert load_model(copy).predicts == "eps"  # the same noise by another name
+
+
+def test_the_law_of_consensus_holds_for_each_kind_of_noise(folder, xl_folder, tmp_path):
+    edm, lcm = diffusers.EDMEulerScheduler(**EDM), diffusers.LCMScheduler(**SD)
+    pictures, start = drawn(3)
+    for source in (
+        folder,
+        scheduled(xl_folder, tmp_path / "edm", edm, is_cosxl_edit=True),
+        scheduled(folder, tmp_path / "lcm", lcm),
+    ):
+        model_laws.consensus_law_holds(load_model(source, micro_batch=VIEWS), pictures, start)

@@ -1,0 +1,70 @@
+"""A folder of every family, as its pipeline saves it: inspected, loaded and edited with."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import diffusers
+import pytest
+import tiny_dreamlite
+import tiny_flux
+import tiny_models
+import tiny_qwen_image
+import torch
+
+from gsedit.diffusion.settings import SamplerSettings
+from gsedit.editors import EditBatch, make_editor
+from gsedit.editors.models.families import PIPELINES
+from gsedit.editors.models.weights import inspect
+
+pytestmark = pytest.mark.usefixtures("offline")
+SIDE = 32
+MAKE = {
+    "StableDiffusionInstructPix2PixPipeline": tiny_models.tiny_pipeline,
+    "StableDiffusionXLInstructPix2PixPipeline": tiny_models.tiny_xl_pipeline,
+    "DreamLitePipeline": lambda _: tiny_dreamlite.tiny_dreamlite(),
+    "DreamLiteMobilePipeline": lambda _: tiny_dreamlite.tiny_dreamlite(
+        diffusers.DreamLiteMobilePipeline
+    ),
+    "Flux2KleinPipeline": lambda _: tiny_flux.klein(),
+    "Flux2KleinKVPipeline": lambda _: tiny_flux.klein(cached=True),
+    "StableDiffusion3InstructPix2PixPipeline": lambda _: tiny_flux.sd3(),
+    "FluxKontextPipeline": lambda _: tiny_flux.kontext(),
+    "QwenImageEditPipeline": lambda _: tiny_qwen_image.tiny_qwen_image(),
+    "QwenImageEditPlusPipeline": lambda _: tiny_qwen_image.tiny_qwen_image(
+        diffusers.QwenImageEditPlusPipeline
+    ),
+}
+
+
+def saved(name: str, tmp_path: Path):
+    """(the pipeline of that class, the folder that it saves)."""
+    (tmp_path / "words").mkdir()
+    pipe, folder = MAKE[name](tmp_path / "words"), tmp_path / "model"
+    pipe.save_pretrained(folder)
+    index = folder / "model_index.json"
+    index.write_text(json.dumps(json.loads(index.read_text()) | {"_class_name": name}))
+    return pipe, folder
+
+
+@pytest.mark.parametrize("name", PIPELINES)
+def test_a_saved_folder_is_edited_with(name, tmp_path):
+    pipe, folder = saved(name, tmp_path)
+    weights = inspect(folder).require()
+    assert weights.kind.pipeline == name
+    editor = make_editor("diffusers", model=folder)
+    assert editor.capabilities.enlarges
+    model = editor.capabilities.denoiser
+    for part in (weights.family.network.name, "vae"):
+        expected, found = (getattr(owner, part).state_dict() for owner in (pipe, model))
+        assert expected.keys() == found.keys()
+        for key, value in expected.items():
+            torch.testing.assert_close(found[key], value, rtol=0, atol=0)
+    pictures = torch.rand(2, SIDE, SIDE, 3, generator=torch.Generator().manual_seed(0))
+    batch = EditBatch(pictures, pictures, "make it snow")
+    *_, last = editor.edit(batch, SamplerSettings(steps=2), torch.Generator().manual_seed(0))
+    assert last.images is not None
+    assert last.images.shape == pictures.shape
+    assert last.images.isfinite().all()
+    assert last.evaluations >= 2 * 2
