@@ -253,7 +253,7 @@ def _append(clause: Clause, changes: Placed, parts: Parts, reading: Reading) -> 
         reading.changes.append(_placed(change, near, clause))
     _share(clause, len(changes), parts, reading)
     kinds = clause.kinds()
-    quality = kinds & {"state", "intense"} and not kinds & {"do", "wish", "up", "down"}
+    quality = kinds & {"state", "intense", "hue"} and not kinds & {"do", "wish", "up", "down"}
     reading.bare = bool(quality) and not complains(clause)
     if kinds & {"up", "down"}:
         reading.direction = -1 if asks_less(clause) or "down" in kinds else 1
