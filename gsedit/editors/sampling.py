@@ -254,3 +254,10 @@ def _check_shapes(batch: EditBatch) -> None:
         )
     if not len(batch.images):
         raise UsageError("there is no view to edit: give at least one")
+    for what, pictures in (("image", batch.images), ("original", batch.originals)):
+        bad = [i for i, each in enumerate(pictures) if not each.isfinite().all()]
+        if bad:
+            raise UsageError(
+                f"the {what} of view {bad[0]} (of {len(pictures)}, from 0) holds NaN or infinity: "
+                "a network would spread it over the views; mend the picture or leave it out"
+            )

@@ -101,3 +101,12 @@ def test_what_the_denoiser_declares_is_forwarded_with_the_denoiser():
     assert declared.defaults == DECLARED.defaults
     assert declared.advice("anything") == ""
     assert declared.find_ground_truth is None
+
+
+@pytest.mark.parametrize("what", ["images", "originals"])
+def test_a_picture_that_is_not_finite_is_refused_before_anything_runs(what):
+    pictures, broken = ramps(8, 8), ramps(8, 8)
+    broken[1, 3, 2, 0] = torch.nan
+    batch = EditBatch(**({"images": pictures, "originals": pictures} | {what: broken}), prompt="x")
+    with pytest.raises(UsageError, match=f"the {what[:-1]} of view 1 .* NaN or infinity"):
+        list(DiffusionEditor(Unchanged()).edit(batch, SamplerSettings(steps=1), torch.Generator()))
