@@ -16,8 +16,9 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.diffusion.guidance import Predictor, guide, needed
-from gsedit.diffusion.predictions import Latents, Pair, as_pair, clean_of, noise_of
+from gsedit.diffusion.guidance import Predictor
+from gsedit.diffusion.guided import Guided, Rescale, check_finite
+from gsedit.diffusion.predictions import Latents, Pair, Prediction, as_pair, clean_of, noise_of
 from gsedit.diffusion.schedules import NoiseLevel, Schedule
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.errors import UsageError
@@ -87,9 +88,6 @@ def multistep(
 Hook = Callable[[Latents], Latents]
 """A linear map of latents that makes corresponding cells agree."""
 
-Rescale = Callable[[Latents, Latents], Latents]
-"""(guided prediction, prediction under text and picture) -> the prediction to step with."""
-
 
 @dataclass(frozen=True, eq=False)
 class SamplerStep:
@@ -158,12 +156,13 @@ def sample(
     _check_start(x, settings, generator)
     levels = levels_of(denoiser.schedule, settings) if levels is None else levels
     settled = consensus if settings.consensus else None
+    guided = Guided(denoiser, condition, settings, rescale)
+    predict = partial(_predict, guided, denoiser.predicts, anchor)
     previous: PreviousStep | None = None
     steps = len(levels) - 1
 
     for step, (here, there) in enumerate(pairwise(levels), start=1):
         agree = settled if here.sigma > settings.consensus_end else None
-        predict = partial(_predict, denoiser, condition, settings, anchor, rescale)
         own = predict(x, here)
         pair = _agreed(own, x, here, settings, agree)
         match settings.method:
@@ -179,7 +178,7 @@ def sample(
                 x = _one_step(pair, here, there, settings.fresh_noise, share, generator)
         if agree and settings.target == "xt":
             x = agree(x)
-        _check_finite(x, f"the latents after step {step} of {steps}", here, settings)
+        check_finite(x, f"the latents after step {step} of {steps}", here, settings)
         yield SamplerStep(step, steps, there.t, x, pair.x0)
 
 
@@ -265,56 +264,20 @@ def _fresh(x: Latents, share: Hook | None, generator: torch.Generator | None) ->
 
 
 def _predict(
-    denoiser: Predictor,
-    condition: Any,
-    settings: SamplerSettings,
+    guided: Callable[[Latents, NoiseLevel], Latents],
+    kind: Prediction,
     anchor: Anchor | None,
-    rescale: Rescale | None,
     x: Latents,
     level: NoiseLevel,
 ) -> Pair:
     """The guided pair; of an anchored view, its given x0 and the eps that leads there."""
     if anchor is None:
-        return _predict_free(denoiser, condition, x, level, settings, rescale)
+        return as_pair(kind, guided(x, level), x, level)
     free = ~anchor.views
     pair = Pair(anchor.x0.to(x).clone(), noise_of(anchor.x0.to(x), x, level))
     if free.any():
-        predicted = _predict_free(denoiser, condition, x[free], level, settings, rescale)
-        pair.x0[free], pair.eps[free] = predicted
+        pair.x0[free], pair.eps[free] = as_pair(kind, guided(x[free], level), x[free], level)
     return pair
-
-
-def _predict_free(
-    denoiser: Predictor,
-    condition: Any,
-    x: Latents,
-    level: NoiseLevel,
-    settings: SamplerSettings,
-    rescale: Rescale | None,
-) -> Pair:
-    """The guided pair of views that are not anchored."""
-    guided = predict_guided(denoiser, condition, x, level, settings, rescale)
-    return as_pair(denoiser.predicts, guided, x, level)
-
-
-def predict_guided(
-    denoiser: Predictor,
-    condition: Any,
-    x: Latents,
-    level: NoiseLevel,
-    settings: SamplerSettings,
-    rescale: Rescale | None = None,
-) -> Latents:
-    """The guided prediction, in the dtype of x. Raises UsageError if it is not finite."""
-    s_T, s_I = settings.scales
-    branches = denoiser.branches(x, level.t, condition, needed(s_T, s_I))
-    dtype = next(branch.dtype for branch in branches if branch is not None)
-    text_image, image, none = (b if b is None else b.to(x.dtype) for b in branches)
-    guided = guide(text_image, image, none, s_T, s_I)
-    if rescale and text_image is not None:
-        guided = rescale(guided, text_image)
-    _check_finite(guided, f"{denoiser.name}'s prediction (in {dtype})", level, settings)
-    return guided
 
 
 def _check_start(x: Latents, settings: SamplerSettings, generator: torch.Generator | None) -> None:
@@ -325,16 +288,4 @@ def _check_start(x: Latents, settings: SamplerSettings, generator: torch.Generat
         raise UsageError(
             f"latents in {x.dtype} lose the small steps: give them in float32 or float64; "
             "a network may compute in any dtype"
-        )
-
-
-def _check_finite(x: Latents, what: str, level: NoiseLevel, settings: SamplerSettings) -> None:
-    # one sum is not finite where a number is not; a sum that overflows is out of bounds too
-    if not torch.isfinite(x.sum()):
-        s_T, s_I = settings.scales
-        raise UsageError(
-            f"{what} at t = {level.t:g} (sigma {level.sigma:.3g}) are not finite, with solver "
-            f"{settings.method}, {settings.step_count} steps, guidance {s_T:g} and "
-            f"image guidance {s_I:g}: compute in float32, lower the guidance, "
-            "or take more steps"
         )

@@ -49,6 +49,12 @@ class SamplerSettings:
     guidance_image: float | None = field(default=None, metadata={"flag": "--image-guidance"})
     """Weight of the unedited picture, s_I of InstructPix2Pix, 0 or more; 1 skips the unconditional
     branch, a third of the cost. None: the editor's own (1.5; small 1)."""
+    guidance_end: float = 0.0
+    """The noise level, a sigma as t_end is, below which there is no guidance: of each step only the
+    prediction under text and picture is computed, a third of the cost. 0: guidance to the end."""
+    guidance_every: int = 1
+    """How many steps share a computation of the guidance, 1 or more: the others add what it added
+    last to the prediction under text and picture, a third of the cost."""
     strength: float = 0.98
     """Fraction of the noise schedule at which the noised render starts, above 0 and at most 1;
     less keeps more of the render."""
@@ -96,7 +102,9 @@ class SamplerSettings:
     def _check_ranges(self) -> None:
         valid = self.steps is None or 1 <= self.steps <= 1000
         _require(valid, "steps", self.steps, "from 1 to 1000")
-        for name in ("guidance_text", "guidance_image", "t_end"):
+        valid = self.guidance_every >= 1
+        _require(valid, "guidance_every", self.guidance_every, "1 or more")
+        for name in ("guidance_text", "guidance_image", "guidance_end", "t_end"):
             value = getattr(self, name)
             valid = value is None or (math.isfinite(value) and value >= 0)
             _require(valid, name, value, "finite and not negative")
@@ -192,7 +200,8 @@ class SamplerSettings:
 
     @classmethod
     def preset(cls, name: str) -> SamplerSettings:
-        """`default`, or `paper`: eq. (averageall) as printed, on x_{t-1} of independent noise."""
+        """`default`; `paper`: eq. (averageall) as printed, on x_{t-1} of independent noise;
+        `quick`: a third of the evaluations (docs/measurements/editors.md)."""
         match name:
             case "default":
                 return cls()
@@ -201,7 +210,9 @@ class SamplerSettings:
                     steps=50, spacing="leading", strength=1.0, target="xt", noise="independent",
                     temperature=1.0, t_end=SamplerDefaults().t_end, harmonise=False,
                 )  # fmt: skip
-        raise UsageError(f"preset must be default or paper, not {name!r}")
+            case "quick":
+                return cls(steps=10, solver="dpm++2m", guidance_every=2)
+        raise UsageError(f"preset must be default, quick or paper, not {name!r}")
 
 
 def _require(holds: bool, name: str, value: object, allowed: str) -> None:

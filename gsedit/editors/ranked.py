@@ -8,16 +8,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any, TypeVar, cast
+from typing import Any, NamedTuple, TypeVar, cast
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.diffusion.guidance import Branches, Need, Predictor
+from gsedit.diffusion.guidance import Branches, Need, Predictor, needed
+from gsedit.diffusion.guided import predict_guided
 from gsedit.diffusion.memory import peak_bytes, views_at_once
 from gsedit.diffusion.precision import InBfloat16, with_precision
-from gsedit.diffusion.sampler import predict_guided
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editors.protocol import (
     Capabilities,
@@ -154,16 +154,17 @@ class SharedDenoiser:
         prompt: str,
         settings: SamplerSettings,
         known: dict[Any, Fit],
-    ) -> Predictor:
+    ) -> Prepared:
         """See `prepared`. Ranks of one machine share its memory, and all compute in the precision
-        that rank 0 finds."""
-        own: Predictor = self._denoiser
+        that rank 0 finds, and count its evaluations."""
+        own = Prepared(self._denoiser, 0)
         if len(mine := self._mine(x)):
             originals, local = self._mine(originals), self._ranks.local
             own = prepared(self._denoiser, mine, originals, prompt, settings, known, local)
-        rounded = self._ranks.first(isinstance(own, InBfloat16))
-        network = own.network if isinstance(own, InBfloat16) else own
-        return self._with(InBfloat16(network) if rounded else network)
+        network = own.predictor.network if isinstance(own.predictor, InBfloat16) else own.predictor
+        found = isinstance(own.predictor, InBfloat16), own.evaluations
+        rounded, evaluations = self._ranks.first(found)
+        return Prepared(self._with(InBfloat16(network) if rounded else network), evaluations)
 
     def _mine(self, rows: Tensor) -> Tensor:
         return rows[self._ranks.share(len(rows))]
@@ -182,6 +183,13 @@ class Fit:
     """Whether it is exact enough in bfloat16, and faster."""
 
 
+class Prepared(NamedTuple):
+    """A predictor for a batch, and the evaluations that it took to find it."""
+
+    predictor: Predictor
+    evaluations: int
+
+
 def prepared(
     denoiser: Denoiser,
     x: Float[Tensor, "v c y x"],
@@ -190,7 +198,7 @@ def prepared(
     settings: SamplerSettings,
     known: dict[Any, Fit],
     sharers: int = 1,
-) -> Predictor:
+) -> Prepared:
     """The denoiser with as many views in a pass as fit in memory, which so many processes share,
     and in bfloat16 if that is exact enough (see gsedit.diffusion.precision).
 
@@ -202,13 +210,13 @@ def prepared(
         return denoiser.prepared(x, originals, prompt, settings, known)
     with_micro_batch = denoiser.capabilities.with_micro_batch
     if with_micro_batch is None:
-        return denoiser
-    key = (x.shape[1:], settings)
+        return Prepared(denoiser, 0)
+    key, evaluations = (x.shape[1:], settings), 0
     if key not in known:
-        known[key] = _fit(denoiser, x, originals, prompt, settings)
+        known[key], evaluations = _fit(denoiser, x, originals, prompt, settings)
     fit = known[key]
     sized = with_micro_batch(views_at_once(len(x), fit.view_bytes * sharers, settings.memory))
-    return InBfloat16(sized) if fit.rounded else sized
+    return Prepared(InBfloat16(sized) if fit.rounded else sized, evaluations)
 
 
 def _fit(
@@ -217,20 +225,23 @@ def _fit(
     originals: Float[Tensor, "v h w 3"],
     prompt: str,
     settings: SamplerSettings,
-) -> Fit:
-    """Measure a denoiser on the first view, see `prepared`."""
+) -> tuple[Fit, int]:
+    """Measure a denoiser on the first view, see `prepared`; the evaluations that it takes."""
     rows, columns = x.shape[2:]
     first = levels_for(denoiser, settings, (rows, columns))[0]
     condition = denoiser.condition(originals[:1], prompt, torch.Generator())
     rescale = denoiser.capabilities.rescale
+    predictions = 0
 
     def guided(predictor: Predictor) -> Tensor:
         return exact() if predictor is denoiser else predict(predictor)
 
     def predict(predictor: Predictor) -> Tensor:
+        nonlocal predictions
+        predictions += 1
         return predict_guided(predictor, condition, x[:1], first, settings, rescale)
 
     exact = cache(lambda: predict(denoiser))
     held = max(peak_bytes(exact), peak_bytes(lambda: denoiser.decode(x[:1])))
     chosen = with_precision(denoiser, guided, settings.precision)
-    return Fit(held, chosen is not denoiser)
+    return Fit(held, chosen is not denoiser), predictions * sum(needed(*settings.scales))

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from gsedit.consistency.consensus import consensus, share_noise
 from gsedit.datasets.padding import pad_to, pad_to_multiple, round_up
-from gsedit.diffusion.guidance import Around, Branches, Need
+from gsedit.diffusion.guidance import Around, Branches, Need, Predictor
 from gsedit.diffusion.sampler import Anchor, Hook, add_noise, sample
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editors.protocol import (
@@ -88,8 +88,8 @@ class DiffusionEditor:
         x = add_noise(z0, settings.noise_scale * share(noise), levels[0])
         originals = whole.originals[free]
         condition = denoiser.condition(originals, batch.prompt, generator)
-        fitting = prepared(denoiser, x[free], originals, batch.prompt, settings, self.known)
-        counted = Counted(fitting)
+        ready = prepared(denoiser, x[free], originals, batch.prompt, settings, self.known)
+        counted = Counted(ready.predictor, ready.evaluations)
         steps = sample(
             counted,
             condition,
@@ -113,8 +113,10 @@ class DiffusionEditor:
 class Counted(Around):
     """A predictor that counts the evaluations of its network."""
 
-    evaluations = 0
-    """Views times conditions, summed over the calls."""
+    def __init__(self, network: Predictor, evaluations: int = 0) -> None:
+        super().__init__(network)
+        self.evaluations = evaluations
+        """Views times conditions, summed over the calls; those that were spent before included."""
 
     def branches(
         self, x: Float[Tensor, "v c y x"], t: float, condition: Any, need: Need

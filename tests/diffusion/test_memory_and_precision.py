@@ -137,10 +137,22 @@ def test_the_editor_gives_a_network_as_many_views_as_fit():
     torch.testing.assert_close(results[0], results[1], rtol=0, atol=1e-5)
 
 
+def test_a_session_measures_once_and_counts_it():
+    views, seen = torch.rand(2, 8, 8, 3, generator=torch.Generator().manual_seed(0)), []
+    editor, counts = DiffusionEditor(Painter(seen)), []
+    settings = SamplerSettings(steps=3, precision="float32")
+    for _ in range(2):
+        *_, last = editor.edit(EditBatch(views, views, "paint"), settings, torch.Generator())
+        counts.append(last.evaluations)
+    conditions, steps = 3, 3
+    assert counts == [conditions * (2 * steps + 1), conditions * 2 * steps]
+    assert seen.count(1) == 1
+
+
 def test_a_denoiser_without_a_network_is_left_alone():
     class WithoutNetwork(Painter):
         capabilities = Capabilities()
 
     model = WithoutNetwork([])
     x = torch.zeros(1, 4, 8, 8)
-    assert prepared(model, x, torch.zeros(1, 8, 8, 3), "", SamplerSettings(), {}) is model
+    assert prepared(model, x, torch.zeros(1, 8, 8, 3), "", SamplerSettings(), {}) == (model, 0)

@@ -9,7 +9,7 @@ import torch
 from small_networks import random_network
 
 from gsedit.diffusion.guidance import Need
-from gsedit.diffusion.sampler import predict_guided
+from gsedit.diffusion.guided import predict_guided
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editors import EditBatch
 from gsedit.editors.sampling import DiffusionEditor

@@ -11,8 +11,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.datasets.padding import pad_to_multiple
+from gsedit.diffusion.guided import predict_guided
 from gsedit.diffusion.predictions import as_pair
-from gsedit.diffusion.sampler import add_noise, predict_guided
+from gsedit.diffusion.sampler import add_noise
 from gsedit.editing.session.actions import MAX_STEPS_AT_ONCE, Action
 from gsedit.editing.session.edit_views import batch_of, find_ground_truth
 from gsedit.editing.session.fit_targets import MEASURE_EVERY_STEPS
