@@ -46,6 +46,15 @@ def _container_bytes(folder: Path = Path("/sys/fs/cgroup")) -> int:
         return UNLIMITED
 
 
+def most_bytes() -> int:
+    """The most memory that this process has had so far; 0 where the system does not say."""
+    try:
+        lines = Path("/proc/self/status").read_text().splitlines()
+        return next(int(line.split()[1]) * 1024 for line in lines if line.startswith("VmHWM:"))
+    except (OSError, StopIteration, ValueError):
+        return 0
+
+
 def views_at_once(views: int, view_bytes: int, budget: float | None) -> int:
     """How many views fit under `budget` GB (None: half of what is free), from 1 to `views`."""
     room = SHARE * free_bytes() if budget is None else budget * GB

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Generator, Iterator
 from dataclasses import replace
 from itertools import islice
-from typing import Any
+from typing import Any, NamedTuple
 
 import torch
 
 from gsedit.datasets.dataset import Dataset
+from gsedit.editing.estimate import Estimate, estimate_edit
 from gsedit.editing.session.actions import RollbackAction, Strategy
 from gsedit.editing.session.choose_region import choose_region
 from gsedit.editing.session.evaluate import evaluate_edit
@@ -90,11 +91,39 @@ def explain(
     generator: torch.Generator | None = None,
 ) -> tuple[Decision, ...]:
     """The work that `edit` would skip, and why; nothing is edited. Raises as `edit_steps` does."""
+    return plan_edit(
+        scene, prompt, editor=editor, dataset=dataset, settings=settings, strategy=strategy,
+        features=features, generator=generator,
+    ).decisions  # fmt: skip
+
+
+class EditPlan(NamedTuple):
+    """What an edit would do."""
+
+    decisions: tuple[Decision, ...]
+    """The work that it would skip, and why."""
+    estimate: Estimate | None
+    """Its time and memory; None where the editor takes little, or cannot be measured."""
+
+
+def plan_edit(
+    scene: Gaussians,
+    prompt: str,
+    *,
+    editor: Editor | None = None,
+    dataset: Dataset | None = None,
+    settings: EditSettings | None = None,
+    strategy: Strategy | None = None,
+    features: FeatureExtractor | None = None,
+    generator: torch.Generator | None = None,
+) -> EditPlan:
+    """Plan an edit: nothing is edited, one evaluation is measured. Raises as `edit_steps` does."""
     request = build_request(
         scene, prompt, editor or make_editor(), generator or torch.Generator().manual_seed(0),
         strategy or SinglePass(), dataset=dataset, settings=settings, features=features,
     )  # fmt: skip
-    return explain_skips(result_of(start_session(request)))
+    session = result_of(start_session(request))
+    return EditPlan(explain_skips(session), estimate_edit(session))
 
 
 def _run(
@@ -108,6 +137,8 @@ def _run(
     decisions, progress = explain_skips(session), session.progress
     if resume is None:
         yield Event("skip", progress.stopwatch.seconds, note=one_line(decisions))
+        if estimate := estimate_edit(session):
+            yield Event("estimate", progress.stopwatch.seconds, note=estimate.describe())
     yield from run_schedule(session)
     with progress.stopwatch.stage("measure"):
         evaluated = yield from evaluate_edit(session)
@@ -143,7 +174,7 @@ def _recorded(
     for item in items:
         match item:
             case Event():
-                events.append(item)
+                events.append(replace(item, picture=None))
             case Checkpoint(state):
                 done = events[: len(events) - state.record["undone"]]
                 recorded = plain([as_record(event) for event in done])

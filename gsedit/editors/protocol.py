@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Bool, Float
@@ -58,6 +58,29 @@ class EditProgress:
     evaluations: int = 0
     """Evaluations of the network for this batch so far: a view at one noise level under one
     condition is one. 0 for editors that run none."""
+    preview: Float[Tensor, "n y x 3"] | None = None
+    """Small pictures, in [0, 1], of what the views that are not anchored are becoming."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Measured cost of editing a view, in seconds of wall time."""
+
+    steps: int
+    evaluations: int
+    """Evaluations of the network for one view: branches, summed over the steps."""
+    evaluation_s: float
+    encode_s: float
+    decode_s: float
+    peak_bytes: int
+    """Most memory of the whole process so far, one evaluation and a decoding included; 0 where the
+    system does not say."""
+    precision: Literal["float32", "bfloat16"]
+
+    def seconds(self, views: int) -> float:
+        """Seconds for so many views: each is sampled, decoded, and encoded before and after."""
+        each = self.evaluations * self.evaluation_s + 2 * self.encode_s + self.decode_s
+        return views * each
 
 
 def no_advice(prompt: str) -> str:
@@ -122,6 +145,9 @@ class Capabilities:
     rescale: Callable[[Latents, Latents], Latents] | None = None
     """(guided prediction, prediction under text and picture) -> the prediction to step with. None:
     the guided one."""
+    measure: Callable[[EditBatch, SamplerSettings], Cost] | None = None
+    """Measure what a view costs, by one evaluation for a batch. None where that is little, or
+    unknown."""
     with_ranks: Callable[[Ranks], Editor] | None = None
     """Make this editor with its views shared out over several processes. None where that is not
     possible: then rank 0 edits, and the others receive the pictures."""

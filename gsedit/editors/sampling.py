@@ -19,8 +19,11 @@ from gsedit.datasets.padding import pad_to, pad_to_multiple, round_up
 from gsedit.diffusion.guidance import Around, Branches, Need, Predictor
 from gsedit.diffusion.sampler import Anchor, Hook, add_noise, sample
 from gsedit.diffusion.settings import SamplerSettings
+from gsedit.editors.cost import measure_cost
+from gsedit.editors.glimpse import Glimpse
 from gsedit.editors.protocol import (
     Capabilities,
+    Cost,
     Denoiser,
     EditBatch,
     EditProgress,
@@ -54,6 +57,7 @@ class DiffusionEditor:
         return replace(
             declared,
             denoiser=declared.denoiser or self.denoiser,
+            measure=self.measure if declared.with_micro_batch else None,
             with_ranks=lambda ranks: replace(self, denoiser=shared_out(self.denoiser, ranks)),
         )
 
@@ -90,6 +94,7 @@ class DiffusionEditor:
         condition = denoiser.condition(originals, batch.prompt, generator)
         ready = prepared(denoiser, x[free], originals, batch.prompt, settings, self.known)
         counted = Counted(ready.predictor, ready.evaluations)
+        glimpse = Glimpse.fit(z0, whole.images)
         steps = sample(
             counted,
             condition,
@@ -105,9 +110,29 @@ class DiffusionEditor:
         for step in steps:
             x = step.x
             if step.step < step.steps:
-                yield EditProgress(step.step, step.steps, evaluations=counted.evaluations)
+                preview = glimpse.picture(step.x0[free])
+                yield EditProgress(
+                    step.step, step.steps, evaluations=counted.evaluations, preview=preview
+                )
         images = _completed(batch, self.denoiser.decode(x[free]))
         yield EditProgress(len(levels) - 1, len(levels) - 1, images, counted.evaluations)
+
+    @torch.no_grad()
+    def measure(self, batch: EditBatch, settings: SamplerSettings) -> Cost:
+        """The cost of a view of such a batch, measured by evaluating the network. Draws nothing
+        from anyone's generator. Raises what `edit` raises."""
+        self.check(batch.prompt)
+        weighted, settings = for_settings(self.denoiser, settings)
+        whole = padded(batch, self.denoiser)
+        denoiser = with_subject_mask(weighted, whole.subject)
+        z0 = denoiser.encode(whole.images)
+        rows, columns = z0.shape[2:]
+        levels = levels_for(denoiser, settings, (rows, columns))
+        noise = torch.randn(z0.shape, generator=torch.Generator().manual_seed(0))
+        x = add_noise(z0, noise.to(z0), levels[0])
+        return measure_cost(
+            denoiser, x, whole.originals, batch.prompt, settings, levels, self.probes
+        )
 
 
 class Counted(Around):

@@ -126,7 +126,8 @@ def sample_views(
     batch = batch_of(session, members, anchors, matches, start)
     images, evaluations = None, 0
     for each in request.editor.edit(batch, sampler, request.generator):
-        yield Event(stage, progress.stopwatch.seconds, each.step, each.steps)
+        seconds = progress.stopwatch.seconds
+        yield Event(stage, seconds, each.step, each.steps, picture=each.preview)
         images, evaluations = each.images, each.evaluations
     if stage != MEASURE:  # what the result is compared with is no cost of the edit
         progress.work.calls += len(members) - len(anchors)

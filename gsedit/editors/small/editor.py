@@ -34,6 +34,7 @@ class SmallEditor:
     def capabilities(self) -> Capabilities:
         return replace(
             self._sampler.capabilities,
+            measure=None,  # seconds
             with_ranks=lambda ranks: replace(self, small=shared_out(self.small, ranks)),
         )
 
@@ -61,7 +62,7 @@ class SmallEditor:
                     originals = progress.images
                 step, steps = progress.step + k * progress.steps, passes * progress.steps
                 evaluations = spent + progress.evaluations
-                yield EditProgress(min(step, steps - 1), steps, evaluations=evaluations)
+                yield EditProgress(min(step, steps - 1), steps, None, evaluations, progress.preview)
             spent = evaluations
         if earlier:
             images = originals.clone()
@@ -71,7 +72,8 @@ class SmallEditor:
         for progress in self._sampler.edit(final, settings, generator):
             step = progress.step + len(earlier) * progress.steps
             evaluations = spent + progress.evaluations
-            yield EditProgress(step, passes * progress.steps, progress.images, evaluations)
+            steps = passes * progress.steps
+            yield EditProgress(step, steps, progress.images, evaluations, progress.preview)
 
     @cached_property
     def _sampler(self) -> DiffusionEditor:
