@@ -58,6 +58,13 @@ class EditorOptions:
     yes: bool = option(
         False, "pix2pix, diffusers: download what --model names without being asked."
     )
+    runtime: str | None = option(
+        None,
+        "pix2pix, diffusers: who computes the networks. auto: openvino where it is installed, "
+        "measured faster, and as exact; its networks are kept in the cache folder.",
+        "torch|openvino|auto",
+        show_default="auto",
+    )
     run: str | None = option(
         None,
         'command: the program to run, as in "my_editor {input} {output} {prompt}". It must '
@@ -94,6 +101,7 @@ class EditorOptions:
             self.settled().editor,
             model=self.model,
             weights_dir=self.weights_dir,
+            runtime=self.runtime,
             run=self.run,
             timeout=self.timeout,
             folder=out / "command",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
@@ -17,6 +18,7 @@ from ..core.checkpoints import NAME, Checkpoints, Resume, load_resume_state, say
 from ..core.command import argument, option, output, own_flags, shows
 from ..core.console import print_message, print_result
 from ..core.features import load_features
+from ..core.glimpses import Glimpses
 from ..core.kernel import UPDATES, say_kernel
 from ..core.outputs import check_folder
 from ..core.progress import progress, result_of
@@ -37,14 +39,16 @@ from ..options.settings import Setting, SettingsGroup, Values
 
 if TYPE_CHECKING:
     from gsedit.datasets.dataset import Dataset
+    from gsedit.editing.edit import EditPlan
     from gsedit.editing.session.result import EditResult
-    from gsedit.editing.skip.decision import Decision
     from gsedit.runs.events import Event
     from gsedit.words.instruction import Instruction as Words
 
 STEPS = "steps"
 """Folder, in that of the edit, with the folders of all edits but the last."""
-LEFTOVERS = ("metrics.unfinished.jsonl", "command", STEPS)
+GLIMPSES = "progress.png"
+"""Picture of the views that are being edited, while they are."""
+LEFTOVERS = ("metrics.unfinished.jsonl", "command", STEPS, GLIMPSES)
 """Files of an edit that ended before its first checkpoint: alone they need no protection."""
 
 Instruction = Annotated[str, argument("INSTRUCTION", "What should change, as in 'make it snow'.")]
@@ -57,8 +61,8 @@ class EditOptions:
     out: Path | None = output(None, "Folder for the results.")
     explain: bool = option(
         False,
-        "Edit nothing: print the work that the edit would skip, why, and the largest error "
-        "that skipping can cause.",
+        "Edit nothing: print the work that the edit would skip, why, the largest error that "
+        "skipping can cause, and the time and memory that a large 2D model would take.",
     )
     preview: bool = option(
         False, "Edit nothing: draw one view, before and after, into -o FILE.png (preview.png)."
@@ -68,9 +72,10 @@ class EditOptions:
     )
     preset: str = option(
         "default",
-        "Values of the options that are not given. paper: the published equations, which "
-        "average x_(t-1), start from independent noise and take 50 steps; the loss mse+gram.",
-        "default|paper",
+        "Values of the options that are not given. quick: a third of the network's evaluations. "
+        "paper: the published equations, which average x_(t-1), start from independent noise and "
+        "take 50 steps; the loss mse+gram.",
+        "default|quick|paper",
     )
     features: str = option(
         "filters",
@@ -246,8 +251,7 @@ def run_pipeline(asked: EditCommand) -> EditResult | None:
     common.apply()
     say_threads(state)
 
-    from gsedit.editing.edit import edit_steps
-    from gsedit.editing.edit import explain as plan_of
+    from gsedit.editing.edit import edit_steps, plan_edit
     from gsedit.editing.session.folder import history_of
     from gsedit.editing.session.strategy import asks_editor, check_strategy
     from gsedit.runs.events import events_of
@@ -269,7 +273,8 @@ def run_pipeline(asked: EditCommand) -> EditResult | None:
         "features": extractor, "generator": common.generator(),
     }  # fmt: skip
     if own.explain:
-        return print_plan(plan_of(gaussians, instruction, **library_request), as_json=common.json)
+        plan = plan_edit(gaussians, instruction, **library_request)
+        return print_plan(plan, as_json=common.json)
     steps = edit_steps(gaussians, instruction, **library_request, resume=state, ranks=ranks())
     if not is_first():
         return drain(steps)
@@ -321,11 +326,15 @@ def copy_frame(scene: Path, folder: Path) -> None:
         (folder / frames.NAME).unlink(missing_ok=True)  # an earlier run's
 
 
-def print_plan(decisions: tuple[Decision, ...], *, as_json: bool) -> None:
-    """Print the work that an edit would skip."""
+def print_plan(plan: EditPlan, *, as_json: bool) -> None:
+    """Print the work that an edit would skip, and what it would take."""
     from gsedit.editing.skip.decision import screen
 
-    print_result({"decisions": decisions}, screen(decisions), as_json=as_json)
+    text, record = screen(plan.decisions), {"decisions": plan.decisions}
+    if plan.estimate:
+        text += "\n" + textwrap.fill(f"estimate: {plan.estimate.describe()}", 80)
+        record |= {"estimate": plan.estimate, "seconds": plan.estimate.seconds}
+    print_result(record, text, as_json=as_json)
 
 
 def check_request(instruction: str, views: ViewOptions, out: Path | None, explain: bool) -> Path:
@@ -375,18 +384,21 @@ def run_and_write(
 
     with checkpoints:
         journal = event_journal(out / UNFINISHED, earlier)
+        glimpses = Glimpses(out / GLIMPSES)
         with progress(as_json=as_json) as show:
 
             def write_and_show(event: Event) -> None:
                 with suppress(OSError):  # a full disk; the result lists all events
                     journal.write(event)
                 show(event)
+                glimpses.show(event)
 
             handlers = {Event: write_and_show, Checkpoint: checkpoints.keep}
             result = result_of(steps, handlers)
         write_cameras_and_views(dataset, result, out)
         copy_frame(request["scene"], out)
         write_edit(out, result, request=request, overwrite=True)
+        glimpses.path.unlink(missing_ok=True)
     print_message(table(journal.records))
     print_message(result.metrics.describe())
     print_message(

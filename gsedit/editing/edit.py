@@ -138,6 +138,7 @@ def _run(
     if resume is None:
         yield Event("skip", progress.stopwatch.seconds, note=one_line(decisions))
         if estimate := estimate_edit(session):
+            progress.work.evaluations += estimate.cost.spent
             yield Event("estimate", progress.stopwatch.seconds, note=estimate.describe())
     yield from run_schedule(session)
     with progress.stopwatch.stage("measure"):

@@ -34,7 +34,8 @@ def measure_cost(
     probes: Probes,
 ) -> Cost:
     """The cost of sampling these views between these levels. Draws nothing."""
-    predictor = prepared(denoiser, x, originals, prompt, settings, probes).predictor
+    predictor, spent = prepared(denoiser, x, originals, prompt, settings, probes)
+    evaluations = len(x) * sum(needed(*settings.scales))
     condition = denoiser.condition(originals, prompt, torch.Generator())
     rescale = denoiser.capabilities.rescale
 
@@ -48,11 +49,12 @@ def measure_cost(
     return Cost(
         steps=len(levels) - 1,
         evaluations=sum(branches_of(levels, settings)),
-        evaluation_s=evaluation / (len(x) * sum(needed(*settings.scales))),
+        evaluation_s=evaluation / evaluations,
         encode_s=encode,
         decode_s=decode,
         peak_bytes=most_bytes(),
         precision="bfloat16" if isinstance(predictor, InBfloat16) else "float32",
+        spent=spent + 2 * evaluations,
     )
 
 

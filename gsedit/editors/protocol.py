@@ -76,6 +76,8 @@ class Cost:
     """Most memory of the whole process so far, one evaluation and a decoding included; 0 where the
     system does not say."""
     precision: Literal["float32", "bfloat16"]
+    spent: int = 0
+    """Evaluations that measuring took."""
 
     def seconds(self, views: int) -> float:
         """Seconds for so many views: each is sampled, decoded, and encoded before and after."""

@@ -2,10 +2,10 @@
 
 A package adds an editor by an entry point of the group `gsedit.editors`: a name, and a callable
 (a class, say) that makes an Editor. The first line of its docstring is the editor's summary. Its
-parameters are the options that it takes: `model`, `weights_dir`, `run`, `timeout` and `folder` are
-passed by name where they were given. It may have an attribute `missing`, a callable without
-arguments that returns what is not installed, one line for each with its next move. The editor's
-attribute `capabilities` (gsedit.editors.Capabilities) declares everything optional.
+parameters are the options that it takes: `model`, `weights_dir`, `runtime`, `run`, `timeout` and
+`folder` are passed by name where they were given. It may have an attribute `missing`, a callable
+without arguments that returns what is not installed, one line for each with its next move. The
+editor's attribute `capabilities` (gsedit.editors.Capabilities) declares everything optional.
 `examples/write_an_editor.py` shows one. Listing the editors loads no torch.
 """
 
@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -90,11 +90,12 @@ def _pix2pix(
     weights_dir: str | Path | None = None,
     precision: Precision = "auto",
     yes: Consent = False,
+    runtime: str = "auto",
 ) -> Editor:
     """InstructPix2Pix, by default the authors' weights of Stable Diffusion 1.5: any sentence."""
     from gsedit.editors.models.hub import DEFAULT as DEFAULT_MODEL
 
-    return _diffusers(model or DEFAULT_MODEL, weights_dir, precision, yes)
+    return _diffusers(model or DEFAULT_MODEL, weights_dir, precision, yes, runtime)
 
 
 def _diffusers(
@@ -102,14 +103,18 @@ def _diffusers(
     weights_dir: str | Path | None = None,
     precision: Precision = "auto",
     yes: Consent = False,
+    runtime: str = "auto",
 ) -> Editor:
     """2D editing models in diffusers' layout, a folder or hub id: any sentence."""
     from gsedit.editors.models.loading import load_model
+    from gsedit.editors.models.runtime import make_runtime
     from gsedit.editors.sampling import DiffusionEditor
 
     if model is None:
         raise UsageError(f"the diffusers editor needs a model: add {_models()}")
-    return DiffusionEditor(load_model(model, weights_dir=weights_dir, precision=precision, yes=yes))
+    run = make_runtime(runtime)
+    loaded = load_model(model, weights_dir=weights_dir, precision=precision, yes=yes)
+    return DiffusionEditor(replace(loaded, run=run))
 
 
 def _models() -> str:
@@ -186,8 +191,8 @@ def make_editor(name: str = DEFAULT, **options: Any) -> Editor:
     """The editor of that name; `options` that are None are as if they were not given.
 
     `model` is for small (a file, see load_small), pix2pix and diffusers, `guess` for small (see
-    Small), `weights_dir`, `precision` and `yes` for pix2pix and diffusers (see load_model), `run`,
-    `timeout` (seconds) and `folder` for command (see Command). Raises UsageError for
+    Small), `weights_dir`, `precision`, `yes` and `runtime` for pix2pix and diffusers (see load_model,
+    make_runtime), `run`, `timeout` (seconds) and `folder` for command (see Command). Raises UsageError for
     a name or an option that there is not, GseditError where a third party's editor cannot be made.
     """
     factory, source = _factory(name)

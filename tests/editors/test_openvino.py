@@ -121,12 +121,12 @@ def test_bfloat16_where_torch_would_take_it():
     assert (rounded - layer(x)).norm() / layer(x).norm() < 0.02
 
 
-def test_weights_in_16_bits_are_computed_in_32():
+def test_weights_in_16_bits_are_traced_in_32():
     half = torch.nn.Sequential(torch.nn.Conv2d(4, 8, 3), torch.nn.GroupNorm(2, 8))
     half, x = half.bfloat16().requires_grad_(False), torch.ones(1, 4, 8, 8).bfloat16()
     found = openvino.OpenVino()(linear, half, x)
     assert found.dtype == next(half.parameters()).dtype == torch.bfloat16
-    assert (found.float() - half.float()(x.float())).norm() < 0.01 * found.float().norm() + 0.01
+    assert (found.float() - half.float()(x.float())).norm() < 0.02 * found.float().norm() + 0.01
 
 
 @pytest.mark.parametrize(("error", "expected"), [(0.0, "openvino"), (0.1, "torch")])

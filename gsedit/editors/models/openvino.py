@@ -1,6 +1,6 @@
 """Networks computed by OpenVINO: traced once, compiled for the processor, kept in the cache.
 
-The arithmetic is float32, or bfloat16 inside torch.autocast, as in torch.
+The arithmetic is float32; bfloat16 inside torch.autocast, and for weights in bfloat16.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class OpenVino:
 
     def _run(self, forward: Forward, network: Any, inputs: list[Tensor]) -> Tensor:
         shapes = tuple((tuple(each.shape), each.dtype) for each in inputs)
-        place, precision = (forward, id(network), shapes), _precision()
+        place, precision = (forward, id(network), shapes), _precision(network)
         threads = torch.get_num_threads()
         key = (*place, precision, threads)
         if key not in self._compiled:
@@ -133,7 +133,7 @@ class Faster:
         weights = sum(each.numel() for each in network.parameters())
         if weights < LEAST_WEIGHTS or (torch.is_grad_enabled() and inputs[0].requires_grad):
             return forward(network, *inputs)
-        key = (forward, id(network), _precision())
+        key = (forward, id(network), _precision(network))
         if key not in self.chosen:
             self.chosen[key] = self._measured(forward, network, inputs)
         runtime = self.openvino if self.chosen[key].startswith("openvino") else in_torch
@@ -145,7 +145,7 @@ class Faster:
             exact = forward(network, *inputs)
             seconds = _seconds() - started
         limit = MAX_ERROR_FLOAT32
-        if _precision() == "bf16":
+        if _precision(network) == "bf16":
             limit, started = MAX_ERROR, _seconds()
             forward(network, *inputs)
             seconds = _seconds() - started
@@ -174,9 +174,11 @@ def _seconds() -> float:
     return time.process_time()
 
 
-def _precision() -> str:
-    """Arithmetic that torch is asked for, by OpenVINO's name."""
-    return "bf16" if torch.is_autocast_enabled("cpu") else "f32"
+def _precision(network: Any) -> str:
+    """Arithmetic that torch would use, by OpenVINO's name."""
+    dtype = next((each.dtype for each in network.parameters()), torch.float32)
+    rounded = torch.is_autocast_enabled("cpu") or dtype == torch.bfloat16
+    return "bf16" if rounded else "f32"
 
 
 class _Traced(torch.nn.Module):

@@ -1,0 +1,114 @@
+"""What an edit will take is measured before it begins, and shown while it runs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import datetime
+from time import monotonic
+
+import pytest
+import tiny_edits
+import torch
+from gsedit_cli.core.glimpses import Glimpses
+from PIL import Image
+
+from gsedit import EditResult, Event, edit_steps
+from gsedit.diffusion.settings import SamplerSettings
+from gsedit.editing.edit import plan_edit
+from gsedit.editing.estimate import Estimate, cheaper, duration
+from gsedit.editors import EditBatch
+from gsedit.editors.glimpse import Glimpse
+from gsedit.editors.protocol import Cost
+from gsedit.editors.sampling import DiffusionEditor
+
+pytestmark = pytest.mark.usefixtures("offline")
+SETTINGS = replace(
+    tiny_edits.SETTINGS, sampler=SamplerSettings(steps=3, precision="float32"), held_out_edits=1
+)
+COST = Cost(20, 60, 2.0, 5.0, 5.0, 4_000_000_000, "float32")
+
+
+def request(model) -> dict:
+    return {
+        "editor": DiffusionEditor(model),
+        "generator": torch.Generator().manual_seed(0),
+        "dataset": tiny_edits.data(),
+        "settings": SETTINGS,
+    }
+
+
+def test_an_edit_says_first_what_it_will_take_and_shows_what_becomes(model):
+    items = list(edit_steps(tiny_edits.scene(), tiny_edits.PROMPT, **request(model)))
+    events = [item for item in items if isinstance(item, Event)]
+    stages = [event.stage for event in events]
+    assert stages.index("estimate") < stages.index("sample")
+    (note,) = (event.note for event in events if event.stage == "estimate")
+    assert "5 views (1 of them to compare with), 3 steps of 3 branches" in note
+    shown = [event.picture for event in events if event.picture is not None]
+    assert shown[0].shape == (2, 24, 24, 3)  # views, latent cells
+    assert all(each.min() >= 0 and each.max() <= 1 for each in shown)
+    (result,) = (item for item in items if isinstance(item, EditResult))
+    assert all(event.picture is None for event in result.events)
+    views, conditions, first_view, two_batches = 4, 3, 1, 2 * 2
+    assert result.work.evaluations == conditions * (views * 3 + first_view + two_batches)
+
+
+def test_planning_edits_nothing_and_is_right_about_the_work(model):
+    given = request(model)
+    state = given["generator"].get_state()
+    plan = plan_edit(tiny_edits.scene(), tiny_edits.PROMPT, **given)
+    assert plan.decisions
+    assert plan.estimate is not None
+    assert plan.estimate.cost.evaluations == 9
+    assert plan.estimate.cost.peak_bytes > 1e8
+    assert plan.estimate.seconds > 0
+    again = request(model)["generator"]
+    assert torch.equal(again.get_state(), state)
+
+
+def test_the_estimate_is_of_the_time_that_the_batch_takes(model):
+    """Loosely: other programs may take the processor at any time."""
+    views = torch.rand(2, 48, 48, 3, generator=torch.Generator().manual_seed(0))
+    editor, batch = DiffusionEditor(model), EditBatch(views, views, "make it snow")
+    settings = SamplerSettings(steps=8, precision="float32")
+    cost = editor.measure(batch, settings)
+    started = monotonic()
+    list(editor.edit(batch, settings, torch.Generator().manual_seed(0)))
+    assert cost.seconds(2) == pytest.approx(monotonic() - started, rel=4)
+
+
+def test_an_estimate_in_words():
+    text = Estimate(12, 2, COST, "--preset quick").describe(datetime(2026, 1, 1, 12))
+    assert text == (
+        "14 views (2 of them to compare with), 20 steps of 3 branches, 2 s each in float32: about "
+        "32 min, until 12:31; 4.0 GB of memory; --preset quick takes half as long or less"
+    )
+    assert [duration(each) for each in (40.0, 600.0, 36000.0)] == ["40 s", "10 min", "10.0 h"]
+
+
+def test_the_setting_that_halves_the_time():
+    sampler = SamplerSettings()
+    assert cheaper(sampler, COST) == "--preset quick"
+    quick = SamplerSettings.preset("quick")
+    assert cheaper(quick, replace(COST, precision="bfloat16")) == ""
+
+
+def test_a_linear_code_is_seen_exactly():
+    g = torch.Generator().manual_seed(0)
+    colors = torch.rand(3, 4, 5, 3, generator=g)
+    images = colors.repeat_interleave(8, 1).repeat_interleave(8, 2)
+    code = torch.randn(3, 6, generator=g)
+    latents = (colors @ code + 0.5).movedim(-1, 1)
+    shown = Glimpse.fit(latents[:2], images[:2]).picture(latents)
+    torch.testing.assert_close(shown, colors, atol=1e-5, rtol=0)
+
+
+def test_progress_is_one_picture_that_is_replaced(tmp_path):
+    glimpses = Glimpses(tmp_path / "progress.png")
+    glimpses.show(Event("sample", 0.0))
+    assert not glimpses.path.exists()
+    glimpses.show(Event("sample", 0.0, picture=torch.rand(3, 24, 32, 3)))
+    assert Image.open(glimpses.path).size == (3 * 192, 144)
+    written = glimpses.path.stat().st_mtime_ns
+    glimpses.show(Event("sample", 0.1, picture=torch.rand(3, 24, 32, 3)))
+    assert glimpses.path.stat().st_mtime_ns == written  # not at every step
