@@ -73,7 +73,7 @@ def cheaper(sampler: SamplerSettings, cost: Cost) -> str:
     if sampler.method == "ddim" and sampler.step_count >= MANY_STEPS:
         return "--preset quick"
     if cost.precision == "float32" and has_bfloat16():
-        return "--precision bfloat16"
+        return "--precision bfloat16 with --runtime openvino"
     if sampler.guidance_every == 1 and cost.evaluations >= 2 * cost.steps:
         return "--guidance-every 3"
     return ""

@@ -6,10 +6,11 @@ import pytest
 import torch
 from tiny_pix2pix import tiny_unet, tiny_vae
 
+from gsedit.diffusion.memory import peak_bytes
 from gsedit.editors.models import autoencoder, graphs, runtime
 from gsedit.editors.models.runtime import in_torch, make_runtime
 from gsedit.editors.models.stable_diffusion import _predicted
-from gsedit.errors import UsageError
+from gsedit.errors import GseditError, UsageError
 
 pytest.importorskip("openvino")
 
@@ -61,6 +62,22 @@ def test_autoencoder_is_equal_to_torch():
     latents = torch.randn(2, 4, 4, 4, generator=torch.Generator().manual_seed(0))
     found = autoencoder.decoded(openvino.OpenVino(), vae, latents, 1)
     close(found, autoencoder.decoded(in_torch, vae, latents, 1))
+
+
+def test_a_network_is_traced_while_its_memory_is_counted():
+    layer, x = torch.nn.Linear(4, 4).requires_grad_(False), torch.ones(2, 4)
+    run, found = openvino.OpenVino(), []
+    peak_bytes(lambda: found.append(run(linear, layer, x)))
+    close(found[0], layer(x))
+
+
+def test_what_cannot_be_traced_is_told_in_one_line():
+    def fails(network, x):
+        raise RuntimeError("no\nsuch operation")
+
+    layer = torch.nn.Linear(4, 4).requires_grad_(False)
+    with pytest.raises(GseditError, match="--runtime torch"):
+        openvino.OpenVino()(fails, layer, torch.ones(1, 4))
 
 
 def test_gradients_go_through_torch():

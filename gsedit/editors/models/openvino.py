@@ -17,10 +17,12 @@ from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
+from torch.utils._python_dispatch import _disable_current_modes
 
 from gsedit.diffusion.precision import MAX_ERROR, relative_error
 from gsedit.editors.models import graphs
 from gsedit.editors.models.runtime import Forward, Runtime, in_torch
+from gsedit.errors import GseditError
 from gsedit.runs.environment import installed_version
 
 ROWS = 4
@@ -32,6 +34,10 @@ LEAST_WEIGHTS = 10_000_000
 """Weights below which `Faster` leaves a network to torch: tracing it would not pay."""
 MAX_ERROR_FLOAT32 = 1e-3
 """Relative RMS error up to which `Faster` takes float32 of OpenVINO; it has 4e-6."""
+
+
+class NotTraceable(GseditError):
+    """OpenVINO lacks what a network needs."""
 
 
 class Compiled(NamedTuple):
@@ -154,8 +160,8 @@ class Faster:
             started = _seconds()
             found = self.openvino(forward, network, *inputs)
             own = _seconds() - started
-        except (RuntimeError, MemoryError) as error:  # OpenVINO lacks an operation, or memory
-            return f"torch: openvino cannot ({str(error).splitlines()[-1]})"
+        except (NotTraceable, RuntimeError, MemoryError) as error:
+            return f"torch: {str(error)[:200]}"
         error = relative_error(found, exact)
         name = "openvino" if own < seconds and error <= limit else "torch"
         return f"{name}: openvino takes {own:.2g} s, torch {seconds:.2g} s; error {error:.1g}"
@@ -198,9 +204,20 @@ def _traced(forward: Forward, network: Any, inputs: list[Tensor]) -> Any:
         network = copy.deepcopy(network).float()  # 16-bit graphs lack operations
     module = _Traced(forward, network).eval()
     shapes = [tuple(each.shape) for each in inputs]
-    with warnings.catch_warnings(), torch.no_grad(), torch.autocast("cpu", enabled=False):
+    with (
+        warnings.catch_warnings(),
+        torch.no_grad(),
+        torch.autocast("cpu", enabled=False),
+        _disable_current_modes(),  # whoever counts memory hides the tensors from the trace
+    ):
         warnings.simplefilter("ignore")  # shapes become constants: that is wanted
-        return _library().convert_model(module, example_input=tuple(inputs), input=shapes)
+        try:
+            return _library().convert_model(module, example_input=tuple(inputs), input=shapes)
+        except RuntimeError as error:
+            raise NotTraceable(
+                f"OpenVINO cannot compute {type(network).__name__} ({str(error)[:80]}): "
+                "add --runtime torch"
+            ) from error
 
 
 def _compiled(graph: Any, precision: str, threads: int) -> Callable[[list[Any]], Any]:
