@@ -72,7 +72,7 @@ class EditOptions:
     )
     preset: str = option(
         "default",
-        "Values of the options that are not given. quick: a third of the network's evaluations. "
+        "Values of the options that are not given. quick: half of the evaluations of a 2D model. "
         "paper: the published equations, which average x_(t-1), start from independent noise and "
         "take 50 steps; the loss mse+gram.",
         "default|quick|paper",

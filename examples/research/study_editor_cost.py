@@ -28,7 +28,8 @@ from gsedit.diffusion.schedules import Schedule
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editors.models.runtime import make_runtime
 from gsedit.editors.models.stable_diffusion import Pix2Pix, TextEncoder
-from gsedit.editors.protocol import Denoiser, levels_for
+from gsedit.editors.protocol import Cost, Denoiser, EditBatch, levels_for
+from gsedit.editors.sampling import DiffusionEditor
 from gsedit.editors.small.denoiser import load_small
 from research.command import print_message, print_result, run
 
@@ -45,9 +46,15 @@ CASES = {
     "guidance every 2nd step": replace(FULL, guidance_every=2),
     "guidance every 3rd step": replace(FULL, guidance_every=3),
     "image guidance 1": replace(FULL, guidance_image=1.0),
-    "quick": SamplerSettings.preset("quick"),
+    "--preset quick": replace(SamplerSettings.preset("quick"), consensus=False),
+    "--preset quick --steps 10": replace(
+        SamplerSettings.preset("quick"), consensus=False, steps=10
+    ),
 }
 SIZE = 256  # pixels
+PROMPT = "turn it into a bronze statue"
+ALLOWED = 0.2
+"""Relative error that an estimate may have."""
 
 
 @dataclass(frozen=True)
@@ -70,16 +77,14 @@ def full_size(runtime: str = "torch") -> Pix2Pix:
     """InstructPix2Pix of Stable Diffusion 1.5, with torch's initial weights."""
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(0)
-        unet = UNet2DConditionModel(
-            sample_size=64, in_channels=8, cross_attention_dim=768, attention_head_dim=8
+        unet: Any = UNet2DConditionModel.from_config(
+            {"in_channels": 8, "cross_attention_dim": 768, "attention_head_dim": 8}
+            | {"sample_size": 64}
         )
-        vae = AutoencoderKL(
-            block_out_channels=(128, 256, 512, 512),
-            layers_per_block=2,
-            down_block_types=("DownEncoderBlock2D",) * 4,
-            up_block_types=("UpDecoderBlock2D",) * 4,
-            latent_channels=4,
-            sample_size=512,
+        vae: Any = AutoencoderKL.from_config(
+            {"block_out_channels": (128, 256, 512, 512), "layers_per_block": 2}
+            | {"down_block_types": ("DownEncoderBlock2D",) * 4}
+            | {"up_block_types": ("UpDecoderBlock2D",) * 4, "sample_size": 512}
         )
     return Pix2Pix(
         unet=unet.eval().requires_grad_(False),
@@ -142,18 +147,44 @@ def measure(
         }
 
 
+def estimated(model: Pix2Pix, precision: str) -> tuple[Cost, float]:
+    """(the cost that is stated before, the seconds that a batch of three views then takes)."""
+    shades = torch.tensor((1.0, 0.9, 0.8))[:, None, None, None]
+    views = picture() * shades
+    settings = replace(SamplerSettings.preset("quick"), steps=10, precision=precision)  # pyright: ignore[reportArgumentType]
+    editor, batch = DiffusionEditor(model), EditBatch(views, views, PROMPT)
+    cost = editor.measure(batch, settings)
+    brighter = replace(batch, images=views * 1.1, originals=views * 1.1)  # not encoded before
+    started = time.monotonic()
+    list(editor.edit(brighter, settings, torch.Generator().manual_seed(0)))
+    return cost, time.monotonic() - started
+
+
 def main(
-    output: Annotated[Path, typer.Option("-o", help="File of results, JSON lines.")],
+    output: Annotated[Path, typer.Option("-o", help="File of results, JSON lines.")] = Path(
+        "out/editor_cost.jsonl"
+    ),
     model: str = "pix2pix",
     runtime: str = "openvino",
     precision: str = "bfloat16",
     case: Annotated[list[str] | None, typer.Option(help="Cases; all without.")] = None,
+    estimate: Annotated[bool, typer.Option(help="Compare an estimate with the time.")] = False,
 ) -> None:
     """Measure cases, append them to the file and print them."""
     network = load_small() if model == "small" else full_size(runtime)
-    prompt = "turn it into a bronze statue"
+    if estimate:
+        assert isinstance(network, Pix2Pix)
+        cost, seconds = estimated(network, precision)
+        ratio = cost.seconds(3) / seconds
+        verdict = "right" if abs(ratio - 1) <= ALLOWED else "WRONG"
+        return print_result(
+            f"estimate of three views: {cost.seconds(3):.1f} s, they took {seconds:.1f} s "
+            f"({verdict}: {ratio - 1:+.0%}, {ALLOWED:.0%} is allowed); "
+            f"{cost.evaluation_s:.2f} s an evaluation, encoding {cost.encode_s:.2f} s, decoding "
+            f"{cost.decode_s:.2f} s, {cost.peak_bytes / 1e9:.1f} GB"
+        )
     output.parent.mkdir(parents=True, exist_ok=True)
-    for row in measure(network, case or list(CASES), prompt, precision, output):
+    for row in measure(network, case or list(CASES), PROMPT, precision, output):
         row["runtime"] = runtime
         with output.open("a") as file:
             file.write(json.dumps(row) + "\n")

@@ -201,7 +201,7 @@ class SamplerSettings:
     @classmethod
     def preset(cls, name: str) -> SamplerSettings:
         """`default`; `paper`: eq. (averageall) as printed, on x_{t-1} of independent noise;
-        `quick`: a third of the evaluations (docs/measurements/editors.md)."""
+        `quick`: half of the evaluations (docs/measurements/editors.md)."""
         match name:
             case "default":
                 return cls()
@@ -211,7 +211,7 @@ class SamplerSettings:
                     temperature=1.0, t_end=SamplerDefaults().t_end, harmonise=False,
                 )  # fmt: skip
             case "quick":
-                return cls(steps=10, solver="dpm++2m", guidance_every=2)
+                return cls(guidance_every=3, guidance_end=1.0)
         raise UsageError(f"preset must be default, quick or paper, not {name!r}")
 
 

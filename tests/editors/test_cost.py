@@ -13,6 +13,9 @@ from gsedit_cli.core.glimpses import Glimpses
 from PIL import Image
 
 from gsedit import EditResult, Event, edit_steps
+from gsedit.diffusion.guided import branches_of
+from gsedit.diffusion.sampler import levels_of
+from gsedit.diffusion.schedules import Schedule
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editing.edit import plan_edit
 from gsedit.editing.estimate import Estimate, cheaper, duration
@@ -87,10 +90,16 @@ def test_an_estimate_in_words():
 
 
 def test_the_setting_that_halves_the_time():
-    sampler = SamplerSettings()
-    assert cheaper(sampler, COST) == "--preset quick"
-    quick = SamplerSettings.preset("quick")
-    assert cheaper(quick, replace(COST, precision="bfloat16")) == ""
+    levels = levels_of(Schedule.scaled_linear(), SamplerSettings())
+    full, quick = (
+        sum(branches_of(levels, settings))
+        for settings in (SamplerSettings(), SamplerSettings.preset("quick"))
+    )
+    assert full == 60 >= 2 * quick
+    rounded = replace(COST, precision="bfloat16")
+    assert cheaper(COST) == "--preset quick"
+    assert cheaper(replace(rounded, evaluations=quick)) == "--steps 10"
+    assert not cheaper(replace(rounded, steps=4, evaluations=4))
 
 
 def test_a_linear_code_is_seen_exactly():
