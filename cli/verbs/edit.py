@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
@@ -328,13 +327,7 @@ def copy_frame(scene: Path, folder: Path) -> None:
 
 def print_plan(plan: EditPlan, *, as_json: bool) -> None:
     """Print the work that an edit would skip, and what it would take."""
-    from gsedit.editing.skip.decision import screen
-
-    text, record = screen(plan.decisions), {"decisions": plan.decisions}
-    if plan.estimate:
-        text += "\n" + textwrap.fill(f"estimate: {plan.estimate.describe()}", 80)
-        record |= {"estimate": plan.estimate, "seconds": plan.estimate.seconds}
-    print_result(record, text, as_json=as_json)
+    print_result(plan._asdict(), plan.describe(), as_json=as_json)
 
 
 def check_request(instruction: str, views: ViewOptions, out: Path | None, explain: bool) -> Path:

@@ -20,12 +20,12 @@ import torch
 import transformers
 from diffusers.models.autoencoders.autoencoder_tiny import AutoencoderTiny
 from diffusers.models.unets.unet_dreamlite import DreamLiteUNetModel
-from gsedit.diffusion.flow import FlowScheduler
 from jaxtyping import Float
 from torch import Tensor
 from transformers.initialization import no_init_weights
 
 from gsedit.bench.provenance import provenance
+from gsedit.diffusion.flow import FlowScheduler
 from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.precision import relative_error
 from gsedit.diffusion.settings import SamplerSettings

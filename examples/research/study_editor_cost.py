@@ -26,14 +26,16 @@ from gsedit.diffusion.precision import InBfloat16, relative_error
 from gsedit.diffusion.sampler import add_noise, sample
 from gsedit.diffusion.schedules import Schedule
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors.models.runtime import make_runtime
+from gsedit.editors.models.runtimes import make_runtime
 from gsedit.editors.models.stable_diffusion import Pix2Pix, TextEncoder
 from gsedit.editors.protocol import Cost, Denoiser, EditBatch, levels_for
 from gsedit.editors.sampling import DiffusionEditor
 from gsedit.editors.small.denoiser import load_small
 from research.command import print_message, print_result, run
 
-FULL = SamplerSettings(consensus=False)
+FULL = SamplerSettings(consensus=False, steps=20, solver="ddim", spacing="leading")
+QUICK: dict[str, Any] = {"guidance_every": 3, "guidance_end": 1.0}
+"""The preset, without its other values."""
 CASES = {
     "full: 20 steps of DDIM": FULL,
     "12 steps of DPM-Solver++": replace(FULL, solver="dpm++2m", steps=12),
@@ -46,10 +48,8 @@ CASES = {
     "guidance every 2nd step": replace(FULL, guidance_every=2),
     "guidance every 3rd step": replace(FULL, guidance_every=3),
     "image guidance 1": replace(FULL, guidance_image=1.0),
-    "--preset quick": replace(SamplerSettings.preset("quick"), consensus=False),
-    "--preset quick --steps 10": replace(
-        SamplerSettings.preset("quick"), consensus=False, steps=10
-    ),
+    "--preset quick": replace(FULL, **QUICK),
+    "--preset quick --steps 10": replace(FULL, **QUICK, steps=10),
 }
 SIZE = 256  # pixels
 PROMPT = "turn it into a bronze statue"

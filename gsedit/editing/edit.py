@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator, Iterator
 from dataclasses import replace
 from itertools import islice
+from textwrap import fill
 from typing import Any, NamedTuple
 
 import torch
@@ -31,7 +32,7 @@ from gsedit.editing.session.strategy import asks_editor, name_of
 from gsedit.editing.session.survey import survey_views
 from gsedit.editing.session.unedited import UneditedRenders
 from gsedit.editing.skip.decide import explain_skips
-from gsedit.editing.skip.decision import Decision, one_line
+from gsedit.editing.skip.decision import TERMINAL_COLUMNS, Decision, one_line, screen
 from gsedit.editing.strategies.single_pass import SinglePass
 from gsedit.editing.view_plan import ViewPlan
 from gsedit.editors import make_editor
@@ -98,12 +99,19 @@ def explain(
 
 
 class EditPlan(NamedTuple):
-    """What an edit would do."""
+    """The plan of an edit: work that is skipped, time and memory."""
 
     decisions: tuple[Decision, ...]
     """The work that it would skip, and why."""
     estimate: Estimate | None
     """Its time and memory; None where the editor takes little, or cannot be measured."""
+
+    def describe(self) -> str:
+        """Both as lines for a terminal."""
+        lines = screen(self.decisions)
+        if self.estimate is None:
+            return lines
+        return f"{lines}\n{fill(f'estimate: {self.estimate.describe()}', TERMINAL_COLUMNS)}"
 
 
 def plan_edit(

@@ -1,4 +1,4 @@
-"""What an edit by a diffusion model will cost, measured on one evaluation before it begins."""
+"""The cost of an edit by a diffusion model, measured on one evaluation before it begins."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from gsedit.diffusion.precision import InBfloat16
 from gsedit.diffusion.schedules import NoiseLevel
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editors.protocol import Cost, Denoiser
-from gsedit.editors.ranked import Probes, prepared
+from gsedit.editors.ranked import Fit, prepared
 
 
 @torch.no_grad()
@@ -31,10 +31,10 @@ def measure_cost(
     prompt: str,
     settings: SamplerSettings,
     levels: Sequence[NoiseLevel],
-    probes: Probes,
+    known: dict[Any, Fit],
 ) -> Cost:
     """The cost of sampling these views between these levels. Draws nothing."""
-    predictor, spent = prepared(denoiser, x, originals, prompt, settings, probes)
+    predictor, spent = prepared(denoiser, x, originals, prompt, settings, known)
     evaluations = len(x) * sum(needed(*settings.scales))
     condition = denoiser.condition(originals, prompt, torch.Generator())
     rescale = denoiser.capabilities.rescale

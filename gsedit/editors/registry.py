@@ -107,7 +107,7 @@ def _diffusers(
 ) -> Editor:
     """2D editing models in diffusers' layout, a folder or hub id: any sentence."""
     from gsedit.editors.models.loading import load_model
-    from gsedit.editors.models.runtime import make_runtime
+    from gsedit.editors.models.runtimes import make_runtime
     from gsedit.editors.sampling import DiffusionEditor
 
     if model is None:
@@ -191,9 +191,10 @@ def make_editor(name: str = DEFAULT, **options: Any) -> Editor:
     """The editor of that name; `options` that are None are as if they were not given.
 
     `model` is for small (a file, see load_small), pix2pix and diffusers, `guess` for small (see
-    Small), `weights_dir`, `precision`, `yes` and `runtime` for pix2pix and diffusers (see load_model,
-    make_runtime), `run`, `timeout` (seconds) and `folder` for command (see Command). Raises UsageError for
-    a name or an option that there is not, GseditError where a third party's editor cannot be made.
+    Small), `weights_dir`, `precision`, `yes` and `runtime` for pix2pix and diffusers (see
+    load_model, make_runtime), `run`, `timeout` (seconds) and `folder` for command (see Command).
+    Raises UsageError for a name or an option that there is not, GseditError where a third party's
+    editor cannot be made.
     """
     factory, source = _factory(name)
     parameters = _parameters(factory)

@@ -96,24 +96,14 @@ class DiffusionEditor:
         counted = Counted(ready.predictor, ready.evaluations)
         glimpse = Glimpse.fit(z0, whole.images)
         steps = sample(
-            counted,
-            condition,
-            x,
-            settings,
-            levels=levels,
-            rescale=denoiser.capabilities.rescale,
-            consensus=agree,
-            share=share,
-            anchor=anchor,
-            generator=generator,
-        )
+            counted, condition, x, settings, levels=levels, consensus=agree, share=share,
+            rescale=denoiser.capabilities.rescale, anchor=anchor, generator=generator,
+        )  # fmt: skip
         for step in steps:
             x = step.x
             if step.step < step.steps:
-                preview = glimpse.picture(step.x0[free])
-                yield EditProgress(
-                    step.step, step.steps, evaluations=counted.evaluations, preview=preview
-                )
+                shown = glimpse.picture(step.x0[free])
+                yield EditProgress(step.step, step.steps, None, counted.evaluations, shown)
         images = _completed(batch, self.denoiser.decode(x[free]))
         yield EditProgress(len(levels) - 1, len(levels) - 1, images, counted.evaluations)
 
@@ -131,7 +121,7 @@ class DiffusionEditor:
         noise = torch.randn(z0.shape, generator=torch.Generator().manual_seed(0))
         x = add_noise(z0, noise.to(z0), levels[0])
         return measure_cost(
-            denoiser, x, whole.originals, batch.prompt, settings, levels, self.probes
+            denoiser, x, whole.originals, batch.prompt, settings, levels, self.known
         )
 
 

@@ -111,7 +111,7 @@ def test_presets():
         schedule = Schedule.scaled_linear()
         levels = levels_of(schedule, settings)[:-1]
         assert sum(level.sigma > settings.consensus_end for level in levels) == wanted
-    with pytest.raises(UsageError, match="default or paper"):
+    with pytest.raises(UsageError, match="default, quick or paper"):
         SamplerSettings.preset("fast")
 
 

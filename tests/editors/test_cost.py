@@ -1,4 +1,4 @@
-"""What an edit will take is measured before it begins, and shown while it runs."""
+"""The cost of an edit is measured before it begins, and its views are shown while they become."""
 
 from __future__ import annotations
 

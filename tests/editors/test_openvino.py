@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import pytest
 import torch
-from tiny_pix2pix import tiny_unet, tiny_vae
+from tiny_models import tiny_unet, tiny_vae
 
 from gsedit.diffusion.memory import peak_bytes
-from gsedit.editors.models import autoencoder, graphs, runtime
-from gsedit.editors.models.runtime import in_torch, make_runtime
+from gsedit.editors.models import autoencoder, graphs, runtimes
+from gsedit.editors.models.runtime import in_torch
+from gsedit.editors.models.runtimes import make_runtime
 from gsedit.editors.models.stable_diffusion import _predicted
 from gsedit.errors import GseditError, UsageError
 
@@ -168,7 +169,7 @@ def test_runtimes_by_name(monkeypatch):
     assert isinstance(make_runtime("auto"), openvino.Faster)
     with pytest.raises(UsageError, match="torch, openvino or auto"):
         make_runtime("onnx")
-    monkeypatch.setattr(runtime, "find_spec", lambda name: None)
+    monkeypatch.setattr(runtimes, "find_spec", lambda name: None)
     assert make_runtime("auto") is in_torch
     with pytest.raises(UsageError, match=r"pip install 'gsedit\[openvino\]'"):
         make_runtime("openvino")
