@@ -48,7 +48,7 @@ def test_an_edit_says_first_what_it_will_take_and_shows_what_becomes(model):
     (note,) = (event.note for event in events if event.stage == "estimate")
     assert "5 views (1 of them to compare with), 3 steps of 3 branches" in note
     shown = [event.picture for event in events if event.picture is not None]
-    assert shown[0].shape == (2, 24, 24, 3)  # views, latent cells
+    assert shown[0].shape == (2, 32, 32, 3)  # views, latent cells
     assert all(each.min() >= 0 and each.max() <= 1 for each in shown)
     (result,) = (item for item in items if isinstance(item, EditResult))
     assert all(event.picture is None for event in result.events)
