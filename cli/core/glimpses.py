@@ -12,6 +12,8 @@ from gsedit.errors import GseditError
 if TYPE_CHECKING:
     from gsedit.runs.events import Event
 
+GLIMPSES = "progress.png"
+"""The picture's name in the folder of an edit."""
 SECONDS = 2.0
 """Least time between two pictures."""
 PIXELS = 192

@@ -17,7 +17,7 @@ from ..core.checkpoints import NAME, Checkpoints, Resume, load_resume_state, say
 from ..core.command import argument, option, output, own_flags, shows
 from ..core.console import print_message, print_result
 from ..core.features import load_features
-from ..core.glimpses import Glimpses
+from ..core.glimpses import GLIMPSES, Glimpses
 from ..core.kernel import UPDATES, say_kernel
 from ..core.outputs import check_folder
 from ..core.progress import progress, result_of
@@ -45,8 +45,6 @@ if TYPE_CHECKING:
 
 STEPS = "steps"
 """Folder, in that of the edit, with the folders of all edits but the last."""
-GLIMPSES = "progress.png"
-"""Picture of the views that are being edited, while they are."""
 LEFTOVERS = ("metrics.unfinished.jsonl", "command", STEPS, GLIMPSES)
 """Files of an edit that ended before its first checkpoint: alone they need no protection."""
 

@@ -233,15 +233,18 @@ def _fit(
     rescale = denoiser.capabilities.rescale
     predictions = 0
 
-    def guided(predictor: Predictor) -> Tensor:
-        return exact() if predictor is denoiser else predict(predictor)
-
     def predict(predictor: Predictor) -> Tensor:
         nonlocal predictions
         predictions += 1
         return predict_guided(predictor, condition, x[:1], first, settings, rescale)
 
-    exact = cache(lambda: predict(denoiser))
-    held = max(peak_bytes(exact), peak_bytes(lambda: denoiser.decode(x[:1])))
-    chosen = with_precision(denoiser, guided, settings.precision)
+    is_auto = settings.precision == "auto"
+    asked = denoiser if is_auto else with_precision(denoiser, predict, settings.precision)
+    once = cache(lambda: predict(asked))
+
+    def guided(predictor: Predictor) -> Tensor:
+        return once() if predictor is asked else predict(predictor)
+
+    held = max(peak_bytes(once), peak_bytes(lambda: denoiser.decode(x[:1])))
+    chosen = with_precision(denoiser, guided, settings.precision) if is_auto else asked
     return Fit(held, chosen is not denoiser), predictions * sum(needed(*settings.scales))
