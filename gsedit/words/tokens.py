@@ -12,6 +12,7 @@ SPELLINGS = (
     (r"\b(it'?s|is|are|looks|way|far) to (?=\w+\W*$)", r"\1 too "),
     (r"\b(?:at )?(?:half|quarter) past \w+\b|\b(?:at )?\w+ o'?clock\b", ""),
     (r"colou?r", "color"),
+    (r"\bbring (the \w+) out\b", r"bring out \1"),
     (r"(?<=\w)-ish\b", "ish"),
     (r"\bde-(?=[a-z])", "de"),
     (r"\bun-(?=[a-z])", "not "),

@@ -85,7 +85,8 @@ def test_any_words_are_read_or_refused():
         ("weak contrast, increase it", "contrast", 1), ("counteract the yellow", "warmth", -1),
         ("two stops under", "brightness", -1), ("underexpose it", "brightness", -1),
         ("contrast falls", "contrast", -1), ("the sun is too bright", "brightness", -1),
-        ("pretty bright please", "brightness", 1), ("over-bright", "brightness", -1),
+        ("pretty bright please", "brightness", 1), ("ease the darkness", "brightness", 1),
+        ("bring the colors out", "saturation", 1), ("over-bright", "brightness", -1),
         ("neutralize the yellow", "warmth", -1), ("yellowish, correct it", "hue", -1),
         ("faded - bring the colors back", "saturation", 1), ("poorly lit", "brightness", 1),
         ("vivid colors, more please", "saturation", 1),
@@ -122,7 +123,7 @@ def test_an_amount_is_a_signed_share(sentence, amount):
         "end the night", "make it anything else than red", "as if the snow had melted",
         "before the snow", "enough with the snow", "that is enough fog", "a snowless winter",
         "fix the fog", "heavy fog, reduce it", "the fog thins out", "snow stops falling",
-        "less dark wood",
+        "less dark wood", "any season but winter", "out with winter, in with spring",
     ],
 )  # fmt: skip
 def test_what_must_not_be_is_never_done(sentence):
