@@ -167,9 +167,10 @@ def test_any_size_is_edited(mobile):
     assert (editor.cell, editor.denoiser.multiple, editor.capabilities.best_size) == (2, 4, 256)
     views = pictures(2, 29, 33)
     batch = EditBatch(views, views, PROMPT)
-    *_, last = editor.edit(batch, SamplerSettings(), torch.Generator().manual_seed(0))
+    request = SamplerSettings(precision="float32")
+    *_, last = editor.edit(batch, request, torch.Generator().manual_seed(0))
     assert last.images.shape == views.shape
-    assert last.evaluations == 2 * 4  # one branch, four steps
+    assert last.evaluations == 2 * 4 + 1  # one branch: views, steps and one probe
     assert last.images.isfinite().all()
 
 

@@ -168,10 +168,10 @@ def test_any_size_is_edited(plus):
     editor = DiffusionEditor(ours(plus))
     assert (editor.cell, editor.denoiser.multiple, editor.capabilities.best_size) == (4, 8, 1024)
     views = pictures(2, 29, 33)
-    request = SamplerSettings(steps=2)
+    request = SamplerSettings(steps=2, precision="float32")
     *_, last = editor.edit(EditBatch(views, views, PROMPT), request, torch.Generator())
     assert last.images.shape == views.shape
-    assert last.evaluations == 2 * 2 * 2  # views, steps, branches
+    assert last.evaluations == (2 * 2 + 1) * 2  # views, steps and one probe; branches
     assert last.images.isfinite().all()
 
 
