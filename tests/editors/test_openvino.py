@@ -164,6 +164,30 @@ def test_auto_takes_what_is_faster_and_right(monkeypatch, error, expected):
     assert reason.startswith(expected)
 
 
+def fixed(network: torch.nn.Module, x: torch.Tensor) -> torch.Tensor:
+    return network(x) * float(x.sum())  # a number of the first input becomes a constant
+
+
+def test_auto_notices_a_number_that_tracing_fixed(monkeypatch):
+    monkeypatch.setattr(openvino, "LEAST_WEIGHTS", 0)
+    layer, x = torch.nn.Linear(4, 4).requires_grad_(False), torch.ones(2, 4)
+    run = openvino.Faster(openvino.OpenVino())
+    for factor in (1.0, 3.0):
+        close(run(fixed, layer, factor * x), fixed(layer, factor * x))
+    (reason,) = run.chosen.values()
+    assert reason.startswith("torch")
+
+
+def test_auto_leaves_to_torch_what_does_not_fit_into_memory(monkeypatch):
+    monkeypatch.setattr(openvino, "LEAST_WEIGHTS", 0)
+    monkeypatch.setattr(openvino, "free_bytes", lambda: 10)
+    layer, x = torch.nn.Linear(4, 4).requires_grad_(False), torch.ones(2, 4)
+    run = openvino.Faster(openvino.OpenVino())
+    close(run(linear, layer, x), layer(x))
+    with pytest.raises(GseditError, match="GB are free: add --runtime torch"):
+        run.openvino(linear, layer, x)
+
+
 def test_runtimes_by_name(monkeypatch):
     assert make_runtime("torch") is in_torch
     assert isinstance(make_runtime("auto"), openvino.Faster)

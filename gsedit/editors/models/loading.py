@@ -24,7 +24,7 @@ def load_model(
 
     In order: `model` as a folder, `weights_dir`/`model`, the hub's local cache, the hub. Only what
     `families` lists is fetched and loaded, from safetensors alone. `yes` agrees to a download, or
-    is asked with its size and licence. Raises UsageError without diffusers or without agreement,
+    is asked with its size and licence. Raises UsageError without diffusers, agreement, or memory,
     InputError for a model that is missing, incomplete, a pickle or of another kind.
     """
     if micro_batch < 1:
@@ -38,4 +38,5 @@ def load_model(
         raise UsageError(
             f"the editors pix2pix and diffusers need {error.name}: pip install 'gsedit[diffusers]'"
         ) from error
+    parts.check_memory()
     return family.load(parts, micro_batch=micro_batch)

@@ -19,6 +19,7 @@ import torch
 from torch import Tensor
 from torch.utils._python_dispatch import _disable_current_modes
 
+from gsedit.diffusion.memory import GB, free_bytes
 from gsedit.diffusion.precision import MAX_ERROR, relative_error
 from gsedit.editors.models import graphs
 from gsedit.editors.models.runtime import Forward, Runtime, in_torch
@@ -34,10 +35,6 @@ LEAST_WEIGHTS = 10_000_000
 """Weights below which `Faster` leaves a network to torch: tracing it would not pay."""
 MAX_ERROR_FLOAT32 = 1e-3
 """Relative RMS error up to which `Faster` takes float32 of OpenVINO; it has 4e-6."""
-
-
-class NotTraceable(GseditError):
-    """OpenVINO lacks what a network needs."""
 
 
 class Compiled(NamedTuple):
@@ -91,8 +88,17 @@ class OpenVino:
                 del self._compiled[other]  # the same in another precision: its weights take memory
             while len(self._compiled) >= COMPILED:
                 self._compiled.popitem(last=False)
-            graph = self._graph(forward, network, inputs, precision)
-            self._compiled[key] = Compiled(_compiled(graph, precision, threads), network)
+            try:
+                graph = self._graph(forward, network, inputs, precision)
+                self._compiled[key] = Compiled(_compiled(graph, precision, threads), network)
+            except GseditError:
+                raise
+            except Exception as error:  # tracing runs the network; OpenVINO has errors of its own
+                reason = " ".join(str(error).split())[:80]
+                raise GseditError(
+                    f"OpenVINO cannot compute {type(network).__name__} ({reason}): "
+                    "add --runtime torch"
+                ) from error
         self._compiled.move_to_end(key)
         (out,) = self._compiled[key].call([each.contiguous().numpy() for each in inputs]).values()
         return torch.from_numpy(out.copy())
@@ -146,22 +152,24 @@ class Faster:
         return runtime(forward, network, *inputs)
 
     def _measured(self, forward: Forward, network: Any, inputs: tuple[Tensor, ...]) -> str:
+        """Compare both on other numbers than those that were traced: none may have become fixed."""
+        other = [0.9 * each if each.is_floating_point() else each for each in inputs]
+        try:
+            self.openvino(forward, network, *inputs)  # traced and compiled
+        except (GseditError, MemoryError) as error:
+            return f"torch: {str(error)[:200]}"
         with torch.autocast("cpu", enabled=False):
             started = _seconds()
-            exact = forward(network, *inputs)
+            exact = forward(network, *other)
             seconds = _seconds() - started
         limit = MAX_ERROR_FLOAT32
         if _precision(network) == "bf16":
             limit, started = MAX_ERROR, _seconds()
-            forward(network, *inputs)
+            forward(network, *other)
             seconds = _seconds() - started
-        try:
-            self.openvino(forward, network, *inputs)  # traced and compiled
-            started = _seconds()
-            found = self.openvino(forward, network, *inputs)
-            own = _seconds() - started
-        except (NotTraceable, RuntimeError, MemoryError) as error:
-            return f"torch: {str(error)[:200]}"
+        started = _seconds()
+        found = self.openvino(forward, network, *other)
+        own = _seconds() - started
         error = relative_error(found, exact)
         name = "openvino" if own < seconds and error <= limit else "torch"
         return f"{name}: openvino takes {own:.2g} s, torch {seconds:.2g} s; error {error:.1g}"
@@ -200,6 +208,7 @@ class _Traced(torch.nn.Module):
 
 def _traced(forward: Forward, network: Any, inputs: list[Tensor]) -> Any:
     dtypes = {each.dtype for each in network.parameters() if each.is_floating_point()}
+    _check_memory(network, copies=2 if dtypes - {torch.float32} else 1)
     if dtypes - {torch.float32}:
         network = copy.deepcopy(network).float()  # 16-bit graphs lack operations
     module = _Traced(forward, network).eval()
@@ -211,13 +220,17 @@ def _traced(forward: Forward, network: Any, inputs: list[Tensor]) -> Any:
         _disable_current_modes(),  # whoever counts memory hides the tensors from the trace
     ):
         warnings.simplefilter("ignore")  # shapes become constants: that is wanted
-        try:
-            return _library().convert_model(module, example_input=tuple(inputs), input=shapes)
-        except RuntimeError as error:
-            raise NotTraceable(
-                f"OpenVINO cannot compute {type(network).__name__} ({str(error)[:80]}): "
-                "add --runtime torch"
-            ) from error
+        return _library().convert_model(module, example_input=tuple(inputs), input=shapes)
+
+
+def _check_memory(network: Any, copies: int) -> None:
+    """Raise GseditError where so many copies of the weights in float32 do not fit into memory."""
+    needed = 4 * copies * sum(each.numel() for each in network.parameters())
+    if needed > free_bytes():
+        raise GseditError(
+            f"OpenVINO takes {needed / GB:.1f} GB to trace {type(network).__name__}, and "
+            f"{free_bytes() / GB:.1f} GB are free: add --runtime torch"
+        )
 
 
 def _compiled(graph: Any, precision: str, threads: int) -> Callable[[list[Any]], Any]:

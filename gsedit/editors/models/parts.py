@@ -10,11 +10,11 @@ from typing import Any
 
 import torch
 
-from gsedit.diffusion.memory import SHARE, free_bytes
+from gsedit.diffusion.memory import GB, SHARE, free_bytes
 from gsedit.diffusion.settings import Precision
 from gsedit.editors.models.families import Family
 from gsedit.editors.models.weights import Weights, config_of, inspect
-from gsedit.errors import InputError
+from gsedit.errors import InputError, UsageError
 
 DTYPES = {"F32": torch.float32, "F16": torch.float16, "BF16": torch.bfloat16}
 """By their names in the headers of safetensors files."""
@@ -91,6 +91,27 @@ class Parts:
             return stored
         size = 2 * sum(part.size for part in self.weights.parts)
         return torch.float32 if size <= SHARE * free_bytes() else torch.bfloat16
+
+    def check_memory(self) -> None:
+        """Raise UsageError where weights that are converted as asked take more than is free.
+
+        Weights in their stored dtype are mapped from the disk, and take what is free.
+        """
+        if self.precision == "auto":
+            return
+        needed = 0
+        for part in self.weights.parts:
+            stored = DTYPES.get(part.stored)
+            dtype = torch.float32 if part.name == "vae" else self.dtype(part.name)
+            if stored and dtype != stored:
+                needed += part.size * dtype.itemsize // stored.itemsize
+        free = free_bytes()
+        if needed > free:
+            raise UsageError(
+                f"{self.folder} takes {needed / GB:.1f} GB of memory in {self.precision}, and "
+                f"{free / GB:.1f} GB are free: add --precision auto, close other programs, or take "
+                "a smaller model"
+            )
 
     def _weighted(self, name: str, kind: Any, **options: Any) -> Any:
         part = self.weights.part(name)
