@@ -199,7 +199,7 @@ def load(parts: Parts, *, micro_batch: int) -> QwenImageEdit:
     scheduler = FlowScheduler.read(parts.scheduler_config(), parts.folder / "scheduler")
     return QwenImageEdit(
         transformer=parts.network("transformer", QwenImageTransformer2DModel),
-        vae=parts.network("vae", AutoencoderKLQwenImage),
+        vae=_convertible(parts.network("vae", AutoencoderKLQwenImage)),
         reader=load_reader(
             parts, Qwen2_5_VLForConditionalGeneration, heading=heading, most=LONGEST
         ),
@@ -209,3 +209,11 @@ def load(parts: Parts, *, micro_batch: int) -> QwenImageEdit:
         micro_batch=micro_batch,
         name="qwen-image-edit-plus" if plus else "qwen-image-edit",
     )
+
+
+def _convertible(vae: Any) -> Any:
+    """The VAE without an operation that OpenVINO lacks: sides are doubled alike by both kinds."""
+    for module in vae.modules():
+        if getattr(module, "mode", None) == "nearest-exact":
+            module.mode = "nearest"
+    return vae

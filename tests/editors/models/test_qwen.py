@@ -182,6 +182,7 @@ def test_a_saved_folder_is_the_same_model(plus, tmp_path):
     start = noise(model, images)
     expected = states(model, images, start, ALONE)
     assert_same_steps(states(loaded, images, start, ALONE), expected)
+    assert torch.equal(loaded.decode(start), model.decode(start))
 
 
 def test_bad_requests_name_the_next_move(plain):
