@@ -187,7 +187,7 @@ def check_memory() -> Check:
 
 def check_graphs() -> Check:
     """Size of the networks that OpenVINO's runtime keeps."""
-    from gsedit.editors.models.graphs import MOST_BYTES, cached_bytes
+    from gsedit.models.graphs import MOST_BYTES, cached_bytes
 
     version = installed_version("openvino")
     if version is None:

@@ -14,8 +14,8 @@ from gsedit.consistency.consensus import consensus
 from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.sampler import SamplerStep, sample
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors.models.model import Model
-from gsedit.editors.protocol import for_settings, levels_for
+from gsedit.editor_protocol import for_settings, levels_for
+from gsedit.models.model import Model
 
 PROMPT = "make it snow"
 CLOSE: dict[str, Any] = {"rtol": 1e-5, "atol": 1e-4}

@@ -11,7 +11,7 @@ from PIL import Image
 from torch import Tensor
 
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors.protocol import levels_for
+from gsedit.editor_protocol import levels_for
 
 ROUNDING = {"rtol": 0.0, "atol": 1e-4}
 """Differences of networks in float32, of latents of order 1."""

@@ -10,8 +10,8 @@ ROOT = Path(__file__).parents[1]
 LONGEST_FILE = 400
 LONGEST_FUNCTION = 40
 """Lines, the docstring not counted."""
-LARGEST_ROOM = 7500
-"""Lines of a folder directly below gsedit/: the editors, with ten families of 2D models."""
+LARGEST_ROOM = 6000
+"""Lines of a folder directly below gsedit/."""
 LONGER_FUNCTIONS = 6
 LOOSE_FILES = 6
 PACKAGES = {"cli": "gsedit_cli", "gsedit": "gsedit", "rasterizer": "rasterizer"}

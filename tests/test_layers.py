@@ -17,6 +17,8 @@ ORDER = {
         "capture",
         "editing",
         "editors",
+        "models",
+        "editor_protocol",
         "fitting",
         "pictures",
         "scenery",

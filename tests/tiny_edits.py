@@ -44,9 +44,7 @@ def data() -> Dataset:
 class Watched:
     """The closed-form editor, which notes what it is asked."""
 
-    inner: gsedit.editors.protocol.Editor = field(
-        default_factory=lambda: make_editor("closed-form")
-    )
+    inner: gsedit.editor_protocol.Editor = field(default_factory=lambda: make_editor("closed-form"))
     asked: list[tuple[EditBatch, SamplerSettings]] = field(default_factory=list)
 
     @property

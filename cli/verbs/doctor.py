@@ -13,7 +13,7 @@ from ..core.exits import UNREADABLE
 from ..options.common import Common
 
 if TYPE_CHECKING:
-    from gsedit.editors.models.weights import Weights
+    from gsedit.models.weights import Weights
 
 Model = Annotated[
     str | None,
@@ -58,8 +58,8 @@ def check_machine(*, as_json: bool) -> None:
 
 def check_weights(model: str, *, as_json: bool) -> None:
     """Print what of a model's weights is there. Exits with UNREADABLE unless all of it is."""
-    from gsedit.editors.models.hub import find
-    from gsedit.editors.models.weights import inspect
+    from gsedit.models.hub import find
+    from gsedit.models.weights import inspect
 
     weights = inspect(find(model, offline=True))
     names = ("folder", "complete", "parts", "notes")

@@ -30,9 +30,9 @@ from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.precision import relative_error
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editors import EditBatch
-from gsedit.editors.models.dreamlite import READ_AT, Condition, DreamLite
-from gsedit.editors.models.vision_language import SYSTEM_TOKENS, Reader
 from gsedit.editors.sampling import DiffusionEditor
+from gsedit.models.dreamlite import READ_AT, Condition, DreamLite
+from gsedit.models.vision_language import SYSTEM_TOKENS, Reader
 from research.command import print_message, print_result
 
 VIEWS = 12

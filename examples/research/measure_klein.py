@@ -26,8 +26,8 @@ from transformers import Qwen3Config, Qwen3ForCausalLM
 from gsedit.bench.provenance import provenance
 from gsedit.diffusion.flow import FlowScheduler
 from gsedit.diffusion.guidance import Need
-from gsedit.editors.models.klein import LAYERS, LENGTH, Condition, Klein
-from gsedit.editors.models.tokens import packed
+from gsedit.models.klein import LAYERS, LENGTH, Condition, Klein
+from gsedit.models.tokens import packed
 from research.command import print_message, print_result
 
 FEATURES = 7680  # numbers of a text token: three layers of 2560

@@ -26,11 +26,11 @@ from gsedit.diffusion.precision import InBfloat16, relative_error
 from gsedit.diffusion.sampler import add_noise, sample
 from gsedit.diffusion.schedules import Schedule
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors.models.runtimes import make_runtime
-from gsedit.editors.models.stable_diffusion import Pix2Pix, TextEncoder
-from gsedit.editors.protocol import Cost, Denoiser, EditBatch, levels_for
+from gsedit.editor_protocol import Cost, Denoiser, EditBatch, levels_for
 from gsedit.editors.sampling import DiffusionEditor
 from gsedit.editors.small.denoiser import load_small
+from gsedit.models.runtimes import make_runtime
+from gsedit.models.stable_diffusion import Pix2Pix, TextEncoder
 from research.command import print_message, print_result, run
 
 FULL = SamplerSettings(consensus=False, steps=20, solver="ddim", spacing="leading")

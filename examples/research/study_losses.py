@@ -22,8 +22,8 @@ import torch.nn.functional as F
 import gsedit
 from gsedit.datasets.dataset import Dataset, capture
 from gsedit.editing.strategies.single_pass import SinglePass
+from gsedit.editor_protocol import Capabilities, Editor, EditProgress
 from gsedit.editors import make_editor
-from gsedit.editors.protocol import Capabilities, Editor, EditProgress
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.measures import metrics
 from gsedit.measures.features import FilterBank

@@ -17,8 +17,8 @@ from gsedit.editing.routes.result import routed_result
 from gsedit.editing.session.actions import Strategy
 from gsedit.editing.session.result import EditResult
 from gsedit.editing.session.settings import EditSettings
+from gsedit.editor_protocol import Editor
 from gsedit.editors import make_editor
-from gsedit.editors.protocol import Editor
 from gsedit.measures.features import FeatureExtractor
 from gsedit.words.read import read_instruction
 from rasterizer.scene import Gaussians

@@ -35,8 +35,8 @@ from gsedit.editing.skip.decide import explain_skips
 from gsedit.editing.skip.decision import TERMINAL_COLUMNS, Decision, one_line, screen
 from gsedit.editing.strategies.single_pass import SinglePass
 from gsedit.editing.view_plan import ViewPlan
+from gsedit.editor_protocol import Editor
 from gsedit.editors import make_editor
-from gsedit.editors.protocol import Editor
 from gsedit.measures.features import FeatureExtractor
 from gsedit.runs.events import Checkpoint, Event, events_of
 from gsedit.runs.journal import as_record

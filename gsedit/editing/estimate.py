@@ -9,7 +9,7 @@ from gsedit.diffusion.precision import has_bfloat16
 from gsedit.editing.session.edit_views import batch_of
 from gsedit.editing.session.session import Session
 from gsedit.editing.session.strategy import asks_editor, fits_pictures
-from gsedit.editors.protocol import Cost
+from gsedit.editor_protocol import Cost
 
 BRANCHES = 2.5
 """Branches a step from which sharing guidance halves the time: it leaves 1.4."""

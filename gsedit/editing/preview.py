@@ -19,7 +19,7 @@ from gsedit.editing.guided import carry_change
 from gsedit.editing.routes.result import change_scene
 from gsedit.editing.session.settings import EditSettings
 from gsedit.editing.session.unedited import edit_camera
-from gsedit.editors.protocol import EditBatch, Editor
+from gsedit.editor_protocol import EditBatch, Editor
 from gsedit.formats.pictures import fitted_size
 from gsedit.pictures.contact_sheet import contact_sheet
 from gsedit.regions.lift import lift

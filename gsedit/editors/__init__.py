@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from rasterizer.lazy import make_lazy
 
 if TYPE_CHECKING:
-    from gsedit.editors.protocol import Capabilities, Denoiser, EditBatch, Editor, EditProgress
+    from gsedit.editor_protocol import Capabilities, Denoiser, EditBatch, Editor, EditProgress
     from gsedit.editors.registry import EDITORS, Listing, editor_names, list_editors, make_editor
 
 make_lazy(__name__)

@@ -44,9 +44,9 @@ from gsedit.datasets.padding import PadMode
 from gsedit.diffusion.guidance import Branches, Need
 from gsedit.diffusion.predictions import Prediction
 from gsedit.diffusion.schedules import Schedule
+from gsedit.editor_protocol import Capabilities, GroundTruth
 from gsedit.editors.looks.recipe import agreed_variant, parse
 from gsedit.editors.looks.table import VARIANTS
-from gsedit.editors.protocol import Capabilities, GroundTruth
 
 CODE = 2  # channels of a cell that encode its variant: a triangle lies in a plane
 CELL_PIXELS = (

@@ -19,7 +19,7 @@ from gsedit.diffusion.memory import most_bytes
 from gsedit.diffusion.precision import InBfloat16
 from gsedit.diffusion.schedules import NoiseLevel
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors.protocol import Cost, Denoiser
+from gsedit.editor_protocol import Cost, Denoiser
 from gsedit.editors.ranked import Fit, prepared
 
 

@@ -19,7 +19,7 @@ from gsedit.diffusion.guided import predict_guided
 from gsedit.diffusion.memory import peak_bytes, views_at_once
 from gsedit.diffusion.precision import InBfloat16, with_precision
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors.protocol import (
+from gsedit.editor_protocol import (
     Capabilities,
     Denoiser,
     EditBatch,

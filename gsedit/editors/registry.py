@@ -22,8 +22,8 @@ from gsedit.errors import GseditError, UsageError
 
 if TYPE_CHECKING:
     from gsedit.diffusion.settings import Precision
-    from gsedit.editors.models.hub import Consent
-    from gsedit.editors.protocol import Editor
+    from gsedit.editor_protocol import Editor
+    from gsedit.models.hub import Consent
 
 GROUP = "gsedit.editors"
 DEFAULT = "small"
@@ -93,7 +93,7 @@ def _pix2pix(
     runtime: str = "auto",
 ) -> Editor:
     """InstructPix2Pix, by default the authors' weights of Stable Diffusion 1.5: any sentence."""
-    from gsedit.editors.models.hub import DEFAULT as DEFAULT_MODEL
+    from gsedit.models.hub import DEFAULT as DEFAULT_MODEL
 
     return _diffusers(model or DEFAULT_MODEL, weights_dir, precision, yes, runtime)
 
@@ -106,9 +106,9 @@ def _diffusers(
     runtime: str = "auto",
 ) -> Editor:
     """2D editing models in diffusers' layout, a folder or hub id: any sentence."""
-    from gsedit.editors.models.loading import load_model
-    from gsedit.editors.models.runtimes import make_runtime
     from gsedit.editors.sampling import DiffusionEditor
+    from gsedit.models.loading import load_model
+    from gsedit.models.runtimes import make_runtime
 
     if model is None:
         raise UsageError(f"the diffusers editor needs a model: add {_models()}")
@@ -119,7 +119,7 @@ def _diffusers(
 
 def _models() -> str:
     """The option, with a model of every family."""
-    from gsedit.editors.models.families import FAMILIES
+    from gsedit.models.families import FAMILIES
 
     examples = ", ".join(f"{each.example} ({each.gigabytes:.0f} GB)" for each in FAMILIES)
     return f"--model FOLDER_OR_ID, such as {examples}"
@@ -140,8 +140,8 @@ def _diffusers_missing() -> Iterable[str]:
 
 
 def _pix2pix_missing() -> Iterable[str]:
-    from gsedit.editors.models import hub
-    from gsedit.editors.models.weights import inspect as inspect_weights
+    from gsedit.models import hub
+    from gsedit.models.weights import inspect as inspect_weights
 
     yield from _libraries_missing()
     try:

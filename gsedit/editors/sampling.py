@@ -19,9 +19,7 @@ from gsedit.datasets.padding import pad_to, pad_to_multiple, round_up
 from gsedit.diffusion.guidance import Around, Branches, Need, Predictor
 from gsedit.diffusion.sampler import Anchor, Hook, add_noise, sample
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors.cost import measure_cost
-from gsedit.editors.glimpse import Glimpse
-from gsedit.editors.protocol import (
+from gsedit.editor_protocol import (
     Capabilities,
     Cost,
     Denoiser,
@@ -30,6 +28,8 @@ from gsedit.editors.protocol import (
     for_settings,
     levels_for,
 )
+from gsedit.editors.cost import measure_cost
+from gsedit.editors.glimpse import Glimpse
 from gsedit.editors.ranked import Fit, prepared, shared_out
 from gsedit.errors import UsageError
 

@@ -64,6 +64,6 @@ def folder(pipeline, tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="session")
 def model(folder):
-    from gsedit.editors.models.loading import load_model
+    from gsedit.models.loading import load_model
 
     return load_model(folder)

@@ -19,9 +19,9 @@ from gsedit.diffusion.schedules import Schedule
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editing.edit import plan_edit
 from gsedit.editing.estimate import Estimate, cheaper, duration
+from gsedit.editor_protocol import Cost
 from gsedit.editors import EditBatch
 from gsedit.editors.glimpse import Glimpse
-from gsedit.editors.protocol import Cost
 from gsedit.editors.sampling import DiffusionEditor
 
 pytestmark = pytest.mark.usefixtures("offline")

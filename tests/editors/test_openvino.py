@@ -7,15 +7,15 @@ import torch
 from tiny_models import tiny_unet, tiny_vae
 
 from gsedit.diffusion.memory import peak_bytes
-from gsedit.editors.models import autoencoder, graphs, runtimes
-from gsedit.editors.models.runtime import in_torch
-from gsedit.editors.models.runtimes import make_runtime
-from gsedit.editors.models.stable_diffusion import _predicted
 from gsedit.errors import GseditError, UsageError
+from gsedit.models import autoencoder, graphs, runtimes
+from gsedit.models.runtime import in_torch
+from gsedit.models.runtimes import make_runtime
+from gsedit.models.stable_diffusion import _predicted
 
 pytest.importorskip("openvino")
 
-from gsedit.editors.models import openvino
+from gsedit.models import openvino
 
 
 @pytest.fixture(autouse=True)

@@ -17,7 +17,7 @@ from torch import Tensor
 from gsedit.datasets.dataset import Dataset, capture
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editing.session.settings import EditSettings
-from gsedit.editors.protocol import Capabilities, EditBatch, EditProgress
+from gsedit.editor_protocol import Capabilities, EditBatch, EditProgress
 from gsedit.fitting import update
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians

@@ -23,9 +23,9 @@ from gsedit.diffusion.guidance import Branches, Need
 from gsedit.diffusion.predictions import Prediction
 from gsedit.diffusion.schedules import NoiseLevel, Schedule
 from gsedit.diffusion.settings import SamplerSettings
+from gsedit.editor_protocol import Capabilities
 from gsedit.editors.closed_form import ClosedForm
 from gsedit.editors.looks.recipe import agreed_variant, parse
-from gsedit.editors.protocol import Capabilities
 from research.command import print_result
 from research.sampler.measurements import rms
 from research.sampler.overlapping import PROMPT, OverlappingViews, picture_views

@@ -21,8 +21,8 @@ from gsedit.diffusion.predictions import Prediction
 from gsedit.diffusion.sampler import add_noise, levels_of, sample
 from gsedit.diffusion.schedules import Schedule
 from gsedit.diffusion.settings import SamplerSettings
+from gsedit.editor_protocol import EditBatch
 from gsedit.editors.closed_form import CELL_PIXELS, ClosedForm
-from gsedit.editors.protocol import EditBatch
 from gsedit.editors.sampling import DiffusionEditor
 from research.sampler.measurements import rms
 

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors.protocol import EditBatch, Editor
+from gsedit.editor_protocol import EditBatch, Editor
 from gsedit.measures.decibels import psnr_from_rmse, rmse_from_psnr
 from gsedit.measures.metrics import psnr
 from research.train_small.sources import Sources

@@ -12,8 +12,8 @@ from torch import Tensor
 from gsedit.cameras.around import around
 from gsedit.datasets.dataset import Dataset
 from gsedit.editing.session.request import Request, split_views
+from gsedit.editor_protocol import Editor
 from gsedit.editors import make_editor
-from gsedit.editors.protocol import Editor
 from gsedit.errors import UsageError
 from gsedit.regions.find import PredictSubject, named_region
 from gsedit.regions.lift import lift

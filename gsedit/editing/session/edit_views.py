@@ -21,7 +21,7 @@ from gsedit.editing.session.choose_region import vote_region
 from gsedit.editing.session.session import Session, preview
 from gsedit.editing.session.unedited import UneditedRenders
 from gsedit.editing.view_plan import view_overlap
-from gsedit.editors.protocol import EditBatch
+from gsedit.editor_protocol import EditBatch
 from gsedit.errors import GseditError
 from gsedit.regions.region import coverage
 from gsedit.runs.events import Event

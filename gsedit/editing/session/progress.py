@@ -12,7 +12,7 @@ from gsedit.datasets.dataset import View
 from gsedit.editing.session.request import Request
 from gsedit.editing.session.survey import SurveyedViews
 from gsedit.editing.session.unedited import UneditedRenders
-from gsedit.editors.protocol import GroundTruth
+from gsedit.editor_protocol import GroundTruth
 from gsedit.fitting.crops import MIN_LISTED_GAUSSIANS, MIN_LISTED_GROUPS, ExactCrops, ListedCrops
 from gsedit.fitting.optimizer import SceneOptimizer
 from gsedit.fitting.update import Target, rates

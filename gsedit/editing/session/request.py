@@ -14,7 +14,7 @@ from gsedit.datasets.dataset import Dataset, View, evenly_spaced
 from gsedit.datasets.lazy_views import of_one_size
 from gsedit.editing.session.settings import EditSettings
 from gsedit.editing.session.strategy import asks_editor, check_strategy, fits_pictures, name_of
-from gsedit.editors.protocol import Editor
+from gsedit.editor_protocol import Editor
 from gsedit.editors.ranked import with_ranks
 from gsedit.errors import UsageError
 from gsedit.fitting.edit_loss import check_installed

@@ -28,7 +28,7 @@ from gsedit.editing.strategies._dataset import (
     dataset_views,
 )
 from gsedit.editing.strategies._random_views import RandomViews
-from gsedit.editors.protocol import Denoiser, for_settings
+from gsedit.editor_protocol import Denoiser, for_settings
 from gsedit.editors.sampling import Counted, padded, with_subject_mask
 from gsedit.errors import UsageError
 from gsedit.runs.events import Event

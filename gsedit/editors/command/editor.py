@@ -18,6 +18,7 @@ from torch import Tensor
 
 from gsedit.consistency.harmonise import harmonise
 from gsedit.diffusion.settings import SamplerSettings
+from gsedit.editor_protocol import Capabilities, EditBatch, EditProgress
 from gsedit.editors.command.program import (
     describe_exit,
     fill_fields,
@@ -25,7 +26,6 @@ from gsedit.editors.command.program import (
     split_command,
     wait,
 )
-from gsedit.editors.protocol import Capabilities, EditBatch, EditProgress
 from gsedit.errors import GseditError, InputError, UsageError
 from gsedit.formats.pictures import as_picture, read_picture
 

@@ -24,7 +24,7 @@ from gsedit.diffusion.guidance import Branches, Need
 from gsedit.diffusion.predictions import Prediction
 from gsedit.diffusion.schedules import Schedule
 from gsedit.diffusion.settings import SamplerDefaults
-from gsedit.editors.protocol import Capabilities
+from gsedit.editor_protocol import Capabilities
 from gsedit.editors.small.network import (
     CELL_PIXELS,
     CHANNELS,

@@ -9,7 +9,7 @@ from functools import cached_property
 import torch
 
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors.protocol import Capabilities, EditBatch, EditProgress
+from gsedit.editor_protocol import Capabilities, EditBatch, EditProgress
 from gsedit.editors.ranked import shared_out
 from gsedit.editors.sampling import DiffusionEditor
 from gsedit.editors.small.denoiser import Small

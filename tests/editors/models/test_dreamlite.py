@@ -29,13 +29,13 @@ from tiny_dreamlite import tiny_dreamlite
 from gsedit.diffusion.flow import FlowScheduler
 from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.settings import SamplerSettings
+from gsedit.editor_protocol import for_settings
 from gsedit.editors import EditBatch
-from gsedit.editors.models.dreamlite import INSTRUCTION, DreamLite
-from gsedit.editors.models.loading import load_model
-from gsedit.editors.models.vision_language import Reader
-from gsedit.editors.protocol import for_settings
 from gsedit.editors.sampling import DiffusionEditor
 from gsedit.errors import UsageError
+from gsedit.models.dreamlite import INSTRUCTION, DreamLite
+from gsedit.models.loading import load_model
+from gsedit.models.vision_language import Reader
 
 ALONE = SamplerSettings(strength=1.0, consensus=False)
 

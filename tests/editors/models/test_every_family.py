@@ -15,8 +15,8 @@ import torch
 
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editors import EditBatch, make_editor
-from gsedit.editors.models.families import PIPELINES
-from gsedit.editors.models.weights import inspect
+from gsedit.models.families import PIPELINES
+from gsedit.models.weights import inspect
 
 pytestmark = pytest.mark.usefixtures("offline")
 SIDE = 32

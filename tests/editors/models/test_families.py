@@ -9,10 +9,10 @@ import diffusers
 import pytest
 import transformers
 
-from gsedit.editors.models.families import FAMILIES, PIPELINES, SD, SDXL
-from gsedit.editors.models.layout import chosen, expected, identify
-from gsedit.editors.models.weights import inspect
 from gsedit.errors import InputError
+from gsedit.models.families import FAMILIES, PIPELINES, SD, SDXL
+from gsedit.models.layout import chosen, expected, identify
+from gsedit.models.weights import inspect
 
 COMMUNITY = "StableDiffusion3InstructPix2PixPipeline"
 """UltraEdit's pipeline is one of diffusers' examples, built as that of Stable Diffusion 3."""

@@ -11,9 +11,9 @@ import pytest
 import torch
 from tiny_models import SD
 
-from gsedit.editors.models import families, hub
-from gsedit.editors.models.loading import load_model
 from gsedit.errors import InputError, UsageError
+from gsedit.models import families, hub
+from gsedit.models.loading import load_model
 
 pytestmark = pytest.mark.usefixtures("offline")
 

@@ -54,7 +54,7 @@ def find(
     hub: SmallHub, cache: Path, yes: str = "False", model: str = "owner/name"
 ) -> subprocess.CompletedProcess[str]:
     """`find` in a process of its own: the hub's library reads its address when it is imported."""
-    code = f"from gsedit.editors.models.hub import find; print(find('{model}', yes={yes}))"
+    code = f"from gsedit.models.hub import find; print(find('{model}', yes={yes}))"
     env = os.environ | {"HF_ENDPOINT": hub.url, "HF_HOME": str(cache), "HF_HUB_OFFLINE": "0"}
     env |= {"HF_HUB_DISABLE_PROGRESS_BARS": "1", "NO_PROXY": "*"}
     return subprocess.run(

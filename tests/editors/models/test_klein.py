@@ -10,11 +10,11 @@ from torch.nn.functional import pixel_unshuffle
 
 from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors.models.klein import Klein
-from gsedit.editors.models.loading import load_model
-from gsedit.editors.models.tokens import packed
-from gsedit.editors.protocol import for_settings
+from gsedit.editor_protocol import for_settings
 from gsedit.errors import UsageError
+from gsedit.models.klein import Klein
+from gsedit.models.loading import load_model
+from gsedit.models.tokens import packed
 
 pytestmark = pytest.mark.usefixtures("offline")
 LENGTH = 24
@@ -24,7 +24,7 @@ LENGTH = 24
 @pytest.fixture(scope="module", autouse=True)
 def short():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("gsedit.editors.models.klein.LENGTH", LENGTH)
+        patch.setattr("gsedit.models.klein.LENGTH", LENGTH)
         yield
 
 

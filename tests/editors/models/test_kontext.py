@@ -12,10 +12,10 @@ from tiny_flux import kontext, saved, trace, views
 from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.sampler import sample
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors.models.loading import load_model
-from gsedit.editors.models.tokens import packed, unpacked
-from gsedit.editors.protocol import levels_for
+from gsedit.editor_protocol import levels_for
 from gsedit.errors import UsageError
+from gsedit.models.loading import load_model
+from gsedit.models.tokens import packed, unpacked
 
 pytestmark = pytest.mark.usefixtures("offline")
 LENGTH = 24
@@ -26,7 +26,7 @@ TEXT = Need(True, False, False)
 @pytest.fixture(scope="module", autouse=True)
 def short():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("gsedit.editors.models.kontext.LENGTH", LENGTH)
+        patch.setattr("gsedit.models.kontext.LENGTH", LENGTH)
         yield
 
 

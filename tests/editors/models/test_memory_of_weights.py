@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from gsedit.editors.models import parts
-from gsedit.editors.models.loading import load_model
 from gsedit.errors import UsageError
+from gsedit.models import parts
+from gsedit.models.loading import load_model
 
 pytestmark = pytest.mark.usefixtures("offline")
 

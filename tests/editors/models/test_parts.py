@@ -12,10 +12,10 @@ import torch
 from safetensors.torch import load_file, save_file
 
 from gsedit.diffusion.guidance import Need
-from gsedit.editors.models import parts as parts_module
-from gsedit.editors.models.loading import load_model
-from gsedit.editors.models.parts import Parts
 from gsedit.errors import InputError
+from gsedit.models import parts as parts_module
+from gsedit.models.loading import load_model
+from gsedit.models.parts import Parts
 
 pytestmark = pytest.mark.usefixtures("offline")
 UNET = "diffusion_pytorch_model.safetensors"

@@ -17,8 +17,8 @@ from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.sampler import Anchor, sample
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editors import EditBatch, make_editor
-from gsedit.editors.models.loading import load_model
 from gsedit.errors import UsageError
+from gsedit.models.loading import load_model
 
 pytestmark = pytest.mark.usefixtures("offline")
 

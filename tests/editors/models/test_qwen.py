@@ -30,11 +30,11 @@ from gsedit.diffusion.flow import FlowScheduler
 from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editors import EditBatch
-from gsedit.editors.models.loading import load_model
-from gsedit.editors.models.qwen import HEADING, QwenImageEdit, reading_size
-from gsedit.editors.models.vision_language import Reader
 from gsedit.editors.sampling import DiffusionEditor
 from gsedit.errors import UsageError
+from gsedit.models.loading import load_model
+from gsedit.models.qwen import HEADING, QwenImageEdit, reading_size
+from gsedit.models.vision_language import Reader
 
 ALONE = SamplerSettings(strength=1.0, consensus=False, steps=3)
 PICTURE_AND_TEXT = Need(none=False)

@@ -14,9 +14,9 @@ from tiny_models import PROMPT, SD
 
 from gsedit.diffusion.sampler import sample
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors.models.loading import load_model
-from gsedit.editors.protocol import for_settings, levels_for
+from gsedit.editor_protocol import for_settings, levels_for
 from gsedit.errors import InputError, UsageError
+from gsedit.models.loading import load_model
 
 pytestmark = pytest.mark.usefixtures("offline")
 VIEWS, CELLS = 2, 16

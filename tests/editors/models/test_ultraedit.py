@@ -15,8 +15,8 @@ from tiny_flux import saved, sd3, views
 
 from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors.models.loading import load_model
 from gsedit.errors import InputError, UsageError
+from gsedit.models.loading import load_model
 
 pytestmark = pytest.mark.usefixtures("offline")
 NAME = "StableDiffusion3InstructPix2PixPipeline"

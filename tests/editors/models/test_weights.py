@@ -11,10 +11,10 @@ from gsedit_cli.main import app
 from safetensors.torch import save_file
 from typer.testing import CliRunner
 
-from gsedit.editors.models import families
-from gsedit.editors.models.headers import tensors
-from gsedit.editors.models.weights import inspect
 from gsedit.errors import InputError
+from gsedit.models import families
+from gsedit.models.headers import tensors
+from gsedit.models.weights import inspect
 
 
 def gsedit(*words: object):

@@ -6,10 +6,10 @@ from importlib import import_module
 from pathlib import Path
 
 from gsedit.diffusion.settings import Precision
-from gsedit.editors.models.hub import Consent, find
-from gsedit.editors.models.model import Model
-from gsedit.editors.models.parts import Parts
 from gsedit.errors import UsageError
+from gsedit.models.hub import Consent, find
+from gsedit.models.model import Model
+from gsedit.models.parts import Parts
 
 
 def load_model(
@@ -33,7 +33,7 @@ def load_model(
     try:
         for library in ("accelerate", "diffusers", "transformers"):
             import_module(library)
-        family = import_module(f"gsedit.editors.models.{parts.family.module}")
+        family = import_module(f"gsedit.models.{parts.family.module}")
     except ImportError as error:
         raise UsageError(
             f"the editors pix2pix and diffusers need {error.name}: pip install 'gsedit[diffusers]'"

@@ -21,9 +21,9 @@ from torch.utils._python_dispatch import _disable_current_modes
 
 from gsedit.diffusion.memory import GB, free_bytes
 from gsedit.diffusion.precision import MAX_ERROR, relative_error
-from gsedit.editors.models import graphs
-from gsedit.editors.models.runtime import Forward, Runtime, in_torch
 from gsedit.errors import GseditError
+from gsedit.models import graphs
+from gsedit.models.runtime import Forward, Runtime, in_torch
 from gsedit.runs.environment import installed_version
 
 ROWS = 4

@@ -19,7 +19,7 @@ from PIL import Image
 from torch import Tensor
 
 if TYPE_CHECKING:
-    from gsedit.editors.models.parts import Parts
+    from gsedit.models.parts import Parts
 
 SYSTEM = (
     "Describe the key features of the input image (color, shape, size, texture, objects, "

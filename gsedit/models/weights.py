@@ -12,9 +12,10 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, NoReturn
 
-from gsedit.editors.models.families import SD, SDXL, Component, Family
-from gsedit.editors.models.headers import Stored, tensors
-from gsedit.editors.models.layout import (
+from gsedit.errors import InputError
+from gsedit.models.families import SD, SDXL, Component, Family
+from gsedit.models.headers import Stored, tensors
+from gsedit.models.layout import (
     CONFIGS,
     INDEX,
     VARIANT,
@@ -24,8 +25,7 @@ from gsedit.editors.models.layout import (
     index_name,
     single_name,
 )
-from gsedit.editors.models.single_file import refusal
-from gsedit.errors import InputError
+from gsedit.models.single_file import refusal
 from gsedit.storage.json_files import object_of, read_json
 
 PICKLES = (".bin", ".ckpt", ".pt", ".pth")

@@ -22,15 +22,15 @@ from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.predictions import Latents, Prediction
 from gsedit.diffusion.schedules import NoiseLevel
 from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings
-from gsedit.editors.models.autoencoder import decoded, encoded
-from gsedit.editors.models.model import Model
-from gsedit.editors.models.stable_diffusion import TextEncoder
-from gsedit.editors.models.tokens import tokens_over, words
-from gsedit.editors.protocol import Capabilities
+from gsedit.editor_protocol import Capabilities
 from gsedit.errors import InputError
+from gsedit.models.autoencoder import decoded, encoded
+from gsedit.models.model import Model
+from gsedit.models.stable_diffusion import TextEncoder
+from gsedit.models.tokens import tokens_over, words
 
 if TYPE_CHECKING:
-    from gsedit.editors.models.parts import Parts
+    from gsedit.models.parts import Parts
 
 DEFAULTS = SamplerDefaults(guidance_text=7.5, guidance_image=1.5, steps=28, solver="euler")
 """Weights of UltraEdit's example, steps of diffusers' pipeline; t_end is Stable Diffusion's."""

@@ -10,10 +10,10 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from gsedit.editors.models.families import SD, Family
-from gsedit.editors.models.layout import INDEX, WORDS, chosen, expected, identify
-from gsedit.editors.models.weights import NO_PICKLE, PICKLES, config_of, inspect
 from gsedit.errors import InputError, UsageError
+from gsedit.models.families import SD, Family
+from gsedit.models.layout import INDEX, WORDS, chosen, expected, identify
+from gsedit.models.weights import NO_PICKLE, PICKLES, config_of, inspect
 
 HUB_ID = re.compile(r"([\w.-]+/[\w.-]+)(?:@([\w./-]+))?")
 """A model's name, and a branch, tag or commit of it."""

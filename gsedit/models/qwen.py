@@ -20,14 +20,14 @@ from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.predictions import Latents, Prediction
 from gsedit.diffusion.schedules import NoiseLevel
 from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings
-from gsedit.editors.models.model import Model
-from gsedit.editors.models.tokens import network_times, packed, unpacked
-from gsedit.editors.models.vision_language import Reader, load_reader
-from gsedit.editors.protocol import Capabilities
+from gsedit.editor_protocol import Capabilities
 from gsedit.errors import UsageError
+from gsedit.models.model import Model
+from gsedit.models.tokens import network_times, packed, unpacked
+from gsedit.models.vision_language import Reader, load_reader
 
 if TYPE_CHECKING:
-    from gsedit.editors.models.parts import Parts
+    from gsedit.models.parts import Parts
 
 PATCH = 2  # latent cells along a side of a token
 TRAINED_SIDE = 1024  # pixels; of a square picture

@@ -12,9 +12,9 @@ import torch
 
 from gsedit.diffusion.memory import GB, SHARE, free_bytes
 from gsedit.diffusion.settings import Precision
-from gsedit.editors.models.families import Family
-from gsedit.editors.models.weights import Weights, config_of, inspect
 from gsedit.errors import InputError, UsageError
+from gsedit.models.families import Family
+from gsedit.models.weights import Weights, config_of, inspect
 
 DTYPES = {"F32": torch.float32, "F16": torch.float16, "BF16": torch.bfloat16}
 """By their names in the headers of safetensors files."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gsedit.editors.models.headers import tensors
+from gsedit.models.headers import tensors
 
 FIRST_LAYER = "model.diffusion_model.input_blocks.0.0.weight"
 """Name of a U-Net's first convolution in Stability AI's checkpoints."""

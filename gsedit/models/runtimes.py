@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 
-from gsedit.editors.models.openvino import Faster, OpenVino
-from gsedit.editors.models.runtime import Runtime, in_torch
 from gsedit.errors import UsageError
+from gsedit.models.openvino import Faster, OpenVino
+from gsedit.models.runtime import Runtime, in_torch
 
 
 def make_runtime(name: str) -> Runtime:

@@ -20,14 +20,14 @@ from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.predictions import Latents, Prediction
 from gsedit.diffusion.schedules import NoiseLevel
 from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings
-from gsedit.editors.models.autoencoder import decoded, encoded
-from gsedit.editors.models.model import Model
-from gsedit.editors.models.tokens import network_times, packed, tokens_over, unpacked, words
-from gsedit.editors.protocol import Capabilities
+from gsedit.editor_protocol import Capabilities
 from gsedit.errors import UsageError
+from gsedit.models.autoencoder import decoded, encoded
+from gsedit.models.model import Model
+from gsedit.models.tokens import network_times, packed, tokens_over, unpacked, words
 
 if TYPE_CHECKING:
-    from gsedit.editors.models.parts import Parts
+    from gsedit.models.parts import Parts
 
 LENGTH = 512
 """Tokens of an instruction, with those of the chat around it."""

@@ -11,7 +11,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from gsedit.editors.models.families import (
+from gsedit.errors import InputError
+from gsedit.models.families import (
     FAMILIES,
     PIPELINES,
     SD,
@@ -20,7 +21,6 @@ from gsedit.editors.models.families import (
     Component,
     Family,
 )
-from gsedit.errors import InputError
 
 Read = Callable[[str], Mapping[str, Any] | None]
 """The settings in a JSON file of the model, by its name in the folder; None where there is none."""

@@ -20,14 +20,14 @@ from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.predictions import Latents, Prediction
 from gsedit.diffusion.schedules import NoiseLevel
 from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings
-from gsedit.editors.models.autoencoder import decoded, encoded
-from gsedit.editors.models.model import Model
-from gsedit.editors.models.vision_language import Reader, load_reader
-from gsedit.editors.protocol import Capabilities
+from gsedit.editor_protocol import Capabilities
 from gsedit.errors import UsageError
+from gsedit.models.autoencoder import decoded, encoded
+from gsedit.models.model import Model
+from gsedit.models.vision_language import Reader, load_reader
 
 if TYPE_CHECKING:
-    from gsedit.editors.models.parts import Parts
+    from gsedit.models.parts import Parts
 
 READ_AT = (512, 512)  # height and width at which the text encoder sees every picture
 LONGEST = 200  # tokens of an instruction, as diffusers cuts them where no picture is read

@@ -17,9 +17,9 @@ from gsedit.datasets.padding import PadMode
 from gsedit.diffusion.guidance import Branches, Need
 from gsedit.diffusion.predictions import Latents, Prediction
 from gsedit.diffusion.schedules import Schedule
-from gsedit.editors.models.runtime import Runtime, in_torch
-from gsedit.editors.protocol import Capabilities
+from gsedit.editor_protocol import Capabilities
 from gsedit.errors import UsageError
+from gsedit.models.runtime import Runtime, in_torch
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

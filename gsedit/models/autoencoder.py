@@ -14,7 +14,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.editors.models.runtime import Runtime
+from gsedit.models.runtime import Runtime
 
 MOST_REMEMBERED = 256
 """Pictures whose latents are kept: of 512 pixels, they take 20 MB."""

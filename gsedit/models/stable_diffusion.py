@@ -16,13 +16,13 @@ from torch import Tensor
 
 from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.predictions import Prediction
-from gsedit.editors.models.autoencoder import decoded, encoded
-from gsedit.editors.models.families import SDXL
-from gsedit.editors.models.model import Model
-from gsedit.editors.models.noise import Noise, noise_of
-from gsedit.editors.models.parts import Parts
-from gsedit.editors.protocol import Capabilities
+from gsedit.editor_protocol import Capabilities
 from gsedit.errors import InputError
+from gsedit.models.autoencoder import decoded, encoded
+from gsedit.models.families import SDXL
+from gsedit.models.model import Model
+from gsedit.models.noise import Noise, noise_of
+from gsedit.models.parts import Parts
 
 XL_GUIDANCE = 5.0
 """The instruction's weight that diffusers' pipeline of SDXL has as its default."""
