@@ -145,8 +145,9 @@ def _with_defaults(settings: EditSettings, editor: Editor, camera: Camera) -> Ed
     """
     declared = editor.capabilities
     size = settings.edit_size or declared.best_size
-    if size and (settings.condition == "photo" or not declared.enlarges):
-        size = min(size, max(camera.width, camera.height))
+    keeps = settings.condition == "photo" or not declared.enlarges
+    if size and keeps and size >= max(camera.width, camera.height):
+        size = None  # the views' own
     sampler = settings.sampler.with_defaults(declared.defaults)
     return replace(settings, sampler=sampler, edit_size=size)
 
