@@ -78,11 +78,13 @@ class Cost:
     precision: Literal["float32", "bfloat16"]
     spent: int = 0
     """Evaluations that measuring took."""
+    condition_s: float = 0.0
+    """For a view's share of what no step changes: the text encoder, and the original."""
 
     def seconds(self, views: int) -> float:
         """Seconds for so many views: each is sampled, decoded, and encoded before and after."""
         each = self.evaluations * self.evaluation_s + 2 * self.encode_s + self.decode_s
-        return views * each
+        return views * (each + self.condition_s)
 
 
 def no_advice(prompt: str) -> str:

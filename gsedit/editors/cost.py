@@ -36,7 +36,9 @@ def measure_cost(
     """The cost of sampling these views between these levels. Draws nothing."""
     predictor, spent = prepared(denoiser, x, originals, prompt, settings, known)
     evaluations = len(x) * sum(needed(*settings.scales))
+    started = time.monotonic()
     condition = denoiser.condition(originals, prompt, torch.Generator())
+    condition_s = (time.monotonic() - started) / len(x)
     rescale = denoiser.capabilities.rescale
 
     def predict() -> Tensor:
@@ -55,6 +57,7 @@ def measure_cost(
         peak_bytes=most_bytes(),
         precision="bfloat16" if isinstance(predictor, InBfloat16) else "float32",
         spent=spent + 2 * evaluations,
+        condition_s=condition_s,
     )
 
 

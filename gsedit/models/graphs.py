@@ -62,7 +62,8 @@ def find(key: str) -> Path | None:
         record = json.loads((folder / WHOLE).read_text())
     except (OSError, ValueError):
         return None
-    if all(_checksum(folder / name) == record.get(name) for name in NAMES):
+    sums = {name: _checksum(folder / name) for name in NAMES}
+    if record == sums and None not in sums.values():
         with suppress(OSError):
             os.utime(folder / WHOLE)  # used now
         return folder / NAMES[0]

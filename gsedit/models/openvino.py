@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import copy
 import hashlib
+import inspect
 import sys
 import time
 import warnings
@@ -23,7 +24,7 @@ from gsedit.diffusion.memory import GB, free_bytes
 from gsedit.diffusion.precision import MAX_ERROR, relative_error
 from gsedit.errors import GseditError
 from gsedit.models import graphs
-from gsedit.models.runtime import Forward, Runtime, in_torch
+from gsedit.models.runtime import Forward, Runtime
 from gsedit.runs.environment import installed_version
 
 ROWS = 4
@@ -122,10 +123,10 @@ class OpenVino:
             digest = graphs.weights_digest(network.state_dict().items())
             self._digests[id(network)] = network, digest
         parts = (
-            forward.__module__, forward.__qualname__, type(network).__qualname__,
+            forward.__module__, forward.__qualname__, _code(forward), type(network).__qualname__,
             sorted((k, str(v)) for k, v in dict(getattr(network, "config", {})).items()),
             self._digests[id(network)][1], [(tuple(x.shape), str(x.dtype)) for x in inputs],
-            precision, *map(installed_version, ("openvino", "torch", "diffusers")),
+            precision, *map(installed_version, ("gsedit", "openvino", "torch", "diffusers")),
         )  # fmt: skip
         return hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
 
@@ -148,8 +149,12 @@ class Faster:
         key = (forward, id(network), _precision(network))
         if key not in self.chosen:
             self.chosen[key] = self._measured(forward, network, inputs)
-        runtime = self.openvino if self.chosen[key].startswith("openvino") else in_torch
-        return runtime(forward, network, *inputs)
+        if self.chosen[key].startswith("openvino"):
+            try:
+                return self.openvino(forward, network, *inputs)
+            except (GseditError, MemoryError) as error:  # another shape, which is traced anew
+                self.chosen[key] = f"torch: {str(error)[:200]}"
+        return forward(network, *inputs)
 
     def _measured(self, forward: Forward, network: Any, inputs: tuple[Tensor, ...]) -> str:
         """Compare both on other numbers than those that were traced: none may have become fixed."""
@@ -186,6 +191,14 @@ def _library() -> Any:
 def _seconds() -> float:
     """Processor time of all threads: other programs must not decide."""
     return time.process_time()
+
+
+def _code(forward: Forward) -> str:
+    """The source of the function's module: another version of gsedit may compute otherwise."""
+    try:
+        return inspect.getsource(sys.modules[forward.__module__])
+    except (OSError, TypeError):  # without sources, versions alone tell
+        return ""
 
 
 def _precision(network: Any) -> str:

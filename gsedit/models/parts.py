@@ -73,8 +73,9 @@ class Parts:
         return self._weighted(name, kind, dtype=dtype, ignore_mismatched_sizes=True)
 
     def tokenizer(self, name: str, kind: Any) -> Any:
-        """A tokenizer or processor of transformers."""
-        return self._load(name, kind)
+        """A tokenizer or processor of transformers; one that brings its own code is refused."""
+        is_auto = kind.__name__.startswith("Auto")  # it would ask on the terminal, and run the code
+        return self._load(name, kind, **({"trust_remote_code": False} if is_auto else {}))
 
     def dtype(self, name: str) -> torch.dtype:
         """The dtype of a component in memory.

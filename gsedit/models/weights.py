@@ -182,7 +182,12 @@ def _weight_files(folder: Path, component: Component) -> tuple[list[Path], str |
             shards = config_of(index).get("weight_map")
             if not isinstance(shards, dict) or not shards:
                 raise InputError(f"{index} names no files: {AGAIN}")
-            return [index.parent / str(name) for name in sorted(set(shards.values()))], variant
+            names = sorted({str(name) for name in shards.values()})
+            if outside := [name for name in names if Path(name).name != name]:
+                raise InputError(
+                    f"{index} names {outside[0]!r}, which is no file beside it: {AGAIN}"
+                )
+            return [index.parent / name for name in names], variant
     place, wanted = folder / component.name, Path(single_name(component, None)).name
     pickles = sorted(path.name for path in place.iterdir() if path.suffix in PICKLES)
     if pickles:

@@ -16,6 +16,7 @@ from programs import batch, run
 
 from gsedit.editors.command.editor import Command
 from gsedit.editors.command.http import main
+from gsedit.editors.command.server import form
 from gsedit.errors import GseditError
 
 SIZE = (48, 32)
@@ -230,6 +231,8 @@ def test_sides_that_a_model_rounds_are_scaled_back(folders):
     ("words", "message"),
     [
         (["openai", "localhost:8000"], "no URL of a server"),
+        (["openai", "http://[::1"], "no URL of a server"),
+        (["openai", "http://127.0.0.1:port"], "no URL of a server"),
         (["openai", "http://127.0.0.1:1"], "start the server"),
         (["comfyui", "http://127.0.0.1:1"], "needs --workflow"),
         (["openai", "http://127.0.0.1:1", "--set", "steps"], "write NAME=VALUE"),
@@ -275,3 +278,21 @@ def test_the_editor_passes_on_what_the_program_said(tmp_path):
     editor = Command(words + "--prompt {prompt}", folder=tmp_path / "exchange")
     with pytest.raises(GseditError, match=r"start the server, or correct the URL"):
         run(editor, batch())
+
+
+def test_a_key_is_never_shown(folders, monkeypatch, capsys):
+    monkeypatch.setenv("GSEDIT_API_KEY", "secret\n")
+    with serving() as (server, url):
+        assert send(folders, "openai", url) == 0
+    assert server.calls[0][1] == "Bearer secret"
+    monkeypatch.setenv("GSEDIT_API_KEY", "secret\nmore")
+    assert send(folders, "openai", "http://127.0.0.1:1") == 1
+    said = capsys.readouterr().err
+    assert "on one line" in said
+    assert "secret" not in said
+
+
+def test_settings_are_written_as_json_has_them():
+    body, _ = form({"stream": True, "size": "8x8"}, {})
+    assert b"true" in body
+    assert b"True" not in body

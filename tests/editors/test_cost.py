@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from datetime import datetime
-from time import monotonic
+from time import monotonic, sleep
 
 import pytest
 import tiny_edits
@@ -121,3 +121,17 @@ def test_progress_is_one_picture_that_is_replaced(tmp_path):
     written = glimpses.path.stat().st_mtime_ns
     glimpses.show(Event("sample", 0.1, picture=torch.rand(3, 24, 32, 3)))
     assert glimpses.path.stat().st_mtime_ns == written  # not at every step
+
+
+def test_the_text_encoder_is_a_part_of_the_estimate(model, monkeypatch):
+    """Models that read a sentence beside each picture spend nearly half of an edit on that."""
+    condition = type(model).condition
+
+    def slow(self, originals, *more):
+        sleep(0.05 * len(originals))
+        return condition(self, originals, *more)
+
+    monkeypatch.setattr(type(model), "condition", slow)
+    cost = plan_edit(tiny_edits.scene(), tiny_edits.PROMPT, **request(model)).estimate.cost
+    assert cost.condition_s >= 0.05
+    assert cost.seconds(4) > 4 * cost.condition_s

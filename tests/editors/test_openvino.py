@@ -188,6 +188,37 @@ def test_auto_leaves_to_torch_what_does_not_fit_into_memory(monkeypatch):
         run.openvino(linear, layer, x)
 
 
+def test_auto_goes_on_in_torch_where_another_shape_cannot_be_traced(monkeypatch):
+    monkeypatch.setattr(openvino, "LEAST_WEIGHTS", 0)
+    layer = torch.nn.Linear(4, 4).requires_grad_(False)
+
+    def small_only(forward, network, x):
+        if len(x) > 2:
+            raise GseditError("memory")
+        return forward(network, x)
+
+    run, large = openvino.Faster(small_only), torch.ones(3, 4)
+    run(linear, layer, torch.ones(2, 4))
+    run.chosen = dict.fromkeys(run.chosen, "openvino: faster")
+    close(run(linear, layer, large), layer(large))
+
+
+def test_graphs_of_another_version_of_the_code_are_not_read(cache, monkeypatch):
+    layer, x = torch.nn.Linear(4, 4).requires_grad_(False), torch.ones(2, 4)
+    openvino.OpenVino()(linear, layer, x)
+    monkeypatch.setattr(openvino, "_code", lambda forward: "changed")
+    openvino.OpenVino()(linear, layer, x)
+    assert len(list(cache.iterdir())) == 2
+
+
+@pytest.mark.parametrize("record", ["{}", "[]", "null"])
+def test_a_graph_without_its_checksums_is_removed(cache, record):
+    (cache / "key").mkdir(parents=True)
+    (cache / "key" / "whole.json").write_text(record)
+    assert graphs.find("key") is None
+    assert not (cache / "key").exists()
+
+
 def test_runtimes_by_name(monkeypatch):
     assert make_runtime("torch") is in_torch
     assert isinstance(make_runtime("auto"), openvino.Faster)

@@ -16,7 +16,6 @@ import argparse
 import base64
 import io
 import json
-import os
 import sys
 import time
 import urllib.parse
@@ -27,7 +26,16 @@ from uuid import uuid4
 
 from PIL import Image, UnidentifiedImageError
 
-from gsedit.editors.command.server import KEY, Server, form, is_here, part_of, picture_of, quoted
+from gsedit.editors.command.server import (
+    KEY,
+    Server,
+    form,
+    is_here,
+    key_of_user,
+    part_of,
+    picture_of,
+    quoted,
+)
 from gsedit.errors import GseditError, InputError, UsageError
 
 ASPECT_ERROR = 0.03
@@ -242,10 +250,14 @@ def _setting(text: str) -> tuple[str, Any]:
 
 
 def _check_url(url: str) -> None:
-    parts = urllib.parse.urlsplit(url)
-    if parts.scheme not in ("http", "https") or not parts.hostname:
+    try:
+        parts = urllib.parse.urlsplit(url)
+        is_url = parts.scheme in ("http", "https") and parts.hostname and parts.port != 0
+    except ValueError:  # brackets that are left open, a port that is no number
+        is_url = False
+    if not is_url:
         raise UsageError(f"{url} is no URL of a server: write it as http://127.0.0.1:1234")
-    if os.environ.get(KEY) and parts.scheme == "http" and not is_here(parts.hostname):
+    if key_of_user() and parts.scheme == "http" and not is_here(parts.hostname):
         raise UsageError(f"{url} would get the key of {KEY} unencrypted: write https, or unset it")
 
 

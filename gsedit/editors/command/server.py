@@ -16,7 +16,7 @@ from http.client import HTTPException
 from typing import Any
 from uuid import uuid4
 
-from gsedit.errors import GseditError
+from gsedit.errors import GseditError, UsageError
 
 KEY = "GSEDIT_API_KEY"
 LARGEST_REPLY = 64_000_000  # bytes: an edited picture takes a few million
@@ -52,7 +52,7 @@ class Server:
         self, path: str, data: bytes | None = None, headers: Mapping[str, str] | None = None
     ) -> bytes:
         request = urllib.request.Request(self.url + path, data, dict(headers or {}))
-        if key := os.environ.get(KEY):
+        if key := key_of_user():
             request.add_header("Authorization", f"Bearer {key}")
         try:
             with self._opener().open(request, timeout=self.timeout) as reply:
@@ -99,6 +99,15 @@ class Server:
             ) from None
 
 
+def key_of_user() -> str:
+    """The key in the environment, empty where there is none. Raises UsageError, which does not
+    show it, for one that no header can hold."""
+    key = os.environ.get(KEY, "").strip()
+    if not (key.isascii() and key.isprintable()):
+        raise UsageError(f"{KEY} holds characters that no key has: set it again, on one line")
+    return key
+
+
 def is_here(host: str) -> bool:
     """Whether a host name or address is this machine's loopback."""
     try:
@@ -136,14 +145,18 @@ def quoted(found: bytes) -> str:
 
 
 def form(
-    fields: Mapping[str, str], files: Mapping[str, bytes], name: str = "view.png"
+    fields: Mapping[str, Any], files: Mapping[str, bytes], name: str = "view.png"
 ) -> tuple[bytes, str]:
-    """(body, content type) of a form with PNG files (multipart/form-data, RFC 7578)."""
+    """(body, content type) of a form with PNG files (multipart/form-data, RFC 7578).
+
+    Values that are no text are written as JSON: true, not True.
+    """
     line = uuid4().hex
     body = b""
     for key, value in fields.items():
         head = f'--{line}\r\nContent-Disposition: form-data; name="{key}"\r\n\r\n'
-        body += head.encode() + str(value).encode() + b"\r\n"
+        text = value if isinstance(value, str) else json.dumps(value)
+        body += head.encode() + text.encode() + b"\r\n"
     for key, file in files.items():
         head = (
             f'--{line}\r\nContent-Disposition: form-data; name="{key}"; filename="{name}"\r\n'

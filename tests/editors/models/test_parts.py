@@ -10,6 +10,7 @@ import diffusers
 import pytest
 import torch
 from safetensors.torch import load_file, save_file
+from transformers import AutoTokenizer
 
 from gsedit.diffusion.guidance import Need
 from gsedit.errors import InputError
@@ -119,3 +120,14 @@ def test_a_missing_shard(pipeline, tmp_path):
     shards[0].unlink()
     with pytest.raises(InputError, match=f"{shards[0].name} is missing: download it"):
         load_model(tmp_path / "shards")
+
+
+def test_a_tokenizer_with_code_of_its_own_is_refused_and_not_run(folder, tmp_path, monkeypatch):
+    monkeypatch.setattr("builtins.input", lambda *_: pytest.fail("it asks on the terminal"))
+    copy = tmp_path / "own"
+    shutil.copytree(folder, copy)
+    own = {"tokenizer_class": "Own", "auto_map": {"AutoTokenizer": ["own.Own", None]}}
+    (copy / "tokenizer" / "tokenizer_config.json").write_text(json.dumps(own))
+    (copy / "tokenizer" / "own.py").write_text("raise SystemExit('run')")
+    with pytest.raises(InputError, match="custom code"):
+        Parts.of(copy).tokenizer("tokenizer", AutoTokenizer)

@@ -156,6 +156,16 @@ def test_what_is_wrong_is_found_without_loading(model, how, message):
     assert part["name"] == named.get(how, "unet")
 
 
+@pytest.mark.parametrize("name", ["../../other.safetensors", "/etc/passwd"])
+def test_shards_outside_of_their_folder_are_not_read(model, name):
+    unet = model / "unet"
+    (unet / f"{UNET}.safetensors").unlink()
+    table = unet / f"{UNET}.safetensors.index.json"
+    table.write_text(json.dumps({"weight_map": {"a": name}}))
+    with pytest.raises(InputError, match="no file beside it"):
+        inspect(model).require()
+
+
 XL = {"conditioner.embedders.1.model.ln_final.weight": torch.ones(2)}
 
 
