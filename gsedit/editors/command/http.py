@@ -257,7 +257,7 @@ def _check_url(url: str) -> None:
         is_url = False
     if not is_url:
         raise UsageError(f"{url} is no URL of a server: write it as http://127.0.0.1:1234")
-    if key_of_user() and parts.scheme == "http" and not is_here(parts.hostname):
+    if key_of_user() and parts.scheme == "http" and not is_here(parts.hostname or ""):
         raise UsageError(f"{url} would get the key of {KEY} unencrypted: write https, or unset it")
 
 
