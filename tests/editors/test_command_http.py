@@ -296,3 +296,11 @@ def test_settings_are_written_as_json_has_them():
     body, _ = form({"stream": True, "size": "8x8"}, {})
     assert b"true" in body
     assert b"True" not in body
+
+
+def test_a_mask_that_is_missing_is_told_in_one_line(folders, capsys):
+    words = ["--masks", str(folders / "none")]
+    assert send(folders, "openai", "http://127.0.0.1:1", *words) == 1
+    said = capsys.readouterr().err
+    assert "correct the folders" in said
+    assert said.count("\n") == 1

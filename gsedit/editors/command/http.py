@@ -133,8 +133,9 @@ def _history(server: Server, number: str) -> Iterator[dict[str, Any]]:
     long."""
     deadline = time.monotonic() + server.timeout
     while time.monotonic() < deadline:
-        if number in (history := server.get(f"/history/{urllib.parse.quote(number)}")):
-            yield history[number]
+        history = server.get(f"/history/{urllib.parse.quote(number)}")
+        if history != {}:
+            yield part_of(server, history, number)
             return
         time.sleep(POLL)
 
@@ -200,6 +201,9 @@ def main(words: list[str] | None = None) -> int:
                 _edit(server, path, options)
     except GseditError as error:
         sys.stderr.write(f"{error}\n")
+        return 1
+    except OSError as error:  # a picture or mask that cannot be read, a full disk
+        sys.stderr.write(f"{error}: correct the folders, or make room\n")
         return 1
     return 0
 
