@@ -122,8 +122,8 @@ class Klein(Model):
             parts = reference.split(self.micro_batch)
             caches = [self.run(_keys_and_values, self.transformer, part, place) for part in parts]
             reference = torch.cat(caches)
-        null = None if self.distilled else self._embed("")
-        return Condition(reference, self._embed(prompt), null)
+        null = None if self.distilled else self.read_once(self._embed, "")
+        return Condition(reference, self.read_once(self._embed, prompt), null)
 
     def of_views(self, condition: Condition, views: slice) -> Condition:
         return condition._replace(reference=condition.reference[views])

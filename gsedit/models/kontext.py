@@ -122,8 +122,8 @@ class Kontext(Model):
     ) -> Condition:
         """Nothing is drawn: `generator` is not used."""
         reference = packed(self.encode(originals)).to(self.transformer.dtype)
-        null = None if self.negative is None else self._embed(self.negative)
-        return Condition(reference, self._embed(prompt), null)
+        null = None if self.negative is None else self.read_once(self._embed, self.negative)
+        return Condition(reference, self.read_once(self._embed, prompt), null)
 
     def of_views(self, condition: Condition, views: slice) -> Condition:
         return condition._replace(reference=condition.reference[views])

@@ -6,8 +6,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
 
 import torch
 from jaxtyping import Float
@@ -20,6 +21,8 @@ from gsedit.diffusion.schedules import Schedule
 from gsedit.editor_protocol import Capabilities
 from gsedit.errors import UsageError
 from gsedit.models.runtime import Runtime, in_torch
+
+F = TypeVar("F")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -37,6 +40,8 @@ class Model(ABC):
     """Views in one pass of a network: memory against speed; the result is the same."""
     name: str = "pix2pix"
     padding: PadMode = "mirror"
+    texts: dict[str, Any] = field(default_factory=dict, repr=False)
+    """Features of texts that were read, see `read_once`; copies of this model share them."""
 
     @property
     def capabilities(self) -> Capabilities:
@@ -95,6 +100,13 @@ class Model(ABC):
     @abstractmethod
     def decode(self, latents: Latents) -> Float[Tensor, "v h w 3"]:
         """Pictures, float32, not clamped."""
+
+    def read_once(self, read: Callable[[str], F], text: str) -> F:
+        """The result of `read(text)`, which is called once for each text: an encoder of billions of
+        weights is read from the disk once, and the system may then give its memory to others."""
+        if text not in self.texts:
+            self.texts[text] = read(text)
+        return self.texts[text]
 
     def check(self, prompt: str) -> None:
         """Raise UsageError for an instruction that is empty, or longer than the model can read."""

@@ -136,7 +136,7 @@ class Pix2Pix(Model):
         self, originals: Float[Tensor, "v h w 3"], prompt: str, generator: torch.Generator
     ) -> Condition:
         """Nothing is drawn: `generator` is not used."""
-        text, null = self._embed(prompt), self._embed("")
+        text, null = self.read_once(self._embed, prompt), self.read_once(self._embed, "")
         if text.pooled is not None and self.zeros_for_empty:
             null = TextFeatures(torch.zeros_like(text.tokens), torch.zeros_like(text.pooled))
         images = self.encode(originals) if self.scaled_images else self._mode(originals)

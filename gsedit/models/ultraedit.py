@@ -126,7 +126,9 @@ class UltraEdit(Model):
         if self.transformer.config.in_channels == 3 * self.channels:
             everywhere = self._shown(torch.ones_like(originals[:1]))  # the mask of a free edit
             images = torch.cat((images, everywhere.expand_as(images)), 1)
-        return Condition(images, self._embed(prompt), self._embed(""))
+        return Condition(
+            images, self.read_once(self._embed, prompt), self.read_once(self._embed, "")
+        )
 
     def of_views(self, condition: Condition, views: slice) -> Condition:
         return condition._replace(images=condition.images[views])

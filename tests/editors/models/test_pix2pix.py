@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import diffusers
@@ -207,3 +208,14 @@ def test_the_networks_see_whole_sides(folder, model):
     handle.remove()
     assert set(seen) == {(16, 18)}
     assert last.images.shape == views.shape
+
+
+def test_an_instruction_is_read_once_for_all_batches(folder):
+    read = []
+    model = load_model(folder)
+    encoder = model.text_encoders[0]
+    counted = replace(encoder, network=lambda ids: read.append(ids) or encoder.network(ids))
+    model = replace(model, text_encoders=(counted,))
+    for batch in (model, model.capabilities.with_micro_batch(2)):
+        batch.condition(torch.rand(1, 32, 32, 3), PROMPT, torch.Generator())
+    assert len(read) == 2  # the instruction and the empty one
