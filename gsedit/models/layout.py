@@ -89,7 +89,7 @@ def _family(place: str, index: Mapping[str, Any] | None, read: Read) -> tuple[Fa
         return (SDXL if unet.get("addition_embed_type") == "text_time" else SD), ""
     name = index.get("_class_name")
     name = name[-1] if isinstance(name, list) and name else name  # [file, class]: someone's own
-    if name not in PIPELINES:
+    if not isinstance(name, str) or name not in PIPELINES:
         works = "; ".join(f"{each.title} ({', '.join(each.pipelines)})" for each in FAMILIES)
         raise InputError(
             f"{place} is a {name or 'model without a pipeline class'}, which gsedit does not edit "

@@ -15,12 +15,28 @@ from gsedit.diffusion.predictions import Prediction
 from gsedit.diffusion.schedules import CLEAN, NoiseLevel, Schedule
 from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings, Spacing
 from gsedit.errors import InputError, UsageError
+from gsedit.storage.json_files import checked, number, object_of
 
 PREDICTIONS: dict[str, Prediction] = {"epsilon": "eps", "v_prediction": "v"}
 """By their names in diffusers' configs."""
 CONSISTENCY = SamplerDefaults(steps=4, solver="lcm", t_end=1.2)
 """Latent consistency models are distilled for few steps (Luo et al. 2023). t_end: three steps of
 four. A guess, since it was measured with an exact score alone (docs/measurements/sampler.md)."""
+
+NUMBERS = object_of(
+    {},
+    {
+        "beta_start": number(1e-9, 0.999),
+        "beta_end": number(1e-9, 0.999),
+        "num_train_timesteps": number(2.0, 1e5),
+        "steps_offset": number(0.0, 1e3),
+        "original_inference_steps": number(1.0, 1e3),
+        "sigma_min": number(1e-9, 1e9),
+        "sigma_max": number(1e-9, 1e9),
+        "rho": number(1e-3, 1e3),
+    },
+)
+"""Ranges of a scheduler's numbers; outside of them there is no schedule."""
 
 Levels = Callable[[SamplerSettings, tuple[int, int]], list[NoiseLevel]]
 
@@ -40,6 +56,7 @@ def noise_of(config: Mapping[str, Any], place: Path) -> Noise:
 
     Raises InputError, which begins with the place, for a schedule that is not supported.
     """
+    checked({key: value for key, value in config.items() if value is not None}, NUMBERS, place)
     name = config.get("_class_name", "")
     if name == "EDMEulerScheduler":
         return _edm(config, place)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import shutil
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editor_protocol import for_settings, levels_for
 from gsedit.errors import InputError, UsageError
 from gsedit.models.loading import load_model
+from gsedit.models.noise import noise_of
 
 pytestmark = pytest.mark.usefixtures("offline")
 VIEWS, CELLS = 2, 16
@@ -204,3 +206,18 @@ def test_the_law_of_consensus_holds_for_each_kind_of_noise(folder, xl_folder, tm
         scheduled(folder, tmp_path / "lcm", lcm),
     ):
         model_laws.consensus_law_holds(load_model(source, micro_batch=VIEWS), pictures, start)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"beta_start": "0.1"},
+        {"beta_end": math.nan},
+        {"num_train_timesteps": -1},
+        {"_class_name": "LCMScheduler", "original_inference_steps": 0},
+        {"_class_name": "EDMEulerScheduler", "sigma_min": "a"},
+    ],
+)
+def test_numbers_that_make_no_schedule_are_refused(wrong):
+    with pytest.raises(InputError, match="scheduler"):
+        noise_of(wrong, Path("scheduler"))
