@@ -16,6 +16,7 @@ from gsedit.diffusion.schedules import CLEAN, NoiseLevel, Schedule
 from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings
 from gsedit.errors import InputError, UsageError
 
+Line = Literal["to one step", "to training's end"]
 CLASS = "FlowMatchEulerDiscreteScheduler"
 OTHER_LINES = (
     "use_karras_sigmas",
@@ -88,13 +89,21 @@ class FlowScheduler:
         slope = (self.max_shift - self.base_shift) / (self.max_length - self.base_length)
         return self.base_shift + slope * (tokens - self.base_length)
 
+    def levels_of(
+        self, settings: SamplerSettings, tokens: int, line: Line = "to one step"
+    ) -> list[NoiseLevel]:
+        """The levels of these settings for a picture of so many tokens. Raises UsageError."""
+        check_spacing(settings)
+        mu = self.mu(tokens)
+        return self.levels(settings.step_count, settings.strength, mu=mu, line=line)
+
     def levels(
         self,
         steps: int,
         strength: float = 1.0,
         *,
         mu: float = 0.0,
-        line: Literal["to one step", "to training's end"] = "to one step",
+        line: Line = "to one step",
     ) -> list[NoiseLevel]:
         """`steps` + 1 falling levels, the last CLEAN.
 

@@ -160,7 +160,7 @@ class Schedule:
             case "trailing":
                 return [float(round(t_max - i * t_max / steps) - 1) for i in range(steps)]
             case "linspace":
-                return _even(t_max - 1, 0, steps)
+                return even(t_max - 1, 0, steps)
             case "middle":
                 return [(i + 0.5) * t_max / steps for i in reversed(range(steps))]
             case "karras":
@@ -196,12 +196,13 @@ class Schedule:
         return [self.level_at(sigma) for sigma in karras_sigmas(first.sigma, last.sigma, steps)]
 
 
-def karras_sigmas(first: float, last: float, count: int) -> list[float]:
-    """Falling sigmas, seventh roots evenly spaced, both ends included."""
-    return [root**RHO for root in _even(first ** (1 / RHO), last ** (1 / RHO), count)]
+def karras_sigmas(first: float, last: float, count: int, rho: float = RHO) -> list[float]:
+    """Falling sigmas, their roots of the order `rho` evenly spaced, both ends included."""
+    return [root**rho for root in even(first ** (1 / rho), last ** (1 / rho), count)]
 
 
-def _even(first: int | float, last: int | float, count: int) -> list[float]:
+def even(first: int | float, last: int | float, count: int) -> list[float]:
+    """Numbers evenly spaced from the first to the last, both included."""
     return [first + (last - first) * i / max(count - 1, 1) for i in range(count)]
 
 

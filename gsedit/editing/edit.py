@@ -80,24 +80,6 @@ def edit_steps(
     yield from _recorded(_run(request, resume), record, resume)
 
 
-def explain(
-    scene: Gaussians,
-    prompt: str,
-    *,
-    editor: Editor | None = None,
-    dataset: Dataset | None = None,
-    settings: EditSettings | None = None,
-    strategy: Strategy | None = None,
-    features: FeatureExtractor | None = None,
-    generator: torch.Generator | None = None,
-) -> tuple[Decision, ...]:
-    """The work that `edit` would skip, and why; nothing is edited. Raises as `edit_steps` does."""
-    return plan_edit(
-        scene, prompt, editor=editor, dataset=dataset, settings=settings, strategy=strategy,
-        features=features, generator=generator,
-    ).decisions  # fmt: skip
-
-
 class EditPlan(NamedTuple):
     """The plan of an edit: work that is skipped, time and memory."""
 

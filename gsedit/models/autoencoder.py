@@ -14,15 +14,27 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.models.runtime import Runtime
+from gsedit.models.runtime import Forward, Runtime
 
 MOST_REMEMBERED = 256
 """Pictures whose latents are kept: of 512 pixels, they take 20 MB."""
 _known: WeakKeyDictionary[Any, OrderedDict[bytes, Tensor]] = WeakKeyDictionary()
 
 
+def mode_of(vae: Any, pixels: Tensor) -> Tensor:
+    """The posterior's mode of pixels in [-1, 1]."""
+    encoding = vae.encode(pixels)
+    # AutoencoderTiny (TAESD's architecture) has no distribution
+    return encoding.latents if "latents" in encoding else encoding.latent_dist.mode()
+
+
+def picture_of(vae: Any, latents: Tensor) -> Tensor:
+    """Pixels in about [-1, 1] of latents."""
+    return vae.decode(latents).sample
+
+
 def encoded(
-    run: Runtime, vae: Any, images: Float[Tensor, "v h w 3"], at_once: int
+    run: Runtime, vae: Any, images: Float[Tensor, "v h w 3"], at_once: int, mode: Forward = mode_of
 ) -> Float[Tensor, "v c y x"]:
     """The mode of the posterior, not scaled, float32; `at_once` views in a pass. Differentiable.
 
@@ -30,13 +42,13 @@ def encoded(
     """
     pixels = (2 * images - 1).movedim(-1, 1).to(vae.dtype)
     if images.requires_grad and torch.is_grad_enabled():
-        return torch.cat([run(_mode, vae, part).float() for part in pixels.split(at_once)])
+        return torch.cat([run(mode, vae, part).float() for part in pixels.split(at_once)])
     known = _known.setdefault(vae, OrderedDict())
     keys = [_key(each) for each in images]
     new = {key: i for i, key in enumerate(keys) if key not in known}
     if new:
         parts = pixels[list(new.values())].split(at_once)
-        known |= zip(new, torch.cat([run(_mode, vae, part).float() for part in parts]).unbind())
+        known |= zip(new, torch.cat([run(mode, vae, part).float() for part in parts]).unbind())
     latents = torch.stack([known[key] for key in keys])
     while len(known) > MOST_REMEMBERED:
         known.popitem(last=False)
@@ -52,19 +64,13 @@ def _key(image: Float[Tensor, "h w 3"]) -> bytes:
 
 
 def decoded(
-    run: Runtime, vae: Any, latents: Float[Tensor, "v c y x"], at_once: int
+    run: Runtime,
+    vae: Any,
+    latents: Float[Tensor, "v c y x"],
+    at_once: int,
+    picture: Forward = picture_of,
 ) -> Float[Tensor, "v h w 3"]:
     """Pictures of latents as the decoder takes them, float32, not clamped."""
     parts = latents.to(vae.dtype).split(at_once)
-    images = torch.cat([run(_picture, vae, part).float() for part in parts])
+    images = torch.cat([run(picture, vae, part).float() for part in parts])
     return images.movedim(1, -1) / 2 + 0.5
-
-
-def _mode(vae: Any, pixels: Tensor) -> Tensor:
-    encoding = vae.encode(pixels)
-    # AutoencoderTiny (TAESD's architecture) has no distribution
-    return encoding.latents if "latents" in encoding else encoding.latent_dist.mode()
-
-
-def _picture(vae: Any, latents: Tensor) -> Tensor:
-    return vae.decode(latents).sample

@@ -15,13 +15,12 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.diffusion.flow import FlowScheduler, check_spacing
+from gsedit.diffusion.flow import FlowScheduler
 from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.predictions import Latents, Prediction
 from gsedit.diffusion.schedules import NoiseLevel
 from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings
 from gsedit.editor_protocol import Capabilities
-from gsedit.errors import UsageError
 from gsedit.models.autoencoder import decoded, encoded
 from gsedit.models.model import Model
 from gsedit.models.vision_language import Reader, load_reader
@@ -61,7 +60,6 @@ class DreamLite(Model):
     """DreamLite; with `distilled` DreamLite-mobile, which has no guidance and few steps."""
 
     unet: Any
-    vae: Any
     reader: Reader
     scheduler: FlowScheduler
     distilled: bool
@@ -74,7 +72,7 @@ class DreamLite(Model):
             super().capabilities,
             defaults=MOBILE_DEFAULTS if self.distilled else DEFAULTS,
             levels=self._levels,
-            with_text_weight=self._unguided if self.distilled else None,
+            with_text_weight=self.unguided if self.distilled else None,
         )
 
     @property
@@ -84,10 +82,6 @@ class DreamLite(Model):
     @property
     def multiple(self) -> int:
         return self.cell * 2 ** (len(self.unet.config.block_out_channels) - 1)
-
-    @property
-    def channels(self) -> int:
-        return self.vae.config.latent_channels
 
     @property
     def size(self) -> int:
@@ -149,17 +143,7 @@ class DreamLite(Model):
 
     def _levels(self, settings: SamplerSettings, cells: tuple[int, int]) -> list[NoiseLevel]:
         """Levels for latents of so many rows and columns: a token is 2 x 2 cells."""
-        check_spacing(settings)
-        mu = self.scheduler.mu(cells[0] * cells[1] // 4)
-        return self.scheduler.levels(settings.step_count, settings.strength, mu=mu)
-
-    def _unguided(self, weight: float) -> DreamLite:
-        if weight != MOBILE_DEFAULTS.guidance_text:
-            raise UsageError(
-                f"{self.name} was distilled to work without guidance, and would ignore guidance "
-                f"{weight:g}: leave it out"
-            )
-        return self
+        return self.scheduler.levels_of(settings, cells[0] * cells[1] // 4)
 
 
 def _filled_up(

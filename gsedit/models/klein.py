@@ -56,7 +56,6 @@ class Klein(Model):
     """FLUX.2-klein, of any size, distilled or not, with or without KV."""
 
     transformer: Any
-    vae: Any
     text_encoder: Any
     tokenizer: Any
     flow: FlowScheduler
@@ -73,16 +72,8 @@ class Klein(Model):
             super().capabilities,
             levels=self._levels,
             defaults=DISTILLED if self.distilled else GUIDED,
-            with_text_weight=self._with_text_weight if self.distilled else None,
+            with_text_weight=self.unguided if self.distilled else None,
         )
-
-    @property
-    def cell(self) -> int:
-        return 2 ** (len(self.vae.config.block_out_channels) - 1)
-
-    @property
-    def channels(self) -> int:
-        return self.vae.config.latent_channels
 
     @property
     def multiple(self) -> int:
@@ -167,14 +158,6 @@ class Klein(Model):
         steps = settings.step_count
         mu = empirical_mu((cells[0] // 2) * (cells[1] // 2), steps)
         return self.flow.levels(steps, settings.strength, mu=mu)
-
-    def _with_text_weight(self, weight: float) -> Klein:
-        if weight != 1:
-            raise UsageError(
-                f"guidance {weight:g} is not for this model, which was distilled to work without: "
-                "leave guidance out"
-            )
-        return self
 
     @property
     def _statistics(self) -> tuple[Float[Tensor, "1 d 1 1"], Float[Tensor, "1 d 1 1"]]:

@@ -15,7 +15,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.diffusion.flow import FlowScheduler, check_spacing
+from gsedit.diffusion.flow import FlowScheduler
 from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.predictions import Latents, Prediction
 from gsedit.diffusion.schedules import NoiseLevel
@@ -59,7 +59,6 @@ class Kontext(Model):
     """FLUX.1-Kontext with its text encoders."""
 
     transformer: Any
-    vae: Any
     clip: Any
     clip_tokenizer: Any
     t5: Any
@@ -80,14 +79,6 @@ class Kontext(Model):
             defaults=DEFAULTS,
             with_text_weight=None if self.guidance is None else self._with_text_weight,
         )
-
-    @property
-    def cell(self) -> int:
-        return 2 ** (len(self.vae.config.block_out_channels) - 1)
-
-    @property
-    def channels(self) -> int:
-        return self.vae.config.latent_channels
 
     @property
     def multiple(self) -> int:
@@ -170,9 +161,7 @@ class Kontext(Model):
         return unpacked(out.to(x.dtype), x.shape[2] // 2, x.shape[3] // 2)
 
     def _levels(self, settings: SamplerSettings, cells: tuple[int, int]) -> list[NoiseLevel]:
-        check_spacing(settings)
-        mu = self.flow.mu((cells[0] // 2) * (cells[1] // 2))
-        return self.flow.levels(settings.step_count, settings.strength, mu=mu)
+        return self.flow.levels_of(settings, (cells[0] // 2) * (cells[1] // 2))
 
     def _with_text_weight(self, weight: float) -> Kontext:
         return replace(self, guidance=weight)

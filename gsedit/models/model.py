@@ -23,18 +23,20 @@ from gsedit.errors import UsageError
 from gsedit.models.runtime import Runtime, in_torch
 
 F = TypeVar("F")
+M = TypeVar("M", bound="Model")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Model(ABC):
     """A Denoiser over diffusers' networks; each family extends it.
 
-    A family has the properties `cell`, `channels`, `multiple` and `size`, and the methods below
-    that are abstract. Its networks are called through `run` alone.
+    A family has the properties and methods below that are abstract, and `cell` and `channels` where
+    its VAE is not diffusers' AutoencoderKL. Its networks are called through `run` alone.
     """
 
     schedule: Schedule
     predicts: Prediction
+    vae: Any
     run: Runtime = in_torch
     micro_batch: int = 1
     """Views in one pass of a network: memory against speed; the result is the same."""
@@ -53,14 +55,14 @@ class Model(ABC):
         )
 
     @property
-    @abstractmethod
     def cell(self) -> int:
-        """Pixels per latent cell."""
+        """Pixels per latent cell: the VAE halves the sides between its blocks."""
+        return 2 ** (len(self.vae.config.block_out_channels) - 1)
 
     @property
-    @abstractmethod
     def channels(self) -> int:
         """Channels of a latent cell."""
+        return self.vae.config.latent_channels
 
     @property
     @abstractmethod
@@ -107,6 +109,15 @@ class Model(ABC):
         if text not in self.texts:
             self.texts[text] = read(text)
         return self.texts[text]
+
+    def unguided(self: M, weight: float) -> M:
+        """Itself, as `with_text_weight` of a distilled model. Raises UsageError for a weight."""
+        if weight != 1:
+            raise UsageError(
+                "this model was distilled to work without guidance, and would ignore guidance "
+                f"{weight:g}: leave it out"
+            )
+        return self
 
     def check(self, prompt: str) -> None:
         """Raise UsageError for an instruction that is empty, or longer than the model can read."""

@@ -12,7 +12,14 @@ from typing import Any, NamedTuple
 import torch
 
 from gsedit.diffusion.predictions import Prediction
-from gsedit.diffusion.schedules import CLEAN, NoiseLevel, Schedule
+from gsedit.diffusion.schedules import (
+    CLEAN,
+    RHO,
+    NoiseLevel,
+    Schedule,
+    even,
+    karras_sigmas,
+)
 from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings, Spacing
 from gsedit.errors import InputError, UsageError
 from gsedit.storage.json_files import checked, number, object_of
@@ -152,16 +159,11 @@ def _edm_levels(
     count, strength, spacing = settings.step_count, settings.strength, settings.step_spacing
     first, last = (schedule.level(t) for t in (schedule.t_max(strength) - 1, 0))
     if spacing == "karras":
-        power = 1 / config.get("rho", 7.0)
-        roots = _even(first.sigma**power, last.sigma**power, count)
-        levels = [schedule.level_at(root ** (1 / power)) for root in roots]
+        sigmas = karras_sigmas(first.sigma, last.sigma, count, config.get("rho", RHO))
+        levels = [schedule.level_at(sigma) for sigma in sigmas]
     elif spacing == "linspace":
-        logs = _even(math.log(first.sigma), math.log(last.sigma), count)
+        logs = even(math.log(first.sigma), math.log(last.sigma), count)
         levels = [schedule.level_at(math.exp(log)) for log in logs]
     else:
         return schedule.levels(count, strength, spacing)
     return [*levels, levels[-1] if config.get("final_sigmas_type") == "sigma_min" else CLEAN]
-
-
-def _even(first: float, last: float, count: int) -> list[float]:
-    return [first + (last - first) * i / max(count - 1, 1) for i in range(count)]

@@ -15,13 +15,14 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.diffusion.flow import FlowScheduler, check_spacing
+from gsedit.diffusion.flow import FlowScheduler
 from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.predictions import Latents, Prediction
 from gsedit.diffusion.schedules import NoiseLevel
 from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings
 from gsedit.editor_protocol import Capabilities
 from gsedit.errors import UsageError
+from gsedit.models.autoencoder import decoded, encoded
 from gsedit.models.model import Model
 from gsedit.models.tokens import network_times, packed, unpacked
 from gsedit.models.vision_language import Reader, load_reader
@@ -55,7 +56,6 @@ class QwenImageEdit(Model):
     """Qwen-Image-Edit; with `plus` its text encoder is shown the picture at a size of its own."""
 
     transformer: Any
-    vae: Any
     reader: Reader
     scheduler: FlowScheduler
     plus: bool
@@ -89,17 +89,15 @@ class QwenImageEdit(Model):
 
     def encode(self, images: Float[Tensor, "v h w 3"]) -> Latents:
         """The posterior's mode, less its channels' mean, in units of their deviation."""
-        pixels = (2 * images - 1).movedim(-1, 1).to(self.vae.dtype)
-        parts = [self.run(_mode, self.vae, part) for part in pixels.split(self.micro_batch)]
         mean, deviation = self._statistics
-        return (torch.cat(parts).float() - mean) / deviation
+        mode = encoded(self.run, self.vae, images, self.micro_batch, _mode)
+        return (mode - mean) / deviation
 
     @torch.no_grad()
     def decode(self, latents: Latents) -> Float[Tensor, "v h w 3"]:
         mean, deviation = self._statistics
-        latents = (latents * deviation + mean).to(self.vae.dtype)
-        parts = [self.run(_picture, self.vae, part) for part in latents.split(self.micro_batch)]
-        return torch.cat(parts).float().movedim(1, -1) / 2 + 0.5
+        plain = latents * deviation + mean
+        return decoded(self.run, self.vae, plain, self.micro_batch, _picture)
 
     @property
     def _statistics(self) -> tuple[Float[Tensor, "c 1 1"], Float[Tensor, "c 1 1"]]:
@@ -142,9 +140,7 @@ class QwenImageEdit(Model):
         )
 
     def _levels(self, settings: SamplerSettings, cells: tuple[int, int]) -> list[NoiseLevel]:
-        check_spacing(settings)
-        mu = self.scheduler.mu(cells[0] * cells[1] // PATCH**2)
-        return self.scheduler.levels(settings.step_count, settings.strength, mu=mu)
+        return self.scheduler.levels_of(settings, cells[0] * cells[1] // PATCH**2)
 
 
 def reading_size(height: int, width: int) -> tuple[int, int]:

@@ -23,6 +23,7 @@ from gsedit.models.families import SDXL
 from gsedit.models.model import Model
 from gsedit.models.noise import Noise, noise_of
 from gsedit.models.parts import Parts
+from gsedit.models.tokens import tokens_over, words
 
 XL_GUIDANCE = 5.0
 """The instruction's weight that diffusers' pipeline of SDXL has as its default."""
@@ -57,18 +58,11 @@ class TextEncoder:
 
     def ids(self, text: str) -> Int[Tensor, "1 l"]:
         """Token numbers, cut off or filled up to what the encoder reads."""
-        return self.tokenizer(
-            text,
-            padding="max_length",
-            max_length=self.tokenizer.model_max_length,
-            truncation=True,
-            return_tensors="pt",
-        ).input_ids
+        return words(self.tokenizer, text, self.tokenizer.model_max_length).ids
 
     def excess(self, text: str) -> int:
         """How many tokens of the text would be cut off."""
-        tokens = len(self.tokenizer(text, truncation=False).input_ids)
-        return max(0, tokens - self.tokenizer.model_max_length)
+        return tokens_over(self.tokenizer, text, self.tokenizer.model_max_length)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -76,7 +70,6 @@ class Pix2Pix(Model):
     """InstructPix2Pix: a UNet that sees the unedited picture beside the noised one."""
 
     unet: Any
-    vae: Any
     text_encoders: tuple[TextEncoder, ...]
     """One of Stable Diffusion, two of SDXL."""
     predicts: Prediction = "eps"
@@ -101,11 +94,6 @@ class Pix2Pix(Model):
         return side * self.cell if isinstance(side, int) else None
 
     @property
-    def cell(self) -> int:
-        """Pixels per latent cell: the VAE halves the sides between its blocks."""
-        return 2 ** (len(self.vae.config.block_out_channels) - 1)
-
-    @property
     def multiple(self) -> int:
         """Pixels: sides that the VAE and then the UNet can halve at every level, no remainder left.
 
@@ -113,10 +101,6 @@ class Pix2Pix(Model):
         which shifts features by parts of a cell.
         """
         return self.cell * 2 ** (len(self.unet.config.block_out_channels) - 1)
-
-    @property
-    def channels(self) -> int:
-        return self.vae.config.latent_channels
 
     def excess(self, prompt: str) -> int:
         return max(encoder.excess(prompt) for encoder in self.text_encoders)

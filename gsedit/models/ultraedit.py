@@ -17,7 +17,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import pad
 
-from gsedit.diffusion.flow import FlowScheduler, check_spacing
+from gsedit.diffusion.flow import FlowScheduler
 from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.predictions import Latents, Prediction
 from gsedit.diffusion.schedules import NoiseLevel
@@ -64,7 +64,6 @@ class UltraEdit(Model):
     """InstructPix2Pix of Stable Diffusion 3."""
 
     transformer: Any
-    vae: Any
     clips: tuple[TextEncoder, TextEncoder]
     t5: TextEncoder | None
     """Without it, zeros are in its place, as in Stable Diffusion 3."""
@@ -78,14 +77,6 @@ class UltraEdit(Model):
     def capabilities(self) -> Capabilities:
         """Every model's, with its own levels and defaults."""
         return replace(super().capabilities, levels=self._levels, defaults=DEFAULTS)
-
-    @property
-    def cell(self) -> int:
-        return 2 ** (len(self.vae.config.block_out_channels) - 1)
-
-    @property
-    def channels(self) -> int:
-        return self.vae.config.latent_channels
 
     @property
     def multiple(self) -> int:
@@ -162,11 +153,9 @@ class UltraEdit(Model):
         return out.to(x.dtype)
 
     def _levels(self, settings: SamplerSettings, cells: tuple[int, int]) -> list[NoiseLevel]:
-        check_spacing(settings)
         patch = self.transformer.config.patch_size
-        mu = self.flow.mu((cells[0] // patch) * (cells[1] // patch))
-        strength, line = settings.strength, "to training's end"
-        return self.flow.levels(settings.step_count, strength, mu=mu, line=line)
+        tokens = (cells[0] // patch) * (cells[1] // patch)
+        return self.flow.levels_of(settings, tokens, "to training's end")
 
     @property
     def _shift(self) -> float:

@@ -18,6 +18,9 @@ from jaxtyping import Float
 from PIL import Image
 from torch import Tensor
 
+from gsedit.formats.pictures import as_picture
+from gsedit.models.tokens import tokens_over
+
 if TYPE_CHECKING:
     from gsedit.models.parts import Parts
 
@@ -47,7 +50,7 @@ class Reader:
 
     def excess(self, text: str) -> int:
         """How many tokens of the instruction are too many."""
-        return max(0, len(self.tokenizer(text).input_ids) - self.most)
+        return tokens_over(self.tokenizer, text, self.most)
 
     def features(
         self, images: Float[Tensor, "v h w 3"], text: str, size: tuple[int, int], at_once: int
@@ -85,8 +88,7 @@ class Reader:
 
 def _picture(image: Float[Tensor, "h w 3"], size: tuple[int, int]) -> Image.Image:
     """An 8-bit picture of that (height, width), filtered as diffusers does."""
-    pixels = (255 * image.clamp(0, 1)).round().to(torch.uint8).cpu().numpy()
-    picture = Image.fromarray(pixels)
+    picture = as_picture(image)
     height, width = size
     if picture.size == (width, height):
         return picture

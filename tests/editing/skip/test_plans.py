@@ -14,7 +14,7 @@ from three_scenes import EXHIBITS, SIZE, Swapped
 from gsedit import EditSettings, edit
 from gsedit.datasets.cameras_json import write_cameras
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editing.edit import explain
+from gsedit.editing.edit import plan_edit
 from gsedit.editing.skip.decision import DECISIONS
 from gsedit.editing.strategies.single_pass import SinglePass
 from gsedit.errors import UsageError
@@ -49,7 +49,7 @@ def asked(exhibit, **settings):
 @pytest.mark.parametrize("name", EXHIBITS)
 def test_each_scene_has_its_decisions(name):
     exhibit = EXHIBITS[name]()
-    decisions = explain(exhibit.scene, "swap", **asked(exhibit))
+    decisions = plan_edit(exhibit.scene, "swap", **asked(exhibit)).decisions
     assert tuple(each.name for each in decisions) == DECISIONS
     assert {each.name for each in decisions if each.applies} == PLANS[name]
     for each in decisions:
@@ -59,7 +59,9 @@ def test_each_scene_has_its_decisions(name):
 
 def test_no_crop_and_no_gaussian_is_skipped_where_colors_are_solved_for():
     exhibit = EXHIBITS["two"]()
-    decisions = explain(exhibit.scene, "swap", **asked(exhibit, update=UpdateSettings()))
+    decisions = plan_edit(
+        exhibit.scene, "swap", **asked(exhibit, update=UpdateSettings())
+    ).decisions
     assert not {each.name for each in decisions if each.applies} & {"crops", "gaussians"}
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from tiny_edits import PROMPT, SETTINGS, Watched, data, scene
 
-from gsedit.editing.edit import explain
+from gsedit.editing.edit import plan_edit
 from gsedit.editing.session.strategy import uses_all_views
 from gsedit.editing.strategies.bulk import Bulk
 from gsedit.editing.strategies.iterative import Iterative
@@ -28,13 +28,13 @@ def test_a_strategy_says_whether_it_needs_more_views_than_the_plan_has(strategy,
 
 
 def test_no_view_is_skipped_that_the_strategy_needs():
-    decisions = explain(
+    decisions = plan_edit(
         scene(),
         PROMPT,
         editor=Watched(),
         dataset=data(),
         settings=SETTINGS,
         strategy=Iterative(total_steps=20),
-    )
+    ).decisions
     (views,) = (decision for decision in decisions if decision.name == "views")
     assert "Needed" in str(views)
