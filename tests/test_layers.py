@@ -21,6 +21,7 @@ ORDER = {
         "editor_protocol",
         "fitting",
         "pictures",
+        "objects",
         "scenery",
         "light",
         "toolkit",

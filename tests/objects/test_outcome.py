@@ -1,0 +1,25 @@
+"""Outcomes tell what became of each Gaussian."""
+
+import torch
+
+from gsedit.objects.outcome import NEW, Outcome, same
+from gsedit.synthetic.gallery import globe
+from gsedit.synthetic.splats import surface_gaussians
+
+
+def scene_of(count):
+    generator = torch.Generator().manual_seed(0)
+    return surface_gaussians(globe(), 60, generator)[:count]
+
+
+def test_operations_one_after_the_other_are_one():
+    scene = scene_of(6)
+    dropped = Outcome(scene[1:5], torch.tensor([1, 2, 3, 4]), torch.tensor([0, 1, 0, 0]).bool())
+    added = Outcome(
+        scene, torch.tensor([0, 1, 3, NEW, NEW, 2]), torch.tensor([0, 0, 0, 1, 1, 1]).bool()
+    )
+    both = same(scene).then(dropped).then(added)
+    assert both.origin.tolist() == [1, 2, 4, NEW, NEW, 3]
+    assert both.changed.tolist() == [False, True, False, True, True, True]
+    assert both.dropped(6).tolist() == [True, False, False, False, False, True]
+    assert not same(scene).dropped(6).any()
