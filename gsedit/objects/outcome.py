@@ -22,7 +22,7 @@ class Outcome:
     """A scene after an operation, and where each of its Gaussians comes from."""
 
     scene: Gaussians
-    """`m` Gaussians."""
+    """The scene after it: `m` Gaussians."""
     origin: Int[Tensor, " m"]
     """Row in the scene before; NEW for a Gaussian that was not in it."""
     changed: Bool[Tensor, " m"]
