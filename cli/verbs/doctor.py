@@ -58,10 +58,11 @@ def check_machine(*, as_json: bool) -> None:
 
 def check_weights(model: str, *, as_json: bool) -> None:
     """Print what of a model's weights is there. Exits with UNREADABLE unless all of it is."""
-    from gsedit.models.hub import find
+    from gsedit.models.hub import find, settings_for
     from gsedit.models.weights import inspect
 
-    weights = inspect(find(model, offline=True))
+    place = find(model, offline=True)
+    weights = inspect(place, settings_for(place, offline=True))
     names = ("folder", "complete", "parts", "notes")
     record = {name: getattr(weights, name) for name in names}
     record |= {"kind": weights.family.title, "pipeline": weights.kind.pipeline}
@@ -80,4 +81,4 @@ def as_text(weights: Weights) -> str:
         lines += [f"{'':<16} -> {problem}" for problem in part.problems]
     lines += [f"{'note':<16} {note}" for note in weights.notes]
     state = "complete" if weights.complete else f"incomplete, {len(weights.problems)} problems"
-    return "\n".join([*lines, f"{weights.folder}: {weights.family.title}, {state}"])
+    return "\n".join([*lines, f"{weights.place}: {weights.family.title}, {state}"])

@@ -13,12 +13,15 @@ from typing import Any
 from gsedit.errors import InputError, UsageError
 from gsedit.models.families import SD, Family
 from gsedit.models.layout import INDEX, WORDS, chosen, expected, identify
+from gsedit.models.single_file import SMALL, read_single_file, settings_beside
 from gsedit.models.weights import NO_PICKLE, PICKLES, config_of, inspect
 
 HUB_ID = re.compile(r"([\w.-]+/[\w.-]+)(?:@([\w./-]+))?")
 """A model's name, and a branch, tag or commit of it."""
 DEFAULT = SD.example
 """The authors' own weights on the hub."""
+
+UNET_SETTINGS = "unet/config.json"
 
 UNUSED = ("*.fp16*", "*.non_ema*", "safety_checker/*")
 """Files of a hub repository that are no use where the full weights are taken."""
@@ -34,7 +37,7 @@ def find(
     offline: bool = False,
     yes: Consent = False,
 ) -> Path:
-    """The folder that holds the model, whole or not.
+    """The folder, or single file, that holds the model, whole or not.
 
     What the hub's cache holds is taken if it is whole, since the hub can complete it; with
     `offline` the hub is not asked, and what the cache holds is taken as it is. A download has to
@@ -64,6 +67,32 @@ def find(
         f"{model} is not on this machine (looked for {looked} and in {constants.HF_HUB_CACHE})"
         f"{failed}; {download_advice(model)}"
     )
+
+
+def settings_for(place: Path, *, offline: bool = False, yes: Consent = False) -> Path | None:
+    """The folder with a single file's settings and tokenizers; None for a folder of a model, and
+    where they are beside the file or nowhere.
+
+    What the hub's cache lacks is downloaded, some MB, as `find` does. Raises as `find`.
+    """
+    if not place.is_file() or place.suffix in PICKLES or settings_beside(place) is not None:
+        return None
+    file = read_single_file(place)
+    cached = _cached(file.hub_id, UNET_SETTINGS)
+    if (cached is not None and (cached / UNET_SETTINGS).is_file()) or offline:
+        return cached
+    _check_id(file.hub_id, str(place))
+    offer = f"{place} is a single file: its settings and tokenizer are those of {file.hub_id}, 3 MB"
+    if not (yes(offer) if callable(yes) else yes):
+        raise UsageError(f"{offer}: add --yes to download them, or {file.advice()}")
+    from huggingface_hub import snapshot_download
+
+    try:
+        return Path(snapshot_download(file.hub_id, allow_patterns=list(SMALL)))
+    except Exception as error:  # as in _downloaded
+        raise InputError(
+            f"{offer}, which could not be downloaded ({_reason(error)}); {file.advice()}"
+        ) from error
 
 
 def _check_id(model: str, looked: str) -> None:
@@ -196,13 +225,13 @@ def _check_disk(offer: Offer) -> None:
         )
 
 
-def _cached(model: str) -> Path | None:
+def _cached(model: str, name: str = INDEX) -> Path | None:
     """The folder of the hub's cache, whole or not; None where there is none."""
     from huggingface_hub import snapshot_download
 
     try:
         # the pattern: its library refuses a folder that lacks a file of the whole repository
-        found = snapshot_download(**_named(model), local_files_only=True, allow_patterns=[INDEX])
+        found = snapshot_download(**_named(model), local_files_only=True, allow_patterns=[name])
         return Path(found)
     except Exception:  # its library has no common base of errors; nothing is there
         return None

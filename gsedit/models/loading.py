@@ -1,4 +1,4 @@
-"""A model of any family, from a folder or a hub id."""
+"""A model of any family, from a folder, a single file or a hub id."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gsedit.diffusion.settings import Precision
 from gsedit.errors import UsageError
-from gsedit.models.hub import Consent, find
+from gsedit.models.hub import Consent, find, settings_for
 from gsedit.models.model import Model
 from gsedit.models.parts import Parts
 
@@ -20,7 +20,7 @@ def load_model(
     precision: Precision = "auto",
     yes: Consent = False,
 ) -> Model:
-    """The model of a folder or hub id, looked for on this machine before the hub is asked.
+    """The model of a folder, file or hub id, looked for on this machine before the hub is asked.
 
     In order: `model` as a folder, `weights_dir`/`model`, the hub's local cache, the hub. Only what
     `families` lists is fetched and loaded, from safetensors alone. `yes` agrees to a download, or
@@ -29,7 +29,8 @@ def load_model(
     """
     if micro_batch < 1:
         raise UsageError(f"micro_batch must be 1 or more, not {micro_batch}")
-    parts = Parts.of(find(str(model), weights_dir, yes=yes), precision)
+    place = find(str(model), weights_dir, yes=yes)
+    parts = Parts.of(place, precision, settings_for(place, yes=yes))
     try:
         for library in ("accelerate", "diffusers", "transformers"):
             import_module(library)

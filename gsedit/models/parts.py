@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,11 +13,15 @@ import torch
 from gsedit.diffusion.memory import GB, SHARE, free_bytes
 from gsedit.diffusion.settings import Precision
 from gsedit.errors import InputError, UsageError
+from gsedit.models.converted import network_of, text_encoder_of
 from gsedit.models.families import Family
+from gsedit.models.single_file import COSXL_SCHEDULER, SingleFile
 from gsedit.models.weights import Weights, config_of, inspect
 
 DTYPES = {"F32": torch.float32, "F16": torch.float16, "BF16": torch.bfloat16}
 """By their names in the headers of safetensors files."""
+Convert = Callable[..., torch.nn.Module]
+"""(file, folder of settings, name of the component, class, dtype) -> network."""
 
 
 @dataclass(frozen=True)
@@ -29,9 +33,12 @@ class Parts:
     """Precision of the weights in memory; auto: as they are stored, see `dtype`."""
 
     @classmethod
-    def of(cls, folder: str | Path, precision: Precision = "auto") -> Parts:
-        """The parts of a folder. Raises InputError where it is incomplete or of another kind."""
-        return cls(inspect(folder).require(), precision)
+    def of(
+        cls, folder: str | Path, precision: Precision = "auto", settings: Path | None = None
+    ) -> Parts:
+        """The parts of a folder, or of a single file with this folder of settings (None: the one
+        beside it). Raises InputError where it is incomplete or of another kind."""
+        return cls(inspect(folder, settings).require(), precision)
 
     @property
     def folder(self) -> Path:
@@ -52,11 +59,14 @@ class Parts:
 
     def pipeline_config(self) -> dict[str, Any]:
         """The settings of the whole pipeline; none where the folder has no model_index.json."""
-        path = self.folder / "model_index.json"
-        return config_of(path) if path.exists() else {}
+        file, path = self.weights.file, self.folder / "model_index.json"
+        settings = config_of(path) if path.exists() else {}
+        return settings if file is None else settings | {"is_cosxl_edit": file.is_cosxl}
 
     def scheduler_config(self) -> dict[str, Any]:
         """The scheduler's settings, `_class_name` among them; none where it has no file."""
+        if self.weights.file is not None and self.weights.file.is_cosxl:
+            return dict(COSXL_SCHEDULER)
         path = self.folder / "scheduler" / "scheduler_config.json"
         config = config_of(path) if path.exists() else {}
         name = self.weights.kind.scheduler
@@ -65,11 +75,15 @@ class Parts:
     def network(self, name: str, kind: Any) -> Any:
         """A network of diffusers, for inference; the VAE always in float32."""
         dtype = torch.float32 if name == "vae" else self.dtype(name)
+        if self.weights.file is not None:
+            return self._converted(network_of, self.weights.file, name, kind, dtype)
         return self._weighted(name, kind, torch_dtype=dtype, low_cpu_mem_usage=True)
 
     def text_encoder(self, name: str, kind: Any) -> Any:
         """A network of transformers, for inference."""
         dtype = self.dtype(name)
+        if self.weights.file is not None:
+            return self._converted(text_encoder_of, self.weights.file, name, kind, dtype)
         return self._weighted(name, kind, dtype=dtype, ignore_mismatched_sizes=True)
 
     def tokenizer(self, name: str, kind: Any) -> Any:
@@ -109,9 +123,9 @@ class Parts:
         free = free_bytes()
         if needed > free:
             raise UsageError(
-                f"{self.folder} takes {needed / GB:.1f} GB of memory in {self.precision}, and "
-                f"{free / GB:.1f} GB are free: add --precision auto, close other programs, or take "
-                "a smaller model"
+                f"{self.weights.place} takes {needed / GB:.1f} GB of memory in {self.precision}, "
+                f"and {free / GB:.1f} GB are free: add --precision auto, close other programs, or "
+                "take a smaller model"
             )
 
     def _weighted(self, name: str, kind: Any, **options: Any) -> Any:
@@ -132,17 +146,29 @@ class Parts:
             )
         return network.eval().requires_grad_(False)  # score distillation needs no other gradients
 
+    def _converted(self, convert: Convert, file: SingleFile, name: str, *args: Any) -> Any:
+        """A network of the single file, for inference."""
+        with _explained(f"{name} of {file.path}"), _quiet():
+            network = convert(file, self.folder, name, *args)
+        return network.eval().requires_grad_(False)
+
     def _load(self, name: str, kind: Any, **options: Any) -> Any:
         path = self.folder / name
-        try:
-            with _quiet():
-                return kind.from_pretrained(str(path), local_files_only=True, **options)
-        except Exception as error:  # these libraries raise whatever their backends do
-            reason = next(iter(str(error).strip().splitlines()), type(error).__name__)
-            reason = reason.partition(". If you want to instead")[0]  # diffusers' own next move
-            raise InputError(
-                f"{path} cannot be loaded ({reason}): download the model again"
-            ) from error
+        with _explained(str(path)), _quiet():
+            return kind.from_pretrained(str(path), local_files_only=True, **options)
+
+
+@contextmanager
+def _explained(what: str) -> Iterator[None]:
+    """Make an InputError of whatever these libraries raise, which is what their backends do."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        reason = next(iter(str(error).strip().splitlines()), type(error).__name__)
+        reason = reason.partition(". If you want to instead")[0]  # diffusers' own next move
+        raise InputError(f"{what} cannot be loaded ({reason}): download the model again") from error
 
 
 @contextmanager

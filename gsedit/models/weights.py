@@ -1,16 +1,16 @@
 """Whether a model's folder is complete, by names, configs and headers; no tensor is read.
 
-The layout is diffusers': a folder a component, its settings and safetensors in it.
+The layout is diffusers': a folder a component, its settings and safetensors in it. Of a single file
+the weights are in the file, all else in such a folder.
 """
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 from gsedit.errors import InputError
 from gsedit.models.families import SD, SDXL, Component, Family
@@ -25,7 +25,13 @@ from gsedit.models.layout import (
     index_name,
     single_name,
 )
-from gsedit.models.single_file import refusal
+from gsedit.models.single_file import (
+    COSXL_SCHEDULER,
+    SingleFile,
+    main_dtype,
+    read_single_file,
+    settings_beside,
+)
 from gsedit.storage.json_files import object_of, read_json
 
 PICKLES = (".bin", ".ckpt", ".pt", ".pth")
@@ -62,6 +68,8 @@ class Weights:
     parts: tuple[Part, ...]
     notes: tuple[str, ...] = ()
     """Notes on harmless oddities of the folder."""
+    file: SingleFile | None = None
+    """The file with the weights; the folder has then only settings and tokenizers."""
 
     @property
     def family(self) -> Family:
@@ -78,6 +86,11 @@ class Weights:
         """Whether it can be loaded."""
         return not self.problems
 
+    @property
+    def place(self) -> Path:
+        """The file or folder with the weights."""
+        return self.folder if self.file is None else self.file.path
+
     def part(self, name: str) -> Part | None:
         """The part of that name, None where the model has none."""
         return next((each for each in self.parts if each.name == name), None)
@@ -87,19 +100,19 @@ class Weights:
         if self.complete:
             return self
         first, *more = self.problems
-        rest = f" (and {len(more)} more: gsedit doctor {self.folder} lists them)" if more else ""
+        rest = f" (and {len(more)} more: gsedit doctor {self.place} lists them)" if more else ""
         raise InputError(f"{first}{rest}")
 
 
-def inspect(folder: str | Path) -> Weights:
-    """Inspect a model's folder without loading it.
+def inspect(folder: str | Path, settings: Path | None = None) -> Weights:
+    """Inspect a model's folder, or a single file of weights, without loading it.
 
-    Raises InputError where there is no such folder, it is a single file, or it holds a model of a
-    family that is not known.
+    `settings` is the folder with what a single file lacks; None: one beside it. Raises InputError
+    where there is no such folder or settings, or it holds a model of a family that is not known.
     """
     folder = Path(folder).expanduser()
     if folder.is_file():
-        _refuse_file(folder)
+        return _of_file(folder, settings)
     if not folder.is_dir():
         raise InputError(
             f"{folder}: there is no such folder; give the one that holds {INDEX}, unet/ or "
@@ -161,14 +174,7 @@ def _part(folder: Path, component: Component) -> Part:
             problems.append(str(error))
     names = tuple(file.relative_to(folder).as_posix() for file in whole)
     size = sum(file.stat().st_size for file in whole)
-    return Part(component.name, tuple(problems), names, size, variant, _main_dtype(held))
-
-
-def _main_dtype(held: Sequence[Stored]) -> str:
-    bytes_of = Counter[str]()
-    for tensor in held:
-        bytes_of[tensor.dtype] += tensor.size
-    return max(bytes_of, key=lambda dtype: bytes_of[dtype], default="")
+    return Part(component.name, tuple(problems), names, size, variant, main_dtype(held))
 
 
 def _weight_files(folder: Path, component: Component) -> tuple[list[Path], str | None]:
@@ -240,11 +246,40 @@ def _notes(folder: Path, kind: Kind, parts: Sequence[str]) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _refuse_file(path: Path) -> NoReturn:
-    """Raise InputError for a model that is a single file, with the next move."""
+def _of_file(path: Path, settings: Path | None) -> Weights:
+    """The contents of a single file. Raises InputError for a pickle, a file of another kind, and
+    where there is no folder with its settings."""
     if path.suffix in PICKLES:
         raise InputError(
             f"{path} is a pickle: {NO_PICKLE}; give a folder in diffusers' layout, with unet/, "
             "vae/, text_encoder/ and tokenizer/"
         )
-    raise InputError(refusal(path))
+    file = read_single_file(path)
+    folder = settings or settings_beside(path)
+    if folder is None:
+        raise InputError(
+            f"{path} is a single file, without settings and tokenizer, and neither "
+            f"{path.with_suffix('')} nor {path.parent} has them (unet/config.json): {file.advice()}"
+        )
+    scheduler = str(COSXL_SCHEDULER["_class_name"]) if file.is_cosxl else ""
+    kind = Kind(file.family, file.family.pipelines[0], scheduler)
+    parts = [_part_of_file(file, folder, c) for c in kind.family.components]
+    is_xl = (_settings(folder / "unet/config.json") or {}).get("addition_embed_type") == "text_time"
+    if is_xl != (file.family == SDXL):
+        other = f"{folder} has the settings of another model than {path}: {file.advice()}"
+        parts[0] = replace(parts[0], problems=(other, *parts[0].problems))
+    used = tuple(part for part in parts if part.name != "scheduler")
+    return Weights(folder, kind, used, file=file)
+
+
+def _part_of_file(file: SingleFile, folder: Path, component: Component) -> Part:
+    """A component of a single file, whose settings are in the folder."""
+    if component.role not in ("network", "encoder"):
+        return _words(folder / component.name)
+    held, problems = file.of(component.name), ()
+    try:
+        config_of(folder / component.name / CONFIGS[component.role])
+    except InputError as error:
+        problems = (str(error),)
+    size = sum(each.size for each in held)
+    return Part(component.name, problems, (file.path.name,), size, None, main_dtype(held))

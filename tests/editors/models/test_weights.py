@@ -166,26 +166,10 @@ def test_shards_outside_of_their_folder_are_not_read(model, name):
         inspect(model).require()
 
 
-XL = {"conditioner.embedders.1.model.ln_final.weight": torch.ones(2)}
-
-
-@pytest.mark.parametrize(
-    ("channels", "more", "message"),
-    [
-        (
-            8,
-            {},
-            r"StableDiffusionInstructPix2PixPipeline.from_single_file\(.*=8\); p.save",
-        ),
-        (8, XL, r"StableDiffusionXLInstructPix2PixPipeline.from_single_file\(.*=8\); p.save"),
-        (8, XL | {"edm_vpred.sigma_max": torch.ones(1)}, "is_cosxl_edit=True.*sigma_max=120.0"),
-        (4, XL, r"no InstructPix2Pix model \(its unet takes 4 channels"),
-    ],
-)
-def test_a_single_file_is_refused_with_what_makes_a_folder_of_it(tmp_path, channels, more, message):
+def test_a_single_file_of_another_kind(tmp_path):
     name = "model.diffusion_model.input_blocks.0.0.weight"
-    save_file({name: torch.ones(4, channels, 3, 3)} | more, tmp_path / "a.safetensors")
-    with pytest.raises(InputError, match=message):
+    save_file({name: torch.ones(4, 4, 3, 3)}, tmp_path / "a.safetensors")
+    with pytest.raises(InputError, match=r"no InstructPix2Pix model \(its unet takes 4 channels"):
         inspect(tmp_path / "a.safetensors")
 
 
