@@ -85,6 +85,10 @@ class Klein(Model):
         """1024, for the real autoencoder's cells of 8 pixels."""
         return 128 * self.cell
 
+    @property
+    def text_networks(self) -> tuple[Any, ...]:
+        return (self.text_encoder,)
+
     def excess(self, prompt: str) -> int:
         return tokens_over(self.tokenizer, self._chat(prompt), LENGTH)
 
@@ -113,8 +117,8 @@ class Klein(Model):
             parts = reference.split(self.micro_batch)
             caches = [self.run(_keys_and_values, self.transformer, part, place) for part in parts]
             reference = torch.cat(caches)
-        null = None if self.distilled else self.read_once(self._embed, "")
-        return Condition(reference, self.read_once(self._embed, prompt), null)
+        text, *null = self.read_once(self._embed, prompt, *([] if self.distilled else [""]))
+        return Condition(reference, text, null[0] if null else None)
 
     def of_views(self, condition: Condition, views: slice) -> Condition:
         return condition._replace(reference=condition.reference[views])
@@ -179,8 +183,9 @@ class Klein(Model):
 
     def _embed(self, text: str) -> Float[Tensor, "1 l e"]:
         ids, mask = words(self.tokenizer, self._chat(text), LENGTH)
-        network = self.text_encoder.model  # without the layer that predicts the next word
-        out = network(ids, attention_mask=mask, use_cache=False, output_hidden_states=True)
+        out = self.text_encoder(
+            ids, attention_mask=mask, use_cache=False, output_hidden_states=True
+        )
         return torch.cat([out.hidden_states[layer] for layer in LAYERS], -1)
 
 
@@ -195,12 +200,10 @@ def load(parts: Parts, *, micro_batch: int) -> Klein:
     transformer = parts.network("transformer", Flux2Transformer2DModel)
     if cached:
         set_cache_processors(transformer)
-    text_encoder = parts.text_encoder("text_encoder", Qwen3ForCausalLM)
-    del text_encoder.model.layers[LAYERS[-1] + 1 :]  # a fifth of its weights, never looked at
     return Klein(
         transformer=transformer,
         vae=parts.network("vae", AutoencoderKLFlux2),
-        text_encoder=text_encoder,
+        text_encoder=parts.text_encoder("text_encoder", Qwen3ForCausalLM, _used),
         tokenizer=parts.tokenizer("tokenizer", AutoTokenizer),
         flow=flow,
         schedule=flow.schedule,
@@ -208,6 +211,12 @@ def load(parts: Parts, *, micro_batch: int) -> Klein:
         cached=cached,
         micro_batch=micro_batch,
     )
+
+
+def _used(language_model: Any) -> Any:
+    """The part that is looked at: without the last layers, and what predicts the next word."""
+    del language_model.model.layers[LAYERS[-1] + 1 :]
+    return language_model.model
 
 
 def set_cache_processors(transformer: Any) -> None:

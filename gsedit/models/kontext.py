@@ -90,6 +90,10 @@ class Kontext(Model):
         """1024, for the real autoencoder's cells of 8 pixels."""
         return 128 * self.cell
 
+    @property
+    def text_networks(self) -> tuple[Any, ...]:
+        return self.clip, self.t5
+
     def excess(self, prompt: str) -> int:
         """Tokens too many for T5; CLIP's part is a summary of the beginning."""
         return tokens_over(self.t5_tokenizer, prompt, LENGTH)
@@ -113,8 +117,9 @@ class Kontext(Model):
     ) -> Condition:
         """Nothing is drawn: `generator` is not used."""
         reference = packed(self.encode(originals)).to(self.transformer.dtype)
-        null = None if self.negative is None else self.read_once(self._embed, self.negative)
-        return Condition(reference, self.read_once(self._embed, prompt), null)
+        others = [] if self.negative is None else [self.negative]
+        text, *null = self.read_once(self._embed, prompt, *others)
+        return Condition(reference, text, null[0] if null else None)
 
     def of_views(self, condition: Condition, views: slice) -> Condition:
         return condition._replace(reference=condition.reference[views])

@@ -21,6 +21,7 @@ from gsedit.diffusion.schedules import Schedule
 from gsedit.editor_protocol import Capabilities
 from gsedit.errors import UsageError
 from gsedit.models.runtime import Runtime, in_torch
+from gsedit.models.text_networks import TextNetwork
 
 F = TypeVar("F")
 M = TypeVar("M", bound="Model")
@@ -103,12 +104,20 @@ class Model(ABC):
     def decode(self, latents: Latents) -> Float[Tensor, "v h w 3"]:
         """Pictures, float32, not clamped."""
 
-    def read_once(self, read: Callable[[str], F], text: str) -> F:
-        """The result of `read(text)`, which is called once for each text: an encoder of billions of
-        weights is read from the disk once, and the system may then give its memory to others."""
-        if text not in self.texts:
-            self.texts[text] = read(text)
-        return self.texts[text]
+    @property
+    def text_networks(self) -> tuple[Any, ...]:
+        """The encoders that only texts are read with."""
+        return ()
+
+    def read_once(self, read: Callable[[str], F], *texts: str) -> tuple[F, ...]:
+        """Results of `read(text)`, which is called once for each text; then the encoders' memory,
+        of billions of weights, is given back."""
+        if new := [text for text in dict.fromkeys(texts) if text not in self.texts]:
+            self.texts.update((text, read(text)) for text in new)
+            for network in self.text_networks:
+                if isinstance(network, TextNetwork):
+                    network.put_away()
+        return tuple(self.texts[text] for text in texts)
 
     def unguided(self: M, weight: float) -> M:
         """Itself, as `with_text_weight` of a distilled model. Raises UsageError for a weight."""

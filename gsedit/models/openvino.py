@@ -11,10 +11,13 @@ import inspect
 import sys
 import time
 import warnings
+import weakref
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from math import ceil
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import torch
 from torch import Tensor
@@ -42,18 +45,18 @@ class Compiled(NamedTuple):
     """A function compiled for one shape of inputs."""
 
     call: Callable[[list[Any]], Any]
-    network: Any
-    """Kept, so that its id is not given to another."""
+    network: weakref.ref[Any]
 
 
 class OpenVino:
     """A Runtime. Inputs with one leading dimension are computed a few rows at a time, always as
-    many: missing rows are filled up. What needs gradients is left to torch."""
+    many: missing rows are filled up. What needs gradients is left to torch. No network is kept
+    alive, and what was compiled for one goes with it."""
 
     def __init__(self) -> None:
         self._compiled: OrderedDict[tuple[Any, ...], Compiled] = OrderedDict()
-        self._rows: dict[tuple[Any, ...], int] = {}
-        self._digests: dict[int, tuple[Any, str]] = {}
+        self._rows: WeakKeyDictionary[Any, dict[tuple[Any, ...], int]] = WeakKeyDictionary()
+        self._digests: WeakKeyDictionary[Any, str] = WeakKeyDictionary()
 
     def __call__(self, forward: Forward, network: Any, *inputs: Tensor) -> Tensor:
         """The result of the function, in the dtype of the first input."""
@@ -69,8 +72,8 @@ class OpenVino:
 
     def _in_parts(self, forward: Forward, network: Any, inputs: list[Tensor], count: int) -> Tensor:
         """The result of all rows, computed so many at a time as the first time."""
-        kind = (forward, id(network), *(tuple(each.shape[1:]) for each in inputs))
-        rows = self._rows.setdefault(kind, ceil(count / ceil(count / ROWS)))
+        kind = (forward, *_row_shapes(inputs))
+        rows = self._rows.setdefault(network, {}).setdefault(kind, ceil(count / ceil(count / ROWS)))
         parts = []
         for first in range(0, count, rows):
             part = [each[first : first + rows] for each in inputs]
@@ -84,14 +87,16 @@ class OpenVino:
         place, precision = (forward, id(network), shapes), _precision(network)
         threads = torch.get_num_threads()
         key = (*place, precision, threads)
-        if key not in self._compiled:
+        found = self._compiled.get(key)
+        if found is None or found.network() is not network:  # an id may be given again
             for other in [each for each in self._compiled if each[:3] == place]:
                 del self._compiled[other]  # the same in another precision: its weights take memory
             while len(self._compiled) >= COMPILED:
                 self._compiled.popitem(last=False)
             try:
                 graph = self._graph(forward, network, inputs, precision)
-                self._compiled[key] = Compiled(_compiled(graph, precision, threads), network)
+                gone = weakref.ref(network, partial(_forget, self._compiled, key))
+                self._compiled[key] = Compiled(_compiled(graph, precision, threads), gone)
             except GseditError:
                 raise
             except Exception as error:  # tracing runs the network; OpenVINO has errors of its own
@@ -119,13 +124,12 @@ class OpenVino:
 
     def _key(self, forward: Forward, network: Any, inputs: list[Tensor], precision: str) -> str:
         """A name that changes with everything that a graph depends on."""
-        if id(network) not in self._digests:
-            digest = graphs.weights_digest(network.state_dict().items())
-            self._digests[id(network)] = network, digest
+        if network not in self._digests:
+            self._digests[network] = graphs.weights_digest(network.state_dict().items())
         parts = (
             forward.__module__, forward.__qualname__, _code(forward), type(network).__qualname__,
             sorted((k, str(v)) for k, v in dict(getattr(network, "config", {})).items()),
-            self._digests[id(network)][1], [(tuple(x.shape), str(x.dtype)) for x in inputs],
+            self._digests[network], [(tuple(x.shape), str(x.dtype)) for x in inputs],
             precision, *map(installed_version, ("gsedit", "openvino", "torch", "diffusers")),
         )  # fmt: skip
         return hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
@@ -133,27 +137,28 @@ class OpenVino:
 
 class Faster:
     """A Runtime: OpenVINO where it was faster than torch and right, measured at a network's first
-    call; torch elsewhere."""
+    call with rows of a shape; torch elsewhere."""
 
     def __init__(self, openvino: Runtime) -> None:
         self.openvino = openvino
-        self.chosen: dict[tuple[Any, ...], str] = {}
-        """Reason for the choice, of each function, network and precision; it begins with the
-        name of the runtime."""
+        self.chosen: WeakKeyDictionary[Any, dict[tuple[Any, ...], str]] = WeakKeyDictionary()
+        """Reason for the choice, of each network, by function, precision and shapes of the inputs'
+        rows; it begins with the name of the runtime."""
 
     def __call__(self, forward: Forward, network: Any, *inputs: Tensor) -> Tensor:
         """The result of the function; the first time both compute it."""
         weights = sum(each.numel() for each in network.parameters())
         if weights < LEAST_WEIGHTS or (torch.is_grad_enabled() and inputs[0].requires_grad):
             return forward(network, *inputs)
-        key = (forward, id(network), _precision(network))
-        if key not in self.chosen:
-            self.chosen[key] = self._measured(forward, network, inputs)
-        if self.chosen[key].startswith("openvino"):
+        key = (forward, _precision(network), *_row_shapes(inputs))
+        chosen = self.chosen.setdefault(network, {})
+        if key not in chosen:
+            chosen[key] = self._measured(forward, network, inputs)
+        if chosen[key].startswith("openvino"):
             try:
                 return self.openvino(forward, network, *inputs)
-            except (GseditError, MemoryError) as error:  # another shape, which is traced anew
-                self.chosen[key] = f"torch: {str(error)[:200]}"
+            except (GseditError, MemoryError) as error:  # compiled anew, and there is no room now
+                chosen[key] = f"torch: {str(error)[:200]}"
         return forward(network, *inputs)
 
     def _measured(self, forward: Forward, network: Any, inputs: tuple[Tensor, ...]) -> str:
@@ -178,6 +183,16 @@ class Faster:
         error = relative_error(found, exact)
         name = "openvino" if own < seconds and error <= limit else "torch"
         return f"{name}: openvino takes {own:.2g} s, torch {seconds:.2g} s; error {error:.1g}"
+
+
+def _row_shapes(inputs: Sequence[Tensor]) -> tuple[tuple[int, ...], ...]:
+    return tuple(tuple(each.shape[1:]) for each in inputs)
+
+
+def _forget(compiled: OrderedDict[tuple[Any, ...], Compiled], key: Any, gone: Any) -> None:
+    """Drop what was compiled for a network that is gone."""
+    if key in compiled and compiled[key].network is gone:
+        del compiled[key]
 
 
 def _library() -> Any:

@@ -16,6 +16,7 @@ from gsedit.errors import InputError, UsageError
 from gsedit.models.converted import network_of, text_encoder_of
 from gsedit.models.families import Family
 from gsedit.models.single_file import COSXL_SCHEDULER, SingleFile
+from gsedit.models.text_networks import TextNetwork
 from gsedit.models.weights import Weights, config_of, inspect
 
 DTYPES = {"F32": torch.float32, "F16": torch.float16, "BF16": torch.bfloat16}
@@ -79,12 +80,20 @@ class Parts:
             return self._converted(network_of, self.weights.file, name, kind, dtype)
         return self._weighted(name, kind, torch_dtype=dtype, low_cpu_mem_usage=True)
 
-    def text_encoder(self, name: str, kind: Any) -> Any:
-        """A network of transformers, for inference."""
-        dtype = self.dtype(name)
-        if self.weights.file is not None:
-            return self._converted(text_encoder_of, self.weights.file, name, kind, dtype)
-        return self._weighted(name, kind, dtype=dtype, ignore_mismatched_sizes=True)
+    def text_encoder(
+        self, name: str, kind: Any, used: Callable[[Any], Any] | None = None
+    ) -> TextNetwork:
+        """A network of transformers, for inference; `used` gives the part of it that is used."""
+        dtype, file = self.dtype(name), self.weights.file
+
+        def load() -> Any:
+            if file is not None:
+                network = self._converted(text_encoder_of, file, name, kind, dtype)
+            else:
+                network = self._weighted(name, kind, dtype=dtype, ignore_mismatched_sizes=True)
+            return network if used is None else used(network)
+
+        return TextNetwork(load)
 
     def tokenizer(self, name: str, kind: Any) -> Any:
         """A tokenizer or processor of transformers; one that brings its own code is refused."""

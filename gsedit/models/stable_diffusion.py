@@ -102,6 +102,10 @@ class Pix2Pix(Model):
         """
         return self.cell * 2 ** (len(self.unet.config.block_out_channels) - 1)
 
+    @property
+    def text_networks(self) -> tuple[Any, ...]:
+        return tuple(encoder.network for encoder in self.text_encoders)
+
     def excess(self, prompt: str) -> int:
         return max(encoder.excess(prompt) for encoder in self.text_encoders)
 
@@ -120,7 +124,7 @@ class Pix2Pix(Model):
         self, originals: Float[Tensor, "v h w 3"], prompt: str, generator: torch.Generator
     ) -> Condition:
         """Nothing is drawn: `generator` is not used."""
-        text, null = self.read_once(self._embed, prompt), self.read_once(self._embed, "")
+        text, null = self.read_once(self._embed, prompt, "")
         if text.pooled is not None and self.zeros_for_empty:
             null = TextFeatures(torch.zeros_like(text.tokens), torch.zeros_like(text.pooled))
         images = self.encode(originals) if self.scaled_images else self._mode(originals)

@@ -92,6 +92,10 @@ class UltraEdit(Model):
         """Tokens that T5 reads."""
         return OWN_LENGTH if self.own else LENGTH
 
+    @property
+    def text_networks(self) -> tuple[Any, ...]:
+        return tuple(each.network for each in (*self.clips, self.t5) if each is not None)
+
     def excess(self, prompt: str) -> int:
         """Tokens too many for T5, where it is there: it reads what CLIP has no room for."""
         if self.t5 is None:
@@ -117,9 +121,7 @@ class UltraEdit(Model):
         if self.transformer.config.in_channels == 3 * self.channels:
             everywhere = self._shown(torch.ones_like(originals[:1]))  # the mask of a free edit
             images = torch.cat((images, everywhere.expand_as(images)), 1)
-        return Condition(
-            images, self.read_once(self._embed, prompt), self.read_once(self._embed, "")
-        )
+        return Condition(images, *self.read_once(self._embed, prompt, ""))
 
     def of_views(self, condition: Condition, views: slice) -> Condition:
         return condition._replace(images=condition.images[views])

@@ -101,7 +101,7 @@ def load_reader(parts: Parts, kind: Any, *, heading: str = "", most: int) -> Rea
     from transformers.models.qwen2_vl.image_processing_pil_qwen2_vl import Qwen2VLImageProcessorPil
 
     return Reader(
-        parts.text_encoder("text_encoder", kind),
+        parts.text_encoder("text_encoder", kind).network,
         parts.tokenizer("tokenizer", AutoTokenizer),
         parts.tokenizer("processor", Qwen2VLImageProcessorPil),
         heading,

@@ -6,7 +6,7 @@ import json
 import re
 import threading
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from urllib.parse import parse_qs, urlsplit
 
@@ -187,6 +187,15 @@ def hanging(handler):
     time.sleep(1)
 
 
+def dribbling(handler):
+    handler.send_response(200)
+    handler.end_headers()
+    with suppress(OSError):  # whoever asked has gone
+        for _ in range(40):
+            handler.wfile.write(b" ")
+            time.sleep(0.05)
+
+
 def moved(handler):
     handler.send_response(302)
     handler.send_header("Location", "http://127.0.0.1:1/elsewhere")
@@ -204,13 +213,14 @@ def of_shape(width, height):
         (html, "'<html><h1>Welcome</h1></html>', which is not JSON"),
         (missing, 'answered 404 (\'{"error": "no such model"}\')'),
         (hanging, "did not answer in 0.3 s: raise --timeout"),
+        (dribbling, "did not answer in 0.3 s: raise --timeout"),
         (moved, "answered 302"),
         (of_shape(32, 32), "a picture of 32x32 pixels to one of 48x32"),
         (lambda handler: handler.reply({"data": []}), "without 0"),
         (lambda handler: handler.reply({"data": [{"b64_json": "?"}]}), "not in base 64"),
         (lambda handler: handler.reply({"data": [{"b64_json": "QUJD"}]}), "is not a picture"),
     ],
-    ids=["html", "404", "hangs", "moved", "shape", "empty", "base64", "text"],
+    ids=["html", "404", "hangs", "dribbles", "moved", "shape", "empty", "base64", "text"],
 )
 def test_a_server_that_misbehaves_is_told_in_one_line(folders, answer, message, capsys):
     with serving(answer) as (_, url):
@@ -241,6 +251,13 @@ def test_sides_that_a_model_rounds_are_scaled_back(folders):
 def test_what_is_asked_wrongly(folders, words, message, capsys):
     assert send(folders, *words) == 1
     assert message in capsys.readouterr().err
+
+
+def test_a_folder_without_pictures_is_told(folders, capsys):
+    for path in (folders / "input").iterdir():
+        path.unlink()
+    assert send(folders, "openai", "http://127.0.0.1:1") == 1
+    assert "input has no pictures (*.png)" in capsys.readouterr().err
 
 
 def test_a_workflow_without_its_fields_is_refused(folders, capsys):

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
+
 import pytest
 import torch
 from tiny_models import tiny_unet, tiny_vae
@@ -160,7 +163,7 @@ def test_auto_takes_what_is_faster_and_right(monkeypatch, error, expected):
     run = openvino.Faster(fake)
     run(linear, layer, x)
     close(run(linear, layer, x), layer(x))
-    (reason,) = run.chosen.values()
+    (reason,) = run.chosen[layer].values()
     assert reason.startswith(expected)
 
 
@@ -174,7 +177,7 @@ def test_auto_notices_a_number_that_tracing_fixed(monkeypatch):
     run = openvino.Faster(openvino.OpenVino())
     for factor in (1.0, 3.0):
         close(run(fixed, layer, factor * x), fixed(layer, factor * x))
-    (reason,) = run.chosen.values()
+    (reason,) = run.chosen[layer].values()
     assert reason.startswith("torch")
 
 
@@ -188,19 +191,49 @@ def test_auto_leaves_to_torch_what_does_not_fit_into_memory(monkeypatch):
         run.openvino(linear, layer, x)
 
 
-def test_auto_goes_on_in_torch_where_another_shape_cannot_be_traced(monkeypatch):
+def test_auto_decides_for_each_shape_of_rows(monkeypatch):
     monkeypatch.setattr(openvino, "LEAST_WEIGHTS", 0)
+    monkeypatch.setattr(openvino, "_seconds", iter([0.0, 5.0, 5.0, 6.0]).__next__)
     layer = torch.nn.Linear(4, 4).requires_grad_(False)
 
     def small_only(forward, network, x):
-        if len(x) > 2:
+        if x.ndim > 2:
             raise GseditError("memory")
         return forward(network, x)
 
-    run, large = openvino.Faster(small_only), torch.ones(3, 4)
-    run(linear, layer, torch.ones(2, 4))
-    run.chosen = dict.fromkeys(run.chosen, "openvino: faster")
-    close(run(linear, layer, large), layer(large))
+    run, large = openvino.Faster(small_only), torch.ones(2, 3, 4)
+    for x in (torch.ones(2, 4), large, torch.ones(5, 4)):
+        close(run(linear, layer, x), layer(x))
+    assert [each.partition(":")[0] for each in run.chosen[layer].values()] == ["openvino", "torch"]
+
+
+def test_auto_goes_on_in_torch_where_memory_has_run_out(monkeypatch):
+    monkeypatch.setattr(openvino, "LEAST_WEIGHTS", 0)
+    layer, x = torch.nn.Linear(4, 4).requires_grad_(False), torch.ones(2, 4)
+
+    def full(forward, network, x):
+        raise GseditError("memory")
+
+    run = openvino.Faster(full)
+    key = (linear, "f32", (4,))
+    run.chosen[layer] = {key: "openvino: faster"}
+    close(run(linear, layer, x), layer(x))
+    assert run.chosen[layer][key].startswith("torch")
+
+
+def test_networks_are_not_kept_alive_and_what_was_compiled_goes_with_them():
+    run, faster = openvino.OpenVino(), openvino.Faster(in_torch)
+    for _ in range(2):
+        layer = torch.nn.Linear(4, 4).requires_grad_(False)
+        x = torch.ones(2, 4)
+        close(run(linear, layer, x), layer(x))
+        faster.chosen[layer] = {}
+        gone = weakref.ref(layer)
+        del layer
+        gc.collect()
+        assert gone() is None
+        assert not run._compiled
+        assert not faster.chosen
 
 
 def test_graphs_of_another_version_of_the_code_are_not_read(cache, monkeypatch):

@@ -196,7 +196,10 @@ def main(words: list[str] | None = None) -> int:
     try:
         options = _options(words)
         server = Server(options.url.rstrip("/"), options.timeout)
-        for path in sorted(options.input.glob("*.png")):
+        pictures = sorted(options.input.glob("*.png"))
+        if not pictures:
+            raise InputError(f"{options.input} has no pictures (*.png): name a folder that does")
+        for path in pictures:
             if not (options.output / path.name).exists():
                 _edit(server, path, options)
     except GseditError as error:

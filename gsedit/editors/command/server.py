@@ -7,6 +7,7 @@ import binascii
 import ipaddress
 import json
 import os
+import time
 import urllib.error
 import urllib.parse
 import urllib.request
@@ -20,6 +21,7 @@ from gsedit.errors import GseditError, UsageError
 
 KEY = "GSEDIT_API_KEY"
 LARGEST_REPLY = 64_000_000  # bytes: an edited picture takes a few million
+PIECE = 1 << 16  # bytes of a reply that are read at once
 QUOTED = 100  # characters of a reply in a message
 
 
@@ -34,7 +36,7 @@ class Server:
 
     url: str
     timeout: float
-    """Seconds for one picture."""
+    """Seconds for a whole answer."""
 
     def post(self, path: str, data: bytes, kind: str) -> Any:
         """The JSON of the reply to `data` of that content type."""
@@ -51,12 +53,13 @@ class Server:
     def _ask(
         self, path: str, data: bytes | None = None, headers: Mapping[str, str] | None = None
     ) -> bytes:
+        deadline = time.monotonic() + self.timeout
         request = urllib.request.Request(self.url + path, data, dict(headers or {}))
         if key := key_of_user():
             request.add_header("Authorization", f"Bearer {key}")
         try:
             with self._opener().open(request, timeout=self.timeout) as reply:
-                found = reply.read(LARGEST_REPLY + 1)
+                found = _read_until(reply, deadline)
         except urllib.error.HTTPError as error:
             raise GseditError(
                 f"{request.full_url} answered {error.code} ({quoted(error.read(2000))}): does the "
@@ -97,6 +100,20 @@ class Server:
                 f"{self.url} answered {quoted(found)}, which is not JSON: is it the server that "
                 "was named?"
             ) from None
+
+
+def _read_until(reply: Any, deadline: float) -> bytes:
+    """The body of a reply, of at most one byte more than LARGEST_REPLY.
+
+    The timeout of a connection is for each piece: a server that sends a byte now and then would
+    never run into it. Raises TimeoutError after the deadline.
+    """
+    found = bytearray()
+    while len(found) <= LARGEST_REPLY and (piece := reply.read1(PIECE)):
+        found += piece
+        if time.monotonic() > deadline:
+            raise TimeoutError
+    return bytes(found)
 
 
 def key_of_user() -> str:

@@ -32,7 +32,7 @@ def stored_in(pipeline, folder: Path, dtype: torch.dtype) -> Path:
 
 
 def dtypes(model) -> tuple[torch.dtype, torch.dtype, torch.dtype]:
-    encoder = next(model.text_encoders[0].network.parameters())
+    encoder = next(model.text_encoders[0].network.network.parameters())
     return model.unet.dtype, model.vae.dtype, encoder.dtype
 
 
