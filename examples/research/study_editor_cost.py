@@ -32,6 +32,7 @@ from gsedit.editors.small.denoiser import load_small
 from gsedit.models.runtimes import make_runtime
 from gsedit.models.stable_diffusion import Pix2Pix, TextEncoder
 from research.command import print_message, print_result, run
+from research.random_text import text_encoder, tokenizer
 
 FULL = SamplerSettings(consensus=False, steps=20, solver="ddim", spacing="leading")
 QUICK: dict[str, Any] = {"guidance_every": 3, "guidance_end": 1.0}
@@ -152,6 +153,8 @@ def estimated(model: Pix2Pix, precision: str) -> tuple[Cost, float]:
     shades = torch.tensor((1.0, 0.9, 0.8))[:, None, None, None]
     views = picture() * shades
     settings = replace(SamplerSettings.preset("quick"), steps=10, precision=precision)  # pyright: ignore[reportArgumentType]
+    encoder = TextEncoder(text_encoder().eval().requires_grad_(False), tokenizer())
+    model = replace(model, text_encoders=(encoder,))
     editor, batch = DiffusionEditor(model), EditBatch(views, views, PROMPT)
     cost = editor.measure(batch, settings)
     brighter = replace(batch, images=views * 1.1, originals=views * 1.1)  # not encoded before

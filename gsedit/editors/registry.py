@@ -2,10 +2,11 @@
 
 A package adds an editor by an entry point of the group `gsedit.editors`: a name, and a callable
 (a class, say) that makes an Editor. The first line of its docstring is the editor's summary. Its
-parameters are the options that it takes: `model`, `weights_dir`, `runtime`, `run`, `timeout` and
-`folder` are passed by name where they were given. It may have an attribute `missing`, a callable
-without arguments that returns what is not installed, one line for each with its next move. The
-editor's attribute `capabilities` (gsedit.editors.Capabilities) declares everything optional.
+parameters are the options that it takes: `model`, `weights_dir`, `runtime`, `decoder`, `run`,
+`timeout` and `folder` are passed by name where they were given. It may have an attribute `missing`,
+a callable without arguments that returns what is not installed, one line for each with its next
+move. The editor's attribute `capabilities` (gsedit.editors.Capabilities) declares everything
+optional.
 `examples/write_an_editor.py` shows one. Listing the editors loads no torch.
 """
 
@@ -91,11 +92,12 @@ def _pix2pix(
     precision: Precision = "auto",
     yes: Consent = False,
     runtime: str = "auto",
+    decoder: str | Path | None = None,
 ) -> Editor:
     """InstructPix2Pix, by default the authors' weights of Stable Diffusion 1.5: any sentence."""
     from gsedit.models.hub import DEFAULT as DEFAULT_MODEL
 
-    return _diffusers(model or DEFAULT_MODEL, weights_dir, precision, yes, runtime)
+    return _diffusers(model or DEFAULT_MODEL, weights_dir, precision, yes, runtime, decoder)
 
 
 def _diffusers(
@@ -104,16 +106,20 @@ def _diffusers(
     precision: Precision = "auto",
     yes: Consent = False,
     runtime: str = "auto",
+    decoder: str | Path | None = None,
 ) -> Editor:
     """2D editing models in diffusers' layout, a folder or hub id: any sentence."""
     from gsedit.editors.sampling import DiffusionEditor
     from gsedit.models.loading import load_model
     from gsedit.models.runtimes import make_runtime
+    from gsedit.models.small_decoder import with_small_decoder
 
     if model is None:
         raise UsageError(f"the diffusers editor needs a model: add {_models()}")
     run = make_runtime(runtime)
     loaded = load_model(model, weights_dir=weights_dir, precision=precision, yes=yes)
+    if decoder is not None:
+        loaded = with_small_decoder(loaded, decoder)
     return DiffusionEditor(replace(loaded, run=run))
 
 
@@ -191,10 +197,10 @@ def make_editor(name: str = DEFAULT, **options: Any) -> Editor:
     """The editor of that name; `options` that are None are as if they were not given.
 
     `model` is for small (a file, see load_small), pix2pix and diffusers, `guess` for small (see
-    Small), `weights_dir`, `precision`, `yes` and `runtime` for pix2pix and diffusers (see
-    load_model, make_runtime), `run`, `timeout` (seconds) and `folder` for command (see Command).
-    Raises UsageError for a name or an option that there is not, GseditError where a third party's
-    editor cannot be made.
+    Small), `weights_dir`, `precision`, `yes`, `runtime` and `decoder` for pix2pix and diffusers
+    (see load_model, make_runtime, with_small_decoder), `run`, `timeout` (seconds) and `folder` for
+    command (see Command). Raises UsageError for a name or an option that there is not, GseditError
+    where a third party's editor cannot be made.
     """
     factory, source = _factory(name)
     parameters = _parameters(factory)

@@ -95,7 +95,7 @@ class DreamLite(Model):
         return (latents - self._shift) * self.vae.config.scaling_factor
 
     @torch.no_grad()
-    def decode(self, latents: Latents) -> Float[Tensor, "v h w 3"]:
+    def decode_wholly(self, latents: Latents) -> Float[Tensor, "v h w 3"]:
         latents = latents / self.vae.config.scaling_factor + self._shift
         return decoded(self.run, self.vae, latents, self.micro_batch)
 

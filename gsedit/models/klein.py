@@ -99,7 +99,7 @@ class Klein(Model):
         return pixel_shuffle((tokens - mean) / deviation, 2)
 
     @torch.no_grad()
-    def decode(self, latents: Latents) -> Float[Tensor, "v h w 3"]:
+    def decode_wholly(self, latents: Latents) -> Float[Tensor, "v h w 3"]:
         """The VAE's decoder, float32."""
         mean, deviation = self._statistics
         tokens = pixel_unshuffle(latents, 2) * deviation + mean

@@ -9,7 +9,7 @@ numbers, `p` pooled ones.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import torch
 from jaxtyping import Float
@@ -68,6 +68,7 @@ class Kontext(Model):
     """The instruction's weight as an input of the network; None for one without that input."""
     negative: str | None = None
     """The instruction of the image branch, to push away from; None: there is no such branch."""
+    takes_small_decoder: ClassVar[bool] = True
     predicts: Prediction = "flow"
 
     @property
@@ -105,7 +106,7 @@ class Kontext(Model):
         return (mode - config.shift_factor) * config.scaling_factor
 
     @torch.no_grad()
-    def decode(self, latents: Latents) -> Float[Tensor, "v h w 3"]:
+    def decode_wholly(self, latents: Latents) -> Float[Tensor, "v h w 3"]:
         """The VAE's decoder, float32."""
         config = self.vae.config
         plain = latents / config.scaling_factor + config.shift_factor

@@ -8,7 +8,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import torch
 from jaxtyping import Float
@@ -20,6 +20,7 @@ from gsedit.diffusion.predictions import Latents, Prediction
 from gsedit.diffusion.schedules import Schedule
 from gsedit.editor_protocol import Capabilities
 from gsedit.errors import UsageError
+from gsedit.models.autoencoder import decoded
 from gsedit.models.runtime import Runtime, in_torch
 from gsedit.models.text_networks import TextNetwork
 
@@ -38,6 +39,10 @@ class Model(ABC):
     schedule: Schedule
     predicts: Prediction
     vae: Any
+    decoder: Any = None
+    """A small decoder of latents, AutoencoderTiny; None: the VAE's own. See `small_decoder`."""
+    takes_small_decoder: ClassVar[bool] = False
+    """Whether such decoders exist for the latents that the family's sampler has."""
     run: Runtime = in_torch
     micro_batch: int = 1
     """Views in one pass of a network: memory against speed; the result is the same."""
@@ -101,8 +106,17 @@ class Model(ABC):
         """Scaled latents, float32; differentiable."""
 
     @abstractmethod
+    def decode_wholly(self, latents: Latents) -> Float[Tensor, "v h w 3"]:
+        """Pictures of the VAE's own decoder, float32, not clamped."""
+
+    @torch.no_grad()
     def decode(self, latents: Latents) -> Float[Tensor, "v h w 3"]:
-        """Pictures, float32, not clamped."""
+        """Pictures, float32, not clamped; of the small decoder where there is one."""
+        if self.decoder is None:
+            return self.decode_wholly(latents)
+        config = self.decoder.config
+        plain = latents / config.scaling_factor + config.shift_factor
+        return decoded(self.run, self.decoder, plain, self.micro_batch)
 
     @property
     def text_networks(self) -> tuple[Any, ...]:

@@ -157,18 +157,18 @@ class Parts:
 
     def _converted(self, convert: Convert, file: SingleFile, name: str, *args: Any) -> Any:
         """A network of the single file, for inference."""
-        with _explained(f"{name} of {file.path}"), _quiet():
+        with explained(f"{name} of {file.path}"), _quiet():
             network = convert(file, self.folder, name, *args)
         return network.eval().requires_grad_(False)
 
     def _load(self, name: str, kind: Any, **options: Any) -> Any:
         path = self.folder / name
-        with _explained(str(path)), _quiet():
+        with explained(str(path)), _quiet():
             return kind.from_pretrained(str(path), local_files_only=True, **options)
 
 
 @contextmanager
-def _explained(what: str) -> Iterator[None]:
+def explained(what: str) -> Iterator[None]:
     """Make an InputError of whatever these libraries raise, which is what their backends do."""
     try:
         yield

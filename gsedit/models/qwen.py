@@ -94,7 +94,7 @@ class QwenImageEdit(Model):
         return (mode - mean) / deviation
 
     @torch.no_grad()
-    def decode(self, latents: Latents) -> Float[Tensor, "v h w 3"]:
+    def decode_wholly(self, latents: Latents) -> Float[Tensor, "v h w 3"]:
         mean, deviation = self._statistics
         plain = latents * deviation + mean
         return decoded(self.run, self.vae, plain, self.micro_batch, _picture)

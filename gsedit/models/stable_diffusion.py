@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import torch
 from jaxtyping import Float, Int
@@ -72,6 +72,7 @@ class Pix2Pix(Model):
     unet: Any
     text_encoders: tuple[TextEncoder, ...]
     """One of Stable Diffusion, two of SDXL."""
+    takes_small_decoder: ClassVar[bool] = True
     predicts: Prediction = "eps"
     zeros_for_empty: bool = True
     """SDXL: the features of the empty instruction are zeros, not the encoders' output."""
@@ -114,7 +115,7 @@ class Pix2Pix(Model):
         return self._mode(images) * self.vae.config.scaling_factor
 
     @torch.no_grad()
-    def decode(self, latents: Float[Tensor, "v c y x"]) -> Float[Tensor, "v h w 3"]:
+    def decode_wholly(self, latents: Float[Tensor, "v c y x"]) -> Float[Tensor, "v h w 3"]:
         """The VAE's decoder, float32."""
         latents = latents / self.vae.config.scaling_factor
         return decoded(self.run, self.vae, latents, self.micro_batch)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import torch
 from jaxtyping import Float
@@ -71,6 +71,7 @@ class UltraEdit(Model):
     own: bool = False
     """UltraEdit's own weights: latents are scaled but not shifted, the pictures shown are neither.
     Otherwise all are both, as in diffusers' pipeline."""
+    takes_small_decoder: ClassVar[bool] = True
     predicts: Prediction = "flow"
 
     @property
@@ -107,7 +108,7 @@ class UltraEdit(Model):
         return self._scaled(encoded(self.run, self.vae, images, self.micro_batch))
 
     @torch.no_grad()
-    def decode(self, latents: Latents) -> Float[Tensor, "v h w 3"]:
+    def decode_wholly(self, latents: Latents) -> Float[Tensor, "v h w 3"]:
         """The VAE's decoder, float32."""
         plain = latents / self.vae.config.scaling_factor + self._shift
         return decoded(self.run, self.vae, plain, self.micro_batch)
