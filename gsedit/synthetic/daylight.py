@@ -54,30 +54,35 @@ def shone(coat: Paint, solid: Sdf, light: Daylight, up: Float[Tensor, "3"], reac
     """The paint under a light; what hides it within `reach` world units casts shadows."""
     sky = torch.from_numpy(even_directions(SKY_RAYS)).double()
     sky = sky[sky @ up > 0]
-    sun = _cone(torch.nn.functional.normalize(torch.tensor(light.sun).double(), dim=0), light.blur)
+    sun = sun_rays(light)
     level = (sky @ up).sum()
 
     def paint(points: Points) -> Colors:
         points = points.double()
         normals = torch.nn.functional.normalize(gradient(solid, points), dim=-1)
 
-        def sum_of(directions: Float[Tensor, "d 3"]) -> Float[Tensor, "..."]:
-            total = points.new_zeros(points.shape[:-1])
-            for direction in directions:
-                facing = (normals @ direction).clamp_min(0)
-                rows = facing > 0
-                start = points[rows] + START * normals[rows]
-                lit = reaches(solid, start, direction, reach)
-                total[rows] += facing[rows] * lit
-            return total
-
-        from_sky = sum_of(sky)[..., None] / level * points.new_tensor(light.sky)
-        from_sun = sum_of(sun)[..., None] / len(sun) * points.new_tensor(light.sunlight)
+        from_sky = arriving(solid, points, normals, sky, reach)[..., None] / level
+        from_sky = from_sky * points.new_tensor(light.sky)
+        from_sun = arriving(solid, points, normals, sun, reach)[..., None] / len(sun)
+        from_sun = from_sun * points.new_tensor(light.sunlight)
         below = (0.5 - 0.5 * (normals @ up))[..., None] * points.new_tensor(light.ground)
         shade = (from_sky + from_sun + below) ** (1 / GAMMA)
         return (coat(points) * shade).clamp(0, 1)
 
     return paint
+
+
+def arriving(
+    solid: Sdf, points: Points, normals: Points, directions: Float[Tensor, "d 3"], reach: float
+) -> Float[Tensor, "*b"]:
+    """Light on points of the surface from directions of brightness 1 each, less what hides it."""
+    total = points.new_zeros(points.shape[:-1])
+    for direction in directions:
+        facing = (normals @ direction).clamp_min(0)
+        rows = facing > 0
+        start = points[rows] + START * normals[rows]
+        total[rows] += facing[rows] * reaches(solid, start, direction, reach)
+    return total
 
 
 def reaches(
@@ -98,11 +103,12 @@ def reaches(
     return lit
 
 
-def _cone(direction: Float[Tensor, "3"], blur: float) -> Float[Tensor, "r 3"]:
-    """Directions evenly around one, `blur` radians off, and itself."""
+def sun_rays(light: Daylight) -> Float[Tensor, "r 3"]:
+    """Unit directions to the sun's middle and evenly around its rim; float64."""
+    direction = torch.nn.functional.normalize(torch.tensor(light.sun).double(), dim=0)
     axis = torch.nn.functional.one_hot(direction.abs().argmin(), 3).to(direction)
     across = torch.nn.functional.normalize(torch.linalg.cross(direction, axis), dim=0)
     along = torch.linalg.cross(direction, across)
     angle = torch.arange(SUN_RAYS - 1).double() * (2 * torch.pi / (SUN_RAYS - 1))
-    ring = direction + blur * (angle.cos()[:, None] * across + angle.sin()[:, None] * along)
+    ring = direction + light.blur * (angle.cos()[:, None] * across + angle.sin()[:, None] * along)
     return torch.nn.functional.normalize(torch.cat((direction[None], ring)), dim=-1)

@@ -1,0 +1,170 @@
+"""A named solid in its paint, and solids that are moved, bent or covered.
+
+`*b` points. World units; up is +z.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import radians
+
+import numpy as np
+import torch
+
+from gsedit.scene.similarity import Similarity
+from gsedit.synthetic.paint import Colors, Paint
+from gsedit.synthetic.shapes import Distances, Points, Sdf, Triple
+
+CLINGS = 0.017
+"""World units that snow is swept up by more than it adds, and then thinned by along the normal:
+none lies on what is steep, and the sides of a thing stay its own. No rounding of an edge is as
+large: at that depth under a level face its gradient has a kink."""
+SWEEP = 3
+"""Heights at which a layer that is swept up is looked at."""
+COLUMN = 0.04
+"""Step, world units, of the look up from a point: what is thinner may let snow through."""
+
+
+@dataclass(frozen=True, eq=False)
+class Thing:
+    """A solid with a name and a paint without light."""
+
+    name: str
+    """Color and kind, as a person says them: "red ball"."""
+    solid: Sdf
+    coat: Paint
+    low: Triple
+    """Corner of its box, world units: its foot is at low[2]."""
+    high: Triple
+
+    @property
+    def height(self) -> float:
+        """Vertical extent, world units."""
+        return self.high[2] - self.low[2]
+
+    @property
+    def foot(self) -> np.ndarray:
+        """Middle of the lower face of its box (3,)."""
+        low, high = np.array(self.low), np.array(self.high)
+        return np.array((*(0.5 * (low + high))[:2], low[2]))
+
+    def recolored(self, color: Triple) -> Thing:
+        """The thing in another color, as light and dark in places as it was."""
+        share = torch.rand((512, 3), generator=torch.Generator().manual_seed(0)).double()
+        low, high = torch.tensor(self.low).double(), torch.tensor(self.high).double()
+        mean = float(self.coat(low + share * (high - low)).mean())
+
+        def paint(points: Points) -> Colors:
+            shade = self.coat(points).mean(-1, keepdim=True) / mean
+            return (shade * points.new_tensor(color)).clamp(0, 1)
+
+        return replace(self, coat=paint)
+
+    def moved(self, similarity: Similarity) -> Thing:
+        """The thing and its paint after a similarity without a mirror."""
+        turn = torch.from_numpy(similarity.turn)
+        shift, scale = torch.from_numpy(similarity.translation), similarity.scale
+
+        def before(points: Points) -> Points:
+            return (points - shift.to(points)) @ turn.to(points) / scale
+
+        low, high = np.array(self.low), np.array(self.high)
+        corners = np.stack(np.meshgrid(*zip(low, high)), -1).reshape(-1, 3)
+        corners = similarity.points(corners)
+        return replace(
+            self,
+            solid=lambda points: scale * self.solid(before(points)),
+            coat=lambda points: self.coat(before(points)),
+            low=tuple(corners.min(0).tolist()),
+            high=tuple(corners.max(0).tolist()),
+        )
+
+    def bent(self, degrees: float) -> Thing:
+        """The thing bent towards +x about its foot by an angle at its top; its axis keeps its
+        length. `bend_points` moves points as it does."""
+        curve = radians(degrees) / self.height
+        foot = torch.from_numpy(self.foot)
+        thick = self.high[0] - float(foot[0])
+
+        def before(points: Points) -> Points:
+            return _straight(points - foot.to(points), curve, self.height) + foot.to(points)
+
+        high = (self.high[0] + self.height, *self.high[1:])
+        return replace(
+            self,
+            # towards the inside of the bend lengths along it shrink, by this factor at most
+            solid=lambda points: (1 - curve * thick) * self.solid(before(points)),
+            coat=lambda points: self.coat(before(points)),
+            high=high,
+        )
+
+    def bend_points(self, points: Points, degrees: float) -> Points:
+        """Points of the thing where `bent` brings them."""
+        foot = torch.from_numpy(self.foot).to(points)
+        x, y, z = (points - foot).unbind(-1)
+        curve = radians(degrees) / self.height
+        along = z.clamp(0, self.height)
+        angle, beyond = curve * along, z - along
+        arm = 1 / curve - x
+        moved = (
+            1 / curve - arm * angle.cos() + beyond * angle.sin(),
+            y,
+            arm * angle.sin() + beyond * angle.cos(),
+        )
+        return torch.stack(moved, -1) + foot
+
+
+def snow_on(covered: Sdf, whole: Sdf, thickness: float, top: float) -> Sdf:
+    """A layer on what faces up, of `thickness` world units on level places and less on slopes,
+    where nothing of `whole` is above it; `top` is the height above which nothing is.
+
+    Snow that fell straight down: beneath a solid there is none.
+    """
+    lift = thickness + CLINGS
+    heights = torch.linspace(0, lift, SWEEP).tolist()
+
+    def swept(points: Points) -> Distances:
+        return torch.stack([covered(_raised(points, -height)) for height in heights]).amin(0)
+
+    def above(points: Points) -> Distances:
+        """Less than 0 beneath a solid."""
+        nearest = whole(points)
+        rows, height = torch.arange(len(points)), torch.zeros_like(nearest)
+        step = nearest
+        while len(rows):
+            height = height + step.detach().clamp_min(COLUMN)
+            going = (points[rows, 2].detach() + height < top) & (step > -COLUMN)
+            rows, height = rows[going], height[going]
+            step = whole(points[rows] + height[:, None] * points.new_tensor((0.0, 0.0, 1.0)))
+            nearest = nearest.index_put((rows,), torch.minimum(nearest[rows], step))
+        return nearest
+
+    def distance(points: Points) -> Distances:
+        near = covered(points)
+        result = near - thickness  # from afar a bound will do
+        rows = near < 2 * lift
+        close = points[rows]
+        if len(close):
+            layer = torch.maximum(swept(close) + CLINGS, -above(close))
+            result = result.masked_scatter(rows, layer)
+        return result
+
+    return distance
+
+
+def _raised(points: Points, height: float) -> Points:
+    return points + points.new_tensor((0.0, 0.0, height))
+
+
+def _straight(points: Points, curve: float, height: float) -> Points:
+    """Points about the foot of a bent thing where they were before it was bent."""
+    x, y, z = points.unbind(-1)
+    angle = torch.atan2(z, 1 / curve - x)
+    arm = torch.hypot(1 / curve - x, z)
+    end = points.new_tensor(curve * height)
+    top = (1 / curve - x) * end.cos() + z * end.sin()  # distance from the middle of the bend
+    over = (x - 1 / curve) * end.sin() + z * end.cos()  # along the direction of its end
+    bent = torch.stack((1 / curve - arm, y, angle / curve), -1)
+    beyond = torch.stack((1 / curve - top, y, height + over), -1)
+    bent = torch.where((z < 0)[..., None], points, bent)
+    return torch.where((angle > end)[..., None], beyond, bent)
