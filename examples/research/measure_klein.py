@@ -66,9 +66,9 @@ def klein(**networks: Any) -> Klein:
     return Klein(**{**missing, **networks}, flow=flow, schedule=flow.schedule)
 
 
-def of_transformer(side: int) -> list[str]:
-    """An evaluation of one view, with the tokens of its unedited picture."""
-    network = filled(
+def transformer() -> Any:
+    """The transformer of klein 4B."""
+    return filled(
         lambda: Flux2Transformer2DModel(
             num_layers=5,
             num_single_layers=20,
@@ -77,6 +77,27 @@ def of_transformer(side: int) -> list[str]:
             guidance_embeds=False,
         )
     )
+
+
+def language_model(layers: int) -> Any:
+    """Qwen3 4B with so many layers."""
+    config = Qwen3Config(
+        hidden_size=2560,
+        intermediate_size=9728,
+        num_hidden_layers=layers,
+        num_attention_heads=32,
+        num_key_value_heads=8,
+        vocab_size=151936,
+        tie_word_embeddings=True,
+    )
+    network = filled(lambda: Qwen3ForCausalLM(config))
+    network.model.rotary_emb = type(network.model.rotary_emb)(config)  # its numbers are no weights
+    return network
+
+
+def of_transformer(side: int) -> list[str]:
+    """An evaluation of one view, with the tokens of its unedited picture."""
+    network = transformer()
     latents = torch.randn(1, 32, side // 8, side // 8)
     text = torch.randn(1, LENGTH, FEATURES).bfloat16()
     condition = Condition(packed(latents).bfloat16(), text, None)
@@ -101,17 +122,7 @@ def of_vae(side: int) -> list[str]:
 
 def of_text() -> list[str]:
     """A reading of one instruction by Qwen3 4B, without the layers that are not looked at."""
-    config = Qwen3Config(
-        hidden_size=2560,
-        intermediate_size=9728,
-        num_hidden_layers=LAYERS[-1] + 1,
-        num_attention_heads=32,
-        num_key_value_heads=8,
-        vocab_size=151936,
-        tie_word_embeddings=True,
-    )
-    network = filled(lambda: Qwen3ForCausalLM(config)).model
-    network.rotary_emb = type(network.rotary_emb)(config)  # its numbers are no weights
+    network = language_model(LAYERS[-1] + 1).model
     ids = torch.randint(0, 150_000, (1, LENGTH), generator=torch.Generator().manual_seed(0))
     return [timed("text encoder, bfloat16", lambda: network(ids, use_cache=False)[0])]
 
