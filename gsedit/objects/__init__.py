@@ -1,1 +1,13 @@
 """Operations on one object of a scene: select, remove and fill, move, copy, insert, grow, bend."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rasterizer.lazy import make_lazy
+
+if TYPE_CHECKING:
+    from gsedit.objects.selecting.click import Click, Selector, select_at
+    from gsedit.objects.selecting.segment import Segments, segment
+
+make_lazy(__name__)

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import cos, radians
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Float64, Int, Int64
 from scipy.sparse import csr_matrix, diags
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import cg
@@ -24,6 +25,8 @@ NEIGHBOR_COUNT = 8
 """Nearest neighbors of a Gaussian in the graph."""
 SURFACE_COLOR_RMS = 0.1
 """Difference of two colors (RMS over channels) at which neighbors count as of two surfaces."""
+SURFACE_ANGLE = 45.0
+"""Degrees between the normals of two neighbors at which they count as of two surfaces."""
 MAX_DISTANCE_RATIO = 3.0
 """Neighbors farther apart than this many of their typical distances are not connected."""
 SOLVED_TO = 1e-2
@@ -43,21 +46,41 @@ class Neighbors:
         return diags(degree).tocsr() - self.affinity
 
 
-def neighbors(scene: Gaussians) -> Neighbors:
-    """The graph of a scene; its colors are those without view dependence."""
+Near = tuple[Float64[np.ndarray, "n k"], Int64[np.ndarray, "n k"]]
+"""Distances to the nearest of each Gaussian, nearest first, and their rows."""
+
+
+def nearest_of(scene: Gaussians) -> Near:
+    """The NEIGHBOR_COUNT nearest of each Gaussian, or all others where there are fewer."""
     points = scene.means.detach().double().numpy()
-    n = len(points)
-    k = min(NEIGHBOR_COUNT, n - 1)
-    if k < 1:
+    distance, rows = k_nearest(points, points, min(NEIGHBOR_COUNT + 1, max(len(points), 1)))
+    return distance[:, 1:], rows[:, 1:]  # the first is the point itself
+
+
+def neighbors(
+    scene: Gaussians, normals: Float[Tensor, "n 3"] | None = None, near: Near | None = None
+) -> Neighbors:
+    """The graph of a scene; its colors are those without view dependence.
+
+    With unit normals, two that face apart by SURFACE_ANGLE are as unlike as two colors of two
+    surfaces. `near` are the nearest of each (`nearest_of`), where they are known.
+    """
+    n = len(scene)
+    if n < 2:
         return Neighbors(csr_matrix((n, n)))
-    distance, index = k_nearest(points, points, k + 1)
-    distance, index = distance[:, 1:], index[:, 1:]  # the first is the point itself
+    distance, index = nearest_of(scene) if near is None else near
+    k = index.shape[1]
     typical = np.maximum(np.median(distance, axis=1), 1e-12)
     rows, columns = np.repeat(np.arange(n), k), index.reshape(-1)
-    near = distance.reshape(-1) <= MAX_DISTANCE_RATIO * np.sqrt(typical[rows] * typical[columns])
+    close = distance.reshape(-1) <= MAX_DISTANCE_RATIO * np.sqrt(typical[rows] * typical[columns])
     colors = sh_to_color(scene.sh[:, 0].detach().double()).clamp(0, 1).numpy()
     square = np.square(colors[rows] - colors[columns]).mean(1)
-    alike = np.exp(-square / (2 * SURFACE_COLOR_RMS**2)) * near
+    unlike = square / (2 * SURFACE_COLOR_RMS**2)
+    if normals is not None:
+        facing = normals.detach().double().numpy()
+        cosine = (facing[rows] * facing[columns]).sum(1).clip(-1, 1)
+        unlike += (1 - cosine) / (1 - cos(radians(SURFACE_ANGLE))) / 2
+    alike = np.exp(-unlike) * close
     matrix = csr_matrix((alike, (rows, columns)), shape=(n, n))
     return Neighbors(matrix.maximum(matrix.T).tocsr())
 
