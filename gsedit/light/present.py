@@ -50,6 +50,13 @@ class Survey:
     """How much of the pictures each Gaussian fills, float64."""
     light: Float[Tensor, " n"]
     """Present light on each Gaussian, about 1 on an open, level place."""
+    weights: Float[Tensor, " c"]
+    """Strength of the present light from each direction of the sky, and from below."""
+
+    def falling_on(self, surface: Surface) -> Float[Tensor, " m"]:
+        """Present light on other surfaces of the place, in the range that the scene's is in."""
+        light = received(surface) @ self.weights
+        return light.clamp(float(self.light.min()), float(self.light.max()))
 
 
 def survey(
@@ -68,8 +75,8 @@ def survey(
     trust, sky = place.trust(surface.points), received(surface)
     colors = sh_to_color(scene.sh[:, 0]).numpy()
     seen = seen.double()
-    light = estimate_present(surface, colors, (seen * trust).numpy(), sky)
-    return Survey(place, surface, trust, sky, seen, light)
+    light, weights = estimate_present(surface, colors, (seen * trust).numpy(), sky)
+    return Survey(place, surface, trust, sky, seen, light, weights)
 
 
 def received(surface: Surface) -> Float[Tensor, "n c"]:
@@ -88,16 +95,18 @@ def estimate_present(
     colors: Float[np.ndarray, "n 3"],
     seen: Float[np.ndarray, " n"],
     light_received: Float[Tensor, "n c"],
-) -> Float[Tensor, " n"]:
-    """Present light, fitted to display colors; `seen` is how much of pictures each fills."""
+) -> tuple[Float[Tensor, " n"], Float[Tensor, " c"]]:
+    """Present light, fitted to display colors, and its strengths; `seen` is how much of pictures
+    each fills."""
     rows = np.argsort(-seen, kind="stable")[:SAMPLES]
     design = light_received.numpy()[rows]
     shown = np.clip(colors[rows].astype(np.float64), 0, 1)
     luminance = linear_of_srgb(shown) @ LUMINANCE
-    weights = _fitted(design, luminance, _hues(shown), np.sqrt(seen[rows]))
-    light = light_received @ torch.from_numpy(weights)
+    fitted = _fitted(design, luminance, _hues(shown), np.sqrt(seen[rows]))
+    weights = torch.from_numpy(fitted)
+    light = light_received @ weights
     middle = float(light[torch.from_numpy(rows)].median().clamp_min(1e-6))
-    return light.clamp(LEAST * middle, MOST * middle)
+    return light.clamp(LEAST * middle, MOST * middle), weights
 
 
 def _hues(colors: Float64[np.ndarray, "m 3"]) -> Int64[np.ndarray, " m"]:

@@ -1,0 +1,199 @@
+"""Growth: new Gaussians on a scene that lie or grow on its surfaces. `n` Gaussians before."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import ceil, sqrt
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from gsedit.cameras.orbit import perpendicular
+from gsedit.errors import UsageError
+from gsedit.light.present import Survey, survey
+from gsedit.light.shadows import WIDE
+from gsedit.objects.growth.bodies import hidden, layer, leaves, tufts
+from gsedit.objects.growth.buried import buried, in_colors_of
+from gsedit.objects.growth.icicles import iced
+from gsedit.objects.growth.layer import Patch, covered, thickness
+from gsedit.objects.growth.puddles import level, water
+from gsedit.objects.growth.relief import Relief, relief_of
+from gsedit.objects.growth.spots import Site
+from gsedit.objects.growth.table import Growth, growth_of
+from gsedit.objects.outcome import NEW, Outcome
+from gsedit.scenery.setting import Setting
+from rasterizer.camera import Camera
+from rasterizer.numerics import AUTO, Execution
+from rasterizer.scene import Gaussians, concatenate
+
+MOST_NEW = 100_000
+"""Gaussians that are added at most."""
+MOST_PIXELS = 400_000
+"""Pixels of a map of the surface at most."""
+COARSER = 1.15
+"""Factor of the pixel, beyond what the numbers say, where there would be too many."""
+FAINT = 0.05
+"""Opacity below which a Gaussian is no surface."""
+HIGHEST = 0.25
+"""Height over the highest camera, in the cameras' distance, above which nothing is covered: no
+camera sees it from above."""
+TAIL = 0.02
+"""Share of the centers, on either side, that an extent leaves out."""
+RIM = 2
+"""Pixels at the end of a surface that nothing lies on."""
+SIDES = 0.3
+"""Height of the four sides from which walls are looked at, against their distance."""
+
+
+@torch.no_grad()
+def grow(
+    scene: Gaussians,
+    name: str,
+    amount: float = 1.0,
+    inside: Bool[Tensor, " n"] | None = None,
+    cameras: Sequence[Camera] = (),
+    execution: Execution = AUTO,
+) -> Outcome:
+    """The scene with snow, moss, dust, ice, leaves or puddles (GROWTHS) on the Gaussians inside.
+
+    `amount` is a factor of the usual thickness, of leaves of their number. None is inside: all are.
+    Rows of the scene keep their places; new ones, at most MOST_NEW, follow. Raises UsageError for
+    an unknown name, an amount out of range, or where it lies nowhere.
+    """
+    growth = growth_of(name, amount)
+    found = survey(scene, cameras, None, execution)
+    site = _site(scene, found, inside, cameras, execution)
+    patches = [] if site is None else _patches(scene, site, growth, amount, execution)
+    if growth.body == "water":
+        patches = [level(patch) for patch in patches]
+    new = _made(scene, patches, growth, amount, cameras, execution)
+    if not len(new):
+        raise UsageError(f"{name} lies nowhere: nothing inside {growth.nowhere}; choose more of it")
+    return _grown(scene, name, growth, patches, new)
+
+
+def _grown(
+    scene: Gaussians, name: str, growth: Growth, patches: list[Patch], new: Gaussians
+) -> Outcome:
+    """The scene with what grew on it, and what that hides in its color."""
+    k = max(scene.sh.shape[1], new.sh.shape[1])
+    before, new = _of_bands(scene.detach(), k), _of_bands(new, k)
+    share = torch.zeros(len(scene), dtype=torch.float64)
+    if growth.hides:
+        for patch in patches:
+            share = torch.maximum(share, buried(scene, patch, hidden(patch, growth)))
+    grown = concatenate(in_colors_of(before, share, new), new)
+    origin = torch.cat((torch.arange(len(scene)), torch.full((len(new),), NEW)))
+    changed = torch.cat((share > 0, torch.ones(len(new), dtype=torch.bool)))
+    notes = [f"{name}: {len(new):,} Gaussians were added to {len(scene):,}"]
+    if k > scene.sh.shape[1]:
+        notes.append(f"reflections need SH of degree 3: the scene had {scene.degree}")
+    return Outcome(grown, origin, changed, tuple(notes))
+
+
+def _of_bands(scene: Gaussians, k: int) -> Gaussians:
+    missing = scene.sh.new_zeros(len(scene), k - scene.sh.shape[1], 3)
+    fields = {**vars(scene), "sh": torch.cat((scene.sh, missing), 1)}
+    return Gaussians(**fields) if missing.shape[1] else scene
+
+
+def _made(
+    scene: Gaussians,
+    patches: list[Patch],
+    growth: Growth,
+    amount: float,
+    cameras: Sequence[Camera],
+    execution: Execution,
+) -> Gaussians:
+    """New Gaussians on all patches."""
+    match growth.body:
+        case "layer":
+            made = [layer(patch, growth) for patch in patches]
+        case "tufts":
+            made = [tufts(patch, growth, amount) for patch in patches]
+        case "leaves":
+            made = [leaves(patch, growth, amount, MOST_NEW) for patch in patches]
+        case "ice":
+            made = [iced(patch, growth, amount) for patch in patches]
+        case "water":
+            made = [water(scene, patch, growth, cameras, execution) for patch in patches]
+    return concatenate(*made) if made else scene[:0]
+
+
+def _site(
+    scene: Gaussians,
+    found: Survey,
+    inside: Bool[Tensor, " n"] | None,
+    cameras: Sequence[Camera],
+    execution: Execution,
+) -> Site | None:
+    """The opaque, small Gaussians inside that are near and not above all cameras; None if fewer
+    than four are."""
+    place, points = found.place, found.surface.points
+    solid = (scene.opacities > FAINT) & (scene.scales.amax(-1) < WIDE * place.radius)
+    solid &= found.trust > 0
+    if inside is not None:
+        solid &= inside
+    if cameras:
+        highest = max(float(camera.center.double() @ place.up) for camera in cameras)
+        solid &= points @ place.up < highest + HIGHEST * place.distance
+    rows = solid.nonzero().squeeze(-1)
+    if len(rows) < 4:
+        return None
+    ends = points[rows].sort(0).values
+    low, high = (ends[int(share * (len(ends) - 1))] for share in (TAIL, 1 - TAIL))
+    size = min(float((high - low).norm()), place.distance)
+    return Site(Setting(scene, found, cameras, execution), rows, max(size, 1e-9))
+
+
+def _patches(
+    scene: Gaussians, site: Site, growth: Growth, amount: float, execution: Execution
+) -> list[Patch]:
+    """Patches of a growth on the site; as fine as the number of Gaussians allows."""
+    axes = _axes(site, growth)
+    pixel = growth.grain * site.size
+    ends = site.setting.found.surface.points[site.rows]
+    sides = (ends.amax(0) - ends.amin(0)).sort().values[1:]
+    pixel = max(pixel, sqrt(float(sides.prod()) / MOST_PIXELS))
+    while True:
+        patches = [_patch(scene, site, growth, amount, pixel, axes, i, execution) for i in range(len(axes))]
+        patches = [patch for patch in patches if bool(patch.lies.any())]
+        count = growth.each * sum(int(patch.lies.sum()) for patch in patches)
+        if count <= MOST_NEW:
+            return patches
+        pixel *= COARSER * sqrt(count / MOST_NEW)
+
+
+def _axes(site: Site, growth: Growth) -> Float[Tensor, "a 3"]:
+    """Unit vectors along which the surface is looked at."""
+    up = site.up
+    if not growth.around:
+        return up[None]
+    first = perpendicular(up)
+    second = torch.linalg.cross(up, first)
+    level = torch.stack((first, second, -first, -second))
+    return torch.nn.functional.normalize(torch.cat((up[None], level + SIDES * up)), dim=-1)
+
+
+def _patch(
+    scene: Gaussians,
+    site: Site,
+    growth: Growth,
+    amount: float,
+    pixel: float,
+    axes: Float[Tensor, "a 3"],
+    which: int,
+    execution: Execution,
+) -> Patch:
+    """The patch of a growth on what is seen along one of the axes, and faces that axis most."""
+    relief = relief_of(scene[site.rows], axes[which], pixel, execution).smoothed(growth.smooth)
+    normals = relief.normals()
+    own = (normals @ axes.T).argmax(-1) == which
+    spots = site.spots(relief.points[relief.there], normals[relief.there])
+    share = torch.zeros_like(relief.heights)
+    share[relief.there] = growth.where(spots)
+    share = share * own * relief.inner(RIM)
+    lies = covered(relief, share, growth.edge)
+    most = amount * growth.thickness * site.size
+    return Patch(site, relief, lies, thickness(relief, lies, most), share)

@@ -1,0 +1,166 @@
+"""Surface of a part of a scene as it is seen along an axis: a map of heights, and its slopes.
+
+`h w` pixels; world units, float64. Heights are along the axis, towards the eye.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from gsedit.cameras.orbit import perpendicular
+from rasterizer.camera import Camera, look_at
+from rasterizer.numerics import AUTO, Execution
+from rasterizer.render import render
+from rasterizer.scene import Gaussians
+
+STEP = 6.0
+"""Difference of height, in pixels, between neighbors that are on two surfaces."""
+CLIFF = 8.0
+"""Least fall of height, in pixels, over one pixel at which a surface ends: captured ones are rough.
+"""
+MARGIN = 6
+"""Pixels around the part."""
+FEWEST = 24
+"""Pixels of a piece of surface: smaller ones are floaters."""
+FAR = 4.0
+"""Distance of the eye from the middle, in extents: rays are parallel, any would do."""
+CUT = 0.002
+"""Share of the centers on either side that the map leaves out: stray ones would widen it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Relief:
+    """Heights of a surface seen along an axis, one a pixel."""
+
+    axis: Float[Tensor, "3"]
+    """Unit vector from the surface to the eye."""
+    pixel: float
+    """Side of a pixel."""
+    points: Float[Tensor, "h w 3"]
+    """Surface under the center of each pixel; its height counts where `there` is set."""
+    right: Float[Tensor, "3"]
+    """World direction of the columns."""
+    down: Float[Tensor, "3"]
+    """World direction of the rows."""
+    there: Bool[Tensor, "h w"]
+    """Whether there is a surface."""
+
+    @property
+    def heights(self) -> Float[Tensor, "h w"]:
+        return self.points @ self.axis
+
+    def at(self, heights: Float[Tensor, "h w"]) -> Relief:
+        """The map with other heights."""
+        lifted = self.points + (heights - self.heights)[..., None] * self.axis
+        return replace(self, points=lifted)
+
+    def smoothed(self, rounds: int) -> Relief:
+        """The map with means over neighbors on the same surface, one after the other."""
+        heights = self.heights
+        for _ in range(rounds):
+            around, same = self._around(heights)
+            heights = (around * same).sum(0) / same.sum(0).clamp_min(1)
+        return self.at(heights)
+
+    def normals(self) -> Float[Tensor, "h w 3"]:
+        """Unit normals towards the eye, by differences to the neighbors on the same surface."""
+        heights = self.heights
+        around, same = self._around(heights)
+        rises = (around - heights) * same
+
+        def slope(ahead: int, behind: int) -> Float[Tensor, "h w"]:
+            count = (same[ahead].double() + same[behind]).clamp_min(1)
+            return (rises[ahead] - rises[behind]) / (count * self.pixel)
+
+        across, along = slope(5, 3), slope(7, 1)
+        tilted = self.axis - across[..., None] * self.right - along[..., None] * self.down
+        return torch.nn.functional.normalize(tilted, dim=-1)
+
+    def brinks(self, fall: float) -> Bool[Tensor, "h w"]:
+        """Pixels of the surface next to which it ends, or falls by more than `fall`."""
+        heights = self.heights.masked_fill(~self.there, -torch.inf)
+        lowest = -torch.nn.functional.max_pool2d(
+            torch.nn.functional.pad(-heights, (1, 1, 1, 1), value=torch.inf)[None, None], 3, 1
+        )[0, 0]
+        return self.there & (heights - lowest > max(fall, CLIFF * self.pixel))
+
+    def inner(self, pixels: int) -> Bool[Tensor, "h w"]:
+        """The surface without what is near where it ends: slopes are not known there."""
+        ends = (~self.there | self.brinks(0.0)).double()
+        wide = 2 * pixels + 1
+        near = torch.nn.functional.max_pool2d(ends[None, None], wide, 1, pixels)[0, 0]
+        return near == 0
+
+    def _around(self, heights: Float[Tensor, "h w"]) -> tuple[Tensor, Tensor]:
+        """Heights of the 3 x 3 pixels around each, row by row, and whether they are on its
+        surface."""
+        around = _neighbors(heights)
+        there = _neighbors(self.there.double()) > 0
+        same = there & ((around - heights).abs() < STEP * self.pixel) & self.there
+        return around, same
+
+
+def relief_of(
+    part: Gaussians, axis: Float[Tensor, "3"], pixel: float, execution: Execution = AUTO
+) -> Relief:
+    """The surface of a part that is seen along a unit vector; pieces of FEWEST pixels are left
+    out."""
+    across = perpendicular(axis)
+    along = torch.linalg.cross(axis, across)
+    frame = torch.stack((across, along, axis))
+    ends = (part.means.detach().double() @ frame.T).sort(0).values
+    low, high = ends[int(CUT * (len(ends) - 1))], ends[int((1 - CUT) * (len(ends) - 1))]
+    center = ((low + high) / 2) @ frame
+    reach = FAR * float((high - low).norm().clamp_min(pixel))
+    camera = look_at(center + reach * axis, center, across, 60.0, 8, 8)
+    right, down = camera.rotation.double()[0], camera.rotation.double()[1]
+    sides = [float(((high - low) @ (frame @ way).abs())) for way in (right, down)]
+    width, height = (int(side / pixel) + 2 * MARGIN for side in sides)
+    camera = replace(
+        camera, fx=1 / pixel, fy=1 / pixel, cx=width / 2, cy=height / 2, width=width,
+        height=height, model="ortho", near=1e-3 * reach,
+    )  # fmt: skip
+    plain = replace(part, sh=part.sh[:, :1]).detach()
+    drawn = render(plain, camera, depth=True, median_depth=True, execution=execution)
+    median, mean = drawn.median_depth, drawn.depth
+    assert median is not None and mean is not None
+    # the mean has no steps between Gaussians, but is of two surfaces at silhouettes
+    depth = torch.where((mean - median).abs() < STEP * pixel, mean, median)
+    return _cleaned(_relief(camera, depth.double(), axis, right, down, pixel))
+
+
+def _relief(
+    camera: Camera,
+    depth: Float[Tensor, "h w"],
+    axis: Float[Tensor, "3"],
+    right: Float[Tensor, "3"],
+    down: Float[Tensor, "3"],
+    pixel: float,
+) -> Relief:
+    points = camera.unproject(camera.pixel_centers().double(), depth)
+    return Relief(axis, pixel, points, right, down, depth > 0)
+
+
+def _cleaned(relief: Relief) -> Relief:
+    """The map without specks of one pixel and without small pieces."""
+    from scipy import ndimage
+
+    around = _neighbors(relief.heights)
+    there = _neighbors(relief.there.double()) > 0
+    middle = around.masked_fill(~there, torch.nan).nanmedian(0).values
+    relief = relief.at(torch.where(relief.there, middle, relief.heights))
+    pieces, count = ndimage.label(relief.there.numpy())
+    sizes = np.bincount(pieces.reshape(-1), minlength=count + 1)
+    kept = torch.from_numpy((sizes >= FEWEST)[pieces] & (pieces > 0))
+    return replace(relief, there=kept)
+
+
+def _neighbors(values: Float[Tensor, "h w"]) -> Float[Tensor, "9 h w"]:
+    padded = torch.nn.functional.pad(values[None, None], (1, 1, 1, 1), "replicate")
+    h, w = values.shape
+    return torch.nn.functional.unfold(padded, 3)[0].reshape(9, h, w)

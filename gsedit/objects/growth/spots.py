@@ -1,0 +1,113 @@
+"""Places on a surface that something may grow on, and what is known of each. `m` places."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from gsedit.light.color_change import step
+from gsedit.light.surface import Surface
+from gsedit.scene.neighbors import k_nearest
+from gsedit.scenery.setting import Setting
+from gsedit.surface.noise import noise
+from gsedit.toolkit.grade import GAMMA
+
+NEAREST = 6
+"""Gaussians around a place that say what is known of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Site:
+    """A part of a scene that things grow on."""
+
+    setting: Setting
+    rows: Int[Tensor, " k"]
+    """Its Gaussians."""
+    size: float
+    """Its extent, world units: thicknesses are shares of it."""
+
+    @property
+    def up(self) -> Float[Tensor, "3"]:
+        return self.setting.found.place.up
+
+    def spots(self, points: Float[Tensor, "m 3"], normals: Float[Tensor, "m 3"]) -> Spots:
+        """What is known of places with these normals, from the part's Gaussians nearest to each."""
+        means = self.setting.found.surface.points[self.rows]
+        near = k_nearest(means.numpy(), points.numpy(), min(NEAREST, len(means)))[1]
+        return Spots(self, points, normals, self.rows[torch.from_numpy(near)])
+
+
+@dataclass(frozen=True, eq=False)
+class Spots:
+    """Places on a surface."""
+
+    site: Site
+    points: Float[Tensor, "m 3"]
+    normals: Float[Tensor, "m 3"]
+    near: Int[Tensor, "m q"]
+    """Gaussians of the scene nearest to each."""
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def __getitem__(self, rows: Tensor) -> Spots:
+        return Spots(self.site, self.points[rows], self.normals[rows], self.near[rows])
+
+    def mean(self, values: Float[Tensor, "n ..."]) -> Float[Tensor, "m ..."]:
+        """Means of what is known of the Gaussians nearest to each place."""
+        return values[self.near].mean(1)
+
+    @property
+    def rise(self) -> Float[Tensor, " m"]:
+        """Cosine between the normal and up."""
+        return self.normals @ self.site.up
+
+    @property
+    def overhead(self) -> Float[Tensor, " m"]:
+        """Share of the sky overhead that is open."""
+        return self.mean(self.site.setting.overhead)
+
+    @property
+    def openness(self) -> Float[Tensor, " m"]:
+        """Share of the whole sky that is open: low in crevices and under things."""
+        return self.mean(self.site.setting.found.surface.open.mean(1))
+
+    @property
+    def height(self) -> Float[Tensor, " m"]:
+        """Height over the lowest of the part's surface, in its size."""
+        heights = self.points @ self.site.up
+        return (heights - heights.min()) / self.site.size if len(self) else heights
+
+    @property
+    def earthly(self) -> Float[Tensor, " m"]:
+        """How surely each place is near and no sky."""
+        setting = self.site.setting
+        return self.mean(setting.found.trust * (1 - setting.sky))
+
+    def noise(self, size: float, seed: int) -> Float[Tensor, " m"]:
+        """Noise of mean 0 and deviation 1 whose features have a size, in that of the part."""
+        return noise(self.points / (size * self.site.size), seed)
+
+    def light(self) -> Float[Tensor, " m"]:
+        """Present light on each place, about 1 where it is level and open."""
+        found = self.site.setting.found
+        old = found.surface
+        here = Surface(
+            self.points, self.normals, torch.ones(len(self)).double(), self.near, old.directions,
+            self.mean(old.open), old.occluders, old.place,
+        )  # fmt: skip
+        light, trust = found.falling_on(here), self.mean(found.trust)
+        near = found.trust * found.seen
+        usual = (near @ found.light) / near.sum().clamp_min(1e-12)
+        return usual + trust * (light - usual)
+
+    def shaded(
+        self, shade: tuple[float, ...], lit: tuple[float, ...], light: Float[Tensor, " m"]
+    ) -> Float[Tensor, "m 3"]:
+        """Display colors of a surface that is of one color in the shade, of another in light."""
+        dark, bright = torch.tensor(shade).double(), torch.tensor(lit).double()
+        share = step(light, 0.35, 0.95)[:, None]
+        return (dark + share * (bright - dark)) * (light.clamp_min(0) ** (1 / GAMMA))[:, None]

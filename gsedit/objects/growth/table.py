@@ -1,0 +1,89 @@
+"""Growths by name, as a table of data: where they lie, how thick, of what they are made."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from jaxtyping import Float
+from torch import Tensor
+
+from gsedit.errors import UsageError
+from gsedit.objects.growth import where
+from gsedit.objects.growth.spots import Spots
+
+LEAST, MOST = 0.1, 5.0
+"""Range of the factor of a usual thickness."""
+Rgb = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Growth:
+    """Something that lies or grows on surfaces; lengths are shares of what it is on."""
+
+    where: Callable[[Spots], Float[Tensor, " m"]]
+    body: Literal["layer", "tufts", "leaves", "ice", "water"]
+    thickness: float
+    """Height over the surface, far from the edges; of leaves, their length."""
+    grain: float
+    """Distance of its Gaussians along the surface, if there are not too many."""
+    shade: Rgb
+    """Display color in the shade, for a light of 1; above 1 it outshines haze before it."""
+    lit: Rgb
+    """Display color in the light."""
+    nowhere: str
+    """Kind of surface that it needs, for a person who has none."""
+    opacity: float = 0.985
+    mottle: float = 0.02
+    """Standard deviation of the brightness from Gaussian to Gaussian."""
+    edge: float = 0.5
+    """Least share of a place at which it lies there."""
+    around: bool = False
+    """Whether it grows on walls too; else only on what is seen from above."""
+    hides: bool = True
+    """Whether the Gaussians under it take its color."""
+    each: int = 1
+    """Gaussians a pixel, at most."""
+    smooth: int = 6
+    """Rounds of smoothing of the surface under it, over a pixel each."""
+
+
+GROWTHS: dict[str, Growth] = {
+    "snow": Growth(
+        where.snowy, "layer", 0.04, 0.004, (0.6, 0.71, 0.92), (1.12, 1.12, 1.12),
+        "faces up and sees the sky", smooth=16,
+    ),
+    "moss": Growth(
+        where.mossy, "tufts", 0.008, 0.0045, (0.2, 0.27, 0.09), (0.45, 0.53, 0.2),
+        "is damp and shaded", mottle=0.16, around=True, each=2,
+    ),
+    "dust": Growth(
+        where.dusty, "layer", 0.003, 0.004, (0.5, 0.47, 0.43), (0.74, 0.7, 0.63),
+        "faces up", opacity=0.75, mottle=0.04, edge=0.1,
+    ),
+    "ice": Growth(
+        where.icy, "ice", 0.006, 0.004, (0.62, 0.76, 0.88), (0.93, 0.98, 1.02),
+        "faces up and sees the sky", opacity=0.5, mottle=0.05, hides=False,
+    ),
+    "leaves": Growth(
+        where.littered, "leaves", 0.045, 0.006, (0.75, 0.72, 0.72), (1.0, 1.0, 1.0),
+        "is level and sees the sky", mottle=0.12, edge=0.2, hides=False,
+    ),
+    "puddles": Growth(
+        where.pooled, "water", 0.002, 0.005, (0.42, 0.42, 0.42), (0.42, 0.42, 0.42),
+        "is level", opacity=0.97, smooth=20,
+    ),
+}  # fmt: skip
+"""Growths by the names that sentences give them."""
+
+
+def growth_of(name: str, amount: float) -> Growth:
+    """The growth of a name. Raises UsageError for an unknown one, or an amount out of range."""
+    if name not in GROWTHS:
+        raise UsageError(f"there is no growth {name!r}: choose one of {', '.join(GROWTHS)}")
+    if not LEAST <= amount <= MOST:
+        raise UsageError(
+            f"{name} {amount:g} times as thick as usual is out of range: say {LEAST:g} to {MOST:g}"
+        )
+    return GROWTHS[name]

@@ -1,0 +1,54 @@
+"""Where each growth lies: shares, in [0, 1], of places on a surface. `m` places."""
+
+from __future__ import annotations
+
+from jaxtyping import Float
+from torch import Tensor
+
+from gsedit.light.color_change import step
+from gsedit.objects.growth.spots import Spots
+
+
+def snowy(spots: Spots) -> Float[Tensor, " m"]:
+    """What faces up and is open above."""
+    soft = 0.07 * spots.noise(0.06, 1) + 0.04 * spots.noise(0.02, 9)
+    lying = step(spots.rise + soft, 0.44, 0.72)
+    return lying * step(spots.overhead, 0.1, 0.4) * spots.earthly
+
+
+def dusty(spots: Spots) -> Float[Tensor, " m"]:
+    """What faces up, under a roof too: thick on what is level."""
+    soft = 0.15 * spots.noise(0.03, 2)
+    return step(spots.rise + soft, 0.15, 0.75) * spots.earthly
+
+
+def mossy(spots: Spots) -> Float[Tensor, " m"]:
+    """What is damp: low, in crevices and turned from the light, in clumps; ledges more than walls,
+    and nothing below."""
+    shade = step(spots.light(), 1.0, 0.55)
+    crevices = step(spots.openness, 0.75, 0.3)
+    low = step(spots.height, 0.35, 0.02)
+    ledge = step(spots.rise, 0.1, 0.75)
+    damp = 0.5 * shade + 0.55 * crevices + 0.5 * low + 0.45 * ledge
+    clumps = 0.75 * damp + 0.2 * spots.noise(0.09, 3) + 0.1 * spots.noise(0.03, 4)
+    return step(clumps, 0.35, 0.6) * step(spots.rise, -0.35, 0.0) * spots.earthly
+
+
+def icy(spots: Spots) -> Float[Tensor, " m"]:
+    """What is open above and not turned down: a glaze."""
+    soft = 0.12 * spots.noise(0.05, 5)
+    return step(spots.rise + soft, 0.0, 0.35) * step(spots.overhead, 0.1, 0.4) * spots.earthly
+
+
+def littered(spots: Spots) -> Float[Tensor, " m"]:
+    """What is about level and open above, in drifts."""
+    level = step(spots.rise, 0.7, 0.9)
+    drifts = 0.75 + 0.25 * spots.noise(0.2, 6)
+    return (level * step(spots.overhead, 0.1, 0.4) * drifts).clamp(0, 1) * spots.earthly
+
+
+def pooled(spots: Spots) -> Float[Tensor, " m"]:
+    """Level places, in patches."""
+    level = step(spots.rise, 0.9, 0.97)
+    patches = step(spots.noise(0.22, 7) + 0.25 * spots.noise(0.06, 8), -0.2, 0.2)
+    return level * patches * spots.earthly
