@@ -1,0 +1,204 @@
+"""Bending: rigid motions are exact, what is outside keeps its bits, folds are refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from gsedit.errors import UsageError
+from gsedit.objects.bending.bend import Handle, bend, carried
+from gsedit.objects.bending.click import point_at
+from gsedit.scene.quaternions import axis_rotation, rotate_sh, rotate_sh_each
+from gsedit.scene.similarity import Similarity
+from gsedit.toolkit.transform import transform
+from rasterizer.camera import look_at
+from rasterizer.harmonics import basis
+from rasterizer.project import rotation_matrices
+from rasterizer.scene import Gaussians
+
+AXIS, DEGREES, SHIFT = np.array((0.3, -1.0, 0.5)), 55.0, np.array((0.4, -0.2, 1.1))
+
+
+def bar(count=1500, seed=0, degree=2):
+    """A solid bar along x, 4 by 0.4 by 0.4, of flat and long Gaussians of many colors."""
+    g = torch.Generator().manual_seed(seed)
+    means = (torch.rand(count, 3, generator=g) - 0.5) * torch.tensor((4.0, 0.4, 0.4))
+    return Gaussians(
+        means,
+        torch.randn(count, 4, generator=g),
+        torch.randn(count, 3, generator=g) - 4,
+        torch.zeros(count),
+        0.3 * torch.randn(count, (degree + 1) ** 2, 3, generator=g),
+    )
+
+
+def all_of(scene):
+    return torch.ones(len(scene), dtype=torch.bool)
+
+
+def covariances(scene):
+    turned = rotation_matrices(scene.quats.double()) * scene.log_scales.double().exp()[:, None]
+    return turned @ turned.mT
+
+
+def handle(point, map_of):
+    x, y, z = map_of(np.array(point, np.float64)).tolist()
+    return Handle(point, (x, y, z))
+
+
+def rigid(point):
+    return axis_rotation(AXIS, DEGREES) @ point + SHIFT
+
+
+@pytest.mark.parametrize(
+    "handles",
+    [
+        [handle(p, rigid) for p in ((-2.0, 0.0, 0.0), (2.0, 0.1, 0.0), (0.0, 0.2, -0.2))],
+        [
+            Handle((0.0, 0.0, 0.0), tuple(SHIFT.tolist()), 0.5,
+                   tuple((DEGREES * AXIS / np.linalg.norm(AXIS)).tolist()))
+        ],
+    ],
+)  # fmt: skip
+def test_a_rigid_motion_of_the_handles_is_transform(handles):
+    scene = bar()
+    after = bend(scene, all_of(scene), handles).scene
+    expected = transform(scene, Similarity(axis_rotation(AXIS, DEGREES), 1.0, SHIFT))
+    assert torch.allclose(after.means, expected.means, atol=1e-5)
+    sizes = covariances(expected).flatten(1).norm(dim=1)[:, None, None]
+    assert ((covariances(after) - covariances(expected)) / sizes).abs().max() < 1e-5
+    ways = torch.nn.functional.normalize(torch.randn(50, 3), dim=-1)
+    shown = basis(ways, 2)
+    assert torch.allclose(
+        torch.einsum("vk,nkc->nvc", shown, after.sh),
+        torch.einsum("vk,nkc->nvc", shown, expected.sh), atol=1e-5,
+    )  # fmt: skip
+
+
+def test_handles_at_rest_change_nothing():
+    scene = bar()
+    still = [Handle(p, p) for p in ((-2.0, 0.0, 0.0), (2.0, 0.0, 0.0))]
+    after = bend(scene, all_of(scene), still)
+    assert not after.changed.any()
+    assert torch.equal(after.scene.means, scene.means)
+
+
+def bent_up():
+    return [
+        Handle((-2.0, 0.0, 0.0), (-2.0, 0.0, 0.0), 0.4),
+        Handle((2.0, 0.0, 0.0), (0.9, 0.0, 2.0), 0.4, (0.0, -80.0, 0.0)),
+    ]
+
+
+def test_targets_are_reached_and_volume_is_about_kept():
+    scene = bar(3000)
+    after = bend(scene, all_of(scene), bent_up()).scene
+    moved = carried_volume(scene, after)
+    assert abs(float(moved.median()) - 1) < 0.05
+    assert abs(float(moved.mean()) - 1) < 0.1
+    end = scene.means[:, 0] > 1.8
+    turn = torch.from_numpy(axis_rotation(np.array((0.0, -1.0, 0.0)), 80.0)).float()
+    expected = (scene.means[end] - torch.tensor((2.0, 0, 0))) @ turn.T + torch.tensor((0.9, 0, 2.0))
+    assert (after.means[end] - expected).norm(dim=1).max() < 0.05
+
+
+def carried_volume(before, after):
+    return (after.log_scales.sum(1) - before.log_scales.sum(1)).double().exp()
+
+
+def test_nothing_outside_of_the_cage_or_the_region_changes():
+    scene = bar()
+    cage, inside = scene.means[:, 0] > 0, scene.means[:, 1] > -0.15
+    pull = [Handle((2.0, 0.0, 0.0), (1.8, 0.0, 0.6))]
+    after = bend(scene, inside, pull, cage)
+    still = ~(cage & inside)
+    assert after.changed.any() and not (after.changed & still).any()
+    for name in ("means", "quats", "log_scales", "logit_opacities", "sh"):
+        assert torch.equal(getattr(after.scene, name)[still], getattr(scene, name)[still])
+    far = (scene.means[:, 0] > 1.8) & inside
+    assert (after.scene.means - scene.means)[far, 2].mean() > 0.4
+    seam = (scene.means[:, 0] > 0) & (scene.means[:, 0] < 0.1) & inside
+    assert (after.scene.means - scene.means)[seam].norm(dim=1).max() < 0.02
+
+
+def test_a_stretched_bar_has_the_covariances_of_the_map():
+    scene = bar()
+    pull = [Handle((-2.0, 0.0, 0.0), (-2.0, 0.0, 0.0)), Handle((2.0, 0.0, 0.0), (3.0, 0.0, 0.0))]
+    after = bend(scene, all_of(scene), pull).scene
+    middle = scene.means[:, 0].abs() < 1
+    before, later = covariances(scene)[middle, 0, 0], covariances(after)[middle, 0, 0]
+    assert 1.1 < float((later / before).sqrt().median()) < 1.4
+
+
+def test_covariances_follow_the_jacobian_of_needles_and_discs():
+    scene = bar(40)
+    scales = torch.tensor(((-2.0, -14.0, -14.0), (-2.0, -2.0, -16.0))).repeat(20, 1)
+    scene = replace(scene, log_scales=scales)
+    jacobians = np.eye(3) + 0.3 * np.random.default_rng(0).normal(size=(40, 3, 3))
+    jacobians[np.linalg.det(jacobians) < 0.1] = np.eye(3)
+    after = carried(scene, scene.means.double().numpy(), jacobians)
+    j = torch.from_numpy(jacobians)
+    expected = j @ covariances(scene) @ j.mT
+    assert torch.allclose(covariances(after), expected, atol=1e-6 * float(expected.max()))
+    volume = torch.linalg.det(j).abs()
+    assert torch.allclose(carried_volume(scene, after), volume, rtol=1e-4)
+
+
+def test_each_gaussian_has_its_own_turn_of_sh():
+    sh = bar(6, degree=3).sh.numpy()
+    turns = np.stack([axis_rotation(np.array((1.0, i, -0.5)), 40.0 * i) for i in range(6)])
+    each = rotate_sh_each(sh, turns)
+    for i in range(6):
+        assert np.allclose(each[i], rotate_sh(sh[i : i + 1], turns[i])[0], atol=1e-5)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_a_few_places_and_coincident_ones_move_with_their_handle(count):
+    scene = bar(count * 5)
+    places = torch.arange(count)[:, None] * torch.tensor((1.0, 0.0, 0.0))
+    scene = replace(scene, means=places.repeat(5, 1))
+    after = bend(scene, all_of(scene), [Handle((0.0, 0.0, 0.0), (0.0, 1.0, 0.0))]).scene
+    assert torch.allclose(after.means, scene.means + torch.tensor((0.0, 1.0, 0.0)), atol=1e-5)
+    assert all(torch.isfinite(each).all() for each in vars(after).values())
+
+
+@pytest.mark.parametrize(
+    ("handles", "message"),
+    [
+        ([], "no handle"),
+        ([Handle((0.0, 0, 0), (0.0, 0, 1)), Handle((0.0, 0, 0), (0.0, 1, 0))], "two places"),
+        ([Handle((50.0, 0, 0), (0.0, 0, 1))], "from what is inside"),
+        ([Handle((float("nan"), 0, 0), (0.0, 0, 1))], "finite"),
+        (
+            [Handle((-2.0, 0, 0), (2.0, 0, 0), 0.7), Handle((2.0, 0, 0), (-2.0, 0, 0), 0.7),
+             Handle((0.0, 0, 0), (0.0, 0, 0), 0.7)],
+            "fold space",
+        ),
+    ],
+)  # fmt: skip
+def test_handles_that_cannot_be_are_refused(handles, message):
+    scene = bar()
+    with pytest.raises(UsageError, match=message):
+        bend(scene, all_of(scene), handles)
+
+
+def test_empty_regions_and_cages_are_refused():
+    scene = bar(10)
+    with pytest.raises(UsageError, match="region"):
+        bend(scene, ~all_of(scene), bent_up())
+    with pytest.raises(UsageError, match="cage"):
+        bend(scene, all_of(scene), bent_up(), ~all_of(scene))
+
+
+def test_a_click_is_the_point_of_the_surface():
+    scene = replace(bar(3000), logit_opacities=torch.full((3000,), 3.0))
+    eye, middle, up = (torch.tensor(each).double() for each in ((0, -5, 0), (0, 0, 0), (0, 0, 1)))
+    camera = look_at(eye, middle, up, 50.0, 101, 101)
+    place = point_at(scene, camera, 50.5, 50.5)
+    assert abs(float(place[0])) < 0.01 and abs(float(place[2])) < 0.01
+    assert -0.3 < float(place[1]) < 0.1
+    with pytest.raises(UsageError, match="nothing is seen"):
+        point_at(scene, camera, 50.5, 2.5)
+    with pytest.raises(UsageError, match="outside"):
+        point_at(scene, camera, 101.5, 2.5)
