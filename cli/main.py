@@ -22,6 +22,7 @@ from .core.ranks import cause, end, leave, meet
 from .core.renamed import new_command
 from .verbs.align import align
 from .verbs.bench import bench
+from .verbs.bend import bend
 from .verbs.capture import capture
 from .verbs.clean import clean
 from .verbs.convert import convert
@@ -47,7 +48,7 @@ EDITING = (edit, make, style)
 CAPTURING = (capture, fit)
 LOOKING = (info, select, view, render, diff, metrics)
 CHANGING = (
-    convert, filter_, clean, decimate, merge, transform, align, recolor,
+    convert, filter_, clean, decimate, merge, transform, bend, align, recolor,
 )  # fmt: skip
 """Verbs that change a scene, and can follow each other in one command."""
 

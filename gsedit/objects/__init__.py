@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING
 from rasterizer.lazy import make_lazy
 
 if TYPE_CHECKING:
+    from gsedit.objects.bending.bend import Handle, bend
+    from gsedit.objects.bending.click import point_at
+    from gsedit.objects.growth.grow import grow
     from gsedit.objects.selecting.click import Click, Selector, select_at
     from gsedit.objects.selecting.segment import Segments, segment
 

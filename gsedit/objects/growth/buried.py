@@ -7,6 +7,7 @@ their old color they would be seen through it. `n` Gaussians, `m` new ones; `h w
 from __future__ import annotations
 
 from dataclasses import replace
+from math import tau
 
 import torch
 from jaxtyping import Float
@@ -14,37 +15,43 @@ from torch import Tensor
 
 from gsedit.light.color_change import step
 from gsedit.objects.growth.layer import Patch
+from gsedit.objects.growth.relief import Relief
 from gsedit.scene.neighbors import k_nearest
+from rasterizer.numerics import AUTO, Execution
+from rasterizer.project import rotation_matrices
+from rasterizer.render import backproject
 from rasterizer.scene import Gaussians
 
-DEEP = 5.0
-"""Depth under the surface, in pixels, up to which Gaussians are of the surface; and, for wide ones,
-in their own largest standard deviations, with half of DEEP."""
-FACING = (0.0, 0.4)
-"""Cosine between a normal and the axis from which a surface begins to be covered, and is."""
-HIDDEN = (0.3, 0.9)
-"""Share of a pixel that is hidden at which what is under it begins to take a color, and has it."""
+SEEN = (0.03, 0.2)
+"""Share of a Gaussian that is seen along the axis from which it begins to be of the surface, and
+is."""
+HIDDEN = (0.3, 0.8)
+"""Share of what is seen of it that is hidden from which it begins to take a color, and has it."""
 NEAREST = 4
 """New Gaussians whose mean color one takes."""
 
 
 def buried(
-    scene: Gaussians, patch: Patch, hidden: Float[Tensor, "h w"]
+    scene: Gaussians, patch: Patch, hidden: Float[Tensor, "h w"], execution: Execution = AUTO
 ) -> Float[Tensor, " n"]:
     """Share, in [0, 1], that a layer covers of each Gaussian, from what it hides of each pixel."""
-    site, relief = patch.site, patch.relief
-    h, w = relief.there.shape
-    points = site.setting.found.surface.points[site.rows]
-    offset = points - relief.points[0, 0]
-    column = (offset @ relief.right / relief.pixel).round().long().clamp(0, w - 1)
-    row = (offset @ relief.down / relief.pixel).round().long().clamp(0, h - 1)
-    below = relief.heights[row, column] - points @ relief.axis
-    reach = (DEEP / 2 * scene.scales[site.rows].amax(-1).double()).clamp_min(DEEP * relief.pixel)
-    near = step(below / reach, 2.0, 1.0)
-    facing = step(site.setting.found.surface.normals[site.rows] @ relief.axis, *FACING)
+    relief, rows = patch.relief, patch.site.rows
+    part = scene[rows]
+    maps = torch.stack((hidden, torch.ones_like(hidden), torch.zeros_like(hidden)), -1)
+    covered, seen, _ = backproject(part, relief.camera, maps, execution=execution).double().T
+    mean = covered / seen.clamp_min(1e-9)
     share = torch.zeros(len(scene), dtype=torch.float64)
-    share[site.rows] = near * facing * step(hidden[row, column], *HIDDEN)
+    share[rows] = step(seen / _area(part, relief), *SEEN) * step(mean, *HIDDEN)
     return share
+
+
+def _area(part: Gaussians, relief: Relief) -> Float[Tensor, " k"]:
+    """Sum of each Gaussian's opacity over the pixels, with nothing before it; at least one pixel's.
+    """
+    plane = torch.stack((relief.right, relief.down)) / relief.pixel
+    axes = plane @ rotation_matrices(part.quats.double()) * part.scales.double()[:, None]
+    spread = torch.linalg.det(axes @ axes.mT).clamp_min(0).sqrt()
+    return tau * part.opacities.double() * spread.clamp_min(1 / tau)
 
 
 def in_colors_of(scene: Gaussians, share: Float[Tensor, " n"], new: Gaussians) -> Gaussians:

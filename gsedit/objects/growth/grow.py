@@ -42,6 +42,8 @@ TAIL = 0.02
 """Share of the centers, on either side, that an extent leaves out."""
 RIM = 2
 """Pixels at the end of a surface that nothing lies on."""
+FINEST = 0.5
+"""Least pixel, in the width of the Gaussians of a surface: finer ones show them, not it."""
 SIDES = 0.3
 """Height of the four sides from which walls are looked at, against their distance."""
 
@@ -70,11 +72,16 @@ def grow(
     new = _made(scene, patches, growth, amount, cameras, execution)
     if not len(new):
         raise UsageError(f"{name} lies nowhere: nothing inside {growth.nowhere}; choose more of it")
-    return _grown(scene, name, growth, patches, new)
+    return _grown(scene, name, growth, patches, new, execution)
 
 
 def _grown(
-    scene: Gaussians, name: str, growth: Growth, patches: list[Patch], new: Gaussians
+    scene: Gaussians,
+    name: str,
+    growth: Growth,
+    patches: list[Patch],
+    new: Gaussians,
+    execution: Execution,
 ) -> Outcome:
     """The scene with what grew on it, and what that hides in its color."""
     k = max(scene.sh.shape[1], new.sh.shape[1])
@@ -82,7 +89,7 @@ def _grown(
     share = torch.zeros(len(scene), dtype=torch.float64)
     if growth.hides:
         for patch in patches:
-            share = torch.maximum(share, buried(scene, patch, hidden(patch, growth)))
+            share = torch.maximum(share, buried(scene, patch, hidden(patch, growth), execution))
     grown = concatenate(in_colors_of(before, share, new), new)
     origin = torch.cat((torch.arange(len(scene)), torch.full((len(new),), NEW)))
     changed = torch.cat((share > 0, torch.ones(len(new), dtype=torch.bool)))
@@ -152,7 +159,7 @@ def _patches(
 ) -> list[Patch]:
     """Patches of a growth on the site; as fine as the number of Gaussians allows."""
     axes = _axes(site, growth)
-    pixel = growth.grain * site.size
+    pixel = max(growth.grain * site.size, FINEST * _width(scene[site.rows]))
     ends = site.setting.found.surface.points[site.rows]
     sides = (ends.amax(0) - ends.amin(0)).sort().values[1:]
     pixel = max(pixel, sqrt(float(sides.prod()) / MOST_PIXELS))
@@ -163,6 +170,11 @@ def _patches(
         if count <= MOST_NEW:
             return patches
         pixel *= COARSER * sqrt(count / MOST_NEW)
+
+
+def _width(part: Gaussians) -> float:
+    """Median of the middle standard deviations of Gaussians."""
+    return float(part.scales.sort(-1).values[:, 1].median())
 
 
 def _axes(site: Site, growth: Growth) -> Float[Tensor, "a 3"]:

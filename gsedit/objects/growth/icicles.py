@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from gsedit.cameras.orbit import perpendicular
 from gsedit.objects.growth.bodies import layer
 from gsedit.objects.growth.layer import Patch, assembled
 from gsedit.objects.growth.table import Growth
+from gsedit.scene.neighbors import k_nearest
 from rasterizer.numerics import sh_to_color
 from rasterizer.scene import Gaussians, concatenate
 
@@ -26,6 +27,12 @@ FREE = 0.8
 """Longest icicle, in the fall of the edge that it hangs from."""
 FALL_PIXELS = 3
 """Pixels beyond an edge within which the surface under it is looked for."""
+LEAST_FALL = 0.4
+"""Fall of an edge that an icicle hangs from, in the longest."""
+BESIDE = 4
+"""Pixels from an edge within which ice lies that drips from it."""
+SHORTEST = 0.12
+"""Shortest icicle, in the longest."""
 OPACITY = 0.72
 
 
@@ -34,36 +41,43 @@ def iced(patch: Patch, growth: Growth, amount: float) -> Gaussians:
     glaze = layer(patch, growth)
     if not len(glaze):
         return glaze
-    colors = torch.zeros_like(patch.relief.points)
-    colors[patch.lies] = sh_to_color(glaze.sh[:, 0].double())
+    colors = sh_to_color(glaze.sh[:, 0].double())
     return concatenate(glaze, icicles(patch, growth, amount, colors))
 
 
-def icicles(patch: Patch, growth: Growth, amount: float, colors: Float[Tensor, "h w 3"]) -> Gaussians:
-    """Icicles along the edges of what is iced, no longer than the edge falls; `colors` are those
-    of the ice, a pixel each."""
+def icicles(
+    patch: Patch, growth: Growth, amount: float, glaze: Float[Tensor, "p 3"]
+) -> Gaussians:
+    """Icicles along the edges of what is iced, no longer than the edge falls; `glaze` are the
+    display colors of what is iced, `p` pixels."""
     random = np.random.default_rng(2)
     longest = LENGTH * amount * growth.thickness * patch.site.size
-    points, fall, rows = _edges(patch, longest)
+    points, fall, pixels = _edges(patch, longest)
     share = min(1.0, patch.relief.pixel / (APART * RADIUS * longest))
-    kept = torch.from_numpy(random.random(len(points)) < share) & (fall > 0.1 * longest)
+    kept = torch.from_numpy(random.random(len(points)) < share)
     points, fall = points[kept], fall[kept]
-    length = longest * torch.from_numpy(random.beta(1.6, 2.6, len(points)) + 0.12)
-    length = torch.minimum(length, FREE * fall)
-    tint = colors[rows[kept].unbind(-1)]
-    return _hanging(points, length, tint, patch)
+    length = longest * torch.from_numpy(random.beta(1.6, 2.6, len(points)) + SHORTEST)
+    near = k_nearest(patch.lies.nonzero().double().numpy(), pixels[kept].double().numpy(), 1)[1][:, 0]
+    tint = glaze[torch.from_numpy(near)]
+    return _hanging(points, torch.minimum(length, FREE * fall), tint, patch)
 
 
-def _edges(patch: Patch, longest: float) -> tuple[Float[Tensor, "m 3"], Float[Tensor, " m"], Tensor]:
-    """Points under which what is iced ends, how far the surface falls there, and their pixels."""
+def _edges(
+    patch: Patch, longest: float
+) -> tuple[Float[Tensor, "m 3"], Float[Tensor, " m"], Int[Tensor, "m 2"]]:
+    """Points of edges beside what is iced, how far the surface falls there, and their pixels."""
     relief = patch.relief
-    heights = relief.heights.masked_fill(~relief.there, float(relief.heights[relief.there].min()) - longest)
-    wide = 2 * FALL_PIXELS + 1
-    low = -torch.nn.functional.max_pool2d(-heights[None, None], wide, 1, FALL_PIXELS)[0, 0]
-    fall = (heights - low).clamp_max(4 * longest)
-    near_end = relief.brinks(0.4 * longest)
-    edge = near_end & patch.lies
+    heights = relief.heights
+    bottom = float(heights[relief.there].min()) - longest  # where nothing is, a fall is far
+    heights = heights.masked_fill(~relief.there, bottom)
+    fall = heights + _most(-heights, FALL_PIXELS)
+    edge = relief.brinks(LEAST_FALL * longest) & (_most(patch.lies.double(), BESIDE) > 0)
     return relief.points[edge], fall[edge], edge.nonzero()
+
+
+def _most(values: Float[Tensor, "h w"], pixels: int) -> Float[Tensor, "h w"]:
+    """The largest value within some pixels of each."""
+    return torch.nn.functional.max_pool2d(values[None, None], 2 * pixels + 1, 1, pixels)[0, 0]
 
 
 def _hanging(

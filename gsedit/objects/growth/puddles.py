@@ -95,8 +95,7 @@ def water(
     middle = points.mean(0).to(scene.means)
     around = surroundings_at(over, middle, NEAR * size, plane.normal, execution, seen_from)
     sh = _reflecting(over, plane, points, bottom, seen_from, around, execution)
-    up = replace(relief, axis=plane.normal)
-    flat = discs(points, plane.normal.expand_as(points), up, growth.opacity, bottom)
+    flat = discs(points, plane.normal.expand_as(points), relief, growth.opacity, bottom)
     return replace(flat, sh=sh.float())
 
 

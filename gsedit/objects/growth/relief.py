@@ -37,18 +37,32 @@ CUT = 0.002
 class Relief:
     """Heights of a surface seen along an axis, one a pixel."""
 
-    axis: Float[Tensor, "3"]
-    """Unit vector from the surface to the eye."""
-    pixel: float
-    """Side of a pixel."""
+    camera: Camera
+    """The eye, far away, with parallel rays."""
     points: Float[Tensor, "h w 3"]
     """Surface under the center of each pixel; its height counts where `there` is set."""
-    right: Float[Tensor, "3"]
-    """World direction of the columns."""
-    down: Float[Tensor, "3"]
-    """World direction of the rows."""
     there: Bool[Tensor, "h w"]
     """Whether there is a surface."""
+
+    @property
+    def axis(self) -> Float[Tensor, "3"]:
+        """Unit vector from the surface to the eye."""
+        return -self.camera.rotation[2].double()
+
+    @property
+    def right(self) -> Float[Tensor, "3"]:
+        """World direction of the columns."""
+        return self.camera.rotation[0].double()
+
+    @property
+    def down(self) -> Float[Tensor, "3"]:
+        """World direction of the rows."""
+        return self.camera.rotation[1].double()
+
+    @property
+    def pixel(self) -> float:
+        """Side of a pixel."""
+        return 1 / self.camera.fx
 
     @property
     def heights(self) -> Float[Tensor, "h w"]:
@@ -131,19 +145,8 @@ def relief_of(
     assert median is not None and mean is not None
     # the mean has no steps between Gaussians, but is of two surfaces at silhouettes
     depth = torch.where((mean - median).abs() < STEP * pixel, mean, median)
-    return _cleaned(_relief(camera, depth.double(), axis, right, down, pixel))
-
-
-def _relief(
-    camera: Camera,
-    depth: Float[Tensor, "h w"],
-    axis: Float[Tensor, "3"],
-    right: Float[Tensor, "3"],
-    down: Float[Tensor, "3"],
-    pixel: float,
-) -> Relief:
-    points = camera.unproject(camera.pixel_centers().double(), depth)
-    return Relief(axis, pixel, points, right, down, depth > 0)
+    points = camera.unproject(camera.pixel_centers().double(), depth.double())
+    return _cleaned(Relief(camera, points, depth > 0))
 
 
 def _cleaned(relief: Relief) -> Relief:

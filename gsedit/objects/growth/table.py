@@ -51,7 +51,7 @@ class Growth:
 
 GROWTHS: dict[str, Growth] = {
     "snow": Growth(
-        where.snowy, "layer", 0.04, 0.004, (0.6, 0.71, 0.92), (1.12, 1.12, 1.12),
+        where.snowy, "layer", 0.04, 0.004, (0.58, 0.69, 0.9), (0.99, 0.995, 1.01),
         "faces up and sees the sky", smooth=16,
     ),
     "moss": Growth(
@@ -63,8 +63,8 @@ GROWTHS: dict[str, Growth] = {
         "faces up", opacity=0.75, mottle=0.04, edge=0.1,
     ),
     "ice": Growth(
-        where.icy, "ice", 0.006, 0.004, (0.62, 0.76, 0.88), (0.93, 0.98, 1.02),
-        "faces up and sees the sky", opacity=0.5, mottle=0.05, hides=False,
+        where.icy, "ice", 0.006, 0.004, (0.6, 0.76, 0.88), (0.82, 0.92, 0.98),
+        "faces up and sees the sky", opacity=0.2, mottle=0.08, hides=False,
     ),
     "leaves": Growth(
         where.littered, "leaves", 0.045, 0.006, (0.75, 0.72, 0.72), (1.0, 1.0, 1.0),

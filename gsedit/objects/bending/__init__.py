@@ -1,0 +1,1 @@
+"""Bending by handles: what is between them follows as rigidly as possible."""

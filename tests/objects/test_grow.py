@@ -1,0 +1,218 @@
+"""Growth: it lies where it should, stands out at the side, and leaves the rest as it was."""
+
+from dataclasses import fields, replace
+from functools import cache
+
+import pytest
+import torch
+
+from gsedit.cameras.orbit import orbit
+from gsedit.errors import UsageError
+from gsedit.objects.growth import grow as growing
+from gsedit.objects.growth.grow import grow
+from gsedit.objects.growth.table import GROWTHS
+from gsedit.objects.outcome import NEW
+from gsedit.synthetic.paint import plain
+from gsedit.synthetic.scene import SyntheticScene
+from gsedit.synthetic.shapes import cylinder, sphere, translate, union
+from gsedit.synthetic.splats import surface_gaussians
+from rasterizer.camera import look_at
+from rasterizer.harmonics import basis
+from rasterizer.render import render
+from rasterizer.scene import Gaussians
+
+UP = torch.tensor((0.0, 0.0, 1.0), dtype=torch.float64)
+BALL, TABLE, FLOOR = 0.35, 0.28, -0.55
+
+
+@cache
+def stage():
+    """A ball on a table with one leg, on a wide floor; z is up."""
+    solids = union(
+        sphere(BALL, (0.0, 0.0, TABLE + BALL)),
+        translate(cylinder(0.6, 0.05, 0.02), (0, 0, TABLE - 0.05)),
+        translate(cylinder(0.08, 0.4), (0, 0, -0.15)),
+        translate(cylinder(1.3, 0.05, 0.02), (0, 0, FLOOR - 0.05)),
+    )
+    gray, sky = plain((0.5, 0.45, 0.4)), torch.tensor((0.8, 0.9, 1.0))
+    scene = SyntheticScene("stage", solids, gray, sky, 1.5, UP)
+    return surface_gaussians(scene, 9000, torch.Generator().manual_seed(0))
+
+
+@cache
+def cameras():
+    return orbit(stage(), 8, 96, up=UP, elevation=25.0)
+
+
+@cache
+def grown(name, amount=1.0):
+    return grow(stage(), name, amount, None, cameras())
+
+
+def added(outcome):
+    return outcome.scene[outcome.origin == NEW]
+
+
+def view(eye, middle=(0.0, 0.0, 0.0), up=(0.0, 0.0, 1.0)):
+    eye, middle, up = (torch.tensor(each, dtype=torch.float64) for each in (eye, middle, up))
+    return look_at(eye, middle, up, 40.0, 128, 128)
+
+
+@pytest.mark.parametrize("name", list(GROWTHS))
+def test_rows_keep_their_places_and_what_is_not_changed_its_bits(name):
+    scene, after = stage(), grown(name)
+    count = len(scene)
+    assert after.origin[:count].tolist() == list(range(count))
+    assert bool((after.origin[count:] == NEW).all()) and bool(after.changed[count:].all())
+    assert 0 < len(after.scene) - count <= growing.MOST_NEW
+    assert f"{len(after.scene) - count:,} Gaussians were added" in after.notes[0]
+    kept = ~after.changed[:count]
+    for field in fields(Gaussians):
+        before, now = getattr(scene, field.name), getattr(after.scene[:count], field.name)
+        if field.name == "sh":
+            assert not now[:, before.shape[1] :][kept].any()
+            now = now[:, : before.shape[1]][kept]
+            assert torch.equal(now, before[kept])
+        else:
+            assert torch.equal(now, before)
+    assert all(torch.isfinite(getattr(after.scene, each.name)).all() for each in fields(Gaussians))
+
+
+def test_snow_stands_out_at_the_side_and_more_of_it_the_more():
+    side = view((0.0, -4.0, TABLE + 2 * BALL), (0.0, 0.0, TABLE + 2 * BALL))
+    band = slice(64 - 12, 64 - 2)  # rows of pixels just over the top of the ball
+
+    def alpha(scene):
+        return float(render(scene, side).alpha[band, 54:74].mean())
+
+    before, usual, thick = (alpha(each) for each in (
+        stage(), grown("snow").scene, grown("snow", 2.0).scene
+    ))  # fmt: skip
+    assert usual > before + 0.1
+    assert thick > usual + 0.1
+
+
+@pytest.mark.parametrize("name", ["snow", "dust", "leaves", "puddles"])
+def test_from_below_nothing_changes(name):
+    below = view((0.3, -0.4, -4.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    before, after = render(stage(), below), render(grown(name).scene, below)
+    different = (before.color - after.color).abs().amax(-1)
+    assert float(different.mean()) < 4e-3  # gaps between the Gaussians of a thin floor
+    assert float((different > 0.1).double().mean()) < 4e-3
+
+
+def test_the_underside_and_what_is_under_the_table_get_no_snow():
+    after = grown("snow")
+    means = stage().means
+    belly = ((means - torch.tensor((0, 0, TABLE + BALL))).norm(dim=1) < BALL) & (
+        means[:, 2] < TABLE + 0.8 * BALL
+    )
+    assert belly.sum() > 100 and not (after.changed[: len(means)] & belly).any()
+    x, y, z = added(after).means.T
+    under = (torch.hypot(x, y) < 0.3) & (z < TABLE - 0.1)
+    assert not under.any()
+    assert (z > TABLE + 1.5 * BALL).any() and (z < FLOOR + 0.2).any()
+
+
+def test_snow_is_thickest_in_the_middle_of_the_table_and_thin_at_its_edge():
+    x, y, z = added(grown("snow")).means.T
+    away = torch.hypot(x, y)
+    on_table = (z > TABLE - 0.03) & (z < TABLE + 0.3)
+    middle, rim = on_table & (away > 0.44) & (away < 0.52), on_table & (away > 0.55)
+    assert float(z[middle].mean()) > float(z[rim].mean()) + 0.01
+
+
+def test_snow_is_shaded():
+    sh = added(grown("snow")).sh[:, 0]
+    luminance = sh.mean(1)
+    assert float(luminance.quantile(0.95) - luminance.quantile(0.05)) > 0.1
+
+
+def test_moss_grows_on_walls_and_dust_does_not():
+    def on_the_leg(name):
+        x, y, z = added(grown(name)).means.T
+        return int(((torch.hypot(x, y) < 0.13) & (z < 0.1) & (z > FLOOR + 0.05)).sum())
+
+    assert on_the_leg("moss") > 20
+    assert on_the_leg("dust") == 0
+
+
+def test_icicles_hang_from_the_edge_of_the_table_and_end_over_the_floor():
+    x, y, z = added(grown("ice")).means.T
+    hanging = (torch.hypot(x, y) > 0.5) & (torch.hypot(x, y) < 0.68) & (z < TABLE - 0.12)
+    hanging &= z > FLOOR + 0.1
+    assert hanging.sum() > 20
+    assert float(z.min()) > FLOOR - 0.3
+
+
+def test_leaves_lie_on_what_is_level():
+    new = added(grown("leaves"))
+    heights = new.means[:, 2]
+    floor, table = (heights - FLOOR).abs() < 0.15, (heights - TABLE).abs() < 0.15
+    ball = heights > TABLE + 1.5 * BALL
+    assert bool((floor | table | ball).all()) and int(floor.sum()) > 500
+
+
+def test_puddles_are_level_and_mirror():
+    after = grown("puddles")
+    new = added(after)
+    assert float(new.means[:, 2].std()) < 0.01
+    assert after.scene.degree == 3 and "degree 3" in after.notes[1]
+
+
+def test_puddles_show_what_stands_behind_them():
+    scene, eye = stage(), cameras()[0].center.float()
+
+    def redness(color):
+        sh = scene.sh.clone()
+        sh[scene.means[:, 2] > FLOOR + 0.05] = torch.tensor(color)
+        new = added(grow(replace(scene, sh=sh), "puddles", 1.0, None, cameras()))
+        near = (new.means[:, :2] * eye[:2]).sum(1) > 0.3 * eye[:2].norm()
+        ways = torch.nn.functional.normalize(new.means[near] - eye, dim=-1)
+        shown = torch.einsum("nk,nkc->nc", basis(ways, 3), new.sh[near])
+        return float((shown[:, 0] - shown[:, 1]).median())
+
+    assert redness((1.5, -1.5, -1.5)) > redness((-1.5, 1.5, -1.5)) + 0.3
+
+
+def test_only_the_part_gets_any():
+    scene = stage()
+    floor = scene.means[:, 2] < FLOOR + 0.05
+    after = grow(scene, "snow", 1.0, floor, cameras())
+    assert float(added(after).means[:, 2].max()) < FLOOR + 0.3
+    assert not after.changed[: len(scene)][~floor].any()
+
+
+def test_growth_is_the_same_every_time_and_needs_no_cameras():
+    first, second = (grow(stage(), "leaves", 0.5) for _ in range(2))
+    for field in fields(Gaussians):
+        assert torch.equal(getattr(first.scene, field.name), getattr(second.scene, field.name))
+
+
+def test_the_number_of_new_gaussians_is_bounded(monkeypatch):
+    monkeypatch.setattr(growing, "MOST_NEW", 3000)
+    for name in ("snow", "leaves", "moss"):
+        after = grow(stage(), name, 2.0, None, cameras())
+        assert 0 < len(added(after)) <= 3000
+
+
+@pytest.mark.parametrize(
+    ("name", "amount", "message"),
+    [("sand", 1.0, "there is no growth 'sand'"), ("snow", 50.0, "out of range"),
+     ("snow", float("nan"), "out of range")],
+)  # fmt: skip
+def test_what_there_is_not_is_refused(name, amount, message):
+    with pytest.raises(UsageError, match=message):
+        grow(stage(), name, amount)
+
+
+def test_where_it_can_lie_nowhere_it_is_refused():
+    scene = stage()
+    x, y, z = scene.means.T
+    leg = (torch.hypot(x, y) < 0.1) & (z < 0.1) & (z > FLOOR + 0.1)
+    for inside in (leg, torch.zeros(len(scene), dtype=torch.bool)):
+        with pytest.raises(UsageError, match="snow lies nowhere: nothing inside faces up"):
+            grow(scene, "snow", 1.0, inside, cameras())
+    faint = replace(scene, logit_opacities=torch.full((len(scene),), -9.0))
+    with pytest.raises(UsageError, match="lies nowhere"):
+        grow(faint, "moss", 1.0, None, cameras())
