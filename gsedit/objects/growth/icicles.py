@@ -27,7 +27,7 @@ FREE = 0.8
 """Longest icicle, in the fall of the edge that it hangs from."""
 FALL_PIXELS = 3
 """Pixels beyond an edge within which the surface under it is looked for."""
-LEAST_FALL = 0.4
+LEAST_FALL = 0.6
 """Fall of an edge that an icicle hangs from, in the longest."""
 BESIDE = 4
 """Pixels from an edge within which ice lies that drips from it."""

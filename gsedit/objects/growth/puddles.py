@@ -17,6 +17,7 @@ from torch import Tensor
 
 from gsedit.cameras.around import find_viewpoints
 from gsedit.datasets.dataset import evenly_spaced
+from gsedit.light.color_change import step
 from gsedit.objects.growth.layer import Patch, discs
 from gsedit.objects.growth.relief import FEWEST
 from gsedit.objects.growth.table import Growth
@@ -34,17 +35,20 @@ from rasterizer.scene import Gaussians
 
 DEGREE = 3
 """SH degree of what mirrors."""
-VIEWS, VIEW_PIXELS = 32, 256
-"""Most cameras that reflections are taken from, and the longer side of their pictures."""
+VIEWS, VIEW_PIXELS = 32, 128
+"""Most cameras that reflections are taken from, and the longer side of their pictures: finer ones
+hold more than SH of degree 3 can show, which would be noise."""
 WAVER = 3.0
 """Distance from the plane, in pixels, up to which ground is level with it."""
-HEAD_ON, GRAZING = 0.45, 3.0
+HEAD_ON, GRAZING = 0.55, 3.0
 """Share that water mirrors seen from above, more than physics' 0.02 as a puddle is looked at for
 that; and the power of 1 - cosine that takes it to 1 at grazing angles."""
 NEAR = 0.02
 """Distance from the middle of the water, in the part's size, from which its surroundings count."""
 STIFF = (1e-4, 1e-3, 2e-3, 4e-3)
 """Penalty of the squared coefficients of each degree, against the mean squared error."""
+SHORE = 0.9
+"""Share of a place from which it is under water, not only wet."""
 MARGIN = 2.0
 """Height over the water, in pixels, under which nothing is mirrored: it is the shore itself."""
 ROWS = 2048
@@ -95,16 +99,20 @@ def water(
     middle = points.mean(0).to(scene.means)
     around = surroundings_at(over, middle, NEAR * size, plane.normal, execution, seen_from)
     sh = _reflecting(over, plane, points, bottom, seen_from, around, execution)
-    flat = discs(points, plane.normal.expand_as(points), relief, growth.opacity, bottom)
+    shore = step(patch.share[patch.lies], growth.edge, SHORE)
+    flat = discs(points, plane.normal.expand_as(points), relief, growth.opacity * shore, bottom)
     return replace(flat, sh=sh.float())
 
 
 def _plane(patch: Patch) -> Water:
-    """The level plane that most of a patch is on."""
-    ground, up = patch.relief.points[patch.lies], patch.site.up
-    normal, offset = refined_plane(
-        ground.numpy(), up.numpy(), float((ground @ up).median()), WAVER * patch.relief.pixel
-    )
+    """The level plane that most of a patch is on, near the middle of the scene."""
+    ground, up, pixel = patch.relief.points[patch.lies], patch.site.up, patch.relief.pixel
+    height = ground @ up
+    near = (ground - patch.site.setting.found.place.center).norm(dim=-1) / patch.site.size
+    layer = ((height - height.min()) / (WAVER * pixel)).long()
+    votes = torch.zeros(int(layer.max()) + 1).double().index_add_(0, layer, torch.exp(-near.square()))
+    level = float(height[layer == int(votes.argmax())].median())
+    normal, offset = refined_plane(ground.numpy(), up.numpy(), level, WAVER * pixel)
     return Water(torch.from_numpy(normal), float(offset))
 
 

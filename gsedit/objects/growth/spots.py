@@ -3,18 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
 from gsedit.light.color_change import step
+from gsedit.light.present import received
 from gsedit.light.surface import Surface
 from gsedit.scene.neighbors import k_nearest
+from gsedit.scene.quantiles import weighted_quantile
 from gsedit.scenery.setting import Setting
 from gsedit.surface.noise import noise
 from gsedit.toolkit.grade import GAMMA
 
+EVEN = 0.5
+"""Share of an even sky in the light: the present one is told from colors that are not its own."""
+BRIGHT, WELL_LIT, DARKEST = 0.98, 0.45, 0.1
+"""Rank among what is seen of what is bright, its linear luminance in a picture that is lit well,
+and the least exposure: in a dark picture nothing new is bright."""
+BEST, LEAST_BEST = 0.9, 0.6
+"""Rank of the light on places that counts as open, and the least that does: haze and walls around
+dim all of a part alike."""
 NEAREST = 6
 """Gaussians around a place that say what is known of it."""
 
@@ -28,6 +39,13 @@ class Site:
     """Its Gaussians."""
     size: float
     """Its extent, world units: thicknesses are shares of it."""
+
+    @cached_property
+    def exposure(self) -> float:
+        """Factor, at most 1, of light in a picture that is dark."""
+        seen = self.setting.found.seen
+        bright = weighted_quantile(self.setting.luminance[:, None], seen, BRIGHT)
+        return min(max(float(bright) / WELL_LIT, DARKEST), 1.0)
 
     @property
     def up(self) -> Float[Tensor, "3"]:
@@ -99,10 +117,12 @@ class Spots:
             self.points, self.normals, torch.ones(len(self)).double(), self.near, old.directions,
             self.mean(old.open), old.occluders, old.place,
         )  # fmt: skip
-        light, trust = found.falling_on(here), self.mean(found.trust)
+        present = torch.lerp(found.falling_on(here), received(here)[:, :-1].sum(1), EVEN)
+        best = float(present.quantile(BEST)) if len(present) < 1 << 20 else 1.0
+        present = present / min(max(best, LEAST_BEST), 1.0)
         near = found.trust * found.seen
         usual = (near @ found.light) / near.sum().clamp_min(1e-12)
-        return usual + trust * (light - usual)
+        return self.site.exposure * (usual + self.mean(found.trust) * (present - usual))
 
     def shaded(
         self, shade: tuple[float, ...], lit: tuple[float, ...], light: Float[Tensor, " m"]

@@ -51,7 +51,7 @@ class Growth:
 
 GROWTHS: dict[str, Growth] = {
     "snow": Growth(
-        where.snowy, "layer", 0.04, 0.004, (0.58, 0.69, 0.9), (0.99, 0.995, 1.01),
+        where.snowy, "layer", 0.04, 0.004, (0.63, 0.72, 0.9), (1.02, 1.025, 1.03),
         "faces up and sees the sky", smooth=16,
     ),
     "moss": Growth(
@@ -60,10 +60,10 @@ GROWTHS: dict[str, Growth] = {
     ),
     "dust": Growth(
         where.dusty, "layer", 0.003, 0.004, (0.5, 0.47, 0.43), (0.74, 0.7, 0.63),
-        "faces up", opacity=0.75, mottle=0.04, edge=0.1,
+        "faces up", opacity=0.45, mottle=0.04, edge=0.1,
     ),
     "ice": Growth(
-        where.icy, "ice", 0.006, 0.004, (0.6, 0.76, 0.88), (0.82, 0.92, 0.98),
+        where.icy, "ice", 0.006, 0.004, (0.66, 0.8, 0.9), (0.9, 0.96, 1.0),
         "faces up and sees the sky", opacity=0.2, mottle=0.08, hides=False,
     ),
     "leaves": Growth(
@@ -71,7 +71,7 @@ GROWTHS: dict[str, Growth] = {
         "is level and sees the sky", mottle=0.12, edge=0.2, hides=False,
     ),
     "puddles": Growth(
-        where.pooled, "water", 0.002, 0.005, (0.42, 0.42, 0.42), (0.42, 0.42, 0.42),
+        where.pooled, "water", 0.002, 0.005, (0.5, 0.5, 0.5), (0.5, 0.5, 0.5),
         "is level", opacity=0.97, smooth=20,
     ),
 }  # fmt: skip

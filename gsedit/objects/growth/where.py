@@ -25,7 +25,7 @@ def dusty(spots: Spots) -> Float[Tensor, " m"]:
 def mossy(spots: Spots) -> Float[Tensor, " m"]:
     """What is damp: low, in crevices and turned from the light, in clumps; ledges more than walls,
     and nothing below."""
-    shade = step(spots.light(), 1.0, 0.55)
+    shade = step(spots.light() / spots.site.exposure, 0.9, 0.45)
     crevices = step(spots.openness, 0.75, 0.3)
     low = step(spots.height, 0.35, 0.02)
     ledge = step(spots.rise, 0.1, 0.75)
