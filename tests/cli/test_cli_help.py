@@ -14,8 +14,8 @@ from gsedit_cli.main import app
 
 VERBS = (
     "edit", "make", "style", "capture", "fit", "info", "select", "view", "render", "diff",
-    "metrics", "convert", "filter", "clean", "decimate", "merge", "transform", "bend", "align", "recolor",
-    "list", "doctor",
+    "metrics", "convert", "filter", "clean", "decimate", "merge", "transform", "bend", "align",
+    "recolor", "list", "doctor",
 )  # fmt: skip
 BENCHMARKS = ("stability", "targets", "edit", "ranks")
 

@@ -113,7 +113,8 @@ def test_nothing_outside_of_the_cage_or_the_region_changes():
     pull = [Handle((2.0, 0.0, 0.0), (1.8, 0.0, 0.6))]
     after = bend(scene, inside, pull, cage)
     still = ~(cage & inside)
-    assert after.changed.any() and not (after.changed & still).any()
+    assert after.changed.any()
+    assert not (after.changed & still).any()
     for name in ("means", "quats", "log_scales", "logit_opacities", "sh"):
         assert torch.equal(getattr(after.scene, name)[still], getattr(scene, name)[still])
     far = (scene.means[:, 0] > 1.8) & inside
@@ -196,7 +197,8 @@ def test_a_click_is_the_point_of_the_surface():
     eye, middle, up = (torch.tensor(each).double() for each in ((0, -5, 0), (0, 0, 0), (0, 0, 1)))
     camera = look_at(eye, middle, up, 50.0, 101, 101)
     place = point_at(scene, camera, 50.5, 50.5)
-    assert abs(float(place[0])) < 0.01 and abs(float(place[2])) < 0.01
+    assert abs(float(place[0])) < 0.01
+    assert abs(float(place[2])) < 0.01
     assert -0.3 < float(place[1]) < 0.1
     with pytest.raises(UsageError, match="nothing is seen"):
         point_at(scene, camera, 50.5, 2.5)

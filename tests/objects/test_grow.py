@@ -36,7 +36,7 @@ def stage():
     )
     gray, sky = plain((0.5, 0.45, 0.4)), torch.tensor((0.8, 0.9, 1.0))
     scene = SyntheticScene("stage", solids, gray, sky, 1.5, UP)
-    return surface_gaussians(scene, 9000, torch.Generator().manual_seed(0))
+    return surface_gaussians(scene, 6000, torch.Generator().manual_seed(0))
 
 
 @cache
@@ -63,7 +63,8 @@ def test_rows_keep_their_places_and_what_is_not_changed_its_bits(name):
     scene, after = stage(), grown(name)
     count = len(scene)
     assert after.origin[:count].tolist() == list(range(count))
-    assert bool((after.origin[count:] == NEW).all()) and bool(after.changed[count:].all())
+    assert bool((after.origin[count:] == NEW).all())
+    assert bool(after.changed[count:].all())
     assert 0 < len(after.scene) - count <= growing.MOST_NEW
     assert f"{len(after.scene) - count:,} Gaussians were added" in after.notes[0]
     kept = ~after.changed[:count]
@@ -107,11 +108,13 @@ def test_the_underside_and_what_is_under_the_table_get_no_snow():
     belly = ((means - torch.tensor((0, 0, TABLE + BALL))).norm(dim=1) < BALL) & (
         means[:, 2] < TABLE + 0.8 * BALL
     )
-    assert belly.sum() > 100 and not (after.changed[: len(means)] & belly).any()
+    assert belly.sum() > 100
+    assert not (after.changed[: len(means)] & belly).any()
     x, y, z = added(after).means.T
     under = (torch.hypot(x, y) < 0.3) & (z < TABLE - 0.1)
     assert not under.any()
-    assert (z > TABLE + 1.5 * BALL).any() and (z < FLOOR + 0.2).any()
+    assert (z > TABLE + 1.5 * BALL).any()
+    assert (z < FLOOR + 0.2).any()
 
 
 def test_snow_is_thickest_in_the_middle_of_the_table_and_thin_at_its_edge():
@@ -150,14 +153,16 @@ def test_leaves_lie_on_what_is_level():
     heights = new.means[:, 2]
     floor, table = (heights - FLOOR).abs() < 0.15, (heights - TABLE).abs() < 0.15
     ball = heights > TABLE + 1.5 * BALL
-    assert bool((floor | table | ball).all()) and int(floor.sum()) > 500
+    assert bool((floor | table | ball).all())
+    assert int(floor.sum()) > 500
 
 
 def test_puddles_are_level_and_mirror():
     after = grown("puddles")
     new = added(after)
     assert float(new.means[:, 2].std()) < 0.01
-    assert after.scene.degree == 3 and "degree 3" in after.notes[1]
+    assert after.scene.degree == 3
+    assert "degree 3" in after.notes[1]
 
 
 def test_puddles_show_what_stands_behind_them():
@@ -184,14 +189,14 @@ def test_only_the_part_gets_any():
 
 
 def test_growth_is_the_same_every_time_and_needs_no_cameras():
-    first, second = (grow(stage(), "leaves", 0.5) for _ in range(2))
+    first, second = (grow(stage(), "leaves", 0.5) for _ in range(2))  # no cameras
     for field in fields(Gaussians):
         assert torch.equal(getattr(first.scene, field.name), getattr(second.scene, field.name))
 
 
 def test_the_number_of_new_gaussians_is_bounded(monkeypatch):
     monkeypatch.setattr(growing, "MOST_NEW", 3000)
-    for name in ("snow", "leaves", "moss"):
+    for name in ("leaves", "moss"):
         after = grow(stage(), name, 2.0, None, cameras())
         assert 0 < len(added(after)) <= 3000
 
@@ -213,6 +218,3 @@ def test_where_it_can_lie_nowhere_it_is_refused():
     for inside in (leg, torch.zeros(len(scene), dtype=torch.bool)):
         with pytest.raises(UsageError, match="snow lies nowhere: nothing inside faces up"):
             grow(scene, "snow", 1.0, inside, cameras())
-    faint = replace(scene, logit_opacities=torch.full((len(scene),), -9.0))
-    with pytest.raises(UsageError, match="lies nowhere"):
-        grow(faint, "moss", 1.0, None, cameras())

@@ -40,10 +40,10 @@ class Handle:
     """A place that is taken somewhere; with the same target it is held."""
 
     point: Point
-    """World units."""
+    """Place before, world units."""
     target: Point
     radius: float | int = 0.0
-    """What is nearer moves with it like a solid; 0: only the place itself is given."""
+    """Distance within which all moves with it like a solid; 0: only the place itself is given."""
     turn: Point | None = None
     """Rotation about the point as an axis times degrees; None: none of what is within the radius,
     any of a place."""
@@ -195,8 +195,8 @@ def _refuse_folds(jacobians: Float64[np.ndarray, "m 3 3"], handles: Sequence[Han
     moves = [np.linalg.norm(np.subtract(each.target, each.point)) for each in handles]
     worst = int(np.argmax(moves)) + 1
     raise UsageError(
-        f"the handles fold space at {folded:,} of {len(jacobians):,} Gaussians: move handle {worst} "
-        "less far, in two bends, or hold fewer places near it"
+        f"the handles fold space at {folded:,} of {len(jacobians):,} Gaussians: move handle "
+        f"{worst} less far, in two bends, or hold fewer places near it"
     )
 
 

@@ -24,7 +24,7 @@ def point_at(
     """
     if not (0 <= x < camera.width and 0 <= y < camera.height):
         raise UsageError(
-            f"pixel {x:g},{y:g} is outside of the picture of {camera.width} x {camera.height} pixels"
+            f"pixel {x:g},{y:g} is outside of the picture, {camera.width} x {camera.height} pixels"
         )
     box = (int(x), int(y), 1, 1)
     depth = render(scene, camera, crop=box, median_depth=True, execution=execution).median_depth

@@ -76,7 +76,9 @@ def spread(
     points: Float64[np.ndarray, "n 3"], first: Float64[np.ndarray, "h 3"]
 ) -> Int64[np.ndarray, " c"]:
     """Rows of at most NODES points, each as far as can be from those before it and from `first`."""
-    rows = np.unique(np.linspace(0, len(points) - 1, min(len(points), SPREAD_OVER)).astype(np.int64))
+    rows = np.unique(
+        np.linspace(0, len(points) - 1, min(len(points), SPREAD_OVER)).astype(np.int64)
+    )
     among = points[rows]
     away = np.full(len(among), np.inf)
     for place in first:

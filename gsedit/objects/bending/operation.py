@@ -47,7 +47,7 @@ class Bend(Whole):
     grips: tuple[Grip, ...]
     selection: Selection = EVERYTHING
     cage: Selection | None = None
-    """What may move; None: all that is selected."""
+    """Gaussians that may move; None: all that are selected."""
     cameras: Path | None = None
     """File of the cameras whose pixels grips name."""
 

@@ -15,7 +15,7 @@ EDGES = 8
 """Nearest nodes that each is tied to."""
 ROUNDS = 400
 """Most rounds of turns, then places."""
-SETTLED = 1e-7
+SETTLED = 1e-6
 """Largest step of a node, in the extent, after which rounds end."""
 LOOSE = 1e-6
 """Weight of a node's last turn against its edges: a lone edge leaves the turn about it open."""

@@ -94,7 +94,10 @@ def leaves(patch: Patch, growth: Growth, amount: float, most: int) -> Gaussians:
     count = min(ceil(amount * LITTER * area / (LEAF_AREA * length**2)), most // len(LEAF))
     rows = torch.from_numpy(random.choice(len(density), count, p=density / density.sum()))
     ground = patch.spots(patch.relief)[rows]
-    shift, tilt = torch.from_numpy(random.uniform(-0.5, 0.5, (count, 2))), random.normal(size=(count, 3))
+    shift, tilt = (
+        torch.from_numpy(random.uniform(-0.5, 0.5, (count, 2))),
+        random.normal(size=(count, 3)),
+    )
     points = ground.points + patch.relief.pixel * (
         shift[:, :1] * patch.relief.right + shift[:, 1:] * patch.relief.down
     )
@@ -107,10 +110,14 @@ def leaves(patch: Patch, growth: Growth, amount: float, most: int) -> Gaussians:
     along = turn.cos() * first + turn.sin() * second
     sizes = length * torch.from_numpy(random.uniform(0.65, 1.2, count))
     lift = length * torch.from_numpy(random.uniform(0.06, LEAF_PILE, count))
-    palette = torch.tensor(AUTUMN).double()[torch.from_numpy(random.integers(len(AUTUMN), size=count))]
+    palette = torch.tensor(AUTUMN).double()[
+        torch.from_numpy(random.integers(len(AUTUMN), size=count))
+    ]
     mottle = torch.from_numpy(1 + growth.mottle * random.normal(size=(count, 1)))
     light = ground.shaded(growth.shade, growth.lit, ground.light())
-    return _leaf_shapes(points + lift[:, None] * normals, along, normals, sizes, palette * mottle * light)
+    return _leaf_shapes(
+        points + lift[:, None] * normals, along, normals, sizes, palette * mottle * light
+    )
 
 
 def _leaf_shapes(

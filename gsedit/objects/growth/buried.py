@@ -46,8 +46,7 @@ def buried(
 
 
 def _area(part: Gaussians, relief: Relief) -> Float[Tensor, " k"]:
-    """Sum of each Gaussian's opacity over the pixels, with nothing before it; at least one pixel's.
-    """
+    """Sum of each Gaussian's opacity over the pixels, with nothing before it; at least one's."""
     plane = torch.stack((relief.right, relief.down)) / relief.pixel
     axes = plane @ rotation_matrices(part.quats.double()) * part.scales.double()[:, None]
     spread = torch.linalg.det(axes @ axes.mT).clamp_min(0).sqrt()

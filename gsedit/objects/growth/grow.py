@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import ceil, sqrt
+from math import sqrt
 
 import torch
 from jaxtyping import Bool, Float
@@ -18,7 +18,7 @@ from gsedit.objects.growth.buried import buried, in_colors_of
 from gsedit.objects.growth.icicles import iced
 from gsedit.objects.growth.layer import Patch, covered, thickness
 from gsedit.objects.growth.puddles import level, water
-from gsedit.objects.growth.relief import Relief, relief_of
+from gsedit.objects.growth.relief import relief_of
 from gsedit.objects.growth.spots import Site
 from gsedit.objects.growth.table import Growth, growth_of
 from gsedit.objects.outcome import NEW, Outcome
@@ -164,7 +164,9 @@ def _patches(
     sides = (ends.amax(0) - ends.amin(0)).sort().values[1:]
     pixel = max(pixel, sqrt(float(sides.prod()) / MOST_PIXELS))
     while True:
-        patches = [_patch(scene, site, growth, amount, pixel, axes, i, execution) for i in range(len(axes))]
+        patches = [
+            _patch(scene, site, growth, amount, pixel, axes, i, execution) for i in range(len(axes))
+        ]
         patches = [patch for patch in patches if bool(patch.lies.any())]
         count = growth.each * sum(int(patch.lies.sum()) for patch in patches)
         if count <= MOST_NEW:

@@ -45,9 +45,7 @@ def iced(patch: Patch, growth: Growth, amount: float) -> Gaussians:
     return concatenate(glaze, icicles(patch, growth, amount, colors))
 
 
-def icicles(
-    patch: Patch, growth: Growth, amount: float, glaze: Float[Tensor, "p 3"]
-) -> Gaussians:
+def icicles(patch: Patch, growth: Growth, amount: float, glaze: Float[Tensor, "p 3"]) -> Gaussians:
     """Icicles along the edges of what is iced, no longer than the edge falls; `glaze` are the
     display colors of what is iced, `p` pixels."""
     random = np.random.default_rng(2)
@@ -57,7 +55,9 @@ def icicles(
     kept = torch.from_numpy(random.random(len(points)) < share)
     points, fall = points[kept], fall[kept]
     length = longest * torch.from_numpy(random.beta(1.6, 2.6, len(points)) + SHORTEST)
-    near = k_nearest(patch.lies.nonzero().double().numpy(), pixels[kept].double().numpy(), 1)[1][:, 0]
+    near = k_nearest(patch.lies.nonzero().double().numpy(), pixels[kept].double().numpy(), 1)[1][
+        :, 0
+    ]
     tint = glaze[torch.from_numpy(near)]
     return _hanging(points, torch.minimum(length, FREE * fall), tint, patch)
 
@@ -81,7 +81,10 @@ def _most(values: Float[Tensor, "h w"], pixels: int) -> Float[Tensor, "h w"]:
 
 
 def _hanging(
-    points: Float[Tensor, "m 3"], length: Float[Tensor, " m"], tint: Float[Tensor, "m 3"], patch: Patch
+    points: Float[Tensor, "m 3"],
+    length: Float[Tensor, " m"],
+    tint: Float[Tensor, "m 3"],
+    patch: Patch,
 ) -> Gaussians:
     up = patch.site.up
     along = (torch.arange(JOINTS).double() + 0.5) / JOINTS

@@ -7,13 +7,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numpy as np
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.cameras.orbit import perpendicular
-from gsedit.objects.growth.relief import FEWEST, Relief
+from gsedit.objects.growth.relief import Relief, without_specks
 from gsedit.objects.growth.spots import Site, Spots
 from rasterizer.numerics import color_to_sh
 from rasterizer.scene import Gaussians
@@ -57,18 +56,11 @@ class Patch:
         return self.site.spots(surface.points[self.lies], normals)
 
 
-def covered(
-    relief: Relief, share: Float[Tensor, "h w"], least: float
-) -> Bool[Tensor, "h w"]:
-    """Where a layer lies: where more than the least share does, without specks and small holes."""
-    from scipy import ndimage
-
-    lies = ((share > least) & relief.there).numpy()
-    for value in (True, False):
-        pieces, count = ndimage.label(lies == value)
-        sizes = np.bincount(pieces.reshape(-1), minlength=count + 1)
-        lies = np.where((sizes < FEWEST)[pieces] & (pieces > 0), not value, lies)
-    return torch.from_numpy(lies & relief.there.numpy())
+def covered(relief: Relief, share: Float[Tensor, "h w"], least: float) -> Bool[Tensor, "h w"]:
+    """Pixels that a layer lies on: those that more than the least share covers, without specks and
+    small holes."""
+    lies = without_specks((share > least) & relief.there)
+    return ~without_specks(~lies) & relief.there
 
 
 def thickness(relief: Relief, lies: Bool[Tensor, "h w"], most: float) -> Float[Tensor, "h w"]:
@@ -94,7 +86,9 @@ def discs(
     stretched where it is steep; display colors."""
     cosine = (normals @ relief.axis).clamp_min(STEEPEST)
     downhill = relief.axis - (normals @ relief.axis)[:, None] * normals
-    along = torch.where(downhill.norm(dim=-1, keepdim=True) < 1e-3, perpendicular(normals), downhill)
+    along = torch.where(
+        downhill.norm(dim=-1, keepdim=True) < 1e-3, perpendicular(normals), downhill
+    )
     wide = torch.full_like(cosine, SPREAD)
     scales = torch.stack((wide / cosine, wide, torch.full_like(cosine, FLAT)), -1)
     return assembled(points, along, normals, relief.pixel * scales, opacity, colors)

@@ -110,7 +110,9 @@ def _plane(patch: Patch) -> Water:
     height = ground @ up
     near = (ground - patch.site.setting.found.place.center).norm(dim=-1) / patch.site.size
     layer = ((height - height.min()) / (WAVER * pixel)).long()
-    votes = torch.zeros(int(layer.max()) + 1).double().index_add_(0, layer, torch.exp(-near.square()))
+    votes = (
+        torch.zeros(int(layer.max()) + 1).double().index_add_(0, layer, torch.exp(-near.square()))
+    )
     level = float(height[layer == int(votes.argmax())].median())
     normal, offset = refined_plane(ground.numpy(), up.numpy(), level, WAVER * pixel)
     return Water(torch.from_numpy(normal), float(offset))
@@ -142,7 +144,10 @@ def _reflecting(
         size = xy.new_tensor((camera.width, camera.height))
         grid = (2 * xy / size - 1).to(picture)
         sampled = torch.nn.functional.grid_sample(
-            picture.movedim(-1, 0)[None], grid[None, None], padding_mode="border", align_corners=False
+            picture.movedim(-1, 0)[None],
+            grid[None, None],
+            padding_mode="border",
+            align_corners=False,
         )[0, :, 0].T.double()
         way = torch.nn.functional.normalize(points - camera.center.double(), dim=-1)
         cosine = -(way @ plane.normal)

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import torch
@@ -133,7 +134,7 @@ def relief_of(
     reach = FAR * float((high - low).norm().clamp_min(pixel))
     camera = look_at(center + reach * axis, center, across, 60.0, 8, 8)
     right, down = camera.rotation.double()[0], camera.rotation.double()[1]
-    sides = [float(((high - low) @ (frame @ way).abs())) for way in (right, down)]
+    sides = [float((high - low) @ (frame @ way).abs()) for way in (right, down)]
     width, height = (int(side / pixel) + 2 * MARGIN for side in sides)
     camera = replace(
         camera, fx=1 / pixel, fy=1 / pixel, cx=width / 2, cy=height / 2, width=width,
@@ -142,25 +143,31 @@ def relief_of(
     plain = replace(part, sh=part.sh[:, :1]).detach()
     drawn = render(plain, camera, depth=True, median_depth=True, execution=execution)
     median, mean = drawn.median_depth, drawn.depth
-    assert median is not None and mean is not None
+    assert median is not None
+    assert mean is not None
     # the mean has no steps between Gaussians, but is of two surfaces at silhouettes
     depth = torch.where((mean - median).abs() < STEP * pixel, mean, median)
     points = camera.unproject(camera.pixel_centers().double(), depth.double())
     return _cleaned(Relief(camera, points, depth > 0))
 
 
-def _cleaned(relief: Relief) -> Relief:
-    """The map without specks of one pixel and without small pieces."""
+def without_specks(flags: Bool[Tensor, "h w"]) -> Bool[Tensor, "h w"]:
+    """The pixels that are set, but for connected pieces of fewer than FEWEST."""
     from scipy import ndimage
 
+    found: Any = ndimage.label(flags.numpy())
+    pieces = torch.from_numpy(found[0].astype(np.int64))
+    sizes = torch.bincount(pieces.reshape(-1))
+    return flags & (sizes >= FEWEST)[pieces]
+
+
+def _cleaned(relief: Relief) -> Relief:
+    """The map without specks of one pixel and without small pieces."""
     around = _neighbors(relief.heights)
     there = _neighbors(relief.there.double()) > 0
     middle = around.masked_fill(~there, torch.nan).nanmedian(0).values
     relief = relief.at(torch.where(relief.there, middle, relief.heights))
-    pieces, count = ndimage.label(relief.there.numpy())
-    sizes = np.bincount(pieces.reshape(-1), minlength=count + 1)
-    kept = torch.from_numpy((sizes >= FEWEST)[pieces] & (pieces > 0))
-    return replace(relief, there=kept)
+    return replace(relief, there=without_specks(relief.there))
 
 
 def _neighbors(values: Float[Tensor, "h w"]) -> Float[Tensor, "9 h w"]:

@@ -36,7 +36,7 @@ class Site:
 
     setting: Setting
     rows: Int[Tensor, " k"]
-    """Its Gaussians."""
+    """Gaussians of the part."""
     size: float
     """Its extent, world units: thicknesses are shares of it."""
 
@@ -52,7 +52,7 @@ class Site:
         return self.setting.found.place.up
 
     def spots(self, points: Float[Tensor, "m 3"], normals: Float[Tensor, "m 3"]) -> Spots:
-        """What is known of places with these normals, from the part's Gaussians nearest to each."""
+        """Places with these normals, and the part's Gaussians nearest to each."""
         means = self.setting.found.surface.points[self.rows]
         near = k_nearest(means.numpy(), points.numpy(), min(NEAREST, len(means)))[1]
         return Spots(self, points, normals, self.rows[torch.from_numpy(near)])

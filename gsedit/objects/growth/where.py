@@ -1,4 +1,4 @@
-"""Where each growth lies: shares, in [0, 1], of places on a surface. `m` places."""
+"""Shares, in [0, 1], of places on a surface that each growth lies on. `m` places."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from gsedit.objects.growth.spots import Spots
 
 
 def snowy(spots: Spots) -> Float[Tensor, " m"]:
-    """What faces up and is open above."""
+    """Snow: on places that face up and are open above."""
     soft = 0.07 * spots.noise(0.06, 1) + 0.04 * spots.noise(0.02, 9)
     lying = step(spots.rise + soft, 0.44, 0.72)
     return lying * step(spots.overhead, 0.1, 0.4) * spots.earthly
 
 
 def dusty(spots: Spots) -> Float[Tensor, " m"]:
-    """What faces up, under a roof too: thick on what is level."""
+    """Dust: on places that face up, under a roof too; most on level ones."""
     soft = 0.15 * spots.noise(0.03, 2)
     return step(spots.rise + soft, 0.15, 0.75) * spots.earthly
 
 
 def mossy(spots: Spots) -> Float[Tensor, " m"]:
-    """What is damp: low, in crevices and turned from the light, in clumps; ledges more than walls,
-    and nothing below."""
+    """Moss: on damp places, which are low, in crevices or turned from the light, in clumps; more on
+    ledges than on walls, and none below."""
     shade = step(spots.light() / spots.site.exposure, 0.9, 0.45)
     crevices = step(spots.openness, 0.75, 0.3)
     low = step(spots.height, 0.35, 0.02)
@@ -35,20 +35,20 @@ def mossy(spots: Spots) -> Float[Tensor, " m"]:
 
 
 def icy(spots: Spots) -> Float[Tensor, " m"]:
-    """What is open above and not turned down: a glaze."""
+    """Ice: a glaze on places that are open above and not turned down."""
     soft = 0.12 * spots.noise(0.05, 5)
     return step(spots.rise + soft, 0.0, 0.35) * step(spots.overhead, 0.1, 0.4) * spots.earthly
 
 
 def littered(spots: Spots) -> Float[Tensor, " m"]:
-    """What is about level and open above, in drifts."""
+    """Leaves: on places that are about level and open above, in drifts."""
     level = step(spots.rise, 0.7, 0.9)
     drifts = 0.75 + 0.25 * spots.noise(0.2, 6)
     return (level * step(spots.overhead, 0.1, 0.4) * drifts).clamp(0, 1) * spots.earthly
 
 
 def pooled(spots: Spots) -> Float[Tensor, " m"]:
-    """Level places, in patches."""
+    """Water: on level places, in patches."""
     level = step(spots.rise, 0.9, 0.97)
     patches = step(spots.noise(0.22, 7) + 0.25 * spots.noise(0.06, 8), -0.2, 0.2)
     return level * patches * spots.earthly
