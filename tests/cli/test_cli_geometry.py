@@ -193,3 +193,35 @@ def test_levels_have_the_name_of_the_scene(scene, tmp_path):
     assert done.exit_code == 0, done.stderr
     names = {each.name for each in out.iterdir()}
     assert names == {f"my.scan_lod0.v2_lod{level}.ply" for level in (0, 1)} | {"lod.json"}
+
+
+def test_bend_takes_pixels_and_points_and_moves_nothing_out_of_the_cage(scene, tmp_path):
+    x, y, z = means(scene)[0].tolist()
+    place, cage = f"{x},{y},{z}", f"sphere:{x},{y},{z},0.4"
+    out = tmp_path / "bent.ply"
+    done = gsedit("bend", scene, "--handle", f"{place}:0,0,0.05", "--cage", cage, "-o", out)
+    assert done.exit_code == 0, done.stderr
+    assert "Gaussians were moved" in done.stderr
+    moved = np.abs(means(out) - means(scene)).max(1) > 0
+    near = np.linalg.norm(means(scene) - [x, y, z], axis=1) <= 0.4 + 1e-6
+    assert moved.any()
+    assert not (moved & ~near).any()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ((), "name what to move"),
+        (("--handle", "1,2,3"), "give VIEW:X,Y:DX,DY,DZ"),
+        (("--handle", "1,2,3:0,0"), "3 finite numbers"),
+        (("--handle", "1,2,3:0,0,1:-1"), "less than 0"),
+        (("--handle", "90,90,90:0,0,1"), "from what is inside"),
+        (("--handle", "none:1,2:0,0,1"), "a pixel of a view needs cameras"),
+    ],
+)
+def test_handles_that_cannot_be_read_are_told_in_one_line(words, message, scene, tmp_path):
+    done = gsedit("bend", scene, *words, "-o", tmp_path / "bent.ply")
+    assert done.exit_code == 2
+    assert one_line(done.stderr)
+    assert message in done.stderr
+    assert not (tmp_path / "bent.ply").exists()
