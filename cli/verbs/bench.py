@@ -1,4 +1,4 @@
-"""`gsedit bench`: targets and edge cases of the renderer, the error of an edit, ranks."""
+"""`gsedit bench`: the renderer, the error of an edit, ranks, operations on objects."""
 
 from __future__ import annotations
 
@@ -36,6 +36,10 @@ Runs = Annotated[int, flag("--runs", "Number of runs; times are medians.", min=1
 Folder = Annotated[Path, flag("--output -o", "Folder for the results.", "PATH")]
 Instruction = Annotated[str, argument("INSTRUCTION", "Instruction of the editor closed-form.")]
 Strategy = Annotated[str, flag("--strategy", "How views and scene are edited.", "NAME")]
+Result = Annotated[
+    Path | None, flag("--result", "Folder of other results, to measure those.", "FOLDER")
+]
+Fitted = Annotated[bool, flag("--fitted", "Fit Gaussians to photos instead of exact ones.")]
 Counts = Annotated[str, flag("--ranks", "Numbers of ranks, of one thread each.", "N,N,...")]
 
 Row = TypeVar("Row")
@@ -147,7 +151,34 @@ def ranks(
     print_result(record, ranks.table(rows), as_json=common.json)
 
 
-for verb in (targets, stability, edit, ranks):
+def objects(
+    out: Folder = Path("out/objects"),
+    result: Result = None,
+    fitted: Fitted = False,
+    quick: Quick = False,
+    *,
+    common: Common,
+) -> None:
+    """Measure what removes, moves, changes and selects objects, against exact truth.
+
+    Writes the scenes and their truth as files, objects.jsonl and objects.md. Files that are there
+    are used again; docs/howto/measure.md says how to measure your own results.
+
+    gsedit bench objects -o out/objects
+    """
+    from dataclasses import replace
+
+    common.apply()
+
+    from gsedit.bench.objects.run import QUICK, ROWS, Plan, objects_to_folder, table
+
+    plan = QUICK if quick else Plan()
+    plan = replace(plan, size=replace(plan.size, fitted=fitted))
+    rows = collect(objects_to_folder(out, plan, result), common, out / ROWS)
+    print_result({"folder": out, "rows": rows}, table(rows), as_json=common.json)
+
+
+for verb in (targets, stability, edit, ranks, objects):
     bench.command()(as_command(verb))
 
 

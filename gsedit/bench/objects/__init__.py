@@ -1,0 +1,1 @@
+"""Benchmark of operations on objects: staged scenes with exact truth, baselines and measures."""

@@ -1,0 +1,227 @@
+"""Scenes and exact pictures of the benchmark as files that anyone can read.
+
+In scenes/NAME/: scene.ply; labels.npy, the number of its thing a Gaussian, and names.json; capture/
+with photos and transforms.json (nerfstudio). In cases/NAME/: case.json; inside.npy, flags of the
+thing's Gaussians; held_out/ with the exact result and transforms.json; before/, hole/ and unseen/
+with pictures of those names; other.ply where something is inserted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from gsedit.bench.objects.cases import NOON, Case, placed
+from gsedit.bench.objects.scores import Truth
+from gsedit.datasets.view_list_files import ViewList, read_view_list, write_view_list
+from gsedit.datasets.viewpoints import Viewpoint
+from gsedit.errors import UsageError
+from gsedit.formats.flags import read_flags, write_flags
+from gsedit.formats.pictures import as_picture, read_picture, save_picture
+from gsedit.formats.scenes import load, save
+from gsedit.runs.json_lines import write_record
+from gsedit.scene.similarity import IDENTITY, Similarity
+from gsedit.storage.json_files import read_json
+from gsedit.synthetic.staged import Labelled, Stage
+from rasterizer.camera import Camera
+from rasterizer.scene import Gaussians
+
+CAMERAS = "transforms.json"
+
+
+@dataclass(frozen=True)
+class Size:
+    """How large the scenes and their pictures are."""
+
+    gaussians: int = 40_000
+    """About the number of Gaussians of a scene."""
+    side: int = 128
+    """Pixels a side of pictures."""
+    fitted: bool = False
+    """Whether Gaussians are fitted to the photos, instead of laid on the surfaces."""
+    fit_steps: int = 1500
+
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """A case as whoever takes part reads it."""
+
+    case: Case
+    change: dict[str, Any]
+    """Numbers of the change, as case.json has them."""
+    scene: Gaussians
+    inside: Bool[Tensor, " n"]
+    """The thing's Gaussians; none where it is inserted."""
+    cameras: tuple[Camera, ...]
+    held_out: tuple[Camera, ...]
+    truth: Truth
+    other: Gaussians | None
+    """The thing that is inserted: it stands at its origin."""
+
+
+def scene_folder(folder: Path, case: Case) -> Path:
+    """The folder of the scene that a case begins with."""
+    without = f"-without-{case.subject.replace(' ', '-')}" if case.task == "insertion" else ""
+    return folder / "scenes" / f"{case.stage}{without}"
+
+
+def check_size(folder: Path, size: Size) -> None:
+    """Say in a folder what size its scenes have; UsageError where they have another."""
+    path = folder / "size.json"
+    if not path.is_file():
+        write_record(size, path)
+    elif read_json(path) != asdict(size):
+        raise UsageError(f"{folder} holds scenes of another size or kind: give another folder")
+
+
+def write_scene(stage: Stage, folder: Path, size: Size) -> None:
+    """Write a stage with photos of it; nothing where that was done."""
+    if (folder / "names.json").is_file():
+        return
+    cameras = stage.training(size.side)
+    photos = [stage.photo(camera) for camera in cameras]
+    _write_views(folder / "capture", cameras, photos)
+    if size.fitted:
+        from gsedit.fitting.fit import fit
+        from gsedit.fitting.settings import FitSettings
+
+        settings = FitSettings(steps=size.fit_steps, seconds=None)
+        given = stage.labelled(fit(stage.dataset(cameras), settings).scene)
+    else:
+        given = stage.gaussians(size.gaussians)
+    save(given.scene, folder / "scene.ply", overwrite=True)
+    np.save(folder / "labels.npy", given.labels.numpy())
+    write_record(list(given.names), folder / "names.json")
+
+
+def read_labelled(folder: Path) -> Labelled:
+    """The Gaussians of a scene's folder, and whose they are."""
+    labels = torch.from_numpy(np.load(folder / "labels.npy"))
+    return Labelled(load(folder / "scene.ply"), labels, tuple(read_json(folder / "names.json")))
+
+
+def write_case(case: Case, folder: Path, size: Size) -> None:
+    """Write a case, and its scene, under a folder; nothing where that was done."""
+    own, source = folder / "cases" / case.name, scene_folder(folder, case)
+    before, after = case.before(), case.after()
+    write_scene(before, source, size)
+    if (own / "case.json").is_file():
+        return
+    given = read_labelled(source)
+    inside = torch.zeros(len(given.scene), dtype=torch.bool)
+    if case.task == "insertion":
+        save(_alone(after, case, size), own / "other.ply", overwrite=True)
+    else:
+        inside = given.of(case.subject)
+    own.mkdir(parents=True, exist_ok=True)
+    write_flags(inside.numpy(), own / "inside.npy", overwrite=True)
+    cameras, training = after.held_out(size.side), before.training(size.side)
+    _write_views(own / "held_out", cameras, [after.photo(camera) for camera in cameras])
+    for i, camera in enumerate(cameras):
+        hole, unseen = _hole(before, after, case, camera, training)
+        masks = {"hole": hole, "unseen": unseen}
+        pictures = {name: mask[..., None].expand(-1, -1, 3).float() for name, mask in masks.items()}
+        for name, picture in {"before": before.photo(camera), **pictures}.items():
+            save_picture(as_picture(picture), own / name / _name(i), overwrite=True)
+    asked = {**case.change, **_derived(case, before, after)}
+    record = {**asdict(replace(case, change=asked)), "scene": f"../../scenes/{source.name}"}
+    write_record(record, own / "case.json")
+
+
+def read_case(case: Case, folder: Path) -> Given:
+    """A case as it was written under a folder. Raises InputError for files that are not there."""
+    own, source = folder / "cases" / case.name, scene_folder(folder, case)
+    scene = load(source / "scene.ply")
+    held_out = _cameras(own / "held_out")
+    pictures = {
+        name: torch.stack([read_picture(own / name / _name(i)) for i in range(len(held_out))])
+        for name in ("before", "held_out", "hole", "unseen")
+    }
+    truth = Truth(
+        pictures["before"],
+        pictures["held_out"],
+        pictures["hole"][..., 0] > 0.5,
+        pictures["unseen"][..., 0] > 0.5,
+    )
+    inside = torch.from_numpy(read_flags(own / "inside.npy", len(scene)))
+    other = load(own / "other.ply") if (own / "other.ply").is_file() else None
+    asked = read_json(own / "case.json")["change"]
+    return Given(case, asked, scene, inside, _cameras(source / "capture"), held_out, truth, other)
+
+
+def place_of(case: Case) -> Similarity:
+    """The similarity that brings the thing's Gaussians to where they belong."""
+    if case.task == "move":
+        return placed(case.before(), case)
+    if case.task == "insertion":
+        return replace(IDENTITY, translation=case.after().thing(case.subject).foot)
+    return IDENTITY
+
+
+def _derived(case: Case, before: Stage, after: Stage) -> dict[str, Any]:
+    """Numbers of a change that follow from the scene."""
+    if case.task == "insertion":
+        thing = after.thing(case.subject)
+        return {"at": thing.foot.tolist(), "height": thing.height}
+    if case.task == "deform":
+        thing = before.thing(case.subject)
+        shares = torch.tensor((0.0, 1 / 3, 2 / 3, 1.0)).double()[:, None]
+        up = torch.tensor((0.0, 0.0, thing.height)).double()
+        points = torch.from_numpy(thing.foot) + shares * up
+        targets = thing.bend_points(points, case.change["degrees"])
+        return {"handles": torch.stack((points, targets), 1).tolist()}
+    if case.task == "relight":
+        light = before.light
+        return {"now": {name: list(getattr(light, name)) for name in case.change}}
+    return {}
+
+
+def _alone(after: Stage, case: Case, size: Size) -> Gaussians:
+    """The thing as another capture has it: at the origin, in another light."""
+    thing = after.thing(case.subject)
+    to_origin = replace(IDENTITY, translation=-thing.foot)
+    alone = replace(after, setting=(), things=(thing.moved(to_origin),), light=NOON)
+    return alone.gaussians(size.gaussians // 8).scene
+
+
+def _hole(
+    before: Stage, after: Stage, case: Case, camera: Camera, training: Sequence[Camera]
+) -> tuple[Bool[Tensor, "h w"], Bool[Tensor, "h w"]]:
+    """Pixels that show the thing before, and those of them whose surface after nobody saw."""
+    empty = torch.zeros((camera.height, camera.width), dtype=torch.bool)
+    if case.task != "removal":
+        return empty, empty
+    hole = before.mask(camera, case.subject)
+    traced = after.scene.trace(camera)
+    asked = hole & traced.hit
+    points = camera.unproject(camera.pixel_centers()[asked], traced.depth[asked])
+    seen = torch.zeros(len(points), dtype=torch.bool)
+    for each in training:
+        seen |= before.scene.visible(points, each)
+    unseen = empty.clone()
+    unseen[asked] = ~seen
+    return hole, unseen
+
+
+def _write_views(
+    folder: Path, cameras: Sequence[Camera], pictures: Sequence[Float[Tensor, "h w 3"]]
+) -> None:
+    for i, picture in enumerate(pictures):
+        save_picture(as_picture(picture), folder / _name(i), overwrite=True)
+    views = tuple(Viewpoint(_name(i), camera) for i, camera in enumerate(cameras))
+    write_view_list(ViewList(views, ("held_out",) * len(views)), folder / CAMERAS, overwrite=True)
+
+
+def _cameras(folder: Path) -> tuple[Camera, ...]:
+    return tuple(each.camera for each in read_view_list(folder / CAMERAS).viewpoints)
+
+
+def _name(index: int) -> str:
+    return f"{index:03d}.png"
