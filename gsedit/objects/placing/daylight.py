@@ -1,0 +1,235 @@
+"""Light that things take at a place: from an even sky past what hides it, and from a sun if any.
+
+Linear light, 1 on a level, open place out of the sun; display colors change by the GAMMA-th root.
+`n` Gaussians, `d` directions, `c` channels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from gsedit.light.place import Place
+from gsedit.light.shadows import (
+    SHARP,
+    SMALL_SKY,
+    casters,
+    lit_share,
+    parallel_map,
+    sky_directions,
+    sun_directions,
+)
+from gsedit.light.surface import SKY_REACH
+from gsedit.objects.outcome import NEW, Outcome
+from gsedit.objects.placing.stance import Stance
+from gsedit.objects.placing.sun import SOFT, Sun, shadow_of
+from gsedit.scene.neighbors import nearest
+from gsedit.surface.means import neighbor_means
+from gsedit.surface.normals import shortest_axes
+from gsedit.surface.occlusion import occupancy, open_share
+from gsedit.toolkit.grade import GAMMA
+from rasterizer.numerics import AUTO, SH_DC, Execution
+from rasterizer.scene import Gaussians
+
+AMBIENT = 0.3
+"""Share of the sky's light that comes around everything: no shadow is darker."""
+SKY_SOFT = 12.0
+"""Degrees around each direction that its light comes from: directions are 29 apart."""
+SHADE = (0.4, 2.5)
+"""Range of the light that a thing gets against that before: beyond it, the estimate is a guess."""
+FELT = 0.005
+"""Change of a display color, as a share of it, below which a Gaussian keeps its bits."""
+AROUND = 2.2
+"""Distance from an object, of its size, up to which it keeps light from what is there; with a sun,
+SUNNY times as far."""
+SUNNY = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Daylight:
+    """The light of a scene."""
+
+    place: Place
+    directions: Float[Tensor, "d 3"]
+    """Directions of the sky, unit vectors, float64."""
+    sun: Sun | None
+
+    def received(
+        self,
+        normals: Float[Tensor, "n 3"],
+        sky: Float[Tensor, "n d"],
+        sunlit: Float[Tensor, " n"] | None,
+    ) -> Float[Tensor, "n c"]:
+        """Light on surfaces of outward normals that see these shares of sky and sun."""
+        level = (self.directions @ self.place.up).sum()
+        cosine = (normals @ self.directions.T).clamp_min(0)
+        around = (1 - AMBIENT) * (cosine * sky).sum(1) / level + AMBIENT * sky.mean(1)
+        light = around[:, None].expand(-1, 3)
+        if self.sun is None or sunlit is None:
+            return light + AMBIENT / 2
+        facing = (normals @ self.sun.direction).clamp_min(0) * sunlit
+        return light + AMBIENT / 2 + facing[:, None] * self.sun.strength
+
+
+def daylight(place: Place, sun: Sun | None) -> Daylight:
+    """An even sky over a place, and a sun."""
+    return Daylight(place, sky_directions(place), sun)
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """An object at a place, as what keeps light from other things."""
+
+    body: Gaussians
+    stance: Stance
+
+
+def shaded(
+    scene: Outcome,
+    before: Standing | None,
+    after: Standing,
+    light: Daylight,
+    execution: Execution = AUTO,
+) -> Outcome:
+    """An outcome with a soft shadow of an object that is put into its scene.
+
+    `before` is the object where it stood, whose shadow the scene still has; None: it was not there.
+    What is NEW in the scene was made without a shadow.
+    """
+    rows = _near(scene.scene, [each for each in (before, after) if each is not None], light)
+    some = scene.scene[rows]
+    points, normals = some.means.double(), _facing_up(some, light.place.up)
+    sunlit = _sunlit(scene.scene, points, light, execution)
+    now = _light_past(after, points, normals, sunlit, light)
+    then = _light_past(None, points, normals, sunlit, light)
+    if before is not None:
+        shadowed = _light_past(before, points, normals, sunlit, light)
+        then = torch.where((scene.origin[rows] == NEW)[:, None], then, shadowed)
+    dim = _dimmed(some, (now / then).clamp(*SHADE))
+    sh = scene.scene.sh.clone()
+    sh[rows] = dim.sh
+    changed = scene.changed.clone()
+    changed[rows] |= (dim.sh != some.sh).flatten(1).any(1)
+    return replace(scene, scene=replace(scene.scene, sh=sh), changed=changed)
+
+
+def relit_elsewhere(
+    body: Gaussians,
+    there: Gaussians,
+    normals: Float[Tensor, "n 3"],
+    turn: Float[Tensor, "3 3"],
+    rest: Gaussians,
+    light: Daylight,
+    execution: Execution = AUTO,
+) -> Gaussians:
+    """A moved object in the light of its new place.
+
+    `normals` are those before the move, and `turn` its rotation. Neighbors change alike: what
+    single Gaussians tell is noise.
+    """
+    own = [_own_light(*each, rest, light, execution) for each in (
+        (body, normals), (there, normals @ turn.T)
+    )]  # fmt: skip
+    near = torch.from_numpy(nearest(body.means.float().numpy())[1])
+    ratio = neighbor_means(own[1] / own[0], near, 3)
+    return _dimmed(there, ratio.clamp(*SHADE))
+
+
+def _own_light(
+    body: Gaussians,
+    normals: Float[Tensor, "n 3"],
+    rest: Gaussians,
+    light: Daylight,
+    execution: Execution,
+) -> Float[Tensor, "n c"]:
+    """Light on an object past itself and past the rest of a scene."""
+    points = body.means.double()
+    sky = _open(body, points, normals, light.directions) * _sky(rest, points, light, execution)
+    sunlit = _sunlit(rest, points, light, execution)
+    if sunlit is not None and light.sun is not None:
+        sunlit = sunlit * (1 - shadow_of(body, points, light.sun.direction))
+    return light.received(normals, sky, sunlit)
+
+
+def _near(scene: Gaussians, things: list[Standing], light: Daylight) -> Int[Tensor, " m"]:
+    """The rows of what is beside or below objects."""
+    near = torch.zeros(len(scene), dtype=torch.bool)
+    points = scene.means.double()
+    for each in things:
+        ours = each.body.means.double()
+        middle = (ours.amin(0) + ours.amax(0)) / 2
+        reach = AROUND * float((ours - middle).norm(dim=-1).amax())
+        reach = reach if light.sun is None else SUNNY * reach
+        rise = (points - each.stance.foot) @ each.stance.up
+        near |= ((points - middle).norm(dim=-1) < reach) & (rise < each.stance.height)
+    return near.nonzero().squeeze(-1)
+
+
+def _facing_up(scene: Gaussians, up: Float[Tensor, "3"]) -> Float[Tensor, "n 3"]:
+    """Upward normals: along shortest axes, where Gaussians are flat."""
+    axes = shortest_axes(scene).double()
+    turned = axes * torch.where(axes @ up < 0, -1.0, 1.0)[:, None]
+    return torch.nn.functional.normalize(turned + 0.5 * up, dim=-1)
+
+
+def _light_past(
+    thing: Standing | None,
+    points: Float[Tensor, "n 3"],
+    normals: Float[Tensor, "n 3"],
+    sunlit: Float[Tensor, " n"] | None,
+    light: Daylight,
+) -> Float[Tensor, "n c"]:
+    """Light on points past an object."""
+    if thing is None:
+        return light.received(normals, torch.ones(len(points), len(light.directions)).double(), sunlit)
+    sky = _open(thing.body, points, normals, light.directions)
+    if sunlit is not None and light.sun is not None:
+        sunlit = sunlit * (1 - shadow_of(thing.body, points, light.sun.direction))
+    return light.received(normals, sky, sunlit)
+
+
+def _open(
+    body: Gaussians,
+    points: Float[Tensor, "n 3"],
+    normals: Float[Tensor, "n 3"],
+    directions: Float[Tensor, "d 3"],
+) -> Float[Tensor, "n d"]:
+    """Share of each direction's soft light that comes past an object."""
+    rays = torch.stack([sun_directions(each, SKY_SOFT) for each in directions]).float()
+    flat = rays.reshape(1, -1, 3).expand(len(points), -1, 3)
+    seen = open_share(occupancy(body), points.float(), normals.float(), flat)
+    return seen.reshape(len(points), *rays.shape[:2]).mean(-1).double()
+
+
+def _sky(
+    rest: Gaussians, points: Float[Tensor, "n 3"], light: Daylight, execution: Execution
+) -> Float[Tensor, "n d"]:
+    """Share of each direction that the rest of a scene leaves open to points."""
+    place, occluders = light.place, casters(rest, light.place)
+    reach = SKY_REACH * place.radius
+    maps = (parallel_map(occluders, place, each, SMALL_SKY, execution) for each in light.directions)
+    return torch.stack([lit_share(each, points, reach) for each in maps], 1)
+
+
+def _sunlit(
+    rest: Gaussians, points: Float[Tensor, "n 3"], light: Daylight, execution: Execution
+) -> Float[Tensor, " n"] | None:
+    """Share of the sun that the rest of a scene leaves to points; None without a sun."""
+    if light.sun is None:
+        return None
+    place, occluders = light.place, casters(rest, light.place)
+    rays = sun_directions(light.sun.direction, SOFT)
+    maps = (parallel_map(occluders, place, ray, SHARP, execution) for ray in rays)
+    return torch.stack([lit_share(each, points, 2 * place.radius) for each in maps]).mean(0)
+
+
+def _dimmed(scene: Gaussians, light: Float[Tensor, "n c"]) -> Gaussians:
+    """A scene whose Gaussians have factors of light a channel: all of their SH follow."""
+    factor = (light ** (1 / GAMMA)).to(scene.sh)
+    sh = scene.sh * factor[:, None]
+    sh[:, 0] += (factor - 1) * (0.5 / SH_DC)
+    felt = ((factor - 1).abs() > FELT).any(-1)
+    return replace(scene, sh=torch.where(felt[:, None, None], sh, scene.sh))

@@ -1,0 +1,114 @@
+"""A scene seen from above, in parallel rays: the heights of what something could stand on.
+
+Heights are world units along an upward unit vector. `n` Gaussians, `h w` cells.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from gsedit.cameras.orbit import perpendicular
+from gsedit.light.place import Place
+from gsedit.light.shadows import parallel_map
+from rasterizer.camera import Camera
+from rasterizer.numerics import AUTO, Execution
+from rasterizer.scene import Gaussians
+
+CELLS = 192
+"""Cells along the side of a map: of an object that fills half of it, one is 1 % of its width."""
+
+
+@dataclass(frozen=True, eq=False)
+class HeightMap:
+    """Places of what is seen from above at most `ceiling` high."""
+
+    camera: Camera
+    up: Float[Tensor, "3"]
+    points: Float[Tensor, "h w 3"]
+    """World points, float64; their heights are -inf where nothing is."""
+    heights: Float[Tensor, "h w"]
+
+    @property
+    def cell(self) -> float:
+        """Side of a cell, world units."""
+        return 1 / self.camera.fx
+
+    def cells_of(self, points: Float[Tensor, "m 3"]) -> tuple[Int[Tensor, " m"], Int[Tensor, " m"]]:
+        """Rows and columns of the cells that points are over; those beyond are at the border."""
+        xy, _ = self.camera.project(points.double())
+        rows, columns = xy[:, 1].long(), xy[:, 0].long()
+        height, width = self.heights.shape
+        return rows.clamp(0, height - 1), columns.clamp(0, width - 1)
+
+    def under(self, points: Float[Tensor, "m 3"]) -> Bool[Tensor, "h w"]:
+        """Flag the cells that points are over, and those next to them."""
+        flags = torch.zeros(self.heights.shape)
+        flags[self.cells_of(points)] = 1.0
+        return torch.nn.functional.max_pool2d(flags[None], 3, stride=1, padding=1)[0] > 0
+
+
+def heights_from_above(
+    scene: Gaussians,
+    center: Float[Tensor, "3"],
+    radius: float,
+    up: Float[Tensor, "3"],
+    ceiling: float,
+    execution: Execution = AUTO,
+) -> HeightMap:
+    """The heights of a scene around a point; what is above the ceiling is not there."""
+    middle = center + (ceiling - 2 * radius - center @ up) * up  # the eye is at the ceiling
+    place = Place(middle, up, perpendicular(up), 2 * radius, radius)
+    below = scene.means.double() @ up <= ceiling
+    seen = replace(scene, sh=scene.sh[:, :1])[below].detach()
+    drawn = parallel_map(seen, place, up, CELLS, execution)
+    points = drawn.camera.unproject(drawn.camera.pixel_centers(), drawn.depth.double())
+    return HeightMap(drawn.camera, up, points, _along(points, up))
+
+
+def _along(points: Float[Tensor, "h w 3"], up: Float[Tensor, "3"]) -> Float[Tensor, "h w"]:
+    return (points @ up).nan_to_num(-torch.inf, neginf=-torch.inf)
+
+
+OUTLINE_CELLS = 384
+"""Cells along the side of a picture of an outline: half of one is less than 0.2 % of the object."""
+SIDES = 4
+"""Directions from which an outline is looked at."""
+LOWEST, HIGHEST = 0.02, 0.995
+"""Ranks among the columns of outlines at which an object begins and ends."""
+
+
+def reach(
+    body: Gaussians, up: Float[Tensor, "3"], execution: Execution = AUTO
+) -> tuple[float, float]:
+    """The heights at which what is seen of an object from its sides begins and ends.
+
+    An outline is where its opacity is one half: haze around an object does not count.
+    """
+    points = body.means.double()
+    middle = (points.amin(0) + points.amax(0)) / 2
+    radius = 1.1 * float((points - middle).norm(dim=-1).amax()) + 1e-9
+    side = perpendicular(up)
+    across = torch.linalg.cross(up, side)
+    place = Place(middle, up, side, 2 * radius, radius)
+    bottoms, tops = [], []
+    for turn in range(SIDES):
+        angle = torch.tensor(torch.pi * turn / SIDES, dtype=torch.float64)
+        towards = angle.cos() * side + angle.sin() * across
+        drawn = parallel_map(body, place, towards, OUTLINE_CELLS, execution)
+        shown = drawn.depth.isfinite()
+        rows = torch.arange(OUTLINE_CELLS, dtype=torch.float64)[:, None]
+        low = torch.where(shown, rows + 1, -torch.inf).amax(0)
+        high = torch.where(shown, rows, torch.inf).amin(0)
+        bottoms.append(low[shown.any(0)])
+        tops.append(high[shown.any(0)])
+    bottom, top = torch.cat(bottoms), torch.cat(tops)
+    if not len(bottom):  # haze only
+        heights = points @ up
+        return float(heights.amin()), float(heights.amax())
+    cell, middle_height = 2 * radius / OUTLINE_CELLS, float(middle @ up)
+    begins, ends = bottom.quantile(1 - LOWEST), top.quantile(1 - HIGHEST)
+    return tuple(middle_height + cell * (OUTLINE_CELLS / 2 - float(row)) for row in (begins, ends))

@@ -1,0 +1,194 @@
+"""Where an object comes to stand: a point that is asked for, and the surface under it.
+
+`n` Gaussians; world units, float64.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from gsedit.light.place import Place
+from gsedit.objects.placing.heights import CELLS, HeightMap, heights_from_above
+from gsedit.objects.placing.placement import Beside
+from gsedit.objects.placing.stance import BASE, STEP, Stance, carrier, map_around
+from rasterizer.numerics import AUTO, Execution
+from rasterizer.scene import Gaussians
+
+CARRIED = 0.25
+"""Least share of what is under an object's base that must be there for it to stand."""
+RANK = 0.8
+"""Rank of the height that an object comes to lie on, of those under its base: stray leaves and
+blades are higher."""
+AGREES = 0.05
+"""Difference, of its height, up to which a plane around it is the surface under it."""
+TAIL = 0.01
+"""Share of an object's Gaussians that may lie beyond each end of it: stray ones."""
+FREE = 0.12
+"""Step of a surface, of the object's height, that is in the way of it."""
+BLOCKED = 0.04
+"""Share of an object's outline, from above, that may be over such steps: twigs and haze."""
+SEARCHED = 2.5
+"""Distance within which a free place is searched, in the larger of both sizes."""
+BEHIND = 0.7
+"""How much farther a place behind something counts than one before it: there it is hidden."""
+
+
+@dataclass(frozen=True, eq=False)
+class Landing:
+    """The surface that an object is set on."""
+
+    point: Float[Tensor, "3"]
+    normal: Float[Tensor, "3"]
+    carried: float
+    """Share of its base that something is under; 0: it stays at its height."""
+
+
+def directions(place: Place) -> dict[str, Float[Tensor, "3"]]:
+    """The unit vectors of the sides, as the cameras see them."""
+    right = torch.linalg.cross(place.up, place.front)
+    return {"right": right, "left": -right, "front": place.front, "behind": -place.front}
+
+
+def extent(points: Float[Tensor, "m 3"], direction: Float[Tensor, "3"]) -> tuple[float, float]:
+    """Where points begin and end along a unit vector, stray ones left out."""
+    along = (points.double() @ direction).sort().values
+    last = len(along) - 1
+    return float(along[int(TAIL * last)]), float(along[int((1 - TAIL) * last)])
+
+
+def point_beside(
+    body: Gaussians,
+    stance: Stance,
+    other: Gaussians,
+    beside: Beside,
+    place: Place,
+    rest: Gaussians,
+    execution: Execution = AUTO,
+) -> Float[Tensor, "3"]:
+    """The point where the middle of an object comes to stand beside another; not yet on a surface.
+
+    On top, it is at the height of what it stands on; else at that of the other's middle.
+    """
+    if beside.side == "on":
+        return top_of(other, place.up, execution)
+    low, high = other.means.double().amin(0), other.means.double().amax(0)
+    middle = other.means.double().median(0).values
+    base = middle + (extent(other.means, place.up)[0] - middle @ place.up) * place.up
+    if beside.side == "beside":
+        size = max(float((high - low).norm()) / 2, float(stance.height))
+        return free_point(body, stance, base, SEARCHED * size, place, rest, execution)
+    way = directions(place)[beside.side]
+    _, far = extent(other.means, way)
+    near, _ = extent(body.means.double() - stance.foot, way)
+    center = sum(extent(other.means, way)) / 2
+    gap = beside.gap * stance.height
+    return base + (far - center + gap - near) * way + (center - base @ way) * way
+
+
+def top_of(other: Gaussians, up: Float[Tensor, "3"], execution: Execution = AUTO) -> Tensor:
+    """The middle of what of an object is seen from above, as high as most of it is."""
+    points = other.means.double()
+    begins, ends = extent(points, up)
+    middle = points.median(0).values
+    away = (points - middle).norm(dim=-1)
+    radius = 1.1 * float(away.sort().values[int((1 - TAIL) * (len(away) - 1))]) + 1e-9
+    seen = heights_from_above(other, middle, radius, up, ends + 0.1 * (ends - begins), execution)
+    shown = seen.heights.isfinite()
+    if not bool(shown.any()):
+        return middle + (ends - middle @ up) * up
+    level = float(seen.heights[shown].median())
+    there = seen.points[shown & ((seen.heights - level).abs() <= BASE * (ends - begins))]
+    point = (there.amin(0) + there.amax(0)) / 2
+    return point + (level - point @ up) * up
+
+
+def free_point(
+    body: Gaussians,
+    stance: Stance,
+    near: Float[Tensor, "3"],
+    radius: float,
+    place: Place,
+    rest: Gaussians,
+    execution: Execution = AUTO,
+) -> Float[Tensor, "3"]:
+    """The place nearest to a point where the surface is level and nothing is in the way.
+
+    Places before it count as nearer than those behind. The point itself where there is none.
+    """
+    ceiling = float(near @ place.up) + 1.1 * stance.height
+    seen = heights_from_above(rest, near, radius, place.up, ceiling, execution)
+    shape = _shape(body, stance, seen)
+    blocked = _blocked(seen, FREE * stance.height)
+    across = torch.nn.functional.conv2d(blocked[None, None], shape[None, None], padding="same")
+    share = across[0, 0] / shape.sum()
+    inner = min(min(shape.shape) // 2, CELLS // 4)
+    share[:inner] = share[-inner:] = 1.0
+    share[:, :inner] = share[:, -inner:] = 1.0
+    share[~seen.heights.isfinite()] = 1.0
+    there = share <= max(BLOCKED, float(share.amin()))
+    if float(share.amin()) >= 1:
+        return near
+    away = seen.points[there] - near
+    cost = away.norm(dim=-1) - BEHIND * (away @ place.front).clamp_max(0)
+    return seen.points[there][int(cost.argmin())]
+
+
+def _shape(body: Gaussians, stance: Stance, seen: HeightMap) -> Float[Tensor, "k k"]:
+    """The cells, of an odd number a side, that an object is over when it stands in the middle."""
+    away = (body.means.double() - stance.foot) @ seen.camera.rotation[:2].double().T / seen.cell
+    half = int(min(float(away.abs().amax()) + 1, CELLS // 2 - 1))
+    cells = (away + half + 0.5).long().clamp(0, 2 * half)
+    shape = torch.zeros(2 * half + 1, 2 * half + 1)
+    shape[cells[:, 1], cells[:, 0]] = 1.0
+    return torch.nn.functional.max_pool2d(shape[None], 3, stride=1, padding=1)[0]
+
+
+def _blocked(seen: HeightMap, step: float) -> Float[Tensor, "h w"]:
+    """1 for cells where the surface has a step, or there is none, else 0."""
+    filled = seen.heights.float().nan_to_num(neginf=-1e30)[None]
+    top = torch.nn.functional.max_pool2d(filled, 3, stride=1, padding=1)[0]
+    bottom = -torch.nn.functional.max_pool2d(-filled, 3, stride=1, padding=1)[0]
+    return (top - bottom > step).float()
+
+
+def land(
+    body: Gaussians,
+    foot: Float[Tensor, "3"],
+    stance: Stance,
+    rest: Gaussians,
+    ceiling: float,
+    execution: Execution = AUTO,
+) -> Landing:
+    """The surface under an object that was moved to stand at `foot`, at most `ceiling` high."""
+    up = stance.up
+    seen = map_around(body, rest, foot, up, ceiling, execution)
+    at = _under(body, foot, stance, seen)
+    under = seen.heights[at]
+    there = under[under.isfinite()]
+    carried = len(there) / max(int(at.sum()), 1)
+    if carried < CARRIED:
+        return Landing(foot, up, 0.0)
+    rough = float(there.quantile(RANK))
+    shift = (rough - foot @ up) * up
+    lowered = replace(body, means=body.means + shift.to(body.means))
+    support = carrier(lowered, seen, up)
+    point = foot + shift
+    if support is not None:
+        normal = torch.from_numpy(support.normal)
+        along = (support.offset - point @ normal) / (normal @ up)
+        if abs(float(along)) <= AGREES * stance.height:
+            return Landing(point + along * up, normal, carried)
+    return Landing(point, up, carried)
+
+
+def _under(
+    body: Gaussians, foot: Float[Tensor, "3"], stance: Stance, seen: HeightMap
+) -> Bool[Tensor, "h w"]:
+    """The cells under an object's base."""
+    heights = (body.means.double() - foot) @ stance.up
+    low = heights <= BASE * stance.height
+    return seen.under(body.means[low if bool(low.any()) else heights <= heights.median()])

@@ -1,0 +1,111 @@
+"""Move, scale, turn or copy an object of a scene: it stands on what is there, and is lit there.
+
+`n` Gaussians.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from jaxtyping import Bool
+from torch import Tensor
+
+from gsedit.cameras.around import FOUND_SIZE_PIXELS, FOUND_VIEWS, find_viewpoints
+from gsedit.light.place import place_of
+from gsedit.objects.outcome import NEW, Outcome, same
+from gsedit.objects.placing.daylight import Standing, daylight, relit_elsewhere, shaded
+from gsedit.objects.placing.motion import Motion, motion_of, moved
+from gsedit.objects.placing.placement import Beside, Placement, check_placement, check_region
+from gsedit.objects.placing.stance import stance_of
+from gsedit.objects.placing.sun import sun_of
+from gsedit.surface.normals import estimate_normals
+from rasterizer.camera import Camera
+from rasterizer.numerics import AUTO, Execution
+from rasterizer.scene import Gaussians, concatenate
+
+
+@torch.no_grad()
+def place(
+    scene: Gaussians,
+    inside: Bool[Tensor, " n"],
+    placement: Placement,
+    cameras: Sequence[Camera] = (),
+    execution: Execution = AUTO,
+) -> Outcome:
+    """The scene with the object inside at another place, of another size, turned, or twice.
+
+    It is set on the surface under it, lit as its new place is, and casts a soft shadow there; the
+    hole that it leaves is filled. `cameras` say what left, right and back are; found if there are
+    none. Raises UsageError for a region that is empty or everything, and for values out of range.
+    """
+    check_region(inside, len(scene))
+    check_placement(placement, len(scene))
+    if placement.is_nothing:
+        return same(scene)
+    seen_from = cameras_of(scene, cameras, execution)
+    around = place_of(scene, seen_from)
+    scene = scene.detach()
+    body = scene[inside]
+    stance = stance_of(body, scene[~inside], around.up, execution)
+    left = _left(scene, inside, placement, seen_from, execution)
+    to = placement.to
+    other = scene[to.of] if isinstance(to, Beside) and to.of is not None else body
+    motion = motion_of(body, stance, placement, other, around, left.scene, execution)
+    there = moved(body, motion.similarity)
+    light = daylight(around, sun_of(scene, stance))
+    if motion.landing is not None or not np.allclose(motion.similarity.turn, np.eye(3)):
+        normals = estimate_normals(scene, seen_from, execution, inside).directions.double()
+        turn = torch.from_numpy(motion.similarity.turn)
+        there = relit_elsewhere(body, there, normals, turn, left.scene, light, execution)
+    before = None if placement.copy else Standing(body, stance)
+    left = shaded(left, before, Standing(there, motion.stance), light, execution)
+    rows = torch.full((len(body),), NEW) if placement.copy else inside.nonzero().squeeze(-1)
+    return added(left, there, rows, notes_of(motion))
+
+
+def cameras_of(
+    scene: Gaussians, cameras: Sequence[Camera], execution: Execution = AUTO
+) -> Sequence[Camera]:
+    """The cameras, or where there are none such from which the scene looks as if captured."""
+    if cameras:
+        return cameras
+    found = find_viewpoints(scene, FOUND_VIEWS, FOUND_SIZE_PIXELS, execution=execution)
+    return [each.camera for each in found]
+
+
+def added(base: Outcome, body: Gaussians, rows: Tensor, notes: tuple[str, ...]) -> Outcome:
+    """An outcome with an object behind its rows, whose own come from `rows` of the scene before."""
+    changed = torch.ones(len(body), dtype=torch.bool)
+    return Outcome(
+        concatenate(base.scene, body.map(lambda field: field.to(base.scene.means))),
+        torch.cat((base.origin, rows)),
+        torch.cat((base.changed, changed)),
+        (*base.notes, *notes),
+    )
+
+
+def notes_of(motion: Motion) -> tuple[str, ...]:
+    """Remarks for a person on how an object stands."""
+    stance, landing = motion.stance, motion.landing
+    if landing is not None and not landing.carried:
+        return ("nothing is under its new place: it stays at the height that it had",)
+    if not stance.stands:
+        return ("it touches no surface: it keeps its height",)
+    return ()
+
+
+def _left(
+    scene: Gaussians,
+    inside: Bool[Tensor, " n"],
+    placement: Placement,
+    cameras: Sequence[Camera],
+    execution: Execution,
+) -> Outcome:
+    """The scene without the object, its hole filled where it will be seen; with it, for a copy."""
+    if placement.copy:
+        return same(scene)
+    kept = ~inside
+    unchanged = torch.zeros(int(kept.sum()), dtype=torch.bool)
+    return Outcome(scene[kept], kept.nonzero().squeeze(-1), unchanged)

@@ -1,0 +1,107 @@
+"""How an object stands: on what plane, at what point, how high it is. `n` Gaussians."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from gsedit.objects.placing.heights import HeightMap, heights_from_above, reach
+from gsedit.regions.support import Support, find_support
+from rasterizer.numerics import AUTO, Execution
+from rasterizer.scene import Gaussians
+
+MOST_POINTS = 8000
+"""Points of an object that its support is searched with."""
+LEVEL = 0.94
+"""Least cosine between the upward direction and the normal of what carries: 20 degrees."""
+HIDDEN, SUNK = 0.3, 0.1
+"""Largest gap between an object and its support, of its height, and largest sinking: nobody saw the
+underside of a ball, and a region seldom holds the lowest edge."""
+BASE = 0.15
+"""Part of the height, from below, that is over what carries an object."""
+STEP = 0.25
+"""Height above its foot, of its own, up to which something near an object may carry it."""
+AROUND = 1.3
+"""Half the side of the map around an object, of the distance of its farthest point."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stance:
+    """An object on what carries it; world units, float64."""
+
+    up: Float[Tensor, "3"]
+    """Normal of the surface under it, or the upward direction where none is."""
+    foot: Float[Tensor, "3"]
+    """Point of that surface under its middle; of its lowest parts where none is."""
+    height: float
+    """Size along `up` from the foot."""
+    gap: float
+    """Height of its lowest seen parts over the foot; below 0 it reaches into the surface."""
+    stands: bool
+    """Whether it touches a surface."""
+
+
+def spread(body: Gaussians) -> Float[Tensor, " n"]:
+    """Weights of an object's Gaussians: opacity times area, float64."""
+    area = body.log_scales.double().sort(-1).values[:, 1:].sum(-1).exp()
+    return body.opacities.double() * area
+
+
+def middle_of(body: Gaussians) -> Float[Tensor, "3"]:
+    """The mean of an object's surface, float64: it turns and scales with the object."""
+    weights = spread(body)
+    weights = weights.clamp_max(float(weights.quantile(0.95)) if len(weights) < 1 << 20 else 1e30)
+    return (weights[:, None] * body.means.double()).sum(0) / weights.sum().clamp_min(1e-30)
+
+
+def stance_of(
+    body: Gaussians, rest: Gaussians, up: Float[Tensor, "3"], execution: Execution = AUTO
+) -> Stance:
+    """How an object stands in the rest of its scene; `up` is the scene's upward direction."""
+    begins, ends = reach(body, up, execution)
+    middle = middle_of(body)
+    ceiling = begins + STEP * (ends - begins)
+    seen = map_around(body, rest, middle, up, ceiling, execution)
+    support = carrier(body, seen, up)
+    if support is not None:
+        normal = torch.from_numpy(support.normal)
+        low, high = reach(body, normal, execution)
+        height = high - support.offset
+        if -SUNK * height <= low - support.offset <= HIDDEN * height:
+            foot = middle + (support.offset - middle @ normal) * normal
+            return Stance(normal, foot, height, low - support.offset, True)
+    foot = middle + (begins - middle @ up) * up
+    return Stance(up, foot, ends - begins, 0.0, False)
+
+
+def map_around(
+    body: Gaussians,
+    rest: Gaussians,
+    middle: Float[Tensor, "3"],
+    up: Float[Tensor, "3"],
+    ceiling: float,
+    execution: Execution = AUTO,
+) -> HeightMap:
+    """The heights of the rest of a scene around an object."""
+    away = body.means.double() - middle
+    level = away - (away @ up)[:, None] * up
+    radius = AROUND * float(level.norm(dim=-1).amax().clamp_min(away.norm(dim=-1).amax() / 2))
+    return heights_from_above(rest, middle, radius + 1e-9, up, ceiling, execution)
+
+
+def carrier(body: Gaussians, seen: HeightMap, up: Float[Tensor, "3"]) -> Support | None:
+    """The plane that carries an object among what is seen from above around it; None: no such."""
+    cells = seen.points[seen.heights.isfinite()].numpy()
+    chosen = body.means[:: 1 + len(body) // MOST_POINTS].double().numpy()
+    if len(cells) < 3:
+        return None
+    points = np.concatenate((chosen, cells))
+    ours = np.arange(len(points)) < len(chosen)
+    found = find_support(points, ours, np.ones(len(points)))
+    if found is None or float(found.normal @ up.numpy()) < LEVEL:
+        return None
+    return found
