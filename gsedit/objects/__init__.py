@@ -10,6 +10,9 @@ if TYPE_CHECKING:
     from gsedit.objects.bending.bend import Handle, bend
     from gsedit.objects.bending.click import point_at
     from gsedit.objects.growth.grow import grow
+    from gsedit.objects.placing.insert import insert
+    from gsedit.objects.placing.place import place
+    from gsedit.objects.placing.placement import Beside, Placement
     from gsedit.objects.selecting.click import Click, Selector, select_at
     from gsedit.objects.selecting.segment import Segments, segment
 

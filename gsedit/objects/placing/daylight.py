@@ -108,7 +108,7 @@ def shaded(
     if before is not None:
         shadowed = _light_past(before, points, normals, sunlit, light)
         then = torch.where((scene.origin[rows] == NEW)[:, None], then, shadowed)
-    dim = _dimmed(some, (now / then).clamp(*SHADE))
+    dim = dimmed(some, (now / then).clamp(*SHADE))
     sh = scene.scene.sh.clone()
     sh[rows] = dim.sh
     changed = scene.changed.clone()
@@ -135,7 +135,7 @@ def relit_elsewhere(
     )]  # fmt: skip
     near = torch.from_numpy(nearest(body.means.float().numpy())[1])
     ratio = neighbor_means(own[1] / own[0], near, 3)
-    return _dimmed(there, ratio.clamp(*SHADE))
+    return dimmed(there, ratio.clamp(*SHADE))
 
 
 def _own_light(
@@ -150,7 +150,7 @@ def _own_light(
     sky = _open(body, points, normals, light.directions) * _sky(rest, points, light, execution)
     sunlit = _sunlit(rest, points, light, execution)
     if sunlit is not None and light.sun is not None:
-        sunlit = sunlit * (1 - shadow_of(body, points, light.sun.direction))
+        sunlit = sunlit * (1 - shadow_of(body, points, light.sun.direction, execution))
     return light.received(normals, sky, sunlit)
 
 
@@ -184,7 +184,9 @@ def _light_past(
 ) -> Float[Tensor, "n c"]:
     """Light on points past an object."""
     if thing is None:
-        return light.received(normals, torch.ones(len(points), len(light.directions)).double(), sunlit)
+        return light.received(
+            normals, torch.ones(len(points), len(light.directions)).double(), sunlit
+        )
     sky = _open(thing.body, points, normals, light.directions)
     if sunlit is not None and light.sun is not None:
         sunlit = sunlit * (1 - shadow_of(thing.body, points, light.sun.direction))
@@ -226,7 +228,7 @@ def _sunlit(
     return torch.stack([lit_share(each, points, 2 * place.radius) for each in maps]).mean(0)
 
 
-def _dimmed(scene: Gaussians, light: Float[Tensor, "n c"]) -> Gaussians:
+def dimmed(scene: Gaussians, light: Float[Tensor, "n c"]) -> Gaussians:
     """A scene whose Gaussians have factors of light a channel: all of their SH follow."""
     factor = (light ** (1 / GAMMA)).to(scene.sh)
     sh = scene.sh * factor[:, None]

@@ -91,24 +91,30 @@ def reach(
     points = body.means.double()
     middle = (points.amin(0) + points.amax(0)) / 2
     radius = 1.1 * float((points - middle).norm(dim=-1).amax()) + 1e-9
+    shown = torch.cat(_outlines(body, middle, radius, up, execution), 1)
+    shown = shown[:, shown.any(0)]
+    if not shown.shape[1]:  # haze only
+        heights = points @ up
+        return float(heights.amin()), float(heights.amax())
+    rows = torch.arange(OUTLINE_CELLS, dtype=torch.float64)[:, None]
+    last = torch.where(shown, rows + 1, -torch.inf).amax(0).quantile(1 - LOWEST)
+    first = torch.where(shown, rows, torch.inf).amin(0).quantile(1 - HIGHEST)
+    top, cell = float(middle @ up) + radius, 2 * radius / OUTLINE_CELLS
+    return top - cell * float(last), top - cell * float(first)
+
+
+def _outlines(
+    body: Gaussians,
+    middle: Float[Tensor, "3"],
+    radius: float,
+    up: Float[Tensor, "3"],
+    execution: Execution,
+) -> list[Bool[Tensor, "h w"]]:
+    """Flags of the pixels that show an object from each of SIDES; rows go down."""
     side = perpendicular(up)
     across = torch.linalg.cross(up, side)
     place = Place(middle, up, side, 2 * radius, radius)
-    bottoms, tops = [], []
-    for turn in range(SIDES):
-        angle = torch.tensor(torch.pi * turn / SIDES, dtype=torch.float64)
-        towards = angle.cos() * side + angle.sin() * across
-        drawn = parallel_map(body, place, towards, OUTLINE_CELLS, execution)
-        shown = drawn.depth.isfinite()
-        rows = torch.arange(OUTLINE_CELLS, dtype=torch.float64)[:, None]
-        low = torch.where(shown, rows + 1, -torch.inf).amax(0)
-        high = torch.where(shown, rows, torch.inf).amin(0)
-        bottoms.append(low[shown.any(0)])
-        tops.append(high[shown.any(0)])
-    bottom, top = torch.cat(bottoms), torch.cat(tops)
-    if not len(bottom):  # haze only
-        heights = points @ up
-        return float(heights.amin()), float(heights.amax())
-    cell, middle_height = 2 * radius / OUTLINE_CELLS, float(middle @ up)
-    begins, ends = bottom.quantile(1 - LOWEST), top.quantile(1 - HIGHEST)
-    return tuple(middle_height + cell * (OUTLINE_CELLS / 2 - float(row)) for row in (begins, ends))
+    angles = torch.arange(SIDES, dtype=torch.float64) * (torch.pi / SIDES)
+    views = (each.cos() * side + each.sin() * across for each in angles)
+    drawn = (parallel_map(body, place, view, OUTLINE_CELLS, execution) for view in views)
+    return [each.depth.isfinite() for each in drawn]

@@ -1,10 +1,11 @@
-"""Where an object comes to stand: a point that is asked for, and the surface under it.
+"""Place and surface that an object comes to stand at.
 
 `n` Gaussians; world units, float64.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import torch
@@ -14,7 +15,8 @@ from torch import Tensor
 from gsedit.light.place import Place
 from gsedit.objects.placing.heights import CELLS, HeightMap, heights_from_above
 from gsedit.objects.placing.placement import Beside
-from gsedit.objects.placing.stance import BASE, STEP, Stance, carrier, map_around
+from gsedit.objects.placing.stance import BASE, Stance, carrier, map_around
+from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
@@ -31,10 +33,24 @@ FREE = 0.12
 """Step of a surface, of the object's height, that is in the way of it."""
 BLOCKED = 0.04
 """Share of an object's outline, from above, that may be over such steps: twigs and haze."""
+CROWDED = 0.3
+"""Such a share beyond which no place is free."""
+WIDE = 4.0
+"""Reach of what something is put on, of its own, from which it stands at a free place on it."""
 SEARCHED = 2.5
 """Distance within which a free place is searched, in the larger of both sizes."""
+LEVEL = 0.7
+"""Difference in height, of the object's, from the place that is asked for up to which one is free.
+"""
 BEHIND = 0.7
 """How much farther a place behind something counts than one before it: there it is hidden."""
+
+STEEP, LAYER = 3.0, 0.05
+"""Step between cells next to each other, of their side, that is not level; and the thickness of a
+layer in which a ground is looked for, of the radius."""
+UNSEEN, MARGIN = 2.0, 0.1
+"""How much farther a place counts that no camera sees, and the border of a picture, of its sides,
+that does not count."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +61,8 @@ class Landing:
     normal: Float[Tensor, "3"]
     carried: float
     """Share of its base that something is under; 0: it stays at its height."""
+    crowded: float = 0.0
+    """Share of its outline, from above, in which something else rises higher than its base."""
 
 
 def directions(place: Place) -> dict[str, Float[Tensor, "3"]]:
@@ -54,7 +72,7 @@ def directions(place: Place) -> dict[str, Float[Tensor, "3"]]:
 
 
 def extent(points: Float[Tensor, "m 3"], direction: Float[Tensor, "3"]) -> tuple[float, float]:
-    """Where points begin and end along a unit vector, stray ones left out."""
+    """Begin and end of points along a unit vector, stray ones left out."""
     along = (points.double() @ direction).sort().values
     last = len(along) - 1
     return float(along[int(TAIL * last)]), float(along[int((1 - TAIL) * last)])
@@ -68,25 +86,42 @@ def point_beside(
     place: Place,
     rest: Gaussians,
     execution: Execution = AUTO,
+    cameras: Sequence[Camera] = (),
 ) -> Float[Tensor, "3"]:
     """The point where the middle of an object comes to stand beside another; not yet on a surface.
 
-    On top, it is at the height of what it stands on; else at that of the other's middle.
+    On top, it is at the height of what it stands on; else at that of the other's foot. Where no
+    place beside it is free, it is on its right.
     """
     if beside.side == "on":
-        return top_of(other, place.up, execution)
+        top = top_of(other, place.up, execution)
+        size, room = _reach(body, place.up), _reach(other, place.up)
+        if room < WIDE * size:
+            return top
+        found = free_point(body, stance, top, room, place, rest, execution, cameras)
+        return top if found is None else found
     low, high = other.means.double().amin(0), other.means.double().amax(0)
     middle = other.means.double().median(0).values
     base = middle + (extent(other.means, place.up)[0] - middle @ place.up) * place.up
     if beside.side == "beside":
         size = max(float((high - low).norm()) / 2, float(stance.height))
-        return free_point(body, stance, base, SEARCHED * size, place, rest, execution)
-    way = directions(place)[beside.side]
+        reach = SEARCHED * size
+        found = free_point(body, stance, base, reach, place, rest, execution, cameras)
+        if found is not None:
+            return found
+    way = directions(place)["right" if beside.side == "beside" else beside.side]
     _, far = extent(other.means, way)
     near, _ = extent(body.means.double() - stance.foot, way)
     center = sum(extent(other.means, way)) / 2
     gap = beside.gap * stance.height
     return base + (far - center + gap - near) * way + (center - base @ way) * way
+
+
+def _reach(body: Gaussians, up: Float[Tensor, "3"]) -> float:
+    """Distance of the farthest of an object from its middle, level; stray ones left out."""
+    away = body.means.double() - body.means.double().median(0).values
+    level = (away - (away @ up)[:, None] * up).norm(dim=-1).sort().values
+    return float(level[int((1 - TAIL) * (len(level) - 1))])
 
 
 def top_of(other: Gaussians, up: Float[Tensor, "3"], execution: Execution = AUTO) -> Tensor:
@@ -114,10 +149,12 @@ def free_point(
     place: Place,
     rest: Gaussians,
     execution: Execution = AUTO,
-) -> Float[Tensor, "3"]:
+    cameras: Sequence[Camera] = (),
+) -> Float[Tensor, "3"] | None:
     """The place nearest to a point where the surface is level and nothing is in the way.
 
-    Places before it count as nearer than those behind. The point itself where there is none.
+    Places before it count as nearer than those behind, and those that more cameras see as nearer
+    than others. None where no place is.
     """
     ceiling = float(near @ place.up) + 1.1 * stance.height
     seen = heights_from_above(rest, near, radius, place.up, ceiling, execution)
@@ -128,13 +165,41 @@ def free_point(
     inner = min(min(shape.shape) // 2, CELLS // 4)
     share[:inner] = share[-inner:] = 1.0
     share[:, :inner] = share[:, -inner:] = 1.0
-    share[~seen.heights.isfinite()] = 1.0
-    there = share <= max(BLOCKED, float(share.amin()))
-    if float(share.amin()) >= 1:
-        return near
+    share[(seen.heights - near @ place.up).abs() > LEVEL * stance.height] = 1.0
+    there = share <= max(BLOCKED, min(float(share.amin()), CROWDED))
+    if not bool(there.any()):
+        return None
     away = seen.points[there] - near
     cost = away.norm(dim=-1) - BEHIND * (away @ place.front).clamp_max(0)
+    cost = cost * (1 + UNSEEN * (1 - _seen(seen.points[there], cameras)))
     return seen.points[there][int(cost.argmin())]
+
+
+def ground_near(
+    scene: Gaussians, place: Place, radius: float, execution: Execution = AUTO
+) -> Float[Tensor, "3"]:
+    """The point under the middle of a place that is as high as most of what is level around it."""
+    ceiling = float(place.center @ place.up) + radius
+    seen = heights_from_above(scene, place.center, radius, place.up, ceiling, execution)
+    flat = (_blocked(seen, STEEP * seen.cell) == 0) & seen.heights.isfinite()
+    if not bool(flat.any()):
+        return place.center
+    heights = seen.heights[flat]
+    step = LAYER * radius
+    layers = ((heights - heights.amin()) / step).long()
+    fullest = int(torch.bincount(layers).argmax())
+    level = heights[(layers - fullest).abs() <= 1].median()
+    return place.center + (level - place.center @ place.up) * place.up
+
+
+def _seen(points: Float[Tensor, "m 3"], cameras: Sequence[Camera]) -> Float[Tensor, " m"]:
+    """Share of the cameras whose pictures points are in, apart from what may hide them."""
+    total = torch.zeros(len(points), dtype=torch.float64)
+    for camera in cameras:
+        xy, z = camera.project(points)
+        size = xy.new_tensor((camera.width, camera.height))
+        total += (z > 0) & ((xy > MARGIN * size) & (xy < (1 - MARGIN) * size)).all(-1)
+    return total / max(len(cameras), 1)
 
 
 def _shape(body: Gaussians, stance: Stance, seen: HeightMap) -> Float[Tensor, "k k"]:
@@ -173,6 +238,8 @@ def land(
     if carried < CARRIED:
         return Landing(foot, up, 0.0)
     rough = float(there.quantile(RANK))
+    over = seen.heights[seen.under(body.means)]
+    crowded = float((over > rough + BASE * stance.height).double().mean())
     shift = (rough - foot @ up) * up
     lowered = replace(body, means=body.means + shift.to(body.means))
     support = carrier(lowered, seen, up)
@@ -181,8 +248,8 @@ def land(
         normal = torch.from_numpy(support.normal)
         along = (support.offset - point @ normal) / (normal @ up)
         if abs(float(along)) <= AGREES * stance.height:
-            return Landing(point + along * up, normal, carried)
-    return Landing(point, up, carried)
+            return Landing(point + along * up, normal, carried, crowded)
+    return Landing(point, up, carried, crowded)
 
 
 def _under(

@@ -5,20 +5,22 @@ World units, float64.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.light.place import Place
 from gsedit.objects.placing.landing import Landing, directions, land, point_beside
-from gsedit.objects.placing.placement import Beside, Placement
+from gsedit.objects.placing.placement import Beside, Placement, Triple
 from gsedit.objects.placing.stance import STEP, Stance
 from gsedit.scene.quaternions import axis_rotation, turn_between
 from gsedit.scene.similarity import IDENTITY, Similarity
 from gsedit.scene.table import gaussians_of, table_of
+from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
@@ -38,6 +40,8 @@ class Motion:
     """How the object stands afterwards."""
     landing: Landing | None
     """The surface that it was set on; None where it kept its height or its place."""
+    rise: float = 0.0
+    """Way up, world units, on which it was set on that surface."""
 
 
 def moved(body: Gaussians, similarity: Similarity) -> Gaussians:
@@ -53,6 +57,7 @@ def motion_of(
     place: Place,
     rest: Gaussians,
     execution: Execution = AUTO,
+    cameras: Sequence[Camera] = (),
 ) -> Motion:
     """The way to where a placement puts an object; `other` is what it is placed beside.
 
@@ -63,15 +68,16 @@ def motion_of(
     tall = replace(stance, height=placement.scale * stance.height, gap=placement.scale * stance.gap)
     unit = tall.height if placement.unit is None else placement.unit
     right, back, rise = (unit * each for each in placement.offset)
-    target, landing = stance.foot, None
+    target, landing, risen = stance.foot, None, 0.0
     if placement.moves:
-        target, ceiling = _asked(sized, tall, placement.to, other, place, rest, execution)
+        target, ceiling = _asked(sized, tall, placement.to, other, place, rest, execution, cameras)
         way = directions(place)
         target = target + right * way["right"] + back * way["behind"]
         if placement.settle:
             onto = other if _on_top(placement.to) and other is not None else rest
             there = moved(sized, _shift(target - stance.foot))
             landing = land(there, target, tall, onto, ceiling, execution)
+            risen = float((landing.point - target) @ tall.up)
             target = landing.point
     lean = _lean(stance, landing).about(stance.foot.numpy())
     way_there = _shift(target + rise * tall.up - stance.foot)
@@ -81,30 +87,31 @@ def motion_of(
         up=torch.from_numpy(lean.turn) @ tall.up,
         stands=not rise and (stance.stands if landing is None else landing.carried > 0),
     )
-    return Motion(way_there.after(lean).after(grown), tall, landing)
+    return Motion(way_there.after(lean).after(grown), tall, landing, risen)
 
 
 def _grown(stance: Stance, placement: Placement) -> Similarity:
-    turn = axis_rotation(stance.up.numpy(), placement.turn)
-    return Similarity(turn, placement.scale, np.zeros(3)).about(stance.foot.numpy())
+    turn = axis_rotation(stance.up.numpy(), float(placement.turn))
+    return Similarity(turn, float(placement.scale), np.zeros(3)).about(stance.foot.numpy())
 
 
 def _shift(way: Float[Tensor, "3"]) -> Similarity:
     return replace(IDENTITY, translation=way.double().numpy())
 
 
-def _on_top(to: tuple[float, float, float] | Beside | None) -> bool:
+def _on_top(to: Triple | Beside | None) -> bool:
     return isinstance(to, Beside) and to.side == "on"
 
 
 def _asked(
     body: Gaussians,
     stance: Stance,
-    to: tuple[float, float, float] | Beside | None,
+    to: Triple | Beside | None,
     other: Gaussians | None,
     place: Place,
     rest: Gaussians,
     execution: Execution,
+    cameras: Sequence[Camera],
 ) -> tuple[Float[Tensor, "3"], float]:
     """The point that is asked for, and the height up to which a surface there may carry."""
     climb = CLIMB * stance.height
@@ -112,7 +119,7 @@ def _asked(
         return stance.foot, float(stance.foot @ stance.up) + climb
     if isinstance(to, Beside):
         beside = body if other is None else other
-        point = point_beside(body, stance, beside, to, place, rest, execution)
+        point = point_beside(body, stance, beside, to, place, rest, execution, cameras)
     else:
         point = torch.tensor(to, dtype=torch.float64)
     if _on_top(to) or not isinstance(to, Beside):

@@ -17,7 +17,7 @@ from gsedit.light.place import place_of
 from gsedit.objects.outcome import NEW, Outcome, same
 from gsedit.objects.placing.daylight import Standing, daylight, relit_elsewhere, shaded
 from gsedit.objects.placing.motion import Motion, motion_of, moved
-from gsedit.objects.placing.placement import Beside, Placement, check_placement, check_region
+from gsedit.objects.placing.placement import Beside, Placement, check_placement
 from gsedit.objects.placing.stance import stance_of
 from gsedit.objects.placing.sun import sun_of
 from gsedit.surface.normals import estimate_normals
@@ -40,8 +40,7 @@ def place(
     hole that it leaves is filled. `cameras` say what left, right and back are; found if there are
     none. Raises UsageError for a region that is empty or everything, and for values out of range.
     """
-    check_region(inside, len(scene))
-    check_placement(placement, len(scene))
+    check_placement(placement, inside, len(scene))
     if placement.is_nothing:
         return same(scene)
     seen_from = cameras_of(scene, cameras, execution)
@@ -52,9 +51,9 @@ def place(
     left = _left(scene, inside, placement, seen_from, execution)
     to = placement.to
     other = scene[to.of] if isinstance(to, Beside) and to.of is not None else body
-    motion = motion_of(body, stance, placement, other, around, left.scene, execution)
+    motion = motion_of(body, stance, placement, other, around, left.scene, execution, seen_from)
     there = moved(body, motion.similarity)
-    light = daylight(around, sun_of(scene, stance))
+    light = daylight(around, sun_of(scene, stance, execution))
     if motion.landing is not None or not np.allclose(motion.similarity.turn, np.eye(3)):
         normals = estimate_normals(scene, seen_from, execution, inside).directions.double()
         turn = torch.from_numpy(motion.similarity.turn)
@@ -86,14 +85,30 @@ def added(base: Outcome, body: Gaussians, rows: Tensor, notes: tuple[str, ...]) 
     )
 
 
+CROWDED = 0.1
+"""Share of an object's outline over something that rises beside its foot, from which it is told."""
+LEVEL = 0.01
+"""Way up or down to the surface, of an object's height, from which it is told."""
+OVER_EDGE = 0.7
+"""Share of its base that is carried, below which it is told."""
+
+
 def notes_of(motion: Motion) -> tuple[str, ...]:
     """Remarks for a person on how an object stands."""
     stance, landing = motion.stance, motion.landing
-    if landing is not None and not landing.carried:
+    if landing is None:
+        return () if stance.stands else ("it touches no surface: it keeps its height",)
+    if not landing.carried:
         return ("nothing is under its new place: it stays at the height that it had",)
-    if not stance.stands:
-        return ("it touches no surface: it keeps its height",)
-    return ()
+    notes = []
+    if abs(motion.rise) > LEVEL * stance.height:
+        way = "higher" if motion.rise > 0 else "lower"
+        notes.append(f"set on the surface there, {abs(motion.rise):.3g} world units {way}")
+    if landing.carried < OVER_EDGE:
+        notes.append(f"{1 - landing.carried:.0%} of its base is over the edge of what carries it")
+    if landing.crowded > CROWDED:
+        notes.append("it reaches into what stands there: put it farther away, or make it smaller")
+    return tuple(notes)
 
 
 def _left(

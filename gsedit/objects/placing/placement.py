@@ -13,6 +13,8 @@ from torch import Tensor
 from gsedit.errors import UsageError
 
 Side = Literal["left", "right", "front", "behind", "on", "beside"]
+Number = float | int
+Triple = tuple[Number, Number, Number]
 GAP = 0.15
 """Free distance between two things that stand beside each other, of the placed one's size."""
 LARGEST = 1000.0
@@ -24,29 +26,30 @@ class Beside:
     """A place that is told by another object, as the cameras see it."""
 
     side: Side = "beside"
-    """A side of it; "on" its top, at the middle; "beside": at the nearest free place."""
+    """A side of it; "on" its top, at the middle, or at a free place near the middle of what is much
+    wider than the object; "beside": at the nearest free place."""
     of: Bool[Tensor, " n"] | None = None
     """Its Gaussians in the scene before; None: the placed object where it was."""
-    gap: float = GAP
+    gap: float | int = GAP
     """Free distance between both, of the placed object's height; "on" has none."""
 
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """Where an object goes: scaled and turned, put at `to`, moved by `offset`, set down.
+    """Way of an object to its place: scaled and turned, put at `to`, moved by `offset`, set down.
 
     Directions are as the cameras see them: towards the right, back (away from them), and up.
     """
 
-    scale: float = 1.0
+    scale: float | int = 1.0
     """Factor of its lengths, above 0, about the point where it touches what carries it."""
-    turn: float = 0.0
+    turn: float | int = 0.0
     """Degrees about the upward direction, counterclockwise as seen from above."""
-    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    offset: Triple = (0.0, 0.0, 0.0)
     """Way to the right, back and up; left, forward and down are negative."""
-    unit: float | None = None
+    unit: float | int | None = None
     """World units of 1 in the offset; None: the object's height after scaling."""
-    to: tuple[float, float, float] | Beside | None = None
+    to: Triple | Beside | None = None
     """World point that it stands at, or below; or a place beside something. None: where it is."""
     copy: bool = False
     """Whether the original stays where it is."""
@@ -66,8 +69,15 @@ class Placement:
         )
 
 
-def check_placement(placement: Placement, count: int) -> None:
-    """Raise UsageError for values that no object can be placed by, in a scene of `count`."""
+def check_placement(placement: Placement, inside: Bool[Tensor, " n"], count: int) -> None:
+    """Raise UsageError for an object or values that nothing can be placed by, in a scene of `count`
+    Gaussians."""
+    check_region(inside, count)
+    if not placement.copy and bool(inside.all()):
+        raise UsageError(
+            "the object is the whole scene, which leaves nothing to place it on: name a part of "
+            "it, or move the scene with gsedit transform"
+        )
     numbers = [placement.turn, *placement.offset]
     numbers += [] if placement.unit is None else [placement.unit]
     if not 1 / LARGEST <= placement.scale <= LARGEST:
@@ -80,7 +90,7 @@ def check_placement(placement: Placement, count: int) -> None:
     check_target(placement.to, count)
 
 
-def check_target(to: tuple[float, float, float] | Beside | None, count: int) -> None:
+def check_target(to: Triple | Beside | None, count: int) -> None:
     """Raise UsageError for a place that is none in a scene of `count` Gaussians."""
     if isinstance(to, Beside):
         if to.side not in get_args(Side):
@@ -92,14 +102,9 @@ def check_target(to: tuple[float, float, float] | Beside | None, count: int) -> 
 
 
 def check_region(inside: Bool[Tensor, " n"], count: int, what: str = "the object") -> None:
-    """Raise UsageError for flags of another scene, or that hold nothing, or everything."""
+    """Raise UsageError for flags of another scene, or that hold nothing."""
     hint = "look at what is selected with gsedit render SCENE --region ..."
     if inside.shape != (count,) or inside.dtype != torch.bool:
         raise UsageError(f"{what}: {tuple(inside.shape)} flags for {count:,} Gaussians: {hint}")
     if not bool(inside.any()):
         raise UsageError(f"{what} has no Gaussian: {hint}")
-    if bool(inside.all()):
-        raise UsageError(
-            f"{what} is the whole scene, which leaves nothing to place it on: name a part of it, "
-            "or move the scene with gsedit transform"
-        )

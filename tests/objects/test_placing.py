@@ -1,0 +1,243 @@
+"""Placing: laws of standing, of what stays, of light, and refusals; on a ball on a meadow."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from gsedit.errors import UsageError
+from gsedit.light.place import place_of
+from gsedit.objects import Beside, Placement, insert, place
+from gsedit.objects.outcome import NEW, same
+from gsedit.objects.placing.arrival import main_object
+from gsedit.objects.placing.daylight import Standing, daylight, shaded
+from gsedit.objects.placing.stance import stance_of
+from gsedit.objects.placing.sun import Sun, sun_of
+from gsedit.scene.similarity import IDENTITY
+from gsedit.scene.table import gaussians_of, table_of
+from gsedit.synthetic.staged import stage
+from rasterizer.numerics import sh_to_color
+from rasterizer.scene import Gaussians
+
+HEIGHT = 0.54
+"""Diameter of the ball, world units."""
+UP = torch.tensor((0.0, 0.0, 1.0), dtype=torch.float64)
+SECOND = torch.tensor((0.0, 1.0, 0.0))
+FIELDS = ("means", "quats", "log_scales", "logit_opacities", "sh")
+
+
+@pytest.fixture(scope="module")
+def meadow():
+    """A red ball and a blue post on grass, under a sun from the front right."""
+    return stage("meadow")
+
+
+@pytest.fixture(scope="module")
+def labelled(meadow):
+    return meadow.gaussians(2000)
+
+
+@pytest.fixture(scope="module")
+def ball(labelled):
+    return labelled.of("red ball")
+
+
+@pytest.fixture(scope="module")
+def cameras(meadow):
+    return meadow.training(48)[::6]
+
+
+@pytest.fixture(scope="module")
+def ground(labelled):
+    """Height of the grass."""
+    return float(labelled.scene.means[labelled.of("grass"), 2].median())
+
+
+@pytest.fixture(scope="module")
+def right(labelled, ball, cameras):
+    """The ball moved by its own size to the right."""
+    return place(labelled.scene, ball, Placement(offset=(1.0, 0.0, 0.0)), cameras)
+
+
+def of(outcome, inside):
+    """The means of an object after an operation that moved it."""
+    rows = inside.nonzero().squeeze(-1)
+    order = torch.argsort(outcome.origin[torch.isin(outcome.origin, rows)])
+    return outcome.scene.means[torch.isin(outcome.origin, rows)][order].double()
+
+
+def test_nothing_asked_changes_nothing(labelled, ball, cameras):
+    outcome = place(labelled.scene, ball, Placement(turn=720), cameras)
+    assert outcome.scene is labelled.scene
+    assert not outcome.changed.any()
+
+
+def test_what_is_scaled_stays_standing(labelled, ball, cameras, ground):
+    outcome = place(labelled.scene, ball, Placement(scale=2.0), cameras)
+    before = labelled.scene.means[ball].double()
+    over = of(outcome, ball)[:, 2] - ground
+    assert (over - 2 * (before[:, 2] - ground)).abs().max() < 0.01 * HEIGHT
+
+
+def test_what_is_turned_keeps_its_heights_and_distances(labelled, ball, cameras):
+    outcome = place(labelled.scene, ball, Placement(turn=90), cameras)
+    before, after = labelled.scene.means[ball].double(), of(outcome, ball)
+    assert (after[:, 2] - before[:, 2]).abs().max() < 0.01 * HEIGHT
+    middle = before.mean(0), after.mean(0)
+    assert (middle[0] - middle[1]).norm() < 0.05 * HEIGHT
+    quarter = torch.tensor(((0.0, -1.0), (1.0, 0.0)), dtype=torch.float64)
+    turned = (before - middle[0])[:, :2] @ quarter.T
+    assert (turned - (after - middle[1])[:, :2]).abs().max() < 0.02 * HEIGHT
+
+
+def test_what_is_moved_stands_on_the_ground_at_its_new_place(labelled, ball, cameras, right):
+    before, after = labelled.scene.means[ball].double(), of(right, ball)
+    way = (after - before).mean(0)
+    assert (after - before - way).abs().max() < 0.01 * HEIGHT
+    assert abs(float(way[2])) < 0.01 * HEIGHT
+    assert float(way.norm()) == pytest.approx(HEIGHT, rel=0.2)
+    xy, _ = cameras[0].project(torch.stack((before.mean(0), after.mean(0))))
+    assert float(xy[1, 0]) > float(xy[0, 0])
+
+
+def test_back_again_is_where_it_was(labelled, ball, cameras, right):
+    inside = torch.isin(right.origin, ball.nonzero().squeeze(-1))
+    back = place(right.scene, inside, Placement(offset=(-1.0, 0.0, 0.0)), cameras)
+    after = right.then(back)
+    assert (of(after, ball) - labelled.scene.means[ball]).abs().max() < 0.02 * HEIGHT
+
+
+def test_what_is_not_flagged_keeps_its_bits(labelled, right):
+    kept = ~right.changed
+    assert kept.any()
+    for name in FIELDS:
+        old = getattr(labelled.scene, name)[right.origin[kept]]
+        assert torch.equal(getattr(right.scene, name)[kept], old)
+
+
+def test_only_colors_change_outside(labelled, ball, cameras):
+    outcome = place(labelled.scene, ball, Placement(to=Beside("left"), copy=True), cameras)
+    count = len(labelled.scene)
+    assert torch.equal(outcome.scene.means[:count], labelled.scene.means)
+    assert (outcome.origin[count:] == NEW).all()
+    assert outcome.changed[count:].all()
+    assert len(outcome.scene) == count + int(ball.sum())
+    gap = (outcome.scene.means[count:].mean(0) - labelled.scene.means[ball].mean(0)).norm()
+    assert float(gap) > HEIGHT
+
+
+def test_nothing_under_it_is_told(labelled, ball, cameras):
+    outcome = place(labelled.scene, ball, Placement(to=(9.0, 9.0, 1.0)), cameras)
+    assert any("nothing is under" in note for note in outcome.notes)
+    assert float(of(outcome, ball)[:, 2].min()) > 0.9
+
+
+def test_lifted_it_stays_in_the_air(labelled, ball, cameras):
+    outcome = place(labelled.scene, ball, Placement(offset=(0, 0, 0.5), unit=1.0), cameras)
+    rise = of(outcome, ball) - labelled.scene.means[ball].double()
+    assert (rise - torch.tensor((0, 0, 0.5))).abs().max() < 1e-5
+
+
+def test_sun_is_told_from_shadows(meadow, labelled, ball, cameras):
+    body, rest = labelled.scene[ball], labelled.scene[~ball]
+    stance = stance_of(body, rest, UP)
+    assert stance.stands
+    found = sun_of(labelled.scene, stance)
+    assert found is not None
+    true = torch.nn.functional.normalize(torch.tensor(meadow.light.sun).double(), dim=0)
+    assert math.degrees(math.acos(float(found.direction @ true))) < 12
+    even = replace(labelled.scene, sh=torch.full_like(labelled.scene.sh, 0.3))
+    assert sun_of(even, stance) is None
+
+
+def test_shadow_follows_what_casts_it(labelled, ball, cameras):
+    body, rest = labelled.scene[ball], labelled.scene[~ball]
+    stance = stance_of(body, rest, UP)
+    light = daylight(place_of(rest, cameras), Sun(UP, torch.full((3,), 2.0).double()))
+    there = replace(body, means=body.means + torch.tensor((0.8, 0.0, 0.0)))
+    far = replace(stance, foot=stance.foot + torch.tensor((0.8, 0.0, 0.0)))
+    moved = shaded(same(rest), Standing(body, stance), Standing(there, far), light).scene
+    brighter = (sh_to_color(moved.sh[:, 0]) - sh_to_color(rest.sh[:, 0])).mean(-1)
+    level = (rest.means[:, 2] - stance.foot[2]).abs() < 0.02
+    old = level & ((rest.means - stance.foot)[:, :2].norm(dim=-1) < 0.2)
+    new = level & ((rest.means - far.foot)[:, :2].norm(dim=-1) < 0.2)
+    assert float(brighter[new].mean()) < -0.05
+    assert not old.any() or float(brighter[old].mean()) > 0.05
+
+
+def lone_statue(factor=1.0):
+    """A tall ellipsoid of Gaussians, upright along -y, as captures often are."""
+    random = np.random.default_rng(3)
+    points = random.normal(size=(400, 3))
+    points = points / np.linalg.norm(points, axis=1, keepdims=True) * (0.2, 0.5, 0.2)
+    count = len(points)
+    scene = Gaussians(
+        torch.tensor(points).float(),
+        torch.tensor((1.0, 0.0, 0.0, 0.0)).expand(count, 4).contiguous(),
+        torch.full((count, 3), math.log(0.015)),
+        torch.full((count,), 4.0),
+        torch.full((count, 9, 3), 0.1),
+    )
+    return gaussians_of(replace(IDENTITY, scale=factor).table(table_of(scene)))
+
+
+def test_inserted_scale_does_not_matter(labelled, ball, cameras, ground):
+    at = Beside("left", ball)
+    once, again = (
+        insert(labelled.scene, lone_statue(f), at, cameras, up=-SECOND) for f in (1.0, 1000.0)
+    )
+    count = len(labelled.scene)
+    one, two = (each.scene.means[count:] for each in (once, again))
+    assert (one - two).abs().max() < 0.02 * HEIGHT
+    assert once.scene.sh.shape[1] == labelled.scene.sh.shape[1]
+    assert any("fitted" in note for note in again.notes)
+    height = float(one[:, 2].max() - one[:, 2].min())
+    assert height == pytest.approx(HEIGHT, rel=0.25)
+    assert abs(float(one[:, 2].min()) - ground) < 0.1 * HEIGHT
+
+
+def test_asked_height_wins(labelled, cameras):
+    outcome = insert(
+        labelled.scene, lone_statue(), (0.5, -0.6, 0.2), cameras, height=0.3, up=-SECOND
+    )
+    means = outcome.scene.means[len(labelled.scene) :]
+    assert float(means[:, 2].max() - means[:, 2].min()) == pytest.approx(0.3, rel=0.2)
+    assert torch.allclose(means[:, :2].mean(0), torch.tensor((0.5, -0.6)), atol=0.05)
+
+
+def test_ground_of_another_scene_is_left_out(labelled):
+    found = main_object(labelled.scene, UP)
+    things = ~labelled.of("grass")
+    assert (found & ~things).sum() < 0.02 * things.sum()
+    assert (found & things).sum() > 0.5 * things.sum()
+
+
+@pytest.mark.parametrize(
+    ("inside", "placement"),
+    [
+        (False, Placement(scale=2)),
+        (True, Placement(scale=2)),
+        (None, Placement(scale=0)),
+        (None, Placement(scale=float("nan"))),
+        (None, Placement(turn=float("inf"))),
+        (None, Placement(to=(0.0, float("nan"), 0.0))),
+        (None, Placement(to=Beside("left", torch.zeros(3, dtype=torch.bool)))),
+    ],
+)
+def test_what_cannot_be_placed_is_refused_in_a_line(labelled, ball, cameras, inside, placement):
+    flags = ball if inside is None else torch.full_like(ball, inside)
+    with pytest.raises(UsageError) as refusal:
+        place(labelled.scene, flags, placement, cameras)
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("asked", [{"height": 0.0}, {"scale": -1.0}, {"height": 1, "scale": 1}])
+def test_insert_of_no_size_is_refused(labelled, cameras, asked):
+    with pytest.raises(UsageError):
+        insert(labelled.scene, lone_statue(), None, cameras, **asked)
+    with pytest.raises(UsageError):
+        insert(labelled.scene, lone_statue()[:0], None, cameras)
