@@ -59,7 +59,8 @@ def layer(patch: Patch, growth: Growth) -> Gaussians:
 def colors_of(spots: Spots, growth: Growth) -> Float[Tensor, "m 3"]:
     """Display colors in the present light, mottled."""
     random = torch.randn(len(spots), generator=torch.Generator().manual_seed(0)).double()
-    mottle = 1 + growth.mottle * random.clamp(-2, 2)
+    level = spots.rise.abs()  # discs are long where it is steep: mottles would be streaks
+    mottle = 1 + growth.mottle * level * random.clamp(-2, 2)
     return spots.shaded(growth.shade, growth.lit, spots.light()) * mottle[:, None]
 
 

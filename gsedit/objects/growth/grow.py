@@ -21,6 +21,7 @@ from gsedit.objects.growth.puddles import level, water
 from gsedit.objects.growth.relief import relief_of
 from gsedit.objects.growth.spots import Site
 from gsedit.objects.growth.table import Growth, growth_of
+from gsedit.objects.growth.veil import unveiled
 from gsedit.objects.outcome import NEW, Outcome
 from gsedit.scenery.setting import Setting
 from rasterizer.camera import Camera
@@ -72,7 +73,7 @@ def grow(
     new = _made(scene, patches, growth, amount, cameras, execution)
     if not len(new):
         raise UsageError(f"{name} lies nowhere: nothing inside {growth.nowhere}; choose more of it")
-    return _grown(scene, name, growth, patches, new, execution)
+    return _grown(scene, name, growth, patches, new, cameras, execution)
 
 
 def _grown(
@@ -81,6 +82,7 @@ def _grown(
     growth: Growth,
     patches: list[Patch],
     new: Gaussians,
+    cameras: Sequence[Camera],
     execution: Execution,
 ) -> Outcome:
     """The scene with what grew on it, and what that hides in its color."""
@@ -91,6 +93,9 @@ def _grown(
         for patch in patches:
             share = torch.maximum(share, buried(scene, patch, hidden(patch, growth), execution))
     grown = concatenate(in_colors_of(before, share, new), new)
+    if growth.hides and growth.body != "water":
+        cleared = unveiled(grown, new, cameras, execution)
+        grown = concatenate(in_colors_of(before, share, cleared), cleared)
     origin = torch.cat((torch.arange(len(scene)), torch.full((len(new),), NEW)))
     changed = torch.cat((share > 0, torch.ones(len(new), dtype=torch.bool)))
     notes = [f"{name}: {len(new):,} Gaussians were added to {len(scene):,}"]

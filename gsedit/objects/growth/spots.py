@@ -26,6 +26,8 @@ and the least exposure: in a dark picture nothing new is bright."""
 BEST, LEAST_BEST = 0.9, 0.6
 """Rank of the light on places that counts as open, and the least that does: haze and walls around
 dim all of a part alike."""
+BOUNCED = 0.2
+"""Share of light that comes from what is around, wherever it is."""
 NEAREST = 6
 """Gaussians around a place that say what is known of it."""
 
@@ -118,8 +120,8 @@ class Spots:
             self.mean(old.open), old.occluders, old.place,
         )  # fmt: skip
         present = torch.lerp(found.falling_on(here), received(here)[:, :-1].sum(1), EVEN)
-        best = float(present.quantile(BEST)) if len(present) < 1 << 20 else 1.0
-        present = present / min(max(best, LEAST_BEST), 1.0)
+        best = min(max(float(present.quantile(BEST)), LEAST_BEST), 1.0) if len(present) else 1.0
+        present = torch.lerp(present / best, torch.ones_like(present), BOUNCED)
         near = found.trust * found.seen
         usual = (near @ found.light) / near.sum().clamp_min(1e-12)
         return self.site.exposure * (usual + self.mean(found.trust) * (present - usual))

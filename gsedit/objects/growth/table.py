@@ -51,7 +51,7 @@ class Growth:
 
 GROWTHS: dict[str, Growth] = {
     "snow": Growth(
-        where.snowy, "layer", 0.04, 0.004, (0.63, 0.72, 0.9), (1.02, 1.025, 1.03),
+        where.snowy, "layer", 0.04, 0.004, (0.63, 0.72, 0.9), (0.975, 0.98, 0.99),
         "faces up and sees the sky", smooth=16,
     ),
     "moss": Growth(
