@@ -1,0 +1,216 @@
+"""Remove an object and fill what nobody saw behind it.
+
+`n` Gaussians before, `m` after.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from gsedit.cameras.around import FOUND_SIZE_PIXELS, FOUND_VIEWS, find_viewpoints
+from gsedit.datasets.dataset import evenly_spaced
+from gsedit.errors import UsageError
+from gsedit.objects.outcome import NEW, Outcome
+from gsedit.objects.removal.backdrop import backdrop, find_gap
+from gsedit.objects.removal.draw import Draw
+from gsedit.objects.removal.fill import filled
+from gsedit.objects.removal.shade import find_shade
+from gsedit.objects.removal.sheet import Sheet
+from gsedit.objects.removal.sight import Sight, contributions_of, depth_map, look
+from gsedit.objects.removal.strays import strays
+from gsedit.objects.removal.uncover import Object, Views, find_sheet
+from gsedit.objects.removal.walls import Plane, find_planes
+from gsedit.regions.support import extent_of
+from gsedit.surface.normals import shortest_axes
+from rasterizer.camera import Camera
+from rasterizer.numerics import AUTO, SH_DC, Execution, sh_to_color
+from rasterizer.scene import Gaussians, concatenate
+
+VIEWS, VIEW_PIXELS = 48, 256
+"""Most views that are asked, and the longer side of their pictures."""
+MOST_GAPS = 3
+"""Views in which what lies on no plane is continued."""
+
+
+@torch.no_grad()
+def remove(
+    scene: Gaussians,
+    inside: Bool[Tensor, " n"],
+    cameras: Sequence[Camera] = (),
+    execution: Execution = AUTO,
+    draw: Draw | None = None,
+) -> Outcome:
+    """Remove the Gaussians `inside` with what belongs to them, and fill what nobody saw.
+
+    Along go the object's rim, what floats in it, what no camera saw behind it, and its shadow on
+    the planes around it. A plane (ground, table, walls) goes on under it with its own texture; what
+    lies on no plane goes on smoothly in depth. All other Gaussians keep their bits. Without
+    `cameras`, some are found.
+
+    `draw` makes up the texture instead: it gets a picture (`h w 3`, sRGB in [0, 1]: the plane from
+    straight above, or a view) and the mask (`h w`) of what to paint, and returns the picture.
+
+    Raises UsageError for a selection that is empty, everything, or seen by no camera, and for
+    values that are not finite.
+    """
+    _check(scene, inside)
+    cameras = cameras or _found(scene, execution)
+    views = [cameras[i].fitted(VIEW_PIXELS) for i in evenly_spaced(len(cameras), VIEWS)]
+    sights, seen = look(scene, inside, views, execution)
+    if not sights:
+        raise UsageError(
+            "no camera sees what is selected: give cameras that do, or leave it out with "
+            "'gsedit filter'"
+        )
+    thing = _object(scene, inside, cameras)
+    kept, planes = _without(scene, inside, thing.extent, sights, seen, execution)
+    left = _Left(scene, kept, torch.zeros(len(kept), dtype=torch.bool), scene[kept], [])
+    smooth = 0
+    for plane in planes:
+        views = Views(sights, [depth_map(left.scene, each.camera, execution) for each in sights])
+        others = [other for other in planes if other is not plane]
+        sheet = find_sheet(left.rest, plane, others, thing, views, execution)
+        if sheet is None:
+            continue
+        left, sheet = _lit(left, sheet, plane, thing.extent)
+        points = left.rest.means.numpy()
+        left = left.without(sheet.holds(points) & plane.on(points))
+        made, textured = filled(left.rest, sheet, plane, draw)
+        left = left.plus(made)
+        smooth += 0 if textured else int(sheet.hole.sum())
+    for _ in range(MOST_GAPS):
+        gap = find_gap(left.scene, sights, execution)
+        if gap is None:
+            break
+        made, textured = backdrop(left.scene, gap, sights, draw, execution)
+        if not len(made):
+            break
+        left = left.plus(made)
+        smooth += 0 if textured else len(made)
+    return left.outcome(_notes(inside, left, sights, smooth))
+
+
+@dataclass(frozen=True, eq=False)
+class _Left:
+    """What is left of a scene, and what was made for it."""
+
+    before: Gaussians
+    rows: Int[Tensor, " k"]
+    changed: Bool[Tensor, " k"]
+    rest: Gaussians
+    """Those rows, changed or not."""
+    made: list[Gaussians]
+
+    @property
+    def scene(self) -> Gaussians:
+        return concatenate(self.rest, *self.made)
+
+    def without(self, gone: Bool[np.ndarray, " k"]) -> _Left:
+        stay = torch.from_numpy(~gone)
+        return replace(self, rows=self.rows[stay], changed=self.changed[stay], rest=self.rest[stay])
+
+    def plus(self, more: Gaussians) -> _Left:
+        return replace(self, made=[*self.made, more])
+
+    def outcome(self, notes: tuple[str, ...]) -> Outcome:
+        count = sum(map(len, self.made))
+        new = torch.ones(count, dtype=torch.bool)
+        origin = torch.cat((self.rows, torch.full((count,), NEW)))
+        return Outcome(self.scene, origin, torch.cat((self.changed, new)), notes)
+
+
+def _lit(left: _Left, sheet: Sheet, plane: Plane, extent: float) -> tuple[_Left, Sheet]:
+    """Take the object's shadow off a plane; what it blackened becomes part of the hole."""
+    reach = extent / sheet.cell
+    shade = find_shade(sheet.values[..., :3], sheet.known, sheet.hole, sheet.caster, reach)
+    points = left.rest.means.numpy()
+    cell = sheet.at(points)
+    light = torch.from_numpy(shade.light.reshape(-1, 3)[cell]).to(left.rest.sh)[:, None]
+    moved = plane.on(points) & (cell >= 0) & (shade.light.reshape(-1, 3)[cell] < 1).any(1)
+    dark = torch.from_numpy(moved)
+    sh = left.rest.sh.clone()
+    sh[dark] = sh[dark] / light[dark]
+    sh[dark, :1] += 0.5 / SH_DC * (1 / light[dark] - 1)
+    values = sheet.values / np.tile(shade.light, sheet.values.shape[-1] // 3)
+    hole = sheet.hole | (shade.deep & sheet.known)
+    sheet = replace(sheet, values=values, known=sheet.known & ~hole, hole=hole)
+    return replace(left, changed=left.changed | dark, rest=replace(left.rest, sh=sh)), sheet
+
+
+def _check(scene: Gaussians, inside: Bool[Tensor, " n"]) -> None:
+    if not inside.any():
+        raise UsageError("nothing is selected: select the object that is to be removed")
+    if inside.all():
+        raise UsageError("the selection is the whole scene: select one object of it")
+    for name in ("means", "quats", "log_scales", "logit_opacities", "sh"):
+        bad = ~getattr(scene, name).reshape(len(scene), -1).isfinite().all(1)
+        if name in ("log_scales", "logit_opacities"):  # points, and opacities 0 and 1
+            bad = getattr(scene, name).reshape(len(scene), -1).isnan().any(1)
+        if bad.any():
+            row = int(bad.nonzero()[0])
+            raise UsageError(f"{name} of Gaussian {row} are not finite: run 'gsedit clean' first")
+
+
+def _found(scene: Gaussians, execution: Execution) -> tuple[Camera, ...]:
+    found = find_viewpoints(scene, FOUND_VIEWS, FOUND_SIZE_PIXELS, execution=execution)
+    return tuple(each.camera for each in found)
+
+
+def _without(
+    scene: Gaussians,
+    inside: Bool[Tensor, " n"],
+    extent: float,
+    sights: Sequence[Sight],
+    seen: Float[Tensor, " n"],
+    execution: Execution,
+) -> tuple[Int[Tensor, " k"], tuple[Plane, ...]]:
+    """Rows of what stays, and the planes around the object."""
+    points, removed = scene.means.numpy(), inside.numpy()
+    rest = (~inside).nonzero().squeeze(1)
+    kept = scene[rest]
+    now = contributions_of(kept, sights, execution)
+    weights = np.zeros(len(scene))
+    weights[rest.numpy()] = now.around.numpy()
+    eye = np.mean([sight.camera.center.double().numpy() for sight in sights], 0)
+    planes = find_planes(points, removed, shortest_axes(scene).numpy(), weights, eye)
+    colors = sh_to_color(kept.sh[:, 0]).numpy()
+    away = _distance(points[removed], points[rest.numpy()]) / extent
+    gone = strays(points[rest.numpy()], colors, away, seen[rest].numpy(), now, planes)
+    return rest[torch.from_numpy(~gone)], planes
+
+
+def _distance(
+    object_: Float[np.ndarray, "k 3"], points: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, " n"]:
+    from scipy.spatial import KDTree
+
+    return KDTree(object_).query(points, workers=-1)[0]
+
+
+def _object(scene: Gaussians, inside: Bool[Tensor, " n"], cameras: Sequence[Camera]) -> Object:
+    """The object that is removed, and the median size of the cameras' pixels at it."""
+    points = scene.means[inside].double().numpy()
+    center = np.median(points, 0)
+    eyes = np.stack([camera.center.double().numpy() for camera in cameras])
+    away = np.linalg.norm(eyes - center, axis=1)
+    sizes = [a / c.fx if c.model == "pinhole" else 1 / c.fx for a, c in zip(away, cameras)]
+    return Object(points, center, max(extent_of(points), 1e-9), float(np.median(sizes)))
+
+
+def _notes(
+    inside: Bool[Tensor, " n"], left: _Left, sights: Sequence[Sight], smooth: int
+) -> tuple[str, ...]:
+    gone = len(left.before) - len(left.rows)
+    strays_, made = gone - int(inside.sum()), sum(map(len, left.made))
+    notes = [f"{gone:,} Gaussians left ({strays_:,} beyond the selection), {made:,} fill the hole"]
+    if len(sights) == 1:
+        notes.append("one view shows the object: from elsewhere what was behind it is a guess")
+    if smooth:
+        notes.append("too little is known around a part of the hole: it is filled smooth")
+    return tuple(notes)

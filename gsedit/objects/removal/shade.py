@@ -1,0 +1,105 @@
+"""The shadow that an object casts on what it stands on, told from the surface's own darkness.
+
+The surface around the object is made up from what is farther off, as if it were unknown: where it
+is darker than that, evenly in all colors or fading out, the object's shadow lies. `h w` cells.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.ndimage import binary_dilation, distance_transform_edt, gaussian_filter, label
+
+from gsedit.objects.removal.complete import complete
+
+REACH = 0.7
+"""Farthest that a shadow reaches from what casts it, of its size."""
+NEAREST = 0.65
+"""Largest share of what is known that is asked for a shadow: the rest says what is usual."""
+SHADED = 0.94
+"""Light, of what is usual, below which there is shadow."""
+DIM, USUAL = 0.85, 0.6
+"""Light beside it that is surely dim, of the quantile of all light that is usual."""
+DEEP = 0.55
+"""Light, of what is usual, below which nothing of the surface can be brought back."""
+BLUR = 0.1
+"""Standard deviation over which light is averaged, of the size of what casts it."""
+GRAY = 1.2
+"""Largest ratio of the light of two colors in a shadow that ends sharply: else it is paint."""
+SOFT = 0.82
+"""Light at the border of a shadow, of what is usual, from which it fades out."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shade:
+    """The light that a shadow left, of what is usual."""
+
+    light: Float[np.ndarray, "h w 3"]
+    """In (0, 1]; 1 where there is no shadow."""
+    deep: Bool[np.ndarray, "h w"]
+    """Cells too dark for anything to be brought back."""
+
+
+def find_shade(
+    picture: Float[np.ndarray, "h w 3"],
+    known: Bool[np.ndarray, "h w"],
+    hole: Bool[np.ndarray, "h w"],
+    caster: Bool[np.ndarray, "h w"],
+    farthest: float,
+) -> Shade:
+    """The shadow around what casts it, on what is known of a surface; `farthest` cells from it."""
+    none = Shade(np.ones_like(picture), np.zeros_like(hole))
+    source = hole | caster
+    if not caster.any() or not (known & ~source).any():
+        return none
+    size = float(np.sqrt(source.sum()))
+    away = distance_transform_edt(~source)
+    reach = min(REACH * size, float(np.quantile(away[known], NEAREST)))
+    sigma = max(1.0, BLUR * size)
+    mean = _blurred(picture, known, sigma)
+    near = known & (away <= reach)
+    dim = mean.mean(-1) < DIM * np.quantile(mean[known].mean(-1), USUAL)
+    near |= _touching(known & dim & (away <= farthest), source | near)
+    far = known & ~near
+    if not near.any() or not far.any():
+        return none
+    usual = complete(picture, far, hole | near).picture
+    light = mean / np.maximum(_blurred(usual, known, sigma), 1e-3)
+    shadow = _touching(near & (light.mean(-1) < SHADED), source)
+    if not shadow.any() or not _cast(light, shadow, known & ~shadow):
+        return none
+    light = np.where(shadow[..., None], light.clip(0.05, 1.0), 1.0)
+    fading = _blurred(light, known, sigma / 2).clip(0.05, 1.0)
+    deep = shadow & (fading.mean(-1) < DEEP)
+    return Shade(np.where(known[..., None], fading, 1.0), deep)
+
+
+def _touching(
+    mask: Bool[np.ndarray, "h w"], source: Bool[np.ndarray, "h w"]
+) -> Bool[np.ndarray, "h w"]:
+    """The parts of a mask that touch the source."""
+    numbers, _ = label(mask | source)
+    return mask & np.isin(numbers, np.unique(numbers[source]))
+
+
+def _cast(
+    light: Float[np.ndarray, "h w 3"],
+    shadow: Bool[np.ndarray, "h w"],
+    lit: Bool[np.ndarray, "h w"],
+) -> bool:
+    """Whether what is dark is a shadow: it fades out, or takes all colors alike."""
+    rim = shadow & binary_dilation(lit, iterations=2)
+    if not rim.any() or np.median(light[rim].mean(-1)) > SOFT:
+        return True
+    channels = np.median(light[shadow], 0)
+    return bool(channels.max() < GRAY * channels.min())
+
+
+def _blurred(
+    values: Float[np.ndarray, "h w 3"], known: Bool[np.ndarray, "h w"], sigma: float
+) -> Float[np.ndarray, "h w 3"]:
+    share = gaussian_filter(known.astype(float), sigma)[..., None]
+    sums = gaussian_filter(np.where(known[..., None], values, 0), (sigma, sigma, 0))
+    return sums / np.maximum(share, 1e-6)

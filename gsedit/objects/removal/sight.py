@@ -1,0 +1,172 @@
+"""What cameras saw of a scene with an object, and what they see without it.
+
+`n` Gaussians; maps of `h w` pixels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Float64
+from scipy.ndimage import binary_dilation
+from torch import Tensor
+
+from rasterizer.camera import Camera
+from rasterizer.color_weights import color_weights
+from rasterizer.numerics import AUTO, Execution
+from rasterizer.render import render
+from rasterizer.scene import Gaussians
+
+OUTLINE = 0.1
+"""Share of a pixel that the object gives, from which it is within the object's outline."""
+HALO = 0.03
+"""Width that outlines are widened by, of the object's size in the picture: selections miss a rim.
+"""
+RING = 0.2
+"""Width of the surroundings of an outline, of the object's size in the picture."""
+SAME_DEPTH = 0.03
+"""Share of its depth within which two surfaces are one."""
+SOLID = 0.5
+"""Least opacity of a pixel that has a depth."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """A camera, and the object in its picture."""
+
+    camera: Camera
+    depth: Float[np.ndarray, "h w"]
+    """Along the view, world units, with the object; infinite where nothing is."""
+    outline: Bool[np.ndarray, "h w"]
+    """Pixels that the object has a part in, and a rim around them."""
+    ring: Bool[np.ndarray, "h w"]
+    """Pixels around the outline."""
+
+
+@torch.no_grad()
+def look(
+    scene: Gaussians,
+    inside: Bool[Tensor, " n"],
+    cameras: Sequence[Camera],
+    execution: Execution = AUTO,
+) -> tuple[list[Sight], Float[Tensor, " n"]]:
+    """The cameras that see the object, and what each Gaussian contributes to them all, pixels."""
+    colors = inside.to(scene.means)[:, None].expand(-1, 3).contiguous()
+    seen, sights = scene.means.new_zeros(len(scene)), []
+    for camera in cameras:
+        weights = color_weights(scene, camera, execution=execution)
+        shown = weights.picture(colors)[..., 0].numpy() > OUTLINE
+        if not shown.any():
+            continue
+        ones = torch.ones(camera.height, camera.width, 3)
+        seen += weights.back(ones.to(scene.means))[:, 0]
+        size = float(np.sqrt(shown.sum()))
+        outline = _widened(shown, max(1, round(HALO * size)))
+        ring = _widened(outline, max(2, round(RING * size))) & ~outline
+        sights.append(Sight(camera, depth_map(scene, camera, execution), outline, ring))
+    return sights, seen
+
+
+@dataclass(frozen=True, eq=False)
+class Contributions:
+    """What each Gaussian contributes to all views, pixels."""
+
+    total: Float[Tensor, " n"]
+    outlined: Float[Tensor, " n"]
+    """In the object's outlines."""
+    around: Float[Tensor, " n"]
+    """In the rings around them."""
+
+
+@torch.no_grad()
+def contributions_of(
+    scene: Gaussians, sights: Sequence[Sight], execution: Execution = AUTO
+) -> Contributions:
+    """What a scene without the object contributes to where it was, and to what is around."""
+    sums = scene.means.new_zeros(len(scene), 3)
+    for sight in sights:
+        maps = np.stack((np.ones_like(sight.outline), sight.outline, sight.ring), -1)
+        weights = color_weights(scene, sight.camera, execution=execution)
+        sums += weights.back(torch.from_numpy(maps).to(scene.means))
+    return Contributions(*sums.unbind(-1))
+
+
+@torch.no_grad()
+def depth_map(
+    scene: Gaussians, camera: Camera, execution: Execution = AUTO
+) -> Float[np.ndarray, "h w"]:
+    """Median depth along the view, world units; infinite where nothing is."""
+    depth = render(scene, camera, median_depth=True, execution=execution).median_depth
+    assert depth is not None
+    return depth.masked_fill(depth <= 0, torch.inf).numpy()
+
+
+@dataclass(frozen=True, eq=False)
+class Testimony:
+    """How many views say what about places of a surface."""
+
+    revealed: Float64[np.ndarray, " m"]
+    """Views in which it lies in the object's outline with nothing left before it."""
+    through: Float64[np.ndarray, " m"]
+    """Views that saw through it, to what is behind."""
+    unhidden: Float64[np.ndarray, " m"]
+    """Views with nothing before it."""
+
+
+def testify(
+    points: Float64[np.ndarray, "m 3"],
+    heights: Float64[np.ndarray, " v"],
+    sights: Sequence[Sight],
+    left: Sequence[Float[np.ndarray, "h w"]],
+    tolerance: float,
+) -> Testimony:
+    """Ask all views about points of a plane.
+
+    `heights` are the cameras' over the plane, `left` the depth of what is left of the scene.
+    Surfaces are told apart that lie farther than `tolerance` from the plane.
+    """
+    revealed, through, unhidden = (np.zeros(len(points)) for _ in range(3))
+    for sight, height, rest in zip(sights, heights, left):
+        if height <= tolerance:
+            continue
+        xy, z = (t.numpy() for t in sight.camera.project(torch.from_numpy(points)))
+        column, row = np.floor(xy.clip(-1e6, 1e6)).astype(np.int64).T
+        h, w = sight.depth.shape
+        shown = (z > 0) & (column >= 0) & (column < w) & (row >= 0) & (row < h)
+        row, column = row.clip(0, h - 1), column.clip(0, w - 1)
+        outlined = sight.outline[row, column] & shown
+        # how far under the plane, or over it, the surface of the pixel lies
+        under, under_left = (
+            np.where(shown, (d[row, column] / np.where(shown, z, 1.0) - 1) * height, -np.inf)
+            for d in (sight.depth, rest)
+        )
+        open_ = shown & (under_left > -tolerance)
+        revealed += outlined & open_
+        unhidden += shown & ~outlined & (under > -tolerance)
+        through += shown & ~outlined & (under > tolerance)
+    return Testimony(revealed, through, unhidden)
+
+
+def seen_through(
+    points: Float64[np.ndarray, "m 3"], sights: Sequence[Sight]
+) -> Bool[np.ndarray, " m"]:
+    """Flag the places that most views saw through, of those that nothing hid them from."""
+    through, all_ = np.zeros(len(points)), np.zeros(len(points))
+    for sight in sights:
+        xy, z = (t.numpy() for t in sight.camera.project(torch.from_numpy(points)))
+        column, row = np.floor(xy.clip(-1e6, 1e6)).astype(np.int64).T
+        h, w = sight.depth.shape
+        shown = (z > 0) & (column >= 0) & (column < w) & (row >= 0) & (row < h)
+        row, column = row.clip(0, h - 1), column.clip(0, w - 1)
+        shown &= ~sight.outline[row, column]
+        depth = sight.depth[row, column]
+        all_ += shown & (depth > (1 - SAME_DEPTH) * z)
+        through += shown & (depth > (1 + SAME_DEPTH) * z)
+    return through > 0.5 * all_
+
+
+def _widened(mask: Bool[np.ndarray, "h w"], pixels: int) -> Bool[np.ndarray, "h w"]:
+    return binary_dilation(mask, iterations=pixels)

@@ -1,0 +1,60 @@
+"""What an object leaves behind: its rim, what floats in it, what nobody saw under it.
+
+`n` Gaussians of the scene without the object's own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from gsedit.objects.removal.sight import Contributions
+from gsedit.objects.removal.walls import Plane
+from gsedit.scene.neighbors import k_nearest
+
+UNSEEN = 0.15
+"""Share of what a Gaussian now contributes, up to which nobody saw it behind the object."""
+UNSURE, SURE = 0.5, 0.6
+"""The same, up to which it was seen too little to be believed, and from which it is."""
+RIM = 0.06
+"""Farthest that the object's rim reaches, of its extent."""
+AROUND = 0.4
+"""Farthest that a Gaussian is believed to look like what was hidden, of the extent."""
+OUTLINED = 0.9
+"""Share of what it contributes that is in the object's outlines, from which it is enclosed."""
+ALIKE, ALIKE_SHARE, LEAST_SURE = 0.06, 0.01, 50
+"""Distance of two colors that are alike, the share of the sure ones that must be alike, and the
+least number of them that says something."""
+
+
+def strays(
+    points: Float[np.ndarray, "n 3"],
+    colors: Float[np.ndarray, "n 3"],
+    away: Float[np.ndarray, " n"],
+    seen: Float[np.ndarray, " n"],
+    now: Contributions,
+    planes: Sequence[Plane],
+) -> Bool[np.ndarray, " n"]:
+    """Flag the Gaussians that go with the object.
+
+    `away` is the distance from the object in its extent, `seen` what each Gaussian contributed
+    while the object was there, `now` what it does without. Those go that nobody saw, on a
+    plane or near the object; near it, what is enclosed and on no plane; and on a plane, what was
+    hardly seen and does not look like it: dark remains of a shadow.
+    """
+    total = np.maximum(now.total.numpy(), 1e-6)
+    trust = seen / total
+    enclosed = now.outlined.numpy() > OUTLINED * total
+    layers = [plane.on(points) for plane in planes]
+    flat = np.any(layers, 0) if layers else np.zeros(len(points), bool)
+    close = away < RIM
+    gone = (trust < UNSEEN) & (flat | close) | (enclosed & close & ~flat)
+    for layer in layers:
+        sure = np.flatnonzero(layer & (away < AROUND) & (trust > SURE))
+        asked = np.flatnonzero(layer & (trust < UNSURE) & ~gone)
+        if len(sure) >= LEAST_SURE and len(asked):
+            k = max(1, int(ALIKE_SHARE * len(sure)))
+            gone[asked[k_nearest(colors[sure], colors[asked], k)[0][:, -1] > ALIKE]] = True
+    return gone

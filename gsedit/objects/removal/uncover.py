@@ -1,0 +1,191 @@
+"""Which part of a plane nobody saw, and what is known around it.
+
+`n` Gaussians; a picture of `h w` cells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Float64
+from scipy.ndimage import (
+    binary_closing,
+    binary_fill_holes,
+    distance_transform_edt,
+    gaussian_filter,
+    grey_dilation,
+    label,
+)
+
+from gsedit.objects.removal.sheet import Sheet, above, cells_of, harmonics_on
+from gsedit.objects.removal.sight import Sight, testify
+from gsedit.objects.removal.walls import Plane
+from rasterizer.camera import Camera
+from rasterizer.harmonics import basis
+from rasterizer.numerics import AUTO, SH_DC, Execution
+from rasterizer.scene import Gaussians
+
+COVERED, GAP = 0.6, 2
+"""Opacity from which a cell is known; half of the width, in cells, of gaps that are known where views
+saw them: between blades of grass."""
+HIDDEN = 0.5
+"""Least views that the object hid a cell from, of those that saw it, for a cell of the hole."""
+BORDERED = 0.25
+"""Least share of what is around a hole that is known: else it is a hole of something else."""
+SEEN_THROUGH = 0.34
+"""Share of the views that nothing hides a place from, at most, that saw through it."""
+BEHIND = 0.03
+"""Share of what is known of a plane that may lie behind another one that ends it: a corner."""
+LEAST_CELLS = 6
+"""A smaller hole is closed by what is around it."""
+CLOSE = 0.1
+"""Distance of the object's parts that are close over a plane, of its extent."""
+COARSE = 160
+"""Cells along the longer side of the picture in which the hole is found."""
+MOST_CELLS = 320
+"""Cells along the longer side of the picture that is completed."""
+REACH = 1.5
+"""Radius around the object in which planes are filled, of its extent."""
+SURROUNDINGS = 0.6
+"""Width of what is known around a hole, of the hole's size, that its texture is taken from."""
+
+NEIGHBORHOOD = 1.0
+"""Least such width, of the object's extent: a shadow lies within."""
+ISLAND = 0.1
+"""Width of what is known amid a hole, of the hole's, below which it is remains of the object."""
+
+
+@dataclass(frozen=True, eq=False)
+class Object:
+    """What is removed."""
+
+    points: Float64[np.ndarray, "k 3"]
+    """Its Gaussians' centers."""
+    center: Float64[np.ndarray, "3"]
+    extent: float
+    pixel: float
+    """Size of the cameras' pixels at it, world units."""
+
+
+@dataclass(frozen=True, eq=False)
+class Views:
+    """The views that show the object."""
+
+    sights: Sequence[Sight]
+    left: Sequence[Float[np.ndarray, "h w"]]
+    """Depth of what is left of the scene in each."""
+
+
+def find_sheet(
+    kept: Gaussians,
+    plane: Plane,
+    others: Sequence[Plane],
+    thing: Object,
+    views: Views,
+    execution: Execution = AUTO,
+) -> Sheet | None:
+    """The part of a plane that nobody saw or the object stood on, with what is known around it.
+
+    `kept` is what is left of the scene, `others` its other planes. None where there is no such
+    part.
+    """
+    points = kept.means.numpy()
+    layer = kept[torch.from_numpy(plane.on(points))]
+    middle = thing.center - plane.heights(thing.center[None])[0] * plane.normal
+    radius = REACH * thing.extent
+    camera = above(plane, middle, np.array((radius, radius)), 2 * radius / COARSE)
+    rough = _drawn(layer, plane, others, camera, thing, views, execution)
+    if not (rough.hole | (rough.caster & rough.known)).any():
+        return None
+    low, high = _frame(rough, thing.extent)
+    at = torch.from_numpy((low + high) / 2)[None]
+    middle = camera.unproject(at, torch.full((1,), rough.depth).double())[0].numpy()
+    half = (high - low) / 2 * rough.cell
+    fine = max(thing.pixel, 2 * float(half.max()) / MOST_CELLS)
+    camera = above(plane, middle, half, fine)
+    return _drawn(layer, plane, others, camera, thing, views, execution)
+
+
+def _drawn(
+    layer: Gaussians,
+    plane: Plane,
+    others: Sequence[Plane],
+    camera: Camera,
+    thing: Object,
+    views: Views,
+    execution: Execution,
+) -> Sheet:
+    """The picture of a rectangle of a plane."""
+    depth = 2 * plane.band
+    values, alpha = harmonics_on(layer, camera, execution)
+    eyes = np.stack([s.camera.center.double().numpy() for s in views.sights])
+    points = cells_of(camera, depth)
+    towards = torch.nn.functional.normalize(torch.from_numpy(points.mean(0) - eyes), dim=1)
+    usual = basis(towards, layer.degree).mean(0).numpy() / SH_DC
+    bands = values.reshape(*alpha.shape, -1, 3)
+    values[..., :3] = 0.5 + SH_DC * np.einsum("hwkc,k->hwc", bands, usual)
+    said = testify(points, plane.heights(eyes), views.sights, views.left, plane.band)
+    known, values = alpha > COVERED, _even(values, alpha)
+    solid = (said.through <= SEEN_THROUGH * np.maximum(said.unhidden, 1)).reshape(known.shape)
+    for other in others:
+        behind = (other.heights(points) < -other.band).reshape(known.shape)
+        if (known & behind).sum() <= BEHIND * known.sum():
+            solid = solid & ~behind
+    hidden = (said.revealed > HIDDEN * said.unhidden).reshape(known.shape)
+    known |= binary_closing(known, iterations=GAP) & solid & ~hidden
+    hole = binary_fill_holes((hidden & solid) | known) & ~known
+    hole = _surrounded(hole, known)
+    remains = known & binary_closing(hole, iterations=2) & ~_wide(known, hole)
+    known, hole = known & ~remains, hole | remains
+    empty = Sheet(camera, 1 / camera.fx, values, known, hole, hole, depth, usual)
+    close = thing.points[np.abs(plane.heights(thing.points)) < CLOSE * thing.extent]
+    cells = empty.at(close)
+    caster = np.zeros(known.size, bool)
+    caster[cells[cells >= 0]] = True
+    caster = binary_closing(np.pad(caster.reshape(known.shape), 3), iterations=2)[3:-3, 3:-3]
+    return replace(empty, caster=caster)
+
+
+def _even(
+    values: Float[np.ndarray, "h w c"], alpha: Float[np.ndarray, "h w"]
+) -> Float[np.ndarray, "h w c"]:
+    """Values in which thin cells take those of their neighbors, by opacity."""
+    sums = gaussian_filter(values * alpha[..., None], (1, 1, 0))
+    mean = sums / np.maximum(gaussian_filter(alpha, 1), 1e-6)[..., None]
+    share = alpha.clip(0, 1)[..., None]
+    return share * values + (1 - share) * mean
+
+
+def _frame(rough: Sheet, extent: float) -> tuple[np.ndarray, np.ndarray]:
+    """Columns and rows, from and to, of the hole and of what is known around it."""
+    asked = rough.hole | (rough.caster & rough.known)
+    rows, columns = np.nonzero(asked)
+    size = max(np.ptp(rows), np.ptp(columns)) + 1
+    margin = max(SURROUNDINGS * size, NEIGHBORHOOD * extent / rough.cell)
+    near = distance_transform_edt(~asked) < 3 + margin
+    rows, columns = np.nonzero(asked | (rough.known & near))
+    low = np.array((columns.min(), rows.min()), float) - 2
+    return low, np.array((columns.max(), rows.max()), float) + 3
+
+
+def _wide(known: Bool[np.ndarray, "h w"], hole: Bool[np.ndarray, "h w"]) -> np.ndarray:
+    """The connected parts of what is known that are no islands in the hole."""
+    numbers, _ = label(known)
+    sizes = np.bincount(numbers.reshape(-1))
+    return known & (sizes >= ISLAND**2 * hole.sum())[numbers]
+
+
+def _surrounded(hole: Bool[np.ndarray, "h w"], known: Bool[np.ndarray, "h w"]) -> np.ndarray:
+    """The connected holes that are large enough, and bordered by what is known."""
+    numbers, count = label(hole, np.ones((3, 3)))
+    sizes = np.bincount(numbers.reshape(-1), minlength=count + 1)
+    grown = grey_dilation(numbers, 5)
+    rim = (grown > 0) & (numbers == 0)
+    around = np.bincount(grown[rim], minlength=count + 1)
+    bordered = np.bincount(grown[rim & known], minlength=count + 1)
+    kept = (sizes >= LEAST_CELLS) & (bordered >= BORDERED * around)
+    kept[0] = False
+    return kept[numbers]
