@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from gsedit.objects.placing.insert import insert
     from gsedit.objects.placing.place import place
     from gsedit.objects.placing.placement import Beside, Placement
+    from gsedit.objects.removal.remove import remove
     from gsedit.objects.selecting.click import Click, Selector, select_at
     from gsedit.objects.selecting.segment import Segments, segment
 

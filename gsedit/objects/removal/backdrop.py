@@ -1,4 +1,4 @@
-"""What lies behind an object on no plane: depth and texture continued in a view.
+"""The background of an object that is no plane: depth and texture continued in a view.
 
 `h w` pixels.
 """
@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
-from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 
+from gsedit.objects.removal.cells import away_from
 from gsedit.objects.removal.complete import complete
 from gsedit.objects.removal.draw import Draw, drawn_over
 from gsedit.objects.removal.fill import DISC, FLATNESS, OPACITY
@@ -44,9 +44,7 @@ class Gap:
 
 
 @torch.no_grad()
-def find_gap(
-    scene: Gaussians, sights: Sequence[Sight], execution: Execution = AUTO
-) -> Gap | None:
+def find_gap(scene: Gaussians, sights: Sequence[Sight], execution: Execution = AUTO) -> Gap | None:
     """The view with the largest hole in the object's outline, and that hole; None: none has any.
 
     Where nothing is around the outline, there is no hole: the object was before nothing.
@@ -83,7 +81,7 @@ def backdrop(
     assert depth is not None
     solid = (shown.alpha.numpy() > KNOWN) & (depth.numpy() > 0)
     size = float(np.sqrt(hole.sum()))
-    known = solid & ~hole & (distance_transform_edt(~hole) < 3 + SURROUNDINGS * size)
+    known = solid & ~hole & (away_from(hole) < 3 + SURROUNDINGS * size)
     done = complete(shown.color.double().numpy(), known, hole)
     picture = done.picture
     if draw is not None:

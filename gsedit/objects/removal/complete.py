@@ -1,7 +1,7 @@
 """A picture with a hole, completed from its own texture: copied in large parts, blended in light.
 
 The hole's pixels are copied from known ones by a few shifts (gsedit.objects.removal.shifts), with
-seams where they show least; then light is evened by gradients. `h w` pixels in [0, 1].
+seams where they show least; then light is evened by gradients. `h w` pixels; a hole of `p`.
 """
 
 from __future__ import annotations
@@ -10,16 +10,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int64
-from scipy.ndimage import binary_dilation
 
+from gsedit.objects.removal.cells import widened
 from gsedit.objects.removal.labels import NEVER, best_labels
 from gsedit.objects.removal.membrane import pixel_pairs, solve_membrane
 from gsedit.objects.removal.shifts import find_shifts
 
 MOST_LABELED = 2500
 """Pixels of a hole whose shifts are searched; a larger hole is searched in a smaller picture."""
-ODD = 4.5
-"""Distance from the middle color, of the median distance, from which a pixel is not copied."""
+ODD, RARE = 4.5, 0.04
+"""Distance from the middle color, of the median distance, from which pixels are not copied, where
+they are fewer than this share: more are the texture itself, as mortar."""
 LEAST_KNOWN = 0.15
 """Least known pixels, of the hole's, from which its texture is made up."""
 
@@ -41,102 +42,121 @@ def complete(
     hole: Bool[np.ndarray, "h w"],
 ) -> Completed:
     """Fill a hole from what is known; pixels that are neither are read and written nowhere."""
-    own = np.stack(np.indices(hole.shape), -1)
+    own = _places(hole.shape)
     if not hole.any() or not known.any():
         return Completed(picture, own, False)
     smooth = solve_membrane(picture, hole, known)
     if known.sum() < LEAST_KNOWN * hole.sum():
         return Completed(smooth, own, False)
     factor = int(np.ceil(np.sqrt(hole.sum() / MOST_LABELED)))
-    small, small_known, small_hole = _reduced(picture, known, hole, factor)
-    small_known &= ~_odd(small, small_known)
-    shifts = find_shifts(small, small_known, small_hole)
-    if not len(shifts) or not small_hole.any():
+    small, sources, gap = _reduced(picture, known, hole, factor)
+    sources &= ~_odd(small, sources)
+    shifts = find_shifts(small, sources, gap)
+    if not len(shifts):
         return Completed(smooth, own, False)
-    chosen = _labels(small, small_known, small_hole, shifts)
-    field = np.zeros((*small_hole.shape, 2), np.int64)
-    field[small_hole] = shifts[chosen]
+    field = np.zeros((*gap.shape, 2), np.int64)
+    field[gap] = shifts[_labels(small, sources, gap, shifts)]
     source = own.copy()
     fine = np.kron(field, np.ones((factor, factor, 1), np.int64))[: len(hole), : hole.shape[1]]
     source[hole] += factor * fine[hole]
-    return _blended(picture, known, hole, source, smooth)
+    return Completed(_blended(picture, known, hole, source, smooth), source, True)
 
 
-def _odd(picture: Float[np.ndarray, "h w 3"], known: Bool[np.ndarray, "h w"]) -> np.ndarray:
+def _places(shape: tuple[int, ...]) -> Int64[np.ndarray, "h w 2"]:
+    """Row and column of every pixel."""
+    rows, columns = np.indices(shape[:2])
+    return np.stack((rows, columns), -1)
+
+
+def _odd(
+    picture: Float[np.ndarray, "h w 3"], known: Bool[np.ndarray, "h w"]
+) -> Bool[np.ndarray, "h w"]:
     """Pixels unlike most others: a leaf or a stain, which would show as a copy."""
     if not known.any():
         return known
-    middle = np.median(picture[known], 0)
-    away = np.linalg.norm(picture - middle, axis=-1)
-    return binary_dilation(known & (away > ODD * np.median(away[known])))
+    away = np.linalg.norm(picture - np.median(picture[known], 0), axis=-1)
+    odd = known & (away > ODD * np.median(away[known]))
+    return widened(odd, 1) if odd.sum() < RARE * known.sum() else np.zeros_like(odd)
 
 
-def _reduced(picture, known, hole, factor: int):
-    """Means of the known pixels of blocks; a block is known if all of it is."""
-    if factor == 1:
-        return picture, known, hole
-    h, w = (-(-side // factor) for side in hole.shape)
-    pad = ((0, h * factor - hole.shape[0]), (0, w * factor - hole.shape[1]))
+def _reduced(
+    picture: Float[np.ndarray, "h w 3"],
+    known: Bool[np.ndarray, "h w"],
+    hole: Bool[np.ndarray, "h w"],
+    factor: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Picture, known and hole of blocks; a block is known if all of it is, and a hole if any."""
+    rows, columns = (-(-side // factor) for side in hole.shape)
+    pad = [(0, rows * factor - hole.shape[0]), (0, columns * factor - hole.shape[1])]
 
-    def blocks(values):
-        extra = ((0, 0),) * (values.ndim - 2)
-        padded = np.pad(values, (*pad, *extra))
-        return padded.reshape(h, factor, w, factor, *values.shape[2:])
+    def blocks(values: np.ndarray) -> np.ndarray:
+        """Values by block, a block's own in the last axis but the channels'."""
+        padded = np.pad(values, pad + [(0, 0)] * (values.ndim - 2))
+        split = padded.reshape(rows, factor, columns, factor, *values.shape[2:])
+        return np.moveaxis(split, 2, 1).reshape(rows, columns, factor**2, *values.shape[2:])
 
-    counts = blocks(known.astype(np.float64)).sum((1, 3))
-    sums = blocks(np.where(known[..., None], picture, 0)).sum((1, 3))
-    holes = blocks(hole).any((1, 3))
-    whole = (counts >= factor * factor) & ~holes
-    return sums / np.maximum(counts, 1)[..., None], whole, holes
+    counts = blocks(known).sum(2)
+    mean = blocks(np.where(known[..., None], picture, 0)).sum(2) / np.maximum(counts, 1)[..., None]
+    gap = np.asarray(blocks(hole).any(2))
+    return mean, (counts >= factor**2) & ~gap, gap
 
 
-def _labels(picture, known, hole, shifts) -> Int64[np.ndarray, " p"]:
-    """The shift of each pixel of the hole."""
-    places = np.argwhere(hole)
-    size = np.array(hole.shape)
-    at = places[None] + shifts[:, None]
-    within = ((at >= 0) & (at < size)).all(-1)
-    at = np.clip(at, 0, size - 1)
-    usable = within & known[at[..., 0], at[..., 1]]
-    values = np.where(usable[..., None], picture[at[..., 0], at[..., 1]], 0.5)
+def _at(
+    places: Int64[np.ndarray, "*b 2"], mask: Bool[np.ndarray, "h w"]
+) -> tuple[Int64[np.ndarray, "*b"], Bool[np.ndarray, "*b"]]:
+    """Flat indices of places, and whether each is in the picture and flagged."""
+    h, w = mask.shape
+    within = ((places >= 0) & (places < (h, w))).all(-1)
+    flat = np.where(within, places[..., 0] * w + places[..., 1], 0)
+    return flat, within & mask.reshape(-1)[flat]
+
+
+def _labels(
+    picture: Float[np.ndarray, "h w 3"],
+    known: Bool[np.ndarray, "h w"],
+    hole: Bool[np.ndarray, "h w"],
+    shifts: Int64[np.ndarray, "k 2"],
+) -> Int64[np.ndarray, " p"]:
+    """The shift of each pixel of the hole: an index."""
+    colors, places = picture.reshape(-1, 3), _places(hole.shape).reshape(-1, 2)
+    inside = np.flatnonzero(hole)
+    at, usable = _at(places[inside] + shifts[:, None], known)
+    values = np.where(usable[..., None], colors[at], 0.5)
     single = np.where(usable, 0.0, NEVER)
-    number = np.full(hole.shape, -1)
-    number[hole] = np.arange(len(places))
+    number = np.full(hole.size, -1)
+    number[inside] = np.arange(len(inside))
     pairs = pixel_pairs(hole, known)
-    a, b = (number.reshape(-1)[pairs[:, i]] for i in (0, 1))
-    flat = picture.reshape(-1, 3)
-    for inside, outside in ((a, pairs[:, 1]), (b, pairs[:, 0])):
-        rim = (inside >= 0) & (number.reshape(-1)[outside] < 0)
-        index, rows = inside[rim], outside[rim]
-        seen = np.stack(np.unravel_index(rows, hole.shape), -1)[None] + shifts[:, None]
-        inner = ((seen >= 0) & (seen < size)).all(-1)
-        seen = np.clip(seen, 0, size - 1)
-        inner &= known[seen[..., 0], seen[..., 1]]
-        step = np.linalg.norm(picture[seen[..., 0], seen[..., 1]] - flat[rows], axis=-1)
-        cost = np.where(inner, 2 * step, 2.0)
-        for k in range(len(shifts)):
-            np.add.at(single[k], index, cost[k])
-    both = (a >= 0) & (b >= 0)
-    return best_labels(single, values, np.stack((a[both], b[both]), 1))
+    for near in (0, 1):  # what a shift shows of a known neighbor should be that neighbor
+        own, other = number[pairs[:, near]], pairs[:, 1 - near]
+        rim = (own >= 0) & (number[other] < 0)
+        own, other = own[rim], other[rim]
+        seen, there = _at(places[other] + shifts[:, None], known)
+        cost = np.where(there, 2 * np.linalg.norm(colors[seen] - colors[other], axis=-1), 2.0)
+        np.add.at(single.T, own, cost.T)
+    ends = number[pairs]
+    return best_labels(single, values, ends[(ends >= 0).all(1)])
 
 
-def _blended(picture, known, hole, source, smooth) -> Completed:
+def _blended(
+    picture: Float[np.ndarray, "h w 3"],
+    known: Bool[np.ndarray, "h w"],
+    hole: Bool[np.ndarray, "h w"],
+    source: Int64[np.ndarray, "h w 2"],
+    smooth: Float[np.ndarray, "h w 3"],
+) -> Float[np.ndarray, "h w 3"]:
     """Copies by gradients: their steps inside, the known values at the border."""
-    size = np.array(hole.shape)
+    places = _places(hole.shape)
+    shift = (source - places).reshape(-1, 2)
+    places, colors = places.reshape(-1, 2), picture.reshape(-1, 3)
     pairs = pixel_pairs(hole, known)
-    offset = (source - np.stack(np.indices(hole.shape), -1)).reshape(-1, 2)
-    total = np.zeros((len(pairs), 3))
-    votes = np.zeros((len(pairs), 1))
+    total, votes = np.zeros((len(pairs), 3)), np.zeros((len(pairs), 1))
     for end in (0, 1):  # the shift of either pixel says how the two differ
-        own = hole.reshape(-1)[pairs[:, end]]
-        ends = [np.stack(np.unravel_index(pairs[:, i], hole.shape), -1) for i in (0, 1)]
-        moved = [each + offset[pairs[:, end]] for each in ends]
-        fits = own & np.all([((m >= 0) & (m < size)).all(-1) for m in moved], 0)
-        first, second = (np.clip(m, 0, size - 1) for m in moved)
-        fits &= known[first[:, 0], first[:, 1]] & known[second[:, 0], second[:, 1]]
-        step = picture[second[:, 0], second[:, 1]] - picture[first[:, 0], first[:, 1]]
+        moved = places[pairs] + shift[pairs[:, end]][:, None]
+        at, there = _at(moved, known)
+        fits = hole.reshape(-1)[pairs[:, end]] & there.all(1)
+        step = colors[at[:, 1]] - colors[at[:, 0]]
         total += np.where(fits[:, None], step, 0)
         votes += fits[:, None]
     blended = solve_membrane(smooth, hole, known, (pairs, total / np.maximum(votes, 1)))
     low, high = picture[known].min(0), picture[known].max(0)
-    return Completed(np.where(hole[..., None], np.clip(blended, low, high), picture), source, True)
+    return np.where(hole[..., None], np.clip(blended, low, high), picture)

@@ -7,11 +7,13 @@ roughness and view dependence; under them, and elsewhere, lies a layer of flat d
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import torch
 from jaxtyping import Float, Float64
-from scipy.ndimage import binary_dilation, distance_transform_edt, gaussian_filter
 
+from gsedit.objects.removal.cells import depth_in, mean_around, widened
 from gsedit.objects.removal.complete import Completed, complete
 from gsedit.objects.removal.draw import Draw, drawn_over
 from gsedit.objects.removal.membrane import solve_membrane
@@ -50,37 +52,25 @@ def filled(
 
 def _copies(kept: Gaussians, sheet: Sheet, plane: Plane, done: Completed) -> Gaussians:
     """The plane's Gaussians, copied along the shifts of the hole's cells, in its light."""
-    rows = torch.from_numpy(
-        np.flatnonzero(plane.on(kept.means.numpy()) & (sheet.at(kept.means.numpy()) >= 0))
-    )
-    cells = sheet.at(kept.means[rows].numpy())
-    flat = sheet.known.reshape(-1)[cells]
-    rows, cells = rows[torch.from_numpy(flat)], cells[flat]
-    order = np.argsort(cells, kind="stable")
-    rows, cells = rows[torch.from_numpy(order)], cells[order]
-    w = sheet.hole.shape[1]
-    target = np.flatnonzero(sheet.hole.reshape(-1))
-    source = (done.source[..., 0] * w + done.source[..., 1]).reshape(-1)[target]
-    if not done.textured:
-        target, source = target[:0], source[:0]
-    first, last = np.searchsorted(cells, source), np.searchsorted(cells, source, "right")
-    counts = last - first
-    which = np.repeat(np.arange(len(target)), counts)
+    points = kept.means.numpy()
+    cell = sheet.at(points)
+    rows = np.flatnonzero(plane.on(points) & (cell >= 0) & sheet.known.reshape(-1)[cell])
+    rows = rows[np.argsort(cell[rows], kind="stable")]
+    target = np.flatnonzero(sheet.hole & done.textured)
+    source = (done.source @ (sheet.hole.shape[1], 1)).reshape(-1)[target]
+    first = np.searchsorted(cell[rows], source).astype(np.int64)
+    counts = (np.searchsorted(cell[rows], source, "right") - first).astype(np.int64)
     nth = np.arange(counts.sum()) - np.repeat(counts.cumsum() - counts, counts)
-    taken = first[which] + nth
-    target, source = target[which], source[which]
-    inner = distance_transform_edt(np.pad(sheet.hole | sheet.known, 1))[1:-1, 1:-1] * sheet.cell
-    scene = kept[rows[torch.from_numpy(taken)]]
-    fits = torch.from_numpy(
-        REACH * scene.scales.amax(1).numpy() < inner.reshape(-1)[target] + sheet.cell
-    )
-    scene, target, source = scene[fits], target[fits.numpy()], source[fits.numpy()]
-    places = torch.from_numpy(sheet.points())
-    means = scene.means + (places[target] - places[source]).to(scene.means)
-    color = done.picture.reshape(-1, 3)
-    light = torch.from_numpy(color[target] - color[source]).to(scene.sh) / SH_DC
+    taken = torch.from_numpy(rows[np.repeat(first, counts) + nth])
+    pairs = np.repeat(np.stack((target, source)), counts, axis=1)
+    room = (depth_in(sheet.hole | sheet.known).reshape(-1)[pairs[0]] + 1) * sheet.cell
+    fits = np.flatnonzero(REACH * kept.scales[taken].amax(1).numpy() < room)
+    scene, (target, source) = kept[taken[torch.from_numpy(fits)]], pairs[:, fits]
+    places, color = sheet.points(), done.picture.reshape(-1, 3)
+    moved = torch.from_numpy(places[target] - places[source]).to(scene.means)
+    light = torch.from_numpy((color[target] - color[source]) / SH_DC).to(scene.sh)
     sh = torch.cat((scene.sh[:, :1] + light[:, None], scene.sh[:, 1:]), 1)
-    return Gaussians(means, scene.quats, scene.log_scales, scene.logit_opacities, sh)
+    return replace(scene, means=scene.means + moved, sh=sh)
 
 
 def _discs(
@@ -117,7 +107,6 @@ def _bands(sheet: Sheet) -> Float64[np.ndarray, "h w k 3"]:
     if not bands.shape[-1] or not sheet.known.any():
         return np.zeros(shape)
     sigma = SMOOTHED * np.sqrt(sheet.hole.sum())
-    share = gaussian_filter(sheet.known.astype(float), sigma)[..., None]
-    mean = gaussian_filter(np.where(sheet.known[..., None], bands, 0), (sigma, sigma, 0))
-    rim = sheet.known & binary_dilation(sheet.hole, iterations=2)
-    return solve_membrane(mean / np.maximum(share, 1e-6), ~rim, rim).reshape(shape)
+    mean = mean_around(bands, sheet.known.astype(np.float64), sigma)
+    rim = sheet.known & widened(sheet.hole, 2)
+    return solve_membrane(mean, ~rim, rim).reshape(shape)

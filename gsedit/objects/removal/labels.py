@@ -1,7 +1,8 @@
-"""Which shift each pixel of a hole is copied by: the one that leaves the least visible seams.
+"""Labels of pixels, one shift each to copy by, that leave the least visible seams.
 
-Labels of a Markov random field by alpha expansion (Boykov, Veksler and Zabih 2001), each move a
-minimal cut. `p` pixels of the hole, `e` pairs of neighbors, `k` shifts.
+The optimum of a Markov random field, nearly, by alpha expansion (Boykov, Veksler and Zabih 2001);
+each move is a minimal cut. `p` pixels of the hole, `e` pairs of neighbors, `k`
+shifts.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from jaxtyping import Float, Int64
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
-SWEEPS = 2
+SWEEPS = 3
 """Times that every shift is offered to all pixels."""
 UNIT = 1000
 """Steps of a cost of 1: cuts are found in integers."""
@@ -55,7 +56,12 @@ def _seams(
     return at + np.linalg.norm(values[a, second] - values[b, second], axis=-1)
 
 
-def _energy(labels, single, values, pairs) -> float:
+def _energy(
+    labels: Int64[np.ndarray, " p"],
+    single: Float[np.ndarray, "k p"],
+    values: Float[np.ndarray, "k p 3"],
+    pairs: Int64[np.ndarray, "e 2"],
+) -> float:
     seams = _seams(labels[pairs[:, 0]], labels[pairs[:, 1]], values, pairs)
     return float(single[labels, np.arange(len(labels))].sum() + seams.sum())
 

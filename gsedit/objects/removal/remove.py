@@ -98,7 +98,7 @@ def remove(
 
 @dataclass(frozen=True, eq=False)
 class _Left:
-    """What is left of a scene, and what was made for it."""
+    """Remaining Gaussians of a scene, and those that were made for it."""
 
     before: Gaussians
     rows: Int[Tensor, " k"]
@@ -144,6 +144,8 @@ def _lit(left: _Left, sheet: Sheet, plane: Plane, extent: float) -> tuple[_Left,
 
 
 def _check(scene: Gaussians, inside: Bool[Tensor, " n"]) -> None:
+    if len(inside) != len(scene):
+        raise UsageError(f"{len(inside)} flags for {len(scene)} Gaussians: give one a Gaussian")
     if not inside.any():
         raise UsageError("nothing is selected: select the object that is to be removed")
     if inside.all():

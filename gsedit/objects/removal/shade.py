@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.ndimage import binary_dilation, distance_transform_edt, gaussian_filter, label
 
+from gsedit.objects.removal.cells import away_from, mean_around, touching, widened
 from gsedit.objects.removal.complete import complete
 
 REACH = 0.7
@@ -55,33 +55,25 @@ def find_shade(
     if not caster.any() or not (known & ~source).any():
         return none
     size = float(np.sqrt(source.sum()))
-    away = distance_transform_edt(~source)
+    away = away_from(source)
     reach = min(REACH * size, float(np.quantile(away[known], NEAREST)))
-    sigma = max(1.0, BLUR * size)
-    mean = _blurred(picture, known, sigma)
+    sigma, seen = max(1.0, BLUR * size), known.astype(np.float64)
+    mean = mean_around(picture, seen, sigma)
     near = known & (away <= reach)
     dim = mean.mean(-1) < DIM * np.quantile(mean[known].mean(-1), USUAL)
-    near |= _touching(known & dim & (away <= farthest), source | near)
+    near |= touching(known & dim & (away <= farthest), source | near)
     far = known & ~near
     if not near.any() or not far.any():
         return none
     usual = complete(picture, far, hole | near).picture
-    light = mean / np.maximum(_blurred(usual, known, sigma), 1e-3)
-    shadow = _touching(near & (light.mean(-1) < SHADED), source)
+    light = mean / np.maximum(mean_around(usual, seen, sigma), 1e-3)
+    shadow = touching(near & (light.mean(-1) < SHADED), source)
     if not shadow.any() or not _cast(light, shadow, known & ~shadow):
         return none
     light = np.where(shadow[..., None], light.clip(0.05, 1.0), 1.0)
-    fading = _blurred(light, known, sigma / 2).clip(0.05, 1.0)
+    fading = mean_around(light, seen, sigma / 2).clip(0.05, 1.0)
     deep = shadow & (fading.mean(-1) < DEEP)
     return Shade(np.where(known[..., None], fading, 1.0), deep)
-
-
-def _touching(
-    mask: Bool[np.ndarray, "h w"], source: Bool[np.ndarray, "h w"]
-) -> Bool[np.ndarray, "h w"]:
-    """The parts of a mask that touch the source."""
-    numbers, _ = label(mask | source)
-    return mask & np.isin(numbers, np.unique(numbers[source]))
 
 
 def _cast(
@@ -90,16 +82,8 @@ def _cast(
     lit: Bool[np.ndarray, "h w"],
 ) -> bool:
     """Whether what is dark is a shadow: it fades out, or takes all colors alike."""
-    rim = shadow & binary_dilation(lit, iterations=2)
+    rim = shadow & widened(lit, 2)
     if not rim.any() or np.median(light[rim].mean(-1)) > SOFT:
         return True
     channels = np.median(light[shadow], 0)
     return bool(channels.max() < GRAY * channels.min())
-
-
-def _blurred(
-    values: Float[np.ndarray, "h w 3"], known: Bool[np.ndarray, "h w"], sigma: float
-) -> Float[np.ndarray, "h w 3"]:
-    share = gaussian_filter(known.astype(float), sigma)[..., None]
-    sums = gaussian_filter(np.where(known[..., None], values, 0), (sigma, sigma, 0))
-    return sums / np.maximum(share, 1e-6)

@@ -36,7 +36,7 @@ class Sheet:
     caster: Bool[np.ndarray, "h w"]
     """Cells that the object stood close over."""
     depth: float
-    """Of the plane along the camera's view."""
+    """Depth of the plane along the camera's view."""
     usual: Float64[np.ndarray, " k"]
     """Factors of the harmonics in the color, over SH_DC: means over the cameras."""
 
@@ -66,7 +66,7 @@ def cells_of(camera: Camera, depth: float) -> Float64[np.ndarray, "m 3"]:
 def above(
     plane: Plane, middle: Float64[np.ndarray, "3"], half: Float64[np.ndarray, "2"], cell: float
 ) -> Camera:
-    """A camera that looks straight down on a rectangle of a plane, given by the half of its sides."""
+    """A camera straight above a rectangle of a plane, given by its middle and half its sides."""
     z = -plane.normal
     x = np.cross(np.eye(3)[np.abs(z).argmin()], z)
     x /= np.linalg.norm(x)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Bool, Float, Int64
-from scipy.fft import irfft2, rfft2
 from scipy.ndimage import binary_erosion, gaussian_filter, maximum_filter
 from scipy.spatial import KDTree
 
@@ -54,8 +53,8 @@ def _coverage(
 ) -> Float[np.ndarray, "a b"]:
     """Pixels of the hole that each shift, of -h..h by -w..w, takes to known ones."""
     shape = (2 * hole.shape[0], 2 * hole.shape[1])
-    product = rfft2(known.astype(np.float64), shape) * rfft2(hole.astype(np.float64), shape).conj()
-    return np.fft.fftshift(np.round(irfft2(product, shape)))
+    there, here = (np.fft.rfft2(mask.astype(np.float64), shape) for mask in (known, hole))
+    return np.fft.fftshift(np.round(np.fft.irfft2(there * here.conj(), shape)))
 
 
 def _repeats(

@@ -1,4 +1,4 @@
-"""What cameras saw of a scene with an object, and what they see without it.
+"""Views of a scene with an object and without it: what they show and what they hide.
 
 `n` Gaussians; maps of `h w` pixels.
 """
@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, Float64
-from scipy.ndimage import binary_dilation
 from torch import Tensor
 
+from gsedit.objects.removal.cells import widened
 from rasterizer.camera import Camera
 from rasterizer.color_weights import color_weights
 from rasterizer.numerics import AUTO, Execution
@@ -64,15 +64,15 @@ def look(
         ones = torch.ones(camera.height, camera.width, 3)
         seen += weights.back(ones.to(scene.means))[:, 0]
         size = float(np.sqrt(shown.sum()))
-        outline = _widened(shown, max(1, round(HALO * size)))
-        ring = _widened(outline, max(2, round(RING * size))) & ~outline
+        outline = widened(shown, max(1, round(HALO * size)))
+        ring = widened(outline, max(2, round(RING * size))) & ~outline
         sights.append(Sight(camera, depth_map(scene, camera, execution), outline, ring))
     return sights, seen
 
 
 @dataclass(frozen=True, eq=False)
 class Contributions:
-    """What each Gaussian contributes to all views, pixels."""
+    """Contribution of each Gaussian to all views, pixels."""
 
     total: Float[Tensor, " n"]
     outlined: Float[Tensor, " n"]
@@ -85,7 +85,7 @@ class Contributions:
 def contributions_of(
     scene: Gaussians, sights: Sequence[Sight], execution: Execution = AUTO
 ) -> Contributions:
-    """What a scene without the object contributes to where it was, and to what is around."""
+    """Contributions of a scene without the object to where it was, and to what is around."""
     sums = scene.means.new_zeros(len(scene), 3)
     for sight in sights:
         maps = np.stack((np.ones_like(sight.outline), sight.outline, sight.ring), -1)
@@ -166,7 +166,3 @@ def seen_through(
         all_ += shown & (depth > (1 - SAME_DEPTH) * z)
         through += shown & (depth > (1 + SAME_DEPTH) * z)
     return through > 0.5 * all_
-
-
-def _widened(mask: Bool[np.ndarray, "h w"], pixels: int) -> Bool[np.ndarray, "h w"]:
-    return binary_dilation(mask, iterations=pixels)

@@ -1,4 +1,4 @@
-"""What an object leaves behind: its rim, what floats in it, what nobody saw under it.
+"""Remains of an object: its rim, floaters in it, Gaussians under it that nobody saw.
 
 `n` Gaussians of the scene without the object's own.
 """
@@ -17,7 +17,7 @@ from gsedit.scene.neighbors import k_nearest
 UNSEEN = 0.15
 """Share of what a Gaussian now contributes, up to which nobody saw it behind the object."""
 UNSURE, SURE = 0.5, 0.6
-"""The same, up to which it was seen too little to be believed, and from which it is."""
+"""Such shares up to which it was seen too little to be believed, and from which it is."""
 RIM = 0.06
 """Farthest that the object's rim reaches, of its extent."""
 AROUND = 0.4

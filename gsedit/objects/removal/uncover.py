@@ -1,4 +1,4 @@
-"""Which part of a plane nobody saw, and what is known around it.
+"""The part of a plane that nobody saw, and what is known around it.
 
 `n` Gaussians; a picture of `h w` cells.
 """
@@ -11,15 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, Float64
-from scipy.ndimage import (
-    binary_closing,
-    binary_fill_holes,
-    distance_transform_edt,
-    gaussian_filter,
-    grey_dilation,
-    label,
-)
+from scipy.ndimage import grey_dilation
 
+from gsedit.objects.removal.cells import away_from, closed, enclosing, mean_around, parts_of
 from gsedit.objects.removal.sheet import Sheet, above, cells_of, harmonics_on
 from gsedit.objects.removal.sight import Sight, testify
 from gsedit.objects.removal.walls import Plane
@@ -29,8 +23,8 @@ from rasterizer.numerics import AUTO, SH_DC, Execution
 from rasterizer.scene import Gaussians
 
 COVERED, GAP = 0.6, 2
-"""Opacity from which a cell is known; half of the width, in cells, of gaps that are known where views
-saw them: between blades of grass."""
+"""Opacity from which a cell is known; half of the width, in cells, of gaps that are known where
+views saw them: between blades of grass."""
 HIDDEN = 0.5
 """Least views that the object hid a cell from, of those that saw it, for a cell of the hole."""
 BORDERED = 0.25
@@ -60,10 +54,10 @@ ISLAND = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Object:
-    """What is removed."""
+    """The object that is removed."""
 
     points: Float64[np.ndarray, "k 3"]
-    """Its Gaussians' centers."""
+    """Centers of its Gaussians."""
     center: Float64[np.ndarray, "3"]
     extent: float
     pixel: float
@@ -135,28 +129,25 @@ def _drawn(
         if (known & behind).sum() <= BEHIND * known.sum():
             solid = solid & ~behind
     hidden = (said.revealed > HIDDEN * said.unhidden).reshape(known.shape)
-    known |= binary_closing(known, iterations=GAP) & solid & ~hidden
-    hole = binary_fill_holes((hidden & solid) | known) & ~known
+    known |= closed(known, GAP) & solid & ~hidden
+    hole = enclosing((hidden & solid) | known) & ~known
     hole = _surrounded(hole, known)
-    remains = known & binary_closing(hole, iterations=2) & ~_wide(known, hole)
+    remains = known & closed(hole, 2) & ~_wide(known, hole)
     known, hole = known & ~remains, hole | remains
     empty = Sheet(camera, 1 / camera.fx, values, known, hole, hole, depth, usual)
     close = thing.points[np.abs(plane.heights(thing.points)) < CLOSE * thing.extent]
     cells = empty.at(close)
     caster = np.zeros(known.size, bool)
     caster[cells[cells >= 0]] = True
-    caster = binary_closing(np.pad(caster.reshape(known.shape), 3), iterations=2)[3:-3, 3:-3]
-    return replace(empty, caster=caster)
+    return replace(empty, caster=closed(caster.reshape(known.shape), 2))
 
 
 def _even(
     values: Float[np.ndarray, "h w c"], alpha: Float[np.ndarray, "h w"]
 ) -> Float[np.ndarray, "h w c"]:
     """Values in which thin cells take those of their neighbors, by opacity."""
-    sums = gaussian_filter(values * alpha[..., None], (1, 1, 0))
-    mean = sums / np.maximum(gaussian_filter(alpha, 1), 1e-6)[..., None]
     share = alpha.clip(0, 1)[..., None]
-    return share * values + (1 - share) * mean
+    return share * values + (1 - share) * mean_around(values, alpha, 1.0)
 
 
 def _frame(rough: Sheet, extent: float) -> tuple[np.ndarray, np.ndarray]:
@@ -165,7 +156,7 @@ def _frame(rough: Sheet, extent: float) -> tuple[np.ndarray, np.ndarray]:
     rows, columns = np.nonzero(asked)
     size = max(np.ptp(rows), np.ptp(columns)) + 1
     margin = max(SURROUNDINGS * size, NEIGHBORHOOD * extent / rough.cell)
-    near = distance_transform_edt(~asked) < 3 + margin
+    near = away_from(asked) < 3 + margin
     rows, columns = np.nonzero(asked | (rough.known & near))
     low = np.array((columns.min(), rows.min()), float) - 2
     return low, np.array((columns.max(), rows.max()), float) + 3
@@ -173,16 +164,16 @@ def _frame(rough: Sheet, extent: float) -> tuple[np.ndarray, np.ndarray]:
 
 def _wide(known: Bool[np.ndarray, "h w"], hole: Bool[np.ndarray, "h w"]) -> np.ndarray:
     """The connected parts of what is known that are no islands in the hole."""
-    numbers, _ = label(known)
+    numbers, _ = parts_of(known)
     sizes = np.bincount(numbers.reshape(-1))
     return known & (sizes >= ISLAND**2 * hole.sum())[numbers]
 
 
 def _surrounded(hole: Bool[np.ndarray, "h w"], known: Bool[np.ndarray, "h w"]) -> np.ndarray:
     """The connected holes that are large enough, and bordered by what is known."""
-    numbers, count = label(hole, np.ones((3, 3)))
+    numbers, count = parts_of(hole)
     sizes = np.bincount(numbers.reshape(-1), minlength=count + 1)
-    grown = grey_dilation(numbers, 5)
+    grown = np.asarray(grey_dilation(numbers, 5))
     rim = (grown > 0) & (numbers == 0)
     around = np.bincount(grown[rim], minlength=count + 1)
     bordered = np.bincount(grown[rim & known], minlength=count + 1)

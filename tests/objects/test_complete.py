@@ -1,0 +1,97 @@
+"""Completing a picture: periods go on, light is even, labels are no worse than a single one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gsedit.objects.removal.complete import complete
+from gsedit.objects.removal.labels import best_labels
+from gsedit.objects.removal.membrane import pixel_pairs, solve_membrane
+from gsedit.objects.removal.shade import find_shade
+
+ROWS, COLUMNS = np.mgrid[:64, :64]
+HOLE = (ROWS - 33) ** 2 / 15**2 + (COLUMNS - 30) ** 2 / 12**2 < 1
+
+
+def pattern(name: str) -> np.ndarray:
+    """A texture of 64 by 64 pixels."""
+    even = {
+        "checker": (ROWS // 8 + COLUMNS // 8) % 2,
+        "bricks": ((ROWS % 9) < 2) | (((COLUMNS + (ROWS // 9 % 2) * 7) % 14) < 2),
+        "stripes": (COLUMNS // 5) % 2,
+    }[name]
+    return (0.3 + 0.4 * even[..., None]) * np.array((1.0, 0.8, 0.6))
+
+
+@pytest.mark.parametrize("name", ["checker", "stripes"])
+def test_periodic_patterns_go_on(name):
+    picture = pattern(name)
+    done = complete(np.where(HOLE[..., None], 0.0, picture), ~HOLE, HOLE)
+    assert done.textured
+    assert np.abs(done.picture - picture)[HOLE].mean() < 0.01
+
+
+def test_a_pattern_in_fading_light_goes_on():
+    picture = pattern("checker") * (0.7 + 0.3 * COLUMNS / 64)[..., None]
+    done = complete(np.where(HOLE[..., None], 0.0, picture), ~HOLE, HOLE)
+    assert np.abs(done.picture - picture).mean() < 0.01
+
+
+def test_known_pixels_keep_their_bits_and_the_rest_is_not_touched():
+    picture, known = pattern("bricks"), ~HOLE & (COLUMNS < 55)
+    other = picture.copy()
+    other[COLUMNS >= 55] = np.nan
+    done = complete(other, known, HOLE)
+    assert np.array_equal(done.picture[~HOLE], other[~HOLE], equal_nan=True)
+    assert np.isfinite(done.picture[HOLE]).all()
+
+
+def test_too_little_that_is_known_makes_a_smooth_picture():
+    picture = (COLUMNS / 64)[..., None] * np.ones(3)
+    known = (COLUMNS < 2) | (COLUMNS >= 62)
+    done = complete(picture, known, ~known)
+    assert not done.textured
+    assert np.abs(done.picture - picture).max() < 1e-3
+
+
+def test_the_membrane_goes_on_with_given_steps():
+    picture = np.stack((ROWS * 1.0, COLUMNS * 2.0), -1)
+    pairs = pixel_pairs(HOLE, ~HOLE)
+    flat = picture.reshape(-1, 2)
+    steps = flat[pairs[:, 1]] - flat[pairs[:, 0]]
+    solved = solve_membrane(np.where(HOLE[..., None], 0, picture), HOLE, ~HOLE, (pairs, steps))
+    assert np.abs(solved - picture).max() < 0.01
+
+
+def energy(labels: np.ndarray, single: np.ndarray, values: np.ndarray, pairs: np.ndarray) -> float:
+    """Cost of labels and their seams."""
+    total = single[labels, np.arange(len(labels))].sum()
+    for end in (0, 1):
+        a, b = values[labels[pairs], pairs[:, [end, end]]].swapaxes(0, 1)
+        total += np.linalg.norm(a - b, axis=-1).sum()
+    return float(total)
+
+
+def test_labels_are_the_best_of_a_small_graph():
+    random = np.random.default_rng(0)
+    pairs = np.stack((np.arange(6), np.arange(1, 7)), 1)
+    every = [np.array([(code >> i) & 1 for i in range(7)]) for code in range(128)]
+    for _ in range(5):
+        single, values = random.random((2, 7)), random.random((2, 7, 3))
+        best = min(energy(each, single, values, pairs) for each in every)
+        found = best_labels(single, values, pairs)
+        assert energy(found, single, values, pairs) < best + 0.02
+
+
+def test_a_shadow_is_found_and_paint_is_not():
+    away = np.hypot(ROWS - 32, COLUMNS - 32)
+    caster, everywhere = away < 5, np.ones((64, 64), bool)
+    light = 1 - 0.5 * np.clip(1 - away / 18, 0, 1)
+    picture = pattern("checker") * light[..., None]
+    shade = find_shade(picture, everywhere, ~everywhere, caster, 40.0)
+    near = (away > 6) & (away < 14)
+    left = picture / shade.light - pattern("checker")
+    assert np.abs(left)[near].mean() < 0.5 * np.abs(picture - pattern("checker"))[near].mean()
+    rug = np.where((away < 14)[..., None], (0.6, 0.1, 0.1), pattern("stripes"))
+    assert (find_shade(rug, everywhere, ~everywhere, caster, 40.0).light == 1).all()

@@ -1,0 +1,188 @@
+"""Removing an object: the hole is as if it had never been there, the rest keeps its bits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import pytest
+import torch
+from torch import Tensor
+
+from gsedit.cameras.orbit import circle
+from gsedit.errors import UsageError
+from gsedit.objects import remove
+from gsedit.objects.outcome import Outcome
+from gsedit.synthetic.staged import stage
+from rasterizer.camera import Camera
+from rasterizer.numerics import color_to_sh, sh_to_color
+from rasterizer.render import render
+from rasterizer.scene import Gaussians, concatenate
+
+COUNT, SIZE = 4000, 64
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A staged scene and the same without its first thing."""
+
+    scene: Gaussians
+    inside: Tensor
+    truth: Gaussians
+    cameras: tuple[Camera, ...]
+    held_out: tuple[Camera, ...]
+
+
+@lru_cache(4)
+def case(name: str) -> Case:
+    """A set of gsedit.synthetic.staged."""
+    set_ = stage(name)
+    thing = set_.things[0].name
+    labelled = set_.gaussians(COUNT)
+    truth, _ = set_.without(thing).gaussians_from(set_, labelled, COUNT)
+    cameras = set_.training(SIZE)[::3], set_.held_out(SIZE)[:4]
+    return Case(labelled.scene, labelled.of(thing), truth.scene, *cameras)
+
+
+@lru_cache(4)
+def removed(name: str) -> Outcome:
+    """The set after `remove`."""
+    each = case(name)
+    return remove(each.scene, each.inside, each.cameras)
+
+
+def error_db(each: Case, scene: Gaussians) -> float:
+    """Decibels to the truth where held-out views show the object."""
+    errors = []
+    for camera in each.held_out:
+        shown = render(each.scene, camera, marked=each.inside).marked
+        assert shown is not None
+        hole = shown > 0.1
+        truth, shown = render(each.truth, camera).color, render(scene, camera).color
+        errors.append((truth - shown)[hole].square().flatten())
+    return -10 * float(torch.cat(errors).mean().log10())
+
+
+@pytest.mark.parametrize("name", ["pedestal", "meadow", "wall", "glimpse"])
+def test_the_hole_is_nearly_as_if_the_object_had_never_been_there(name):
+    each = case(name)
+    dropped = error_db(each, each.scene[~each.inside])
+    filled = error_db(each, removed(name).scene)
+    assert filled > 23
+    assert filled > dropped + 4
+
+
+@pytest.mark.parametrize("name", ["pedestal", "wall"])
+def test_unchanged_gaussians_keep_their_bits_and_the_object_is_gone(name):
+    each, outcome = case(name), removed(name)
+    same = ~outcome.changed
+    before, after = each.scene[outcome.origin[same]], outcome.scene[same]
+    for field in ("means", "quats", "log_scales", "logit_opacities", "sh"):
+        assert torch.equal(getattr(before, field), getattr(after, field))
+    assert outcome.dropped(len(each.scene))[each.inside].all()
+    assert all(value.isfinite().all() for value in (outcome.scene.means, outcome.scene.sh))
+
+
+def test_the_same_removal_twice_has_the_same_bits():
+    each, first = case("wall"), removed("wall").scene
+    again = remove(each.scene, each.inside, each.cameras).scene
+    assert torch.equal(first.means, again.means)
+    assert torch.equal(first.sh, again.sh)
+
+
+def test_a_plinth_is_not_continued_over_its_edge():
+    each, outcome = case("pedestal"), removed("pedestal")
+    made = outcome.scene[outcome.origin < 0].means
+    high = each.truth.means[:, 2] > made[:, 2].min() - 0.02
+    low, top = each.truth.means[high].aminmax(dim=0)
+    reach = 0.05
+    assert ((made >= low - reach) & (made <= top + reach))[:, :2].all()
+
+
+@pytest.mark.parametrize("kind", ["eroded", "dilated", "noisy"])
+def test_selections_by_people_are_good_enough(kind):
+    each = case("meadow")
+    generator = torch.Generator().manual_seed(0)
+    away = torch.cdist(each.scene.means, each.scene.means[each.inside]).amin(1)
+    from_rest = torch.cdist(each.scene.means, each.scene.means[~each.inside]).amin(1)
+    flip = torch.rand(len(each.scene), generator=generator) < 0.02
+    inside = {
+        "eroded": each.inside & (from_rest > 0.05),
+        "dilated": away < 0.04,
+        "noisy": each.inside ^ flip,
+    }[kind]
+    assert error_db(each, remove(each.scene, inside, each.cameras).scene) > 22
+
+
+def floating() -> tuple[Gaussians, Tensor, tuple[Camera, ...]]:
+    """Two heaps of Gaussians in nothing."""
+    generator = torch.Generator().manual_seed(0)
+    places = torch.nn.functional.normalize(torch.randn(800, 3, generator=generator), dim=1)
+    heap = Gaussians(
+        places,
+        torch.tensor((1.0, 0, 0, 0)).expand(800, 4).contiguous(),
+        torch.full((800, 3), 0.08).log(),
+        torch.full((800,), 4.0),
+        color_to_sh(torch.full((800, 1, 3), 0.6)),
+    )
+    both = concatenate(heap, replace(heap, means=places + torch.tensor((4.0, 0, 0))))
+    up, middle = torch.tensor((0.0, 0, 1)).double(), torch.tensor((2.0, 0, 0)).double()
+    cameras = circle(middle, 4.0, up, 6, 48, elevation=20.0, fov=50.0)
+    return both, torch.arange(1600) < 800, cameras
+
+
+def test_an_object_in_nothing_leaves_nothing():
+    scene, inside, cameras = floating()
+    outcome = remove(scene, inside, cameras)
+    assert len(outcome.scene) == 800
+    assert not outcome.changed.any()
+
+
+def test_cameras_are_found_where_there_are_none():
+    scene, inside, _ = floating()
+    few = torch.arange(1600) % 3 == 0
+    assert not remove(scene[few], inside[few]).dropped(int(few.sum()))[~inside[few]].any()
+
+
+def test_texture_can_be_drawn_by_another():
+    each, asked = case("glimpse"), []
+
+    def draw(picture: Tensor, mask: Tensor) -> Tensor:
+        asked.append((picture.shape[:2] == mask.shape, int(mask.sum())))
+        return torch.where(mask[..., None], torch.tensor((0.0, 0.0, 1.0)), picture)
+
+    drawn = remove(each.scene, each.inside, each.cameras, draw=draw)
+    assert asked
+    assert all(fits and count for fits, count in asked)
+    blue = sh_to_color(drawn.scene.sh[drawn.origin < 0, 0])
+    assert (blue[:, 2] > blue[:, 0]).float().mean() > 0.9
+
+
+def test_one_view_is_told():
+    each = case("glimpse")
+    outcome = remove(each.scene, each.inside, each.cameras[:1])
+    assert any("one view" in note for note in outcome.notes)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda s, i: (s, i & False), "nothing is selected"),
+        (lambda s, i: (s, i | True), "whole scene"),
+        (lambda s, i: (replace(s, means=s.means * torch.nan), i), "not finite"),
+        (lambda s, i: (s, i[:-1]), "flags"),
+    ],
+)
+def test_requests_that_cannot_be_met_are_refused_in_one_line(change, says):
+    scene, inside, cameras = floating()
+    scene, inside = change(scene, inside)
+    with pytest.raises(UsageError, match=says) as refused:
+        remove(scene, inside, cameras)
+    assert "\n" not in str(refused.value)
+
+
+def test_an_object_that_no_camera_sees_is_refused():
+    scene, inside, cameras = floating()
+    far = replace(scene, means=torch.where(inside[:, None], 1e4, scene.means))
+    with pytest.raises(UsageError, match="no camera sees"):
+        remove(far, inside, cameras)
