@@ -16,12 +16,17 @@ from gsedit.objects.removal.complete import complete
 
 REACH = 0.7
 """Farthest that a shadow reaches from what casts it, of its size."""
+CONTACT = 0.35
+"""Farthest that a shadow reaches where little is touched, of the farthest that is asked."""
 NEAREST = 0.65
 """Largest share of what is known that is asked for a shadow: the rest says what is usual."""
 SHADED = 0.94
 """Light, of what is usual, below which there is shadow."""
 DIM, USUAL = 0.85, 0.6
 """Light beside it that is surely dim, of the quantile of all light that is usual."""
+WIDE = (4.0, 0.15)
+"""Standard deviation over which light is averaged for that, at least in cells, and of the size of
+what casts it: wider than a texture's own dark parts."""
 DEEP = 0.55
 """Light, of what is usual, below which nothing of the surface can be brought back."""
 BLUR = 0.1
@@ -56,11 +61,13 @@ def find_shade(
         return none
     size = float(np.sqrt(source.sum()))
     away = away_from(source)
-    reach = min(REACH * size, float(np.quantile(away[known], NEAREST)))
+    reach = max(REACH * size, CONTACT * farthest)
+    reach = min(reach, float(np.quantile(away[known], NEAREST)))
     sigma, seen = max(1.0, BLUR * size), known.astype(np.float64)
     mean = mean_around(picture, seen, sigma)
     near = known & (away <= reach)
-    dim = mean.mean(-1) < DIM * np.quantile(mean[known].mean(-1), USUAL)
+    wide = mean_around(picture, seen, max(WIDE[0], WIDE[1] * size)).mean(-1)
+    dim = wide < DIM * np.quantile(wide[known], USUAL)
     near |= touching(known & dim & (away <= farthest), source | near)
     far = known & ~near
     if not near.any() or not far.any():
