@@ -2,8 +2,9 @@
 
 In scenes/NAME/: scene.ply; labels.npy, the number of its thing a Gaussian, and names.json; capture/
 with photos and transforms.json (nerfstudio). In cases/NAME/: case.json; inside.npy, flags of the
-thing's Gaussians; held_out/ with the exact result and transforms.json; before/, hole/ and unseen/
-with pictures of those names; other.ply where something is inserted.
+thing's Gaussians; held_out/ with the right pictures and transforms.json; changed/, hole/ and
+unseen/ with masks of those names; truth.ply, whose pictures are right; other.ply where something is
+inserted.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.bench.objects.cases import NOON, Case, placed
-from gsedit.bench.objects.scores import Truth
+from gsedit.bench.objects.scores import Truth, changes
 from gsedit.datasets.view_list_files import ViewList, read_view_list, write_view_list
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.errors import UsageError
@@ -28,10 +29,12 @@ from gsedit.formats.pictures import as_picture, read_picture, save_picture
 from gsedit.formats.scenes import load, save
 from gsedit.runs.json_lines import write_record
 from gsedit.scene.similarity import IDENTITY, Similarity
+from gsedit.scene.table import gaussians_of, table_of
 from gsedit.storage.json_files import read_json
 from gsedit.synthetic.staged import Labelled, Stage
 from rasterizer.camera import Camera
-from rasterizer.scene import Gaussians
+from rasterizer.render import render
+from rasterizer.scene import Gaussians, concatenate
 
 CAMERAS = "transforms.json"
 
@@ -40,7 +43,7 @@ CAMERAS = "transforms.json"
 class Size:
     """How large the scenes and their pictures are."""
 
-    gaussians: int = 40_000
+    gaussians: int = 24_000
     """About the number of Gaussians of a scene."""
     side: int = 128
     """Pixels a side of pictures."""
@@ -114,25 +117,43 @@ def write_case(case: Case, folder: Path, size: Size) -> None:
     write_scene(before, source, size)
     if (own / "case.json").is_file():
         return
-    given = read_labelled(source)
+    given, other = read_labelled(source), None
     inside = torch.zeros(len(given.scene), dtype=torch.bool)
     if case.task == "insertion":
-        save(_alone(after, case, size), own / "other.ply", overwrite=True)
+        other = _alone(after, case, size)
+        save(other, own / "other.ply", overwrite=True)
     else:
         inside = given.of(case.subject)
     own.mkdir(parents=True, exist_ok=True)
     write_flags(inside.numpy(), own / "inside.npy", overwrite=True)
-    cameras, training = after.held_out(size.side), before.training(size.side)
-    _write_views(own / "held_out", cameras, [after.photo(camera) for camera in cameras])
-    for i, camera in enumerate(cameras):
-        hole, unseen = _hole(before, after, case, camera, training)
-        masks = {"hole": hole, "unseen": unseen}
-        pictures = {name: mask[..., None].expand(-1, -1, 3).float() for name, mask in masks.items()}
-        for name, picture in {"before": before.photo(camera), **pictures}.items():
+    cameras = after.held_out(size.side)
+    traced = [torch.stack([s.photo(camera) for camera in cameras]) for s in (before, after)]
+    right = traced[1]
+    if not size.fitted:
+        part = given.scene[inside] if other is None else other
+        truth = _truth(case, before, after, given, part)
+        save(truth, own / "truth.ply", overwrite=True)
+        right = torch.stack([render(truth, each).color.detach().clamp(0, 1) for each in cameras])
+    _write_views(own / "held_out", cameras, list(right))
+    training = before.training(size.side)
+    holes = [_hole(before, after, case, camera, training) for camera in cameras]
+    masks = {"changed": changes(*traced)}
+    masks |= {name: torch.stack(each) for name, each in zip(("hole", "unseen"), zip(*holes))}
+    for name, mask in masks.items():
+        for i, picture in enumerate(mask[..., None].expand(-1, -1, -1, 3).float()):
             save_picture(as_picture(picture), own / name / _name(i), overwrite=True)
     asked = {**case.change, **_derived(case, before, after)}
     record = {**asdict(replace(case, change=asked)), "scene": f"../../scenes/{source.name}"}
     write_record(record, own / "case.json")
+
+
+def _truth(case: Case, before: Stage, after: Stage, given: Labelled, part: Gaussians) -> Gaussians:
+    """The Gaussians of the result: those given where they stay, and the moved ones of the thing."""
+    truth = after.gaussians_from(before, given, len(given.scene))[0]
+    if case.task not in ("move", "insertion"):
+        return truth.scene
+    moved = after.colored(gaussians_of(place_of(case).table(table_of(part))))
+    return concatenate(truth.scene[~truth.of(case.subject)], moved)
 
 
 def read_case(case: Case, folder: Path) -> Given:
@@ -140,16 +161,11 @@ def read_case(case: Case, folder: Path) -> Given:
     own, source = folder / "cases" / case.name, scene_folder(folder, case)
     scene = load(source / "scene.ply")
     held_out = _cameras(own / "held_out")
-    pictures = {
-        name: torch.stack([read_picture(own / name / _name(i)) for i in range(len(held_out))])
-        for name in ("before", "held_out", "hole", "unseen")
-    }
-    truth = Truth(
-        pictures["before"],
-        pictures["held_out"],
-        pictures["hole"][..., 0] > 0.5,
-        pictures["unseen"][..., 0] > 0.5,
+    after, *masks = (
+        torch.stack([read_picture(own / name / _name(i)) for i in range(len(held_out))])
+        for name in ("held_out", "changed", "hole", "unseen")
     )
+    truth = Truth(after, *(mask[..., 0] > 0.5 for mask in masks))
     inside = torch.from_numpy(read_flags(own / "inside.npy", len(scene)))
     other = load(own / "other.ply") if (own / "other.ply").is_file() else None
     asked = read_json(own / "case.json")["change"]

@@ -1,4 +1,4 @@
-"""Methods that take part in a case: gsedit's own operation, simple baselines, the best there is.
+"""Methods that take part in a case: gsedit's own operation, and simple baselines.
 
 An operation is imported when it runs: what is not there is left out by name.
 """
@@ -24,6 +24,8 @@ from rasterizer.render import render
 from rasterizer.scene import Gaussians, concatenate
 
 OURS = "gsedit"
+UP = torch.tensor((0.0, 0.0, 1.0))
+"""Upward direction of the scenes."""
 TOUCHED = 0.05
 """Share of a pixel that the thing gives, above which the pixel is filled by a baseline."""
 SNOW_COLOR = (0.9, 0.92, 0.95)
@@ -56,13 +58,6 @@ def drawn(scene: Gaussians, given: Given) -> Float[Tensor, "v h w 3"]:
     with torch.no_grad():
         views = [render(scene, camera).color.clamp(0, 1) for camera in given.held_out]
     return torch.stack(views)
-
-
-def exact(given: Given, before: Gaussians) -> Made:
-    """The Gaussians of the truth, those that stay as they were: as near as this count can be."""
-    case = given.case
-    first, last = case.before(), case.after()
-    return Made(last.gaussians_from(first, first.labelled(before), len(before))[0].scene)
 
 
 def _removed(given: Given) -> Made:
@@ -117,7 +112,7 @@ def _inserted(given: Given) -> Made:
     assert given.other is not None
     asked = given.change
     outcome = placing.insert(
-        given.scene, given.other, asked["at"], given.cameras, height=asked["height"], up="z"
+        given.scene, given.other, asked["at"], given.cameras, height=asked["height"], up=UP
     )
     own = torch.zeros(len(outcome.scene), dtype=torch.bool)
     own[len(own) - len(given.other) :] = True

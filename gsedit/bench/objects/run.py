@@ -32,7 +32,7 @@ from gsedit.bench.objects.files import (
     write_case,
     write_scene,
 )
-from gsedit.bench.objects.methods import METHODS, OURS, Made, drawn, exact
+from gsedit.bench.objects.methods import METHODS, OURS, Made, drawn
 from gsedit.bench.objects.phrases import NAMED, REFUSED
 from gsedit.bench.objects.rows import MISSING, Row, table
 from gsedit.bench.objects.scores import scores
@@ -48,8 +48,8 @@ from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians
 
 ROWS, TABLE = "objects.jsonl", "objects.md"
-RESULT, EXACT = "result", "exact Gaussians"
-"""Names of somebody else's result, and of the nearest that the representation allows."""
+RESULT = "result"
+"""Name of somebody else's method."""
 CLICKING: dict[str, Selecting] = {OURS: select_at, "nearest color": nearest_color}
 FOOT = 0.02
 """Quantile of the heights of a thing's Gaussians that is its foot."""
@@ -120,10 +120,7 @@ def _of_case(folder: Path, case: Case, size: Size, result: Path | None) -> Itera
         if made is not None:
             yield Row(case.name, case.task, RESULT, measure(made))
         return
-    methods = dict(METHODS[case.task])
-    if not size.fitted:
-        methods[EXACT] = lambda each: exact(each, each.scene)
-    for name, method in methods.items():
+    for name, method in METHODS[case.task].items():
         yield _timed(Row(case.name, case.task, name), partial(method, given), measure)
 
 

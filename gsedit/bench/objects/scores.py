@@ -26,19 +26,22 @@ SMALLEST_BOX = 32
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """Exact pictures of a case at its held-out views, and which pixels are which."""
+    """Right pictures of a case at its held-out views, and which pixels are which."""
 
-    before: Float[Tensor, "v h w 3"]
     after: Float[Tensor, "v h w 3"]
+    changed: Bool[Tensor, "v h w"]
+    """Pixels that differ from before, and those next to them."""
     hole: Bool[Tensor, "v h w"]
     """Pixels that show the thing before."""
     unseen: Bool[Tensor, "v h w"]
     """Pixels of the hole that show a surface after, which no view of the capture shows."""
 
-    @property
-    def changed(self) -> Bool[Tensor, "v h w"]:
-        """Pixels that differ, and those next to them."""
-        return widened((self.after - self.before).abs().amax(-1) > CHANGES, MARGIN)
+
+def changes(
+    before: Float[Tensor, "v h w 3"], after: Float[Tensor, "v h w 3"]
+) -> Bool[Tensor, "v h w"]:
+    """Pixels that differ in exact pictures, and those next to them."""
+    return widened((after - before).abs().amax(-1) > CHANGES, MARGIN)
 
 
 def widened(mask: Bool[Tensor, "v h w"], pixels: int) -> Bool[Tensor, "v h w"]:
@@ -53,7 +56,7 @@ def scores(
     """Measures by name, PSNR in dB of all views together; None for what has no pixels.
 
     `given` are pictures of the unedited scene in its own representation: what is outside of the
-    change is compared with those, and the change itself with the exact pictures.
+    change is compared with those, and the change itself with the right pictures.
     """
     changed = truth.changed
     boxes = [_box(*views) for views in zip(result, truth.after, changed) if views[2].any()]

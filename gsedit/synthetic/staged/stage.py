@@ -24,7 +24,7 @@ from gsedit.synthetic.shapes import Points, Sdf, Triple, gradient, union
 from gsedit.synthetic.splats import surface_gaussians, surface_points
 from gsedit.synthetic.staged.thing import Thing, snow_on
 from rasterizer.camera import Camera, look_at
-from rasterizer.numerics import SH_DC
+from rasterizer.numerics import SH_DC, color_to_sh
 from rasterizer.scene import Gaussians, concatenate
 
 UP = torch.tensor((0.0, 0.0, 1.0), dtype=torch.float64)
@@ -170,14 +170,20 @@ class Stage:
         now, then = self.scene.sdf, before.scene.sdf
         kept = _both_have(then, now, given.scene.means.double())
         old = given.scene[kept]
-        sh = old.sh.clone()
         points = _onto(now, old.means.double())
+        sh = old.sh.clone()
         difference = self.scene.albedo(points) - before.scene.albedo(points)
         sh[:, 0] += (difference / SH_DC).float()
         fresh = self.gaussians(count, seed, old.degree).scene
         fresh = fresh[~_both_have(now, then, fresh.means.double())]
         origin = torch.cat((kept.nonzero().squeeze(-1), torch.full((len(fresh),), -1)))
         return self.labelled(concatenate(replace(old, sh=sh), fresh)), origin
+
+    def colored(self, scene: Gaussians) -> Gaussians:
+        """Gaussians near the surface in its color and light, the same from all sides."""
+        sh = torch.zeros_like(scene.sh)
+        sh[:, 0] = color_to_sh(self.scene.albedo(_onto(self.scene.sdf, scene.means.double())))
+        return replace(scene, sh=sh)
 
     def _faced(self, means: Points) -> Bool[Tensor, " n"]:
         """Whether the surface near points is turned to a camera."""
