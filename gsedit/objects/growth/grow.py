@@ -23,6 +23,8 @@ from gsedit.objects.growth.spots import Site
 from gsedit.objects.growth.table import Growth, growth_of
 from gsedit.objects.growth.veil import unveiled
 from gsedit.objects.outcome import NEW, Outcome
+from gsedit.objects.placing.stance import stance_of
+from gsedit.objects.placing.sun import Sun, sun_of
 from gsedit.scenery.setting import Setting
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
@@ -156,7 +158,23 @@ def _site(
     ends = points[rows].sort(0).values
     low, high = (ends[int(share * (len(ends) - 1))] for share in (TAIL, 1 - TAIL))
     size = min(float((high - low).norm()), place.distance)
-    return Site(Setting(scene, found, cameras, execution), rows, max(size, 1e-9))
+    setting = Setting(scene, found, cameras, execution)
+    sun = _sun(scene, inside, place.up, execution)
+    return Site(setting, rows, max(size, 1e-9), sun, execution)
+
+
+def _sun(
+    scene: Gaussians,
+    inside: Bool[Tensor, " n"] | None,
+    up: Float[Tensor, "3"],
+    execution: Execution,
+) -> Sun | None:
+    """The sun that casts the shadows around what is inside; None where it is all, or none is
+    clear."""
+    if inside is None or bool(inside.all()):
+        return None
+    stance = stance_of(scene[inside], scene[~inside], up, execution)
+    return sun_of(scene, stance, execution)
 
 
 def _patches(

@@ -12,11 +12,14 @@ from torch import Tensor
 from gsedit.light.color_change import step
 from gsedit.light.present import received
 from gsedit.light.surface import Surface
+from gsedit.objects.placing.sun import Sun, shadow_of
+from gsedit.scene.color_space import LUMINANCE
 from gsedit.scene.neighbors import k_nearest
 from gsedit.scene.quantiles import weighted_quantile
 from gsedit.scenery.setting import Setting
 from gsedit.surface.noise import noise
 from gsedit.toolkit.grade import GAMMA
+from rasterizer.numerics import AUTO, Execution
 
 EVEN = 0.5
 """Share of an even sky in the light: the present one is told from colors that are not its own."""
@@ -41,6 +44,9 @@ class Site:
     """Gaussians of the part."""
     size: float
     """Its extent, world units: thicknesses are shares of it."""
+    sun: Sun | None = None
+    """Sun that is told from the shadows around it."""
+    execution: Execution = AUTO
 
     @cached_property
     def exposure(self) -> float:
@@ -119,12 +125,25 @@ class Spots:
             self.points, self.normals, torch.ones(len(self)).double(), self.near, old.directions,
             self.mean(old.open), old.occluders, old.place,
         )  # fmt: skip
-        present = torch.lerp(found.falling_on(here), received(here)[:, :-1].sum(1), EVEN)
+        even = received(here)[:, :-1].sum(1)
+        if self.site.sun is None:
+            present = torch.lerp(found.falling_on(here), even, EVEN)
+        else:
+            present = self._in(self.site.sun, even)
         best = min(max(float(present.quantile(BEST)), LEAST_BEST), 1.0) if len(present) else 1.0
         present = torch.lerp(present / best, torch.ones_like(present), BOUNCED)
         near = found.trust * found.seen
         usual = (near @ found.light) / near.sum().clamp_min(1e-12)
         return self.site.exposure * (usual + self.mean(found.trust) * (present - usual))
+
+    def _in(self, sun: Sun, even: Float[Tensor, " m"]) -> Float[Tensor, " m"]:
+        """Light of a sun and of an even sky, 1 where it is level and open."""
+        strength = float(sun.strength @ torch.from_numpy(LUMINANCE / LUMINANCE.sum()))
+        body = self.site.setting.scene[self.site.rows]
+        hidden = shadow_of(body, self.points, sun.direction, self.site.execution)
+        direct = (self.normals @ sun.direction).clamp_min(0) * (1 - hidden)
+        level = 1 + strength * float(sun.direction @ self.site.up)
+        return (even + strength * direct) / level
 
     def shaded(
         self, shade: tuple[float, ...], lit: tuple[float, ...], light: Float[Tensor, " m"]
