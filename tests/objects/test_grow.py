@@ -16,6 +16,7 @@ from gsedit.synthetic.paint import plain
 from gsedit.synthetic.scene import SyntheticScene
 from gsedit.synthetic.shapes import cylinder, sphere, translate, union
 from gsedit.synthetic.splats import surface_gaussians
+from gsedit.synthetic.staged import stage as stage_of
 from rasterizer.camera import look_at
 from rasterizer.harmonics import basis
 from rasterizer.render import render
@@ -163,6 +164,30 @@ def test_puddles_are_level_and_mirror():
     assert float(new.means[:, 2].std()) < 0.01
     assert after.scene.degree == 3
     assert "degree 3" in after.notes[1]
+
+
+def test_more_puddles_cover_more():
+    few, usual, many = (len(added(grown("puddles", amount))) for amount in (0.4, 1.0, 2.0))
+    assert few < 0.7 * usual
+    assert usual < 0.7 * many
+
+
+def test_what_is_new_is_dim_in_a_dark_scene():
+    dark = replace(stage(), sh=stage().sh - 1.3)
+    after = grow(dark, "snow", 1.0, None, cameras())
+    assert float(added(after).sh[:, 0].mean()) < float(added(grown("snow")).sh[:, 0].mean()) - 0.5
+
+
+def test_snow_is_darker_where_it_turns_from_the_sun():
+    staged = stage_of("meadow")
+    given = staged.gaussians(5000)
+    after = grow(given.scene, "snow", 1.0, given.of("red ball"), staged.training(48))
+    new = added(after)
+    sun = torch.tensor(staged.light.sun).double()
+    towards = (new.means.double() - new.means.double().mean(0)) @ sun
+    low, high = towards.quantile(torch.tensor((0.25, 0.75)).double())
+    lit, dark = new.sh[towards > high, 0].mean(), new.sh[towards < low, 0].mean()
+    assert float(lit) > float(dark) + 0.3
 
 
 def test_puddles_show_what_stands_behind_them():

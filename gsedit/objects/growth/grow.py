@@ -62,13 +62,14 @@ def grow(
 ) -> Outcome:
     """The scene with snow, moss, dust, ice, leaves or puddles (GROWTHS) on the Gaussians inside.
 
-    `amount` is a factor of the usual thickness, of leaves of their number. None is inside: all are.
+    `amount` is a factor of the usual thickness, of leaves of their number, of puddles of the ground
+    that they cover. None is inside: all are.
     Rows of the scene keep their places; new ones, at most MOST_NEW, follow. Raises UsageError for
     an unknown name, an amount out of range, or where it lies nowhere.
     """
     growth = growth_of(name, amount)
     found = survey(scene, cameras, None, execution)
-    site = _site(scene, found, inside, cameras, execution)
+    site = _site(scene, found, inside, amount, cameras, execution)
     patches = [] if site is None else _patches(scene, site, growth, amount, execution)
     if growth.body == "water":
         patches = [level(patch) for patch in patches]
@@ -139,6 +140,7 @@ def _site(
     scene: Gaussians,
     found: Survey,
     inside: Bool[Tensor, " n"] | None,
+    amount: float,
     cameras: Sequence[Camera],
     execution: Execution,
 ) -> Site | None:
@@ -160,7 +162,7 @@ def _site(
     size = min(float((high - low).norm()), place.distance)
     setting = Setting(scene, found, cameras, execution)
     sun = _sun(scene, inside, place.up, execution)
-    return Site(setting, rows, max(size, 1e-9), sun, execution)
+    return Site(setting, rows, max(size, 1e-9), amount, sun, execution)
 
 
 def _sun(

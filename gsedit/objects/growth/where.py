@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.light.color_change import step
 from gsedit.objects.growth.spots import Spots
+
+USUAL_POOLS, MOST_POOLS = 0.45, 0.97
+"""Share of level ground under water, usually and at most."""
 
 
 def snowy(spots: Spots) -> Float[Tensor, " m"]:
@@ -48,7 +52,9 @@ def littered(spots: Spots) -> Float[Tensor, " m"]:
 
 
 def pooled(spots: Spots) -> Float[Tensor, " m"]:
-    """Water: on level places, in patches."""
+    """Water: on level places, in patches that are the more the larger the amount is."""
     level = step(spots.rise, 0.9, 0.97)
-    patches = step(spots.noise(0.22, 7) + 0.25 * spots.noise(0.06, 8), -0.2, 0.2)
-    return level * patches * spots.earthly
+    share = torch.tensor(min(USUAL_POOLS * spots.site.amount, MOST_POOLS), dtype=torch.float64)
+    shore = float(torch.special.ndtri(1 - share))  # a share of normal deviates is above it
+    hollows = spots.noise(0.22, 7) + 0.25 * spots.noise(0.06, 8)
+    return level * step(hollows, shore - 0.2, shore + 0.2) * spots.earthly
