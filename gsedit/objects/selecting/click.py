@@ -95,7 +95,7 @@ class Selector:
     def segments(self) -> Segments:
         """The segments of the scene, as `segment` finds them."""
         found = self._found
-        return Segments(self._expanded(found.labels), found.rows)
+        return replace(found, labels=self._expanded(found.labels))
 
     @torch.no_grad()
     def at(self, clicks: Sequence[Click]) -> Region:

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -38,6 +38,8 @@ FAR = 0.8
 """Distance of a body from the middle, of the radius of the place, from which it is background."""
 TAIL = 0.02
 """Share of the seen pixels of a segment that may lie beyond each side of its box."""
+CELLS, MOST_COLORS = 6, 24
+"""Cells of a channel, and most colors, of a palette."""
 FEET, FEET_TOUCH = 0.05, 0.1
 """Share of an object's Gaussians that are its lowest, and of these that touch what it stands on."""
 TOUCHING = 0.15
@@ -65,6 +67,8 @@ class Segment:
     high: tuple[float, float, float]
     color: tuple[float, float, float]
     """Median sRGB in [0, 1]."""
+    palette: tuple[tuple[tuple[float, float, float], float], ...]
+    """Colors (sRGB in [0, 1]) with their shares of what is seen of it, the largest first."""
     stands_on: int
     """Number of the segment under it; -1: none."""
 
@@ -88,6 +92,8 @@ class Segments:
     """Number of the segment each Gaussian is in."""
     rows: tuple[Segment, ...]
     """The segments by number: objects from the largest to the smallest, then the rest."""
+    view: int
+    """Index of the camera as which right, left, front and back are told; 0 where none was given."""
 
     @property
     def objects(self) -> tuple[Segment, ...]:
@@ -112,7 +118,7 @@ def segment(
     found = segment_surfaces(look(scene if merged is None else merged.scene, cameras, execution))
     if merged is None:
         return found
-    return Segments(found.labels[merged.group.long()], found.rows)
+    return replace(found, labels=found.labels[merged.group.long()])
 
 
 def segment_surfaces(surfaces: Surfaces) -> Segments:
@@ -225,12 +231,8 @@ def _ordered(surfaces: Surfaces, labels: Int[np.ndarray, " n"], kinds: list[Kind
     for number, old in enumerate(order):
         each = rows[old]
         on = int(new[under[old]]) if under[old] >= 0 else -1
-        told.append(Segment(number, *_values(each), stands_on=on))
-    return Segments(torch.from_numpy(new[labels]), tuple(told))
-
-
-def _values(row: Segment) -> tuple:
-    return row.kind, row.pixels, row.low, row.high, row.color
+        told.append(replace(each, number=number, stands_on=on))
+    return Segments(torch.from_numpy(new[labels]), tuple(told), surfaces.view)
 
 
 def _row(surfaces: Surfaces, labels: Int[np.ndarray, " n"], number: int, kind: Kind) -> Segment:
@@ -243,7 +245,22 @@ def _row(surfaces: Surfaces, labels: Int[np.ndarray, " n"], number: int, kind: K
     low, high = (_quantile(local, weight, share) for share in (TAIL, 1 - TAIL))
     color = _quantile(surfaces.colors[rows], weight, 0.5)
     share = float(weight.sum() / max(surfaces.seen.sum(), 1e-9))
-    return Segment(number, kind, share, low, high, color, -1)
+    palette = _palette(surfaces.colors[rows], weight)
+    return Segment(number, kind, share, low, high, color, palette, -1)
+
+
+def _palette(
+    colors: Float64[np.ndarray, "m 3"], weights: Float64[np.ndarray, " m"]
+) -> tuple[tuple[tuple[float, float, float], float], ...]:
+    """The means of the most frequent cells of color, with their shares."""
+    cell = (colors * (CELLS - 1e-6)).astype(np.int64) @ np.array([CELLS**2, CELLS, 1])
+    total = np.bincount(cell, weights=weights, minlength=CELLS**3)
+    sums = [np.bincount(cell, weights=weights * c, minlength=CELLS**3) for c in colors.T]
+    largest = np.argsort(-total, kind="stable")[:MOST_COLORS]
+    largest = largest[total[largest] > 0]
+    means = np.stack(sums, 1)[largest] / total[largest, None]
+    shares = total[largest] / total.sum()
+    return tuple(((r, g, b), share) for (r, g, b), share in zip(means.tolist(), shares.tolist()))
 
 
 def _quantile(

@@ -28,6 +28,8 @@ AS_WIDE = 0.3
 """Least area of the lowest patch for it to be the ground, of the largest that could be."""
 BELOW = 0.3
 """Largest share of what is seen near the place that is below the ground."""
+SKIRT = 0.6
+"""Height of the rims of the ground over its plane, in distances between its Gaussians."""
 CARRIES = 0.25
 """Least share of the neighbors between a body and a patch where the body is below it, for the
 body to carry the patch."""
@@ -92,7 +94,8 @@ def _ground(
             ground[each.rows] = True
         else:
             others.append(each)
-    ground |= among & (main.heights(surfaces.points) < -main.rough)
+    spacing = float(np.sqrt(main.area / len(main.rows)))
+    ground |= among & (main.heights(surfaces.points) < SKIRT * spacing)
     return ground, others
 
 

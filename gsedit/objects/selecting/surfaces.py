@@ -51,6 +51,8 @@ class Surfaces:
     solid: Bool[np.ndarray, " n"]
     """Whether it is opaque and small enough to connect others."""
     graph: Neighbors
+    view: int = 0
+    """Index of the camera that looks most along the place's front."""
 
     def __len__(self) -> int:
         return len(self.points)
@@ -111,13 +113,16 @@ def look(scene: Gaussians, cameras: Sequence[Camera] = (), execution: Execution 
     normals = estimate_normals(scene, chosen, execution, near=torch.from_numpy(near[1])).directions
     longest = scene.scales.amax(1)
     solid = (scene.opacities > SOLID_OPACITY) & (longest < LARGE * longest[seen > 0].median())
+    place = place_of(scene, some, seen)
+    ahead = torch.stack([camera.forward.double() for camera in some])
     return Surfaces(
         scene,
-        place_of(scene, some, seen),
+        place,
         scene.means.double().numpy(),
         normals.double().numpy(),
         sh_to_color(scene.sh[:, 0].double()).clamp(0, 1).numpy(),
         seen.double().numpy(),
         solid.numpy(),
         neighbors(scene, normals, near),
+        int((ahead @ -place.front).argmax()),
     )
