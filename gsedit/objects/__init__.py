@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from gsedit.objects.placing.placement import Beside, Placement
     from gsedit.objects.removal.remove import remove
     from gsedit.objects.selecting.click import Click, Selector, select_at
+    from gsedit.objects.selecting.phrase import find_phrase
     from gsedit.objects.selecting.segment import Segments, segment
 
 make_lazy(__name__)

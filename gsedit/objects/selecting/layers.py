@@ -45,6 +45,8 @@ WALL_SIZE = 0.5
 """Least width of a wall, of the radius of the place: its standard deviations times 3.5."""
 WALL_SHARE = 0.08
 """Least share of the area of all that is not level that is of a wall."""
+SKIRT = 0.6
+"""Distance of rims before the plane of the ground or a wall, in distances between its Gaussians."""
 BEHIND = 0.03
 """Largest share of the other things that is behind a wall."""
 THIN = 0.01
@@ -155,8 +157,10 @@ def walls(surfaces: Surfaces, among: Bool[np.ndarray, " n"]) -> list[Int[np.ndar
         on = rows[_on_plane(surfaces, rows, plane, 2 * tolerance)]
         if surfaces.areas[on].sum() < WALL_SHARE * total:
             break
-        if _is_wall(surfaces, on, among, tolerance):
-            found.append(on)
+        behind = _wall(surfaces, on, among, tolerance)
+        if behind is not None:
+            found.append(np.flatnonzero(behind))
+            left &= ~behind
         left[on] = False
     return found
 
@@ -195,22 +199,28 @@ def _on_plane(
     return near & (np.abs(surfaces.normals[rows] @ normal) > FACING)
 
 
-def _is_wall(
+def _wall(
     surfaces: Surfaces, rows: Int[np.ndarray, " m"], among: Bool[np.ndarray, " n"], tolerance: float
-) -> bool:
-    """Whether a plane's rows reach far, and hardly anything seen is behind them."""
+) -> Bool[np.ndarray, " n"] | None:
+    """The Gaussians of a wall and behind it; None for a plane that is small or before things."""
     points = surfaces.points[rows]
     middle = points.mean(0)
     _, spread, axes = np.linalg.svd(points - middle, full_matrices=False)
     widths = 3.5 * spread[:2] / np.sqrt(len(rows))
     if widths.min() < WALL_SIZE * surfaces.place.radius:
-        return False
+        return None
     normal = axes[2] * np.sign((surfaces.normals[rows] @ axes[2]).sum() or 1)
+    before = (surfaces.points - middle) @ normal
     others = among.copy()
     others[rows] = False
-    beyond = (surfaces.points[others] - middle) @ normal < -3 * tolerance
-    seen = surfaces.seen[others]
-    return bool(seen[beyond].sum() <= BEHIND * seen.sum())
+    seen = surfaces.seen * others
+    if seen[before < -3 * tolerance].sum() > BEHIND * seen.sum():
+        return None
+    spacing = float(np.sqrt(np.median(surfaces.areas[rows])))
+    high = surfaces.heights > np.median(surfaces.heights[rows])
+    held = among & (before < SKIRT * spacing) & (high | (surfaces.upright < LEVEL))
+    held[rows] = True
+    return held
 
 
 def numbered(labels: Int[np.ndarray, " n"], among: Bool[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:

@@ -10,7 +10,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import torch
 from jaxtyping import Bool
 from torch import Tensor
 
@@ -60,7 +59,7 @@ def find_phrase(
     if not queries:
         raise UsageError(f"the phrase is empty: {SAYABLE}")
     if masks is not None and any(_unknown(query) for query in queries):
-        from gsedit.objects.selecting.masks import find_masked
+        from gsedit.objects.selecting.masks import find_masked  # pyright: ignore
 
         return find_masked(phrase, scene, masks, cameras, execution)
     found = segment(scene, cameras, execution) if segments is None else segments
@@ -138,7 +137,12 @@ class _Finder:
     def _narrowed(self, query: Query, rows: list[Segment]) -> list[Segment]:
         """The rows that all words of a query leave."""
         for relation, ends in query.relations:
-            rows = self._related(relation, ends, rows, query)
+            try:
+                rows = self._related(relation, ends, rows, query)
+            except UsageError:
+                if not query.colors or not any(each.bare and each.unknown for each in ends):
+                    raise
+                self._note(f"'{_SAID[relation]} ...' names nothing known, and is left out")
         rows = self._colored(query, rows)
         if query.size:
             rows = self._sized(query, rows)
@@ -174,9 +178,8 @@ class _Finder:
         rows = sorted(rows, key=size, reverse=query.size > 0)
         if len(rows) < 2:
             return rows
-        steps = [
-            min(size(a), size(b)) / max(size(a), size(b), 1e-12) for a, b in zip(rows, rows[1:])
-        ]
+        sizes = np.array([size(row) for row in rows])
+        steps = np.minimum(sizes[1:], sizes[:-1]) / np.maximum(sizes[1:], sizes[:-1]).clip(1e-12)
         cut = int(np.argmin(steps)) + 1 if query.plural else 1
         if steps[cut - 1] > APART:
             raise self._refusal("they are of about one size", rows)
@@ -252,11 +255,13 @@ class _Finder:
     def _reference(self, query: Query, relation: Relation) -> list[Segment]:
         """The thing that a relation is to; what carries things is meant by "on the table"."""
         if relation == "on" and query.bare and query.kind == "object":
-            carried = {row.stands_on for row in self._kind("object")}
+            carried = [row.stands_on for row in self._kind("object")]
             carriers = [row for row in self._kind("object") if row.number in carried]
-            if len(carriers) == 1:
+            carriers.sort(key=lambda row: -carried.count(row.number))
+            most = [carried.count(row.number) for row in carriers[:2]]
+            if most and (len(most) == 1 or most[0] > most[1]):
                 self._note(f"taken for what carries things: {self.told([carriers[0].number])}")
-                return carriers
+                return carriers[:1]
         return self.find(query)
 
     def _main(self, query: Query) -> list[Segment]:

@@ -15,6 +15,12 @@ Key = Literal["size", "height", "left", "right", "front", "back", "top", "bottom
 """Order of things: the first is the largest, tallest, or farthest to that side."""
 Relation = Literal["left", "right", "front", "back", "on", "under", "above", "beside", "between"]
 
+
+def _words(text: str) -> frozenset[str]:
+    """The set of the words of a text."""
+    return frozenset(text.split())
+
+
 KINDS = {
     **dict.fromkeys(("ground", "floor", "grass", "lawn", "soil", "earth", "pavement"), "ground"),
     **dict.fromkeys(("wall", "walls", "ceiling"), "wall"),
@@ -23,25 +29,19 @@ KINDS = {
     **dict.fromkeys(("everything", "anything"), "everything"),
 }
 """Nouns that are known without a network."""
-THINGS = frozenset("thing things one ones object objects item items stuff part parts".split())
+THINGS = _words("thing things one ones object objects item items stuff part parts")
 SUBJECTS = frozenset(("subject", "it", "main"))
-SKIPPED = frozenset(
+SKIPPED = _words(
     "the a an that which who is are was this these those my our your their its standing stands "
     "lying sitting placed located thats colored color scene picture really very most there "
-    "select take find mark of".split()
+    "select take find mark of"
 )
-PLURAL = frozenset("all both every each two three four five these those".split())
+PLURAL = _words("all both every each two three four five these those")
 COUNTS = {"both": 2, "two": 2, "three": 3, "four": 4, "five": 5}
-ORDINALS = {
-    word: i
-    for i, words in enumerate(
-        (("first", "1st"), ("second", "2nd"), ("third", "3rd"), ("fourth", "4th"), ("fifth", "5th"))
-    )
-    for word in words
-} | {"last": -1}
-SMALL = frozenset("small little tiny smaller mini short low thin".split())
-LARGE = frozenset("large big huge larger bigger great giant tall high long wide".split())
-UPRIGHT = frozenset("tall short high low tallest shortest taller shorter".split())
+ORDINALS = {"first": 0, "second": 1, "third": 2, "fourth": 3, "fifth": 4, "last": -1}
+SMALL = _words("small little tiny smaller mini short shorter low lower thin")
+LARGE = _words("large big huge larger bigger great giant tall taller high higher long wide")
+UPRIGHT = _words("tall short high low taller shorter higher lower")
 MOST: dict[str, tuple[Key, int]] = {
     **dict.fromkeys(("largest", "biggest", "hugest"), ("size", 0)),
     **dict.fromkeys(("smallest", "littlest", "tiniest"), ("size", -1)),
@@ -75,12 +75,19 @@ RELATIONS: tuple[tuple[tuple[str, ...], Relation], ...] = (
     (("between",), "between"),
 )  # fmt: skip
 """Words of relations, longer ones before those that they begin with."""
-EXCEPT = (("but",), ("except", "for"), ("except",), ("apart", "from"), ("without",), ("other", "than"))
+EXCEPT = (
+    ("but",),
+    ("except", "for"),
+    ("except",),
+    ("apart", "from"),
+    ("without",),
+    ("other", "than"),
+)
 
 
 @dataclass(frozen=True)
 class Query:
-    """One noun phrase."""
+    """One noun phrase, as a query over segments."""
 
     kind: str = "object"
     """object, subject, or one of the values of KINDS."""
@@ -156,7 +163,7 @@ def _query(words: list[str]) -> Query:
 
 
 def _is_plural(noun: str) -> bool:
-    return noun.endswith("s") and not noun.endswith(("ss", "us")) or noun == "stuff"
+    return noun == "stuff" or (noun.endswith("s") and not noun.endswith(("ss", "us")))
 
 
 def _starts(words: list[str], forms: tuple[tuple[str, ...], ...]) -> int:
@@ -241,7 +248,7 @@ def _ranked(reading: _Reading, words: list[str]) -> int:
             return 0
         reading.query = replace(query, order=key)
         return 1 + used
-    if word in SIDES and word not in ("right",) or word == "right":
+    if word in SIDES:
         if words[1:2] == ["of"]:
             return 0
         reading.query = replace(query, order=SIDES[word])

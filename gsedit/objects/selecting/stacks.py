@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Int
 
-from gsedit.objects.selecting.layers import Patch, joints_of, level_patches, numbered, walls
+from gsedit.objects.selecting.layers import SKIRT, Patch, joints_of, level_patches, numbered, walls
 from gsedit.objects.selecting.surfaces import Surfaces
 from gsedit.scene.neighbors import linked
 
@@ -28,8 +28,6 @@ AS_WIDE = 0.3
 """Least area of the lowest patch for it to be the ground, of the largest that could be."""
 BELOW = 0.3
 """Largest share of what is seen near the place that is below the ground."""
-SKIRT = 0.6
-"""Height of the rims of the ground over its plane, in distances between its Gaussians."""
 CARRIES = 0.25
 """Least share of the neighbors between a body and a patch where the body is below it, for the
 body to carry the patch."""
@@ -66,7 +64,8 @@ def find_stacks(surfaces: Surfaces, near: Bool[np.ndarray, " n"]) -> Stacks:
         wall[rows] = i
     left = near & (wall < 0)
     patches = level_patches(surfaces, left)
-    ground, patches = _ground(surfaces, patches, left)
+    ground, patches = _ground(surfaces, patches, near)
+    wall[ground] = -1
     patch = np.full(len(surfaces), -1)
     for i, each in enumerate(patches):
         patch[each.rows] = i
