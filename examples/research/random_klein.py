@@ -14,8 +14,10 @@ from typing import Annotated, Any
 import tokenizers
 import transformers
 import typer
-from diffusers import FlowMatchEulerDiscreteScheduler
 from diffusers.models.autoencoders.autoencoder_kl_flux2 import AutoencoderKLFlux2
+from diffusers.schedulers.scheduling_flow_match_euler_discrete import (
+    FlowMatchEulerDiscreteScheduler,
+)
 
 from gsedit.errors import UsageError
 from research.command import print_result, run

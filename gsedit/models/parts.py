@@ -157,13 +157,13 @@ class Parts:
 
     def _converted(self, convert: Convert, file: SingleFile, name: str, *args: Any) -> Any:
         """A network of the single file, for inference."""
-        with explained(f"{name} of {file.path}"), _quiet():
+        with explained(f"{name} of {file.path}"), quiet():
             network = convert(file, self.folder, name, *args)
         return network.eval().requires_grad_(False)
 
     def _load(self, name: str, kind: Any, **options: Any) -> Any:
         path = self.folder / name
-        with explained(str(path)), _quiet():
+        with explained(str(path)), quiet():
             return kind.from_pretrained(str(path), local_files_only=True, **options)
 
 
@@ -181,7 +181,7 @@ def explained(what: str) -> Iterator[None]:
 
 
 @contextmanager
-def _quiet() -> Iterator[None]:
+def quiet() -> Iterator[None]:
     """Without the progress bars and reports of the libraries: what is wrong is raised."""
     import diffusers
     import transformers

@@ -38,8 +38,14 @@ def read_masks(path: Path, views: Sequence[View | Viewpoint]) -> dict[int, Float
     for file in files:
         index = _view_of(file, names)
         camera = views[index].camera
-        masks[index] = _fitted(_read(file), camera.width, camera.height, file)
+        masks[index] = read_mask(file, camera.width, camera.height)
     return masks
+
+
+def read_mask(file: Path, width: int, height: int) -> Float[Tensor, "{height} {width}"]:
+    """The mask in a picture, averaged over the pixels of a view: white is 1, black and transparent
+    0. Raises InputError for a file that is no picture, or of another shape than the view."""
+    return _fitted(_read(file), width, height, file)
 
 
 def _view_of(file: Path, names: Mapping[str, Sequence[int]]) -> int:

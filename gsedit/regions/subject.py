@@ -51,7 +51,7 @@ def find_subject(scene: Gaussians, lifted: Lifted) -> Bool[Tensor, " n"] | None:
     rows = near.nonzero().squeeze(-1)
     part, here = scene[rows], _rows(lifted, rows)
     graph = neighbors(part)
-    values = _smoothed(here, graph)
+    values = smoothed(here, graph)
     threshold = otsu(values, here.weight)
     core = connected_part(values > threshold, here.central * values, graph)
     weight = here.weight[core]
@@ -92,7 +92,7 @@ def _whole(
     if support is None:
         return core
     above = torch.from_numpy(support.above(points))
-    values, weight = _smoothed(lifted, graph, ~above), lifted.weight
+    values, weight = smoothed(lifted, graph, ~above), lifted.weight
     sure = (values > threshold) & above
     looked_at = lifted.central * values
     main = connected_part((values > SUPPORTED_SHARE * threshold) & above, looked_at, graph)
@@ -133,7 +133,7 @@ def find_changed(scene: Gaussians, lifted: Lifted) -> Bool[Tensor, " n"] | None:
     )
     if scale <= 0:
         return None
-    values = _smoothed(replace(lifted, mean=lifted.mean / scale), graph)
+    values = smoothed(replace(lifted, mean=lifted.mean / scale), graph)
     inside = values > otsu(values, lifted.weight)
     means = [
         float((lifted.weight * values)[part].sum() / lifted.weight[part].sum().clamp_min(1e-9))
@@ -144,10 +144,10 @@ def find_changed(scene: Gaussians, lifted: Lifted) -> Bool[Tensor, " n"] | None:
 
 def find_drawn(scene: Gaussians, lifted: Lifted) -> Bool[Tensor, " n"]:
     """Find the Gaussians in lifted masks; those that no mask's view sees follow their neighbors."""
-    return _smoothed(lifted, neighbors(scene)) > MIN_MASK_MEAN
+    return smoothed(lifted, neighbors(scene)) > MIN_MASK_MEAN
 
 
-def _smoothed(
+def smoothed(
     lifted: Lifted, graph: Neighbors, outside: Bool[Tensor, " n"] | None = None
 ) -> Float[Tensor, " n"]:
     """Values of which those are sure that many pixels have a part in, and that are 0 `outside`."""

@@ -11,9 +11,10 @@ from __future__ import annotations
 import os
 import re
 import shlex
+import shutil
 import signal
 import subprocess
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import IO
 
@@ -25,27 +26,39 @@ POLL = 0.1  # seconds between looks at a program, which works for seconds at lea
 GRACE = 3.0  # seconds between asking a program to stop and killing it
 
 
-def split_command(run: str) -> list[str]:
-    """The command as a list of words, fields in place. Raises UsageError if it is not valid."""
+def split_command(run: str, known: Sequence[str] = FIELDS, example: str = EXAMPLE) -> list[str]:
+    """The command as a list of words, fields in place. Raises UsageError if it is not valid, with
+    the option that it was given as, which the example begins with."""
+    option = example.split()[0]
     fields = re.findall(r"\{([a-z_]+)\}", run)
-    for unknown in sorted(set(fields) - set(FIELDS)):
-        names = ", ".join(f"{{{name}}}" for name in FIELDS)
-        raise UsageError(f"--run knows no {{{unknown}}}, only {names}")
+    for unknown in sorted(set(fields) - set(known)):
+        names = ", ".join(f"{{{name}}}" for name in known)
+        raise UsageError(f"{option} knows no {{{unknown}}}, only {names}")
     for needed in ("input", "output"):
         if needed not in fields:
             raise UsageError(
-                f"--run has no {{{needed}}}: say where the program finds the folder, "
-                f"as in {EXAMPLE}"
+                f"{option} has no {{{needed}}}: say where the program finds the folder, "
+                f"as in {example}"
             )
     try:
         return shlex.split(run)
     except ValueError as error:
-        raise UsageError(f"--run cannot be split into words ({error}): {run}") from None
+        raise UsageError(f"{option} cannot be split into words ({error}): {run}") from None
+
+
+def check_program(word: str, option: str = "--run") -> None:
+    """Raise UsageError where there is no program of that name to run."""
+    if word != "{python}" and shutil.which(word) is None:
+        raise UsageError(
+            f"there is no program {word!r} to run: install it, or give its whole path in "
+            f"{option} (a script must be executable, or be given to its interpreter: "
+            "'python script.py ...')"
+        )
 
 
 def fill_fields(words: list[str], values: Mapping[str, str]) -> list[str]:
     """The words with every field replaced by its value; each stays one argument."""
-    pattern = re.compile("|".join(rf"\{{{name}\}}" for name in FIELDS))
+    pattern = re.compile("|".join(rf"\{{{name}\}}" for name in values))
     return [pattern.sub(lambda field: values[field[0][1:-1]], word) for word in words]
 
 

@@ -1,0 +1,1 @@
+"""Mask providers: programs and networks that find what a phrase names in pictures."""
