@@ -210,7 +210,12 @@ def _unchanged(given: Given) -> Made:
 def _grown(given: Given) -> Made:
     growth = import_module("gsedit.objects.growth.grow")
 
-    return Made(growth.grow(given.scene, "snow", 1.0, given.inside, given.cameras).scene)
+    names = import_module("gsedit.objects.growth.table")
+    part = given.scene.means[given.inside]
+    size = float((part.amax(0) - part.amin(0)).norm())
+    amount = given.change["thickness"] / (names.GROWTHS["snow"].thickness * size)
+    amount = min(max(amount, names.LEAST), names.MOST)
+    return Made(growth.grow(given.scene, "snow", amount, given.inside, given.cameras).scene)
 
 
 def _whitened(given: Given) -> Made:

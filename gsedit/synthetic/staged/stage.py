@@ -24,7 +24,7 @@ from gsedit.synthetic.shapes import Points, Sdf, Triple, gradient, union
 from gsedit.synthetic.splats import surface_gaussians, surface_points
 from gsedit.synthetic.staged.thing import Thing, snow_on
 from rasterizer.camera import Camera, look_at
-from rasterizer.numerics import SH_DC, color_to_sh
+from rasterizer.numerics import color_to_sh
 from rasterizer.scene import Gaussians, concatenate
 
 UP = torch.tensor((0.0, 0.0, 1.0), dtype=torch.float64)
@@ -33,8 +33,12 @@ BLEND = 0.004
 """World units over which the paints of two things that touch are mixed."""
 SAME = 1e-6
 """World units: where the distance to the surface changed by less, the surface did not."""
+SAME_COLOR = 1e-3
+"""Difference of SH coefficients below which a color is as it was."""
 CLEAR = 0.01
 """World units before a surface at which what touches it is told from open space."""
+BESIDE = 0.03
+"""World units within which a thing colors what it touches."""
 SNOW = mix(plain((0.93, 0.95, 0.98)), plain((0.86, 0.9, 0.96)), waves(0.25))
 
 
@@ -165,15 +169,16 @@ class Stage:
     def gaussians_from(
         self, before: Stage, given: Labelled, count: int = 8000, seed: int = 0
     ) -> tuple[Labelled, Int[Tensor, " m"]]:
-        """Gaussians of this stage that are those `given` of the stage before it was changed, as far
-        as the surface is still there, in today's light; and the row of each before, -1 for new."""
+        """Gaussians of this stage that are those `given` (exact ones) of the stage before it was
+        changed, as far as the surface is still there, in their color of now; and the row of each
+        before, -1 for new."""
         now, then = self.scene.sdf, before.scene.sdf
         kept = _both_have(then, now, given.scene.means.double())
         old = given.scene[kept]
-        points = _onto(now, old.means.double())
-        sh = old.sh.clone()
-        difference = self.scene.albedo(points) - before.scene.albedo(points)
-        sh[:, 0] += (difference / SH_DC).float()
+        exact = self.colored(old).sh
+        turned = (exact - before.colored(old).sh).abs().amax((1, 2)) > SAME_COLOR
+        turned |= ~_both_have(then, now, old.means.double(), BESIDE)
+        sh = torch.where(turned[:, None, None], exact, old.sh)
         fresh = self.gaussians(count, seed, old.degree).scene
         fresh = fresh[~_both_have(now, then, fresh.means.double())]
         origin = torch.cat((kept.nonzero().squeeze(-1), torch.full((len(fresh),), -1)))
@@ -267,10 +272,10 @@ def _onto(solid: Sdf, points: Points) -> Points:
     return points - solid(points)[..., None] * gradient(solid, points)
 
 
-def _both_have(solid: Sdf, other: Sdf, points: Points) -> Bool[Tensor, " n"]:
+def _both_have(solid: Sdf, other: Sdf, points: Points, clear: float = CLEAR) -> Bool[Tensor, " n"]:
     """Whether the other solid has the same surface near points of the solid's surface."""
     normals = torch.nn.functional.normalize(gradient(solid, points), dim=-1)
-    before_it = _onto(solid, points) + CLEAR * normals
+    before_it = _onto(solid, points) + clear * normals
     return (other(before_it) - solid(before_it)).abs() < SAME
 
 
