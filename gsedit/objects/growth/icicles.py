@@ -17,7 +17,7 @@ from rasterizer.scene import Gaussians, concatenate
 
 LENGTH = 14.0
 """Longest icicle, in the thickness of the glaze."""
-APART = 4.0
+APART = 2.6
 """Mean distance of icicles along an edge, in their radius at the top."""
 RADIUS = 0.085
 """Radius at the top, in the length."""
@@ -27,7 +27,7 @@ FREE = 0.8
 """Longest icicle, in the fall of the edge that it hangs from."""
 FALL_PIXELS = 3
 """Pixels beyond an edge within which the surface under it is looked for."""
-LEAST_FALL = 0.6
+LEAST_FALL = 0.45
 """Fall of an edge that an icicle hangs from, in the longest."""
 BESIDE = 4
 """Pixels from an edge within which ice lies that drips from it."""

@@ -59,12 +59,12 @@ GROWTHS: dict[str, Growth] = {
         "is damp and shaded", mottle=0.16, around=True, each=2,
     ),
     "dust": Growth(
-        where.dusty, "layer", 0.003, 0.004, (0.5, 0.47, 0.43), (0.74, 0.7, 0.63),
-        "faces up", opacity=0.45, mottle=0.04, edge=0.1,
+        where.dusty, "layer", 0.003, 0.004, (0.56, 0.53, 0.48), (0.82, 0.77, 0.69),
+        "faces up", opacity=0.58, mottle=0.04, edge=0.1,
     ),
     "ice": Growth(
-        where.icy, "ice", 0.006, 0.004, (0.66, 0.8, 0.9), (0.9, 0.96, 1.0),
-        "faces up and sees the sky", opacity=0.2, mottle=0.08, hides=False,
+        where.icy, "ice", 0.006, 0.004, (0.55, 0.74, 0.92), (0.88, 0.97, 1.06),
+        "faces up and sees the sky", opacity=0.34, mottle=0.08, hides=False,
     ),
     "leaves": Growth(
         where.littered, "leaves", 0.045, 0.006, (0.75, 0.72, 0.72), (1.0, 1.0, 1.0),

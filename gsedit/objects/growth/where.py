@@ -21,9 +21,11 @@ def snowy(spots: Spots) -> Float[Tensor, " m"]:
 
 
 def dusty(spots: Spots) -> Float[Tensor, " m"]:
-    """Dust: on places that face up, under a roof too; most on level ones."""
+    """Dust: on places that face up, under a roof too, and in hollows; most on level ones."""
     soft = 0.15 * spots.noise(0.03, 2)
-    return step(spots.rise + soft, 0.15, 0.75) * spots.earthly
+    lying = step(spots.rise + soft, 0.1, 0.6)
+    hollows = step(spots.openness, 0.7, 0.3) * step(spots.rise, -0.3, 0.2)
+    return torch.maximum(lying, 0.8 * hollows) * spots.earthly
 
 
 def mossy(spots: Spots) -> Float[Tensor, " m"]:
