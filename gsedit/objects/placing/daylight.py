@@ -6,6 +6,7 @@ Linear light, 1 on a level, open place out of the sun; display colors change by 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import torch
@@ -38,7 +39,11 @@ AMBIENT = 0.3
 """Share of the sky's light that comes around everything: no shadow is darker."""
 SKY_SOFT = 12.0
 """Degrees around each direction that its light comes from: directions are 29 apart."""
-SHADE = (0.4, 2.5)
+FOOT = 0.12
+"""Part of an object's height, from below, whose shadow close to it is computed by itself."""
+CONTACT = 1.6
+"""Power of the sky's share past an object: rays begin off a surface and miss what is nearest."""
+SHADE = (0.35, 2.5)
 """Range of the light that a thing gets against that before: beyond it, the estimate is a guess."""
 FELT = 0.005
 """Change of a display color, as a share of it, below which a Gaussian keeps its bits."""
@@ -147,7 +152,7 @@ def _own_light(
 ) -> Float[Tensor, "n c"]:
     """Light on an object past itself and past the rest of a scene."""
     points = body.means.double()
-    sky = _open(body, points, normals, light.directions) * _sky(rest, points, light, execution)
+    sky = _open([body], points, normals, light.directions) * _sky(rest, points, light, execution)
     sunlit = _sunlit(rest, points, light, execution)
     if sunlit is not None and light.sun is not None:
         sunlit = sunlit * (1 - shadow_of(body, points, light.sun.direction, execution))
@@ -187,22 +192,28 @@ def _light_past(
         return light.received(
             normals, torch.ones(len(points), len(light.directions)).double(), sunlit
         )
-    sky = _open(thing.body, points, normals, light.directions)
+    rise = (thing.body.means.double() - thing.stance.foot) @ thing.stance.up
+    foot = thing.body[rise < FOOT * thing.stance.height]
+    sky = _open([thing.body, foot], points, normals, light.directions) ** CONTACT
     if sunlit is not None and light.sun is not None:
         sunlit = sunlit * (1 - shadow_of(thing.body, points, light.sun.direction))
     return light.received(normals, sky, sunlit)
 
 
 def _open(
-    body: Gaussians,
+    things: Sequence[Gaussians],
     points: Float[Tensor, "n 3"],
     normals: Float[Tensor, "n 3"],
     directions: Float[Tensor, "d 3"],
 ) -> Float[Tensor, "n d"]:
-    """Share of each direction's soft light that comes past an object."""
+    """Share of each direction's soft light that comes past things; parts of few Gaussians are seen
+    in finer cells."""
     rays = torch.stack([sun_directions(each, SKY_SOFT) for each in directions]).float()
     flat = rays.reshape(1, -1, 3).expand(len(points), -1, 3)
-    seen = open_share(occupancy(body), points.float(), normals.float(), flat)
+    seen = torch.ones(flat.shape[:2])
+    for each in things:
+        if len(each):
+            seen *= open_share(occupancy(each), points.float(), normals.float(), flat)
     return seen.reshape(len(points), *rays.shape[:2]).mean(-1).double()
 
 

@@ -15,7 +15,7 @@ from torch import Tensor
 from gsedit.light.place import Place
 from gsedit.objects.placing.heights import CELLS, HeightMap, heights_from_above
 from gsedit.objects.placing.placement import Beside
-from gsedit.objects.placing.stance import BASE, Stance, carrier, map_around
+from gsedit.objects.placing.stance import BASE, STEP, Stance, carrier, map_around
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
@@ -59,8 +59,8 @@ class Landing:
 
     point: Float[Tensor, "3"]
     normal: Float[Tensor, "3"]
-    carried: float
-    """Share of its base that something is under; 0: it stays at its height."""
+    found: bool
+    """Whether there is one; else the object stays at its height."""
     crowded: float = 0.0
     """Share of its outline, from above, in which something else rises higher than its base."""
 
@@ -234,9 +234,8 @@ def land(
     at = _under(body, foot, stance, seen)
     under = seen.heights[at]
     there = under[under.isfinite()]
-    carried = len(there) / max(int(at.sum()), 1)
-    if carried < CARRIED:
-        return Landing(foot, up, 0.0)
+    if len(there) < CARRIED * int(at.sum()):
+        return Landing(foot, up, False)
     rough = float(there.quantile(RANK))
     over = seen.heights[seen.under(body.means)]
     crowded = float((over > rough + BASE * stance.height).double().mean())
@@ -248,8 +247,17 @@ def land(
         normal = torch.from_numpy(support.normal)
         along = (support.offset - point @ normal) / (normal @ up)
         if abs(float(along)) <= AGREES * stance.height:
-            return Landing(point + along * up, normal, carried, crowded)
-    return Landing(point, up, carried, crowded)
+            return Landing(point + along * up, normal, True, crowded)
+    return Landing(point, up, True, crowded)
+
+
+def carried(body: Gaussians, stance: Stance, rest: Gaussians, execution: Execution = AUTO) -> float:
+    """Share of an object's base, in [0, 1], that is over a surface at the height of its foot."""
+    ceiling = float(stance.foot @ stance.up) + STEP * stance.height
+    seen = map_around(body, rest, stance.foot, stance.up, ceiling, execution)
+    at = _under(body, stance.foot, stance, seen)
+    off = (seen.heights[at] - stance.foot @ stance.up).abs()
+    return float((off <= BASE * stance.height).double().mean())
 
 
 def _under(

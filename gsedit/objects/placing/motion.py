@@ -85,7 +85,7 @@ def motion_of(
         tall,
         foot=target + rise * tall.up,
         up=torch.from_numpy(lean.turn) @ tall.up,
-        stands=not rise and (stance.stands if landing is None else landing.carried > 0),
+        stands=not rise and (stance.stands if landing is None else landing.found),
     )
     return Motion(way_there.after(lean).after(grown), tall, landing, risen)
 
@@ -129,7 +129,7 @@ def _asked(
 
 def _lean(stance: Stance, landing: Landing | None) -> Similarity:
     """The turn with which an object keeps its contact with a surface that slopes otherwise."""
-    if landing is None or not landing.carried or not stance.stands:
+    if landing is None or not landing.found or not stance.stands:
         return IDENTITY
     turn = turn_between(stance.up.numpy(), landing.normal.numpy())
     angle = float(np.degrees(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1))))

@@ -16,10 +16,12 @@ from gsedit.cameras.around import FOUND_SIZE_PIXELS, FOUND_VIEWS, find_viewpoint
 from gsedit.light.place import place_of
 from gsedit.objects.outcome import NEW, Outcome, same
 from gsedit.objects.placing.daylight import Standing, daylight, relit_elsewhere, shaded
+from gsedit.objects.placing.landing import carried
 from gsedit.objects.placing.motion import Motion, motion_of, moved
 from gsedit.objects.placing.placement import Beside, Placement, check_placement
 from gsedit.objects.placing.stance import stance_of
 from gsedit.objects.placing.sun import sun_of
+from gsedit.objects.removal.remove import remove
 from gsedit.surface.normals import estimate_normals
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
@@ -58,10 +60,12 @@ def place(
         normals = estimate_normals(scene, seen_from, execution, inside).directions.double()
         turn = torch.from_numpy(motion.similarity.turn)
         there = relit_elsewhere(body, there, normals, turn, left.scene, light, execution)
-    before = None if placement.copy else Standing(body, stance)
+    keeps_shadow = not (placement.copy or placement.uncovers)  # a removal takes it away too
+    before = Standing(body, stance) if keeps_shadow else None
+    rest = left.scene
     left = shaded(left, before, Standing(there, motion.stance), light, execution)
     rows = torch.full((len(body),), NEW) if placement.copy else inside.nonzero().squeeze(-1)
-    return added(left, there, rows, notes_of(motion))
+    return added(left, there, rows, notes_of(motion, there, rest, execution))
 
 
 def cameras_of(
@@ -93,20 +97,23 @@ OVER_EDGE = 0.7
 """Share of its base that is carried, below which it is told."""
 
 
-def notes_of(motion: Motion) -> tuple[str, ...]:
-    """Remarks for a person on how an object stands."""
+def notes_of(
+    motion: Motion, body: Gaussians, rest: Gaussians, execution: Execution = AUTO
+) -> tuple[str, ...]:
+    """Remarks for a person on how an object stands in the rest of a scene."""
     stance, landing = motion.stance, motion.landing
-    if landing is None:
-        return () if stance.stands else ("it touches no surface: it keeps its height",)
-    if not landing.carried:
+    if landing is not None and not landing.found:
         return ("nothing is under its new place: it stays at the height that it had",)
+    if not stance.stands:
+        return ("it touches no surface",)
     notes = []
     if abs(motion.rise) > LEVEL * stance.height:
         way = "higher" if motion.rise > 0 else "lower"
         notes.append(f"set on the surface there, {abs(motion.rise):.3g} world units {way}")
-    if landing.carried < OVER_EDGE:
-        notes.append(f"{1 - landing.carried:.0%} of its base is over the edge of what carries it")
-    if landing.crowded > CROWDED:
+    share = carried(body, stance, rest, execution)
+    if share < OVER_EDGE:
+        notes.append(f"{1 - share:.0%} of its base is over the edge of what carries it")
+    if landing is not None and landing.crowded > CROWDED:
         notes.append("it reaches into what stands there: put it farther away, or make it smaller")
     return tuple(notes)
 
@@ -121,6 +128,8 @@ def _left(
     """The scene without the object, its hole filled where it will be seen; with it, for a copy."""
     if placement.copy:
         return same(scene)
-    kept = ~inside
-    unchanged = torch.zeros(int(kept.sum()), dtype=torch.bool)
-    return Outcome(scene[kept], kept.nonzero().squeeze(-1), unchanged)
+    if not placement.uncovers:
+        kept = ~inside
+        unchanged = torch.zeros(int(kept.sum()), dtype=torch.bool)
+        return Outcome(scene[kept], kept.nonzero().squeeze(-1), unchanged)
+    return remove(scene, inside, cameras, execution)
