@@ -131,14 +131,15 @@ def test_only_colors_change_outside(labelled, ball, cameras):
 
 
 def test_nothing_under_it_is_told(labelled, ball, cameras):
-    outcome = place(labelled.scene, ball, Placement(to=(9.0, 9.0, 1.0)), cameras)
+    outcome = place(labelled.scene, ball, Placement(to=(9.0, 9.0, 1.0), copy=True), cameras)
     assert any("nothing is under" in note for note in outcome.notes)
-    assert float(of(outcome, ball)[:, 2].min()) > 0.9
+    assert float(outcome.scene.means[len(labelled.scene) :, 2].min()) > 0.9
 
 
 def test_lifted_it_stays_in_the_air(labelled, ball, cameras):
-    outcome = place(labelled.scene, ball, Placement(offset=(0, 0, 0.5), unit=1.0), cameras)
-    rise = of(outcome, ball) - labelled.scene.means[ball].double()
+    lifted = Placement(offset=(0, 0, 0.5), unit=1.0, copy=True)
+    outcome = place(labelled.scene, ball, lifted, cameras)
+    rise = outcome.scene.means[len(labelled.scene) :] - labelled.scene.means[ball]
     assert (rise - torch.tensor((0, 0, 0.5))).abs().max() < 1e-5
 
 

@@ -105,6 +105,8 @@ def shaded(
     What is NEW in the scene was made without a shadow.
     """
     rows = _near(scene.scene, [each for each in (before, after) if each is not None], light)
+    if not len(rows):
+        return scene
     some = scene.scene[rows]
     points, normals = some.means.double(), _facing_up(some, light.place.up)
     sunlit = _sunlit(scene.scene, points, light, execution)
