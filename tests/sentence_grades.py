@@ -55,8 +55,19 @@ def agrees(made: dict[str, Any], asked: dict[str, Any]) -> bool:
         return distance(made["color"], asked["color"]) <= 15 and (
             not finish or finish in made["name"]
         )
+    if made.get("phrase", "") != asked.get("phrase", ""):
+        return False
+    if made["kind"] in ("object", "growth"):
+        return acts_alike(made, asked)
     one, other = tokens(made["name"]), tokens(asked["name"])
     return one <= other or other <= one
+
+
+def acts_alike(made: dict[str, Any], asked: dict[str, Any]) -> bool:
+    """Whether two actions on an object are of one kind, by one amount, to one place."""
+    amounts = [float("inf") if each["amount"] is None else each["amount"] for each in (made, asked)]
+    near = amounts[0] == amounts[1] or abs(amounts[0] - amounts[1]) < 0.02
+    return near and all(made[key] == asked[key] for key in ("name", "place"))
 
 
 def tone_agrees(made: dict[str, Any], asked: dict[str, Any]) -> bool:

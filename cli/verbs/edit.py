@@ -100,7 +100,7 @@ class EditCommand:
     values: Values
     common: Seeded
     first_scene: Path | None = None
-    """Scene before all edits, which edit.json names in the place of `scene`."""
+    """Scene before all edits of the sentence, which edit.json names in the place of `scene`."""
     sized: bool = True
     """Whether the size of the views, where there is one, was asked for."""
 
@@ -180,6 +180,7 @@ def run_steps(asked: EditCommand, steps: Sequence[Words]) -> EditResult | None:
     from gsedit.editing.routes.apply import is_exact
 
     own, scene, result = asked.own, asked.scene, None
+    kept = all(each.route != "object" for step in steps[:-1] for each in step.changes)
     more = {"drop_invalid": own.drop_invalid, "preset": own.preset, "features": own.features}
     more |= {"seed": asked.common.seed, "ranks": 1}
     if len(steps) > 1:
@@ -194,7 +195,7 @@ def run_steps(asked: EditCommand, steps: Sequence[Words]) -> EditResult | None:
         if len(steps) > 1:
             print_message(f"edit {number} of {len(steps)}: {step.text}")
         now = replace(asked, scene=scene, instruction=step.text, folder=out, own=own)
-        now = replace(now, first_scene=asked.scene if last else None)
+        now = replace(now, first_scene=asked.scene if last and kept else None)
         if is_exact(step):
             asked.common.apply()
             load = partial(load_scene, scene, drop_invalid=own.drop_invalid)

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from gsedit.measures.against import Reference
     from gsedit.measures.agreement import Pictures
     from gsedit.measures.evaluation_input import EvaluationInput
+    from gsedit.regions.region import Region
     from rasterizer.scene import Gaussians
 
 VIEWS, WORDS = "Views", "Measures with words"
@@ -232,15 +233,13 @@ def gather(
     """Read everything that is measured."""
     from gsedit.measures.clip import load_clip
     from gsedit.measures.evaluation_input import EvaluationInput, Texts
-    from gsedit.regions.find import known_region
 
     clip = None if words.clip is None else load_clip(words.clip)
     scene = load_scene(path, drop_invalid=drop_invalid)
     unedited = None
     if against.unedited is not None:
         unedited = load_scene(against.unedited, drop_invalid=drop_invalid or against.drop_invalid)
-    named = region or (None if against.region is None else str(against.region))
-    known = None if named is None or unedited is None else known_region(named, unedited)
+    known, after = regions_of(against, region, unedited, scene)
     say_kernel(execution)
     views, targets, masks = place_views(path, scene, against, unedited, listed, execution)
     if region is not None and unedited is None:
@@ -252,11 +251,30 @@ def gather(
         against.why_no_pictures,
         unedited,
         known,
+        after,
         Texts(words.instruction or against.instruction, words.source_caption, words.target_caption),
         clip,
         execution,
         masks,
     )
+
+
+def regions_of(
+    against: Reference, named: str | None, unedited: Gaussians | None, edited: Gaussians
+) -> tuple[Region | None, Region | None]:
+    """The region that is named, else an edit's: before, and after where it moved objects; then one
+    of them may be empty."""
+    from gsedit.regions.find import known_region
+    from gsedit.regions.region import Region, read_flags
+
+    before, after = against.region, against.edited_region
+    if unedited is None or (named is None and before is None):
+        return None, None
+    if named is not None or before is None or after is None:
+        return known_region(named or str(before), unedited), None
+    pairs = ((before, unedited), (after, edited))
+    one, other = (Region(read_flags(file, len(scene)), str(file)) for file, scene in pairs)
+    return one, other
 
 
 def place_views(

@@ -39,6 +39,9 @@ class Reference:
     drop_invalid: bool = False
     """Whether rows of that file with NaN or infinity are left out, as the edit left them out."""
     region: Path | None = None
+    """Flags of the unedited scene's Gaussians: where the edit belongs."""
+    edited_region: Path | None = None
+    """Flags of the edited scene's Gaussians, where an edit removed, moved or added objects."""
     pictures: tuple[Path, ...] = ()
     """Folders of pictures that the scene should show."""
     views: ViewList | None = None
@@ -130,7 +133,8 @@ def _edit(folder: Path) -> Reference:
     """The folder that `gsedit edit` wrote. Raises InputError, with the file and the next move."""
     file = folder / "edit.json"
     record = read_edit_record(file)
-    region = folder / "region.npy"
+    region, before = folder / "region.npy", folder / "region_before.npy"
+    moved = before.is_file()
     folders = (folder / TARGETS, folder / HELD_OUT)
     instruction = record.get("instruction")
     return Reference(
@@ -138,7 +142,8 @@ def _edit(folder: Path) -> Reference:
         folder,
         unedited=_unedited(record.get("scene"), folder),
         drop_invalid=bool(record.get("drop_invalid")),
-        region=region if region.is_file() else None,
+        region=before if moved else region if region.is_file() else None,
+        edited_region=region if moved and region.is_file() else None,
         pictures=tuple(each for each in folders if each.is_dir() and any(each.rglob("*.png"))),
         views=_views(record, folder),
         instruction=instruction if isinstance(instruction, str) else None,

@@ -28,7 +28,6 @@ from gsedit.measures.agreement import (
 from gsedit.measures.decibels import psnr_from_rmse
 from gsedit.measures.evaluation_input import Evaluation, EvaluationInput, Mean, ViewMeasures
 from gsedit.measures.metrics import (
-    INSIDE,
     NEAREST,
     Fidelity,
     SquaredError,
@@ -39,7 +38,7 @@ from gsedit.measures.metrics import (
 )
 from gsedit.measures.missing import MEASURED_ROLES, find_missing
 from gsedit.measures.names import GROUND_TRUTH, METRICS
-from gsedit.regions.region import coverage
+from gsedit.measures.outside import pixels_outside
 from gsedit.scene.picture import render_picture
 from rasterizer.render import Rendering, render
 from rasterizer.scene import Gaussians
@@ -112,8 +111,11 @@ def _measure_view(
         values["rmse_to_unedited"] = rmse(final, unedited)
         if subject.region is not None and not subject.region.is_all:
             camera = subject.views.viewpoints[i].camera
-            covered = coverage(subject.region, subject.unedited, camera, subject.execution)
-            outside = squared_error(unedited, final, covered < INSIDE)
+            parts = [(subject.region, subject.unedited)]
+            if subject.edited_region is not None:
+                parts.append((subject.edited_region, subject.scene))
+            where = pixels_outside(parts, camera, subject.execution)
+            outside = squared_error(unedited, final, where)
             if (error := pooled_rmse([outside])) is not None:
                 values["rmse_outside_region"] = error
     if subject.clip is not None:

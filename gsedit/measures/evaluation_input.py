@@ -51,6 +51,9 @@ class EvaluationInput:
     unedited: Gaussians | None = None
     region: Region | None = None
     """The region that the edit could change, of the unedited scene's Gaussians."""
+    edited_region: Region | None = None
+    """The Gaussians of `scene` that the edit made or changed, where objects were removed, moved or
+    added; None where its Gaussians are those of the unedited scene, recolored."""
     texts: Texts = field(default_factory=Texts)
     clip: Clip | None = None
     execution: Execution = AUTO

@@ -8,10 +8,36 @@ from dataclasses import asdict, dataclass
 from typing import Literal
 
 Target = Literal["subject", "background", "scene"]
-Kind = Literal["material", "paint", "tone", "light", "look"]
+Kind = Literal["material", "paint", "tone", "light", "look", "object", "growth"]
+Side = Literal["left", "right", "front", "behind", "on", "beside", "forward", "back", "up", "down"]
 MOST = {"tone": 5.0, "light": 2.0}
 """Largest shares that a tone and a light's strength grow by: colors six times as bright are white
 or black nearly everywhere."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Place that an object gets: a side of something, or a way to go."""
+
+    side: Side
+    of: str = ""
+    """Phrase of what it is a side of, "it" for where it was; "" for a way to go."""
+    units: bool = False
+    """Whether the change's amount is in units of the scene's file, not a share of its size."""
+
+    def __str__(self) -> str:
+        words = SIDES[self.side] if self.of else WAYS.get(self.side, self.side)
+        of = "the subject" if self.of == "it" else self.of
+        return f"{words} {of}".rstrip()
+
+
+SIDES = {
+    "left": "to the left of", "right": "to the right of", "front": "in front of",
+    "behind": "behind", "on": "on", "beside": "beside",
+}  # fmt: skip
+"""Words for a side of something."""
+WAYS = {"left": "to the left", "right": "to the right"}
+"""Words for a way to go that differ from its name."""
 
 
 @dataclass(frozen=True)
@@ -23,19 +49,29 @@ class Change:
     kind: Kind
     name: str
     """Name of the material, paint, light or look; for tone brightness, contrast, saturation,
-    warmth, hue, grayscale, sepia or negative."""
+    warmth, hue, grayscale, sepia or negative; for an object remove, scale, turn, move, copy or
+    insert; for growth what grows, as snow."""
     color: str | None
     """Color as "#rrggbb"; None where the name alone says it. For hue the color to turn to."""
     amount: float | None
     """Signed share for tone: -0.3 is 30 % less; for hue a share of the full circle; for grayscale,
-    sepia and negative the share in which they are mixed in, None for all; for light the share that
-    it is stronger than usual."""
+    sepia and negative the share in which they are mixed in, None for all; for light and
+    growth the share that it is stronger than usual; for an object the share that it is larger, the
+    share of the full circle that it turns counterclockwise as seen from above, or how far it moves
+    in shares of its size (see Place.units)."""
     route: str
-    """Way that does the change: "tone", "paint", "material", "light" or "scenery"; or the 2D
-    editor "small" or "pix2pix"."""
+    """Way that does the change: "tone", "paint", "material", "light", "scenery" or "object"; or the
+    2D editor "small" or "pix2pix"."""
+    phrase: str = ""
+    """Words that name the object which changes, as "the red one"; for insert the scene's file; ""
+    for what the target says."""
+    place: Place | None = None
+    """Place that the object gets."""
 
     def __str__(self) -> str:
         part = "the whole scene" if self.target == "scene" else f"the {self.target}"
+        if self.phrase not in ("", "it"):
+            part = f"everything but {self.phrase}" if self.target == "background" else self.phrase
         color = f" ({self.color})" if self.color and self.color != self.name else ""
         match self.kind:
             case "tone":
@@ -45,6 +81,11 @@ class Change:
                 return f"{part} painted {mixed}{self.name}{color}"
             case "material":
                 return f"{part} made of {self.name}{color}"
+            case "object":
+                return f"{part} {_deed(self)}"
+            case "growth":
+                more = {True: "a thick", False: "a thin"}[(self.amount or 0) > 0]
+                return f"{more if self.amount else 'a'} layer of {self.name} on {part}"
         name = re.sub(r"(?<!from) (above|below)$", r" from \1", self.name)
         more = "weaker" if (self.amount or 0) < 0 else "stronger"
         amount = "" if self.amount is None else f", {abs(self.amount):.0%} {more}"
@@ -70,6 +111,30 @@ def _tone(change: Change) -> str:
         return f"with its hue turned {abs(amount) * 360:.0f} degrees {where}".rstrip()
     share = "" if change.amount is None else f"{amount:.0%} ".replace("%", " %")
     return f"in {share}{change.name}"
+
+
+def _deed(change: Change) -> str:
+    """Words for what is done with an object: "20 % larger", "moved to the left"."""
+    amount, place = change.amount or 0.0, f" {change.place}" if change.place else ""
+    if change.name == "copy" and change.place and change.place.of == change.phrase:
+        place = f" {SIDES[change.place.side]} it"
+    match change.name:
+        case "scale":
+            words = f"{abs(amount):.0%} {'smaller' if amount < 0 else 'larger'}"
+        case "turn":
+            way = "" if abs(amount) == 0.5 else "clockwise" if amount < 0 else "counterclockwise"
+            return f"turned by {abs(amount) * 360:.0f} degrees {way}".rstrip()
+        case "move" if change.amount is not None:
+            units = change.place is not None and change.place.units
+            far = f"{amount:g} units" if units else f"{amount:.0%} of its size"
+            words = f"moved{place} by {far}"
+        case _:
+            words = f"{DONE[change.name]}{place}"
+    return words.replace("%", " %")
+
+
+DONE = {"remove": "removed", "move": "moved", "copy": "copied", "insert": "inserted"}
+"""Words for what was done with an object."""
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 
+from gsedit.words.actions import Looks, actions_of
 from gsedit.words.amounts import amount_of
 from gsedit.words.clauses import CONTENT, NEGATIONS, TARGETS, Clause, clauses
 from gsedit.words.instruction import MOST, Change, Instruction, Target
@@ -18,6 +19,7 @@ from gsedit.words.parts import (
     refuse_idle,
     refuse_parts,
 )
+from gsedit.words.phrases import IT, PRONOUNS
 from gsedit.words.refusals import REASONS, Refused, first_refusal
 from gsedit.words.scan import Word, scanned
 from gsedit.words.small_looks import TONES, change_of_look, routed
@@ -71,13 +73,31 @@ def read_instruction(sentence: str) -> Instruction:
     try:
         if kind := first_refusal(sentence, words):
             raise Refused(kind)
-        changes = _parsed(words) or _meant(sentence, words)
-        if any(not -1 <= (c.amount or 0) <= MOST.get(c.kind, 0) for c in changes):
+        actions = actions_of(sentence)
+        if actions is None:
+            changes = _parsed(words) or _meant(sentence, words)
+        else:
+            changes = [change for each in actions for change in _between(each)]
+        looks = [change for change in changes if change.kind not in ("object", "growth")]
+        if any(not -1 <= (c.amount or 0) <= MOST.get(c.kind, 0) for c in looks):
             raise Refused("amount")
     except Refused as refused:
         kind = str(refused)
         return Instruction(sentence, False, REASONS[kind], (), kind)
     return Instruction(sentence, True, "; ".join(map(str, changes)), tuple(changes))
+
+
+def _between(each: Change | Looks) -> list[Change]:
+    """An action, or the changes of clauses between actions. Raises Refused."""
+    if isinstance(each, Change):
+        return [each]
+    words = scanned(each.text)
+    changes = _parsed(words)
+    if not changes:
+        raise Refused("nonsense")
+    if each.it == IT or not any(word.text in PRONOUNS for word in words):
+        return changes
+    return [replace(c, phrase=each.it) if c.target == "subject" else c for c in changes]
 
 
 def denies(sentence: str) -> bool:

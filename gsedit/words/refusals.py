@@ -12,13 +12,19 @@ class Refused(Exception):
     """Kind of refusal of a sentence."""
 
 
-SAY = "gsedit changes color, material, tone, light, weather, season and style"
+SAY = "gsedit changes color, material, tone, light, weather, season, style and objects"
 REASONS = {
     "empty": "the sentence is empty: say what should change, as in 'make it snow'",
     "language": f"only English is read: {SAY}; say it as in 'paint it red'",
     "question": f"this asks for no change: {SAY}; say what should change, as in 'make it warmer'",
-    "geometry": f"this would add, remove, move or reshape something: {SAY}; use an editor that "
-    "follows any sentence: --editor pix2pix --model FOLDER",
+    "geometry": "this would make or reshape something: what is in the scene can be removed, moved, "
+    "turned, scaled and copied ('remove the bear'), and a scene's file put in ('put hat.ply on "
+    "the table'); for any sentence: --editor pix2pix --model FOLDER",
+    "size": "objects are scaled by 0.1 to 10 times: say less, as in 'make it twice as big'",
+    "distance": "a scene does not know how long a meter is: say a share of the object's size or "
+    "units of the scene's file, as in 'move it left by half its height' or 'by 0.3 units'",
+    "copies": "one copy is made at a time: say where, as in 'put another one on its left', and "
+    "edit the result again for more",
     "part": "nothing finds this part of the scene: mark it with --region and say what changes "
     "there, or name the subject, the background or the whole scene",
     "negation": "this names what must not be, or takes away what no route takes away: say what it "

@@ -32,6 +32,8 @@ CLOSE = 25.0
 
 def look_of(change: Change) -> Look | None:
     """Look of the editor `small` that does a change; None where none of its looks fits."""
+    if change.route == "object":
+        return None
     if change.kind == "tone":
         name = TONES.get((change.name, -1 if (change.amount or 0) < 0 else 1))
     elif change.kind == "paint":

@@ -26,11 +26,11 @@ def test_a_sentence_is_read():
     assert record["changes"] == [
         {
             "target": "subject", "kind": "paint", "name": "teal", "color": "#029386",
-            "amount": None, "route": "paint",
+            "amount": None, "route": "paint", "phrase": "", "place": None,
         },
         {
             "target": "scene", "kind": "tone", "name": "contrast", "color": None,
-            "amount": -0.2, "route": "tone",
+            "amount": -0.2, "route": "tone", "phrase": "", "place": None,
         },
     ]  # fmt: skip
     assert gsedit("list", "looks", "dip it in gold").stdout.startswith("the subject made of gold")
@@ -39,7 +39,7 @@ def test_a_sentence_is_read():
 def test_a_sentence_that_nothing_fulfills_is_refused_with_the_reason():
     record = json.loads(gsedit("looks", "give it a hat", "--json").stdout)
     assert (record["known"], record["changes"]) == (False, [])
-    assert "add, remove, move or reshape" in record["why"]
+    assert "make or reshape" in record["why"]
     assert gsedit("list", "looks", "give it a hat").stdout.startswith("refused: ")
     assert gsedit("list", "looks", " ").exit_code == 2
 
@@ -56,6 +56,6 @@ def test_the_sheet_shows_every_look(monkeypatch, tmp_path):
 def test_an_edit_says_what_it_understood_and_refuses_what_it_does_not(scene, tmp_path):
     hat = gsedit("edit", scene, "give it a hat", "-o", tmp_path / "out")
     assert hat.exit_code == 2
-    assert "this would add, remove, move or reshape something" in hat.stderr
+    assert "this would make or reshape something" in hat.stderr
     assert "--editor pix2pix" in hat.stderr
     assert not (tmp_path / "out").exists()

@@ -30,7 +30,7 @@ def only(sentence: str) -> Change:
     ("name", "count", "least"),
     [
         ("open", 222, 220), ("fresh_open", 105, 103), ("aside", 222, 205), ("fresh_aside", 105, 94),
-        ("strangers", 121, 116),
+        ("strangers", 121, 116), ("actions", 40, 38), ("actions_aside", 20, 17),
     ],
 )  # fmt: skip
 def test_sentences_are_read_and_none_is_done_the_opposite_way(name, count, least):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import torch
@@ -11,32 +11,33 @@ from torch import Tensor
 
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.editing.routes.colors import parse_hex
+from gsedit.editing.routes.named import FindNamed, FindRegion, regions_of
+from gsedit.editing.routes.objects import act, followed, key_of, runs
 from gsedit.editing.routes.tone import toned
 from gsedit.errors import UsageError
+from gsedit.formats.registry import open_scene
 from gsedit.light.named import setup_of
 from gsedit.light.place import light_note, place_of
 from gsedit.light.relight import relit
 from gsedit.materials.apply import Dressed, in_material
 from gsedit.materials.named import material_of, paint_of
+from gsedit.objects.outcome import NEW, Outcome, same
 from gsedit.regions.lift import lift
-from gsedit.regions.region import Region, everything
+from gsedit.regions.region import Region
 from gsedit.scene.table import table_of
 from gsedit.scenery.named import SCENERIES, in_scenery
-from gsedit.words.instruction import Change, Instruction, Target
+from gsedit.words.instruction import Change, Instruction
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
-EXACT_ROUTES = ("tone", "paint", "material", "light", "scenery")
+EXACT_ROUTES = ("tone", "paint", "material", "light", "scenery", "object")
 SEEING_ROUTES = ("paint", "material", "light", "scenery")
 """Routes that weigh Gaussians by how much of them is seen."""
 SEEN_VIEWS = 12
 """Most pictures that tell which Gaussians are seen."""
 SEEN_PIXELS = 128
 """Longer side of these pictures."""
-
-FindRegion = Callable[[Gaussians], Region]
-"""Finds the subject of a scene."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,9 +46,11 @@ class Routed:
 
     scene: Gaussians
     region: Region
-    """Gaussians that any of the changes could reach."""
+    """Gaussians that any of the changes could reach, new ones among them."""
     notes: tuple[str, ...] = ()
     """Remarks for a person on how it was done."""
+    before: Region | None = None
+    """Gaussians of the scene before that are changed or gone; None where rows stay the same."""
 
 
 def is_exact(instruction: Instruction) -> bool:
@@ -147,45 +150,67 @@ def apply_instruction(
     cameras: Sequence[Camera] = (),
     execution: Execution = AUTO,
     shown: Bool[Tensor, " n"] | None = None,
+    find_named: FindNamed | None = None,
 ) -> Routed:
     """The scene with every change of the instruction, in order; the subject is searched once.
 
     The cameras, if any, tell which Gaussians are seen: paint is adjusted to those. What is not
-    `shown` (None: all is) may keep its old reflections, as for one picture.
-    Raises UsageError where a change has no exact route, and as `apply_change`, `find_region`.
+    `shown` (None: all is) may keep its old reflections, as for one picture. `find_named` finds what
+    phrases name (None: each is what `find_region` finds); all is found before anything is changed.
+    Raises UsageError where a change has no exact route, InputError for a file that is no scene, and
+    as `apply_change`, `act`, `find_region` do.
     """
     if not is_exact(instruction):
         raise UsageError(f"{instruction} has no exact route: edit with --editor small")
     changes = instruction.changes
-    seeing = any(change.route in SEEING_ROUTES for change in changes)
-    seen = seen_weights(scene, cameras, execution) if seeing else None
-    targets: tuple[Target, ...] = tuple(dict.fromkeys(change.target for change in changes))
-    regions = _regions(scene, set(targets), find_region)
-    after, inside = scene, torch.zeros(len(scene), dtype=torch.bool)
-    notes: list[str] = []
     for change in changes:
-        region = regions[change.target]
-        made = _changed(after, change, region, seen, cameras, execution, shown)
-        after, notes = made.scene, [*notes, *made.notes]
-        inside |= region.inside
-    found = Region(inside, "; ".join(regions[target].note for target in targets))
+        if change.name == "insert":
+            open_scene(change.phrase)  # a file that is none is told before any work is done
+    regions = regions_of(scene, changes, find_region, find_named)
+    flags = {key: region.inside for key, region in regions.items()}
+    flags["shown"] = torch.ones(len(scene), dtype=torch.bool) if shown is None else shown
+    seeing = any(change.route in SEEING_ROUTES for change in changes)
+    first = seen = seen_weights(scene, cameras, execution) if seeing else None
+    total = same(scene)
+    for change, *more in runs(changes):
+        now = total.scene
+        if change.route == "object":
+            outcome = act(now, (change, *more), flags, cameras, execution)
+            flags, seen = followed(flags, change, outcome), None
+        else:
+            if seen is None and seeing:
+                seen = seen_weights(now, cameras, execution)
+            region = Region(flags[key_of(change)])
+            part = None if shown is None else flags["shown"]
+            made = _changed(now, change, region, seen, cameras, execution, part)
+            outcome = Outcome(made.scene, torch.arange(len(now)), region.inside, made.notes)
+        total = total.then(outcome)
     lit = any(map(_relights, changes))
-    note = None if not lit else light_note(scene, place_of(scene, cameras, seen), seen)
-    return Routed(after, found, (*dict.fromkeys(notes), *((note,) if note else ())))
+    note = None if not lit else light_note(scene, place_of(scene, cameras, first), first)
+    told = (*dict.fromkeys(total.notes), *((note,) if note else ()))
+    return _routed(scene, changes, regions, replace(total, notes=told))
+
+
+def _routed(
+    scene: Gaussians, changes: Sequence[Change], regions: Mapping[str, Region], total: Outcome
+) -> Routed:
+    """The outcome of all changes of a scene, with the regions that they were in."""
+    keys = dict.fromkeys(key_of(change) for change in changes if change.name != "insert")
+    named = dict.fromkeys(regions[key].note for key in keys if key in regions)
+    found = Region(total.changed, "; ".join(named) or "what is new")
+    moved = any(change.route == "object" for change in changes)
+    before = Region(_touched(total, len(scene)), found.note) if moved else None
+    return Routed(total.scene, found, total.notes, before)
+
+
+def _touched(outcome: Outcome, count: int) -> Bool[Tensor, " n"]:
+    """Whether each of the `count` Gaussians before is changed or in the scene no longer."""
+    touched = outcome.dropped(count)
+    touched[outcome.origin[outcome.changed & (outcome.origin != NEW)]] = True
+    return touched
 
 
 def _relights(change: Change) -> bool:
     """Whether a change brings another light; autumn and a sketch do not."""
     scenic = change.route == "scenery" and SCENERIES[change.name].light is not None
     return change.route == "light" or scenic
-
-
-def _regions(
-    scene: Gaussians, targets: set[Target], find_region: FindRegion
-) -> dict[Target, Region]:
-    """Regions by target; the subject is searched only where a target needs it."""
-    if targets == {"scene"}:
-        return {"scene": everything(scene)}
-    subject = find_region(scene)
-    background = Region(~subject.inside, f"all but {subject.note}")
-    return {"scene": everything(scene), "subject": subject, "background": background}

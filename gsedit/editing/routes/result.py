@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 
 from jaxtyping import Bool
 from torch import Tensor
 
+from gsedit import objects
 from gsedit.datasets.dataset import View, capture, evenly_spaced
 from gsedit.datasets.view_list_files import HELD_OUT_EVERY, Role
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.editing.routes.apply import Routed, apply_instruction
+from gsedit.editing.routes.objects import MADE
 from gsedit.editing.routes.subject import find_part
 from gsedit.editing.session.progress import Work
 from gsedit.editing.session.result import EditMetrics, EditResult, HeldOutViews
@@ -19,10 +22,11 @@ from gsedit.editing.session.settings import EditSettings
 from gsedit.editing.view_plan import ViewPlan
 from gsedit.measures.decibels import psnr_from_rmse
 from gsedit.measures.evaluation_input import Evaluation, Mean
-from gsedit.measures.metrics import INSIDE, NEAREST, pooled_rmse, rmse, squared_error
-from gsedit.regions.region import Region, coverage
+from gsedit.measures.metrics import NEAREST, pooled_rmse, rmse, squared_error
+from gsedit.measures.outside import pixels_outside
+from gsedit.regions.region import Region
 from gsedit.runs.stopwatch import Stopwatch
-from gsedit.words.instruction import Instruction
+from gsedit.words.instruction import Change, Instruction
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
@@ -52,16 +56,38 @@ def change_scene(
 
     Raises UsageError as `apply_instruction` and `find_part` do.
     """
-    settings = settings or EditSettings()
+    settings, cameras = settings or EditSettings(), [each.camera for each in viewpoints]
     if settings.region != FINDS_SUBJECT:
-        changes = tuple(replace(change, target="subject") for change in instruction.changes)
-        instruction = replace(instruction, changes=changes)
+        instruction = replace(instruction, changes=in_region(instruction.changes))
 
+    @cache
     def find(gaussians: Gaussians) -> Region:
         return find_part(gaussians, viewpoints, settings.region, settings.execution)
 
-    cameras = [each.camera for each in viewpoints]
-    return apply_instruction(scene, instruction, find, cameras, settings.execution, shown)
+    segments = cache(lambda: objects.segment(scene, cameras, settings.execution))
+
+    def find_named(gaussians: Gaussians, phrase: str) -> Region:
+        return objects.find_phrase(
+            phrase, gaussians, cameras, segments(), lambda: find(gaussians).inside
+        )
+
+    return apply_instruction(
+        scene, instruction, find, cameras, settings.execution, shown, find_named
+    )
+
+
+def in_region(changes: Sequence[Change]) -> tuple[Change, ...]:
+    """Changes of what a region holds, whatever the sentence calls it; all but it where they are of
+    the background. Files that are put in, and copies, keep their names."""
+    made = {MADE, *(each.phrase for each in changes if each.name == "insert")}
+    return tuple(
+        each
+        if each.phrase in made
+        else replace(each, phrase="")
+        if each.target == "background" and each.route == "object"
+        else replace(each, phrase="", target="subject")
+        for each in changes
+    )
 
 
 def routed_result(
@@ -82,7 +108,7 @@ def routed_result(
         shown = held_out(viewpoints)
         before = pictures_at(scene, shown, settings.execution)
         after = pictures_at(routed.scene, shown, settings.execution)
-        metrics = measured(scene, routed.region, before, after, settings.execution)
+        metrics = measured(scene, routed, before, after, settings.execution)
     is_seen = (metrics.rmse_to_unedited or 0.0) > LEAST_RMSE
     return EditResult(
         prompt=instruction.text,
@@ -95,6 +121,7 @@ def routed_result(
         strategy_name=NAME,
         view_plan=ViewPlan((), ()),
         region=routed.region,
+        region_before=routed.before,
         metrics=metrics,
         work=Work(),
         timings={**watch.stages, "total": watch.seconds},
@@ -120,20 +147,21 @@ def pictures_at(
 
 def measured(
     scene: Gaussians,
-    region: Region,
+    routed: Routed,
     before: Sequence[View],
     after: Sequence[View],
     execution: Execution = AUTO,
 ) -> EditMetrics:
     """The difference of held-out views, and how well what is outside the region is kept."""
+    region, parts = routed.region, [(routed.region, scene)]
+    if routed.before is not None:
+        parts = [(routed.before, scene), (routed.region, routed.scene)]
     number = len(before)
     changed = sum(rmse(new.image, old.image) for new, old in zip(after, before)) / number
     found: dict[str, dict[Role, Mean]] = {"rmse_to_unedited": {"held_out": Mean(changed, number)}}
     if not region.is_all:
         error = pooled_rmse(
-            squared_error(
-                old.image, new.image, coverage(region, scene, old.camera, execution) < INSIDE
-            )
+            squared_error(old.image, new.image, pixels_outside(parts, old.camera, execution))
             for old, new in zip(before, after)
         )
         if error is not None:

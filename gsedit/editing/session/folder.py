@@ -23,7 +23,8 @@ from gsedit.storage.inputs import file_inside
 from gsedit.storage.safe_names import safe_name
 
 FILES = (
-    "scene.ply", "region.npy", "metrics.jsonl", "before_after.png", "error_vs_time.png", "edit.json"
+    "scene.ply", "region.npy", "region_before.npy", "metrics.jsonl", "before_after.png",
+    "error_vs_time.png", "edit.json",
 )  # fmt: skip
 
 
@@ -34,9 +35,11 @@ def write_edit(
     request: Mapping[str, Any] | None = None,
     overwrite: bool = False,
 ) -> None:
-    """Write scene.ply, region.npy, before_after.png, edit.json; where a 2D editor was asked, also
-    metrics.jsonl, error_vs_time.png, targets/ (what the scene was fitted to) and held_out/ (the 2D
-    edits of held-out views).
+    """Write scene.ply, region.npy (flags of that scene's Gaussians), before_after.png, edit.json.
+
+    Where objects went, also region_before.npy (flags of the unedited scene's Gaussians); where a 2D
+    editor was asked, also metrics.jsonl, error_vs_time.png, targets/ (what the scene was fitted to)
+    and held_out/ (the 2D edits of held-out views).
 
     `request` is added to edit.json: how the result was made. Each file is whole or not there, and
     edit.json is last: with it the folder is complete. With `overwrite`, pictures that the edit.json
@@ -50,6 +53,10 @@ def write_edit(
     remove_earlier(folder)
     save(result.scene, folder / "scene.ply", overwrite=overwrite)
     save_region(result.region, folder / "region.npy", overwrite=overwrite)
+    if result.region_before is not None:
+        save_region(result.region_before, folder / "region_before.npy", overwrite=overwrite)
+    else:
+        (folder / "region_before.npy").unlink(missing_ok=True)
     if result.events:
         with (
             atomic_path(folder / "metrics.jsonl", overwrite=overwrite) as temporary,
@@ -110,10 +117,25 @@ def edit_record(result: EditResult) -> dict[str, Any]:
             "found": result.region.note,
             "gaussians": int(result.region.inside.sum()),
         },
+        **_objects(result),
         **_routes(result),
         "edited_views": [view.name for view in result.targets],
         "measured": result.metrics.record(),
         **environment(),
+    }
+
+
+def _objects(result: EditResult) -> dict[str, Any]:
+    """Numbers of Gaussians before an edit of objects, that it changed or took, and that it made."""
+    if result.region_before is None:
+        return {}
+    before, after = (r.inside for r in (result.region_before, result.region))
+    return {
+        "objects": {
+            "gaussians_before": len(before),
+            "changed_or_gone": int(before.sum()),
+            "changed_or_new": int(after.sum()),
+        }
     }
 
 
@@ -122,7 +144,11 @@ def _routes(result: EditResult) -> dict[str, Any]:
     if result.understood is None:
         return {}
     routes = dict.fromkeys(change.route for change in result.understood.changes)
-    return {"route": "+".join(routes), "understood": result.understood}
+    return {
+        "route": "+".join(routes),
+        "understood": result.understood,
+        "notes": result.notes,
+    }
 
 
 def _write_pictures(folder: Path, result: EditResult, *, overwrite: bool) -> None:

@@ -133,13 +133,15 @@ class EditResult:
     view_plan: ViewPlan
     """The views that were to be edited, by batch, and what they cover."""
     region: Region
-    """The Gaussians that could change."""
+    """The Gaussians that could change, of `scene`."""
     metrics: EditMetrics
     """The measurements of the edited scene."""
     work: Work
     """Optimizer steps, views asked of the editor, network evaluations."""
     timings: dict[str, float]
     """Seconds per stage, and in total."""
+    region_before: Region | None = None
+    """The Gaussians of the unedited scene that changed or are gone; None where its rows stay."""
     held_out: HeldOutViews = field(default_factory=HeldOutViews)
     """Some cameras of which no edited picture was used."""
     decisions: tuple[Decision, ...] = ()

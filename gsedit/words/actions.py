@@ -1,0 +1,174 @@
+"""Actions on objects that a sentence asks for, in order with its other changes.
+
+A clause is an action only if all of its words say one; every other clause is left to the reader of
+looks. Where a sentence has an action, nothing in it may deny. Loads no torch.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from gsedit.words.deeds import change_of
+from gsedit.words.instruction import Change
+from gsedit.words.phrases import DEFINITE, IT, object_phrase
+from gsedit.words.places import side_of
+from gsedit.words.refusals import Refused
+from gsedit.words.scan import scanned
+from gsedit.words.tokens import tokens
+
+SUFFIX = r"\.(?:ply|splat|spz|sog|ksplat|glb|gltf)\b"
+FILE = re.compile(rf"\"[^\"]+{SUFFIX}\"|'[^']+{SUFFIX}'|[^\s\"',;]+{SUFFIX}", re.IGNORECASE)
+"""A scene's file in a sentence; one with spaces in its name is in quotes."""
+BREAK = re.compile(
+    r"(?<!\S)(?:[,;.!?\n]|and then|and also|and(?! a half)|then|after that|afterwards)(?!\S)"
+)
+STOP = re.compile(r"(?<!\S)[;.!?\n](?!\S)")
+"""Mark that ends a sentence."""
+REQUEST = re.compile(
+    r"(?:(?:please|pls|now|first|next|finally|just|hey|hi|ok|okay|kindly|let us|also"
+    r"|(?:can|could|would|will) (?:you|we|u)|(?:i|we) (?:want|need|would like) (?:you )?to"
+    r"|try to) )+"
+)
+THANKS = re.compile(
+    r"(?: (?:please|pls|thanks|thank you|now|for me|again|too|as well|completely|entirely"
+    r"|altogether|if (?:you can|possible)))+$"
+)
+COURTESY = frozenset(("please", "thanks", "thank you", "ok", "okay", "hi", "hey", "hello"))
+DENIALS = frozenset(("not", "retract", "keep", "limit", "same", "except", "or", "asif"))
+"""Kinds of words that no other clause may have beside an action."""
+LATER = ("then", "and then", "after that", "afterwards")
+"""Conjunctions that begin another request."""
+ASKS = frozenset(("do", "wish", "be", "up", "down", "turn", "touch"))
+"""Kinds of words of which a look that follows an action must have one."""
+MADE = {"copy": "the copy"}
+"""Phrase of what an action made; that of an insert is its file."""
+
+
+@dataclass(frozen=True)
+class Clause:
+    """One clause of a sentence, and its place in it."""
+
+    start: int
+    end: int
+    text: str
+    """Text without words of courtesy."""
+    is_question: bool
+    """Whether it asks for an answer, not for something to be done."""
+
+
+@dataclass(frozen=True)
+class Looks:
+    """Clauses between actions, which say something else."""
+
+    text: str
+    it: str
+    """Phrase that "it" stands for in them; "it" for the subject."""
+
+
+def actions_of(sentence: str) -> list[Change | Looks] | None:
+    """Changes of objects in order, with the clauses between them; None for no action.
+
+    Raises Refused for an action beside what is denied, or for one that cannot be done.
+    """
+    files = [name.strip("\"'") for name in FILE.findall(sentence)]
+    numbered = iter(range(len(files)))
+    text = " ".join(tokens(FILE.sub(lambda _: f" <{next(numbered)}> ", sentence)))
+    found, last = list[Change | str](), Clause(0, 0, "", False)
+    for clause in _clauses(text):
+        change = _action(clause, found)
+        if change is None and found and isinstance(found[-1], str):
+            last = replace(last, end=clause.end)
+            found[-1] = text[last.start : last.end]
+        elif change is None or not _joined(found, change):
+            found.append(change or text[clause.start : clause.end])
+            last = clause
+    if not any(isinstance(each, Change) for each in found):
+        return None
+    _refuse_others(found)
+    return list(_linked([_named(each, files) for each in found]))
+
+
+def _clauses(text: str) -> Iterator[Clause]:
+    """Clauses between marks and conjunctions."""
+    start, last, requested = 0, "", False
+    for match in [*BREAK.finditer(text), None]:
+        end = len(text) if match is None else match.start()
+        plain = THANKS.sub("", f" {text[start:end].strip().removeprefix(last).strip()}").strip()
+        last = "" if match is None else match[0]
+        request = REQUEST.match(plain)
+        requested |= request is not None
+        stop = STOP.search(text, end)
+        asks = stop is not None and stop[0] == "?" and not requested
+        if plain and plain not in COURTESY:
+            yield Clause(start, end, plain[request.end() :] if request else plain, asks)
+        if match is not None:
+            start = match.start() if match[0] in LATER else match.end()
+            requested &= not STOP.fullmatch(match[0])
+
+
+def _action(clause: Clause, found: list[Change | str]) -> Change | None:
+    """The action of a clause after others; None for a clause about something else."""
+    before = found[-1] if found else None
+    if clause.is_question:
+        return None
+    change = change_of(clause.text)
+    if isinstance(before, str) and change and change.phrase == IT:
+        kinds = {word.kind for word in scanned(before)}
+        if "noun" in kinds or not kinds & ASKS - {"be"} or change.name == "remove":
+            return None  # "the brightness is bad, move it up"; "there is snow on it, remove it"
+    if change is None and isinstance(before, Change) and before.name == "remove":
+        phrase = object_phrase(clause.text)  # "remove the bear and the table"
+        return replace(before, phrase=phrase) if phrase not in (None, IT) else None
+    return change
+
+
+def _joined(found: list[Change | str], change: Change) -> bool:
+    """Whether an action only says where what was just made belongs: "copy it and put it there"."""
+    before = found[-1] if found else None
+    if not isinstance(before, Change) or before.name not in ("copy", "insert"):
+        return False
+    if change.name != "move" or change.phrase != IT or change.amount or not change.place:
+        return False
+    side, made = change.place.side, before.name == "insert"
+    place = change.place if change.place.of else side_of(side, IT if made else before.phrase)
+    if place is None:
+        return False
+    of = before.phrase if place.of == IT and not made else place.of
+    found[-1] = replace(before, place=replace(place, of=of))
+    return True
+
+
+def _refuse_others(found: list[Change | str]) -> None:
+    """Raise Refused for clauses beside an action that deny, or that say nothing to be done."""
+    for before, text in zip([None, *found], found):
+        if isinstance(text, Change):
+            continue
+        kinds = {word.kind for word in scanned(text)}
+        if kinds & DENIALS:
+            raise Refused("negation")
+        then = text.startswith(LATER) and not DEFINITE & set(text.split())
+        if isinstance(before, Change) and not kinds & ASKS and not then:
+            raise Refused("negation")  # "remove the bear and the fog"
+
+
+def _linked(found: list[Change | str]) -> Iterator[Change | Looks]:
+    """Changes in which "it" is what was named or made last."""
+    last = IT
+    for each in found:
+        if isinstance(each, str):
+            yield Looks(each, last)
+            continue
+        change = replace(each, phrase=last) if each.phrase == IT else each
+        if change.name == "copy" and change.place and change.place.of == IT:
+            change = replace(change, place=replace(change.place, of=last))
+        yield change
+        last = MADE.get(change.name, change.phrase or last)
+
+
+def _named(each: Change | str, files: list[str]) -> Change | str:
+    """A change whose file has its own name again; anything else as it is."""
+    if isinstance(each, str) or not each.phrase.startswith("<"):
+        return each
+    return replace(each, phrase=files[int(each.phrase.strip("<>"))])

@@ -1,0 +1,91 @@
+"""Phrases that name an object of a scene, and what may not be taken for one. Loads no torch."""
+
+from __future__ import annotations
+
+import re
+
+from gsedit.words.parts import DETERMINERS
+from gsedit.words.scan import Word, scanned
+
+IT = "it"
+"""Phrase of the scene's main subject, or of what was named before."""
+PRONOUNS = frozenset(
+    ("it", "him", "her", "them", "itself", "this", "that", "these", "those", "this one", "that one",
+     "this thing", "that thing", "the subject", "the main subject", "the object", "the main object",
+     "the copy", "the new one", "the duplicate")
+)  # fmt: skip
+NEVER = frozenset(
+    ("light", "look", "noun", "style", "turn", "hue", "not", "drop", "except", "keep", "limit",
+     "same", "or", "ask", "wish", "do", "be", "touch", "up", "down", "part", "lack", "enough",
+     "retract", "simile", "asif", "scene", "rest", "mark", "poss", "conj", "than", "fraction",
+     "factor", "unit", "intense", "slight", "strong")
+)  # fmt: skip
+"""Kinds of words that are in no name of an object."""
+NO_THINGS = frozenset(
+    ("head", "face", "foreground", "camera", "view", "lens", "frame", "perspective", "angle",
+     "resolution", "quality", "size", "shape", "focus", "world", "clockwise", "anticlockwise",
+     "counterclockwise", "reflection", "reflections", "blur", "noise", "grain", "watermark",
+     "glow", "caption", "artifacts", "floaters", "scratch", "scratches", "stain", "stains",
+     "crack", "cracks", "wrinkles", "hole", "holes", "edge", "edges", "corner", "detail",
+     "details", "of", "to", "from", "off", "into", "and", "over", "cm", "meter", "meters",
+     "inches", "feet", "pixels", "units", "width", "height", "way")
+)  # fmt: skip
+"""Words that could stand in the name of an object, and tell a part of one, or none."""
+HEADS = frozenset(("subject", "ground", "unknown"))
+"""Kinds of words that can end the name of an object."""
+NOUNS = frozenset(("one", "ones", "two", "three", "thing", "things", "object", "objects"))
+RELATION = re.compile(
+    r"\b(?:to the |on the |at the )?(left|right|front|top) (?:side )?of\b"
+    r"|\b(?:next to|in front of|on top of|beside|near|behind|under|above|below|by|on|in|at|with)\b"
+)
+"""Words that begin the place by which an object is told from others."""
+GROUNDS = frozenset(
+    ("the ground", "the floor", "the grass", "the lawn", "the street", "the road", "the pavement",
+     "the soil", "the carpet")
+)  # fmt: skip
+"""Phrases of what everything stands on."""
+DEFINITE = DETERMINERS | {"these", "those"}
+
+
+def object_phrase(text: str, *, parts: bool = False) -> str | None:
+    """The phrase of an object that words name, "it" for the subject; None where they name none.
+
+    "The red one", "the chair on the left", "bear": a determiner, or a thing of the lexicon. Colors,
+    lights, weather and tones are no objects, and parts of things only where `parts` may be.
+    """
+    text = text.strip()
+    if text in PRONOUNS:
+        return IT
+    place = RELATION.search(text, 1)
+    name = text[: place.start()].strip() if place else text
+    words = scanned(name)
+    if not words or (words[0].text not in DEFINITE and words[-1].kind != "subject"):
+        return None
+    if not _names(words, parts) or (
+        place and not _is_place(text[place.start() :], text[place.end() :])
+    ):
+        return None
+    return text
+
+
+def _names(words: list[Word], parts: bool) -> bool:
+    """Whether words are the name of an object, its place left out."""
+    head = words[-1]
+    known = head.kind in HEADS or (parts and head.kind == "part")
+    words_of = words[:-1] if head.kind == "part" and parts else words
+    barred = any(word.kind in NEVER or NO_THINGS & set(word.text.split()) for word in words_of)
+    return (known or head.text in NOUNS) and not barred and len(words) > (head.text in NOUNS)
+
+
+def _is_place(place: str, of: str) -> bool:
+    """Whether words are a place: "on the left", "next to the chair"."""
+    kinds = {word.kind for word in scanned(place)}
+    told = kinds <= {"direction", "fill", "behind", "background", "ground"} and kinds != {"fill"}
+    return told or object_phrase(of) is not None
+
+
+def is_noun(phrase: str) -> bool:
+    """Whether a phrase is the noun of a thing alone, as "the bear": only a network finds that."""
+    words = [word for word in scanned(phrase) if word.text not in DEFINITE]
+    ranked = words[-1].text.endswith(("est", "most"))  # "the largest"
+    return len(words) == 1 and words[0].kind in ("subject", "unknown") and not ranked

@@ -1,0 +1,121 @@
+"""`gsedit edit` where objects go: folders of scenes that have other Gaussians than before."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from command_line import files, gsedit, one_line
+
+from gsedit import load
+from gsedit.objects.outcome import NEW, Outcome
+from rasterizer.scene import concatenate
+
+
+@pytest.fixture(autouse=True)
+def filled(monkeypatch):
+    """A removal that fills the hole with two Gaussians."""
+
+    def remove(scene, inside, cameras=(), execution=None):
+        rows = torch.nonzero(~inside).flatten()
+        origin = torch.cat((rows, torch.tensor([NEW, NEW])))
+        return Outcome(concatenate(scene[rows], scene[:2]), origin, origin == NEW, ("2 fill it",))
+
+    monkeypatch.setattr("gsedit.objects.remove", remove)
+
+
+@pytest.fixture
+def region(tmp_path) -> Path:
+    np.save(tmp_path / "some.npy", np.array([True, False, True, True, False]))
+    return tmp_path / "some.npy"
+
+
+@pytest.fixture
+def removed(scene, photos, region, tmp_path) -> Path:
+    """The folder of a removal."""
+    out = tmp_path / "removed"
+    words = ("edit", scene, "remove it", "--data", photos, "--region", region, "-o", out)
+    result = gsedit(*words)
+    assert result.exit_code == 0, result.stderr
+    assert "2 fill it" in result.stderr
+    return out
+
+
+def test_the_folder_has_flags_of_both_scenes(scene, removed, region):
+    assert (np.load(removed / "region_before.npy") == np.load(region)).all()
+    assert np.load(removed / "region.npy").tolist() == [False, False, True, True]
+    assert len(load(removed / "scene.ply")) == 4
+    record = json.loads((removed / "edit.json").read_text())
+    assert record["understood"]["changes"][0]["name"] == "remove"
+    assert record["objects"]["changed_or_gone"] == 3
+    assert record["notes"][0] == "2 fill it"
+
+
+def test_a_removal_is_undone_by_going_back_to_the_scene_that_it_names(scene, removed, photos):
+    before = scene.read_bytes()
+    record = json.loads((removed / "edit.json").read_text())
+    assert Path(record["scene"]).read_bytes() == before
+    again = removed.with_name("again")
+    result = gsedit("edit", removed, "make it 20 % brighter", "--data", photos, "-o", again)
+    assert result.exit_code == 0, result.stderr
+    later = json.loads((again / "edit.json").read_text())
+    assert later["scene"] == str(removed / "scene.ply")  # one step back
+    assert later["first_scene"] == str(scene)  # all steps back
+    assert [each["instruction"] for each in later["history"]] == ["remove it"]
+    assert not (again / "region_before.npy").exists()
+
+
+def test_the_folder_is_measured_compared_and_edited_where_it_changed(removed, scene, photos):
+    result = gsedit("metrics", removed, "--json")
+    assert result.exit_code == 0, result.stderr
+    assert gsedit("diff", scene, removed).exit_code == 0
+    again, flags = removed.with_name("again"), removed / "region.npy"
+    words = ("edit", removed, "paint it teal", "--data", photos, "--region", flags, "-o", again)
+    result = gsedit(*words)
+    assert result.exit_code == 0, result.stderr
+    changed = (load(again / "scene.ply").sh != load(removed / "scene.ply").sh).any(-1).any(-1)
+    assert changed.tolist() == [False, False, True, True]
+
+
+def test_a_scene_without_its_background_is_measured(scene, photos, region, tmp_path):
+    out = tmp_path / "alone"
+    words = ("edit", scene, "delete the background", "--data", photos, "--region", region)
+    result = gsedit(*words, "-o", out)
+    assert result.exit_code == 0, result.stderr
+    assert len(load(out / "scene.ply")) == 3
+    assert gsedit("metrics", out).exit_code == 0
+
+
+def test_a_removal_is_previewed_and_explained_and_nothing_else_is_written(
+    scene, photos, region, tmp_path
+):
+    before, picture = files(tmp_path), tmp_path / "look.png"
+    words = ("edit", scene, "remove it", "--data", photos, "--region", region)
+    assert gsedit(*words, "--preview", "-o", picture).exit_code == 0
+    assert picture.is_file()
+    picture.unlink()
+    explained = gsedit(*words, "--explain")
+    assert explained.exit_code == 0
+    assert "the subject removed" in explained.stderr
+    assert files(tmp_path) == before
+
+
+@pytest.mark.parametrize(
+    ("sentence", "words", "told"),
+    [
+        ("remove it", ("--region", "all"), "nothing tells it from the rest"),
+        ("insert there/is/none.ply", (), "none.ply"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_done_is_told_and_nothing_is_written(
+    scene, photos, tmp_path, sentence, words, told
+):
+    out = tmp_path / "out"
+    result = gsedit("edit", scene, sentence, "--data", photos, *words, "-o", out)
+    assert result.exit_code in (2, 3)
+    assert told in result.stderr
+    assert one_line(result.stderr[result.stderr.index("gsedit: ") :])
+    assert not (out / "scene.ply").exists()

@@ -1,0 +1,194 @@
+"""Changes of objects among the changes of a sentence: whose rows are whose afterwards."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import tiny_edits
+import torch
+
+import gsedit
+from gsedit.editing.routes.apply import apply_instruction
+from gsedit.editing.routes.objects import act, followed, runs
+from gsedit.editing.session.settings import EditSettings
+from gsedit.errors import UsageError
+from gsedit.objects.outcome import NEW, Outcome
+from gsedit.regions.region import Region
+from gsedit.words.instruction import Change, Instruction, Place
+from gsedit.words.read import read_instruction
+from rasterizer.scene import Gaussians, concatenate
+
+SUBJECT, RED = slice(0, 200), slice(200, 300)
+
+
+def flags(rows: slice, count: int = 1000) -> torch.Tensor:
+    inside = torch.zeros(count, dtype=torch.bool)
+    inside[rows] = True
+    return inside
+
+
+def subject(scene: Gaussians) -> Region:
+    return Region(flags(SUBJECT), "the subject")
+
+
+def named(scene: Gaussians, phrase: str) -> Region:
+    if phrase != "the red one":
+        raise UsageError(f"nothing is called {phrase}")
+    return Region(flags(RED), phrase)
+
+
+@pytest.fixture(autouse=True)
+def operations(monkeypatch):
+    """Stand-ins of the operations: their laws are tested where they are."""
+
+    def remove(scene, inside, cameras=(), execution=None):
+        rows = torch.cat((torch.nonzero(~inside).flatten(), torch.tensor([NEW])))
+        after = concatenate(scene[~inside], scene[:1])
+        return Outcome(after, rows, rows == NEW, ("filled",))
+
+    def place(scene, inside, placement, cameras=(), execution=None):
+        rows = torch.arange(len(scene))
+        if placement.copy:
+            new = torch.full((int(inside.sum()),), NEW)
+            return Outcome(
+                concatenate(scene, scene[inside]),
+                torch.cat((rows, new)),
+                torch.cat((torch.zeros(len(scene), dtype=torch.bool), new == NEW)),
+            )
+        means = torch.where(inside[:, None], scene.means * placement.scale, scene.means)
+        return Outcome(replace(scene, means=means), rows, inside)
+
+    monkeypatch.setattr("gsedit.objects.remove", remove)
+    monkeypatch.setattr("gsedit.objects.place", place)
+
+
+def applied(sentence: str, shown: torch.Tensor | None = None):
+    read = read_instruction(sentence)
+    assert read.known, read.why
+    data = tiny_edits.data()
+    cameras = [view.camera for view in data.views]
+    scene = tiny_edits.scene()
+    return apply_instruction(scene, read, subject, cameras, shown=shown, find_named=named)
+
+
+def repainted(after: Gaussians, rows: torch.Tensor) -> torch.Tensor:
+    """Whether the colors of Gaussians differ from those of these rows of the scene before."""
+    return (after.sh[:, 0] != tiny_edits.scene().sh[rows, 0]).any(-1)
+
+
+def test_later_changes_find_their_rows_after_a_removal():
+    routed = applied("remove the red one and paint the statue black")
+    scene = routed.scene
+    assert len(scene) == 901
+    rows = torch.nonzero(~flags(RED)).flatten()
+    changed = repainted(scene[:900], rows)
+    assert changed[SUBJECT].all()
+    assert not changed[200:].any()
+    assert routed.before is not None
+    assert (routed.before.inside == (flags(RED) | flags(SUBJECT))).all()
+    assert (routed.region.inside == (flags(SUBJECT, 901) | flags(slice(900, 901), 901))).all()
+    assert "filled" in routed.notes
+
+
+def test_it_is_what_was_named_or_made_last():
+    routed = applied("make the red one twice as big and paint it black")
+    changed = repainted(routed.scene, torch.arange(1000))
+    assert (changed == flags(RED)).all()
+    assert torch.equal(routed.scene.means[RED], 2 * tiny_edits.scene().means[RED])
+    routed = applied("duplicate the red one and paint it black")
+    rows = torch.cat((torch.arange(1000), torch.arange(200, 300)))
+    assert (repainted(routed.scene, rows) == flags(slice(1000, 1100), 1100)).all()
+
+
+def test_the_first_noun_is_the_subject_and_another_one_is_not():
+    routed = applied("remove the statue")
+    assert routed.before is not None
+    assert (routed.before.inside == flags(SUBJECT)).all()
+    with pytest.raises(UsageError, match="the vase"):
+        applied("move the statue next to the vase")
+
+
+def test_a_removed_background_leaves_the_subject_alone():
+    routed = applied("remove everything but the statue")
+    assert torch.equal(routed.scene.means, tiny_edits.scene().means[SUBJECT])
+    assert not routed.region.inside.any()
+
+
+def test_new_background_is_background_and_a_copy_is_not():
+    scene = tiny_edits.scene()
+    known = {"subject": flags(SUBJECT), "background": ~flags(SUBJECT), "scene": flags(slice(None))}
+    change = Change("subject", "object", "remove", None, None, "object", "it")
+    after = followed(known, change, act(scene, [change], known))
+    assert after["background"].all()
+    assert not after["subject"].any()
+    copy = replace(change, name="copy", place=Place("beside", "it"))
+    after = followed(known, copy, act(scene, [copy], known))
+    assert not after["background"][1000:].any()
+    assert after["the copy"][1000:].all()
+    assert after["scene"].all()
+
+
+@pytest.mark.parametrize(("inside", "words"), [(slice(0), "nothing of it"), (slice(None), "rest")])
+def test_what_is_empty_or_all_is_no_object(inside, words):
+    change = Change("subject", "object", "remove", None, None, "object", "it")
+    with pytest.raises(UsageError, match=words):
+        act(tiny_edits.scene(), [change], {"subject": flags(inside)})
+
+
+@pytest.mark.parametrize(
+    ("sentence", "done"),
+    [
+        ("move it to the left, turn it around and make it bigger", [3]),
+        ("move it to the left, remove it", [1, 1]), ("make it bigger, make it bigger", [1, 1]),
+        ("duplicate it and make it bigger", [2]), ("turn it around and paint it red", [1, 1]),
+        ("make it bigger and turn the red one around", [1, 1]),
+        ("duplicate it, move it to the left of the red one and turn it around", [2]),
+    ],
+)  # fmt: skip
+def test_what_places_one_object_is_done_at_once(sentence, done):
+    changes = read_instruction(sentence).changes
+    grouped = list(runs(changes))
+    assert [each for run in grouped for each in run] == list(changes)
+    assert [len(run) for run in grouped] == done
+
+
+def test_a_file_that_is_not_there_is_told(tmp_path):
+    with pytest.raises(gsedit.InputError, match=r"no\.ply"):
+        applied(f"insert {tmp_path / 'no.ply'} beside the red one")
+
+
+def test_an_edit_of_objects_from_python_is_written_with_both_regions(tmp_path):
+    scene, region = tiny_edits.scene(), tmp_path / "red.npy"
+    np.save(region, flags(RED).numpy())
+    result = gsedit.edit(
+        scene, "remove it", dataset=tiny_edits.data(), settings=EditSettings(region=str(region))
+    )
+    gsedit.write_edit(tmp_path / "out", result)
+    assert np.load(tmp_path / "out" / "region_before.npy").sum() == 100
+    assert len(np.load(tmp_path / "out" / "region.npy")) == len(result.scene) == 901
+    record = json.loads((tmp_path / "out" / "edit.json").read_text())
+    assert record["route"] == "object"
+    assert record["notes"][0] == "filled"
+    assert record["objects"] == {
+        "gaussians_before": 1000, "changed_or_gone": 100, "changed_or_new": 1,
+    }  # fmt: skip
+    assert result.metrics.psnr_outside_region is not None
+    gsedit.write_edit(
+        tmp_path / "out",
+        gsedit.edit(scene, "20% brighter", dataset=tiny_edits.data()),
+        overwrite=True,
+    )
+    assert not (tmp_path / "out" / "region_before.npy").exists()
+
+
+def test_a_region_is_what_every_phrase_names():
+    read = Instruction("", True, "", read_instruction("remove the red one").changes)
+    from gsedit.editing.routes.result import in_region
+
+    (change,) = in_region(read.changes)
+    assert (change.target, change.phrase) == ("subject", "")
+    (insert,) = in_region(read_instruction("insert a.ply beside the bear").changes)
+    assert insert.phrase == "a.ply"

@@ -1,0 +1,59 @@
+"""Sentences about objects, from the words to the pictures, on a staged scene."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+import gsedit
+from gsedit.datasets.dataset import Dataset, capture
+from gsedit.synthetic.staged import stage
+
+STAGE = stage("meadow")
+
+
+@pytest.fixture(scope="module")
+def meadow():
+    """A ball and a post on grass: 2,500 Gaussians, whose each is, and views of them."""
+    labelled = STAGE.gaussians(2500)
+    cameras = STAGE.training(64)
+    views = Dataset(capture(labelled.scene, cameras, [str(i) for i in range(len(cameras))]))
+    return labelled, views
+
+
+def test_what_is_named_is_removed_and_the_rest_is_lit_anew(meadow):
+    labelled, views = meadow
+    result = gsedit.edit(labelled.scene, "remove the red one and make it darker", dataset=views)
+    assert result.region_before is not None
+    ball, post = (labelled.of(name) for name in ("red ball", "blue post"))
+    known = torch.unique(result.scene.means, dim=0)
+    left = torch.isin(labelled.scene.means[:, 0], known[:, 0])
+    assert not left[ball].any()
+    assert left[post].float().mean() > 0.95
+    assert result.held_out.finals[0].image.mean() < result.held_out.originals[0].image.mean()
+
+
+def test_a_copy_is_painted_and_the_original_is_not(meadow):
+    labelled, views = meadow
+    words = "duplicate the red one and paint it green"
+    result = gsedit.edit(labelled.scene, words, dataset=views)
+    ball = labelled.of("red ball")
+    count = len(labelled.scene)
+    assert len(result.scene) > count + 0.8 * ball.sum()
+    green = result.scene.sh[:, 0, 1] > result.scene.sh[:, 0, 0]
+    assert green[count:].float().mean() > 0.9
+    assert green[:count][ball].float().mean() < 0.1
+
+
+@pytest.mark.parametrize(
+    ("sentence", "told"),
+    [
+        ("remove the purple one", "purple"), ("remove the tall one and the small one", "."),
+        ("move the ball next to the post", "only a network knows"),
+    ],
+)  # fmt: skip
+def test_what_is_not_there_or_not_plain_is_an_error_of_one_line(meadow, sentence, told):
+    labelled, views = meadow
+    with pytest.raises(gsedit.UsageError, match=told) as error:
+        gsedit.edit(labelled.scene, sentence, dataset=views)
+    assert "\n" not in str(error.value)

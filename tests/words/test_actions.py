@@ -1,0 +1,163 @@
+"""Sentences about objects: what is done with which one, and what is never done."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from gsedit.words.instruction import Change, Place
+from gsedit.words.phrases import is_noun, object_phrase
+from gsedit.words.read import read_instruction
+
+ASKED = json.loads(
+    (Path(__file__).parents[1] / "data" / "sentences" / "actions.json").read_text(encoding="utf-8")
+)
+DONE = [
+    each["text"].rstrip(".")
+    for each in ASKED
+    if each["known"] and all(change["kind"] == "object" for change in each["changes"])
+]
+
+
+def changes(sentence: str) -> tuple[Change, ...]:
+    read = read_instruction(sentence)
+    assert read.known, read.why
+    return read.changes
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [
+        "don't {}", "never {}", "I don't want you to {}", "avoid this: {}", "stop, do not {}",
+        "{}? no", "{} - not!", "anything but {}", "there is no need to {}", "nobody asked to {}",
+        "if you {}, paint it red", "he said: {}", "{}. No wait, leave it",
+        "do not, whatever they say, {}", "paint it red, but do not {}", "who wants to {}?",
+    ],
+)  # fmt: skip
+def test_a_negation_around_any_action_keeps_it_from_being_done(frame):
+    assert len(DONE) > 20
+    for sentence in DONE:
+        made = read_instruction(frame.format(sentence)).changes
+        assert all(change.route != "object" for change in made), (sentence, made)
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "there is snow on it, remove it", "the fog is nice, make it bigger",
+        "I see moss. Delete it",
+        "the contrast is low, move it up", "it has a blue tint, get rid of it", "fog, remove it",
+    ],
+)  # fmt: skip
+def test_it_is_no_object_after_a_clause_about_a_look(sentence):
+    assert all(change.route != "object" for change in read_instruction(sentence).changes)
+
+
+@pytest.mark.parametrize("joined", ["and", ",", "and then", ", and also"])
+@pytest.mark.parametrize("look", ["the fog", "the snow", "its shadow", "the night", "the moss"])
+def test_a_look_that_goes_on_from_a_removal_is_not_added(joined, look):
+    assert not read_instruction(f"remove the bear {joined} {look}").known
+
+
+@pytest.mark.parametrize("frame", ["please {}", "could you {}?", "Hi! {}", "{}, thanks", "now {}"])
+def test_who_asks_and_how_politely_changes_nothing(frame):
+    verbs = ("remove", "scale", "shrink", "turn", "rotate", "move", "put", "insert", "keep")
+    asked = [each for each in DONE if each.lower().startswith(verbs)]
+    assert len(asked) > 10
+    for sentence in asked:
+        assert changes(frame.format(sentence)) == changes(sentence), sentence
+
+
+@pytest.mark.parametrize(
+    ("sentence", "name", "amount"),
+    [
+        ("make it twice as big", "scale", 1.0), ("scale it by 1.5", "scale", 0.5),
+        ("half the size", "scale", -0.5), ("enlarge it to 150 %", "scale", 0.5),
+        ("make it two times smaller", "scale", -0.5), ("double its size", "scale", 1.0),
+        ("turn it around", "turn", 0.5), ("rotate it 90 degrees to the right", "turn", -0.25),
+        ("turn it a quarter turn clockwise", "turn", -0.25),
+        ("move it left by half its height", "move", 0.5),
+        ("move it two widths to the left", "move", 2.0),
+    ],
+)  # fmt: skip
+def test_an_amount_is_a_share_of_its_size_or_of_a_circle(sentence, name, amount):
+    (change,) = changes(sentence)
+    assert (change.name, change.phrase) == (name, "it")
+    assert change.amount == pytest.approx(amount, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "place"),
+    [
+        ("move it to the left of the table", Place("left", "the table")),
+        ("put it in front of the red one", Place("front", "the red one")),
+        ("move it up", Place("up")), ("bring it closer", Place("forward")),
+        ("move it by 0.3 units to the left", Place("left", units=True)),
+        ("duplicate it", Place("beside", "it")),
+        ("add another one behind it", Place("behind", "it")),
+        ("copy the chair and put it next to the table", Place("beside", "the table")),
+        ("insert a/B_c.ply, and put it on the ground", Place("on", "the ground")),
+    ],
+)  # fmt: skip
+def test_a_place_is_a_way_to_go_or_a_side_of_something(sentence, place):
+    assert changes(sentence)[-1].place == place
+
+
+@pytest.mark.parametrize(
+    ("phrase", "named"),
+    [
+        ("it", "it"), ("the red one", "the red one"), ("bear", "bear"),
+        ("the chair on the left", "the chair on the left"), ("the largest", "the largest"),
+        ("the red", None), ("the snow", None), ("the contrast", None), ("the ears", None),
+        ("a hat", None), ("the shadow", None), ("the top of the table", None), ("fire", None),
+    ],
+)  # fmt: skip
+def test_a_phrase_names_an_object_or_none(phrase, named):
+    assert object_phrase(phrase) == named
+
+
+def test_a_noun_alone_is_what_only_a_network_finds():
+    assert is_noun("the bear")
+    assert is_noun("the dragon")
+    assert not is_noun("the largest")
+    assert not is_noun("the red one")
+    assert not is_noun("the left bear")
+
+
+def test_looks_and_actions_are_in_the_order_of_the_sentence():
+    names = [each.name for each in changes("make it night, remove the bear and make it warmer")]
+    assert names == ["night", "remove", "warmth"]
+    moved = changes("move the red one to the left and paint it gold")
+    assert [each.phrase for each in moved] == ["the red one", "the red one"]
+    assert [each.phrase for each in changes("copy the red one and paint it gold")][1] == "the copy"
+
+
+@pytest.mark.parametrize(
+    ("sentence", "words"),
+    [
+        ("move it 20 cm up", "share of the object's size"), ("add three more bears", "one copy"),
+        ("make it 1000 times bigger", "0.1 to 10"), ("add a hat", "put hat.ply"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_done_is_refused_with_the_next_move(sentence, words):
+    read = read_instruction(sentence)
+    assert not read.known
+    assert words in read.why
+
+
+def test_weather_materials_and_tones_keep_their_routes():
+    for sentence, route in (
+        ("make it snow", "scenery"), ("cover it in moss", "material"),
+        ("snow on the ground", "scenery"),
+        ("turn it into bronze", "material"), ("bring the colors out", "tone"),
+        ("the brightness is bad, raise it", "tone"), ("make the contrast twice as big", "tone"),
+    ):  # fmt: skip
+        assert [each.route for each in changes(sentence)] == [route], sentence
+    for sentence in (
+        "a thick layer of snow on it",
+        "cover the ground with fallen leaves",
+        "icicles",
+    ):
+        assert [each.kind for each in changes(sentence)] == ["growth"], sentence
