@@ -16,6 +16,8 @@ from torch import Tensor
 from gsedit import objects
 from gsedit.cameras.paths import up_of
 from gsedit.datasets.cameras_json import cameras_file, read_cameras
+from gsedit.datasets.viewpoints import that_see
+from gsedit.editing.routes.subject import find_part
 from gsedit.errors import UsageError
 from gsedit.formats.scenes import load
 from gsedit.objects.outcome import NEW, Outcome
@@ -163,14 +165,22 @@ def _insert(
     cameras: Sequence[Camera],
     execution: Execution,
 ) -> Outcome:
-    """The scene with the object of a file put in, upright as the cameras beside its file are."""
+    """The scene with the object of a file put in.
+
+    It is the subject, and upright, as the cameras beside its file see it, if there are some.
+    """
     change, turn = run[0], 360 * sum(each.amount or 0.0 for each in run[1:])
     where, beside = change.place, cameras_file(change.phrase)
+    other, up = load(change.phrase), None
+    if beside is not None:
+        viewpoints = that_see(read_cameras(beside), other, execution)
+        if viewpoints:
+            up = up_of([each.camera for each in viewpoints])
+            other = other[find_part(other, viewpoints, execution=execution).inside]
     if where and where.side == "on" and where.of in GROUNDS:
         where = None  # anywhere on it, not its middle
-    up = None if beside is None else up_of([each.camera for each in read_cameras(beside)])
     at = _beside(where, flags, None)
-    return objects.insert(scene, load(change.phrase), at, cameras, execution, turn=turn, up=up)
+    return objects.insert(scene, other, at, cameras, execution, turn=turn, up=up)
 
 
 def followed(flags: Flags, change: Change, outcome: Outcome) -> dict[str, Bool[Tensor, " m"]]:
