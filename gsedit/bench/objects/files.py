@@ -9,6 +9,7 @@ inserted.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -21,9 +22,11 @@ from torch import Tensor
 
 from gsedit.bench.objects.cases import NOON, Case, placed
 from gsedit.bench.objects.scores import Truth, changes
+from gsedit.datasets.dataset import View
 from gsedit.datasets.view_list_files import ViewList, read_view_list, write_view_list
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.errors import UsageError
+from gsedit.fitting.solve import solve_colors
 from gsedit.formats.flags import read_flags, write_flags
 from gsedit.formats.pictures import as_picture, read_picture, save_picture
 from gsedit.formats.scenes import load, save
@@ -48,8 +51,7 @@ class Size:
     side: int = 128
     """Pixels a side of pictures."""
     fitted: bool = False
-    """Whether Gaussians are fitted to the photos, instead of laid on the surfaces."""
-    fit_steps: int = 1500
+    """Whether colors are fitted to the photos, and right pictures are traced."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,17 +93,21 @@ def write_scene(stage: Stage, folder: Path, size: Size) -> None:
     cameras = stage.training(size.side)
     photos = [stage.photo(camera) for camera in cameras]
     _write_views(folder / "capture", cameras, photos)
+    given = stage.gaussians(size.gaussians, sh_degree=int(size.fitted))
     if size.fitted:
-        from gsedit.fitting.fit import fit
-        from gsedit.fitting.settings import FitSettings
-
-        settings = FitSettings(steps=size.fit_steps, seconds=None)
-        given = stage.labelled(fit(stage.dataset(cameras), settings).scene)
-    else:
-        given = stage.gaussians(size.gaussians)
+        given = replace(given, scene=_fitted(given.scene, cameras, photos))
     save(given.scene, folder / "scene.ply", overwrite=True)
     np.save(folder / "labels.npy", given.labels.numpy())
     write_record(list(given.names), folder / "names.json")
+
+
+def _fitted(
+    scene: Gaussians, cameras: Sequence[Camera], photos: Sequence[Float[Tensor, "h w 3"]]
+) -> Gaussians:
+    """The scene in the colors that explain photos best, which differ from side to side."""
+    views = [View(_name(i), camera, each) for i, (camera, each) in enumerate(zip(cameras, photos))]
+    everything = torch.ones(len(scene), dtype=torch.bool)
+    return deque(solve_colors(scene, views, everything), maxlen=1).pop().scene
 
 
 def read_labelled(folder: Path) -> Labelled:
