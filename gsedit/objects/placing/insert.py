@@ -88,7 +88,9 @@ def insert(
     light = daylight(around, sun_of(scene, motion.stance, execution))
     base = shaded(same(scene), None, Standing(there, motion.stance), light, execution)
     rows = torch.full((len(there),), NEW)
-    return added(base, there, rows, (note, *notes_of(motion, there, scene, execution)))
+    return added(
+        base, there, rows, (note, *notes_of(replace(motion, rise=0.0), there, scene, execution))
+    )
 
 
 def _check(

@@ -61,8 +61,6 @@ class Landing:
     normal: Float[Tensor, "3"]
     found: bool
     """Whether there is one; else the object stays at its height."""
-    crowded: float = 0.0
-    """Share of its outline, from above, in which something else rises higher than its base."""
 
 
 def directions(place: Place) -> dict[str, Float[Tensor, "3"]]:
@@ -237,8 +235,6 @@ def land(
     if len(there) < CARRIED * int(at.sum()):
         return Landing(foot, up, False)
     rough = float(there.quantile(RANK))
-    over = seen.heights[seen.under(body.means)]
-    crowded = float((over > rough + BASE * stance.height).double().mean())
     shift = (rough - foot @ up) * up
     lowered = replace(body, means=body.means + shift.to(body.means))
     support = carrier(lowered, seen, up)
@@ -247,17 +243,25 @@ def land(
         normal = torch.from_numpy(support.normal)
         along = (support.offset - point @ normal) / (normal @ up)
         if abs(float(along)) <= AGREES * stance.height:
-            return Landing(point + along * up, normal, True, crowded)
-    return Landing(point, up, True, crowded)
+            return Landing(point + along * up, normal, True)
+    return Landing(point, up, True)
 
 
-def carried(body: Gaussians, stance: Stance, rest: Gaussians, execution: Execution = AUTO) -> float:
-    """Share of an object's base, in [0, 1], that is over a surface at the height of its foot."""
+def carried(
+    body: Gaussians, stance: Stance, rest: Gaussians, execution: Execution = AUTO
+) -> tuple[float, float]:
+    """Shares, in [0, 1], of an object's base that is over a surface at the height of its foot, and
+    of its outline from above that something else than this surface reaches into."""
     ceiling = float(stance.foot @ stance.up) + STEP * stance.height
     seen = map_around(body, rest, stance.foot, stance.up, ceiling, execution)
     at = _under(body, stance.foot, stance, seen)
     off = (seen.heights[at] - stance.foot @ stance.up).abs()
-    return float((off <= BASE * stance.height).double().mean())
+    level = float((off <= BASE * stance.height).double().mean())
+    top = float(stance.foot @ stance.up) + stance.height
+    seen = map_around(body, rest, stance.foot, stance.up, top, execution)
+    others = seen.heights > stance.foot @ stance.up + BASE * stance.height
+    outline = seen.under(body.means)
+    return level, float((outline & others).sum() / outline.sum().clamp_min(1))
 
 
 def _under(

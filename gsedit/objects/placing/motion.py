@@ -41,7 +41,7 @@ class Motion:
     landing: Landing | None
     """The surface that it was set on; None where it kept its height or its place."""
     rise: float = 0.0
-    """Way up, world units, on which it was set on that surface."""
+    """Height of that surface over the one that it stood on, world units."""
 
 
 def moved(body: Gaussians, similarity: Similarity) -> Gaussians:
@@ -77,7 +77,7 @@ def motion_of(
             onto = other if _on_top(placement.to) and other is not None else rest
             there = moved(sized, _shift(target - stance.foot))
             landing = land(there, target, tall, onto, ceiling, execution)
-            risen = float((landing.point - target) @ tall.up)
+            risen = float((landing.point - stance.foot) @ tall.up)
             target = landing.point
     lean = _lean(stance, landing).about(stance.foot.numpy())
     way_there = _shift(target + rise * tall.up - stance.foot)

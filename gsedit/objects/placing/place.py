@@ -89,7 +89,7 @@ def added(base: Outcome, body: Gaussians, rows: Tensor, notes: tuple[str, ...]) 
     )
 
 
-CROWDED = 0.1
+CROWDED = 0.05
 """Share of an object's outline over something that rises beside its foot, from which it is told."""
 LEVEL = 0.01
 """Way up or down to the surface, of an object's height, from which it is told."""
@@ -109,11 +109,11 @@ def notes_of(
     notes = []
     if abs(motion.rise) > LEVEL * stance.height:
         way = "higher" if motion.rise > 0 else "lower"
-        notes.append(f"set on the surface there, {abs(motion.rise):.3g} world units {way}")
-    share = carried(body, stance, rest, execution)
+        notes.append(f"what it stands on there is {abs(motion.rise):.3g} world units {way}")
+    share, crowded = carried(body, stance, rest, execution)
     if share < OVER_EDGE:
         notes.append(f"{1 - share:.0%} of its base is over the edge of what carries it")
-    if landing is not None and landing.crowded > CROWDED:
+    if crowded > CROWDED:
         notes.append("it reaches into what stands there: put it farther away, or make it smaller")
     return tuple(notes)
 
