@@ -140,7 +140,10 @@ def as_command(body: Body) -> Body:
     options += [keyword("set_", SetOption, None), keyword("help_all", HelpAll, False)]
 
     def command(**values: Any) -> Any:
+        from ..options.saved import with_saved_regions
+
         del values["set_"], values["help_all"]  # VerbCommand has treated them
+        values = with_saved_regions(values)
         gathered = {
             name: group.gather({member: values.pop(member) for member in members})
             for name, (group, members) in groups.items()

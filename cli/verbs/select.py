@@ -2,40 +2,63 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gsedit.errors import UsageError
 
-from ..core.command import option, output
+from ..core.command import option, output, shows
 from ..core.console import print_message, print_result
 from ..core.outputs import check_file
-from ..options.common import Common, DropInvalid, Force, Scene
+from ..options.common import Common, DropInvalid, Force, Scene, load_scene
 from ..options.files import FileOptions
+from ..options.pointing import PointingOptions
 from ..options.selection import SelectionOptions, need_selection
 
 if TYPE_CHECKING:
     import numpy as np
+    from torch import Tensor
 
+    from gsedit.datasets.viewpoints import Viewpoint
     from gsedit.formats.streams import SceneSource
+    from gsedit.regions.region import Region
     from gsedit.toolkit.selection.base import Selection
+    from rasterizer.scene import Gaussians
 
 
 @dataclass(frozen=True)
 class SelectOptions:
     """Options of `gsedit select` alone."""
 
-    out: Path | None = output(None, ".npy file of flags to write. Not needed by --dry-run.")
+    out: Path | None = output(
+        None,
+        ".npy file of flags to write, or a .png that shows what --at, --phrase or --objects find.",
+    )
+    name: str | None = option(
+        None,
+        "Save what --at or --phrase selects beside the scene: --region NAME of other commands "
+        "then means it.",
+        "NAME",
+        flags="--as",
+    )
+    objects: bool = option(False, "List the objects of the scene, and draw them into -o FILE.png.")
     dry_run: bool = option(False, "Only say how many are selected; write nothing.")
 
 
+@shows(
+    "--at", "--phrase", "--objects", "--as", "--where", "--region", "--data", "--size", "--output",
+    "--dry-run", "--force",
+)  # fmt: skip
 def select(
     scene: Scene,
     drop_invalid: DropInvalid = False,
     force: Force = False,
     *,
     own: SelectOptions,
+    pointing: PointingOptions,
     selection: SelectionOptions,
     files: FileOptions,
     common: Common,
@@ -45,7 +68,15 @@ def select(
     gsedit select scene.ply --where "sphere(0,-0.5,0, 0.35)" -o region.npy
 
     gsedit select bear.ply --where "subject('turn it into bronze')" --data photos/ -o bear.npy
+
+    gsedit select bear.ply --at frame_00001.jpg:120,120 --as bear
+
+    gsedit select bear.ply --objects -o objects.png
     """
+    if own.objects or pointing.given:
+        return select_thing(scene, own, pointing, selection, drop_invalid, force, common)
+    if own.name is not None:
+        raise UsageError("--as saves what --at or --phrase selects: add one of them")
     if own.out is None and not own.dry_run:
         raise UsageError("name the file of flags to write with -o, or add --dry-run")
     check_file(own.out, force or own.dry_run, ".npy")
@@ -65,6 +96,117 @@ def select(
     record = {"scene": scene, "output": written, "selected": count, "gaussians": total}
     text = str(written) if written else "nothing was written (--dry-run)"
     print_result(record, text, as_json=common.json)
+
+
+def select_thing(
+    scene: Path,
+    own: SelectOptions,
+    pointing: PointingOptions,
+    selection: SelectionOptions,
+    drop_invalid: bool,
+    force: bool,
+    common: Common,
+) -> None:
+    """Select what is pointed at, or list the objects. Raises UsageError."""
+    check_thing(scene, own, pointing, selection, force)
+    common.apply()
+    gaussians = load_scene(scene, drop_invalid=drop_invalid).detach()
+    views = pointing.views(scene, gaussians, selection.data)
+    if own.objects:
+        return list_objects(scene, gaussians, views, own.out, force, common)
+    subject = partial(subject_flags, gaussians, views)
+    found = pointing.region(gaussians, views, subject)
+    print_message(f"select: {found}")
+    written = [] if own.dry_run else save_thing(found, scene, gaussians, views, own, force)
+    count, total = int(found.inside.sum()), len(found.inside)
+    record = {"scene": scene, "output": written, "selected": count, "gaussians": total}
+    text = "\n".join(map(str, written)) or "nothing was written (--dry-run)"
+    print_result({**record, "note": found.note}, text, as_json=common.json)
+
+
+def check_thing(
+    scene: Path,
+    own: SelectOptions,
+    pointing: PointingOptions,
+    selection: SelectionOptions,
+    force: bool,
+) -> None:
+    """Raise UsageError for options that do not go together, or a place that cannot be written."""
+    from gsedit.regions.saved import check_name, saved_file
+
+    pointing.check()
+    if selection.given or (own.objects and (pointing.given or own.name is not None)):
+        raise UsageError("--objects, --at and --phrase go alone: leave out --where and --region")
+    if own.name is not None:
+        name = check_name(own.name)
+        if not force and not own.dry_run and saved_file(scene, name):
+            raise UsageError(f"the selection {name} of {scene} exists: add --force to replace it")
+    elif own.out is None and not own.dry_run and not own.objects:
+        raise UsageError("name the selection with --as NAME, or the file with -o, or add --dry-run")
+    pictured = own.objects or (own.out is not None and own.out.suffix.lower() == ".png")
+    check_file(own.out, force or own.dry_run, ".png" if pictured else ".npy")
+
+
+def save_thing(
+    found: Region,
+    scene: Path,
+    gaussians: Gaussians,
+    views: Sequence[Viewpoint],
+    own: SelectOptions,
+    force: bool,
+) -> list[Path]:
+    """Write a selection where it was asked for; return the files."""
+    from gsedit.formats.pictures import save_picture
+    from gsedit.pictures.segment_sheet import region_sheet
+    from gsedit.regions.region import save_region
+    from gsedit.regions.saved import save_named
+
+    written = []
+    if own.out is not None and own.out.suffix.lower() == ".png":
+        save_picture(region_sheet(gaussians, found, views), own.out, overwrite=force)
+        written.append(own.out)
+    elif own.out is not None:
+        save_region(found, own.out, overwrite=force)
+        written.append(own.out)
+    if own.name is not None:
+        written.append(save_named(found, scene, own.name, overwrite=force))
+    return written
+
+
+def list_objects(
+    scene: Path,
+    gaussians: Gaussians,
+    views: Sequence[Viewpoint],
+    out: Path | None,
+    force: bool,
+    common: Common,
+) -> None:
+    """Print the segments of a scene, a line each, and draw them."""
+    from gsedit.formats.pictures import save_picture
+    from gsedit.objects import segment
+    from gsedit.objects.selecting.looks import names
+    from gsedit.pictures.segment_sheet import segment_sheet
+
+    segments = segment(gaussians, [each.camera for each in views])
+    told = names(segments)
+    if out is not None:
+        save_picture(segment_sheet(gaussians, segments, told, views), out, overwrite=force)
+    lines, records = [], []
+    for row, name in zip(segments.rows, told):
+        count = int((segments.labels == row.number).sum())
+        on = f", on {told[row.stands_on]}" if row.stands_on >= 0 else ""
+        lines.append(f"{row.number:3} {name}: {count:,} Gaussians, {row.pixels:.1%} of views{on}")
+        records.append({"number": row.number, "name": name, "kind": row.kind, "gaussians": count})
+    text = "\n".join([*lines, *([str(out)] if out else [])])
+    print_result({"scene": scene, "output": out, "segments": records}, text, as_json=common.json)
+
+
+def subject_flags(gaussians: Gaussians, views: Sequence[Viewpoint]) -> Tensor | None:
+    """The main subject as `gsedit edit` finds it; None where nothing stands out."""
+    from gsedit.editing.routes.subject import find_part
+
+    found = find_part(gaussians, views)
+    return None if found.is_all else found.inside
 
 
 def flags_of(source: SceneSource, selection: Selection, *, drop_invalid: bool) -> np.ndarray:

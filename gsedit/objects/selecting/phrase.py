@@ -64,7 +64,8 @@ def find_phrase(
         return find_masked(phrase, scene, masks, cameras, execution)
     found = segment(scene, cameras, execution) if segments is None else segments
     finder = _Finder(phrase, found, subject)
-    numbers = sorted({row.number for query in queries for row in finder.find(query)})
+    named = finder.named()
+    numbers = named or sorted({row.number for query in queries for row in finder.find(query)})
     inside = found.inside(*numbers)
     if inside.all() or not inside.any():
         raise UsageError(
@@ -95,6 +96,11 @@ class _Finder:
             f"the {self.names[i]} {'one' if self.segments.rows[i].kind == 'object' else ''}".strip()
             for i in numbers
         )
+
+    def named(self) -> list[int]:
+        """The segment whose short name the phrase is, as "the gray 2"; nothing without one."""
+        said = self.phrase.lower().strip().removeprefix("the ").removesuffix(" one")
+        return [i for i, name in enumerate(self.names) if name == said]
 
     def find(self, query: Query) -> list[Segment]:
         """The segments of a query. Raises UsageError."""

@@ -1,0 +1,126 @@
+"""Options that point at a thing of a scene: pixels of its views, or a phrase."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gsedit.errors import UsageError
+
+from ..core.command import option
+from .cameras import ViewOptions, resolve_cameras
+
+if TYPE_CHECKING:
+    import torch
+
+    from gsedit.datasets.viewpoints import Viewpoint
+    from gsedit.objects.selecting.click import Click
+    from gsedit.regions.region import Region
+    from rasterizer.scene import Gaussians
+
+PLACE = re.compile(r"(?P<out>not:)?(?P<view>.+):(?P<x>\d+(\.\d*)?),(?P<y>\d+(\.\d*)?)")
+"""A pixel of a view: [not:]VIEW:X,Y."""
+FOUND_VIEWS = 24
+"""Views that are found for a scene without cameras."""
+
+
+@dataclass(frozen=True)
+class PointingOptions:
+    """Options that choose a thing by a pixel or by words."""
+
+    at: list[str] | None = option(
+        None,
+        "Select the object at a pixel, as in frame_00012.jpg:130,80 or 3:130,80; repeatable. "
+        "not:VIEW:X,Y takes away what is there. Column and row of the view at --size.",
+        "VIEW:X,Y",
+    )
+    phrase: str | None = option(
+        None,
+        "Select by words, as in 'the red one', 'second from the left', 'the ground'.",
+        "PHRASE",
+    )
+    size: int | None = option(
+        None, "Longer side of the views that --at counts in.", "PIXELS", min=16, show_default="256"
+    )
+
+    @property
+    def given(self) -> bool:
+        """Whether anything was pointed at."""
+        return bool(self.at) or self.phrase is not None
+
+    def check(self) -> None:
+        """Raise UsageError for both ways at once, or a place that is none."""
+        if self.at and self.phrase is not None:
+            raise UsageError("--at and --phrase both name a thing: leave one out")
+        for text in self.at or ():
+            place(text)
+
+    def views(self, path: Path, scene: Gaussians, data: Path | None) -> tuple[Viewpoint, ...]:
+        """Return the views of --data, those recorded beside the scene, or found ones."""
+        from rasterizer.numerics import AUTO
+
+        options = ViewOptions(data=data, size=self.size)
+        return resolve_cameras(path, scene, options, FOUND_VIEWS, AUTO).viewpoints
+
+    def region(
+        self, scene: Gaussians, views: Sequence[Viewpoint], subject: Subject | None = None
+    ) -> Region:
+        """Return what is pointed at. Raises UsageError where that is nothing."""
+        from gsedit.objects import find_phrase, select_at
+
+        cameras = [each.camera for each in views]
+        if self.at:
+            return select_at(scene, [click(text, views) for text in self.at], cameras)
+        return find_phrase(self.phrase or "", scene, cameras, subject=subject)
+
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    Subject = Callable[[], torch.Tensor | None]
+
+
+def place(text: str) -> tuple[str, float, float, bool]:
+    """Return (view, x, y, inside) of a place. Raises UsageError."""
+    found = PLACE.fullmatch(text.strip())
+    if found is None:
+        raise UsageError(
+            f"--at {text}: give a view, a column and a row, as in --at frame_00012.jpg:130,80, or "
+            "not:... for a place that is not on it"
+        )
+    return found["view"], float(found["x"]), float(found["y"]), found["out"] is None
+
+
+def click(text: str, views: Sequence[Viewpoint]) -> Click:
+    """Return the click at a place of one of the views. Raises UsageError for no such view."""
+    from gsedit.objects import Click
+
+    name, x, y, inside = place(text)
+    view = find_view(name, views)
+    return Click(view.camera, x + 0.5 * x.is_integer(), y + 0.5 * y.is_integer(), inside, view.name)
+
+
+def find_view(name: str, views: Sequence[Viewpoint]) -> Viewpoint:
+    """Return the view of a name, the end of one without its suffix, or a number from 0.
+
+    Raises UsageError for none or several.
+    """
+    exact = [each for each in views if each.name == name]
+    ends = [each for each in views if name in (Path(each.name).name, Path(each.name).stem)]
+    found = exact or ends
+    if not found and name.isdigit() and int(name) < len(views):
+        found = [views[int(name)]]
+    if len(found) == 1:
+        return found[0]
+    names = [each.name for each in views]
+    if found:
+        raise UsageError(f"--at {name}: several views have this name: give its number from 0")
+    near = get_close_matches(name, names, 1)
+    hint = f"did you mean {near[0]}?" if near else f"the first is {names[0]}"
+    raise UsageError(
+        f"--at {name}: no view has this name; {hint} (numbers 0 to {len(views) - 1} name them too)"
+    )

@@ -1,0 +1,91 @@
+"""`gsedit select` by a pixel or by words, the list of objects, and names as regions."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from command_line import gsedit
+from objects.playroom import playroom
+from PIL import Image
+
+from gsedit import load, save
+from gsedit.datasets.cameras_json import write_cameras
+from gsedit.datasets.viewpoints import Viewpoint
+
+ON_BALL = "view_0:20,50"
+"""The middle of the red ball in the first view, at 96 pixels."""
+
+
+@pytest.fixture(scope="module")
+def room(tmp_path_factory):
+    made = playroom()
+    folder = tmp_path_factory.mktemp("room")
+    save(made.scene, folder / "room.ply")
+    views = [Viewpoint(f"view_{i}", camera) for i, camera in enumerate(made.cameras)]
+    write_cameras(views, folder / "cameras.json")
+    return folder / "room.ply"
+
+
+def select(room, *words):
+    return gsedit("select", room, "--size", 96, *words)
+
+
+def test_a_selection_is_saved_by_name_and_stands_for_a_region(room, tmp_path):
+    result = select(room, "--at", ON_BALL, "--as", "the ball", "-o", tmp_path / "ball.npy")
+    assert result.exit_code == 0, result.stderr
+    flags = np.load(tmp_path / "ball.npy")
+    true = playroom().of("red ball").numpy()
+    assert (flags & true).sum() > 0.9 * (flags | true).sum()
+    words = ["--region", "The Ball", "-o", tmp_path / "alone.ply"]
+    assert gsedit("filter", room, *words).exit_code == 0
+    assert len(load(tmp_path / "alone.ply")) == flags.sum()
+    again = select(room, "--at", ON_BALL, "--as", "the ball")
+    assert again.exit_code == 2
+    assert "add --force" in again.stderr
+    stale = tmp_path / "alone.regions"
+    stale.mkdir()
+    np.save(stale / "the ball.npy", flags)
+    other = gsedit("filter", tmp_path / "alone.ply", "--region", "the ball", "--dry-run")
+    assert other.exit_code == 3
+    assert "belongs to the scene that it was made for" in other.stderr
+
+
+def test_an_unknown_name_is_refused_with_those_that_are_saved(room, tmp_path):
+    select(room, "--phrase", "the ground", "--as", "floor", "--force")
+    result = gsedit("filter", room, "--region", "chair", "-o", tmp_path / "x.ply")
+    assert result.exit_code == 2
+    assert "floor" in result.stderr
+
+
+def test_objects_are_listed_and_drawn(room, tmp_path):
+    result = select(room, "--objects", "--json", "-o", tmp_path / "objects.png")
+    assert result.exit_code == 0, result.stderr
+    listed = json.loads(result.stdout)["segments"]
+    assert {"red", "blue", "white", "yellow", "ground"} <= {row["name"] for row in listed}
+    assert sum(row["gaussians"] for row in listed) == len(playroom().scene)
+    assert Image.open(tmp_path / "objects.png").width > 400
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--at", "view_0:20"], "give a view, a column and a row"),
+        (["--at", "viewer_0:2,3"], "did you mean view_0"),
+        (["--at", "0:200,3"], "beside the picture of view_0"),
+        (["--at", "0:1,1"], "nothing is at 1.5,1.5 of view_0"),
+        (["--at", ON_BALL, "--phrase", "it"], "leave one out"),
+        (["--at", ON_BALL, "--as", "a/b"], "no name for a selection"),
+        (["--at", ON_BALL, "--as", "auto"], "no name for a selection"),
+        (["--phrase", "the purple one"], "--objects"),
+        (["--phrase", "everything"], "whole scene"),
+        (["--as", "ball"], "add one of them"),
+        (["--objects", "--where", "x > 0"], "go alone"),
+    ],
+)
+def test_what_cannot_be_selected_is_refused_in_a_line(room, words, message):
+    result = select(room, *words, "--dry-run")
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert not room.with_name("room.regions").joinpath("a").exists()
