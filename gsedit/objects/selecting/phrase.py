@@ -238,7 +238,8 @@ class _Finder:
         if relation == "on":
             found = [row for row in rows if row.stands_on in numbers]
         elif relation == "under":
-            found = [row for row in rows if row.number in {r.stands_on for r in others[0]}]
+            carriers = {r.stands_on for r in others[0]}  # the ground too
+            found = [row for row in self.segments.rows if row.number in carriers]
             found = found or [row for row in rows if _over(reference, row)]
         elif relation == "above":
             found = [row for row in rows if _over(row, reference)]
