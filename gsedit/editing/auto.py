@@ -12,6 +12,7 @@ from gsedit.datasets.dataset import Dataset
 from gsedit.datasets.viewpoints import viewpoints_of
 from gsedit.editing.edit import edit_steps
 from gsedit.editing.routes.apply import is_exact
+from gsedit.editing.routes.named import Names
 from gsedit.editing.routes.plan import asks_editor_2d, steps_of
 from gsedit.editing.routes.result import routed_result
 from gsedit.editing.session.actions import Strategy
@@ -19,6 +20,7 @@ from gsedit.editing.session.result import EditResult
 from gsedit.editing.session.settings import EditSettings
 from gsedit.editor_protocol import Editor
 from gsedit.editors import make_editor
+from gsedit.mask_protocol import MaskProvider
 from gsedit.measures.features import FeatureExtractor
 from gsedit.words.read import read_instruction
 from rasterizer.scene import Gaussians
@@ -34,6 +36,7 @@ def edit(
     strategy: Strategy | None = None,
     features: FeatureExtractor | None = None,
     generator: torch.Generator | None = None,
+    masks: MaskProvider | None = None,
 ) -> EditResult:
     """Edit a scene from a sentence, to the end.
 
@@ -41,7 +44,8 @@ def edit(
     draws what no route does. Where they take turns, the result is that of the last one. With an
     editor, a strategy, features, or a setting other than `region` and `execution`, the 2D editor
     (`small` if none is given) draws all of it: see `edit_steps`.
-    Raises UsageError for a sentence that is refused.
+    `masks` finds what sentences name ("the chair", gsedit.masks.registry); without it a noun alone
+    is the subject. Raises UsageError for a sentence that is refused.
     """
     request: dict[str, Any] = {"dataset": dataset, "settings": settings, "features": features}
     request["generator"] = generator or torch.Generator().manual_seed(0)
@@ -53,7 +57,8 @@ def edit(
         now = scene if result is None else result.scene
         if is_exact(step):
             views = dataset or around(now)
-            result = routed_result(now, step, viewpoints_of(views), settings)
+            viewpoints = viewpoints_of(views)
+            result = routed_result(now, step, viewpoints, settings, names=Names(masks=masks))
         else:
             result = _drawn(now, step.text, **request)
     assert result is not None  # a known instruction has changes

@@ -16,6 +16,7 @@ from gsedit.datasets.image_ops import downscale
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editing.guided import carry_change
+from gsedit.editing.routes.named import Names
 from gsedit.editing.routes.result import change_scene
 from gsedit.editing.session.settings import EditSettings
 from gsedit.editing.session.unedited import edit_camera
@@ -56,6 +57,7 @@ def preview_routed(
     instruction: Instruction,
     viewpoints: Sequence[Viewpoint],
     settings: EditSettings | None = None,
+    names: Names | None = None,
 ) -> Preview:
     """The first view of a scene as exact routes change it, about as the whole edit will.
 
@@ -66,7 +68,7 @@ def preview_routed(
     camera = viewpoints[0].camera
     ones = torch.ones(camera.height, camera.width)
     shown = lift(scene, [camera], [ones], settings.execution).weight > SHOWN_PIXELS
-    routed = change_scene(scene, instruction, some, settings, shown)
+    routed = change_scene(scene, instruction, some, settings, shown, names)
     before, after = (render_picture(s, camera, settings.execution) for s in (scene, routed.scene))
     return Preview(View("before", camera, before), (View("after", camera, after),))
 

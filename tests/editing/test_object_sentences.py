@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
+import numpy as np
 import pytest
 import torch
 
 import gsedit
 from gsedit.datasets.dataset import Dataset, capture
+from gsedit.datasets.viewpoints import viewpoints_of
+from gsedit.editing.routes.named import Names
+from gsedit.editing.routes.result import change_scene
 from gsedit.synthetic.staged import stage
+from gsedit.words.read import read_instruction
 
 STAGE = stage("meadow")
 
@@ -43,6 +50,41 @@ def test_a_copy_is_painted_and_the_original_is_not(meadow):
     green = result.scene.sh[:, 0, 1] > result.scene.sh[:, 0, 0]
     assert green[count:].float().mean() > 0.9
     assert green[:count][ball].float().mean() < 0.1
+
+
+@dataclass(frozen=True)
+class Segmenter:
+    """Masks that know what is called what."""
+
+    name: str = "truth"
+
+    def check(self, phrase: str) -> None:
+        """Nothing is refused."""
+
+    def masks(self, pictures, phrase):
+        thing = {"the ball": "red ball", "the post": "blue post"}[phrase]
+        for camera in STAGE.training(pictures[0].shape[0]):
+            yield STAGE.mask(camera, thing).float()
+
+
+def test_with_masks_nouns_are_what_a_network_finds(meadow):
+    labelled, views = meadow
+    words = "keep only the post"
+    result = gsedit.edit(labelled.scene, words, dataset=views, masks=Segmenter())
+    assert result.region_before is not None
+    kept = ~result.region_before.inside
+    assert kept[labelled.of("blue post")].float().mean() > 0.9
+    assert kept[labelled.of("red ball")].float().mean() < 0.1
+
+
+def test_a_saved_name_is_what_it_was_saved_as(meadow, tmp_path):
+    labelled, views = meadow
+    ball = labelled.of("red ball")
+    np.save(tmp_path / "globe.npy", ball.numpy())
+    names = Names({"globe": tmp_path / "globe.npy"})
+    read = read_instruction("keep only the globe")
+    routed = change_scene(labelled.scene, read, viewpoints_of(views), names=names)
+    assert torch.equal(routed.scene.means, labelled.scene.means[ball])
 
 
 @pytest.mark.parametrize(

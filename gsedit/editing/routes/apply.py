@@ -11,7 +11,7 @@ from torch import Tensor
 
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.editing.routes.colors import parse_hex
-from gsedit.editing.routes.named import FindNamed, FindRegion, regions_of
+from gsedit.editing.routes.named import FindNamed, FindRegion, Names, regions_of
 from gsedit.editing.routes.objects import act, followed, key_of, runs
 from gsedit.editing.routes.tone import toned
 from gsedit.errors import UsageError
@@ -151,12 +151,14 @@ def apply_instruction(
     execution: Execution = AUTO,
     shown: Bool[Tensor, " n"] | None = None,
     find_named: FindNamed | None = None,
+    names: Names | None = None,
 ) -> Routed:
     """The scene with every change of the instruction, in order; the subject is searched once.
 
     The cameras, if any, tell which Gaussians are seen: paint is adjusted to those. What is not
     `shown` (None: all is) may keep its old reflections, as for one picture. `find_named` finds what
-    phrases name (None: each is what `find_region` finds); all is found before anything is changed.
+    phrases name (None: each is what `find_region` finds), `names` tell which nouns it knows; all is
+    found before anything is changed.
     Raises UsageError where a change has no exact route, InputError for a file that is no scene, and
     as `apply_change`, `act`, `find_region` do.
     """
@@ -166,7 +168,7 @@ def apply_instruction(
     for change in changes:
         if change.name == "insert":
             open_scene(change.phrase)  # a file that is none is told before any work is done
-    regions = regions_of(scene, changes, find_region, find_named)
+    regions = regions_of(scene, changes, find_region, find_named, names)
     flags = {key: region.inside for key, region in regions.items()}
     flags["shown"] = torch.ones(len(scene), dtype=torch.bool) if shown is None else shown
     seeing = any(change.route in SEEING_ROUTES for change in changes)

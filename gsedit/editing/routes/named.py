@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
 
 from gsedit.editing.routes.objects import MADE, key_of
 from gsedit.errors import UsageError
+from gsedit.mask_protocol import MaskProvider
 from gsedit.regions.region import Region, everything
 from gsedit.words.instruction import Change
-from gsedit.words.phrases import GROUNDS, IT, is_noun
+from gsedit.words.phrases import DEFINITE, GROUNDS, IT, is_noun
 from rasterizer.scene import Gaussians
 
 FindRegion = Callable[[Gaussians], Region]
@@ -17,23 +20,41 @@ FindNamed = Callable[[Gaussians, str], Region]
 """Finds what a phrase names in a scene."""
 
 
+@dataclass(frozen=True, eq=False)
+class Names:
+    """Names that phrases may have, beside the colors, sizes and places that need no network."""
+
+    saved: Mapping[str, Path] = field(default_factory=dict)
+    """Files of flags (.npy) of saved selections, by name."""
+    masks: MaskProvider | None = None
+    """Finds any noun in pictures."""
+
+    def file_of(self, phrase: str) -> Path | None:
+        """The file of the saved selection that a phrase names, with a determiner or without."""
+        bare = " ".join(word for word in phrase.split() if word not in DEFINITE)
+        return next((self.saved[each] for each in (phrase, bare) if each in self.saved), None)
+
+    def knows(self, phrase: str) -> bool:
+        """Whether the noun of a phrase is known, and not only taken for the subject."""
+        return self.masks is not None or self.file_of(phrase) is not None
+
+
 def regions_of(
     scene: Gaussians,
     changes: Sequence[Change],
     find_region: FindRegion,
     find_named: FindNamed | None = None,
-    *,
-    knows_nouns: bool = False,
+    names: Names | None = None,
 ) -> dict[str, Region]:
     """Regions of a scene by `key_of` and by phrase; "subject" is that of "it".
 
-    The subject is searched once, and only where it is needed. It is also what a noun alone names
-    ("the bear"), if `find_named` does not know nouns, and what every phrase does without
-    `find_named`. Raises as these two do, and UsageError for two nouns that nothing tells apart.
+    The subject is searched once, and only where it is needed. It is also what the first noun alone
+    ("the bear") is taken for, if the names do not know it, and every phrase without `find_named`.
+    Raises as these two do, and UsageError for two nouns that nothing tells apart.
     """
-    phrases = _phrases(changes)
+    phrases, names = _phrases(changes), names or Names()
     targets = {key_of(change) for change in changes} & {"scene", "subject", "background"}
-    nouns = [] if knows_nouns else [each for each in phrases if is_noun(each)]
+    nouns = [each for each in phrases if is_noun(each) and not names.knows(each)]
     meant = phrases if find_named is None else nouns[: IT not in phrases]
     found = {"scene": everything(scene)} if "scene" in targets else {}
     if targets & {"subject", "background"} or IT in phrases or meant:

@@ -14,6 +14,7 @@ from gsedit.datasets.dataset import View, capture, evenly_spaced
 from gsedit.datasets.view_list_files import HELD_OUT_EVERY, Role
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.editing.routes.apply import Routed, apply_instruction
+from gsedit.editing.routes.named import Names
 from gsedit.editing.routes.objects import MADE
 from gsedit.editing.routes.subject import find_part
 from gsedit.editing.session.progress import Work
@@ -24,7 +25,7 @@ from gsedit.measures.decibels import psnr_from_rmse
 from gsedit.measures.evaluation_input import Evaluation, Mean
 from gsedit.measures.metrics import NEAREST, pooled_rmse, rmse, squared_error
 from gsedit.measures.outside import pixels_outside
-from gsedit.regions.region import Region
+from gsedit.regions.region import Region, read_flags
 from gsedit.runs.stopwatch import Stopwatch
 from gsedit.words.instruction import Change, Instruction
 from rasterizer.numerics import AUTO, Execution
@@ -50,9 +51,10 @@ def change_scene(
     viewpoints: Sequence[Viewpoint],
     settings: EditSettings | None = None,
     shown: Bool[Tensor, " n"] | None = None,
+    names: Names | None = None,
 ) -> Routed:
     """The scene with an instruction's changes, in the region that the settings name, if they do;
-    `shown` as in `apply_instruction`.
+    `shown` as in `apply_instruction`; phrases may have these `names`.
 
     Raises UsageError as `apply_instruction` and `find_part` do.
     """
@@ -64,15 +66,20 @@ def change_scene(
     def find(gaussians: Gaussians) -> Region:
         return find_part(gaussians, viewpoints, settings.region, settings.execution)
 
+    names = names or Names()
     segments = cache(lambda: objects.segment(scene, cameras, settings.execution))
 
     def find_named(gaussians: Gaussians, phrase: str) -> Region:
+        if file := names.file_of(phrase):
+            return Region(read_flags(file, len(gaussians)), f"{phrase}, as it was saved")
+        known = None if names.masks is not None else segments()
         return objects.find_phrase(
-            phrase, gaussians, cameras, segments(), lambda: find(gaussians).inside
-        )
+            phrase, gaussians, cameras, known, lambda: find(gaussians).inside, names.masks,
+            settings.execution,
+        )  # fmt: skip
 
     return apply_instruction(
-        scene, instruction, find, cameras, settings.execution, shown, find_named
+        scene, instruction, find, cameras, settings.execution, shown, find_named, names
     )
 
 
@@ -96,6 +103,7 @@ def routed_result(
     viewpoints: Sequence[Viewpoint],
     settings: EditSettings | None = None,
     stopwatch: Stopwatch | None = None,
+    names: Names | None = None,
 ) -> EditResult:
     """Change a scene on its Gaussians; measured at some of the views that an edit holds out.
 
@@ -103,7 +111,7 @@ def routed_result(
     """
     watch, settings = stopwatch or Stopwatch(), settings or EditSettings()
     with watch.stage("change"):
-        routed = change_scene(scene, instruction, viewpoints, settings)
+        routed = change_scene(scene, instruction, viewpoints, settings, names=names)
     with watch.stage("measure"):
         shown = held_out(viewpoints)
         before = pictures_at(scene, shown, settings.execution)
