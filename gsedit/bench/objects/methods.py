@@ -114,9 +114,7 @@ def _inserted(given: Given) -> Made:
     outcome = placing.insert(
         given.scene, given.other, asked["at"], given.cameras, height=asked["height"], up=UP
     )
-    own = torch.zeros(len(outcome.scene), dtype=torch.bool)
-    own[len(own) - len(given.other) :] = True
-    return Made(outcome.scene, own=own)
+    return Made(outcome.scene, own=outcome.origin < 0)
 
 
 def _joined(given: Given) -> Made:
