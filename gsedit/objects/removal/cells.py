@@ -45,6 +45,11 @@ def closed(mask: Bool[np.ndarray, "h w"], cells: int) -> Bool[np.ndarray, "h w"]
     return padded[cells + 1 : -cells - 1, cells + 1 : -cells - 1].astype(bool)
 
 
+def opened(mask: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
+    """A mask without parts that are one or two cells thin."""
+    return ndimage.binary_opening(mask, np.ones((3, 3))).astype(bool)
+
+
 def enclosing(mask: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
     """A mask with all that it surrounds."""
     found: Any = ndimage.binary_fill_holes(mask)

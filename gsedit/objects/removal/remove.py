@@ -30,10 +30,14 @@ from gsedit.regions.support import extent_of
 from gsedit.surface.normals import shortest_axes
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, SH_DC, Execution, sh_to_color
+from rasterizer.project import rotation_matrices
 from rasterizer.scene import Gaussians, concatenate
 
 VIEWS, VIEW_PIXELS = 48, 256
 """Most views that are asked, and the longer side of their pictures."""
+TALL = 2.5
+"""Standard deviations to which Gaussians under a hole reach: they would show through what fills it.
+"""
 MOST_GAPS = 3
 """Views in which what lies on no plane is continued."""
 
@@ -79,8 +83,7 @@ def remove(
         if sheet is None:
             continue
         left, sheet = _lit(left, sheet, plane, thing.extent)
-        points = left.rest.means.numpy()
-        left = left.without(sheet.holds(points) & plane.on(points))
+        left = left.without(_in_hole(left.rest, sheet, plane))
         made, textured = filled(left.rest, sheet, plane, draw)
         left = left.plus(made)
         smooth += 0 if textured else int(sheet.hole.sum())
@@ -143,6 +146,20 @@ def _lit(left: _Left, sheet: Sheet, plane: Plane, extent: float) -> tuple[_Left,
     return replace(left, changed=left.changed | dark, rest=replace(left.rest, sh=sh)), sheet
 
 
+def _in_hole(scene: Gaussians, sheet: Sheet, plane: Plane) -> Bool[np.ndarray, " n"]:
+    """Flag the Gaussians in the hole of a sheet, and those under it that reach up to the plane."""
+    points = scene.means.numpy()
+    held = np.flatnonzero(sheet.holds(points))
+    some = scene[torch.from_numpy(held)]
+    normal = torch.from_numpy(plane.normal).to(some.means)
+    across = (rotation_matrices(some.quats).mT @ normal * some.scales).norm(dim=-1).numpy()
+    height = plane.heights(points[held])
+    inside = (np.abs(height) < plane.band) | ((height < 0) & (height > -TALL * across - plane.band))
+    gone = np.zeros(len(points), bool)
+    gone[held[inside]] = True
+    return gone
+
+
 def _check(scene: Gaussians, inside: Bool[Tensor, " n"]) -> None:
     if len(inside) != len(scene):
         raise UsageError(f"{len(inside)} flags for {len(scene)} Gaussians: give one a Gaussian")
@@ -183,7 +200,9 @@ def _without(
     planes = find_planes(points, removed, shortest_axes(scene).numpy(), weights, eye)
     colors = sh_to_color(kept.sh[:, 0]).numpy()
     away = _distance(points[removed], points[rest.numpy()]) / extent
-    gone = strays(points[rest.numpy()], colors, away, seen[rest].numpy(), now, planes)
+    gone = strays(
+        points[rest.numpy()], colors, kept.opacities.numpy(), away, seen[rest].numpy(), now, planes
+    )
     return rest[torch.from_numpy(~gone)], planes
 
 

@@ -24,6 +24,8 @@ AROUND = 0.4
 """Farthest that a Gaussian is believed to look like what was hidden, of the extent."""
 OUTLINED = 0.9
 """Share of what it contributes that is in the object's outlines, from which it is enclosed."""
+FAINT, HAZE, HAZE_OUTLINED = 0.3, 0.15, 0.6
+"""Opacity of haze, its farthest reach, of the extent, and its least share in the outlines."""
 ALIKE, ALIKE_SHARE, LEAST_SURE = 0.06, 0.01, 50
 """Distance of two colors that are alike, the share of the sure ones that must be alike, and the
 least number of them that says something."""
@@ -32,6 +34,7 @@ least number of them that says something."""
 def strays(
     points: Float[np.ndarray, "n 3"],
     colors: Float[np.ndarray, "n 3"],
+    opacities: Float[np.ndarray, " n"],
     away: Float[np.ndarray, " n"],
     seen: Float[np.ndarray, " n"],
     now: Contributions,
@@ -41,7 +44,8 @@ def strays(
 
     `away` is the distance from the object in its extent, `seen` what each Gaussian contributed
     while the object was there, `now` what it does without. Those go that nobody saw, on a
-    plane or near the object; near it, what is enclosed and on no plane; and on a plane, what was
+    plane or near the object; near it, what is enclosed and on no plane; haze
+    that is seen before the object more than beside it; and on a plane, what was
     hardly seen and does not look like it: dark remains of a shadow.
     """
     total = np.maximum(now.total.numpy(), 1e-6)
@@ -51,6 +55,8 @@ def strays(
     flat = np.any(layers, 0) if layers else np.zeros(len(points), bool)
     close = away < RIM
     gone = (trust < UNSEEN) & (flat | close) | (enclosed & close & ~flat)
+    haze = (opacities < FAINT) & (away < HAZE) & ~flat
+    gone |= haze & (now.outlined.numpy() > HAZE_OUTLINED * total) & (trust < SURE)
     for layer in layers:
         sure = np.flatnonzero(layer & (away < AROUND) & (trust > SURE))
         asked = np.flatnonzero(layer & (trust < UNSURE) & ~gone)

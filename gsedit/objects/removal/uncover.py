@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, Float64
-from scipy.ndimage import grey_dilation
+from scipy.ndimage import gaussian_filter, grey_dilation
 
-from gsedit.objects.removal.cells import away_from, closed, enclosing, mean_around, parts_of
+from gsedit.objects.removal.cells import away_from, closed, enclosing, mean_around, opened, parts_of
 from gsedit.objects.removal.sheet import Sheet, above, cells_of, harmonics_on
 from gsedit.objects.removal.sight import Sight, testify
 from gsedit.objects.removal.walls import Plane
@@ -31,10 +31,12 @@ BORDERED = 0.25
 """Least share of what is around a hole that is known: else it is a hole of something else."""
 SEEN_THROUGH = 0.34
 """Share of the views that nothing hides a place from, at most, that saw through it."""
+EDGE = 2.0
+"""Standard deviation over which that is averaged, cells: edges of surfaces are even."""
 BEHIND = 0.03
 """Share of what is known of a plane that may lie behind another one that ends it: a corner."""
-LEAST_CELLS = 6
-"""A smaller hole is closed by what is around it."""
+LEAST_CELLS, LEAST_FINE_CELLS = 6, 2
+"""Cells of the smallest hole, coarse and fine: a smaller one is closed by what is around it."""
 CLOSE = 0.1
 """Distance of the object's parts that are close over a plane, of its extent."""
 COARSE = 160
@@ -48,6 +50,8 @@ SURROUNDINGS = 0.6
 
 NEIGHBORHOOD = 1.0
 """Least such width, of the object's extent: a shadow lies within."""
+NEAR_HOLE = 3
+"""Half of the width, in cells, of gaps of a hole in which thin remains are not believed."""
 ISLAND = 0.1
 """Width of what is known amid a hole, of the hole's, below which it is remains of the object."""
 
@@ -91,7 +95,7 @@ def find_sheet(
     middle = thing.center - plane.heights(thing.center[None])[0] * plane.normal
     radius = REACH * thing.extent
     camera = above(plane, middle, np.array((radius, radius)), 2 * radius / COARSE)
-    rough = _drawn(layer, plane, others, camera, thing, views, execution)
+    rough = _drawn(layer, plane, others, camera, LEAST_CELLS, thing, views, execution)
     if not (rough.hole | (rough.caster & rough.known)).any():
         return None
     low, high = _frame(rough, thing.extent)
@@ -100,7 +104,7 @@ def find_sheet(
     half = (high - low) / 2 * rough.cell
     fine = max(thing.pixel, 2 * float(half.max()) / MOST_CELLS)
     camera = above(plane, middle, half, fine)
-    return _drawn(layer, plane, others, camera, thing, views, execution)
+    return _drawn(layer, plane, others, camera, LEAST_FINE_CELLS, thing, views, execution)
 
 
 def _drawn(
@@ -108,6 +112,7 @@ def _drawn(
     plane: Plane,
     others: Sequence[Plane],
     camera: Camera,
+    least: int,
     thing: Object,
     views: Views,
     execution: Execution,
@@ -123,7 +128,9 @@ def _drawn(
     values[..., :3] = 0.5 + SH_DC * np.einsum("hwkc,k->hwc", bands, usual)
     said = testify(points, plane.heights(eyes), views.sights, views.left, plane.band)
     known, values = alpha > COVERED, _even(values, alpha)
-    solid = (said.through <= SEEN_THROUGH * np.maximum(said.unhidden, 1)).reshape(known.shape)
+    shares = said.through, np.maximum(said.unhidden, 1)
+    through, all_ = (gaussian_filter(each.reshape(known.shape), EDGE) for each in shares)
+    solid = through <= SEEN_THROUGH * all_
     for other in others:
         behind = (other.heights(points) < -other.band).reshape(known.shape)
         if (known & behind).sum() <= BEHIND * known.sum():
@@ -131,9 +138,11 @@ def _drawn(
     hidden = (said.revealed > HIDDEN * said.unhidden).reshape(known.shape)
     known |= closed(known, GAP) & solid & ~hidden
     hole = enclosing((hidden & solid) | known) & ~known
-    hole = _surrounded(hole, known)
-    remains = known & closed(hole, 2) & ~_wide(known, hole)
-    known, hole = known & ~remains, hole | remains
+    hole = _surrounded(hole, known, least)
+    for loose in (~_wide(known, hole), ~opened(known)):
+        remains = known & closed(hole, NEAR_HOLE) & loose
+        known, hole = known & ~remains, hole | remains
+    hole = opened(hole) | (hole & enclosing(known))
     empty = Sheet(camera, 1 / camera.fx, values, known, hole, hole, depth, usual)
     close = thing.points[np.abs(plane.heights(thing.points)) < CLOSE * thing.extent]
     cells = empty.at(close)
@@ -169,7 +178,9 @@ def _wide(known: Bool[np.ndarray, "h w"], hole: Bool[np.ndarray, "h w"]) -> np.n
     return known & (sizes >= ISLAND**2 * hole.sum())[numbers]
 
 
-def _surrounded(hole: Bool[np.ndarray, "h w"], known: Bool[np.ndarray, "h w"]) -> np.ndarray:
+def _surrounded(
+    hole: Bool[np.ndarray, "h w"], known: Bool[np.ndarray, "h w"], least: int
+) -> Bool[np.ndarray, "h w"]:
     """The connected holes that are large enough, and bordered by what is known."""
     numbers, count = parts_of(hole)
     sizes = np.bincount(numbers.reshape(-1), minlength=count + 1)
@@ -177,6 +188,6 @@ def _surrounded(hole: Bool[np.ndarray, "h w"], known: Bool[np.ndarray, "h w"]) -
     rim = (grown > 0) & (numbers == 0)
     around = np.bincount(grown[rim], minlength=count + 1)
     bordered = np.bincount(grown[rim & known], minlength=count + 1)
-    kept = (sizes >= LEAST_CELLS) & (bordered >= BORDERED * around)
+    kept = (sizes >= least) & (bordered >= BORDERED * around)
     kept[0] = False
     return kept[numbers]
