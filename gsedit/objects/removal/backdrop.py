@@ -18,7 +18,7 @@ from gsedit.objects.removal.complete import complete
 from gsedit.objects.removal.draw import Draw, drawn_over
 from gsedit.objects.removal.fill import DISC, FLATNESS, OPACITY
 from gsedit.objects.removal.membrane import solve_membrane
-from gsedit.objects.removal.sight import SOLID, Sight, seen_through
+from gsedit.objects.removal.sight import Sight, Views, seen_through
 from gsedit.scene.quaternions import quaternion_of
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution, color_to_sh
@@ -27,6 +27,8 @@ from rasterizer.scene import Gaussians
 
 LEAST_HOLE = 0.01
 """Least hole, of the object's outline: less is not worth a layer."""
+SOLID = 0.5
+"""Opacity of a pixel, below which it is open."""
 SURROUNDED = 0.8
 """Opacity that what is around must continue to: else there is nothing behind the object."""
 KNOWN = 0.9
@@ -43,15 +45,13 @@ class Gap:
     hole: Bool[np.ndarray, "h w"]
 
 
-@torch.no_grad()
-def find_gap(scene: Gaussians, sights: Sequence[Sight], execution: Execution = AUTO) -> Gap | None:
+def find_gap(views: Views) -> Gap | None:
     """The view with the largest hole in the object's outline, and that hole; None: none has any.
 
     Where nothing is around the outline, there is no hole: the object was before nothing.
     """
     best, largest = None, 0.0
-    for sight in sights:
-        alpha = render(scene, sight.camera, execution=execution).alpha.numpy()
+    for sight, alpha in zip(views.sights, views.alpha):
         around = sight.ring | ~sight.outline
         open_ = sight.outline & (alpha < SOLID)
         if open_.sum() <= max(LEAST_HOLE * sight.outline.sum(), largest) or not around.any():

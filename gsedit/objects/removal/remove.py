@@ -22,11 +22,12 @@ from gsedit.objects.removal.draw import Draw
 from gsedit.objects.removal.fill import filled
 from gsedit.objects.removal.shade import find_shade
 from gsedit.objects.removal.sheet import Sheet
-from gsedit.objects.removal.sight import Sight, contributions_of, depth_map, look
-from gsedit.objects.removal.strays import strays
-from gsedit.objects.removal.uncover import Object, Views, find_sheet
+from gsedit.objects.removal.sight import Sight, Views, contributions_of, look, look_again
+from gsedit.objects.removal.strays import AROUND, strays
+from gsedit.objects.removal.uncover import Object, find_sheet
 from gsedit.objects.removal.walls import Plane, find_planes
 from gsedit.regions.support import extent_of
+from gsedit.scene.neighbors import k_nearest
 from gsedit.surface.normals import shortest_axes
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, SH_DC, Execution, sh_to_color
@@ -35,6 +36,10 @@ from rasterizer.scene import Gaussians, concatenate
 
 VIEWS, VIEW_PIXELS = 48, 256
 """Most views that are asked, and the longer side of their pictures."""
+LARGE, FEW_VIEWS = 500_000, 20
+"""Gaussians of a scene of which fewer views are asked, and how many."""
+MOST_POINTS = 20_000
+"""Gaussians of the object that distances are taken from."""
 TALL = 2.5
 """Standard deviations to which Gaussians under a hole reach: they would show through what fills it.
 """
@@ -65,8 +70,9 @@ def remove(
     """
     _check(scene, inside)
     cameras = cameras or _found(scene, execution)
-    views = [cameras[i].fitted(VIEW_PIXELS) for i in evenly_spaced(len(cameras), VIEWS)]
-    sights, seen = look(scene, inside, views, execution)
+    most = VIEWS if len(scene) < LARGE else FEW_VIEWS
+    asked = [cameras[i].fitted(VIEW_PIXELS) for i in evenly_spaced(len(cameras), most)]
+    sights, seen = look(scene, inside, asked, execution)
     if not sights:
         raise UsageError(
             "no camera sees what is selected: give cameras that do, or leave it out with "
@@ -74,10 +80,23 @@ def remove(
         )
     thing = _object(scene, inside, cameras)
     kept, planes = _without(scene, inside, thing.extent, sights, seen, execution)
-    left = _Left(scene, kept, torch.zeros(len(kept), dtype=torch.bool), scene[kept], [])
-    smooth = 0
+    left = _Left(scene, kept, torch.zeros(len(kept), dtype=torch.bool), scene[kept], [], 0)
+    left, views = _planes_filled(left, planes, thing, sights, draw, execution)
+    left = _gaps_filled(left, views, draw, execution)
+    return left.outcome(_notes(inside, left, sights))
+
+
+def _planes_filled(
+    left: _Left,
+    planes: Sequence[Plane],
+    thing: Object,
+    sights: Sequence[Sight],
+    draw: Draw | None,
+    execution: Execution,
+) -> tuple[_Left, Views]:
+    """Fill the holes of planes and take the object's shadow off them, one after the other."""
+    views = look_again(left.scene, sights, execution)
     for plane in planes:
-        views = Views(sights, [depth_map(left.scene, each.camera, execution) for each in sights])
         others = [other for other in planes if other is not plane]
         sheet = find_sheet(left.rest, plane, others, thing, views, execution)
         if sheet is None:
@@ -85,18 +104,23 @@ def remove(
         left, sheet = _lit(left, sheet, plane, thing.extent)
         left = left.without(_in_hole(left.rest, sheet, plane))
         made, textured = filled(left.rest, sheet, plane, draw)
-        left = left.plus(made)
-        smooth += 0 if textured else int(sheet.hole.sum())
+        left = left.plus(made, textured)
+        views = look_again(left.scene, sights, execution)
+    return left, views
+
+
+def _gaps_filled(left: _Left, views: Views, draw: Draw | None, execution: Execution) -> _Left:
+    """Continue what lies on no plane in those views that show the largest holes."""
     for _ in range(MOST_GAPS):
-        gap = find_gap(left.scene, sights, execution)
+        gap = find_gap(views)
         if gap is None:
             break
-        made, textured = backdrop(left.scene, gap, sights, draw, execution)
+        made, textured = backdrop(left.scene, gap, views.sights, draw, execution)
         if not len(made):
             break
-        left = left.plus(made)
-        smooth += 0 if textured else len(made)
-    return left.outcome(_notes(inside, left, sights, smooth))
+        left = left.plus(made, textured)
+        views = look_again(left.scene, views.sights, execution)
+    return left
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +133,8 @@ class _Left:
     rest: Gaussians
     """Those rows, changed or not."""
     made: list[Gaussians]
+    smooth: int
+    """How many of them have no texture."""
 
     @property
     def scene(self) -> Gaussians:
@@ -118,8 +144,9 @@ class _Left:
         stay = torch.from_numpy(~gone)
         return replace(self, rows=self.rows[stay], changed=self.changed[stay], rest=self.rest[stay])
 
-    def plus(self, more: Gaussians) -> _Left:
-        return replace(self, made=[*self.made, more])
+    def plus(self, more: Gaussians, textured: bool) -> _Left:
+        smooth = self.smooth + (0 if textured else len(more))
+        return replace(self, made=[*self.made, more], smooth=smooth)
 
     def outcome(self, notes: tuple[str, ...]) -> Outcome:
         count = sum(map(len, self.made))
@@ -199,7 +226,7 @@ def _without(
     eye = np.mean([sight.camera.center.double().numpy() for sight in sights], 0)
     planes = find_planes(points, removed, shortest_axes(scene).numpy(), weights, eye)
     colors = sh_to_color(kept.sh[:, 0]).numpy()
-    away = _distance(points[removed], points[rest.numpy()]) / extent
+    away = _distance(points[removed], points[rest.numpy()], AROUND * extent) / extent
     gone = strays(
         points[rest.numpy()], colors, kept.opacities.numpy(), away, seen[rest].numpy(), now, planes
     )
@@ -207,11 +234,11 @@ def _without(
 
 
 def _distance(
-    object_: Float[np.ndarray, "k 3"], points: Float[np.ndarray, "n 3"]
+    object_: Float[np.ndarray, "k 3"], points: Float[np.ndarray, "n 3"], most: float
 ) -> Float[np.ndarray, " n"]:
-    from scipy.spatial import KDTree
-
-    return KDTree(object_).query(points, workers=-1)[0]
+    """The distance of points from an object; infinite beyond `most`."""
+    some = object_[:: 1 + len(object_) // MOST_POINTS]
+    return k_nearest(some, points, 1, most)[0][:, 0]
 
 
 def _object(scene: Gaussians, inside: Bool[Tensor, " n"], cameras: Sequence[Camera]) -> Object:
@@ -224,14 +251,12 @@ def _object(scene: Gaussians, inside: Bool[Tensor, " n"], cameras: Sequence[Came
     return Object(points, center, max(extent_of(points), 1e-9), float(np.median(sizes)))
 
 
-def _notes(
-    inside: Bool[Tensor, " n"], left: _Left, sights: Sequence[Sight], smooth: int
-) -> tuple[str, ...]:
+def _notes(inside: Bool[Tensor, " n"], left: _Left, sights: Sequence[Sight]) -> tuple[str, ...]:
     gone = len(left.before) - len(left.rows)
     strays_, made = gone - int(inside.sum()), sum(map(len, left.made))
     notes = [f"{gone:,} Gaussians left ({strays_:,} beyond the selection), {made:,} fill the hole"]
     if len(sights) == 1:
         notes.append("one view shows the object: from elsewhere what was behind it is a guess")
-    if smooth:
+    if left.smooth:
         notes.append("too little is known around a part of the hole: it is filled smooth")
     return tuple(notes)

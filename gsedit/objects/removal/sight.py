@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -29,8 +29,6 @@ RING = 0.2
 """Width of the surroundings of an outline, of the object's size in the picture."""
 SAME_DEPTH = 0.03
 """Share of its depth within which two surfaces are one."""
-SOLID = 0.5
-"""Least opacity of a pixel that has a depth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +64,7 @@ def look(
         size = float(np.sqrt(shown.sum()))
         outline = widened(shown, max(1, round(HALO * size)))
         ring = widened(outline, max(2, round(RING * size))) & ~outline
-        sights.append(Sight(camera, depth_map(scene, camera, execution), outline, ring))
+        sights.append(Sight(camera, _depth(scene, camera, execution)[0], outline, ring))
     return sights, seen
 
 
@@ -94,14 +92,33 @@ def contributions_of(
     return Contributions(*sums.unbind(-1))
 
 
+@dataclass(frozen=True, eq=False)
+class Views:
+    """The views that show the object, and what they show without it."""
+
+    sights: Sequence[Sight]
+    depth: Sequence[Float[np.ndarray, "h w"]]
+    """Along the view, world units; infinite where nothing is."""
+    alpha: Sequence[Float[np.ndarray, "h w"]]
+
+
+def look_again(scene: Gaussians, sights: Sequence[Sight], execution: Execution = AUTO) -> Views:
+    """The views of what is left of a scene."""
+    maps = [_depth(scene, sight.camera, execution) for sight in sights]
+    return Views(sights, [depth for depth, _ in maps], [alpha for _, alpha in maps])
+
+
 @torch.no_grad()
-def depth_map(
-    scene: Gaussians, camera: Camera, execution: Execution = AUTO
-) -> Float[np.ndarray, "h w"]:
-    """Median depth along the view, world units; infinite where nothing is."""
-    depth = render(scene, camera, median_depth=True, execution=execution).median_depth
+def _depth(
+    scene: Gaussians, camera: Camera, execution: Execution
+) -> tuple[Float[np.ndarray, "h w"], Float[np.ndarray, "h w"]]:
+    """Median depth, infinite where nothing is, and the opacity."""
+    shown = render(
+        replace(scene, sh=scene.sh[:, :1]), camera, median_depth=True, execution=execution
+    )
+    depth = shown.median_depth
     assert depth is not None
-    return depth.masked_fill(depth <= 0, torch.inf).numpy()
+    return depth.masked_fill(depth <= 0, torch.inf).numpy(), shown.alpha.numpy()
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,17 +136,16 @@ class Testimony:
 def testify(
     points: Float64[np.ndarray, "m 3"],
     heights: Float64[np.ndarray, " v"],
-    sights: Sequence[Sight],
-    left: Sequence[Float[np.ndarray, "h w"]],
+    views: Views,
     tolerance: float,
 ) -> Testimony:
     """Ask all views about points of a plane.
 
-    `heights` are the cameras' over the plane, `left` the depth of what is left of the scene.
-    Surfaces are told apart that lie farther than `tolerance` from the plane.
+    `heights` are the cameras' over the plane. Surfaces are told apart that lie farther than
+    `tolerance` from the plane.
     """
     revealed, through, unhidden = (np.zeros(len(points)) for _ in range(3))
-    for sight, height, rest in zip(sights, heights, left):
+    for sight, height, rest in zip(views.sights, heights, views.depth):
         if height <= tolerance:
             continue
         xy, z = (t.numpy() for t in sight.camera.project(torch.from_numpy(points)))

@@ -13,9 +13,18 @@ import torch
 from jaxtyping import Bool, Float, Float64
 from scipy.ndimage import gaussian_filter, grey_dilation
 
-from gsedit.objects.removal.cells import away_from, closed, enclosing, mean_around, opened, parts_of
+from gsedit.objects.removal.cells import (
+    away_from,
+    closed,
+    enclosing,
+    mean_around,
+    opened,
+    parts_of,
+    touching,
+    widened,
+)
 from gsedit.objects.removal.sheet import Sheet, above, cells_of, harmonics_on
-from gsedit.objects.removal.sight import Sight, testify
+from gsedit.objects.removal.sight import Views, testify
 from gsedit.objects.removal.walls import Plane
 from rasterizer.camera import Camera
 from rasterizer.harmonics import basis
@@ -39,6 +48,8 @@ LEAST_CELLS, LEAST_FINE_CELLS = 6, 2
 """Cells of the smallest hole, coarse and fine: a smaller one is closed by what is around it."""
 CLOSE = 0.1
 """Distance of the object's parts that are close over a plane, of its extent."""
+SPECK = 0.1
+"""Size of a hole, of the largest, below which it is not worth a larger picture."""
 COARSE = 160
 """Cells along the longer side of the picture in which the hole is found."""
 MOST_CELLS = 320
@@ -66,15 +77,6 @@ class Object:
     extent: float
     pixel: float
     """Size of the cameras' pixels at it, world units."""
-
-
-@dataclass(frozen=True, eq=False)
-class Views:
-    """The views that show the object."""
-
-    sights: Sequence[Sight]
-    left: Sequence[Float[np.ndarray, "h w"]]
-    """Depth of what is left of the scene in each."""
 
 
 def find_sheet(
@@ -126,7 +128,7 @@ def _drawn(
     usual = basis(towards, layer.degree).mean(0).numpy() / SH_DC
     bands = values.reshape(*alpha.shape, -1, 3)
     values[..., :3] = 0.5 + SH_DC * np.einsum("hwkc,k->hwc", bands, usual)
-    said = testify(points, plane.heights(eyes), views.sights, views.left, plane.band)
+    said = testify(points, plane.heights(eyes), views, plane.band)
     known, values = alpha > COVERED, _even(values, alpha)
     shares = said.through, np.maximum(said.unhidden, 1)
     through, all_ = (gaussian_filter(each.reshape(known.shape), EDGE) for each in shares)
@@ -162,11 +164,15 @@ def _even(
 def _frame(rough: Sheet, extent: float) -> tuple[np.ndarray, np.ndarray]:
     """Columns and rows, from and to, of the hole and of what is known around it."""
     asked = rough.hole | (rough.caster & rough.known)
+    numbers, _ = parts_of(asked)
+    sizes = np.bincount(numbers[asked])
+    asked = asked & (sizes >= SPECK * sizes.max())[numbers]
     rows, columns = np.nonzero(asked)
     size = max(np.ptp(rows), np.ptp(columns)) + 1
     margin = max(SURROUNDINGS * size, NEIGHBORHOOD * extent / rough.cell)
     near = away_from(asked) < 3 + margin
-    rows, columns = np.nonzero(asked | (rough.known & near))
+    around = touching(rough.known & near, widened(asked, 2))
+    rows, columns = np.nonzero(asked | around)
     low = np.array((columns.min(), rows.min()), float) - 2
     return low, np.array((columns.max(), rows.max()), float) + 3
 
