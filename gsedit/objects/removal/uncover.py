@@ -146,11 +146,16 @@ def _drawn(
         known, hole = known & ~remains, hole | remains
     hole = opened(hole) | (hole & enclosing(known))
     empty = Sheet(camera, 1 / camera.fx, values, known, hole, hole, depth, usual)
+    return replace(empty, caster=_caster(empty, plane, thing))
+
+
+def _caster(sheet: Sheet, plane: Plane, thing: Object) -> Bool[np.ndarray, "h w"]:
+    """The cells that the object is close over."""
     close = thing.points[np.abs(plane.heights(thing.points)) < CLOSE * thing.extent]
-    cells = empty.at(close)
-    caster = np.zeros(known.size, bool)
+    cells = sheet.at(close)
+    caster = np.zeros(sheet.hole.size, bool)
     caster[cells[cells >= 0]] = True
-    return replace(empty, caster=closed(caster.reshape(known.shape), 2))
+    return closed(caster.reshape(sheet.hole.shape), 2)
 
 
 def _even(
