@@ -24,7 +24,7 @@ from gsedit.light.shadows import (
     sun_directions,
 )
 from gsedit.light.surface import SKY_REACH
-from gsedit.objects.outcome import NEW, Outcome
+from gsedit.objects.outcome import Outcome
 from gsedit.objects.placing.stance import Stance
 from gsedit.objects.placing.sun import SOFT, Sun, shadow_of
 from gsedit.scene.neighbors import nearest
@@ -84,37 +84,28 @@ def daylight(place: Place, sun: Sun | None) -> Daylight:
     return Daylight(place, sky_directions(place), sun)
 
 
-@dataclass(frozen=True, eq=False)
-class Standing:
-    """An object at a place, as what keeps light from other things."""
-
-    body: Gaussians
-    stance: Stance
-
-
 def shaded(
     scene: Outcome,
-    before: Standing | None,
-    after: Standing,
+    body: Gaussians,
+    stance: Stance,
     light: Daylight,
     execution: Execution = AUTO,
 ) -> Outcome:
-    """An outcome with a soft shadow of an object that is put into its scene.
-
-    `before` is the object where it stood, whose shadow the scene still has; None: it was not there.
-    What is NEW in the scene was made without a shadow.
-    """
-    rows = _near(scene.scene, [each for each in (before, after) if each is not None], light)
+    """An outcome with a soft shadow of an object that is put into its scene."""
+    rows = _near(scene.scene, body, stance, light)
     if not len(rows):
         return scene
     some = scene.scene[rows]
     points, normals = some.means.double(), _facing_up(some, light.place.up)
     sunlit = _sunlit(scene.scene, points, light, execution)
-    now = _light_past(after, points, normals, sunlit, light)
-    then = _light_past(None, points, normals, sunlit, light)
-    if before is not None:
-        shadowed = _light_past(before, points, normals, sunlit, light)
-        then = torch.where((scene.origin[rows] == NEW)[:, None], then, shadowed)
+    everything = torch.ones(len(rows), len(light.directions), dtype=torch.float64)
+    then = light.received(normals, everything, sunlit)
+    rise = (body.means.double() - stance.foot) @ stance.up
+    foot = body[rise < FOOT * stance.height]
+    sky = _open([body, foot], points, normals, light.directions) ** CONTACT
+    if sunlit is not None and light.sun is not None:
+        sunlit = sunlit * (1 - shadow_of(body, points, light.sun.direction, execution))
+    now = light.received(normals, sky, sunlit)
     dim = dimmed(some, (now / then).clamp(*SHADE))
     sh = scene.scene.sh.clone()
     sh[rows] = dim.sh
@@ -161,17 +152,14 @@ def _own_light(
     return light.received(normals, sky, sunlit)
 
 
-def _near(scene: Gaussians, things: list[Standing], light: Daylight) -> Int[Tensor, " m"]:
-    """The rows of what is beside or below objects."""
-    near = torch.zeros(len(scene), dtype=torch.bool)
-    points = scene.means.double()
-    for each in things:
-        ours = each.body.means.double()
-        middle = (ours.amin(0) + ours.amax(0)) / 2
-        reach = AROUND * float((ours - middle).norm(dim=-1).amax())
-        reach = reach if light.sun is None else SUNNY * reach
-        rise = (points - each.stance.foot) @ each.stance.up
-        near |= ((points - middle).norm(dim=-1) < reach) & (rise < each.stance.height)
+def _near(scene: Gaussians, body: Gaussians, stance: Stance, light: Daylight) -> Int[Tensor, " m"]:
+    """The rows of what is beside or below an object."""
+    points, ours = scene.means.double(), body.means.double()
+    middle = (ours.amin(0) + ours.amax(0)) / 2
+    reach = AROUND * float((ours - middle).norm(dim=-1).amax())
+    reach = reach if light.sun is None else SUNNY * reach
+    rise = (points - stance.foot) @ stance.up
+    near = ((points - middle).norm(dim=-1) < reach) & (rise < stance.height)
     return near.nonzero().squeeze(-1)
 
 
@@ -180,26 +168,6 @@ def _facing_up(scene: Gaussians, up: Float[Tensor, "3"]) -> Float[Tensor, "n 3"]
     axes = shortest_axes(scene).double()
     turned = axes * torch.where(axes @ up < 0, -1.0, 1.0)[:, None]
     return torch.nn.functional.normalize(turned + 0.5 * up, dim=-1)
-
-
-def _light_past(
-    thing: Standing | None,
-    points: Float[Tensor, "n 3"],
-    normals: Float[Tensor, "n 3"],
-    sunlit: Float[Tensor, " n"] | None,
-    light: Daylight,
-) -> Float[Tensor, "n c"]:
-    """Light on points past an object."""
-    if thing is None:
-        return light.received(
-            normals, torch.ones(len(points), len(light.directions)).double(), sunlit
-        )
-    rise = (thing.body.means.double() - thing.stance.foot) @ thing.stance.up
-    foot = thing.body[rise < FOOT * thing.stance.height]
-    sky = _open([thing.body, foot], points, normals, light.directions) ** CONTACT
-    if sunlit is not None and light.sun is not None:
-        sunlit = sunlit * (1 - shadow_of(thing.body, points, light.sun.direction))
-    return light.received(normals, sky, sunlit)
 
 
 def _open(

@@ -19,12 +19,12 @@ from gsedit.light.place import Place, place_of
 from gsedit.objects.outcome import NEW, Outcome, same
 from gsedit.objects.placing.arrival import main_object
 from gsedit.objects.placing.balance import balanced
-from gsedit.objects.placing.daylight import Standing, daylight, shaded
+from gsedit.objects.placing.daylight import daylight, shaded
 from gsedit.objects.placing.landing import extent, free_point, ground_near
 from gsedit.objects.placing.motion import motion_of, moved
 from gsedit.objects.placing.place import added, cameras_of, notes_of
 from gsedit.objects.placing.placement import Beside, Placement, Triple, check_target
-from gsedit.objects.placing.stance import Stance, stance_of
+from gsedit.objects.placing.stance import Stance, size_of, stance_of
 from gsedit.objects.placing.sun import sun_of
 from gsedit.scene.framing import framing_camera, guess_up
 from gsedit.scene.quaternions import axis_rotation, turn_between
@@ -86,10 +86,13 @@ def insert(
     there = with_degree(moved(body, motion.similarity), scene.degree)
     there = balanced(there, motion.stance, scene, surroundings, around.up, seen_from, execution)
     light = daylight(around, sun_of(scene, motion.stance, execution))
-    base = shaded(same(scene), None, Standing(there, motion.stance), light, execution)
+    base = shaded(same(scene), there, motion.stance, light, execution)
     rows = torch.full((len(there),), NEW)
     return added(
-        base, there, rows, (note, *notes_of(replace(motion, rise=0.0), there, scene, execution))
+        base,
+        there,
+        rows,
+        (note, *notes_of(replace(motion, rise=0.0), there, scene, seen_from, execution)),
     )
 
 
@@ -126,7 +129,7 @@ def _factor(
     cameras: Sequence[Camera],
 ) -> tuple[float, str]:
     """Factor of an object's lengths, and a remark on its size."""
-    own = _size(body)
+    own = size_of(body)
     if height is not None:
         factor = height / stance.height
     elif scale is not None:
@@ -134,7 +137,7 @@ def _factor(
     elif isinstance(at, Beside) and at.of is not None and at.side != "on":
         like = scene[at.of]
         low, high = extent(like.means, place.up)
-        factor = min(_size(like) / own, (high - low) / stance.height)
+        factor = min(size_of(like) / own, (high - low) / stance.height)
     else:
         factor = SHARE * _picture(place, cameras) / own
     high = factor * stance.height
@@ -147,13 +150,6 @@ def _factor(
             f": {share:.2g} of a picture's height, hardly what is meant; without it, it is fitted"
         )
     return factor, note
-
-
-def _size(body: Gaussians) -> float:
-    """The diagonal of the box of an object, stray Gaussians left out."""
-    points = body.means[:: 1 + len(body) // (1 << 20)].double()
-    low, high = points.sort(0).values[[int(r * (len(points) - 1)) for r in (0.01, 0.99)]]
-    return max(float((high - low).norm()), 1e-9)
 
 
 def _picture(place: Place, cameras: Sequence[Camera]) -> float:

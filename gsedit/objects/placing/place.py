@@ -15,11 +15,11 @@ from torch import Tensor
 from gsedit.cameras.around import FOUND_SIZE_PIXELS, FOUND_VIEWS, find_viewpoints
 from gsedit.light.place import place_of
 from gsedit.objects.outcome import NEW, Outcome, same
-from gsedit.objects.placing.daylight import Standing, daylight, relit_elsewhere, shaded
+from gsedit.objects.placing.daylight import daylight, relit_elsewhere, shaded
 from gsedit.objects.placing.landing import carried
 from gsedit.objects.placing.motion import Motion, motion_of, moved
 from gsedit.objects.placing.placement import Beside, Placement, check_placement
-from gsedit.objects.placing.stance import stance_of
+from gsedit.objects.placing.stance import middle_of, size_of, stance_of
 from gsedit.objects.placing.sun import sun_of
 from gsedit.objects.removal.remove import remove
 from gsedit.surface.normals import estimate_normals
@@ -50,22 +50,19 @@ def place(
     scene = scene.detach()
     body = scene[inside]
     stance = stance_of(body, scene[~inside], around.up, execution)
-    left = _left(scene, inside, placement, seen_from, execution)
+    gone = same(scene) if placement.copy else remove(scene, inside, seen_from, execution)
     to = placement.to
     other = scene[to.of] if isinstance(to, Beside) and to.of is not None else body
-    motion = motion_of(body, stance, placement, other, around, left.scene, execution, seen_from)
+    motion = motion_of(body, stance, placement, other, around, gone.scene, execution, seen_from)
     there = moved(body, motion.similarity)
     light = daylight(around, sun_of(scene, stance, execution))
     if motion.landing is not None or not np.allclose(motion.similarity.turn, np.eye(3)):
         normals = estimate_normals(scene, seen_from, execution, inside).directions.double()
         turn = torch.from_numpy(motion.similarity.turn)
-        there = relit_elsewhere(body, there, normals, turn, left.scene, light, execution)
-    keeps_shadow = not (placement.copy or placement.uncovers)  # a removal takes it away too
-    before = Standing(body, stance) if keeps_shadow else None
-    rest = left.scene
-    left = shaded(left, before, Standing(there, motion.stance), light, execution)
+        there = relit_elsewhere(body, there, normals, turn, gone.scene, light, execution)
+    base = shaded(gone, there, motion.stance, light, execution)
     rows = torch.full((len(body),), NEW) if placement.copy else inside.nonzero().squeeze(-1)
-    return added(left, there, rows, notes_of(motion, there, rest, execution))
+    return added(base, there, rows, notes_of(motion, there, gone.scene, seen_from, execution))
 
 
 def cameras_of(
@@ -98,15 +95,19 @@ OVER_EDGE = 0.7
 
 
 def notes_of(
-    motion: Motion, body: Gaussians, rest: Gaussians, execution: Execution = AUTO
+    motion: Motion,
+    body: Gaussians,
+    rest: Gaussians,
+    cameras: Sequence[Camera] = (),
+    execution: Execution = AUTO,
 ) -> tuple[str, ...]:
     """Remarks for a person on how an object stands in the rest of a scene."""
     stance, landing = motion.stance, motion.landing
+    notes = _near_cameras(body, cameras)
     if landing is not None and not landing.found:
-        return ("nothing is under its new place: it stays at the height that it had",)
+        return (*notes, "nothing is under its new place: it stays at the height that it had")
     if not stance.stands:
-        return ("it touches no surface",)
-    notes = []
+        return (*notes, "it touches no surface")
     if abs(motion.rise) > LEVEL * stance.height:
         way = "higher" if motion.rise > 0 else "lower"
         notes.append(f"what it stands on there is {abs(motion.rise):.3g} world units {way}")
@@ -118,18 +119,10 @@ def notes_of(
     return tuple(notes)
 
 
-def _left(
-    scene: Gaussians,
-    inside: Bool[Tensor, " n"],
-    placement: Placement,
-    cameras: Sequence[Camera],
-    execution: Execution,
-) -> Outcome:
-    """The scene without the object, its hole filled where it will be seen; with it, for a copy."""
-    if placement.copy:
-        return same(scene)
-    if not placement.uncovers:
-        kept = ~inside
-        unchanged = torch.zeros(int(kept.sum()), dtype=torch.bool)
-        return Outcome(scene[kept], kept.nonzero().squeeze(-1), unchanged)
-    return remove(scene, inside, cameras, execution)
+def _near_cameras(body: Gaussians, cameras: Sequence[Camera]) -> list[str]:
+    """A remark where cameras are as near to the middle of an object as its ends are, or nothing."""
+    middle, radius = middle_of(body), size_of(body) / 2
+    count = sum(float((camera.center - middle).norm()) < radius for camera in cameras)
+    if not count:
+        return []
+    return [f"{count} of {len(cameras)} cameras are in it or close: look at it from farther away"]

@@ -62,11 +62,6 @@ class Placement:
         return self.to is not None or any(self.offset[:2])
 
     @property
-    def uncovers(self) -> bool:
-        """Whether something is seen afterwards that the object hid before."""
-        return self.moves or self.scale < 1 or self.turn % 360 != 0 or self.offset[2] > 0
-
-    @property
     def is_nothing(self) -> bool:
         """Whether everything stays as it is."""
         return not (self.moves or self.copy or self.offset[2]) and (

@@ -58,6 +58,13 @@ def middle_of(body: Gaussians) -> Float[Tensor, "3"]:
     return (weights[:, None] * body.means.double()).sum(0) / weights.sum().clamp_min(1e-30)
 
 
+def size_of(body: Gaussians) -> float:
+    """The diagonal of the box of an object, stray Gaussians left out."""
+    points = body.means[:: 1 + len(body) // (1 << 20)].double()
+    low, high = points.sort(0).values[[int(r * (len(points) - 1)) for r in (0.01, 0.99)]]
+    return max(float((high - low).norm()), 1e-9)
+
+
 def stance_of(
     body: Gaussians, rest: Gaussians, up: Float[Tensor, "3"], execution: Execution = AUTO
 ) -> Stance:
