@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     import torch
 
     from gsedit.datasets.viewpoints import Viewpoint
+    from gsedit.mask_protocol import MaskProvider
     from gsedit.objects.selecting.click import Click
     from gsedit.regions.region import Region
     from rasterizer.scene import Gaussians
@@ -67,7 +68,11 @@ class PointingOptions:
         return resolve_cameras(path, scene, options, FOUND_VIEWS, AUTO).viewpoints
 
     def region(
-        self, scene: Gaussians, views: Sequence[Viewpoint], subject: Subject | None = None
+        self,
+        scene: Gaussians,
+        views: Sequence[Viewpoint],
+        subject: Subject | None = None,
+        masks: MaskProvider | None = None,
     ) -> Region:
         """Return what is pointed at. Raises UsageError where that is nothing."""
         from gsedit.objects import find_phrase, select_at
@@ -75,7 +80,7 @@ class PointingOptions:
         cameras = [each.camera for each in views]
         if self.at:
             return select_at(scene, [click(text, views) for text in self.at], cameras)
-        return find_phrase(self.phrase or "", scene, cameras, subject=subject)
+        return find_phrase(self.phrase or "", scene, cameras, subject=subject, masks=masks)
 
 
 if TYPE_CHECKING:

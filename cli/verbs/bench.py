@@ -39,7 +39,9 @@ Strategy = Annotated[str, flag("--strategy", "How views and scene are edited.", 
 Result = Annotated[
     Path | None, flag("--result", "Folder of other results, to measure those.", "FOLDER")
 ]
-Fitted = Annotated[bool, flag("--fitted", "Fit colors to photos; right pictures are the traced ones.")]
+Fitted = Annotated[
+    bool, flag("--fitted", "Fit colors to photos; right pictures are the traced ones.")
+]
 Counts = Annotated[str, flag("--ranks", "Numbers of ranks, of one thread each.", "N,N,...")]
 
 Row = TypeVar("Row")

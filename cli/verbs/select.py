@@ -15,6 +15,7 @@ from ..core.console import print_message, print_result
 from ..core.outputs import check_file
 from ..options.common import Common, DropInvalid, Force, Scene, load_scene
 from ..options.files import FileOptions
+from ..options.masks import MaskOptions
 from ..options.pointing import PointingOptions
 from ..options.selection import SelectionOptions, need_selection
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
     from gsedit.datasets.viewpoints import Viewpoint
     from gsedit.formats.streams import SceneSource
+    from gsedit.mask_protocol import MaskProvider
     from gsedit.regions.region import Region
     from gsedit.toolkit.selection.base import Selection
     from rasterizer.scene import Gaussians
@@ -59,6 +61,7 @@ def select(
     *,
     own: SelectOptions,
     pointing: PointingOptions,
+    masks: MaskOptions,
     selection: SelectionOptions,
     files: FileOptions,
     common: Common,
@@ -74,7 +77,9 @@ def select(
     gsedit select bear.ply --objects -o objects.png
     """
     if own.objects or pointing.given:
-        return select_thing(scene, own, pointing, selection, drop_invalid, force, common)
+        provider = masks.make(pointing.phrase)
+        return select_thing(scene, own, pointing, provider, selection, drop_invalid, force, common)
+    masks.make(None)
     if own.name is not None:
         raise UsageError("--as saves what --at or --phrase selects: add one of them")
     if own.out is None and not own.dry_run:
@@ -102,6 +107,7 @@ def select_thing(
     scene: Path,
     own: SelectOptions,
     pointing: PointingOptions,
+    masks: MaskProvider | None,
     selection: SelectionOptions,
     drop_invalid: bool,
     force: bool,
@@ -115,7 +121,7 @@ def select_thing(
     if own.objects:
         return list_objects(scene, gaussians, views, own.out, force, common)
     subject = partial(subject_flags, gaussians, views)
-    found = pointing.region(gaussians, views, subject)
+    found = pointing.region(gaussians, views, subject, masks)
     print_message(f"select: {found}")
     written = [] if own.dry_run else save_thing(found, scene, gaussians, views, own, force)
     count, total = int(found.inside.sum()), len(found.inside)

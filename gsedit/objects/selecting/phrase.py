@@ -59,7 +59,7 @@ def find_phrase(
     if not queries:
         raise UsageError(f"the phrase is empty: {SAYABLE}")
     if masks is not None and any(_unknown(query) for query in queries):
-        from gsedit.objects.selecting.masks import find_masked  # pyright: ignore
+        from gsedit.objects.selecting.masks import find_masked
 
         return find_masked(phrase, scene, masks, cameras, execution)
     found = segment(scene, cameras, execution) if segments is None else segments
