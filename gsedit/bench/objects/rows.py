@@ -11,6 +11,8 @@ from gsedit.bench.results import markdown_table
 
 MISSING = "not in this version"
 """Beginning of the note of a method that cannot be imported."""
+SENTENCES = ("phrase", "refusal")
+"""Tasks that are told in sentences instead of a table."""
 RIGHT = 0.5
 """IoU with a thing above which a phrase has found it."""
 COLUMNS = {
@@ -54,7 +56,7 @@ def table(rows: Iterable[Row]) -> str:
     rows, parts = list(rows), []
     for task in dict.fromkeys(row.task for row in rows):
         own = [row for row in rows if row.task == task and not row.note.startswith(MISSING)]
-        if own:
+        if own and task not in SENTENCES:
             parts.append(f"{task}\n\n{_task_table(own)}")
     missing = dict.fromkeys(f"{r.task} ({r.note})" for r in rows if r.note.startswith(MISSING))
     if missing:
@@ -95,14 +97,18 @@ def _mean(rows: Sequence[Row]) -> Row:
 
 
 def _summary(rows: Sequence[Row]) -> list[str]:
-    """A sentence on the phrases, where any were read."""
-    asked = [r for r in rows if r.task == "phrase" and not r.note.startswith(MISSING)]
-    unknown = [r for r in rows if r.task == "refusal" and not r.note.startswith(MISSING)]
+    """Sentences on the phrases, where any were read."""
+    read = [row for row in rows if not row.note.startswith(MISSING)]
+    asked, unknown = ([row for row in read if row.task == task] for task in SENTENCES)
     if not asked:
         return []
-    right = sum((row.measures.get("iou") or 0) > RIGHT for row in asked)
-    refused = sum(row.measures.get("refused") == 1 for row in unknown)
-    return [
-        f"Phrases: {right} of {len(asked)} found the right thing (IoU above {RIGHT}); {refused} of "
-        f"{len(unknown)} that name nothing were refused."
-    ]
+    wrong = [row for row in asked if (row.measures.get("iou") or 0) <= RIGHT]
+    taken = [row for row in unknown if not row.measures.get("refused")]
+    text = (
+        f"Phrases: {len(asked) - len(wrong)} of {len(asked)} found the right thing (IoU above "
+        f"{RIGHT}); {len(unknown) - len(taken)} of {len(unknown)} that name nothing were refused. "
+        f"CPU: {fmean(row.cpu_seconds for row in asked):.1f} s a phrase."
+    )
+    lists = {"Not found": wrong, "Not refused": taken}
+    named = (f"{n}: {'; '.join(row.case for row in each)}." for n, each in lists.items() if each)
+    return ["\n".join((text, *named))]
