@@ -44,6 +44,11 @@ GROUNDS = frozenset(
      "the soil", "the carpet")
 )  # fmt: skip
 """Phrases of what everything stands on."""
+CARRIERS = frozenset(
+    ("the table", "the desk", "the shelf", "the slab", "the pedestal", "the plinth", "the base",
+     "the stand", "the bench", "the counter", "the plate", "the tray")
+)  # fmt: skip
+"""Phrases of what things are put on, which is seldom the subject."""
 DEFINITE = DETERMINERS | {"these", "those"}
 
 

@@ -11,8 +11,10 @@ import torch
 import gsedit
 from gsedit.datasets.dataset import Dataset, capture
 from gsedit.datasets.viewpoints import viewpoints_of
+from gsedit.editing.routes.carrier import carrier
 from gsedit.editing.routes.named import Names
 from gsedit.editing.routes.result import change_scene
+from gsedit.objects import segment
 from gsedit.synthetic.staged import stage
 from gsedit.words.read import read_instruction
 
@@ -99,3 +101,11 @@ def test_what_is_not_there_or_not_plain_is_an_error_of_one_line(meadow, sentence
     with pytest.raises(gsedit.UsageError, match=told) as error:
         gsedit.edit(labelled.scene, sentence, dataset=views)
     assert "\n" not in str(error.value)
+
+
+def test_a_table_is_what_carries_things():
+    labelled = stage("table").gaussians(4000)
+    found = carrier(segment(labelled.scene, stage("table").training(96)))
+    assert found is not None
+    table = labelled.of("wooden table")
+    assert (found.inside & table).sum() > 0.8 * (found.inside | table).sum()

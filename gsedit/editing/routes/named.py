@@ -11,7 +11,7 @@ from gsedit.errors import UsageError
 from gsedit.mask_protocol import MaskProvider
 from gsedit.regions.region import Region, everything
 from gsedit.words.instruction import Change
-from gsedit.words.phrases import DEFINITE, GROUNDS, IT, is_noun
+from gsedit.words.phrases import CARRIERS, DEFINITE, GROUNDS, IT, is_noun
 from rasterizer.scene import Gaussians
 
 FindRegion = Callable[[Gaussians], Region]
@@ -49,13 +49,16 @@ def regions_of(
     """Regions of a scene by `key_of` and by phrase; "subject" is that of "it".
 
     The subject is searched once, and only where it is needed. It is also what the first noun alone
-    ("the bear") is taken for, if the names do not know it, and every phrase without `find_named`.
+    ("the bear") is taken for, if the names do not know it and nothing is put on it, as on a table,
+    and every phrase without `find_named`.
     Raises as these two do, and UsageError for two nouns that nothing tells apart.
     """
     phrases, names = _phrases(changes), names or Names()
     targets = {key_of(change) for change in changes} & {"scene", "subject", "background"}
     nouns = [each for each in phrases if is_noun(each) and not names.knows(each)]
-    meant = phrases if find_named is None else nouns[: IT not in phrases]
+    on = {change.place.of for change in changes if change.place and change.place.side == "on"}
+    firsts = [each for each in nouns if each not in on & CARRIERS]
+    meant = phrases if find_named is None else firsts[: IT not in phrases]
     found = {"scene": everything(scene)} if "scene" in targets else {}
     if targets & {"subject", "background"} or IT in phrases or meant:
         subject = find_region(scene)
@@ -64,25 +67,18 @@ def regions_of(
         found |= {each: Region(subject.inside, f"{each} ({subject.note})") for each in meant}
     for phrase in phrases:
         if phrase not in (IT, *meant) and find_named is not None:
-            found[phrase] = find_named(scene, _told(phrase, nouns, changes))
+            if phrase in firsts:
+                raise _unknown(phrase)
+            found[phrase] = find_named(scene, phrase)
     for change in changes:
         if (key := key_of(change)) not in found and change.target == "background":
             found[key] = _others(found[change.phrase])
     return found
 
 
-def _told(phrase: str, nouns: Sequence[str], changes: Sequence[Change]) -> str:
-    """A phrase in words that need no network: what a thing is put on is what carries it.
-
-    Raises UsageError for a noun beside the one that is the subject.
-    """
-    if phrase not in nouns:
-        return phrase
-    for change in changes:
-        place = change.place
-        if change.name == "move" and place and (place.of, place.side) == (phrase, "on"):
-            return f"the thing under {change.phrase}"
-    raise UsageError(
+def _unknown(phrase: str) -> UsageError:
+    """The error for a noun beside the one that is the subject."""
+    return UsageError(
         f"only a network knows what {phrase!r} is, beside the main subject: tell it by its color, "
         "size or place, as in 'the red one' or 'the largest'"
     )

@@ -28,6 +28,7 @@ from gsedit.measures.outside import pixels_outside
 from gsedit.regions.region import Region, read_flags
 from gsedit.runs.stopwatch import Stopwatch
 from gsedit.words.instruction import Change, Instruction
+from gsedit.words.phrases import CARRIERS
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
@@ -73,6 +74,11 @@ def change_scene(
         if file := names.file_of(phrase):
             return Region(read_flags(file, len(gaussians)), f"{phrase}, as it was saved")
         known = None if names.masks is not None else segments()
+        if known is not None and phrase in CARRIERS:
+            from gsedit.editing.routes.carrier import carrier
+
+            if found := carrier(known):
+                return found
         return objects.find_phrase(
             phrase, gaussians, cameras, known, lambda: find(gaussians).inside, names.masks,
             settings.execution,
