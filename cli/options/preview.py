@@ -11,7 +11,8 @@ from gsedit.errors import UsageError
 from ..core.console import print_message, print_result
 from .cameras import ViewOptions
 from .editing import EditorOptions, at_size, what_it_understood
-from .routes import prepare, read_sentence
+from .masks import MaskOptions
+from .routes import names_of, prepare, read_sentence
 from .settings import Values
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ def run_preview(
     values: Values,
     seeds: range,
     *,
+    masks: MaskOptions,
     force: bool,
     as_json: bool,
 ) -> None:
@@ -61,7 +63,8 @@ def run_preview(
     if followed is None:
         assert read is not None
         print_message(f"understood as: {read}")
-        found = preview_routed(given, read, viewpoints, settings)
+        names = names_of(scene, masks, read)
+        found = preview_routed(given, read, viewpoints, settings, names)
     else:
         if understood := what_it_understood(followed, words):
             print_message(understood)

@@ -7,20 +7,27 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gsedit.errors import UsageError
+
 from ..core.checkpoints import NAME
 from ..core.console import print_message
 from ..core.kernel import say_kernel
 from ..core.ranks import is_first
 from .cameras import ViewOptions, resolve_cameras
 from .editing import AUTO, EditorOptions
+from .masks import MaskOptions
 from .settings import Values, with_values
 
 if TYPE_CHECKING:
     from gsedit.datasets.viewpoints import Viewpoint
+    from gsedit.editing.routes.named import Names
     from gsedit.editing.session.result import EditResult
     from gsedit.editing.session.settings import EditSettings
     from gsedit.words.instruction import Instruction
     from rasterizer.scene import Gaussians
+
+
+NO_MASKS = MaskOptions()
 
 
 def read_sentence(
@@ -38,6 +45,24 @@ def read_sentence(
 
     instruction = read_instruction(text)
     return steps_of(instruction)
+
+
+def names_of(scene: Path, masks: MaskOptions, instruction: Instruction) -> Names:
+    """Return what the phrases of a sentence may name: saved selections, and what masks find.
+
+    Raises UsageError for masks that cannot look for a phrase, or that have none to look for.
+    """
+    from gsedit.editing.routes.named import Names
+    from gsedit.regions.saved import saved_file, saved_names
+    from gsedit.words.phrases import IT
+
+    files = {name.lower(): saved_file(scene, name) for name in saved_names(scene)}
+    saved = {name: file for name, file in files.items() if file is not None}
+    phrases = [each.phrase for each in instruction.changes if each.route == "object"]
+    told = next((phrase for phrase in phrases if phrase not in ("", IT)), None)
+    if masks.masks is not None and told is None:
+        raise UsageError('--masks finds what a sentence names, as in "remove the chair": say that')
+    return Names(saved, masks.make(told))
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,10 +98,11 @@ def run_routes(
     views: ViewOptions,
     values: Values,
     more: Mapping[str, Any],
+    masks: MaskOptions = NO_MASKS,
 ) -> EditResult | None:
     """Edit a scene by exact routes and write the folder; None on all ranks but the first.
 
-    `more` is added to the request in edit.json. Raises UsageError as `apply_change`.
+    `more` is added to the request in edit.json. Raises UsageError as `apply_change`, `names_of`.
     """
     if not is_first():
         return None
@@ -87,14 +113,14 @@ def run_routes(
     from gsedit.runs.stopwatch import Stopwatch
     from gsedit.storage.atomic import locked
 
-    watch = Stopwatch()
+    watch, names = Stopwatch(), names_of(scene, masks, instruction)
     with locked(folder / NAME):
         with watch.stage("read"):
             gaussians = load()  # bad input is told in one line: nothing is printed before
             print_message(f"understood as: {instruction}; done on the Gaussians, no view is edited")
             ready = prepare(scene, lambda: gaussians, views, values)
         viewpoints = ready.viewpoints
-        result = routed_result(ready.scene, instruction, viewpoints, ready.settings, watch)
+        result = routed_result(ready.scene, instruction, viewpoints, ready.settings, watch, names)
         found = () if result.region.is_all else (f"region: {result.region.note}",)
         for note in (*found, *result.notes):
             print_message(note)
@@ -109,3 +135,14 @@ def run_routes(
         f"gsedit view {folder / 'scene.ply'}"
     )
     return result
+
+
+def copy_frame(scene: Path, folder: Path) -> None:
+    """Copy the file beside the scene that names its frame: the edited scene has the same frame."""
+    from gsedit.datasets import export_frame as frames
+
+    file = frames.dataparser_file(scene)
+    if file is not None:
+        frames.write_dataparser(frames.read_dataparser(file), folder / frames.NAME, overwrite=True)
+    else:
+        (folder / frames.NAME).unlink(missing_ok=True)  # an earlier run's

@@ -32,8 +32,9 @@ from ..options.editing import (
     resolve,
     what_it_understood,
 )
+from ..options.masks import MaskOptions
 from ..options.preview import preview_file, run_preview
-from ..options.routes import read_sentence, run_routes
+from ..options.routes import NO_MASKS, copy_frame, read_sentence, run_routes
 from ..options.settings import Setting, SettingsGroup, Values
 
 if TYPE_CHECKING:
@@ -101,6 +102,7 @@ class EditCommand:
     common: Seeded
     first_scene: Path | None = None
     """Scene before all edits of the sentence, which edit.json names in the place of `scene`."""
+    masks: MaskOptions = NO_MASKS
     sized: bool = True
     """Whether the size of the views, where there is one, was asked for."""
 
@@ -116,6 +118,7 @@ def edit(
     own: EditOptions,
     views: ViewOptions,
     editor: EditorOptions,
+    masks: MaskOptions,
     values: Annotated[Values, SettingsGroup(lambda: all_settings())],
     common: Seeded,
 ) -> None:
@@ -139,10 +142,11 @@ def edit(
         seeds = range(common.seed, common.seed + max(own.seeds, 1))
         return run_preview(
             scene, load, instruction, file, views, editor, values, seeds,
-            force=own.force, as_json=common.json,
+            masks=masks, force=own.force, as_json=common.json,
         )  # fmt: skip
     folder = check_request(instruction, views, own.out, own.explain)
-    asked = EditCommand(scene, instruction, folder, own, views, editor, values, common)
+    request = scene, instruction, folder, own, views, editor, values, common
+    asked = EditCommand(*request, masks=masks)
     result = run_edit(asked)
     if result is not None:
         print_edit(result, folder, as_json=common.json)
@@ -200,7 +204,9 @@ def run_steps(asked: EditCommand, steps: Sequence[Words]) -> EditResult | None:
             asked.common.apply()
             load = partial(load_scene, scene, drop_invalid=own.drop_invalid)
             named = {**more, "scene": now.first_scene or scene}
-            result = run_routes(scene, load, step, out, asked.views, asked.values, named)
+            result = run_routes(
+                scene, load, step, out, asked.views, asked.values, named, asked.masks
+            )
             copy_frame(scene, out)
         else:
             result = run_pipeline(now)
@@ -311,17 +317,6 @@ def write_cameras_and_views(dataset: Dataset, result: EditResult, folder: Path) 
     views = by_edit(viewpoints_of(dataset), {view.name for view in result.originals})
     write_cameras(dataset.views, folder / "cameras.json", overwrite=True)
     write_view_list(views, folder / "views.json", overwrite=True)
-
-
-def copy_frame(scene: Path, folder: Path) -> None:
-    """Copy the file beside the scene that names its frame: the edited scene has the same frame."""
-    from gsedit.datasets import export_frame as frames
-
-    file = frames.dataparser_file(scene)
-    if file is not None:
-        frames.write_dataparser(frames.read_dataparser(file), folder / frames.NAME, overwrite=True)
-    else:
-        (folder / frames.NAME).unlink(missing_ok=True)  # an earlier run's
 
 
 def print_plan(plan: EditPlan, *, as_json: bool) -> None:

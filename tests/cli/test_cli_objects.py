@@ -119,3 +119,21 @@ def test_what_cannot_be_done_is_told_and_nothing_is_written(
     assert told in result.stderr
     assert one_line(result.stderr[result.stderr.index("gsedit: ") :])
     assert not (out / "scene.ply").exists()
+
+
+def test_a_saved_name_is_what_a_sentence_may_say(scene, photos, region, tmp_path):
+    folder = scene.with_name("scene.regions")
+    folder.mkdir()
+    (folder / "Globe.npy").write_bytes(region.read_bytes())
+    out = tmp_path / "out"
+    result = gsedit("edit", scene, "remove the globe", "--data", photos, "-o", out)
+    assert result.exit_code == 0, result.stderr
+    assert (np.load(out / "region_before.npy") == np.load(region)).all()
+
+
+def test_masks_find_what_a_sentence_names(scene, photos, tmp_path):
+    words = ("edit", scene, "make it darker", "--data", photos, "-o", tmp_path / "out")
+    result = gsedit(*words, "--masks", "command", "--masks-run", "true {input} {output} {phrase}")
+    assert result.exit_code == 2
+    assert "say that" in result.stderr
+    assert one_line(result.stderr)
