@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from jaxtyping import Bool
 from torch import Tensor
 
 from gsedit.errors import UsageError
+from gsedit.mask_protocol import MaskProvider
 from gsedit.objects.selecting.looks import APART, names, of_color, white_of
 from gsedit.objects.selecting.query import Key, Query, Relation, read_phrase
 from gsedit.objects.selecting.segment import Segment, Segments, segment
@@ -46,7 +46,7 @@ def find_phrase(
     cameras: Sequence[Camera] = (),
     segments: Segments | None = None,
     subject: Subject | None = None,
-    masks: Any = None,
+    masks: MaskProvider | None = None,
     execution: Execution = AUTO,
 ) -> Region:
     """Find what a phrase names in a scene; right and left are as the first of the cameras sees it.
@@ -142,6 +142,7 @@ class _Finder:
 
     def _narrowed(self, query: Query, rows: list[Segment]) -> list[Segment]:
         """The rows that all words of a query leave."""
+        rows = self._colored(query, rows)
         for relation, ends in query.relations:
             try:
                 rows = self._related(relation, ends, rows, query)
@@ -149,7 +150,6 @@ class _Finder:
                 if not query.colors or not any(each.bare and each.unknown for each in ends):
                     raise
                 self._note(f"'{_SAID[relation]} ...' names nothing known, and is left out")
-        rows = self._colored(query, rows)
         if query.size:
             rows = self._sized(query, rows)
         if query.order is not None:
@@ -181,6 +181,7 @@ class _Finder:
     def _sized(self, query: Query, rows: list[Segment]) -> list[Segment]:
         """The smallest or largest of few, or those beyond the widest step in size of several."""
         size = _height if query.upright else _size
+        rows = self._no_furniture(query, rows)
         rows = sorted(rows, key=size, reverse=query.size > 0)
         if len(rows) < 2:
             return rows
@@ -191,6 +192,13 @@ class _Finder:
             raise self._refusal("they are of about one size", rows)
         return rows[:cut]
 
+    def _no_furniture(self, query: Query, rows: list[Segment]) -> list[Segment]:
+        """The rows without what carries several things, where a noun that is not known is said: "the
+        big ball" is not the table."""
+        carried = [row.stands_on for row in self._kind("object")]
+        kept = [row for row in rows if carried.count(row.number) < 2]
+        return kept if kept and query.unknown else rows
+
     def _placed(self, query: Query, order: Key, rows: list[Segment]) -> list[Segment]:
         """The thing at a place in an order."""
         if order in SIDED:
@@ -200,6 +208,7 @@ class _Finder:
             at = np.median([row.middle[0] for row in self._kind("object")])
             rows = sorted(rows, key=lambda row: abs(row.middle[0] - at))
         else:
+            rows = self._no_furniture(query, rows) if order == "size" else rows
             rows = sorted(rows, key=key, reverse=True)
         place = query.place if query.place >= 0 else len(rows) + query.place
         if not 0 <= place < len(rows):
@@ -240,6 +249,7 @@ class _Finder:
         elif relation == "under":
             carriers = {r.stands_on for r in others[0]}  # the ground too
             found = [row for row in self.segments.rows if row.number in carriers]
+            found = [row for row in found if row in rows or row.kind != "object"]
             found = found or [row for row in rows if _over(reference, row)]
         elif relation == "above":
             found = [row for row in rows if _over(row, reference)]
@@ -249,8 +259,8 @@ class _Finder:
             found = [row for row in rows if _towards(relation, row, reference)]
         if not found:
             raise self._refusal(f"nothing is {_SAID[relation]} {self.told(sorted(numbers))}")
-        told = query.colors or query.size or query.order or query.plural
-        return found if told or relation in ("on", "under") else self._nearest(found, reference)
+        told = query.size or query.order or query.plural or relation in ("on", "under")
+        return found if told else self._nearest(found, reference)
 
     def _nearest(self, rows: list[Segment], reference: Segment) -> list[Segment]:
         """The row that is clearly nearest to another; all where none is."""

@@ -34,7 +34,7 @@ SUBJECTS = frozenset(("subject", "it", "main"))
 SKIPPED = _words(
     "the a an that which who is are was this these those my our your their its standing stands "
     "lying sitting placed located thats colored color scene picture really very most there "
-    "select take find mark of"
+    "select take find mark of camera viewer me us"
 )
 PLURAL = _words("all both every each two three four five these those")
 COUNTS = {"both": 2, "two": 2, "three": 3, "four": 4, "five": 5}
@@ -213,6 +213,9 @@ def _relation(reading: _Reading, words: list[str]) -> int:
         split = rest.index("and") if relation == "between" and "and" in rest else None
         ends = [rest[:split], rest[split + 1 :]] if split is not None else [rest]
         query = reading.query
+        if relation == "beside" and not [w for w in rest if w not in SKIPPED]:
+            reading.query = replace(query, order="front")  # "nearest to the camera"
+            return len(words)
         told = (relation, tuple(_query(each) for each in ends if each))
         reading.query = replace(query, relations=(*query.relations, told))
         return len(words)
