@@ -193,8 +193,8 @@ class _Finder:
         return rows[:cut]
 
     def _no_furniture(self, query: Query, rows: list[Segment]) -> list[Segment]:
-        """The rows without what carries several things, where a noun that is not known is said: "the
-        big ball" is not the table."""
+        """The rows without what carries several things, where a noun that is not known is said:
+        "the big ball" is not the table."""
         carried = [row.stands_on for row in self._kind("object")]
         kept = [row for row in rows if carried.count(row.number) < 2]
         return kept if kept and query.unknown else rows
