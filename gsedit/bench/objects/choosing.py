@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from importlib import import_module
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +13,9 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from gsedit.objects.selecting.click import Click
+from gsedit.objects.selecting.click import select_at as by_clicks
+from gsedit.objects.selecting.phrase import find_phrase
 from gsedit.regions.region import Region, coverage
 from gsedit.scene.color_space import lab_of_srgb
 from gsedit.synthetic.staged import Labelled, Stage
@@ -72,9 +74,8 @@ def select_at(
     scene: Gaussians, cameras: Sequence[Camera], clicks: Sequence[Clicked]
 ) -> Bool[Tensor, " n"]:
     """The selection by gsedit's clicks."""
-    clicking_ = import_module("gsedit.objects.selecting.click")
-    asked = [clicking_.Click(cameras[each.view], each.x, each.y, each.inside) for each in clicks]
-    return clicking_.select_at(scene, asked, cameras).inside
+    asked = [Click(cameras[each.view], each.x, each.y, each.inside) for each in clicks]
+    return by_clicks(scene, asked, cameras).inside
 
 
 def nearest_color(
@@ -92,8 +93,7 @@ def nearest_color(
 
 def select_phrase(scene: Gaussians, cameras: Sequence[Camera], phrase: str) -> Bool[Tensor, " n"]:
     """The selection by gsedit's reader of phrases. Raises UsageError for one that names nothing."""
-    phrases = import_module("gsedit.objects.selecting.phrase")
-    return phrases.find_phrase(phrase, scene, cameras).inside
+    return find_phrase(phrase, scene, cameras).inside
 
 
 def _shown(scene: Gaussians, inside: Bool[Tensor, " n"], camera: Camera) -> Bool[Tensor, "h w"]:

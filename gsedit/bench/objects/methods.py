@@ -1,13 +1,9 @@
-"""Methods that take part in a case: gsedit's own operation, and simple baselines.
-
-An operation is imported when it runs: what is not there is left out by name.
-"""
+"""Methods that take part in a case: gsedit's own operation, and simple baselines."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib import import_module
 
 import numpy as np
 import torch
@@ -15,6 +11,18 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.bench.objects.files import Given, place_of
+from gsedit.light.place import place_of as seen_place
+from gsedit.light.relight import relit
+from gsedit.light.setup import LightSetup, Sun
+from gsedit.materials.apply import in_material
+from gsedit.materials.named import paint_of
+from gsedit.objects.bending.bend import Handle, bend
+from gsedit.objects.growth.grow import grow
+from gsedit.objects.growth.table import GROWTHS, LEAST, MOST
+from gsedit.objects.placing.insert import insert
+from gsedit.objects.placing.place import place
+from gsedit.objects.placing.placement import Placement
+from gsedit.objects.removal.remove import remove
 from gsedit.regions.region import Region, coverage
 from gsedit.scene.quaternions import rotations
 from gsedit.scene.table import gaussians_of, table_of
@@ -61,9 +69,8 @@ def drawn(scene: Gaussians, given: Given) -> Float[Tensor, "v h w 3"]:
 
 
 def _removed(given: Given) -> Made:
-    removal = import_module("gsedit.objects.removal.remove")
 
-    return Made(removal.remove(given.scene, given.inside, given.cameras).scene)
+    return Made(remove(given.scene, given.inside, given.cameras).scene)
 
 
 def _dropped(given: Given) -> Made:
@@ -107,11 +114,10 @@ def _filled(given: Given, fill: Callable[[np.ndarray, np.ndarray], np.ndarray]) 
 
 
 def _inserted(given: Given) -> Made:
-    placing = import_module("gsedit.objects.placing.insert")
 
     assert given.other is not None
     asked = given.change
-    outcome = placing.insert(
+    outcome = insert(
         given.scene, given.other, asked["at"], given.cameras, height=asked["height"], up=UP
     )
     return Made(outcome.scene, own=outcome.origin < 0)
@@ -125,12 +131,10 @@ def _joined(given: Given) -> Made:
 
 
 def _placed(given: Given) -> Made:
-    placing = import_module("gsedit.objects.placing.place")
-    placements = import_module("gsedit.objects.placing.placement")
 
     x, y, z = given.change["to"]
-    asked = placements.Placement(given.change["scale"], given.change["turn_degrees"], to=(x, y, z))
-    outcome = placing.place(given.scene, given.inside, asked, given.cameras)
+    asked = Placement(given.change["scale"], given.change["turn_degrees"], to=(x, y, z))
+    outcome = place(given.scene, given.inside, asked, given.cameras)
     old = outcome.origin >= 0
     own = torch.zeros(len(outcome.scene), dtype=torch.bool)
     own[old] = given.inside[outcome.origin[old]]
@@ -149,9 +153,6 @@ def _moved(part: Gaussians, given: Given) -> Gaussians:
 
 
 def _painted(given: Given) -> Made:
-    from gsedit.materials.apply import in_material
-    from gsedit.materials.named import paint_of
-
     red, green, blue = (round(255 * each) for each in given.change["color"])
     paint = paint_of("paint", f"#{red:02x}{green:02x}{blue:02x}")
     return Made(in_material(given.scene, given.inside, paint, given.cameras).scene)
@@ -163,10 +164,6 @@ def _flat(given: Given) -> Made:
 
 
 def _relit(given: Given) -> Made:
-    from gsedit.light.place import place_of as seen_place
-    from gsedit.light.relight import relit
-    from gsedit.light.setup import LightSetup, Sun
-
     asked = given.change
     place = seen_place(given.scene, given.cameras)
     toward = torch.nn.functional.normalize(torch.tensor(asked["sun"]).double(), dim=0)
@@ -195,9 +192,8 @@ def _gained(given: Given) -> Made:
 
 
 def _bent(given: Given) -> Made:
-    bending = import_module("gsedit.objects.bending.bend")
-    handles = [bending.Handle(tuple(point), tuple(goal)) for point, goal in given.change["handles"]]
-    return Made(bending.bend(given.scene, given.inside, handles).scene)
+    handles = [Handle(tuple(point), tuple(goal)) for point, goal in given.change["handles"]]
+    return Made(bend(given.scene, given.inside, handles).scene)
 
 
 def _unchanged(given: Given) -> Made:
@@ -206,14 +202,12 @@ def _unchanged(given: Given) -> Made:
 
 
 def _grown(given: Given) -> Made:
-    growth = import_module("gsedit.objects.growth.grow")
 
-    names = import_module("gsedit.objects.growth.table")
     part = given.scene.means[given.inside]
     size = float((part.amax(0) - part.amin(0)).norm())
-    amount = given.change["thickness"] / (names.GROWTHS["snow"].thickness * size)
-    amount = min(max(amount, names.LEAST), names.MOST)
-    return Made(growth.grow(given.scene, "snow", amount, given.inside, given.cameras).scene)
+    amount = given.change["thickness"] / (GROWTHS["snow"].thickness * size)
+    amount = min(max(amount, LEAST), MOST)
+    return Made(grow(given.scene, "snow", amount, given.inside, given.cameras).scene)
 
 
 def _whitened(given: Given) -> Made:

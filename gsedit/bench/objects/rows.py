@@ -9,8 +9,6 @@ from statistics import fmean
 from gsedit.bench.provenance import Provenance, provenance
 from gsedit.bench.results import markdown_table
 
-MISSING = "not in this version"
-"""Beginning of the note of a method that cannot be imported."""
 SENTENCES = ("phrase", "refusal")
 """Tasks that are told in sentences instead of a table."""
 RIGHT = 0.5
@@ -55,12 +53,9 @@ def table(rows: Iterable[Row]) -> str:
     """Markdown tables, one for each task, with the means of each method at the end."""
     rows, parts = list(rows), []
     for task in dict.fromkeys(row.task for row in rows):
-        own = [row for row in rows if row.task == task and not row.note.startswith(MISSING)]
-        if own and task not in SENTENCES:
+        own = [row for row in rows if row.task == task]
+        if task not in SENTENCES:
             parts.append(f"{task}\n\n{_task_table(own)}")
-    missing = dict.fromkeys(f"{r.task} ({r.note})" for r in rows if r.note.startswith(MISSING))
-    if missing:
-        parts.append(f"Left out: {'; '.join(missing)}.")
     return "\n\n".join((*parts, *_summary(rows)))
 
 
@@ -98,8 +93,7 @@ def _mean(rows: Sequence[Row]) -> Row:
 
 def _summary(rows: Sequence[Row]) -> list[str]:
     """Sentences on the phrases, where any were read."""
-    read = [row for row in rows if not row.note.startswith(MISSING)]
-    asked, unknown = ([row for row in read if row.task == task] for task in SENTENCES)
+    asked, unknown = ([row for row in rows if row.task == task] for task in SENTENCES)
     if not asked:
         return []
     wrong = [row for row in asked if (row.measures.get("iou") or 0) <= RIGHT]

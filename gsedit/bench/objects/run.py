@@ -34,7 +34,7 @@ from gsedit.bench.objects.files import (
 )
 from gsedit.bench.objects.methods import METHODS, OURS, Made, drawn
 from gsedit.bench.objects.phrases import NAMED, REFUSED
-from gsedit.bench.objects.rows import MISSING, Row, table
+from gsedit.bench.objects.rows import Row, table
 from gsedit.bench.objects.scores import scores
 from gsedit.bench.results import write_measurements, write_text
 from gsedit.diffusion.memory import most_bytes
@@ -134,8 +134,6 @@ def _timed(
         made = work()
     except GseditError as error:
         return replace(row, note=str(error))
-    except ModuleNotFoundError as error:
-        return replace(row, note=f"{MISSING}: {error.name}")
     seconds, spent = time.perf_counter() - wall, time.process_time() - cpu
     peak = most_bytes() / 1e9 or None
     return replace(
