@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -119,3 +120,13 @@ def test_lists_are_read_as_several_things_but_not_within_a_relation():
     assert [len(ends) for _, ends in between.relations] == [2]
     (striped,) = read_phrase("the red and white ball")
     assert len(striped.colors) == 2
+
+
+@pytest.mark.parametrize("flat", [(1, 1, 1), (1, 1, 0), (0, 0, 0)])
+@pytest.mark.parametrize("count", [1, 2, 200])
+def test_scenes_without_things_are_segmented_too(room, count, flat):
+    scene = room[0].scene[:count]
+    scene = replace(scene, means=scene.means * torch.tensor(flat))
+    segments = segment(scene, room[0].cameras)
+    assert len(segments.labels) == count
+    assert segments.rows

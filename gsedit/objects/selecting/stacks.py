@@ -125,9 +125,10 @@ def _bodies(
     through[~_flush(surfaces, within)] = -1
     links = _links(surfaces, body, patch, patches, within[through >= 0], through[through >= 0])
     count = int(body.max()) + 1
-    joined = linked(links, count + len(patches))
-    one = np.where(body >= 0, body, count + patch.clip(0))
-    return numbered(joined[one], (body >= 0) | (patch >= 0))
+    held = (body >= 0) | (patch >= 0)
+    joined = linked(links, max(count + len(patches), 1))
+    one = np.where(body >= 0, body, count + patch)
+    return numbered(joined[np.where(held, one, 0)], held)
 
 
 def _crossing(
