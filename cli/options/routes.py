@@ -124,11 +124,10 @@ def run_routes(
         found = () if result.region.is_all else (f"region: {result.region.note}",)
         for note in (*found, *result.notes):
             print_message(note)
-        request = {"scene": scene, **asdict(views), "editor": {"editor": AUTO}}
-        request |= {**history_of(scene), **more}
+        request = {"scene": scene, **asdict(views), "editor": {"editor": AUTO}, **history_of(scene)}
         write_cameras(viewpoints, folder / "cameras.json", overwrite=True)
         write_view_list(by_edit(viewpoints, ()), folder / "views.json", overwrite=True)
-        write_edit(folder, result, request=request, overwrite=True)
+        write_edit(folder, result, request={**request, **more}, overwrite=True)
     print_message(f"{result.metrics.describe()}; {result.timings['total']:.1f} s")
     print_message(
         f"results are in {folder}; look at {folder / 'before_after.png'}, then: "
