@@ -24,6 +24,7 @@ from gsedit.objects.removal.shade import find_shade
 from gsedit.objects.removal.sheet import Sheet
 from gsedit.objects.removal.sight import Sight, Views, contributions_of, look, look_again
 from gsedit.objects.removal.strays import AROUND, strays
+from gsedit.objects.removal.tidy import core_of, tidied
 from gsedit.objects.removal.uncover import Object, find_sheet
 from gsedit.objects.removal.walls import Plane, find_planes
 from gsedit.regions.support import extent_of
@@ -69,6 +70,7 @@ def remove(
     values that are not finite.
     """
     _check(scene, inside)
+    inside = torch.from_numpy(tidied(scene.means.numpy(), inside.numpy()))
     cameras = cameras or _found(scene, execution)
     most = VIEWS if len(scene) < LARGE else FEW_VIEWS
     asked = [cameras[i].fitted(VIEW_PIXELS) for i in evenly_spaced(len(cameras), most)]
@@ -224,7 +226,9 @@ def _without(
     weights = np.zeros(len(scene))
     weights[rest.numpy()] = now.around.numpy()
     eye = np.mean([sight.camera.center.double().numpy() for sight in sights], 0)
-    planes = find_planes(points, removed, shortest_axes(scene).numpy(), weights, eye)
+    planes = find_planes(
+        points, core_of(points, removed), shortest_axes(scene).numpy(), weights, eye
+    )
     colors = sh_to_color(kept.sh[:, 0]).numpy()
     away = _distance(points[removed], points[rest.numpy()], AROUND * extent) / extent
     gone = strays(

@@ -20,6 +20,8 @@ UNSURE, SURE = 0.5, 0.6
 """Such shares up to which it was seen too little to be believed, and from which it is."""
 RIM = 0.06
 """Farthest that the object's rim reaches, of its extent."""
+TOUCHED = 0.03
+"""Farthest that remains of the object's foot reach on a plane, of its extent."""
 AROUND = 0.4
 """Farthest that a Gaussian is believed to look like what was hidden, of the extent."""
 OUTLINED = 0.9
@@ -46,7 +48,7 @@ def strays(
     while the object was there, `now` what it does without. Those go that nobody saw, on a
     plane or near the object; near it, what is enclosed and on no plane; haze
     that is seen before the object more than beside it; and on a plane, what was
-    hardly seen and does not look like it: dark remains of a shadow.
+    hardly seen, or touches the object, and does not look like it: remains of a foot or a shadow.
     """
     total = np.maximum(now.total.numpy(), 1e-6)
     trust = seen / total
@@ -58,8 +60,9 @@ def strays(
     haze = (opacities < FAINT) & (away < HAZE) & ~flat
     gone |= haze & (now.outlined.numpy() > HAZE_OUTLINED * total) & (trust < SURE)
     for layer in layers:
-        sure = np.flatnonzero(layer & (away < AROUND) & (trust > SURE))
-        asked = np.flatnonzero(layer & (trust < UNSURE) & ~gone)
+        touched = away < TOUCHED
+        sure = np.flatnonzero(layer & (away < AROUND) & ~touched & (trust > SURE))
+        asked = np.flatnonzero(layer & ((trust < UNSURE) | touched) & ~gone)
         if len(sure) >= LEAST_SURE and len(asked):
             k = max(1, int(ALIKE_SHARE * len(sure)))
             gone[asked[k_nearest(colors[sure], colors[asked], k)[0][:, -1] > ALIKE]] = True
