@@ -24,6 +24,9 @@ BAND = 3.0
 ALONG = 0.7
 """Least mean cosine between the normals of its Gaussians and a plane beyond the first: those that
 it cuts across have 0.5."""
+HOVERS = 0.05
+"""Height of the object's lowest parts over a plane from which it stands on another, of its extent.
+"""
 PARALLEL, LAYERS = 0.97, 2.0
 """Cosine of planes that are parallel, and the distance of two layers of one, in their bands."""
 
@@ -57,11 +60,7 @@ def find_planes(
     `eye` is the middle of the cameras, `axes` the shortest axes, as long as a Gaussian is flat.
     """
     extent = extent_of(points[removed])
-    found: list[Plane] = []
-    support = find_support(points, removed, weights.astype(np.float64))
-    if support is not None:
-        band = max(BAND * support.margin, TOLERANCE * extent)
-        found.append(_turned(support.normal, support.offset, band, eye))
+    found = _supports(points, removed, weights, extent, eye)
     left = np.flatnonzero((weights > 0) & ~removed)
     left = left[~np.any([p.on(points[left]) for p in found], 0)] if found else left
     random = np.random.default_rng(0)
@@ -81,6 +80,29 @@ def find_planes(
         _put(found, plane)
         left = left[~plane.on(points[left])]
     return tuple(found)
+
+
+def _supports(
+    points: Float[np.ndarray, "n 3"],
+    removed: Bool[np.ndarray, " n"],
+    weights: Float[np.ndarray, " n"],
+    extent: float,
+    eye: Float64[np.ndarray, "3"],
+) -> list[Plane]:
+    """The plane that the object stands on; where it hovers over one, a nearer one below it."""
+    found, votes = [], weights.astype(np.float64)
+    for _ in range(2):
+        support = find_support(points, removed, votes) if votes.any() else None
+        if support is None:
+            break
+        band = max(BAND * support.margin, TOLERANCE * extent)
+        plane = _turned(support.normal, support.offset, band, eye)
+        lowest = float(np.quantile(support.heights(points[removed]), 0.03))
+        found.append((lowest, plane))
+        if lowest < HOVERS * extent:
+            break
+        votes = np.where(plane.on(points), 0.0, votes)
+    return [plane for _, plane in sorted(found, key=lambda each: each[0])[:1]]
 
 
 def _along(axes: Float[np.ndarray, "v 3"], plane: Plane) -> bool:
