@@ -17,7 +17,7 @@ VERBS = (
     "metrics", "convert", "filter", "clean", "decimate", "merge", "transform", "bend", "align",
     "recolor", "list", "doctor",
 )  # fmt: skip
-BENCHMARKS = ("stability", "targets", "edit", "ranks")
+BENCHMARKS = ("stability", "targets", "edit", "ranks", "objects")
 
 
 @pytest.mark.parametrize(
