@@ -20,6 +20,9 @@ SOLID = 0.1
 LAYERS = 48
 """Layers of heights among which a ground is looked for, and cells along the longest side of the
 grid in which parts are connected."""
+APART, FEWEST = 2.5, 8
+"""Least side of such a cell, in standard deviations of the Gaussians, which are 1.5 apart, and the
+fewest cells along the longest side."""
 BULK = (0.005, 0.995)
 """Ranks of heights between which those layers are: stray Gaussians are beyond."""
 GROUND = 0.25
@@ -29,7 +32,7 @@ THICK, STANDS = 0.4, 0.03
 """
 FADED = 0.15
 """Share of the fullest layer's surface below which a layer is no longer of the ground."""
-WIDER = 1.15
+WIDER = 1.4
 """Least reach of a ground against that of what stands on it, level: a body is no wider than itself.
 """
 LOOSE = 0.02
@@ -85,7 +88,9 @@ def _parts(scene: Gaussians, chosen: Bool[Tensor, " n"]) -> Int[Tensor, " n"]:
 
     points = scene.means[chosen].double().numpy()
     low, high = np.quantile(points, (0.001, 0.999), axis=0)
-    cell = max(float((high - low).max()), 1e-9) / LAYERS
+    wide = float(scene.log_scales[chosen].sort(-1).values[:, 1].median().exp())
+    side = max(float((high - low).max()), 1e-9)
+    cell = min(max(side / LAYERS, APART * wide), side / FEWEST)
     cells = np.floor((scene.means.double().numpy() - low) / cell).astype(np.int64) + 1
     shape = np.floor((high - low) / cell).astype(np.int64) + 3
     beyond = ((cells < 0) | (cells >= shape)).any(1)

@@ -14,12 +14,19 @@ from torch import Tensor
 from gsedit.cameras.orbit import perpendicular
 from gsedit.light.place import Place
 from gsedit.light.shadows import parallel_map
+from gsedit.scene.quantiles import weighted_quantile
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
 CELLS = 192
 """Cells along the side of a map: of an object that fills half of it, one is 1 % of its width."""
+
+SEEN_ABOVE = 0.54
+"""Height of a surface over the centers of the discs that draw it, in their standard deviation:
+discs are drawn wider and nearer than they are (gsedit.synthetic.splats.SINK over DISC)."""
+MOST_ABOVE = 0.15
+"""Largest standard deviation that counts for it, of the radius: wider ones are haze."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +73,21 @@ def heights_from_above(
     seen = replace(scene, sh=scene.sh[:, :1])[below].detach()
     drawn = parallel_map(seen, place, up, CELLS, execution)
     points = drawn.camera.unproject(drawn.camera.pixel_centers(), drawn.depth.double())
+    points = points + _lift(seen, center, radius, up) * up
     return HeightMap(drawn.camera, up, points, _along(points, up))
+
+
+def _lift(
+    scene: Gaussians, center: Float[Tensor, "3"], radius: float, up: Float[Tensor, "3"]
+) -> float:
+    """Height of what is seen around a point over the centers of its Gaussians."""
+    away = scene.means.double() - center
+    near = (away - (away @ up)[:, None] * up).norm(dim=-1) < radius
+    if not bool(near.any()):
+        return 0.0
+    sizes = scene.log_scales[near].sort(-1).values[:, 1:2].exp().double()
+    area = scene.opacities[near].double() * sizes[:, 0].square()
+    return SEEN_ABOVE * min(float(weighted_quantile(sizes, area, 0.5)), MOST_ABOVE * radius)
 
 
 def _along(points: Float[Tensor, "h w 3"], up: Float[Tensor, "3"]) -> Float[Tensor, "h w"]:

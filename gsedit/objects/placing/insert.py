@@ -61,7 +61,8 @@ def insert(
     `at` is a world point, a place beside something, or None: a free place near what the cameras
     look at. Its `height` is in world units; or `scale` is a factor of its own lengths; with neither
     its size is fitted: to what it stands beside, or to the pictures. `turn` is in degrees about the
-    upward direction, and `up` the other scene's, guessed if None. SH are brought to the scene's
+    upward direction, and `up` the other scene's; without it that is guessed, and the front of the
+    object turned to the cameras. SH are brought to the scene's
     degree. Raises UsageError for values out of range, and for scenes without Gaussians.
     """
     _check(scene, other, at, height, scale, turn)
@@ -73,7 +74,7 @@ def insert(
     surroundings = other[~inside]
     own = stance_of(other[inside], surroundings, theirs, execution)
     factor, note = _factor(scene, other[inside], own, at, height, scale, around, seen_from)
-    body, stance = _upright(other[inside], own, factor, around)
+    body, stance = _upright(other[inside], own, factor, around, turned=up is None)
     target = at
     if at is None:
         reach = max(NEAR * around.distance, 2 * stance.height)
@@ -84,7 +85,7 @@ def insert(
     placement = Placement(turn=turn, to=target)
     motion = motion_of(body, stance, placement, beside, around, scene, execution, seen_from)
     there = with_degree(moved(body, motion.similarity), scene.degree)
-    there = balanced(there, motion.stance, scene, surroundings, around.up, seen_from, execution)
+    there = balanced(there, motion.stance, scene, around.up, seen_from, execution)
     light = daylight(around, sun_of(scene, motion.stance, execution))
     base = shaded(same(scene), there, motion.stance, light, execution)
     rows = torch.full((len(there),), NEW)
@@ -159,18 +160,20 @@ def _picture(place: Place, cameras: Sequence[Camera]) -> float:
 
 
 def _upright(
-    body: Gaussians, stance: Stance, factor: float, place: Place
+    body: Gaussians, stance: Stance, factor: float, place: Place, *, turned: bool
 ) -> tuple[Gaussians, Stance]:
-    """An object of its new size, upright in a place, with its front to where that is seen from.
+    """An object of its new size, upright in a place by the smallest turn; then, where it is to be
+    turned, with its front to where the place is seen from.
 
     Its front is what `framing_camera` shows of it.
     """
-    upright = turn_between(stance.up.numpy(), place.up.numpy())
+    turn = upright = turn_between(stance.up.numpy(), place.up.numpy())
     back = framing_camera(body, up=stance.up).forward.numpy() @ upright.T
     up, front = place.up.numpy(), place.front.numpy()
     level = back @ up * up - back
     angle = np.degrees(np.arctan2(np.cross(level, front) @ up, level @ front))
-    turn = axis_rotation(up, float(angle)) @ upright
+    if turned:
+        turn = axis_rotation(up, float(angle)) @ upright
     similarity = replace(IDENTITY, turn=turn, scale=factor).about(stance.foot.numpy())
     sized = replace(
         stance, up=place.up, height=factor * stance.height, gap=factor * stance.gap, stands=False
