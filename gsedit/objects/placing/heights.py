@@ -25,7 +25,7 @@ CELLS = 192
 SEEN_ABOVE = 0.54
 """Height of a surface over the centers of the discs that draw it, in their standard deviation:
 discs are drawn wider and nearer than they are (gsedit.synthetic.splats.SINK over DISC)."""
-MOST_ABOVE = 0.15
+MOST_ABOVE = 0.1
 """Largest standard deviation that counts for it, of the radius: wider ones are haze."""
 
 
@@ -86,8 +86,8 @@ def _lift(
     if not bool(near.any()):
         return 0.0
     sizes = scene.log_scales[near].sort(-1).values[:, 1:2].exp().double()
-    area = scene.opacities[near].double() * sizes[:, 0].square()
-    return SEEN_ABOVE * min(float(weighted_quantile(sizes, area, 0.5)), MOST_ABOVE * radius)
+    typical = float(weighted_quantile(sizes, scene.opacities[near].double(), 0.5))
+    return SEEN_ABOVE * min(typical, MOST_ABOVE * radius)
 
 
 def _along(points: Float[Tensor, "h w 3"], up: Float[Tensor, "3"]) -> Float[Tensor, "h w"]:
