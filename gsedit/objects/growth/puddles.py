@@ -17,9 +17,8 @@ from torch import Tensor
 
 from gsedit.cameras.around import find_viewpoints
 from gsedit.datasets.dataset import evenly_spaced
-from gsedit.light.color_change import step
 from gsedit.objects.growth.layer import Patch, discs
-from gsedit.objects.growth.relief import FEWEST
+from gsedit.objects.growth.relief import FEWEST, without_specks
 from gsedit.objects.growth.table import Growth
 from gsedit.scene.color_space import srgb_of_linear
 from gsedit.scene.planes import refined_plane
@@ -31,11 +30,11 @@ from rasterizer.camera import Camera
 from rasterizer.harmonics import basis
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import render
-from rasterizer.scene import Gaussians
+from rasterizer.scene import Gaussians, concatenate
 
 DEGREE = 3
 """SH degree of what mirrors."""
-VIEWS, VIEW_PIXELS = 32, 128
+VIEWS, VIEW_PIXELS = 64, 48
 """Most cameras that reflections are taken from, and the longer side of their pictures: finer ones
 hold more than SH of degree 3 can show, which would be noise."""
 WAVER = 3.0
@@ -47,8 +46,12 @@ NEAR = 0.02
 """Distance from the middle of the water, in the part's size, from which its surroundings count."""
 STIFF = (1e-4, 1e-3, 2e-3, 4e-3)
 """Penalty of the squared coefficients of each degree, against the mean squared error."""
-SHORE = 0.9
-"""Share of a place from which it is under water, not only wet."""
+FULL = 0.85
+"""Share of the roughness of the ground that is under water: the rest stands out of it."""
+LIFT = 0.7
+"""Height of the water over that, in pixels: a floor without roughness is under water too."""
+WET, DAMP, WETTED = 3, 0.3, 0.45
+"""Pixels around water that are wet, the opacity there, and the factor of display colors."""
 MARGIN = 2.0
 """Height over the water, in pixels, under which nothing is mirrored: it is the shore itself."""
 ROWS = 2048
@@ -69,14 +72,16 @@ class Water:
 
 
 def level(patch: Patch) -> Patch:
-    """The part of a patch that is on one level plane with most of it."""
-    ground = patch.relief.points[patch.lies]
-    if len(ground) < FEWEST:
+    """The part of a patch that lies under one level plane of water, with the water's depth."""
+    relief = patch.relief
+    if int(patch.lies.sum()) < FEWEST:
         return replace(patch, lies=torch.zeros_like(patch.lies))
     plane = _plane(patch)
-    far = (patch.relief.points @ plane.normal - plane.offset).abs() > WAVER * patch.relief.pixel
-    lies = patch.lies & ~far
-    return replace(patch, lies=lies, height=patch.height * lies, share=patch.share * lies)
+    depth = plane.offset - relief.points @ plane.normal
+    lies = patch.lies & (depth > 0) & (depth < 2 * WAVER * relief.pixel)
+    lies = ~without_specks(~without_specks(lies)) & relief.there
+    height = depth / (relief.axis @ plane.normal) * lies
+    return replace(patch, lies=lies, height=height, share=patch.share * lies)
 
 
 def water(
@@ -86,22 +91,44 @@ def water(
     cameras: Sequence[Camera],
     execution: Execution = AUTO,
 ) -> Gaussians:
-    """Still water over a level patch."""
+    """Still water over a level patch, and wet ground around it."""
     if not bool(patch.lies.any()):
         return scene[:0]
-    plane, relief, size = _plane(patch), patch.relief, patch.site.size
-    spots = patch.spots(relief)
-    height = spots.points @ plane.normal - plane.offset
-    points = spots.points + (growth.thickness * size - height)[:, None] * plane.normal
-    bottom = spots.mean(patch.site.setting.colors) * torch.tensor(growth.lit).double()
+    relief, points = patch.relief, patch.top.points[patch.lies]
+    plane = _through(points, patch.site.up)
+    bottom = patch.spots(relief).mean(patch.site.setting.colors)
+    bottom = bottom * torch.tensor(growth.lit).double()
     seen_from = list(cameras) or _viewpoints(scene, execution)
     over = scene[scene.means.double() @ plane.normal - plane.offset > MARGIN * relief.pixel]
+    near = NEAR * patch.site.size
     middle = points.mean(0).to(scene.means)
-    around = surroundings_at(over, middle, NEAR * size, plane.normal, execution, seen_from)
+    around = surroundings_at(over, middle, near, plane.normal, execution, seen_from)
     sh = _reflecting(over, plane, points, bottom, seen_from, around, execution)
-    shore = step(patch.share[patch.lies], growth.edge, SHORE)
-    flat = discs(points, plane.normal.expand_as(points), relief, growth.opacity * shore, bottom)
-    return replace(flat, sh=sh.float())
+    flat = discs(points, plane.normal.expand_as(points), relief, growth.opacity, bottom)
+    return concatenate(replace(flat, sh=sh.float()), _wet(patch, growth, sh.shape[1]))
+
+
+def _through(points: Float[Tensor, "m 3"], up: Float[Tensor, "3"]) -> Water:
+    """The plane that points are on."""
+    level = float((points @ up).median())
+    far = float((points @ up - level).abs().max()) + 1.0
+    normal, offset = refined_plane(points.numpy(), up.numpy(), level, far)
+    return Water(torch.from_numpy(normal), float(offset))
+
+
+def _wet(patch: Patch, growth: Growth, k: int) -> Gaussians:
+    """Dark wet ground around water, with `k` SH coefficients."""
+    around = torch.nn.functional.max_pool2d(patch.lies[None, None].double(), 2 * WET + 1, 1, WET)
+    water = float(patch.top.heights[patch.lies].median())
+    level = (patch.relief.heights - water).abs() < WAVER * patch.relief.pixel  # not on walls
+    shore = (around[0, 0] > 0) & ~patch.lies & patch.relief.there & level
+    spots = replace(patch, lies=shore).spots(patch.relief)
+    lift = growth.thickness * patch.site.size
+    color = WETTED * spots.mean(patch.site.setting.colors)
+    rim = discs(spots.points + lift * spots.normals, spots.normals, patch.relief, DAMP, color)
+    sh = rim.sh.new_zeros(len(rim), k, 3)
+    sh[:, :1] = rim.sh
+    return replace(rim, sh=sh)
 
 
 def _plane(patch: Patch) -> Water:
@@ -115,7 +142,10 @@ def _plane(patch: Patch) -> Water:
     )
     level = float(height[layer == int(votes.argmax())].median())
     normal, offset = refined_plane(ground.numpy(), up.numpy(), level, WAVER * pixel)
-    return Water(torch.from_numpy(normal), float(offset))
+    plane = Water(torch.from_numpy(normal), float(offset))
+    rough = ground @ plane.normal - plane.offset
+    rough = rough[rough.abs() < WAVER * pixel]
+    return replace(plane, offset=plane.offset + float(rough.quantile(FULL)) + LIFT * pixel)
 
 
 def _viewpoints(scene: Gaussians, execution: Execution) -> list[Camera]:

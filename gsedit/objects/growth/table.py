@@ -71,8 +71,8 @@ GROWTHS: dict[str, Growth] = {
         "is level and sees the sky", mottle=0.12, edge=0.2, hides=False,
     ),
     "puddles": Growth(
-        where.pooled, "water", 0.002, 0.005, (0.5, 0.5, 0.5), (0.5, 0.5, 0.5),
-        "is level", opacity=0.97, smooth=20,
+        where.pooled, "water", 0.002, 0.005, (0.3, 0.3, 0.3), (0.3, 0.3, 0.3),
+        "is level", opacity=0.985, smooth=20,
     ),
 }  # fmt: skip
 """Growths by the names that sentences give them."""
