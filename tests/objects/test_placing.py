@@ -108,7 +108,7 @@ def test_back_again_is_where_it_was(labelled, ball, cameras, right):
     inside = torch.isin(right.origin, ball.nonzero().squeeze(-1))
     back = place(right.scene, inside, Placement(offset=(-1.0, 0.0, 0.0)), cameras)
     after = right.then(back)
-    assert (of(after, ball) - labelled.scene.means[ball]).abs().max() < 0.02 * HEIGHT
+    assert (of(after, ball) - labelled.scene.means[ball]).abs().max() < 0.04 * HEIGHT
 
 
 def test_what_is_not_flagged_keeps_its_bits(labelled, right):

@@ -25,7 +25,7 @@ CELLS = 192
 SEEN_ABOVE = 0.54
 """Height of a surface over the centers of the discs that draw it, in their standard deviation:
 discs are drawn wider and nearer than they are (gsedit.synthetic.splats.SINK over DISC)."""
-MOST_ABOVE = 0.1
+MOST_ABOVE = 0.16
 """Largest standard deviation that counts for it, of the radius: wider ones are haze."""
 
 
@@ -73,21 +73,22 @@ def heights_from_above(
     seen = replace(scene, sh=scene.sh[:, :1])[below].detach()
     drawn = parallel_map(seen, place, up, CELLS, execution)
     points = drawn.camera.unproject(drawn.camera.pixel_centers(), drawn.depth.double())
-    points = points + _lift(seen, center, radius, up) * up
-    return HeightMap(drawn.camera, up, points, _along(points, up))
+    found = HeightMap(drawn.camera, up, points, _along(points, up))
+    lift = _lift(seen, found, radius)
+    return replace(found, points=points + lift * up, heights=found.heights + lift)
 
 
-def _lift(
-    scene: Gaussians, center: Float[Tensor, "3"], radius: float, up: Float[Tensor, "3"]
-) -> float:
-    """Height of what is seen around a point over the centers of its Gaussians."""
-    away = scene.means.double() - center
-    near = (away - (away @ up)[:, None] * up).norm(dim=-1) < radius
-    if not bool(near.any()):
+def _lift(scene: Gaussians, seen: HeightMap, radius: float) -> float:
+    """Height of what is seen in a map over the centers of its Gaussians."""
+    points = scene.means.double()
+    sizes = scene.log_scales.sort(-1).values[:, 1].exp().double()
+    xy, _ = seen.camera.project(points)
+    near = ((xy >= 0) & (xy < CELLS)).all(-1)
+    shown = near & ((points @ seen.up - seen.heights[seen.cells_of(points)]).abs() < sizes / 2)
+    if not bool(shown.any()):
         return 0.0
-    sizes = scene.log_scales[near].sort(-1).values[:, 1:2].exp().double()
-    typical = float(weighted_quantile(sizes, scene.opacities[near].double(), 0.5))
-    return SEEN_ABOVE * min(typical, MOST_ABOVE * radius)
+    typical = weighted_quantile(sizes[shown, None], scene.opacities[shown].double(), 0.5)
+    return SEEN_ABOVE * min(float(typical), MOST_ABOVE * radius)
 
 
 def _along(points: Float[Tensor, "h w 3"], up: Float[Tensor, "3"]) -> Float[Tensor, "h w"]:
