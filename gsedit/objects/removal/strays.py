@@ -14,6 +14,8 @@ from gsedit.objects.removal.sight import Contributions
 from gsedit.objects.removal.walls import Plane
 from gsedit.scene.neighbors import k_nearest
 
+SHOWN = 1e-3
+"""Pixels that a Gaussian contributes at least to all views, for them to say something of it."""
 UNSEEN = 0.15
 """Share of what a Gaussian now contributes, up to which nobody saw it behind the object."""
 UNSURE, SURE = 0.5, 0.6
@@ -50,8 +52,8 @@ def strays(
     that is seen before the object more than beside it; and on a plane, what was
     hardly seen, or touches the object, and does not look like it: remains of a foot or a shadow.
     """
-    total = np.maximum(now.total.numpy(), 1e-6)
-    trust = seen / total
+    total = np.maximum(now.total.numpy(), SHOWN)
+    trust = np.where(now.total.numpy() < SHOWN, 1.0, seen / total)
     enclosed = now.outlined.numpy() > OUTLINED * total
     layers = [plane.on(points) for plane in planes]
     flat = np.any(layers, 0) if layers else np.zeros(len(points), bool)
