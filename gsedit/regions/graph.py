@@ -90,18 +90,20 @@ def smooth(
     confidence: Float[Tensor, " n"],
     graph: Neighbors,
     strength: float,
+    tolerance: float = SOLVED_TO,
 ) -> Float[Tensor, " n"]:
     """Values that are near the given ones where these are sure, and near their neighbors'.
 
     They minimise sum c_i (x_i - v_i)^2 + strength / 2 sum a_ij (x_i - x_j)^2, with confidences c
     and affinities a: the random walker with priors (Grady 2005). A Gaussian without confidence
-    takes the mean of its neighbors.
+    takes the mean of its neighbors. `tolerance` is the relative residual: less is needed where few
+    are sure, and most follow them from afar.
     """
     c = confidence.double().numpy() + 1e-6
     system = diags(c) + strength * graph.laplacian
     given = values.double().numpy()
     preconditioner = diags(1 / system.diagonal())
-    solved, _ = cg(system, c * given, x0=given, rtol=SOLVED_TO, maxiter=200, M=preconditioner)
+    solved, _ = cg(system, c * given, x0=given, rtol=tolerance, maxiter=200, M=preconditioner)
     return torch.from_numpy(solved).to(values)
 
 

@@ -29,13 +29,17 @@ from rasterizer.color_weights import color_weights
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
+FROM_AFAR = 1e-5
+"""Relative residual of values that follow few clicked Gaussians from afar."""
+LEAST_AFFINITY = 0.05
+"""Affinity of neighbors that are not alike at all: specks follow what is around them."""
 LEAST_OPACITY = 0.2
 """Least opacity of a pixel that shows something."""
 HALF_WINDOW = 1
 """Pixels on either side of the clicked one that have a part in it: one pixel may be a speck."""
-SEED, PRIOR = 1e3, 0.02
-"""Confidence of a clicked Gaussian, and of one that follows the selection before the click, against
-1 for a neighbor of the same kind."""
+SEED, PRIOR = 10.0, 0.02
+"""Confidence of a clicked Gaussian, and of one as far as a click reaches, which follows the
+selection before it; less nearer to the click. A neighbor of the same kind has STRENGTH."""
 STRENGTH = 10.0
 """Weight of a neighbor's value in the random walker."""
 SEEDS = 0.1
@@ -196,13 +200,14 @@ class Selector:
         points = self._surfaces.points
         if hit is not None and extent_of(points[hit]) <= WHOLE * reach:
             return inside | hit if click.inside else inside & ~hit
-        rows = np.flatnonzero(np.linalg.norm(points - middle, axis=1) < AROUND * reach)
+        away = np.linalg.norm(points - middle, axis=1) / (AROUND * reach)
+        rows = np.flatnonzero(away < 1)
         seed = weights[rows] > SEEDS * weights.max()
         if not seed.any():
             return inside
         values = np.where(seed, float(click.inside), inside[rows].astype(float))
         out = inside.copy()
-        out[rows] = self._solved(rows, values, np.where(seed, SEED, PRIOR)) > 0.5
+        out[rows] = self._solved(rows, values, np.where(seed, SEED, PRIOR * away[rows] ** 4)) > 0.5
         return out
 
     def _hit(
@@ -250,9 +255,11 @@ class Selector:
         confidence: Float64[np.ndarray, " m"],
     ) -> Float64[np.ndarray, " m"]:
         """Values that follow the given ones and those of neighbors alike, on some rows."""
-        graph = Neighbors(self._surfaces.graph.affinity[rows][:, rows])
+        near = self._surfaces.graph.affinity[rows][:, rows]
+        near.data = LEAST_AFFINITY + (1 - LEAST_AFFINITY) * near.data
+        graph = Neighbors(near)
         given = torch.from_numpy(values), torch.from_numpy(confidence)
-        return smooth(*given, graph, STRENGTH).numpy()
+        return smooth(*given, graph, STRENGTH, tolerance=FROM_AFAR).numpy()
 
     def _label(self, weights: Float64[np.ndarray, " n"]) -> int:
         """The segment that gives most of a pixel. Raises UsageError for the background."""
