@@ -22,8 +22,6 @@ ROUND = 0.9
 SWELL, SWELL_WIDTH = 0.35, 6.0
 """Share of the thickness that is in the middle only, and the distance from the edge, in the
 thickness, over which it comes."""
-SETTLED = 0.3
-"""Least share of the thickness over what stands out of the smooth surface."""
 SPREAD, FLAT = 0.72, 0.16
 """Standard deviations along and across a surface, in pixels: neighbors blend to an even one."""
 STEEPEST = 0.2
