@@ -20,10 +20,11 @@ from gsedit.errors import UsageError
 from .core.checkpoints import NAME
 from .core.command import LazyCommand, argument, paragraphs, verb_command, verb_name
 from .core.console import print_result
+from .core.current import current_scene
 from .core.levels import Levels
 from .core.process import Output, process
 from .core.renamed import split
-from .options.common import Common, current_scene, first_scene
+from .options.common import Common, first_scene
 from .options.files import FileOptions
 
 if TYPE_CHECKING:

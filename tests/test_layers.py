@@ -23,6 +23,7 @@ ORDER = {
         "fitting",
         "pictures",
         "objects",
+        "selecting",
         "mask_protocol",
         "scenery",
         "light",

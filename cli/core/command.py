@@ -18,6 +18,8 @@ import typer
 from typer.core import TyperCommand
 from typer.models import OptionInfo
 
+from .current import with_saved_regions
+
 Body = Callable[..., Any]
 SHOWN_OPTIONS = "shown_options"
 """Attribute of a verb's function that holds the flags its help lists."""
@@ -140,8 +142,6 @@ def as_command(body: Body) -> Body:
     options += [keyword("set_", SetOption, None), keyword("help_all", HelpAll, False)]
 
     def command(**values: Any) -> Any:
-        from ..options.saved import with_saved_regions
-
         del values["set_"], values["help_all"]  # VerbCommand has treated them
         values = with_saved_regions(values)
         gathered = {

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,6 +12,7 @@ from rasterizer.numerics import DEFAULT, Numerics
 
 from ..core.command import argument, flag, option
 from ..core.console import print_message
+from ..core.current import current_scene
 
 if TYPE_CHECKING:
     import torch
@@ -25,9 +25,6 @@ MOST_THREADS = 1024
 """Most threads that may be asked for: each takes memory, and no machine has more cores."""
 LARGEST_SEED = (1 << 32) - 1
 """Largest --seed: torch and numpy take it."""
-current_scene: ContextVar[Path | None] = ContextVar("current_scene", default=None)
-"""SCENE of the command that runs, for options that need the cameras beside it; None once an
-operation has moved the scene away from them."""
 
 
 def first_scene(path: Path) -> Path:

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
     from gsedit.datasets.viewpoints import Viewpoint
     from gsedit.mask_protocol import MaskProvider
-    from gsedit.objects.selecting.click import Click
     from gsedit.regions.region import Region
+    from gsedit.selecting.click import Click
     from rasterizer.scene import Gaussians
 
 PLACE = re.compile(r"(?P<out>not:)?(?P<view>.+):(?P<x>\d+(\.\d*)?),(?P<y>\d+(\.\d*)?)")

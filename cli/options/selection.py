@@ -11,7 +11,7 @@ from gsedit.errors import UsageError
 from gsedit.regions.parse import All, Auto, Box, File, Sphere, parse_region
 
 from ..core.command import flag, option
-from .common import current_scene
+from ..core.current import current_scene
 
 if TYPE_CHECKING:
     from gsedit.toolkit.selection.base import Selection

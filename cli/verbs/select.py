@@ -190,8 +190,8 @@ def list_objects(
     """Print the segments of a scene, a line each, and draw them."""
     from gsedit.formats.pictures import save_picture
     from gsedit.objects import segment
-    from gsedit.objects.selecting.looks import names
     from gsedit.pictures.segment_sheet import segment_sheet
+    from gsedit.selecting.looks import names
 
     segments = segment(gaussians, [each.camera for each in views])
     told = names(segments)

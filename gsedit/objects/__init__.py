@@ -1,4 +1,4 @@
-"""Operations on one object of a scene: select, remove and fill, move, copy, insert, grow, bend."""
+"""Operations on one object of a scene: remove and fill, move, copy, insert, grow, bend."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from gsedit.objects.placing.place import place
     from gsedit.objects.placing.placement import Beside, Placement
     from gsedit.objects.removal.remove import remove
-    from gsedit.objects.selecting.click import Click, Selector, select_at
-    from gsedit.objects.selecting.phrase import find_phrase
-    from gsedit.objects.selecting.segment import Segments, segment
+    from gsedit.selecting.click import Click, Selector, select_at
+    from gsedit.selecting.phrase import find_phrase
+    from gsedit.selecting.segment import Segments, segment
 
 make_lazy(__name__)

@@ -7,8 +7,8 @@ import json
 import numpy as np
 import pytest
 from command_line import gsedit
-from objects.playroom import playroom
 from PIL import Image
+from selecting.playroom import playroom
 
 from gsedit import load, save
 from gsedit.datasets.cameras_json import write_cameras

@@ -61,7 +61,7 @@ class Segmenter:
     name: str = "truth"
 
     def check(self, phrase: str) -> None:
-        """Nothing is refused."""
+        """A check that refuses nothing."""
 
     def masks(self, pictures, phrase):
         thing = {"the ball": "red ball", "the post": "blue post"}[phrase]

@@ -1,11 +1,11 @@
-"""What carries the things of a scene, as a table does."""
+"""The carrier of the things of a scene, as a table is."""
 
 from __future__ import annotations
 
 from collections import Counter
 
-from gsedit.objects.selecting.segment import Segments
 from gsedit.regions.region import Region
+from gsedit.selecting.segment import Segments
 
 
 def carrier(segments: Segments) -> Region | None:

@@ -62,8 +62,8 @@ def insert(
     look at. Its `height` is in world units; or `scale` is a factor of its own lengths; with neither
     its size is fitted: to what it stands beside, or to the pictures. `turn` is in degrees about the
     upward direction, and `up` the other scene's; without it that is guessed, and the front of the
-    object turned to the cameras. SH are brought to the scene's
-    degree. Raises UsageError for values out of range, and for scenes without Gaussians.
+    object turned to the cameras. SH are brought to the scene's degree.
+    Raises UsageError for values out of range, and for scenes without Gaussians.
     """
     _check(scene, other, at, height, scale, turn)
     scene, other = scene.detach(), other.detach()
@@ -89,12 +89,8 @@ def insert(
     light = daylight(around, sun_of(scene, motion.stance, execution))
     base = shaded(same(scene), there, motion.stance, light, execution)
     rows = torch.full((len(there),), NEW)
-    return added(
-        base,
-        there,
-        rows,
-        (note, *notes_of(replace(motion, rise=0.0), there, scene, seen_from, execution)),
-    )
+    told = notes_of(replace(motion, rise=0.0), there, scene, seen_from, execution)
+    return added(base, there, rows, (note, *told))
 
 
 def _check(

@@ -16,14 +16,14 @@ from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 
 from gsedit.errors import UsageError
-from gsedit.objects.selecting.pieces import pieces
-from gsedit.objects.selecting.segment import Segments, segment_surfaces
-from gsedit.objects.selecting.surfaces import VIEW_PIXELS, Surfaces, look
 from gsedit.regions.graph import Neighbors, smooth
 from gsedit.regions.region import Region
 from gsedit.regions.support import extent_of
 from gsedit.scene.merging.groups import MergedScene, coarsen
 from gsedit.scene.neighbors import k_nearest
+from gsedit.selecting.pieces import pieces
+from gsedit.selecting.segment import Segments, segment_surfaces
+from gsedit.selecting.surfaces import VIEW_PIXELS, Surfaces, look
 from rasterizer.camera import Camera
 from rasterizer.color_weights import color_weights
 from rasterizer.numerics import AUTO, Execution

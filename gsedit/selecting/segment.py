@@ -14,12 +14,12 @@ import torch
 from jaxtyping import Bool, Float64, Int
 from torch import Tensor
 
-from gsedit.objects.selecting.pieces import split_touching
-from gsedit.objects.selecting.stacks import Stacks, find_stacks
-from gsedit.objects.selecting.surfaces import Surfaces, look
 from gsedit.regions.support import extent_of
 from gsedit.scene.merging.groups import coarsen
 from gsedit.scene.neighbors import k_nearest
+from gsedit.selecting.pieces import split_touching
+from gsedit.selecting.stacks import Stacks, find_stacks
+from gsedit.selecting.surfaces import Surfaces, look
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 import torch
-from objects.playroom import playroom
+from selecting.playroom import playroom
 
 from gsedit.errors import UsageError
 from gsedit.objects import find_phrase, segment
-from gsedit.objects.selecting.looks import names
-from gsedit.objects.selecting.query import read_phrase
+from gsedit.selecting.looks import names
+from gsedit.selecting.query import read_phrase
 from gsedit.synthetic.staged import stage
 
 PHRASES = Path(__file__).parents[1] / "data" / "phrases"

@@ -14,10 +14,10 @@ from torch import Tensor
 
 from gsedit.errors import UsageError
 from gsedit.mask_protocol import MaskProvider
-from gsedit.objects.selecting.looks import APART, names, of_color, white_of
-from gsedit.objects.selecting.query import Key, Query, Relation, read_phrase
-from gsedit.objects.selecting.segment import Segment, Segments, segment
 from gsedit.regions.region import Region
+from gsedit.selecting.looks import APART, names, of_color, white_of
+from gsedit.selecting.query import Key, Query, Relation, read_phrase
+from gsedit.selecting.segment import Segment, Segments, segment
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
@@ -59,7 +59,7 @@ def find_phrase(
     if not queries:
         raise UsageError(f"the phrase is empty: {SAYABLE}")
     if masks is not None and any(_unknown(query) for query in queries):
-        from gsedit.objects.selecting.masks import find_masked
+        from gsedit.selecting.masks import find_masked
 
         return find_masked(phrase, scene, masks, cameras, execution)
     found = segment(scene, cameras, execution) if segments is None else segments

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Int
 
-from gsedit.objects.selecting.layers import SKIRT, Patch, joints_of, level_patches, numbered, walls
-from gsedit.objects.selecting.surfaces import Surfaces
 from gsedit.scene.neighbors import linked
+from gsedit.selecting.layers import SKIRT, Patch, joints_of, level_patches, numbered, walls
+from gsedit.selecting.surfaces import Surfaces
 
 GROUND_SHARE = 0.05
 """Least area of a further patch of the ground, of the largest one's."""

@@ -7,9 +7,9 @@ import torch
 from torch.nn.functional import avg_pool2d, max_pool2d
 
 from gsedit.errors import GseditError, UsageError
-from gsedit.objects.selecting.masks import find_masked, lift_masks
 from gsedit.regions.lift import lift
 from gsedit.regions.subject import find_drawn
+from gsedit.selecting.masks import find_masked, lift_masks
 from gsedit.synthetic.staged import stage
 
 SIZE = 96
@@ -115,8 +115,8 @@ def test_a_provider_is_asked_about_pictures_of_the_scene(table, labelled):
 
 
 def test_without_cameras_viewpoints_are_found(labelled, monkeypatch):
-    monkeypatch.setattr("gsedit.objects.selecting.masks.MOST_VIEWS", 3)
-    monkeypatch.setattr("gsedit.objects.selecting.masks.VIEW_PIXELS", 64)
+    monkeypatch.setattr("gsedit.selecting.masks.MOST_VIEWS", 3)
+    monkeypatch.setattr("gsedit.selecting.masks.VIEW_PIXELS", 64)
     assert find_masked("red", labelled.scene, Reds()).inside.any()
 
 

@@ -9,7 +9,7 @@ from collections import Counter
 from colorsys import rgb_to_hsv
 from math import exp
 
-from gsedit.objects.selecting.segment import Segment, Segments
+from gsedit.selecting.segment import Segment, Segments
 from gsedit.words.colors import PLAIN, named
 
 HUE, SATURATION, VALUE = 22 / 360, 0.6, 0.4

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 import torch
-from objects.playroom import playroom
+from selecting.playroom import playroom
 
 from gsedit.errors import UsageError
 from gsedit.objects import Click, Selector, select_at

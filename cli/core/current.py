@@ -1,12 +1,16 @@
-"""Selections that were saved under a name beside the scene, in the place of a region."""
+"""The scene of the command that runs, and the selections saved for it in the place of a region."""
 
 from __future__ import annotations
 
+from contextvars import ContextVar
+from pathlib import Path
 from typing import Any
 
 from gsedit.errors import UsageError
 
-from .common import current_scene
+current_scene: ContextVar[Path | None] = ContextVar("current_scene", default=None)
+"""SCENE of the command that runs, for options that need the cameras beside it; None once an
+operation has moved the scene away from them."""
 
 
 def with_saved_regions(values: dict[str, Any]) -> dict[str, Any]:

@@ -12,9 +12,9 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int
 from scipy.spatial import ConvexHull, QhullError
 
-from gsedit.objects.selecting.surfaces import Surfaces
 from gsedit.scene.neighbors import linked
 from gsedit.scene.planes import planes_through, refined_plane
+from gsedit.selecting.surfaces import Surfaces
 
 LEVEL = cos(radians(30))
 """Least cosine between the normal of level ground and up: rough ground varies."""

@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float64, Int
 
-from gsedit.objects.selecting.layers import joints_of, numbered
-from gsedit.objects.selecting.surfaces import Surfaces
 from gsedit.scene.neighbors import linked
+from gsedit.selecting.layers import joints_of, numbered
+from gsedit.selecting.surfaces import Surfaces
 
 CELL = 4.0
 """Side of the cells in which Gaussians are grouped first, in distances between neighbors."""
