@@ -48,7 +48,7 @@ def run_preview(
     from gsedit.storage.atomic import check_writable
 
     check_writable(path, overwrite=force)
-    steps = read_sentence(instruction, editor, values)
+    steps = read_sentence(instruction, editor, values, scene)
     read = None if steps is None else steps[0]
     direct = read is not None and is_exact(read)
     if direct and len(seeds) > 1:

@@ -31,19 +31,22 @@ NO_MASKS = MaskOptions()
 
 
 def read_sentence(
-    text: str, editor: EditorOptions, values: Values
+    text: str, editor: EditorOptions, values: Values, scene: Path | None = None
 ) -> tuple[Instruction, ...] | None:
     """Return the edits that a sentence takes, in order; None where an option asks for an editor.
 
+    Names of the selections that are saved beside the scene are what they were saved for.
     Raises UsageError for a sentence that is refused.
     """
     from gsedit.editing.routes.plan import HEEDED, steps_of
 
     if editor != EditorOptions() or any(path[0] not in HEEDED for path in values):
         return None
+    from gsedit.regions.saved import saved_names
     from gsedit.words.read import read_instruction
 
-    instruction = read_instruction(text)
+    names = () if scene is None else saved_names(scene)
+    instruction = read_instruction(text, [name.lower() for name in names])
     return steps_of(instruction)
 
 
@@ -58,7 +61,7 @@ def names_of(scene: Path, masks: MaskOptions, instruction: Instruction) -> Names
 
     files = {name.lower(): saved_file(scene, name) for name in saved_names(scene)}
     saved = {name: file for name, file in files.items() if file is not None}
-    phrases = [each.phrase for each in instruction.changes if each.route == "object"]
+    phrases = [each.phrase for each in instruction.changes]
     told = next((phrase for phrase in phrases if phrase not in ("", IT)), None)
     if masks.masks is not None and told is None:
         raise UsageError('--masks finds what a sentence names, as in "remove the chair": say that')

@@ -165,7 +165,9 @@ def run_edit(asked: EditCommand) -> EditResult | None:
     """
     own, usual = asked.own, EditOptions()
     asks_routes = (own.preset, own.features) == (usual.preset, usual.features)
-    steps = read_sentence(asked.instruction, asked.editor, asked.values) if asks_routes else None
+    if not asks_routes:
+        return run_pipeline(asked)
+    steps = read_sentence(asked.instruction, asked.editor, asked.values, asked.scene)
     if steps is None:
         return run_pipeline(asked)
     from gsedit.editing.routes.apply import is_exact

@@ -40,6 +40,8 @@ def looks_asked(sentence: str) -> Understanding:
 
 def _unfit(change: Change, look: Look | None) -> str:
     """Why a look of `small` does not do a change; "" where it does."""
+    if change.phrase not in ("", "it"):
+        return f"small does not know {change.phrase!r}: mark it with --region, and say 'it'"
     if look is None:
         own = " gsedit does it without a 2D editor: leave the options of editors out."
         able = change.route not in ("small", "pix2pix")

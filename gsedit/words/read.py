@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 
 from gsedit.words.actions import Looks, actions_of
 from gsedit.words.amounts import amount_of
-from gsedit.words.clauses import CONTENT, NEGATIONS, TARGETS, Clause, clauses
+from gsedit.words.chosen import DENIALS, looks_of
+from gsedit.words.clauses import CONTENT, TARGETS, Clause, clauses
 from gsedit.words.instruction import MOST, Change, Instruction, Target
 from gsedit.words.parts import (
     DETERMINERS,
@@ -31,8 +33,6 @@ FLOOR, SURE = 0.6, 0.9
 any; chosen on sentences of development."""
 Placed = list[tuple[int, Change]]
 """Changes with their places in a clause."""
-DENIALS = NEGATIONS | {"except", "keep", "limit", "down"}
-"""Kinds of words after which a name is not what is asked for."""
 ONLY = frozenset(("only", "just", "alone", "solely"))
 BECOME = frozenset(
     ("turn", "turned", "change", "changed", "convert", "transform", "switch", "shift")
@@ -63,11 +63,12 @@ class Reading:
     """Number of changes in the list of nouns that is read."""
 
 
-def read_instruction(sentence: str) -> Instruction:
+def read_instruction(sentence: str, saved: Collection[str] = ()) -> Instruction:
     """Changes that a sentence asks for, or why it is refused. Never a change that it forbids.
 
-    The encoder is loaded only where no word of the sentence names a change. Raises InputError
-    where its files are missing or damaged.
+    `saved` are names, in small letters, of things that a look may be for, as "the red one". The
+    encoder is loaded only where no word of the sentence names a change. Raises InputError where its
+    files are missing or damaged.
     """
     words = scanned(sentence)
     try:
@@ -75,9 +76,9 @@ def read_instruction(sentence: str) -> Instruction:
             raise Refused(kind)
         actions = actions_of(sentence)
         if actions is None:
-            changes = _parsed(words) or _meant(sentence, words)
+            changes = looks_of(sentence, saved, _parsed) or _meant(sentence, words)
         else:
-            changes = [change for each in actions for change in _between(each)]
+            changes = [change for each in actions for change in _between(each, saved)]
         looks = [change for change in changes if change.kind not in ("object", "growth")]
         if any(not -1 <= (c.amount or 0) <= MOST.get(c.kind, 0) for c in looks):
             raise Refused("amount")
@@ -87,17 +88,18 @@ def read_instruction(sentence: str) -> Instruction:
     return Instruction(sentence, True, "; ".join(map(str, changes)), tuple(changes))
 
 
-def _between(each: Change | Looks) -> list[Change]:
+def _between(each: Change | Looks, saved: Collection[str]) -> list[Change]:
     """An action, or the changes of clauses between actions. Raises Refused."""
     if isinstance(each, Change):
         return [each]
     words = scanned(each.text)
-    changes = _parsed(words)
+    changes = looks_of(each.text, saved, _parsed)
     if not changes:
         raise Refused("nonsense")
     if each.it == IT or not any(word.text in PRONOUNS for word in words):
         return changes
-    return [replace(c, phrase=each.it) if c.target == "subject" else c for c in changes]
+    own = [c.target == "subject" and not c.phrase for c in changes]
+    return [replace(c, phrase=each.it) if mine else c for c, mine in zip(changes, own)]
 
 
 def denies(sentence: str) -> bool:

@@ -100,7 +100,7 @@ def _colored(text: str, color: str) -> Word:
 
 def _midway(words: list[str]) -> tuple[Word, int] | None:
     """Color midway of "teal and blue", and how many words it has."""
-    first = colors.longest(words)
+    first = colors.longest(words) if words else None
     if not first or words[first[0] : first[0] + 1] != ["and"]:
         return None
     second = colors.longest(words[first[0] + 1 :]) if words[first[0] + 1 :] else None

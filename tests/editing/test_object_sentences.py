@@ -109,3 +109,20 @@ def test_a_table_is_what_carries_things():
     assert found is not None
     table = labelled.of("wooden table")
     assert (found.inside & table).sum() > 0.8 * (found.inside | table).sum()
+
+
+def test_a_look_reaches_what_a_phrase_names(meadow):
+    labelled, views = meadow
+    changed = change_scene(
+        labelled.scene, read_instruction("make the blue one darker"), viewpoints_of(views)
+    )
+    different = (changed.scene.sh != labelled.scene.sh).flatten(1).any(dim=1)
+    assert different[labelled.of("blue post")].float().mean() > 0.9
+    assert different[labelled.of("red ball")].float().mean() < 0.1
+
+
+def test_a_look_of_what_is_not_there_is_refused(meadow):
+    labelled, views = meadow
+    read = read_instruction("make the purple bear darker")
+    with pytest.raises(gsedit.UsageError, match="main subject"):
+        change_scene(labelled.scene, read, viewpoints_of(views))

@@ -69,7 +69,14 @@ def regions_of(
         if phrase not in (IT, *meant) and find_named is not None:
             if phrase in firsts:
                 raise _unknown(phrase)
-            found[phrase] = find_named(scene, phrase)
+            try:
+                found[phrase] = find_named(scene, phrase)
+            except UsageError as error:
+                if any(each.phrase == phrase and each.route == "object" for each in changes):
+                    raise
+                raise UsageError(
+                    f"{error}; a noun alone, as 'the bear', is the main subject"
+                ) from error
     for change in changes:
         if (key := key_of(change)) not in found and change.target == "background":
             found[key] = _others(found[change.phrase])

@@ -36,6 +36,11 @@ def steps_of(instruction: Instruction) -> tuple[Instruction, ...]:
             f"{instruction.text!r}: what small makes of a {unclear} is hardly seen to be one: "
             "--editor small draws it anyway, --editor pix2pix --model FOLDER follows any sentence"
         )
+    drawn = [each for each in changes if each.phrase and each.route not in EXACT_ROUTES]
+    if drawn:
+        raise UsageError(
+            f"{drawn[0]}: a 2D editor knows no phrases: mark it with --region, and say 'it'"
+        )
     groups = [tuple(each) for _, each in groupby(changes, lambda c: c.route in EXACT_ROUTES)]
     if len(groups) < 2:
         return (instruction,)

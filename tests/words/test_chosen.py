@@ -1,0 +1,63 @@
+"""Looks are for the thing that a phrase tells apart; a noun alone is the main subject."""
+
+from __future__ import annotations
+
+import pytest
+
+from gsedit.words.chosen import parted
+from gsedit.words.read import read_instruction
+
+
+def told(sentence: str, saved: tuple[str, ...] = ()) -> list[tuple[str, str, str]]:
+    read = read_instruction(sentence, saved)
+    assert read.known, read.why
+    return [(each.phrase, each.target, each.name) for each in read.changes]
+
+
+LOOKS = ("paint {} blue", "turn {} into glass", "make {} darker", "make {} snowy",
+         "light {} from the left")  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "phrase",
+    ["the red one", "the largest", "the left ball", "the ball on the left", "the small red bear",
+     "the chair next to the table", "the second ball from the left", "the red thing"],
+)  # fmt: skip
+def test_a_look_is_for_what_a_phrase_tells_apart(phrase):
+    for look in LOOKS:
+        plain = read_instruction(look.format("the bear")).changes
+        (change,) = read_instruction(look.format(phrase)).changes
+        assert (change.phrase, change.target) == (phrase, "subject")
+        assert (change.name, change.amount) == (plain[0].name, plain[0].amount)
+
+
+@pytest.mark.parametrize("noun", ["the bear", "the statue", "the wooden chair", "the dragon"])
+def test_a_noun_alone_is_the_main_subject(noun):
+    for look in LOOKS:
+        assert all(not each.phrase for each in read_instruction(look.format(noun)).changes)
+
+
+def test_a_saved_name_is_a_phrase():
+    assert told("turn the chair into bronze", ("chair",)) == [("the chair", "subject", "bronze")]
+    assert told("turn the chair into bronze") == [("", "subject", "bronze")]
+
+
+def test_each_thing_has_its_own_look():
+    assert told("make the red one gold and darken the bear") == [
+        ("the red one", "subject", "gold"), ("", "subject", "brightness")
+    ]  # fmt: skip
+    both = told("paint the red one gold and the blue one green")
+    assert [phrase for phrase, _, _ in both] == ["the red one", "the blue one"]
+    assert told("make everything but the red one black and white")[0][1] == "background"
+
+
+@pytest.mark.parametrize("frame", ["don't {}", "never {}", "{}, not the blue one"])
+def test_what_is_denied_is_not_done(frame):
+    for look in LOOKS:
+        assert not read_instruction(frame.format(look.format("the red one"))).changes
+
+
+def test_what_it_should_become_is_no_phrase():
+    (change,) = read_instruction("I want the red bear").changes
+    assert (change.kind, change.phrase) == ("paint", "")
+    assert not parted("as red as the red one")
