@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -102,30 +101,9 @@ def place(text: str) -> tuple[str, float, float, bool]:
 
 def click(text: str, views: Sequence[Viewpoint]) -> Click:
     """Return the click at a place of one of the views. Raises UsageError for no such view."""
+    from gsedit.datasets.viewpoints import view_named
     from gsedit.objects import Click
 
     name, x, y, inside = place(text)
-    view = find_view(name, views)
+    view = view_named(views, name)
     return Click(view.camera, x + 0.5 * x.is_integer(), y + 0.5 * y.is_integer(), inside, view.name)
-
-
-def find_view(name: str, views: Sequence[Viewpoint]) -> Viewpoint:
-    """Return the view of a name, the end of one without its suffix, or a number from 0.
-
-    Raises UsageError for none or several.
-    """
-    exact = [each for each in views if each.name == name]
-    ends = [each for each in views if name in (Path(each.name).name, Path(each.name).stem)]
-    found = exact or ends
-    if not found and name.isdigit() and int(name) < len(views):
-        found = [views[int(name)]]
-    if len(found) == 1:
-        return found[0]
-    names = [each.name for each in views]
-    if found:
-        raise UsageError(f"--at {name}: several views have this name: give its number from 0")
-    near = get_close_matches(name, names, 1)
-    hint = f"did you mean {near[0]}?" if near else f"the first is {names[0]}"
-    raise UsageError(
-        f"--at {name}: no view has this name; {hint} (numbers 0 to {len(views) - 1} name them too)"
-    )

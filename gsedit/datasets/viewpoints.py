@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from pathlib import Path
 
 import torch
 
 from gsedit.datasets.dataset import Dataset, capture
+from gsedit.errors import UsageError
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import render
@@ -33,6 +36,30 @@ class Viewpoint:
 def viewpoints_of(dataset: Dataset) -> tuple[Viewpoint, ...]:
     """The cameras of a dataset's views, with their names."""
     return tuple(Viewpoint(view.name, view.camera) for view in dataset.views)
+
+
+def view_named(views: Sequence[Viewpoint], name: str) -> Viewpoint:
+    """The view of a name, of the end of one with or without its suffix, or of a number from 0.
+
+    Raises UsageError for none or several.
+    """
+    exact = [each for each in views if each.name == name]
+    ends = [each for each in views if name in (Path(each.name).name, Path(each.name).stem)]
+    found = exact or ends
+    if not found and name.isdecimal() and int(name) < len(views):
+        found = [views[int(name)]]
+    if len(found) == 1:
+        return found[0]
+    if not views:
+        raise UsageError(f"there is no view {name!r}, as there are no cameras: add --data")
+    if found:
+        raise UsageError(f"several views are named {name!r}: give its number from 0")
+    names = [each.name for each in views]
+    near = get_close_matches(name, names, 1)
+    hint = f"did you mean {near[0]}?" if near else f"the first is {names[0]}"
+    raise UsageError(
+        f"no view is named {name!r}: {hint} (numbers 0 to {len(views) - 1} name them too)"
+    )
 
 
 def framed(camera: Camera, width: int, height: int) -> Camera:

@@ -61,10 +61,13 @@ def find_masked(
     provider.check(phrase)
     looked = _views(scene, cameras, execution)
     pictures = [render(scene, each, execution=execution).color.clamp(0, 1) for each in looked]
-    masks = [
-        _checked(mask, each, provider)
-        for mask, each in zip(provider.masks(pictures, phrase), looked, strict=True)
-    ]
+    made = list(provider.masks(pictures, phrase))
+    if len(made) != len(looked):
+        raise GseditError(
+            f"the masks {provider.name!r} gave {len(made)} maps for {len(looked)} pictures: "
+            "ask their authors"
+        )
+    masks = [_checked(mask, each, provider) for mask, each in zip(made, looked)]
     inside = lift_masks(scene, looked, masks, execution)
     best = max((float(mask.max()) for mask in masks), default=0.0)
     if best < LEAST_SURE or not inside.any():

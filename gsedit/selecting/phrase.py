@@ -28,8 +28,6 @@ SIDED = frozenset(("left", "right", "front", "back", "middle"))
 """Orders and relations that depend on where one looks from."""
 NEARER = 0.6
 """Ratio of two distances below which the nearer thing is the one that is meant."""
-MAIN = 2.0
-"""Pixels of the main object, of those of the next."""
 OVERLAP = 0.3
 """Least share of an object that the subject covers, for it to be the object."""
 CLEAR = 0.1

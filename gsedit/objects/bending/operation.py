@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gsedit.errors import UsageError
 from gsedit.scene.table import SplatTable, gaussians_of, table_of
 from gsedit.toolkit.operation import Say, Whole
 from gsedit.toolkit.selection.base import EVERYTHING, Selection
@@ -67,6 +66,7 @@ class Bend(Whole):
         return table.replace(**{name: getattr(after, name) for name in fields})
 
     def _handles(self, scene: Gaussians) -> list[Handle]:
+        from gsedit.datasets.viewpoints import view_named
         from gsedit.objects.bending.bend import Handle
         from gsedit.objects.bending.click import point_at
 
@@ -87,17 +87,3 @@ def _views(cameras: Path | None) -> Sequence[Viewpoint]:
     from gsedit.datasets.cameras_json import read_cameras
 
     return () if cameras is None else read_cameras(cameras)
-
-
-def view_named(views: Sequence[Viewpoint], name: str) -> Viewpoint:
-    """The view of a name, or of a number from 0. Raises UsageError for one that is not there."""
-    for view in views:
-        if view.name == name:
-            return view
-    if name.isdigit() and int(name) < len(views):
-        return views[int(name)]
-    some = ", ".join(view.name for view in views[:3])
-    raise UsageError(
-        f"there is no view {name!r} among the {len(views)} cameras"
-        + (f" ({some}, ...): give a name or a number from 0" if views else ": add --data")
-    )

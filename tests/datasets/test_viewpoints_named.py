@@ -1,0 +1,35 @@
+"""Views are found by name, by the end of a name, or by number."""
+
+import pytest
+
+from gsedit.datasets.viewpoints import Viewpoint, view_named
+from gsedit.errors import UsageError
+from gsedit.synthetic.gallery import globe
+from gsedit.synthetic.splats import ring_cameras
+
+NAMES = ("images/frame_1.jpg", "images/frame_2.jpg", "left/0.png", "right/0.png")
+
+
+@pytest.fixture(scope="module")
+def views():
+    cameras = ring_cameras(globe(), len(NAMES), 32)
+    return [Viewpoint(name, camera) for name, camera in zip(NAMES, cameras)]
+
+
+@pytest.mark.parametrize("said", ["images/frame_2.jpg", "frame_2.jpg", "frame_2", "1"])
+def test_a_view_has_several_names(views, said):
+    assert view_named(views, said).name == NAMES[1]
+
+
+@pytest.mark.parametrize(
+    ("said", "told"),
+    [("frame_3.jpg", "did you mean"), ("0.png", "several"), ("²", "first is"), ("9", "first is")],
+)
+def test_a_name_of_none_or_several_is_refused(views, said, told):
+    with pytest.raises(UsageError, match=told):
+        view_named(views, said)
+
+
+def test_without_cameras_the_next_move_is_told():
+    with pytest.raises(UsageError, match="--data"):
+        view_named([], "0")
