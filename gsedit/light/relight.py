@@ -76,7 +76,7 @@ def relit_by(
     far = (near * outdoors / present).sum(0) / near.sum().clamp_min(1e-12)
     share = found.trust[:, None]
     outside = share * outdoors / present + (1 - share) * far
-    outside = outside * patches_kept(found, scene, far)[:, None]
+    outside = outside * patches_kept(found, scene, far, outside)[:, None]
     ratio = outside + share * lamps / present
     gain = exposure(found, scene, ratio)
     change = _change(scene, setup, found.place, found.trust, (gain * ratio) ** (1 / GAMMA))
@@ -84,16 +84,20 @@ def relit_by(
     return gleaming(after, (gain - 1) * (outdoors + lamps))
 
 
-def patches_kept(found: Survey, scene: Gaussians, mean: Float[Tensor, "3"]) -> Float[Tensor, " n"]:
+def patches_kept(
+    found: Survey, scene: Gaussians, mean: Float[Tensor, "3"], ratio: Float[Tensor, "n 3"]
+) -> Float[Tensor, " n"]:
     """Factor, at most 1, of what is far brighter than most of a scene, where new light is dim.
 
     What a day's sun lit through leaves, past all that the scene holds, is no bright surface: it
-    would shine at night. `mean` is the mean of new light over present light.
+    would shine at night; so would what is taken for a shadow that it is not in. `ratio` is new
+    light over present light, and `mean` its mean.
     """
     weights = torch.from_numpy(LUMINANCE / LUMINANCE.sum())
     luminance = (sh_to_color(scene.sh[:, 0].detach().double()).clamp(0, 1) ** GAMMA) @ weights
     pivot = weighted_quantile(luminance[:, None], found.seen, PATCH_RANK).clamp_min(1e-4)
-    over = (luminance / pivot).clamp_min(1)
+    lifted = (ratio @ weights / (mean @ weights).clamp_min(1e-12)).clamp_min(1)
+    over = (luminance / pivot).clamp_min(1) * lifted
     return over ** -(PRESSED * step(mean @ weights, *DIM))
 
 
