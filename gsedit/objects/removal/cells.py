@@ -45,9 +45,9 @@ def closed(mask: Bool[np.ndarray, "h w"], cells: int) -> Bool[np.ndarray, "h w"]
     return padded[cells + 1 : -cells - 1, cells + 1 : -cells - 1].astype(bool)
 
 
-def opened(mask: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
-    """A mask without parts that are one or two cells thin."""
-    return ndimage.binary_opening(mask, np.ones((3, 3))).astype(bool)
+def opened(mask: Bool[np.ndarray, "h w"], cells: int = 1) -> Bool[np.ndarray, "h w"]:
+    """A mask without parts that are at most twice as many cells thin."""
+    return ndimage.binary_opening(mask, np.ones((2 * cells + 1,) * 2)).astype(bool)
 
 
 def enclosing(mask: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from gsedit.objects.removal.cells import away_from, mean_around, touching, widened
+from gsedit.objects.removal.cells import away_from, mean_around, opened, touching, widened
 from gsedit.objects.removal.complete import complete
 
 REACH = 0.7
@@ -29,6 +29,9 @@ WIDE = (4.0, 0.15)
 what casts it: wider than a texture's own dark parts."""
 DEEP = 0.55
 """Light, of what is usual, below which nothing of the surface can be brought back."""
+THIN = 0.08
+"""Half of the width, of the size of what casts it, up to which what is dark is no shadow: a crease
+between two surfaces, or a bridge to another's shadow."""
 BLUR = 0.1
 """Standard deviation over which light is averaged, of the size of what casts it."""
 GRAY = 1.2
@@ -74,7 +77,9 @@ def find_shade(
         return none
     usual = complete(picture, far, hole | near).picture
     light = mean / np.maximum(mean_around(usual, seen, sigma), 1e-3)
-    shadow = touching(near & (light.mean(-1) < SHADED), source)
+    dark = near & (light.mean(-1) < SHADED)
+    dark &= opened(dark | source, max(1, round(THIN * size)))
+    shadow = touching(dark, source)
     if not shadow.any() or not _cast(light, shadow, known & ~shadow):
         return none
     light = np.where(shadow[..., None], light.clip(0.05, 1.0), 1.0)
