@@ -89,9 +89,21 @@ def test_a_shadow_is_found_and_paint_is_not():
     caster, everywhere = away < 5, np.ones((64, 64), bool)
     light = 1 - 0.5 * np.clip(1 - away / 18, 0, 1)
     picture = pattern("checker") * light[..., None]
-    shade = find_shade(picture, everywhere, ~everywhere, caster, 40.0)
+    shade = find_shade(picture, everywhere, ~everywhere, caster, ~everywhere, 40.0)
     near = (away > 6) & (away < 14)
     left = picture / shade.light - pattern("checker")
     assert np.abs(left)[near].mean() < 0.5 * np.abs(picture - pattern("checker"))[near].mean()
     rug = np.where((away < 14)[..., None], (0.6, 0.1, 0.1), pattern("stripes"))
-    assert (find_shade(rug, everywhere, ~everywhere, caster, 40.0).light == 1).all()
+    shade = find_shade(rug, everywhere, ~everywhere, caster, ~everywhere, 40.0)
+    assert (shade.light == 1).all()
+
+
+def test_a_shadow_of_what_else_stands_there_stays():
+    caster, other = (np.hypot(ROWS - 32, COLUMNS - column) < 5 for column in (20, 44))
+    everywhere = np.ones((64, 64), bool)
+    away = np.hypot(ROWS - 32, np.minimum(np.abs(COLUMNS - 20), np.abs(COLUMNS - 44)))
+    light = 1 - 0.5 * np.clip(1 - away / 11, 0, 1)
+    picture = pattern("checker") * light[..., None]
+    shade = find_shade(picture, everywhere, ~everywhere, caster, other, 40.0).light.mean(-1)
+    assert shade[26, 20] < 0.95
+    assert (shade[:, 44:] == 1).all()

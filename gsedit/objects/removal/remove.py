@@ -25,7 +25,7 @@ from gsedit.objects.removal.sheet import Sheet
 from gsedit.objects.removal.sight import Sight, Views, contributions_of, look, look_again
 from gsedit.objects.removal.strays import AROUND, strays
 from gsedit.objects.removal.tidy import core_of, tidied
-from gsedit.objects.removal.uncover import Object, find_sheet
+from gsedit.objects.removal.uncover import Object, find_sheet, standing
 from gsedit.objects.removal.walls import Plane, find_planes
 from gsedit.regions.support import extent_of
 from gsedit.scene.neighbors import k_nearest
@@ -41,6 +41,8 @@ LARGE, FEW_VIEWS = 500_000, 20
 """Gaussians of a scene of which fewer views are asked, and how many."""
 MOST_POINTS = 20_000
 """Gaussians of the object that distances are taken from."""
+FIRM = 0.3
+"""Opacity from which a Gaussian is a part of something that casts a shadow of its own."""
 TALL = 2.5
 """Standard deviations to which Gaussians under a hole reach: they would show through what fills it.
 """
@@ -160,9 +162,10 @@ class _Left:
 def _lit(left: _Left, sheet: Sheet, plane: Plane, extent: float) -> tuple[_Left, Sheet]:
     """Take the object's shadow off a plane; what it blackened becomes part of the hole."""
     reach = extent / sheet.cell
-    shade = find_shade(sheet.values[..., :3], sheet.known, sheet.hole, sheet.caster, reach)
     points = left.rest.means.numpy()
     cell = sheet.at(points)
+    others = standing(sheet, plane, points[left.rest.opacities.numpy() > FIRM], extent)
+    shade = find_shade(sheet.values[..., :3], sheet.known, sheet.hole, sheet.caster, others, reach)
     light = torch.from_numpy(shade.light.reshape(-1, 3)[cell]).to(left.rest.sh)[:, None]
     moved = plane.on(points) & (cell >= 0) & (shade.light.reshape(-1, 3)[cell] < 1).any(1)
     dark = torch.from_numpy(moved)

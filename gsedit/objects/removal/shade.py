@@ -32,6 +32,8 @@ DEEP = 0.55
 THIN = 0.08
 """Half of the width, of the size of what casts it, up to which what is dark is no shadow: a crease
 between two surfaces, or a bridge to another's shadow."""
+CLOSER = 2.0
+"""How much nearer than the object what else stands there is to what is in its own shadow."""
 BLUR = 0.1
 """Standard deviation over which light is averaged, of the size of what casts it."""
 GRAY = 1.2
@@ -55,9 +57,13 @@ def find_shade(
     known: Bool[np.ndarray, "h w"],
     hole: Bool[np.ndarray, "h w"],
     caster: Bool[np.ndarray, "h w"],
+    others: Bool[np.ndarray, "h w"],
     farthest: float,
 ) -> Shade:
-    """The shadow around what casts it, on what is known of a surface; `farthest` cells from it."""
+    """The shadow around what casts it, on what is known of a surface; `farthest` cells from it.
+
+    What is nearer to `others`, that stand there too, is in their shadow.
+    """
     none = Shade(np.ones_like(picture), np.zeros_like(hole))
     source = hole | caster
     if not caster.any() or not (known & ~source).any():
@@ -79,6 +85,8 @@ def find_shade(
     light = mean / np.maximum(mean_around(usual, seen, sigma), 1e-3)
     dark = near & (light.mean(-1) < SHADED)
     dark &= opened(dark | source, max(1, round(THIN * size)))
+    if others.any():
+        dark &= CLOSER * away_from(others) > away
     shadow = touching(dark, source)
     if not shadow.any() or not _cast(light, shadow, known & ~shadow):
         return none

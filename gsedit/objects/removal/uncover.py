@@ -158,6 +158,21 @@ def _caster(sheet: Sheet, plane: Plane, thing: Object) -> Bool[np.ndarray, "h w"
     return closed(caster.reshape(sheet.hole.shape), 2)
 
 
+def standing(
+    sheet: Sheet, plane: Plane, points: Float[np.ndarray, "n 3"], extent: float
+) -> Bool[np.ndarray, "h w"]:
+    """The cells that something of these points, no mere roughness, stands on or hangs close over.
+
+    `extent` is the object's.
+    """
+    heights = plane.heights(points)
+    close = points[(heights > plane.band) & (heights < plane.band + CLOSE * extent)]
+    cells = sheet.at(close)
+    found = np.zeros(sheet.hole.size, bool)
+    found[cells[cells >= 0]] = True
+    return closed(found.reshape(sheet.hole.shape), 2)
+
+
 def _even(
     values: Float[np.ndarray, "h w c"], alpha: Float[np.ndarray, "h w"]
 ) -> Float[np.ndarray, "h w c"]:
