@@ -16,8 +16,9 @@ from gsedit.errors import UsageError
 from gsedit.mask_protocol import MaskProvider
 from gsedit.regions.region import Region
 from gsedit.selecting.looks import APART, names, of_color, white_of
-from gsedit.selecting.query import Key, Query, Relation, read_phrase
+from gsedit.selecting.query import THINGS, Key, Query, Relation, read_phrase
 from gsedit.selecting.segment import Segment, Segments, segment
+from gsedit.words.tokens import tokens
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
@@ -118,7 +119,7 @@ class _Finder:
             rows = self._kind("object")
         if not rows:
             raise self._refusal(f"the scene has no {query.kind}")
-        if query.bare and not query.plural:
+        if query.bare and not query.plural and not query.place:
             return self._main(query)
         return self._left_out(self._narrowed(query, rows), query)
 
@@ -283,6 +284,8 @@ class _Finder:
         """The subject of the scene: its only object, or what the subject's flags cover."""
         rows = self._kind("object")
         noun = " ".join(query.unknown)
+        if noun and THINGS & set(tokens(self.phrase)):
+            raise self._refusal(f"what is meant by '{noun}' is not known")
         if len(rows) == 1:
             chosen = rows[0]
         else:

@@ -72,6 +72,7 @@ def actions_of(sentence: str) -> list[Change | Looks] | None:
 
     Raises Refused for an action beside what is denied, or for one that cannot be done.
     """
+    sentence = re.sub(r"[<>]", " ", sentence)  # stand for files below
     files = [name.strip("\"'") for name in FILE.findall(sentence)]
     numbered = iter(range(len(files)))
     text = " ".join(tokens(FILE.sub(lambda _: f" <{next(numbered)}> ", sentence)))

@@ -25,10 +25,10 @@ LONGEST = 12
 SUBJECT = ("the", "subject")
 TELLING = frozenset(
     ("large", "larger", "largest", "big", "bigger", "biggest", "huge", "small", "smaller",
-     "smallest", "tiny", "little", "tall", "taller", "tallest", "short", "shorter", "shortest", "leftmost",
-     "rightmost", "highest", "topmost", "lowest", "nearest", "closest", "frontmost", "farthest",
-     "furthest", "left", "right", "front", "back", "rear", "top", "bottom", "middle", "center",
-     "first", "second", "third", "fourth", "fifth", "last")
+     "smallest", "tiny", "little", "tall", "taller", "tallest", "short", "shorter", "shortest",
+     "leftmost", "rightmost", "highest", "topmost", "lowest", "nearest", "closest", "frontmost",
+     "farthest", "furthest", "left", "right", "front", "back", "rear", "top", "bottom", "middle",
+     "center", "first", "second", "third", "fourth", "fifth", "last")
 )  # fmt: skip
 """Words for a size or a place."""
 THINGS = frozenset(("subject", "background", "scene", "ground"))
@@ -43,15 +43,15 @@ LIKE = frozenset(("as", "like", "than"))
 """Words after which a thing is only brought up."""
 
 
-def parted(text: str, saved: Collection[str] = ()) -> list[tuple[str, str]]:
+def parted(text: str, saved: Collection[str] = (), *, nouns: bool = False) -> list[tuple[str, str]]:
     """Parts of a text, each with the phrase in whose place it has "the subject"; "" without one.
 
     A part ends where another thing is named. Empty for a text without such a phrase; `saved` are
-    names, in small letters, that are phrases too.
+    names, in small letters, that are phrases too, and with `nouns` so is "the bear".
     """
     parts, idle = list[tuple[str, str]](), False
     for words in _clauses(tokens(text)):
-        replaced, phrase, kinds = _replaced(words, saved)
+        replaced, phrase, kinds = _replaced(words, saved, nouns)
         joined = " ".join(replaced)
         if parts and (idle or not (phrase or kinds & THINGS)):
             before, told = parts.pop()
@@ -70,18 +70,20 @@ def _clauses(words: list[str]) -> Iterator[list[str]]:
             start = at
 
 
-def _replaced(words: list[str], saved: Collection[str]) -> tuple[list[str], str, set[str]]:
+def _replaced(
+    words: list[str], saved: Collection[str], nouns: bool
+) -> tuple[list[str], str, set[str]]:
     """The words with "the subject" for the first phrase, the phrase, and the kinds of all words."""
     kinds = {word.kind for word in scanned(" ".join(words))}
     for at, word in enumerate(words):
         if word in LIKE:
             break
-        if word in DEFINITE and (end := _end(words, at, saved)):
+        if word in DEFINITE and (end := _end(words, at, saved, nouns)):
             return [*words[:at], *SUBJECT, *words[end:]], " ".join(words[at:end]), kinds
     return words, "", kinds
 
 
-def _end(words: list[str], start: int, saved: Collection[str]) -> int:
+def _end(words: list[str], start: int, saved: Collection[str], nouns: bool) -> int:
     """Place after the longest phrase that begins at a word and tells a thing apart; 0 for none."""
     for end in range(min(len(words), start + LONGEST), start + 1, -1):
         phrase, after = " ".join(words[start:end]), " ".join(words[end:])
@@ -91,7 +93,9 @@ def _end(words: list[str], start: int, saved: Collection[str]) -> int:
             continue
         if " ".join(words[start + 1 : end]) in saved:
             return end
-        if object_phrase(phrase) not in (None, IT) and tells(phrase):
+        if object_phrase(phrase) not in (None, IT) and (
+            tells(phrase) or (nouns and not _is_ground(phrase))
+        ):
             counted = COUNTED.match(after) if ORDINALS & set(words[start:end]) else None
             return end + (3 if counted else 0)
     return 0
@@ -101,11 +105,16 @@ def tells(phrase: str) -> bool:
     """Whether a phrase has a color, size, place or relation that tells a thing from others."""
     place = RELATION.search(phrase, 1)
     words = scanned(phrase[: place.start()] if place else phrase)
-    if words[-1].kind == "ground":
+    if _is_ground(phrase):
         return False  # "the green grass" is the ground
     if place and not LOOSE.match(place[0]):
         return True
     return any(_tells(word, words[-1]) for word in words)
+
+
+def _is_ground(phrase: str) -> bool:
+    place = RELATION.search(phrase, 1)
+    return scanned(phrase[: place.start()] if place else phrase)[-1].kind == "ground"
 
 
 def _tells(word: Word, head: Word) -> bool:
@@ -114,9 +123,11 @@ def _tells(word: Word, head: Word) -> bool:
     return colored or bool(TELLING & set(word.text.split()))
 
 
-def looks_of(text: str, saved: Collection[str], parse: Parse) -> list[Change]:
+def looks_of(
+    text: str, saved: Collection[str], parse: Parse, *, nouns: bool = False
+) -> list[Change]:
     """Changes that words name, each with the phrase of what it is for. Raises Refused."""
-    words, parts = scanned(text), parted(text, saved)
+    words, parts = scanned(text), parted(text, saved, nouns=nouns)
     if not parts:
         return parse(words)
     if len(parts) > 1 and any(word.kind in DENIALS for word in words):

@@ -27,8 +27,8 @@ NO_THINGS = frozenset(
      "counterclockwise", "reflection", "reflections", "blur", "noise", "grain", "watermark",
      "glow", "caption", "artifacts", "floaters", "scratch", "scratches", "stain", "stains",
      "crack", "cracks", "wrinkles", "hole", "holes", "edge", "edges", "corner", "detail",
-     "details", "of", "to", "from", "off", "into", "and", "over", "cm", "meter", "meters",
-     "inches", "feet", "pixels", "units", "width", "height", "way")
+     "details", "horizon", "of", "to", "from", "off", "into", "and", "over", "cm",
+     "meter", "meters", "inches", "feet", "pixels", "units", "width", "height", "way")
 )  # fmt: skip
 """Words that could stand in the name of an object, and tell a part of one, or none."""
 HEADS = frozenset(("subject", "ground", "unknown"))
@@ -64,6 +64,8 @@ def object_phrase(text: str, *, parts: bool = False) -> str | None:
     place = RELATION.search(text, 1)
     name = text[: place.start()].strip() if place else text
     words = scanned(name)
+    if re.search(r"\d [a-z]", name):
+        return None  # "the bear 1 m"; but "the gray 2"
     if not words or (words[0].text not in DEFINITE and words[-1].kind != "subject"):
         return None
     if not _names(words, parts) or (

@@ -79,6 +79,9 @@ def read_instruction(sentence: str, saved: Collection[str] = ()) -> Instruction:
             changes = looks_of(sentence, saved, _parsed) or _meant(sentence, words)
         else:
             changes = [change for each in actions for change in _between(each, saved)]
+        turned = any(c.name in ("hue", "turn") or c.kind == "light" for c in changes)
+        if any(word.value == "degrees" for word in words) and not turned:
+            raise Refused("nonsense")  # "turn it purple by 30 degrees"
         looks = [change for change in changes if change.kind not in ("object", "growth")]
         if any(not -1 <= (c.amount or 0) <= MOST.get(c.kind, 0) for c in looks):
             raise Refused("amount")
@@ -93,7 +96,7 @@ def _between(each: Change | Looks, saved: Collection[str]) -> list[Change]:
     if isinstance(each, Change):
         return [each]
     words = scanned(each.text)
-    changes = looks_of(each.text, saved, _parsed)
+    changes = looks_of(each.text, saved, _parsed, nouns=True)
     if not changes:
         raise Refused("nonsense")
     if each.it == IT or not any(word.text in PRONOUNS for word in words):
@@ -166,6 +169,8 @@ def _changes(clause: Clause, reading: Reading) -> Placed:
     less = asks_less(clause) or tags & {"too", "cure"} or (off and bool(scenic))
     if (scenic or material) and less and not kinds & {"noun", "state"}:
         raise Refused("negation")
+    if clause.lost and any(change.kind == "light" for change in scenic):
+        raise Refused("negation")  # "remove the light from the left"
     refuse_amount(clause, scenic)
     if "too" in tags and "state" in kinds and not clause.turned:
         scenic = []  # "the sun is too bright" asks for no sun

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import unicodedata
 
 from gsedit.words.lexicon import sets
 from gsedit.words.scan import Word
+from gsedit.words.tokens import normalised
 
 
 class Refused(Exception):
@@ -44,6 +46,18 @@ REASONS = {
 """Message to a person, by the kind of refusal."""
 
 
+ODD = (
+    (r"\bunless\b|\b(?:would|might) be too\b|\bbut not (?:on|near|around)\b", "negation"),
+    (r"\b(?:layer|coat|blanket) of .*\b(?:but|except)\b", "negation"),
+    (r"\b(?:dust|shake|wipe|blow|knock|sweep)(?: \w+)? off\b|\bwipe the slate\b", "negation"),
+    (r"\bcolors (?:but|except|other than|apart from)\b|\breplace the color\b", "part"),
+    (r"\bgrow (?:some )?(?:grass|flowers|hair|fur|trees|plants|mushrooms|ivy|vines)\b", "geometry"),
+    (r"\b(?:second|third|another|two|three) (?:sun|moon)s?\b", "geometry"),
+    (r"\b(?:put|place|set|move) [a-z ]+ on the (?:moon|sun)\b", "geometry"),
+)
+"""Turns of phrase whose words would be read for something else, and the kind of refusal of each."""
+
+
 def first_refusal(sentence: str, words: list[Word]) -> str | None:
     """Kind of refusal of a sentence by its letters and first words; None for one to be read."""
     letters = [each for each in sentence if each.isalpha()]
@@ -55,4 +69,7 @@ def first_refusal(sentence: str, words: list[Word]) -> str | None:
     foreign = sum(text in sets()["foreign"] for text in plain)
     if foreign >= 2 and foreign >= len(plain) / 2:
         return "language"
+    text = normalised(sentence)
+    if odd := next((kind for pattern, kind in ODD if re.search(pattern, text)), None):
+        return odd
     return "question" if words and words[0].kind == "ask" else None

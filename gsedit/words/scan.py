@@ -12,6 +12,9 @@ from gsedit.words.tokens import MARKS, tokens
 SPELLED = ("noun", "state", "turn", "material", "look", "style", "background", "finish")
 """Kinds whose words are recognized with a slip of spelling."""
 
+BECOME = ("state", "turn", "hue", "color", "material", "light", "slight", "strong")
+"""Kinds of what a thing becomes that "should go" so."""
+
 
 @dataclass(frozen=True)
 class Word:
@@ -39,6 +42,8 @@ def scanned(sentence: str) -> list[Word]:
         word, used = _next(rest)
         if word.text == "stop" and found and (found[-1].kind == "number" or found[-1].text == "a"):
             word = replace(word, kind="unit", value="stops")
+        if found and found[-1].text.endswith(" go") and word.kind in BECOME:
+            found[-1] = Word(found[-1].text, "wish", "")  # "should go dark"
         found.append(word)
         rest = rest[used:]
     return found

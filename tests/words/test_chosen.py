@@ -61,3 +61,29 @@ def test_what_it_should_become_is_no_phrase():
     (change,) = read_instruction("I want the red bear").changes
     assert (change.kind, change.phrase) == ("paint", "")
     assert not parted("as red as the red one")
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "remove the light from the left", "kill the light from the right", "dust off the bear",
+        "icicles would be too much", "unless it is red, remove the bear", "wipe the slate clean",
+        "remove all colors but red", "put the bear on the moon", "grow grass on the bear",
+        "add a second sun", "move the bear 1 m to the right", "insert <3>",
+        "turn it purple by 30 degrees", "thick snow on the bear but not on the ground",
+        "move the colors closer to pastel", "move the horizon down",
+    ],
+)  # fmt: skip
+def test_a_turn_of_phrase_is_never_read_for_what_its_words_name(sentence):
+    assert not read_instruction(sentence).changes
+
+
+def test_what_goes_dark_becomes_dark():
+    (dark,) = read_instruction("the bear should go dark").changes
+    (bright,) = read_instruction("the statue should go bright").changes
+    assert (dark.amount or 0) < 0 < (bright.amount or 0)
+    assert told("the bear should go") == [("the bear", "subject", "remove")]
+
+
+def test_a_look_beside_an_action_is_for_the_thing_that_it_names():
+    assert told("remove the bear and make the table blue")[1][0] == "the table"
