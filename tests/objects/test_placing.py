@@ -111,6 +111,14 @@ def test_back_again_is_where_it_was(labelled, ball, cameras, right):
     assert (of(after, ball) - labelled.scene.means[ball]).abs().max() < 0.04 * HEIGHT
 
 
+def test_selection_with_slips_moves_each_gaussian_once(labelled, ball, cameras):
+    slips = torch.rand(len(ball), generator=torch.Generator().manual_seed(0))
+    outcome = place(labelled.scene, ball ^ (slips < 0.02), Placement(scale=1.2), cameras)
+    rows = outcome.origin[outcome.origin != NEW]
+    assert len(rows.unique()) == len(rows)
+    assert not outcome.dropped(len(ball))[ball].any()
+
+
 def test_what_is_not_flagged_keeps_its_bits(labelled, right):
     kept = ~right.changed
     assert kept.any()

@@ -101,6 +101,8 @@ SIDES = 4
 """Directions from which an outline is looked at."""
 LOWEST, HIGHEST = 0.02, 0.995
 """Ranks among the columns of outlines at which an object begins and ends."""
+EDGE = 1.0
+"""Cells that an outline reaches past its edge: its pixels are smoothed, and rows are whole."""
 
 
 def reach(
@@ -122,7 +124,7 @@ def reach(
     last = torch.where(shown, rows + 1, -torch.inf).amax(0).quantile(1 - LOWEST)
     first = torch.where(shown, rows, torch.inf).amin(0).quantile(1 - HIGHEST)
     top, cell = float(middle @ up) + radius, 2 * radius / OUTLINE_CELLS
-    return top - cell * float(last), top - cell * float(first)
+    return top - cell * (float(last) - EDGE), top - cell * (float(first) + EDGE)
 
 
 def _outlines(

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import torch
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.cameras.around import FOUND_SIZE_PIXELS, FOUND_VIEWS, find_viewpoints
@@ -22,6 +22,7 @@ from gsedit.objects.placing.placement import Beside, Placement, check_placement
 from gsedit.objects.placing.stance import middle_of, size_of, stance_of
 from gsedit.objects.placing.sun import sun_of
 from gsedit.objects.removal.remove import remove
+from gsedit.objects.removal.tidy import tidied
 from gsedit.surface.normals import estimate_normals
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
@@ -48,21 +49,32 @@ def place(
     seen_from = cameras_of(scene, cameras, execution)
     around = place_of(scene, seen_from)
     scene = scene.detach()
+    inside = torch.from_numpy(tidied(scene.means.numpy(), inside.numpy()))
     body = scene[inside]
     stance = stance_of(body, scene[~inside], around.up, execution)
-    gone = same(scene) if placement.copy else remove(scene, inside, seen_from, execution)
+    gone = same(scene) if placement.copy else _without(scene, inside, seen_from, execution)
     to = placement.to
     other = scene[to.of] if isinstance(to, Beside) and to.of is not None else body
     motion = motion_of(body, stance, placement, other, around, gone.scene, execution, seen_from)
     there = moved(body, motion.similarity)
     light = daylight(around, sun_of(scene, stance, execution))
-    if motion.landing is not None or not np.allclose(motion.similarity.turn, np.eye(3)):
+    turned = not np.allclose(motion.similarity.turn, np.eye(3))
+    if light.sun is not None and (motion.landing is not None or turned):
         normals = estimate_normals(scene, seen_from, execution, inside).directions.double()
         turn = torch.from_numpy(motion.similarity.turn)
         there = relit_elsewhere(body, there, normals, turn, gone.scene, light, execution)
     base = shaded(gone, there, motion.stance, light, execution)
     rows = torch.full((len(body),), NEW) if placement.copy else inside.nonzero().squeeze(-1)
     return added(base, there, rows, notes_of(motion, there, gone.scene, seen_from, execution))
+
+
+def _without(
+    scene: Gaussians, inside: Bool[Tensor, " n"], cameras: Sequence[Camera], execution: Execution
+) -> Outcome:
+    """A scene after the removal of an object, of which no Gaussian stays."""
+    gone = remove(scene, inside, cameras, execution)
+    left = (gone.origin == NEW) | ~inside[gone.origin.clamp_min(0)]
+    return Outcome(gone.scene[left], gone.origin[left], gone.changed[left], gone.notes)
 
 
 def cameras_of(
@@ -103,7 +115,7 @@ def notes_of(
 ) -> tuple[str, ...]:
     """Remarks for a person on how an object stands in the rest of a scene."""
     stance, landing = motion.stance, motion.landing
-    notes = _near_cameras(body, cameras)
+    notes = _near_cameras(body, stance.up, cameras)
     if landing is not None and not landing.found:
         return (*notes, "nothing is under its new place: it stays at the height that it had")
     if not stance.stands:
@@ -119,9 +131,9 @@ def notes_of(
     return tuple(notes)
 
 
-def _near_cameras(body: Gaussians, cameras: Sequence[Camera]) -> list[str]:
+def _near_cameras(body: Gaussians, up: Float[Tensor, "3"], cameras: Sequence[Camera]) -> list[str]:
     """A remark where cameras are as near to the middle of an object as its ends are, or nothing."""
-    middle, radius = middle_of(body), size_of(body) / 2
+    middle, radius = middle_of(body, up), size_of(body) / 2
     count = sum(float((camera.center - middle).norm()) < radius for camera in cameras)
     if not count:
         return []

@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from gsedit.cameras.orbit import perpendicular
 from gsedit.objects.placing.heights import HeightMap, heights_from_above, reach
 from gsedit.regions.support import Support, find_support
 from rasterizer.numerics import AUTO, Execution
@@ -25,6 +26,10 @@ BASE = 0.15
 """Part of the height, from below, that is over what carries an object."""
 STEP = 0.25
 """Height above its foot, of its own, up to which something near an object may carry it."""
+SOLID = 0.1
+"""Opacity below which a Gaussian is haze, where there are others."""
+STEPS = 200
+"""Steps towards the farthest point by which the middle is found, to 0.5 %."""
 AROUND = 1.3
 """Half the side of the map around an object, of the distance of its farthest point."""
 
@@ -51,18 +56,37 @@ def spread(body: Gaussians) -> Float[Tensor, " n"]:
     return body.opacities.double() * area
 
 
-def middle_of(body: Gaussians) -> Float[Tensor, "3"]:
-    """The mean of an object's surface, float64: it turns and scales with the object."""
-    weights = spread(body)
-    weights = weights.clamp_max(float(weights.quantile(0.95)) if len(weights) < 1 << 20 else 1e30)
-    return (weights[:, None] * body.means.double()).sum(0) / weights.sum().clamp_min(1e-30)
+def middle_of(body: Gaussians, up: Float[Tensor, "3"]) -> Float[Tensor, "3"]:
+    """The middle of the smallest circle around an object's base, at half its height, float64.
+
+    Sides that nobody saw have no Gaussians, and do not draw it away.
+    """
+    solid = body.opacities > SOLID
+    points = body.means[solid if bool(solid.any()) else torch.ones_like(solid)].double()
+    rise = points @ up
+    low, high = extents(rise[:, None])[:, 0]
+    side = perpendicular(up)
+    axes = torch.stack((side, torch.linalg.cross(up, side)))
+    level = points[rise <= low + BASE * (high - low)] @ axes.T
+    first, last = extents(level)
+    level = level[((level >= first) & (level <= last)).all(1)] if len(level) > 3 else level
+    middle = (first + last) / 2
+    for i in range(STEPS if len(level) else 0):
+        far = level[(level - middle).square().sum(1).argmax()]
+        middle = middle + (far - middle) / (i + 2)
+    return middle @ axes + (low + high) / 2 * up
+
+
+def extents(points: Float[Tensor, "m d"]) -> Float[Tensor, "2 d"]:
+    """Begin and end of points along each axis, stray ones left out."""
+    some = points[:: 1 + len(points) // (1 << 20)]
+    return some.sort(0).values[[int(rank * (len(some) - 1)) for rank in (0.01, 0.99)]]
 
 
 def size_of(body: Gaussians) -> float:
     """The diagonal of the box of an object, stray Gaussians left out."""
-    points = body.means[:: 1 + len(body) // (1 << 20)].double()
-    low, high = points.sort(0).values[[int(r * (len(points) - 1)) for r in (0.01, 0.99)]]
-    return max(float((high - low).norm()), 1e-9)
+    low, high = extents(body.means.double())
+    return max(float((high - low).norm()), float(body.log_scales.amax().exp()))
 
 
 def stance_of(
@@ -70,7 +94,7 @@ def stance_of(
 ) -> Stance:
     """How an object stands in the rest of its scene; `up` is the scene's upward direction."""
     begins, ends = reach(body, up, execution)
-    middle = middle_of(body)
+    middle = middle_of(body, up)
     ceiling = begins + STEP * (ends - begins)
     seen = map_around(body, rest, middle, up, ceiling, execution)
     support = carrier(body, seen, up)

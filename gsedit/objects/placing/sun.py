@@ -34,6 +34,8 @@ DIRECTIONS = 240
 """Even directions of the whole sphere, 13 degrees apart, of which those of a sun are tried."""
 LOWEST, HIGHEST = 0.2, 0.98
 """Sines of the elevations of suns: a lower one casts shadows out of sight, a higher one none."""
+OVERHEAD = 0.95
+"""Sine of the elevation beyond which a sun is none: what is close to things is dark without one."""
 REFINED = (6.0, 3.0)
 """Degrees around the best direction at which others are tried, one after the other."""
 AROUND = 2.5
@@ -130,7 +132,7 @@ def sun_of(scene: Gaussians, stance: Stance, execution: Execution = AUTO) -> Sun
         ring = torch.cat((best[None], sun_directions(best, angle)))
         tried = _hidden(casters, ground.points, ring, execution)
         best, score = _darkest(ground, hidden, ring, tried)
-    if score < CLEAR:
+    if score < CLEAR or float(best @ stance.up) > OVERHEAD:
         return None
     shadow = shadow_of(casters, ground.points, best, execution)
     level = _depth(ground, hidden, shadow)
