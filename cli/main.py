@@ -46,6 +46,8 @@ from .verbs.view import view
 
 EDITING = (edit, make, style)
 CAPTURING = (capture, fit)
+SENTENCES = ("edit", "make")
+"""Verbs that take a sentence, which a shell splits where it is not in quotes."""
 LOOKING = (info, select, view, render, diff, metrics)
 CHANGING = (
     convert, filter_, clean, decimate, merge, transform, bend, align, recolor,
@@ -138,6 +140,8 @@ class Verbs(TyperGroup):
             message = one_line(error.format_message()).replace("Value error, ", "")
             if getattr(error, "option_name", "") == "--compile":
                 message += " The compiled kernel is the default; --kernel torch does without it"
+            if message.startswith("Got unexpected extra arg") and verb.split()[-1] in SENTENCES:
+                message += ": put the whole sentence in quotes"
             print_message(f"{verb}: {message} (see {verb} --help)")
         return USAGE
 

@@ -65,6 +65,8 @@ def run_preview(
         print_message(f"understood as: {read}")
         names = names_of(scene, masks, read)
         found = preview_routed(given, read, viewpoints, settings, names)
+        for note in found.notes:
+            print_message(note)
     else:
         if understood := what_it_understood(followed, words):
             print_message(understood)

@@ -36,17 +36,21 @@ def read_sentence(
     """Return the edits that a sentence takes, in order; None where an option asks for an editor.
 
     Names of the selections that are saved beside the scene are what they were saved for.
-    Raises UsageError for a sentence that is refused.
+    Raises UsageError for a sentence that is refused, InputError for a file to put in that is none.
     """
     from gsedit.editing.routes.plan import HEEDED, steps_of
 
     if editor != EditorOptions() or any(path[0] not in HEEDED for path in values):
         return None
+    from gsedit.formats.registry import open_scene
     from gsedit.regions.saved import saved_names
-    from gsedit.words.read import read_instruction
+    from gsedit.words.called import read_called
 
     names = () if scene is None else saved_names(scene)
-    instruction = read_instruction(text, [name.lower() for name in names])
+    instruction = read_called(text, [name.lower() for name in names])
+    for change in instruction.changes:
+        if change.name == "insert":
+            open_scene(change.phrase)  # before the long work
     return steps_of(instruction)
 
 

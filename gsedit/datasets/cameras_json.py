@@ -67,7 +67,9 @@ def read_cameras(path: str | Path) -> tuple[Viewpoint, ...]:
     INRIA's trainer lists its held-out cameras first. Raises InputError, with the entry's number.
     """
     path = Path(path)
-    entries = read_json(path, _CAMERAS, advice="write it again, or remove it")
+    entries = read_json(
+        path, _CAMERAS, advice="write it again, or remove it: gsedit edit then finds views"
+    )
     viewpoints = [_viewpoint(entry, f"{path}: [{i}]") for i, entry in enumerate(entries)]
     return tuple(sorted(viewpoints, key=lambda viewpoint: viewpoint.name))
 

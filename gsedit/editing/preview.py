@@ -26,6 +26,7 @@ from gsedit.pictures.contact_sheet import contact_sheet
 from gsedit.regions.lift import lift
 from gsedit.scene.picture import render_picture
 from gsedit.words.instruction import Instruction
+from gsedit.words.phrases import IT
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
@@ -43,6 +44,8 @@ class Preview:
     before: View
     after: tuple[View, ...]
     """The edited view; with several seeds, one for each, named after it."""
+    notes: tuple[str, ...] = ()
+    """Remarks of the edit for a person: what was found, and what was done."""
 
     def picture(self) -> Image.Image:
         """Before and after beside each other; without a before where there are several."""
@@ -61,16 +64,27 @@ def preview_routed(
 ) -> Preview:
     """The first view of a scene as exact routes change it, about as the whole edit will.
 
-    The subject is searched in few views. Raises UsageError as `change_scene`.
+    What names or changes objects is done on the whole scene, in all views, as the edit does it:
+    fewer would find other objects. For looks the subject is searched in few views. Raises
+    UsageError as `change_scene`.
     """
-    some = [viewpoints[i] for i in evenly_spaced(len(viewpoints), SEARCHED_VIEWS + 1)]
-    settings = settings or EditSettings()
-    camera = viewpoints[0].camera
-    ones = torch.ones(camera.height, camera.width)
-    shown = lift(scene, [camera], [ones], settings.execution).weight > SHOWN_PIXELS
+    settings, camera, some, shown = (
+        settings or EditSettings(),
+        viewpoints[0].camera,
+        viewpoints,
+        None,
+    )
+    if not any(
+        each.route == "object" or each.phrase not in ("", IT) for each in instruction.changes
+    ):
+        some = [viewpoints[i] for i in evenly_spaced(len(viewpoints), SEARCHED_VIEWS + 1)]
+        ones = torch.ones(camera.height, camera.width)
+        shown = lift(scene, [camera], [ones], settings.execution).weight > SHOWN_PIXELS
     routed = change_scene(scene, instruction, some, settings, shown, names)
     before, after = (render_picture(s, camera, settings.execution) for s in (scene, routed.scene))
-    return Preview(View("before", camera, before), (View("after", camera, after),))
+    found = () if routed.region.is_all else (f"region: {routed.region.note}",)
+    notes = (*found, *routed.notes)
+    return Preview(View("before", camera, before), (View("after", camera, after),), notes)
 
 
 @torch.no_grad()

@@ -14,17 +14,27 @@ if TYPE_CHECKING:
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _-]{0,63}")
 """Letters, digits, blanks, _ and -: no suffix, no path, no colon, as the other regions have."""
-TAKEN = ("all", "auto")
-"""Words that name another region."""
+TAKEN = frozenset(
+    ("all", "auto", "everything", "scene", "background", "backdrop", "surroundings", "sky",
+     "ground", "subject", "object", "thing", "rest", "it", "its", "itself", "him", "her", "them",
+     "this", "that", "these", "those", "one", "ones", "other", "copy", "a", "an", "the", "my",
+     "left", "right", "front", "back", "top", "bottom", "middle", "light", "camera")
+)  # fmt: skip
+"""Words that already mean a region, a place or nothing of their own in a sentence."""
 
 
 def check_name(name: str) -> str:
     """The name of a selection without blanks around it. Raises UsageError for what is none."""
     name = name.strip()
-    if not NAME.fullmatch(name) or name.lower() in TAKEN:
+    if not NAME.fullmatch(name):
         raise UsageError(
-            f"{name!r} is no name for a selection: give letters, digits, blanks, - or _, and "
-            f"not {' or '.join(TAKEN)}"
+            f"{name!r} is no name for a selection: give letters, digits, blanks, - or _"
+        )
+    bare = name.lower().removeprefix("the ").strip()
+    if bare in TAKEN:
+        raise UsageError(
+            f"{name!r} is no name for a selection: sentences mean something else by it; give the "
+            "name of the thing, as in --as chair"
         )
     return name
 

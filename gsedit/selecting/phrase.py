@@ -121,6 +121,11 @@ class _Finder:
             raise self._refusal(f"the scene has no {query.kind}")
         if query.bare and not query.plural and not query.place:
             return self._main(query)
+        if query.bare and query.unknown:
+            raise self._refusal(
+                f"which things are {' '.join(query.unknown)} cannot be known without a network "
+                "(--masks)"
+            )
         return self._left_out(self._narrowed(query, rows), query)
 
     def _everything(self, query: Query) -> list[Segment]:

@@ -41,3 +41,19 @@ def test_what_no_preview_can_be_is_refused(scene, photos, tmp_path, monkeypatch,
     assert one_line(result.stderr)
     assert not (tmp_path / "out").exists()
     assert not (tmp_path / "preview.png").exists()
+
+
+@pytest.mark.parametrize("more", [("-o", "out"), ("--preview", "-o", "out.png")])
+def test_a_file_to_put_in_is_checked_before_the_scene_is_read(scene, tmp_path, monkeypatch, more):
+    monkeypatch.chdir(tmp_path)
+    scene.write_bytes(b"no scene")
+    result = gsedit("edit", scene, "put nowhere.ply on the ground", *more)
+    assert result.exit_code == 3
+    assert "nowhere.ply" in result.stderr
+    assert one_line(result.stderr)
+
+
+def test_a_sentence_without_quotes_is_told_to_have_them(scene):
+    result = gsedit("edit", scene, "remove", "the", "bear")
+    assert result.exit_code == 2
+    assert "put the whole sentence in quotes" in result.stderr

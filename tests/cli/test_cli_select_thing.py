@@ -89,3 +89,25 @@ def test_what_cannot_be_selected_is_refused_in_a_line(room, words, message):
     assert result.exit_code == 2
     assert message in result.stderr
     assert not room.with_name("room.regions").joinpath("a").exists()
+
+
+@pytest.mark.parametrize("name", ["it", "Ground", "the subject", "everything", "one"])
+def test_a_word_that_means_something_else_is_no_name(room, name):
+    result = select(room, "--at", ON_BALL, "--as", name)
+    assert result.exit_code == 2
+    assert "is no name for a selection" in result.stderr
+
+
+def test_things_that_only_a_network_knows_are_refused(room):
+    result = select(room, "--phrase", "the ears", "--as", "ears")
+    assert result.exit_code == 2
+    assert "cannot be known without a network" in result.stderr
+
+
+def test_a_saved_name_wins_in_a_sentence_and_its_preview(room, tmp_path):
+    select(room, "--at", ON_BALL, "--as", "plinth", "--force")
+    words = ("--size", 64, "--preview", "-o", tmp_path / "p.png")
+    result = gsedit("edit", room, "remove the plinth", *words)
+    assert result.exit_code == 0, result.stderr
+    assert "the plinth, as it was saved" in result.stderr
+    assert "Gaussians left" in result.stderr

@@ -11,10 +11,12 @@ import torch
 import gsedit
 from gsedit.datasets.dataset import Dataset, capture
 from gsedit.datasets.viewpoints import viewpoints_of
+from gsedit.editing.preview import preview_routed
 from gsedit.editing.routes.carrier import carrier
 from gsedit.editing.routes.named import Names
 from gsedit.editing.routes.result import change_scene
 from gsedit.objects import segment
+from gsedit.scene.picture import render_picture
 from gsedit.synthetic.staged import stage
 from gsedit.words.read import read_instruction
 
@@ -126,3 +128,14 @@ def test_a_look_of_what_is_not_there_is_refused(meadow):
     read = read_instruction("make the purple bear darker")
     with pytest.raises(gsedit.UsageError, match="main subject"):
         change_scene(labelled.scene, read, viewpoints_of(views))
+
+
+def test_a_preview_is_of_the_objects_that_the_edit_finds(meadow):
+    labelled, views = meadow
+    asked, viewpoints = read_instruction("remove the red one"), viewpoints_of(views)
+    shown = preview_routed(labelled.scene, asked, viewpoints)
+    done = change_scene(labelled.scene, asked, viewpoints)
+    with torch.no_grad():
+        picture = render_picture(done.scene, viewpoints[0].camera)
+    torch.testing.assert_close(shown.after[0].image, picture, atol=1e-4, rtol=0)
+    assert shown.notes == (f"region: {done.region.note}", *done.notes)

@@ -1,0 +1,48 @@
+"""Saved selections called by name in sentences: the name wins over every list of words."""
+
+from __future__ import annotations
+
+import pytest
+
+from gsedit.words.called import read_called
+from gsedit.words.read import read_instruction
+
+NAMES = ("plinth", "gray rock", "ears", "gold")
+
+
+@pytest.mark.parametrize(
+    ("sentence", "route", "phrase", "of"),
+    [
+        ("remove the plinth", "object", "the plinth", None),
+        ("make the Plinth twice as large", "object", "the plinth", None),
+        ("remove everything but the ears", "object", "the ears", None),
+        ("put the bear on the plinth", "object", "the bear", "the plinth"),
+        ("move the bear next to the gray rock", "object", "the bear", "the gray rock"),
+        ("paint the plinth red", "paint", "the plinth", None),
+        ("make the ears gold", "material", "the ears", None),
+        ("make it gold", "material", "", None),
+    ],
+)
+def test_a_saved_name_is_a_thing(sentence, route, phrase, of):
+    read = read_called(sentence, NAMES)
+    assert read.known, read.why
+    assert [(each.route, each.phrase) for each in read.changes] == [(route, phrase)]
+    place = read.changes[0].place
+    assert (place and place.of) == of
+    assert read.text == sentence
+    assert "zq" not in str(read)
+
+
+def test_an_action_and_a_look_may_call_two_names():
+    read = read_called("remove the plinth and paint the ears red", NAMES)
+    assert [each.phrase for each in read.changes] == ["the plinth", "the ears"]
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "remove the head", "remove the plinth.ply", "do not remove the plinth", "make it gold",
+    ],
+)  # fmt: skip
+def test_what_no_name_settles_is_read_as_ever(sentence):
+    assert read_called(sentence, NAMES) == read_instruction(sentence, NAMES)
