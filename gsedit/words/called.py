@@ -6,9 +6,9 @@ import re
 from collections.abc import Collection, Iterator
 from dataclasses import replace
 
+from gsedit.words import read as reader
 from gsedit.words.instruction import Change, Instruction
 from gsedit.words.phrases import IT
-from gsedit.words.read import read_instruction
 
 BEFORE = r"\b(the|this|that|these|those|my|our|your|its|their)\s+"
 """Words after which a name is one: "make it gold" is no call of what was saved as gold."""
@@ -21,11 +21,11 @@ def read_called(sentence: str, names: Collection[str]) -> Instruction:
     """
     called, found = _stood_in(sentence, names)
     if not found:
-        return read_instruction(sentence, names)
-    read = read_instruction(called, list(found))
+        return reader.read_instruction(sentence, names)
+    read = reader.read_instruction(called, list(found))
     named = " ".join(text for each in read.changes for text in _texts(each))
     if not read.known or any(word not in named for word in found):
-        return read_instruction(sentence, names)
+        return reader.read_instruction(sentence, names)
     told = tuple(_restored(each, found) for each in read.changes)
     return Instruction(sentence, True, "; ".join(map(str, told)), told)
 
@@ -37,7 +37,7 @@ def _stood_in(sentence: str, names: Collection[str]) -> tuple[str, dict[str, str
         return sentence, found
     longest_first = sorted(names, key=lambda name: (-len(name), name))
     any_name = "|".join(re.escape(name).replace(r"\ ", r"\s+") for name in longest_first)
-    pattern = re.compile(rf"{BEFORE}({any_name})\b(?![\w.-])", re.IGNORECASE)
+    pattern = re.compile(rf"{BEFORE}({any_name})\b(?![\w-]|\.\w)", re.IGNORECASE)
 
     def stand_in(match: re.Match[str]) -> str:
         name = " ".join(match[2].lower().split())

@@ -20,7 +20,7 @@ def reads(monkeypatch):
     """A reader of sentences that says what it is told to."""
 
     def tell(*changes: Change, known: bool = True, why: str = "") -> None:
-        read = lambda text: Instruction(text, known, why, changes)  # noqa: E731
+        read = lambda text, names=(): Instruction(text, known, why, changes)  # noqa: E731
         monkeypatch.setattr("gsedit.words.read.read_instruction", read)
 
     return tell

@@ -13,7 +13,7 @@ NAMES = ("plinth", "gray rock", "ears", "gold")
 @pytest.mark.parametrize(
     ("sentence", "route", "phrase", "of"),
     [
-        ("remove the plinth", "object", "the plinth", None),
+        ("remove the plinth.", "object", "the plinth", None),
         ("make the Plinth twice as large", "object", "the plinth", None),
         ("remove everything but the ears", "object", "the ears", None),
         ("put the bear on the plinth", "object", "the bear", "the plinth"),
