@@ -26,7 +26,7 @@ class Outcome:
     origin: Int[Tensor, " m"]
     """Row in the scene before; NEW for a Gaussian that was not in it."""
     changed: Bool[Tensor, " m"]
-    """Whether any value differs from that row's; always for new ones. The others keep their bits.
+    """Whether values may differ from that row's; always for new ones. The others keep their bits.
     """
     notes: tuple[str, ...] = ()
     """Remarks for a person on what was done and what could not be known."""

@@ -147,7 +147,7 @@ def walls(surfaces: Surfaces, among: Bool[np.ndarray, " n"]) -> list[Int[np.ndar
     total = surfaces.areas[left].sum()
     for _ in range(WALLS):
         rows = np.flatnonzero(left)
-        if len(rows) < LEAST_ROWS:
+        if len(rows) < LEAST_ROWS or not surfaces.areas[rows].sum():
             break
         share = surfaces.areas[rows] / surfaces.areas[rows].sum()
         voters = random.choice(rows, WALL_POINTS, p=share)

@@ -186,3 +186,10 @@ def test_an_object_that_no_camera_sees_is_refused():
     far = replace(scene, means=torch.where(inside[:, None], 1e4, scene.means))
     with pytest.raises(UsageError, match="no camera sees"):
         remove(far, inside, cameras)
+
+
+def test_one_gaussian_is_removed_like_an_object():
+    each = case("table")
+    one = torch.zeros_like(each.inside)
+    one[each.inside.nonzero()[0]] = True
+    assert remove(each.scene, one, each.cameras).dropped(len(each.scene))[one].all()

@@ -26,7 +26,7 @@ from gsedit.objects.removal.sight import Sight, Views, contributions_of, look, l
 from gsedit.objects.removal.strays import AROUND, strays
 from gsedit.objects.removal.tidy import core_of, tidied
 from gsedit.objects.removal.uncover import Object, find_sheet, standing
-from gsedit.objects.removal.walls import Plane, find_planes
+from gsedit.objects.removal.walls import SMALLEST, Plane, find_planes
 from gsedit.regions.support import extent_of
 from gsedit.scene.neighbors import k_nearest
 from gsedit.surface.normals import shortest_axes
@@ -255,7 +255,8 @@ def _object(scene: Gaussians, inside: Bool[Tensor, " n"], cameras: Sequence[Came
     eyes = np.stack([camera.center.double().numpy() for camera in cameras])
     away = np.linalg.norm(eyes - center, axis=1)
     sizes = [a / c.fx if c.model == "pinhole" else 1 / c.fx for a, c in zip(away, cameras)]
-    return Object(points, center, max(extent_of(points), 1e-9), float(np.median(sizes)))
+    least = max(SMALLEST * extent_of(scene.means.numpy()), 1e-9)
+    return Object(points, center, max(extent_of(points), least), float(np.median(sizes)))
 
 
 def _notes(inside: Bool[Tensor, " n"], left: _Left, sights: Sequence[Sight]) -> tuple[str, ...]:

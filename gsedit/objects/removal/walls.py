@@ -18,6 +18,8 @@ TOLERANCE = 0.01
 """Distance at which a point is on a plane, of the object's extent."""
 LEAST_SHARE = 0.15
 """Least share of the surroundings that is on a plane beyond the first."""
+SMALLEST = 1e-3
+"""Least extent of an object, of its scene's: one Gaussian has none."""
 BAND = 3.0
 """Half of the thickness of a plane's layer of Gaussians, in its roughness."""
 
@@ -59,7 +61,7 @@ def find_planes(
 
     `eye` is the middle of the cameras, `axes` the shortest axes, as long as a Gaussian is flat.
     """
-    extent = extent_of(points[removed])
+    extent = max(extent_of(points[removed]), SMALLEST * extent_of(points))
     found = _supports(points, removed, weights, extent, eye)
     left = np.flatnonzero((weights > 0) & ~removed)
     left = left[~np.any([p.on(points[left]) for p in found], 0)] if found else left
@@ -130,6 +132,8 @@ def _best(voters, extent: float, eye, random) -> tuple[Plane | None, float]:
         return None, 0.0
     votes = (np.abs(voters @ normals.T - offsets) < tolerance).mean(0)
     best = int(votes.argmax())
+    if votes[best] * len(voters) < 3:
+        return None, 0.0
     normal, offset = refined_plane(voters, normals[best], float(offsets[best]), tolerance)
     away = np.abs(voters @ normal - offset)
     rough = float(np.median(away[away < tolerance]))
