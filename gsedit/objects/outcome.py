@@ -11,6 +11,7 @@ import torch
 from jaxtyping import Bool, Int
 from torch import Tensor
 
+from gsedit.errors import UsageError
 from rasterizer.scene import Gaussians
 
 NEW = -1
@@ -49,3 +50,14 @@ class Outcome:
 def same(scene: Gaussians) -> Outcome:
     """The outcome of doing nothing."""
     return Outcome(scene, torch.arange(len(scene)), torch.zeros(len(scene), dtype=torch.bool))
+
+
+def check_finite(scene: Gaussians) -> None:
+    """Raise UsageError for values that nothing can be done with: the first row of them."""
+    for name in ("means", "quats", "log_scales", "logit_opacities", "sh"):
+        values = getattr(scene, name)[..., None].flatten(1)
+        # points, and opacities 0 and 1, are infinite
+        fine = ~values.isnan() if name in ("log_scales", "logit_opacities") else values.isfinite()
+        if not fine.all():
+            row = int((~fine.all(1)).nonzero()[0])
+            raise UsageError(f"{name} of Gaussian {row} are not finite: run 'gsedit clean' first")

@@ -1,7 +1,12 @@
 """Outcomes tell what became of each Gaussian."""
 
+from dataclasses import replace
+
+import pytest
 import torch
 
+from gsedit.errors import UsageError
+from gsedit.objects import Handle, Placement, bend, grow, insert, place, remove
 from gsedit.objects.outcome import NEW, Outcome, same
 from gsedit.synthetic.gallery import globe
 from gsedit.synthetic.splats import surface_gaussians
@@ -23,3 +28,21 @@ def test_operations_one_after_the_other_are_one():
     assert both.changed.tolist() == [False, True, False, True, True, True]
     assert both.dropped(6).tolist() == [True, False, False, False, False, True]
     assert not same(scene).dropped(6).any()
+
+
+@pytest.mark.parametrize(
+    "operation",
+    [
+        lambda scene, inside: remove(scene, inside),
+        lambda scene, inside: place(scene, inside, Placement(scale=2.0)),
+        lambda scene, inside: insert(scene, scene),
+        lambda scene, inside: grow(scene, "snow", 1.0, inside),
+        lambda scene, inside: bend(scene, inside, [Handle((0, 0, 0), (0, 0, 1))]),
+    ],
+)
+def test_values_that_are_not_finite_are_refused_in_one_line(operation):
+    scene = scene_of(6)
+    means = scene.means.clone()
+    means[4, 1] = torch.nan
+    with pytest.raises(UsageError, match=r"means of Gaussian 4 are not finite: run"):
+        operation(replace(scene, means=means), torch.arange(6) < 3)

@@ -17,7 +17,7 @@ from torch import Tensor
 from gsedit.errors import UsageError
 from gsedit.objects.bending.nodes import Motion, reach_of, spread
 from gsedit.objects.bending.rigid import edges_of, rotations_of, settled
-from gsedit.objects.outcome import Outcome, same
+from gsedit.objects.outcome import Outcome, check_finite, same
 from gsedit.scene.neighbors import k_nearest
 from gsedit.scene.quaternions import axis_rotation, rotate_sh_each
 from gsedit.scene.quaternions import rotations as rotations_of_quaternions
@@ -63,6 +63,7 @@ def bend(
     what is next to them. Centers go with a smooth map, covariances with its Jacobian, and SH turn.
     Raises UsageError for no handles, ones that contradict or are far away, and a map that folds.
     """
+    check_finite(scene)
     rows, moving = _rows(inside, cage)
     points = scene.means[rows].double().numpy()
     own_size = float(scene.log_scales[rows].amax().exp())  # of a part that is one place

@@ -22,7 +22,7 @@ from gsedit.objects.growth.relief import relief_of
 from gsedit.objects.growth.spots import Site
 from gsedit.objects.growth.table import Growth, growth_of
 from gsedit.objects.growth.veil import unveiled
-from gsedit.objects.outcome import NEW, Outcome
+from gsedit.objects.outcome import NEW, Outcome, check_finite
 from gsedit.objects.placing.stance import stance_of
 from gsedit.objects.placing.sun import Sun, sun_of
 from gsedit.scenery.setting import Setting
@@ -68,6 +68,7 @@ def grow(
     an unknown name, an amount out of range, or where it lies nowhere.
     """
     growth = growth_of(name, amount)
+    check_finite(scene)
     found = survey(scene, cameras, None, execution)
     site = _site(scene, found, inside, amount, cameras, execution)
     patches = [] if site is None else _patches(scene, site, growth, amount, execution)

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from gsedit.errors import UsageError
 from gsedit.light.place import Place, place_of
-from gsedit.objects.outcome import NEW, Outcome, same
+from gsedit.objects.outcome import NEW, Outcome, check_finite, same
 from gsedit.objects.placing.arrival import main_object
 from gsedit.objects.placing.balance import balanced
 from gsedit.objects.placing.daylight import daylight, shaded
@@ -103,6 +103,8 @@ def _check(
 ) -> None:
     if not len(scene) or not len(other):
         raise UsageError("a scene without Gaussians: insert an object into a scene that has some")
+    check_finite(scene)
+    check_finite(other)
     check_target(at, len(scene))
     if isinstance(at, Beside) and at.of is None:
         raise UsageError("beside what: give the Gaussians of what it is to be inserted beside")

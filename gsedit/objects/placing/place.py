@@ -14,7 +14,7 @@ from torch import Tensor
 
 from gsedit.cameras.around import FOUND_SIZE_PIXELS, FOUND_VIEWS, find_viewpoints
 from gsedit.light.place import place_of
-from gsedit.objects.outcome import NEW, Outcome, same
+from gsedit.objects.outcome import NEW, Outcome, check_finite, same
 from gsedit.objects.placing.daylight import daylight, relit_elsewhere, shaded
 from gsedit.objects.placing.landing import carried
 from gsedit.objects.placing.motion import Motion, motion_of, moved
@@ -44,6 +44,7 @@ def place(
     none. Raises UsageError for a region that is empty or everything, and for values out of range.
     """
     check_placement(placement, inside, len(scene))
+    check_finite(scene)
     if placement.is_nothing:
         return same(scene)
     seen_from = cameras_of(scene, cameras, execution)

@@ -16,7 +16,7 @@ from torch import Tensor
 from gsedit.cameras.around import FOUND_SIZE_PIXELS, FOUND_VIEWS, find_viewpoints
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.errors import UsageError
-from gsedit.objects.outcome import NEW, Outcome
+from gsedit.objects.outcome import NEW, Outcome, check_finite
 from gsedit.objects.removal.backdrop import backdrop, find_gap
 from gsedit.objects.removal.draw import Draw
 from gsedit.objects.removal.fill import filled
@@ -199,13 +199,7 @@ def _check(scene: Gaussians, inside: Bool[Tensor, " n"]) -> None:
         raise UsageError("nothing is selected: select the object that is to be removed")
     if inside.all():
         raise UsageError("the selection is the whole scene: select one object of it")
-    for name in ("means", "quats", "log_scales", "logit_opacities", "sh"):
-        bad = ~getattr(scene, name).reshape(len(scene), -1).isfinite().all(1)
-        if name in ("log_scales", "logit_opacities"):  # points, and opacities 0 and 1
-            bad = getattr(scene, name).reshape(len(scene), -1).isnan().any(1)
-        if bad.any():
-            row = int(bad.nonzero()[0])
-            raise UsageError(f"{name} of Gaussian {row} are not finite: run 'gsedit clean' first")
+    check_finite(scene)
 
 
 def _found(scene: Gaussians, execution: Execution) -> tuple[Camera, ...]:
