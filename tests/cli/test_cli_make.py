@@ -155,7 +155,7 @@ def test_photos_with_poses_are_not_captured(photos, out, stages):
 @pytest.mark.parametrize(
     ("instruction", "message"),
     [
-        ("give it a hat", "add, remove, move or reshape"),
+        ("give it a hat", "make or reshape"),
         (" ", "the instruction is empty"),
         ("remove the snow", "what must not be"),
     ],

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 from command_line import gsedit
-from objects.playroom import playroom
+from selecting.playroom import playroom
 
 from gsedit import save
 from gsedit.datasets.cameras_json import write_cameras
