@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from jaxtyping import Float
 from torch import Tensor
 
@@ -11,6 +13,7 @@ from gsedit.datasets.dataset import Dataset
 from gsedit.datasets.viewpoints import Viewpoint, rendered
 from gsedit.errors import UsageError
 from gsedit.scene.merging.groups import coarsen
+from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
@@ -61,3 +64,17 @@ def find_viewpoints(
     searched = scene if merged is None else merged.scene
     cameras = find_views(searched, count, size, wish=wish, execution=execution)
     return tuple(map(Viewpoint, view_names(len(cameras)), cameras))
+
+
+def cameras_of(
+    scene: Gaussians,
+    cameras: Sequence[Camera] = (),
+    count: int = FOUND_VIEWS,
+    size: int = FOUND_SIZE_PIXELS,
+    execution: Execution = AUTO,
+) -> Sequence[Camera]:
+    """The cameras, or found ones where there are none: see `find_viewpoints`."""
+    if cameras:
+        return cameras
+    found = find_viewpoints(scene, count, size, execution=execution)
+    return [each.camera for each in found]

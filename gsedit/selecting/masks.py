@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.cameras.around import find_viewpoints
+from gsedit.cameras.around import cameras_of
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.errors import GseditError, UsageError
 from gsedit.mask_protocol import MaskProvider
@@ -124,9 +124,7 @@ def _alike(
 
 
 def _views(scene: Gaussians, cameras: Sequence[Camera], execution: Execution) -> list[Camera]:
-    if not cameras:
-        found = find_viewpoints(scene, MOST_VIEWS, VIEW_PIXELS, execution=execution)
-        cameras = [each.camera for each in found]
+    cameras = cameras_of(scene, cameras, MOST_VIEWS, VIEW_PIXELS, execution)
     chosen = [cameras[i] for i in evenly_spaced(len(cameras), MOST_VIEWS)]
     return [c if max(c.width, c.height) <= VIEW_PIXELS else c.fitted(VIEW_PIXELS) for c in chosen]
 

@@ -14,7 +14,7 @@ import torch
 from jaxtyping import Bool, Float64, Int
 from scipy.sparse import coo_matrix
 
-from gsedit.cameras.around import find_viewpoints
+from gsedit.cameras.around import cameras_of
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.light.place import Place, place_of
 from gsedit.regions.graph import Neighbors, nearest_of, neighbors
@@ -103,7 +103,7 @@ def look(scene: Gaussians, cameras: Sequence[Camera] = (), execution: Execution 
 
     Raises UsageError for an empty scene.
     """
-    some = list(cameras) or [v.camera for v in find_viewpoints(scene, VIEWS, VIEW_PIXELS)]
+    some = cameras_of(scene, cameras, VIEWS, VIEW_PIXELS)
     chosen = [some[i].fitted(VIEW_PIXELS) for i in evenly_spaced(len(some), VIEWS)]
     seen = torch.zeros(len(scene))
     for camera in chosen:

@@ -15,7 +15,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.cameras.around import find_viewpoints
+from gsedit.cameras.around import cameras_of
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.objects.growth.layer import Patch, discs
 from gsedit.objects.growth.relief import FEWEST, without_specks
@@ -98,7 +98,7 @@ def water(
     plane = _through(points, patch.site.up)
     bottom = patch.spots(relief).mean(patch.site.setting.colors)
     bottom = bottom * torch.tensor(growth.lit).double()
-    seen_from = list(cameras) or _viewpoints(scene, execution)
+    seen_from = cameras_of(scene, cameras, VIEWS, VIEW_PIXELS, execution)
     over = scene[scene.means.double() @ plane.normal - plane.offset > MARGIN * relief.pixel]
     near = NEAR * patch.site.size
     middle = points.mean(0).to(scene.means)
@@ -146,11 +146,6 @@ def _plane(patch: Patch) -> Water:
     rough = ground @ plane.normal - plane.offset
     rough = rough[rough.abs() < WAVER * pixel]
     return replace(plane, offset=plane.offset + float(rough.quantile(FULL)) + LIFT * pixel)
-
-
-def _viewpoints(scene: Gaussians, execution: Execution) -> list[Camera]:
-    found = find_viewpoints(scene, VIEWS, VIEW_PIXELS, execution=execution)
-    return [each.camera for each in found]
 
 
 def _reflecting(

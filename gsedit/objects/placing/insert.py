@@ -14,6 +14,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from gsedit.cameras.around import cameras_of
 from gsedit.errors import UsageError
 from gsedit.light.place import Place, place_of
 from gsedit.objects.outcome import NEW, Outcome, check_finite, same
@@ -22,7 +23,7 @@ from gsedit.objects.placing.balance import balanced
 from gsedit.objects.placing.daylight import daylight, shaded
 from gsedit.objects.placing.landing import extent, free_point, ground_near
 from gsedit.objects.placing.motion import motion_of, moved
-from gsedit.objects.placing.place import added, cameras_of, notes_of
+from gsedit.objects.placing.place import added, notes_of
 from gsedit.objects.placing.placement import Beside, Placement, Triple, check_target
 from gsedit.objects.placing.stance import Stance, size_of, stance_of
 from gsedit.objects.placing.sun import sun_of
@@ -67,7 +68,7 @@ def insert(
     """
     _check(scene, other, at, height, scale, turn)
     scene, other = scene.detach(), other.detach()
-    seen_from = cameras_of(scene, cameras, execution)
+    seen_from = cameras_of(scene, cameras, execution=execution)
     around = place_of(scene, seen_from)
     theirs = guess_up(other) if up is None else torch.nn.functional.normalize(up.double(), dim=0)
     inside = main_object(other, theirs)

@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.cameras.around import FOUND_SIZE_PIXELS, FOUND_VIEWS, find_viewpoints
+from gsedit.cameras.around import cameras_of
 from gsedit.light.place import place_of
 from gsedit.objects.outcome import NEW, Outcome, check_finite, same
 from gsedit.objects.placing.daylight import daylight, relit_elsewhere, shaded
@@ -47,7 +47,7 @@ def place(
     check_finite(scene)
     if placement.is_nothing:
         return same(scene)
-    seen_from = cameras_of(scene, cameras, execution)
+    seen_from = cameras_of(scene, cameras, execution=execution)
     around = place_of(scene, seen_from)
     scene = scene.detach()
     inside = torch.from_numpy(tidied(scene.means.numpy(), inside.numpy()))
@@ -76,16 +76,6 @@ def _without(
     gone = remove(scene, inside, cameras, execution)
     left = (gone.origin == NEW) | ~inside[gone.origin.clamp_min(0)]
     return Outcome(gone.scene[left], gone.origin[left], gone.changed[left], gone.notes)
-
-
-def cameras_of(
-    scene: Gaussians, cameras: Sequence[Camera], execution: Execution = AUTO
-) -> Sequence[Camera]:
-    """The cameras, or where there are none such from which the scene looks as if captured."""
-    if cameras:
-        return cameras
-    found = find_viewpoints(scene, FOUND_VIEWS, FOUND_SIZE_PIXELS, execution=execution)
-    return [each.camera for each in found]
 
 
 def added(base: Outcome, body: Gaussians, rows: Tensor, notes: tuple[str, ...]) -> Outcome:

@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from gsedit.cameras.around import FOUND_SIZE_PIXELS, FOUND_VIEWS, find_viewpoints
+from gsedit.cameras.around import cameras_of
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.errors import UsageError
 from gsedit.objects.outcome import NEW, Outcome, check_finite
@@ -73,7 +73,7 @@ def remove(
     """
     _check(scene, inside)
     inside = torch.from_numpy(tidied(scene.means.numpy(), inside.numpy()))
-    cameras = cameras or _found(scene, execution)
+    cameras = cameras_of(scene, cameras, execution=execution)
     most = VIEWS if len(scene) < LARGE else FEW_VIEWS
     asked = [cameras[i].fitted(VIEW_PIXELS) for i in evenly_spaced(len(cameras), most)]
     sights, seen = look(scene, inside, asked, execution)
@@ -200,11 +200,6 @@ def _check(scene: Gaussians, inside: Bool[Tensor, " n"]) -> None:
     if inside.all():
         raise UsageError("the selection is the whole scene: select one object of it")
     check_finite(scene)
-
-
-def _found(scene: Gaussians, execution: Execution) -> tuple[Camera, ...]:
-    found = find_viewpoints(scene, FOUND_VIEWS, FOUND_SIZE_PIXELS, execution=execution)
-    return tuple(each.camera for each in found)
 
 
 def _without(
