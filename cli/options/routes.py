@@ -43,11 +43,10 @@ def read_sentence(
     if editor != EditorOptions() or any(path[0] not in HEEDED for path in values):
         return None
     from gsedit.formats.registry import open_scene
-    from gsedit.regions.saved import saved_names
+    from gsedit.regions.saved import saved_files
     from gsedit.words.called import read_called
 
-    names = () if scene is None else saved_names(scene)
-    instruction = read_called(text, [name.lower() for name in names])
+    instruction = read_called(text, () if scene is None else tuple(saved_files(scene)))
     for change in instruction.changes:
         if change.name == "insert":
             open_scene(change.phrase)  # before the long work
@@ -60,16 +59,14 @@ def names_of(scene: Path, masks: MaskOptions, instruction: Instruction) -> Names
     Raises UsageError for masks that cannot look for a phrase, or that have none to look for.
     """
     from gsedit.editing.routes.named import Names
-    from gsedit.regions.saved import saved_file, saved_names
+    from gsedit.regions.saved import saved_files
     from gsedit.words.phrases import IT
 
-    files = {name.lower(): saved_file(scene, name) for name in saved_names(scene)}
-    saved = {name: file for name, file in files.items() if file is not None}
     phrases = [each.phrase for each in instruction.changes]
     told = next((phrase for phrase in phrases if phrase not in ("", IT)), None)
     if masks.masks is not None and told is None:
         raise UsageError('--masks finds what a sentence names, as in "remove the chair": say that')
-    return Names(saved, masks.make(told))
+    return Names(saved_files(scene), masks.make(told))
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,20 +131,31 @@ def run_routes(
         request = {"scene": scene, **asdict(views), "editor": {"editor": AUTO}, **history_of(scene)}
         write_cameras(viewpoints, folder / "cameras.json", overwrite=True)
         write_view_list(by_edit(viewpoints, ()), folder / "views.json", overwrite=True)
+        carry_beside(scene, ready.scene, result, folder)
         write_edit(folder, result, request={**request, **more}, overwrite=True)
     print_message(f"{result.metrics.describe()}; {result.timings['total']:.1f} s")
+    say_where(folder)
+    return result
+
+
+def say_where(folder: Path) -> None:
+    """Print the folder of an edit, and how to look at what is in it."""
     print_message(
         f"results are in {folder}; look at {folder / 'before_after.png'}, then: "
         f"gsedit view {folder / 'scene.ply'}"
     )
-    return result
 
 
-def copy_frame(scene: Path, folder: Path) -> None:
-    """Copy the file beside the scene that names its frame: the edited scene has the same frame."""
+def carry_beside(path: Path, scene: Gaussians, result: EditResult, folder: Path) -> None:
+    """Write what lies beside the scene that was edited for the one in the folder: its saved
+    selections, and the file that names its frame, which is the same."""
     from gsedit.datasets import export_frame as frames
+    from gsedit.regions.saved import carry_named
 
-    file = frames.dataparser_file(scene)
+    before, after = (each.means.detach().numpy() for each in (scene, result.scene))
+    origin = None if result.origin is None else result.origin.numpy()
+    carry_named(path, before, folder / "scene.ply", after, origin)
+    file = frames.dataparser_file(path)
     if file is not None:
         frames.write_dataparser(frames.read_dataparser(file), folder / frames.NAME, overwrite=True)
     else:

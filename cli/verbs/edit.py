@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -34,7 +34,7 @@ from ..options.editing import (
 )
 from ..options.masks import MaskOptions
 from ..options.preview import preview_file, run_preview
-from ..options.routes import NO_MASKS, copy_frame, read_sentence, run_routes
+from ..options.routes import NO_MASKS, carry_beside, read_sentence, run_routes, say_where
 from ..options.settings import Setting, SettingsGroup, Values
 
 if TYPE_CHECKING:
@@ -209,7 +209,6 @@ def run_steps(asked: EditCommand, steps: Sequence[Words]) -> EditResult | None:
             result = run_routes(
                 scene, load, step, out, asked.views, asked.values, named, asked.masks
             )
-            copy_frame(scene, out)
         else:
             result = run_pipeline(now)
         scene = out / "scene.ply"
@@ -296,7 +295,10 @@ def run_pipeline(asked: EditCommand) -> EditResult | None:
     source = {"scene": scene.absolute(), "drop_invalid": own.drop_invalid}
     check = partial(check_folder, folder, own.force or state is not None, leftovers=LEFTOVERS)
     checkpoints = Checkpoints(folder / NAME, kept, source, check)
-    return run_and_write(steps, folder, dataset, request, checkpoints, earlier, as_json=common.json)
+    carry = partial(carry_beside, scene, gaussians)
+    return run_and_write(
+        steps, folder, dataset, request, checkpoints, earlier, carry, as_json=common.json
+    )
 
 
 def print_edit(result: EditResult, folder: Path, *, as_json: bool) -> None:
@@ -357,13 +359,14 @@ def run_and_write(
     request: Mapping[str, Any],
     checkpoints: Checkpoints,
     earlier: Iterable[Event],
+    carry: Callable[[EditResult, Path], None],
     *,
     as_json: bool,
 ) -> EditResult:
     """Run an edit, show its events, and write its result to the folder `out`.
 
     Until then the folder holds the last checkpoint and the events so far, which begin with the
-    `earlier` ones of a resumed edit.
+    `earlier` ones of a resumed edit. `carry` writes what else belongs beside the result.
     """
     from gsedit.editing.session.folder import write_edit
     from gsedit.measures.against import UNFINISHED
@@ -385,13 +388,10 @@ def run_and_write(
             handlers = {Event: write_and_show, Checkpoint: checkpoints.keep}
             result = result_of(steps, handlers)
         write_cameras_and_views(dataset, result, out)
-        copy_frame(request["scene"], out)
+        carry(result, out)
         write_edit(out, result, request=request, overwrite=True)
         glimpses.path.unlink(missing_ok=True)
     print_message(table(journal.records))
     print_message(result.metrics.describe())
-    print_message(
-        f"results are in {out}; look at {out / 'before_after.png'}, then: "
-        f"gsedit view {out / 'scene.ply'}"
-    )
+    say_where(out)
     return result

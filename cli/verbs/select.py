@@ -175,7 +175,8 @@ def save_thing(
         save_region(found, own.out, overwrite=force)
         written.append(own.out)
     if own.name is not None:
-        written.append(save_named(found, scene, own.name, overwrite=force))
+        flags, means = found.inside.numpy(), gaussians.means.numpy()
+        written.append(save_named(flags, means, scene, own.name, overwrite=force))
     return written
 
 

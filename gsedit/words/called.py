@@ -13,11 +13,15 @@ from gsedit.words.phrases import IT
 BEFORE = r"\b(the|this|that|these|those|my|our|your|its|their)\s+"
 """Words after which a name is one: "make it gold" is no call of what was saved as gold."""
 
+WRITTEN = re.compile(r"[_-]|[a-z]\w*\d", re.IGNORECASE)
+"""A sign that a name is written as it was saved, "left_leg-2": it needs no word before it."""
+
 
 def read_called(sentence: str, names: Collection[str]) -> Instruction:
     """The changes that a sentence asks for, in which names of saved selections are things.
 
-    As `read_instruction` without a name in it, and where the reading finds a name in no change.
+    Names are as `gsedit.regions.saved.key_of_name` spells them. As `read_instruction` without a
+    name in it, and where the reading finds a name in no change.
     """
     called, found = _stood_in(sentence, names)
     if not found:
@@ -36,14 +40,16 @@ def _stood_in(sentence: str, names: Collection[str]) -> tuple[str, dict[str, str
     if not names:
         return sentence, found
     longest_first = sorted(names, key=lambda name: (-len(name), name))
-    any_name = "|".join(re.escape(name).replace(r"\ ", r"\s+") for name in longest_first)
-    pattern = re.compile(rf"{BEFORE}({any_name})\b(?![\w-]|\.\w)", re.IGNORECASE)
+    any_name = "|".join(re.escape(name).replace(r"\ ", r"[\s_-]+") for name in longest_first)
+    pattern = re.compile(rf"(?:{BEFORE})?(?<![\w-])({any_name})(?![\w-]|\.\w)", re.IGNORECASE)
 
     def stand_in(match: re.Match[str]) -> str:
-        name = " ".join(match[2].lower().split())
+        if match[1] is None and not WRITTEN.search(match[2]):
+            return match[0]
+        name = re.sub(r"[\s_-]+", " ", match[2].lower())
         word = next((w for w, each in found.items() if each == name), f"zq{chr(97 + len(found))}x")
         found[word] = name
-        return f"{match[1]} {word}"
+        return f"{match[1] or 'the'} {word}"
 
     return pattern.sub(stand_in, sentence), found
 

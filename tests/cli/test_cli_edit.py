@@ -6,14 +6,16 @@ import json
 import sys
 from importlib import import_module
 
+import numpy as np
 import pytest
 import torch
 from command_line import files, gsedit, one_line, stub_checkpoint
 
-from gsedit import Event
+from gsedit import Event, load
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.errors import GseditError
 from gsedit.regions.region import everything
+from gsedit.regions.saved import save_named
 from gsedit.runs.journal import read_events
 
 
@@ -241,6 +243,19 @@ def test_of_two_edits_into_one_folder_the_second_is_told(monkeypatch, scene, tmp
         assert said[-1].exit_code == 2
         assert "another gsedit is writing" in said[-1].stderr
         assert given["prompt"] == "make it impressionist"
+
+
+def test_names_follow_each_step_of_a_sentence(monkeypatch, scene, photos, tmp_path):
+    stub_edit(monkeypatch)
+    means = load(scene).means.numpy()
+    save_named(np.arange(5) == 1, means, scene, "hat")
+    out = tmp_path / "out"
+    words = "make it impressionist and then paint the hat red"
+    done = gsedit("edit", scene, words, "--data", photos, "-o", out)
+    assert done.exit_code == 0, done.stderr
+    for folder in (out / "steps" / "1", out):
+        assert np.load(folder / "scene.regions" / "hat.npy").tolist() == [False, True] + [False] * 3
+    assert np.load(out / "region.npy").sum() == 1
 
 
 def test_resume_begins_where_nothing_was_kept(monkeypatch, scene, tmp_path):

@@ -12,6 +12,7 @@ from command_line import gsedit, one_line
 from gsedit.datasets.cameras_json import own_file, read_cameras, write_cameras
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.formats.scenes import load
+from gsedit.regions.saved import save_named
 from gsedit.scene.quaternions import axis_rotation
 from rasterizer import Camera
 
@@ -206,6 +207,22 @@ def test_bend_takes_pixels_and_points_and_moves_nothing_out_of_the_cage(scene, t
     near = np.linalg.norm(means(scene) - [x, y, z], axis=1) <= 0.4 + 1e-6
     assert moved.any()
     assert not (moved & ~near).any()
+
+
+def test_a_saved_name_is_a_cage_and_the_place_of_a_handle(scene, tmp_path):
+    inside = np.arange(len(means(scene))) < 3
+    save_named(inside, means(scene), scene, "Left leg")
+    x, y, z = means(scene)[inside].astype(float).mean(0)
+    out, other = tmp_path / "bent.ply", tmp_path / "other.ply"
+    named = ("--handle", "left_leg:0,0,0.05:0.5", "--hold", "left leg:0", "--cage", "the left leg")
+    assert gsedit("bend", scene, *named[:2], *named[4:], "-o", out).exit_code == 0
+    moved = np.abs(means(out) - means(scene)).max(1) > 0
+    assert not moved[~inside].any()
+    exact = ("--handle", f"{x},{y},{z}:0,0,0.05:0.5", *named[4:])
+    assert gsedit("bend", scene, *exact, "-o", other).exit_code == 0
+    assert (means(out) == means(other)).all()
+    contradicting = gsedit("bend", scene, *named, "-o", tmp_path / "none.ply")
+    assert contradicting.exit_code == 2
 
 
 @pytest.mark.parametrize(

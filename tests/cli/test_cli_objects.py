@@ -12,6 +12,7 @@ from command_line import files, gsedit, one_line
 
 from gsedit import load
 from gsedit.objects.outcome import NEW, Outcome
+from gsedit.regions.saved import save_named, saved_file, saved_names
 from rasterizer.scene import concatenate
 
 
@@ -129,6 +130,39 @@ def test_a_saved_name_is_what_a_sentence_may_say(scene, photos, region, tmp_path
     result = gsedit("edit", scene, "remove the globe", "--data", photos, "-o", out)
     assert result.exit_code == 0, result.stderr
     assert (np.load(out / "region_before.npy") == np.load(region)).all()
+
+
+def test_names_follow_an_edit_and_each_step_of_a_sentence(scene, photos, tmp_path):
+    means = load(scene).means.numpy()
+    save_named(np.arange(5) == 1, means, scene, "Left_Leg-2")
+    save_named(np.arange(5) >= 3, means, scene, "the hat")
+    out, again = tmp_path / "out", tmp_path / "again"
+    told = ("--data", photos, "-o")
+    done = gsedit("edit", scene, "remove left_leg-2", *told, out)
+    assert done.exit_code == 0, done.stderr
+    hat = saved_file(out / "scene.ply", "my hat")
+    assert hat is not None
+    assert np.load(hat).tolist() == [False, False, True, True, False, False]
+    gone = gsedit("edit", out, "make the left leg 2 darker", *told, again)
+    assert gone.exit_code == 2
+    assert "no Gaussian" in gone.stderr
+    done = gsedit("edit", out, "paint the hat gold", *told, again)
+    assert done.exit_code == 0, done.stderr
+    assert np.load(again / "region.npy").sum() == 2
+    assert saved_names(again / "scene.ply") == ("Left_Leg-2", "the hat")
+    undone = gsedit("edit", scene, "paint the left leg 2 gold", *told, tmp_path / "other")
+    assert undone.exit_code == 0, undone.stderr
+
+
+def test_a_name_of_the_same_gaussians_in_another_order_is_refused(scene, photos, tmp_path):
+    means = load(scene).means.numpy()
+    save_named(np.arange(5) == 1, means[::-1].copy(), scene, "hat")
+    for words in (("remove the hat",), ("remove it", "--region", "hat")):
+        result = gsedit("edit", scene, *words, "--data", photos, "-o", tmp_path / "out")
+        assert result.exit_code == 3
+        assert "hat.npy" in result.stderr
+        assert "another order" in result.stderr
+        assert not (tmp_path / "out" / "scene.ply").exists()
 
 
 def test_masks_find_what_a_sentence_names(scene, photos, tmp_path):

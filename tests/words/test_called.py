@@ -7,7 +7,7 @@ import pytest
 from gsedit.words.called import read_called
 from gsedit.words.read import read_instruction
 
-NAMES = ("plinth", "gray rock", "ears", "gold")
+NAMES = ("plinth", "gray rock", "ears", "gold", "left leg 2", "arm3")
 
 
 @pytest.mark.parametrize(
@@ -21,6 +21,8 @@ NAMES = ("plinth", "gray rock", "ears", "gold")
         ("paint the plinth red", "paint", "the plinth", None),
         ("make the ears gold", "material", "the ears", None),
         ("make it gold", "material", "", None),
+        ("paint left_leg-2 gold", "paint", "the left leg 2", None),
+        ("move my left_leg 2 next to Arm3", "object", "my left leg 2", "the arm3"),
     ],
 )
 def test_a_saved_name_is_a_thing(sentence, route, phrase, of):

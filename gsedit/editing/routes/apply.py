@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from gsedit.datasets.dataset import evenly_spaced
@@ -51,6 +51,8 @@ class Routed:
     """Remarks for a person on how it was done."""
     before: Region | None = None
     """Gaussians of the scene before that are changed or gone; None where rows stay the same."""
+    origin: Int[Tensor, " m"] | None = None
+    """Row in the scene before of each Gaussian, NEW for a new one; None where rows stay."""
 
 
 def is_exact(instruction: Instruction) -> bool:
@@ -201,8 +203,10 @@ def _routed(
     named = dict.fromkeys(regions[key].note for key in keys if key in regions)
     found = Region(total.changed, "; ".join(named) or "what is new")
     moved = any(change.route == "object" for change in changes)
-    before = Region(_touched(total, len(scene)), found.note) if moved else None
-    return Routed(total.scene, found, total.notes, before)
+    if not moved:
+        return Routed(total.scene, found, total.notes)
+    before = Region(_touched(total, len(scene)), found.note)
+    return Routed(total.scene, found, total.notes, before, total.origin)
 
 
 def _touched(outcome: Outcome, count: int) -> Bool[Tensor, " n"]:

@@ -10,8 +10,9 @@ from gsedit.editing.routes.objects import MADE, key_of
 from gsedit.errors import UsageError
 from gsedit.mask_protocol import MaskProvider
 from gsedit.regions.region import Region, everything
+from gsedit.regions.saved import key_of_name
 from gsedit.words.instruction import Change
-from gsedit.words.phrases import CARRIERS, DEFINITE, GROUNDS, IT, is_noun
+from gsedit.words.phrases import CARRIERS, GROUNDS, IT, is_noun
 from rasterizer.scene import Gaussians
 
 FindRegion = Callable[[Gaussians], Region]
@@ -25,14 +26,13 @@ class Names:
     """Names that phrases may have, beside the colors, sizes and places that need no network."""
 
     saved: Mapping[str, Path] = field(default_factory=dict)
-    """Files of flags (.npy) of saved selections, by name."""
+    """Files of flags (.npy) of saved selections, by `gsedit.regions.saved.key_of_name`."""
     masks: MaskProvider | None = None
     """Finds any noun in pictures."""
 
     def file_of(self, phrase: str) -> Path | None:
         """The file of the saved selection that a phrase names, with a determiner or without."""
-        bare = " ".join(word for word in phrase.split() if word not in DEFINITE)
-        return next((self.saved[each] for each in (phrase, bare) if each in self.saved), None)
+        return self.saved.get(key_of_name(phrase))
 
     def knows(self, phrase: str) -> bool:
         """Whether the noun of a phrase is known, and not only taken for the subject."""

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 
+import torch
 from jaxtyping import Bool
 from torch import Tensor
 
@@ -25,7 +26,8 @@ from gsedit.measures.decibels import psnr_from_rmse
 from gsedit.measures.evaluation_input import Evaluation, Mean
 from gsedit.measures.metrics import NEAREST, pooled_rmse, rmse, squared_error
 from gsedit.measures.outside import pixels_outside
-from gsedit.regions.region import Region, read_flags
+from gsedit.regions.region import Region
+from gsedit.regions.saved import read_named
 from gsedit.runs.stopwatch import Stopwatch
 from gsedit.words.instruction import Change, Instruction
 from gsedit.words.phrases import CARRIERS
@@ -72,7 +74,8 @@ def change_scene(
 
     def find_named(gaussians: Gaussians, phrase: str) -> Region:
         if file := names.file_of(phrase):
-            return Region(read_flags(file, len(gaussians)), f"{phrase}, as it was saved")
+            flags = read_named(file, gaussians.means.detach().numpy())
+            return Region(torch.from_numpy(flags), f"{phrase}, as it was saved")
         known = None if names.masks is not None else segments()
         if known is not None and phrase in CARRIERS:
             from gsedit.editing.routes.carrier import carrier
@@ -136,6 +139,7 @@ def routed_result(
         view_plan=ViewPlan((), ()),
         region=routed.region,
         region_before=routed.before,
+        origin=routed.origin,
         metrics=metrics,
         work=Work(),
         timings={**watch.stages, "total": watch.seconds},

@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from jaxtyping import Int
+from torch import Tensor
+
 from gsedit.datasets.dataset import View
 from gsedit.editing.session.progress import Work
 from gsedit.editing.session.settings import EditSettings
@@ -142,6 +145,9 @@ class EditResult:
     """Seconds per stage, and in total."""
     region_before: Region | None = None
     """The Gaussians of the unedited scene that changed or are gone; None where its rows stay."""
+    origin: Int[Tensor, " m"] | None = None
+    """The row in the unedited scene of each Gaussian, NEW (gsedit.objects.outcome) for a new one;
+    None where its rows stay."""
     held_out: HeldOutViews = field(default_factory=HeldOutViews)
     """Some cameras of which no edited picture was used."""
     decisions: tuple[Decision, ...] = ()
