@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
+import numpy as np
 import pytest
 import torch
 from torch import Tensor
@@ -13,6 +14,7 @@ from gsedit.cameras.orbit import circle
 from gsedit.errors import UsageError
 from gsedit.objects import remove
 from gsedit.objects.outcome import Outcome
+from gsedit.objects.removal.cells import rectangle_around
 from gsedit.synthetic.staged import stage
 from rasterizer.camera import Camera
 from rasterizer.numerics import color_to_sh, sh_to_color
@@ -97,6 +99,27 @@ def test_a_plinth_is_not_continued_over_its_edge():
     low, top = each.truth.means[high].aminmax(dim=0)
     reach = 0.05
     assert ((made >= low - reach) & (made <= top + reach))[:, :2].all()
+
+
+def test_what_else_stands_there_and_its_shadow_keep_their_bits():
+    each, outcome = case("glimpse"), removed("glimpse")
+    stone = torch.tensor((-0.6, -0.35, -0.45))
+    near = (outcome.scene.means - stone).norm(dim=1) < 0.3
+    assert near.any()
+    assert not outcome.changed[near].any()
+    kept = outcome.origin[near]
+    assert len(kept) == int(((each.scene.means - stone).norm(dim=1) < 0.3).sum())
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.5])
+def test_a_rectangle_with_a_bite_is_completed(turn):
+    y, x = np.indices((60, 60)) - 30.0
+    across, along = np.cos(turn) * x + np.sin(turn) * y, np.cos(turn) * y - np.sin(turn) * x
+    face = (np.abs(across) < 15) & (np.abs(along) < 10)
+    bitten = face & (across + along < 12)
+    found = rectangle_around(bitten)
+    assert (found & face).sum() > 0.97 * face.sum()
+    assert found.sum() < 1.15 * face.sum()
 
 
 @pytest.mark.parametrize("kind", ["eroded", "dilated", "noisy"])

@@ -8,6 +8,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Float64, Int64
 from scipy import ndimage
 
+ANGLES = 18
+"""Turns of a rectangle that are tried, in a right angle."""
+
 
 def away_from(mask: Bool[np.ndarray, "h w"]) -> Float64[np.ndarray, "h w"]:
     """The distance of each cell from the nearest flagged one, cells; 0 on them."""
@@ -54,6 +57,20 @@ def enclosing(mask: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
     """A mask with all that it surrounds."""
     found: Any = ndimage.binary_fill_holes(mask)
     return found
+
+
+def rectangle_around(mask: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
+    """The least rectangle that holds a mask, turned by any of ANGLES angles; empty around none."""
+    if not mask.any():
+        return mask
+    angles = np.linspace(0, np.pi / 2, ANGLES, endpoint=False)
+    turns = np.stack((np.cos(angles), np.sin(angles), -np.sin(angles), np.cos(angles)))
+    turns = turns.reshape(2, 2, ANGLES)
+    along = np.einsum("pi,jia->apj", np.argwhere(mask), turns)
+    low, high = along.min(1) - 0.5, along.max(1) + 0.5
+    best = int(np.prod(high - low, axis=1).argmin())
+    cells = np.argwhere(np.ones_like(mask)) @ turns[..., best].T
+    return ((cells > low[best]) & (cells < high[best])).all(1).reshape(mask.shape)
 
 
 def mean_around(

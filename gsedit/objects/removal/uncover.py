@@ -20,6 +20,7 @@ from gsedit.objects.removal.cells import (
     mean_around,
     opened,
     parts_of,
+    rectangle_around,
     touching,
     widened,
 )
@@ -38,6 +39,12 @@ HIDDEN = 0.5
 """Least views that the object hid a cell from, of those that saw it, for a cell of the hole."""
 BORDERED = 0.25
 """Least share of what is around a hole that is known: else it is a hole of something else."""
+OWN = 0.25
+"""Least share of a hole that the object hid: else it is the footprint of something else."""
+FULL = 0.9
+"""Share of a rectangle without its hole that is known, from which a surface is that rectangle."""
+SEEN = 0.05
+"""Views, averaged around a cell, up to which what is behind another plane is unknown."""
 SEEN_THROUGH = 0.34
 """Share of the views that nothing hides a place from, at most, that saw through it."""
 EDGE = 2.0
@@ -129,18 +136,20 @@ def _drawn(
     bands = values.reshape(*alpha.shape, -1, 3)
     values[..., :3] = 0.5 + SH_DC * np.einsum("hwkc,k->hwc", bands, usual)
     said = testify(points, plane.heights(eyes), views, plane.band)
-    known, values = alpha > COVERED, _even(values, alpha)
-    shares = said.through, np.maximum(said.unhidden, 1)
-    through, all_ = (gaussian_filter(each.reshape(known.shape), EDGE) for each in shares)
+    values = _even(values, alpha)
+    known, votes = alpha > COVERED, (said.through, np.maximum(said.unhidden, 1), said.unhidden)
+    through, all_, seen = (gaussian_filter(each.reshape(alpha.shape), EDGE) for each in votes)
     solid = through <= SEEN_THROUGH * all_
     for other in others:
         behind = (other.heights(points) < -other.band).reshape(known.shape)
+        known &= ~behind | (seen > SEEN)
         if (known & behind).sum() <= BEHIND * known.sum():
             solid = solid & ~behind
     hidden = (said.revealed > HIDDEN * said.unhidden).reshape(known.shape)
     known |= closed(known, GAP) & solid & ~hidden
     hole = enclosing((hidden & solid) | known) & ~known
-    hole = _surrounded(hole, known, least)
+    open_ = hole & ~_surrounded(hole, known, hidden, least)
+    hole = _surrounded(hole & ~(open_ & ~_ending(known, open_)), known, hidden, least)
     for loose in (~_wide(known, hole), ~opened(known)):
         remains = known & closed(hole, NEAR_HOLE) & loose
         known, hole = known & ~remains, hole | remains
@@ -204,16 +213,30 @@ def _wide(known: Bool[np.ndarray, "h w"], hole: Bool[np.ndarray, "h w"]) -> np.n
     return known & (sizes >= ISLAND**2 * hole.sum())[numbers]
 
 
-def _surrounded(
-    hole: Bool[np.ndarray, "h w"], known: Bool[np.ndarray, "h w"], least: int
+def _ending(
+    known: Bool[np.ndarray, "h w"], hole: Bool[np.ndarray, "h w"]
 ) -> Bool[np.ndarray, "h w"]:
-    """The connected holes that are large enough, and bordered by what is known."""
+    """The rectangle around the known part that a hole is at the edge of; empty if it is none."""
+    core = touching(opened(known), widened(hole, 2 + GAP))
+    inside = rectangle_around(core)
+    rest = inside & ~hole
+    return inside & ((known & rest).sum() >= FULL * rest.sum())
+
+
+def _surrounded(
+    hole: Bool[np.ndarray, "h w"],
+    known: Bool[np.ndarray, "h w"],
+    hidden: Bool[np.ndarray, "h w"],
+    least: int,
+) -> Bool[np.ndarray, "h w"]:
+    """The connected holes that are large enough, the object's, and bordered by what is known."""
     numbers, count = parts_of(hole)
     sizes = np.bincount(numbers.reshape(-1), minlength=count + 1)
     grown = np.asarray(grey_dilation(numbers, 5))
     rim = (grown > 0) & (numbers == 0)
     around = np.bincount(grown[rim], minlength=count + 1)
     bordered = np.bincount(grown[rim & known], minlength=count + 1)
-    kept = (sizes >= least) & (bordered >= BORDERED * around)
+    own = np.bincount(numbers[hidden], minlength=count + 1)
+    kept = (sizes >= least) & (bordered >= BORDERED * around) & (own >= OWN * sizes)
     kept[0] = False
     return kept[numbers]
