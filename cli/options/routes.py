@@ -112,7 +112,7 @@ def run_routes(
         return None
     from gsedit.datasets.cameras_json import write_cameras
     from gsedit.datasets.view_list_files import by_edit, write_view_list
-    from gsedit.editing.routes.result import routed_result
+    from gsedit.editing.routes.result import assumed, routed_result
     from gsedit.editing.session.folder import history_of, write_edit
     from gsedit.runs.stopwatch import Stopwatch
     from gsedit.storage.atomic import locked
@@ -123,10 +123,12 @@ def run_routes(
             gaussians = load()  # bad input is told in one line: nothing is printed before
             print_message(f"understood as: {instruction}; done on the Gaussians, no view is edited")
             ready = prepare(scene, lambda: gaussians, views, values)
+            for note in (told := assumed(instruction, ready.settings, names)):
+                print_message(note)
         viewpoints = ready.viewpoints
         result = routed_result(ready.scene, instruction, viewpoints, ready.settings, watch, names)
         found = () if result.region.is_all else (f"region: {result.region.note}",)
-        for note in (*found, *result.notes):
+        for note in (*found, *result.notes[len(told) :]):
             print_message(note)
         request = {"scene": scene, **asdict(views), "editor": {"editor": AUTO}, **history_of(scene)}
         write_cameras(viewpoints, folder / "cameras.json", overwrite=True)

@@ -12,6 +12,7 @@ from command_line import files, gsedit, one_line
 
 from gsedit import load
 from gsedit.objects.outcome import NEW, Outcome
+from gsedit.regions.region import Region
 from gsedit.regions.saved import save_named, saved_file, saved_names
 from rasterizer.scene import concatenate
 
@@ -130,6 +131,19 @@ def test_a_saved_name_is_what_a_sentence_may_say(scene, photos, region, tmp_path
     result = gsedit("edit", scene, "remove the globe", "--data", photos, "-o", out)
     assert result.exit_code == 0, result.stderr
     assert (np.load(out / "region_before.npy") == np.load(region)).all()
+
+
+def test_a_noun_taken_for_the_subject_is_told_before_the_work_and_recorded(
+    monkeypatch, scene, photos, region, tmp_path
+):
+    subject = Region(torch.from_numpy(np.load(region)), "auto: the subject")
+    monkeypatch.setattr("gsedit.editing.routes.result.find_part", lambda *_: subject)
+    done = gsedit("edit", scene, "remove the car", "--data", photos, "-o", tmp_path / "out")
+    assert done.exit_code == 0, done.stderr
+    note = "'the car' was taken for the main subject"
+    assert done.stderr.count(note) == 1
+    assert done.stderr.index(note) < done.stderr.index("2 fill it")
+    assert json.loads((tmp_path / "out" / "edit.json").read_text())["notes"][0] == note
 
 
 def test_names_follow_an_edit_and_each_step_of_a_sentence(scene, photos, tmp_path):

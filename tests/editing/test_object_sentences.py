@@ -10,11 +10,12 @@ import torch
 
 import gsedit
 from gsedit.datasets.dataset import Dataset, capture
-from gsedit.datasets.viewpoints import viewpoints_of
+from gsedit.datasets.viewpoints import Viewpoint, viewpoints_of
 from gsedit.editing.preview import preview_routed
 from gsedit.editing.routes.carrier import carrier
 from gsedit.editing.routes.named import Names
-from gsedit.editing.routes.result import change_scene
+from gsedit.editing.routes.result import assumed, change_scene
+from gsedit.editing.session.settings import EditSettings
 from gsedit.objects import segment
 from gsedit.scene.picture import render_picture
 from gsedit.synthetic.staged import stage
@@ -102,6 +103,27 @@ def test_what_is_not_there_or_not_plain_is_an_error_of_one_line(meadow, sentence
     labelled, views = meadow
     with pytest.raises(gsedit.UsageError, match=told) as error:
         gsedit.edit(labelled.scene, sentence, dataset=views)
+    assert "\n" not in str(error.value)
+
+
+def test_a_noun_that_nobody_knows_is_told_to_be_the_main_subject(meadow):
+    labelled, views = meadow
+    done = change_scene(labelled.scene, read_instruction("keep only the car"), viewpoints_of(views))
+    assert done.notes[0] == "'the car' was taken for the main subject"
+    ball = labelled.of("red ball")
+    assert len(done.scene) < 1.1 * ball.sum()
+    plain = read_instruction("keep only it")
+    assert assumed(plain, EditSettings(), Names()) == ()
+
+
+@pytest.mark.parametrize("name", ["table", "corner"])
+def test_where_several_objects_are_comparable_an_unknown_noun_is_refused(name):
+    labelled = stage(name).gaussians(3000)
+    views = [Viewpoint(str(i), camera) for i, camera in enumerate(stage(name).training(64))]
+    with pytest.raises(gsedit.UsageError, match="no main subject stands out") as error:
+        change_scene(labelled.scene, read_instruction("remove the car"), views)
+    assert "one'" in str(error.value)
+    assert "--as car" in str(error.value)
     assert "\n" not in str(error.value)
 
 

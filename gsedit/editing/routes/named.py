@@ -53,12 +53,9 @@ def regions_of(
     and every phrase without `find_named`.
     Raises as these two do, and UsageError for two nouns that nothing tells apart.
     """
-    phrases, names = _phrases(changes), names or Names()
+    phrases, firsts = _phrases(changes), unknown_nouns(changes, names or Names())
     targets = {key_of(change) for change in changes} & {"scene", "subject", "background"}
-    nouns = [each for each in phrases if is_noun(each) and not names.knows(each)]
-    on = {change.place.of for change in changes if change.place and change.place.side == "on"}
-    firsts = [each for each in nouns if each not in on & CARRIERS]
-    meant = phrases if find_named is None else firsts[: IT not in phrases]
+    meant = phrases if find_named is None else taken_nouns(changes, names or Names())
     found = {"scene": everything(scene)} if "scene" in targets else {}
     if targets & {"subject", "background"} or IT in phrases or meant:
         subject = find_region(scene)
@@ -81,6 +78,18 @@ def regions_of(
         if (key := key_of(change)) not in found and change.target == "background":
             found[key] = _others(found[change.phrase])
     return found
+
+
+def unknown_nouns(changes: Sequence[Change], names: Names) -> list[str]:
+    """Nouns alone that no name is, but for those that something is put on, as on a table."""
+    on = {change.place.of for change in changes if change.place and change.place.side == "on"}
+    nouns = [each for each in _phrases(changes) if is_noun(each) and not names.knows(each)]
+    return [each for each in nouns if each not in on & CARRIERS]
+
+
+def taken_nouns(changes: Sequence[Change], names: Names) -> list[str]:
+    """The noun that is taken for the main subject: the first unknown one, unless "it" is said."""
+    return unknown_nouns(changes, names)[: IT not in _phrases(changes)]
 
 
 def _unknown(phrase: str) -> UsageError:

@@ -15,8 +15,9 @@ from gsedit.datasets.dataset import View, capture, evenly_spaced
 from gsedit.datasets.view_list_files import HELD_OUT_EVERY, Role
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.editing.routes.apply import Routed, apply_instruction
-from gsedit.editing.routes.named import Names
+from gsedit.editing.routes.named import Names, taken_nouns
 from gsedit.editing.routes.objects import MADE
+from gsedit.editing.routes.rivals import check_alone
 from gsedit.editing.routes.subject import find_part
 from gsedit.editing.session.progress import Work
 from gsedit.editing.session.result import EditMetrics, EditResult, HeldOutViews
@@ -59,7 +60,7 @@ def change_scene(
     """The scene with an instruction's changes, in the region that the settings name, if they do;
     `shown` as in `apply_instruction`; phrases may have these `names`.
 
-    Raises UsageError as `apply_instruction` and `find_part` do.
+    Raises UsageError as `apply_instruction`, `find_part` and `check_alone` do.
     """
     settings, cameras = settings or EditSettings(), [each.camera for each in viewpoints]
     if settings.region != FINDS_SUBJECT:
@@ -71,6 +72,8 @@ def change_scene(
 
     names = names or Names()
     segments = cache(lambda: objects.segment(scene, cameras, settings.execution))
+    for noun in taken_nouns(instruction.changes, names):
+        check_alone(noun, segments(), find(scene))
 
     def find_named(gaussians: Gaussians, phrase: str) -> Region:
         if file := names.file_of(phrase):
@@ -87,9 +90,18 @@ def change_scene(
             settings.execution,
         )  # fmt: skip
 
-    return apply_instruction(
+    routed = apply_instruction(
         scene, instruction, find, cameras, settings.execution, shown, find_named, names
     )
+    return replace(routed, notes=(*assumed(instruction, settings, names), *routed.notes))
+
+
+def assumed(instruction: Instruction, settings: EditSettings, names: Names) -> tuple[str, ...]:
+    """Remarks on nouns that nobody knows and that are taken for the main subject."""
+    if settings.region != FINDS_SUBJECT:
+        return ()
+    nouns = taken_nouns(instruction.changes, names)
+    return tuple(f"{noun!r} was taken for the main subject" for noun in nouns)
 
 
 def in_region(changes: Sequence[Change]) -> tuple[Change, ...]:
