@@ -4,21 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
 
-import torch
 from jaxtyping import Bool
 from torch import Tensor
 
-from gsedit import objects
 from gsedit.datasets.dataset import View, capture, evenly_spaced
 from gsedit.datasets.view_list_files import HELD_OUT_EVERY, Role
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.editing.routes.apply import Routed, apply_instruction
+from gsedit.editing.routes.finder import Finder
 from gsedit.editing.routes.named import Names, taken_nouns
 from gsedit.editing.routes.objects import MADE
 from gsedit.editing.routes.rivals import check_alone
-from gsedit.editing.routes.subject import find_part
 from gsedit.editing.session.progress import Work
 from gsedit.editing.session.result import EditMetrics, EditResult, HeldOutViews
 from gsedit.editing.session.settings import EditSettings
@@ -27,11 +24,8 @@ from gsedit.measures.decibels import psnr_from_rmse
 from gsedit.measures.evaluation_input import Evaluation, Mean
 from gsedit.measures.metrics import NEAREST, pooled_rmse, rmse, squared_error
 from gsedit.measures.outside import pixels_outside
-from gsedit.regions.region import Region
-from gsedit.regions.saved import read_named
 from gsedit.runs.stopwatch import Stopwatch
 from gsedit.words.instruction import Change, Instruction
-from gsedit.words.phrases import CARRIERS
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
@@ -56,43 +50,25 @@ def change_scene(
     settings: EditSettings | None = None,
     shown: Bool[Tensor, " n"] | None = None,
     names: Names | None = None,
+    finder: Finder | None = None,
 ) -> Routed:
     """The scene with an instruction's changes, in the region that the settings name, if they do;
     `shown` as in `apply_instruction`; phrases may have these `names`.
 
+    A `finder` of the scene, with the same views, region and names, keeps what it found before.
     Raises UsageError as `apply_instruction`, `find_part` and `check_alone` do.
     """
-    settings, cameras = settings or EditSettings(), [each.camera for each in viewpoints]
+    settings = settings or EditSettings()
+    finder = finder or Finder(scene, viewpoints, settings.region, names, settings.execution)
+    names = finder.names
     if settings.region != FINDS_SUBJECT:
         instruction = replace(instruction, changes=in_region(instruction.changes))
-
-    @cache
-    def find(gaussians: Gaussians) -> Region:
-        return find_part(gaussians, viewpoints, settings.region, settings.execution)
-
-    names = names or Names()
-    segments = cache(lambda: objects.segment(scene, cameras, settings.execution))
     for noun in taken_nouns(instruction.changes, names):
-        check_alone(noun, segments(), find(scene))
-
-    def find_named(gaussians: Gaussians, phrase: str) -> Region:
-        if file := names.file_of(phrase):
-            flags = read_named(file, gaussians.means.detach().numpy())
-            return Region(torch.from_numpy(flags), f"{phrase}, as it was saved")
-        known = None if names.masks is not None else segments()
-        if known is not None and phrase in CARRIERS:
-            from gsedit.editing.routes.carrier import carrier
-
-            if found := carrier(known):
-                return found
-        return objects.find_phrase(
-            phrase, gaussians, cameras, known, lambda: find(gaussians).inside, names.masks,
-            settings.execution,
-        )  # fmt: skip
-
+        check_alone(noun, finder.segments, finder.subject)
     routed = apply_instruction(
-        scene, instruction, find, cameras, settings.execution, shown, find_named, names
-    )
+        scene, instruction, lambda _: finder.subject, finder.cameras, settings.execution, shown,
+        lambda _, phrase: finder.named(phrase), names,
+    )  # fmt: skip
     return replace(routed, notes=(*assumed(instruction, settings, names), *routed.notes))
 
 

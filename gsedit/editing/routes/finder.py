@@ -1,0 +1,71 @@
+"""The parts of a scene that instructions name, each found once: for one edit, or many previews."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import torch
+
+from gsedit import objects
+from gsedit.datasets.viewpoints import Viewpoint
+from gsedit.editing.routes.carrier import carrier
+from gsedit.editing.routes.named import Names
+from gsedit.editing.routes.subject import find_part
+from gsedit.regions.region import Region
+from gsedit.regions.saved import read_named
+from gsedit.selecting.segment import Segments
+from gsedit.words.phrases import CARRIERS
+from rasterizer.numerics import AUTO, Execution
+from rasterizer.scene import Gaussians
+
+
+class Finder:
+    """Finds the subject of a scene and what phrases name in it, each once."""
+
+    def __init__(
+        self,
+        scene: Gaussians,
+        viewpoints: Sequence[Viewpoint],
+        region: str = "auto",
+        names: Names | None = None,
+        execution: Execution = AUTO,
+    ) -> None:
+        """Keep the scene, the views in which it is looked at, and the region that stands for the
+        subject (see gsedit.regions.parse); nothing is computed yet."""
+        self.scene, self.viewpoints, self.region = scene, tuple(viewpoints), region
+        self.cameras = [each.camera for each in viewpoints]
+        self.names, self.execution = names or Names(), execution
+        self._named: dict[str, Region] = {}
+
+    @cached_property
+    def subject(self) -> Region:
+        """The subject, or what the region holds. Raises as `find_part` does."""
+        return find_part(self.scene, self.viewpoints, self.region, self.execution)
+
+    @cached_property
+    def segments(self) -> Segments:
+        """The objects of the scene."""
+        return objects.segment(self.scene, self.cameras, self.execution)
+
+    def named(self, phrase: str) -> Region:
+        """Gaussians that a phrase names: a saved selection, the support of things, or an object.
+
+        Raises UsageError and InputError as `find_phrase` and `read_named`.
+        """
+        if phrase not in self._named:
+            self._named[phrase] = self._find(phrase)
+        return self._named[phrase]
+
+    def _find(self, phrase: str) -> Region:
+        names = self.names
+        if file := names.file_of(phrase):
+            flags = read_named(file, self.scene.means.detach().numpy())
+            return Region(torch.from_numpy(flags), f"{phrase}, as it was saved")
+        known = None if names.masks is not None else self.segments
+        if known is not None and phrase in CARRIERS and (found := carrier(known)):
+            return found
+        return objects.find_phrase(
+            phrase, self.scene, self.cameras, known, lambda: self.subject.inside, names.masks,
+            self.execution,
+        )  # fmt: skip
