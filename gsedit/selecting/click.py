@@ -19,11 +19,11 @@ from gsedit.errors import UsageError
 from gsedit.regions.graph import Neighbors, smooth
 from gsedit.regions.region import Region
 from gsedit.regions.support import extent_of
-from gsedit.scene.merging.groups import MergedScene, coarsen
 from gsedit.scene.neighbors import k_nearest
+from gsedit.scene.quantiles import weighted_quantile
 from gsedit.selecting.pieces import pieces
 from gsedit.selecting.segment import Segments, segment_surfaces
-from gsedit.selecting.surfaces import VIEW_PIXELS, Surfaces, look
+from gsedit.selecting.surfaces import VIEW_PIXELS, VIEWS, Surfaces, look, looking_at
 from rasterizer.camera import Camera
 from rasterizer.color_weights import color_weights
 from rasterizer.numerics import AUTO, Execution
@@ -49,6 +49,8 @@ AROUND = 1.5
 selection: a person clicks in the middle of what is wrong."""
 WHOLE = 5.0
 """Largest extent of an object or piece that such a click takes as a whole, of that distance."""
+MANY = 0.5
+"""Least share of the cameras that look at what is clicked for the scene to be of one place."""
 MOSTLY = 0.6
 """Least share of what a view shows of an object that is inside a box or mask that selects it."""
 PART = 0.1
@@ -94,12 +96,13 @@ class Selector:
         self.scene = scene.detach()
         self.cameras = tuple(cameras)
         self.execution = execution
+        self._local: dict[tuple[int, ...], Selector] = {}
 
     @cached_property
     def segments(self) -> Segments:
         """The segments of the scene, as `segment` finds them."""
         found = self._found
-        return replace(found, labels=self._expanded(found.labels))
+        return replace(found, labels=self._surfaces.expanded(found.labels))
 
     @torch.no_grad()
     def at(self, clicks: Sequence[Click]) -> Region:
@@ -111,6 +114,9 @@ class Selector:
         if not any(click.inside for click in clicks):
             raise UsageError("no click is inside: click on the object first, then beside it")
         first = next(click for click in clicks if click.inside)
+        return self._around(first)._at(clicks, first)
+
+    def _at(self, clicks: Sequence[Click], first: Click) -> Region:
         label = self._label(self._seeds_of(first))
         row = self._found.rows[label]
         inside = self._labels == label
@@ -118,6 +124,22 @@ class Selector:
             if click is not first:
                 inside = self._refined(inside, click)
         return self._region(inside, f"{row.kind} {row.number} at {_told(clicks)}")
+
+    def _around(self, click: Click) -> Selector:
+        """The selector with the cameras that look at what is clicked, where these are few of all:
+        in a long capture it would be seen by none of the VIEWS, or be in the background."""
+        if len(self.cameras) <= VIEWS:
+            return self
+        weights = torch.from_numpy(self._seeds_of(click, self.scene))
+        rows = weights.nonzero().squeeze(1)
+        point = weighted_quantile(self.scene.means[rows].double(), weights[rows], 0.5)
+        chosen = looking_at(point, click.camera, self.cameras)
+        if len(chosen) >= MANY * len(self.cameras):
+            return self
+        if chosen not in self._local:
+            some = [self.cameras[i] for i in chosen]
+            self._local[chosen] = Selector(self.scene, some, self.execution)
+        return self._local[chosen]
 
     @torch.no_grad()
     def scribble(self, camera: Camera, xy: Float[Tensor, "p 2"]) -> Region:
@@ -278,8 +300,8 @@ class Selector:
     def _is_thing(self, label: int) -> bool:
         return self._found.rows[label].kind == "object"
 
-    def _seeds_of(self, click: Click) -> Float64[np.ndarray, " n"]:
-        """The weight of each Gaussian in the pixels at a click.
+    def _seeds_of(self, click: Click, scene: Gaussians | None = None) -> Float64[np.ndarray, " n"]:
+        """The weight of each Gaussian, or group of a large scene, in the pixels at a click.
 
         Raises UsageError beside the picture or on nothing."""
         camera, name = click.camera, click.name or "the view"
@@ -291,22 +313,25 @@ class Selector:
         side = 2 * HALF_WINDOW + 1
         left, top = int(click.x) - HALF_WINDOW, int(click.y) - HALF_WINDOW
         window = replace(camera, cx=camera.cx - left, cy=camera.cy - top, width=side, height=side)
-        weights = self._weights(window, torch.ones(side, side))
+        weights = self._weights(window, torch.ones(side, side), scene)
         if click.inside and weights.sum() < LEAST_OPACITY * side**2:
             raise UsageError(
                 f"nothing is at {click.x:g},{click.y:g} of {name}: click where the scene is opaque"
             )
         return weights
 
-    def _weights(self, camera: Camera, values: Float[Tensor, "h w"]) -> Float64[np.ndarray, " n"]:
+    def _weights(
+        self, camera: Camera, values: Float[Tensor, "h w"], scene: Gaussians | None = None
+    ) -> Float64[np.ndarray, " n"]:
         """The weight of each Gaussian in the pixels of a view, times values."""
         maps = values[..., None].expand(-1, -1, 3).contiguous()
-        pulled = color_weights(self._surfaces.scene, camera, execution=self.execution).back(maps)
+        scene = scene or self._surfaces.scene
+        pulled = color_weights(scene, camera, execution=self.execution).back(maps)
         return pulled[:, 0].double().numpy()
 
     def _region(self, inside: Bool[np.ndarray, " n"], note: str) -> Region:
         """The region of all Gaussians. Raises UsageError where it is empty or all."""
-        flags = self._expanded(torch.from_numpy(inside))
+        flags = self._surfaces.expanded(torch.from_numpy(inside))
         if not flags.any():
             raise UsageError("nothing is selected: the clicks outside took everything away")
         if flags.all():
@@ -316,18 +341,9 @@ class Selector:
             )
         return Region(flags, note)
 
-    def _expanded(self, values: Tensor) -> Tensor:
-        """Values of the groups of a large scene as values of its Gaussians."""
-        return values if self._merged is None else values[self._merged.group.long()]
-
-    @cached_property
-    def _merged(self) -> MergedScene | None:
-        return coarsen(self.scene)
-
     @cached_property
     def _surfaces(self) -> Surfaces:
-        scene = self.scene if self._merged is None else self._merged.scene
-        return look(scene, self.cameras, self.execution)
+        return look(self.scene, self.cameras, self.execution)
 
     @cached_property
     def _found(self) -> Segments:

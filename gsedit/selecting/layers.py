@@ -232,9 +232,16 @@ def numbered(labels: Int[np.ndarray, " n"], among: Bool[np.ndarray, " n"]) -> In
 
 
 def joints_of(
-    pairs: Int[np.ndarray, "e 2"], count: int
+    pairs: Int[np.ndarray, "e 2"], count: int, often: Int[np.ndarray, " e"] | None = None
 ) -> tuple[Int[np.ndarray, "j 2"], Int[np.ndarray, " j"]]:
-    """The pairs of different numbers below `count`, the lower first, and how often each is."""
+    """The pairs of different numbers below `count`, the lower first, and how often each is: once
+    for each time it is among the pairs, or as `often` as is given."""
     low, high = np.minimum(*pairs.T), np.maximum(*pairs.T)
-    keys, times = np.unique((low * count + high)[low != high], return_counts=True)
+    apart = low != high
+    keys = (low * count + high)[apart]
+    if often is None:
+        keys, times = np.unique(keys, return_counts=True)
+    else:
+        keys, at = np.unique(keys, return_inverse=True)
+        times = np.bincount(at.reshape(-1), often[apart], len(keys)).astype(np.int64)
     return np.stack((keys // count, keys % count), 1), times

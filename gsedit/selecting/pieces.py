@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from jaxtyping import Bool, Float64, Int
 
@@ -99,41 +101,62 @@ def _in_one_cell(
     return (cells[pairs[:, 0]] == cells[pairs[:, 1]]).all(1)
 
 
+@dataclass(frozen=True, eq=False)
+class _Groups:
+    """Groups of Gaussians, and which of them are neighbors."""
+
+    sizes: Float64[np.ndarray, " c"]
+    sums: Float64[np.ndarray, "c 3"]
+    """Sums of their colors."""
+    joints: Int[np.ndarray, "j 2"]
+    """Groups that are neighbors, the lower first."""
+    times: Int[np.ndarray, " j"]
+    """Pairs of neighbors between them."""
+
+    @property
+    def apart(self) -> Float64[np.ndarray, " j"]:
+        """Difference of the mean colors of groups that are neighbors, RMS over the channels."""
+        mean = self.sums / self.sizes[:, None]
+        return np.sqrt(np.square(mean[self.joints[:, 0]] - mean[self.joints[:, 1]]).mean(1))
+
+    def joined(self, to: Int[np.ndarray, " c"]) -> _Groups:
+        """The groups that these become; `to` are their numbers."""
+        count = int(to.max()) + 1
+        joints, times = joints_of(to[self.joints], count, self.times)
+        sizes = np.bincount(to, weights=self.sizes, minlength=count)
+        return _Groups(sizes, _summed(self.sums, to, count), joints, times)
+
+
+def _summed(
+    values: Float64[np.ndarray, "m 3"], number: Int[np.ndarray, " m"], count: int
+) -> Float64[np.ndarray, "c 3"]:
+    return np.stack([np.bincount(number, weights=c, minlength=count) for c in values.T], 1)
+
+
 def _joined(
     colors: Float64[np.ndarray, "m 3"], group: Int[np.ndarray, " m"], pairs: Int[np.ndarray, "e 2"]
 ) -> Int[np.ndarray, " m"]:
     """The piece of each row, from the groups and the pairs of groups that are neighbors."""
-    for _ in range(ROUNDS):  # by color
-        joints, times, cost, count = _joints(colors, group, pairs)
-        able = cost < SAME_COLOR
-        links = _mutual(joints[able], cost[able], count)
-        if not len(links):
-            break
-        to = linked(links, count)
-        group, pairs = to[group], to[pairs]
-    for _ in range(ROUNDS):  # the small ones with what is most like them, or most around them
-        joints, times, cost, count = _joints(colors, group, pairs)
-        small = np.bincount(group, minlength=count) < LEAST_PIECE * len(group)
-        links = _of_the_small(joints, (cost + SAME_COLOR) / times, small)
-        if not len(links):
-            break
-        to = linked(links, count)
-        group, pairs = to[group], to[pairs]
-    return numbered(group, np.ones(len(group), bool))
-
-
-def _joints(
-    colors: Float64[np.ndarray, "m 3"], group: Int[np.ndarray, " m"], pairs: Int[np.ndarray, "e 2"]
-) -> tuple[Int[np.ndarray, "j 2"], Int[np.ndarray, " j"], Float64[np.ndarray, " j"], int]:
-    """Groups that are neighbors, by how many pairs, how far their mean colors are apart; and the
-    number of groups."""
     count = int(group.max()) + 1
-    size = np.bincount(group, minlength=count)
-    mean = np.stack([np.bincount(group, weights=c, minlength=count) for c in colors.T], 1)
-    mean /= size[:, None]
-    joints, times = joints_of(pairs, count)
-    apart = np.sqrt(np.square(mean[joints[:, 0]] - mean[joints[:, 1]]).mean(1))
-    return joints, times, apart, count
+    sizes = np.bincount(group, minlength=count).astype(np.float64)
+    groups = _Groups(sizes, _summed(colors, group, count), *joints_of(pairs, count))
+    for _ in range(ROUNDS):  # by color
+        cost = groups.apart
+        able = cost < SAME_COLOR
+        links = _mutual(groups.joints[able], cost[able], len(groups.sizes))
+        if not len(links):
+            break
+        to = linked(links, len(groups.sizes))
+        group, groups = to[group], groups.joined(to)
+    for _ in range(ROUNDS):  # the small ones with what is most like them, or most around them
+        small = groups.sizes < LEAST_PIECE * len(group)
+        cost = (groups.apart + SAME_COLOR) / groups.times
+        links = _of_the_small(groups.joints, cost, small)
+        if not len(links):
+            break
+        to = linked(links, len(groups.sizes))
+        group, groups = to[group], groups.joined(to)
+    return numbered(group, np.ones(len(group), bool))
 
 
 def _of_the_small(

@@ -15,7 +15,6 @@ from jaxtyping import Bool, Float64, Int
 from torch import Tensor
 
 from gsedit.regions.support import extent_of
-from gsedit.scene.merging.groups import coarsen
 from gsedit.scene.neighbors import k_nearest
 from gsedit.selecting.pieces import split_touching
 from gsedit.selecting.stacks import Stacks, find_stacks
@@ -114,11 +113,9 @@ def segment(
     A scene of more than 200,000 Gaussians is told apart by groups of them. Without cameras, some
     are found. Raises UsageError for an empty scene.
     """
-    merged = coarsen(scene.detach())
-    found = segment_surfaces(look(scene if merged is None else merged.scene, cameras, execution))
-    if merged is None:
-        return found
-    return replace(found, labels=found.labels[merged.group.long()])
+    surfaces = look(scene.detach(), cameras, execution)
+    found = segment_surfaces(surfaces)
+    return replace(found, labels=surfaces.expanded(found.labels))
 
 
 def segment_surfaces(surfaces: Surfaces) -> Segments:
@@ -183,10 +180,13 @@ def _is_thing(
     seen = surfaces.seen[inside].sum()
     if seen < least or inside.sum() < LEAST_ROWS:
         return False
-    pairs = surfaces.edges
-    both = np.concatenate((pairs, pairs[:, ::-1]))
-    rim = np.unique(both[inside[both[:, 0]] & beside[both[:, 1]], 0])
-    return bool(seen > RIM_SEEN * least or len(rim) < RIM * inside.sum())
+    if seen > RIM_SEEN * least:
+        return True
+    first, second = surfaces.edges.T
+    rim = np.zeros(len(inside), bool)
+    rim[first[inside[first] & beside[second]]] = True
+    rim[second[inside[second] & beside[first]]] = True
+    return bool(rim.sum() < RIM * inside.sum())
 
 
 def _sky(
@@ -242,8 +242,8 @@ def _row(surfaces: Surfaces, labels: Int[np.ndarray, " n"], number: int, kind: K
     right = torch.linalg.cross(place.up, place.front)
     axes = torch.stack((right, -place.front, place.up)).numpy()
     local = (surfaces.points[rows] - place.center.numpy()) @ axes.T
-    low, high = (_quantile(local, weight, share) for share in (TAIL, 1 - TAIL))
-    color = _quantile(surfaces.colors[rows], weight, 0.5)
+    low, high = _quantiles(local, weight, (TAIL, 1 - TAIL))
+    (color,) = _quantiles(surfaces.colors[rows], weight, (0.5,))
     share = float(weight.sum() / max(surfaces.seen.sum(), 1e-9))
     palette = _palette(surfaces.colors[rows], weight)
     return Segment(number, kind, share, low, high, color, palette, -1)
@@ -263,14 +263,20 @@ def _palette(
     return tuple(((r, g, b), share) for (r, g, b), share in zip(means.tolist(), shares.tolist()))
 
 
-def _quantile(
-    values: Float64[np.ndarray, "m 3"], weights: Float64[np.ndarray, " m"], share: float
-) -> tuple[float, float, float]:
+def _quantiles(
+    values: Float64[np.ndarray, "m 3"],
+    weights: Float64[np.ndarray, " m"],
+    shares: tuple[float, ...],
+) -> list[tuple[float, float, float]]:
+    """The least value of each column up to which each share of the weight lies."""
     order = np.argsort(values, axis=0, kind="stable")
     below = np.cumsum(weights[order], 0)
-    at = (below < share * below[-1]).sum(0).clip(max=len(values) - 1)
-    x, y, z = np.take_along_axis(values, np.take_along_axis(order, at[None], 0), 0)[0].tolist()
-    return x, y, z
+    found = []
+    for share in shares:
+        at = (below < share * below[-1]).sum(0).clip(max=len(values) - 1)
+        x, y, z = np.take_along_axis(values, np.take_along_axis(order, at[None], 0), 0)[0].tolist()
+        found.append((x, y, z))
+    return found
 
 
 def _standing(

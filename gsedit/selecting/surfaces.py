@@ -6,23 +6,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float64, Int
+from jaxtyping import Bool, Float, Float64, Int, Shaped
 from scipy.sparse import coo_matrix
+from torch import Tensor
 
 from gsedit.cameras.around import cameras_of
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.light.place import Place, place_of
 from gsedit.regions.graph import Neighbors, nearest_of, neighbors
+from gsedit.scene.merging.groups import MAX_GAUSSIANS, MergedScene, coarsen
 from gsedit.surface.normals import estimate_normals
 from rasterizer.camera import Camera
 from rasterizer.color_weights import color_weights
 from rasterizer.numerics import AUTO, Execution, sh_to_color
-from rasterizer.scene import Gaussians
+from rasterizer.scene import Gaussians, concatenate
 
 VIEWS = 8
 """Most views that the surfaces are looked at from."""
@@ -30,6 +32,10 @@ VIEW_PIXELS = 192
 """Longer side of their pictures."""
 SOLID_OPACITY = 0.1
 """Gaussians fainter than this connect nothing."""
+FAR_GROUPS = 40_000
+"""Most groups of a large scene that are beyond the place, of MAX_GAUSSIANS in all."""
+WITHIN = 2.0
+"""Largest distance of a camera that looks at what is clicked, of the clicked view's."""
 LARGE = 6.0
 """Gaussians this many times as long as is usual connect nothing: haze and sky."""
 
@@ -53,9 +59,15 @@ class Surfaces:
     graph: Neighbors
     view: int = 0
     """Index of the camera that looks most along the place's front."""
+    merged: MergedScene | None = None
+    """The large scene whose groups these Gaussians are; None where they are the scene's own."""
 
     def __len__(self) -> int:
         return len(self.points)
+
+    def expanded(self, values: Shaped[Tensor, " n"]) -> Shaped[Tensor, " m"]:
+        """Values of the groups of a large scene as values of its `m` Gaussians."""
+        return values if self.merged is None else values[self.merged.group.long()]
 
     @cached_property
     def up(self) -> Float64[np.ndarray, "3"]:
@@ -90,10 +102,9 @@ class Surfaces:
         """Share of a surface that a Gaussian stands for: the square of its neighbors' distance."""
         pairs = self.edges
         square = np.square(self.points[pairs[:, 0]] - self.points[pairs[:, 1]]).sum(1)
-        total, count = np.zeros(len(self)), np.zeros(len(self))
-        for column in pairs.T:
-            np.add.at(total, column, square)
-            np.add.at(count, column, 1)
+        square = np.concatenate((square, square))
+        total = np.bincount(pairs.T.reshape(-1), square, len(self))
+        count = np.bincount(pairs.T.reshape(-1), minlength=len(self))
         return total / np.maximum(count, 1)
 
 
@@ -101,7 +112,7 @@ class Surfaces:
 def look(scene: Gaussians, cameras: Sequence[Camera] = (), execution: Execution = AUTO) -> Surfaces:
     """Look at a scene's surfaces from at most VIEWS of the cameras; found ones where none are.
 
-    Raises UsageError for an empty scene.
+    A scene of more than MAX_GAUSSIANS is looked at by groups. Raises UsageError for an empty scene.
     """
     some = cameras_of(scene, cameras, VIEWS, VIEW_PIXELS)
     chosen = [some[i].fitted(VIEW_PIXELS) for i in evenly_spaced(len(some), VIEWS)]
@@ -109,11 +120,15 @@ def look(scene: Gaussians, cameras: Sequence[Camera] = (), execution: Execution 
     for camera in chosen:
         ones = torch.ones(camera.height, camera.width, 3)
         seen += color_weights(scene, camera, execution=execution).back(ones)[:, 0]
+    place = place_of(scene, some, seen)
+    merged = _grouped(scene, place)
+    if merged is not None:
+        scene = merged.scene
+        seen = torch.zeros(len(scene)).index_add_(0, merged.group, seen)
     near = nearest_of(scene)
     normals = estimate_normals(scene, chosen, execution, near=torch.from_numpy(near[1])).directions
     longest = scene.scales.amax(1)
     solid = (scene.opacities > SOLID_OPACITY) & (longest < LARGE * longest[seen > 0].median())
-    place = place_of(scene, some, seen)
     ahead = torch.stack([camera.forward.double() for camera in some])
     return Surfaces(
         scene,
@@ -125,4 +140,37 @@ def look(scene: Gaussians, cameras: Sequence[Camera] = (), execution: Execution 
         solid.numpy(),
         neighbors(scene, normals, near),
         int((ahead @ -place.front).argmax()),
+        merged,
     )
+
+
+def looking_at(
+    point: Float[Tensor, "3"], camera: Camera, cameras: Sequence[Camera]
+) -> tuple[int, ...]:
+    """Indices of the cameras that have a point in their pictures and are not much farther from it
+    than `camera`; all where none is."""
+    found = []
+    reach = WITHIN * float((camera.center.double() - point).norm())
+    for i, each in enumerate(cameras):
+        (x, y), depth = each.project(point)
+        inside = 0 <= x < each.width and 0 <= y < each.height and depth > 0
+        if inside and float((each.center.double() - point).norm()) <= reach:
+            found.append(i)
+    return tuple(found) or tuple(range(len(cameras)))
+
+
+def _grouped(scene: Gaussians, place: Place) -> MergedScene | None:
+    """The groups of a large scene, few of them beyond the place; None for one that is not large."""
+    if len(scene) <= MAX_GAUSSIANS:
+        return None
+    plain = replace(scene, sh=scene.sh[:, :1])
+    near = (scene.means.double() - place.center).norm(dim=1) < place.radius
+    group, scenes, count = torch.empty(len(scene), dtype=torch.int32), [], 0
+    for part, most in ((near, MAX_GAUSSIANS - FAR_GROUPS), (~near, FAR_GROUPS)):
+        own = plain[part]
+        merged = coarsen(own, most)
+        scenes.append(own if merged is None else merged.scene)
+        own_group = torch.arange(len(own)) if merged is None else merged.group
+        group[part] = own_group.int() + count
+        count += len(scenes[-1])
+    return MergedScene(concatenate(*scenes), group, scene)

@@ -11,7 +11,9 @@ from selecting.playroom import playroom
 from gsedit.errors import UsageError
 from gsedit.objects import Click, Selector, select_at
 from gsedit.regions.region import in_one_color
+from gsedit.selecting import surfaces
 from rasterizer import render
+from rasterizer.scene import concatenate
 
 THINGS = ("red ball", "white box", "blue block", "yellow ball")
 
@@ -101,6 +103,27 @@ def moved(camera, turn):
     pose = torch.eye(4, dtype=torch.float64)
     pose[:3, :3] = camera.rotation @ turn.T
     pose[:3, 3] = -pose[:3, :3] @ (3 * turn @ camera.center + 5)
+    return replace(camera, world_to_camera=pose)
+
+
+def test_a_thing_of_a_long_capture_is_selected_as_in_one_of_its_own(room, selector, monkeypatch):
+    """Most of the scene is neither near what is clicked nor seen by the views that look at it."""
+    monkeypatch.setattr(surfaces, "MAX_GAUSSIANS", 12_000)
+    monkeypatch.setattr(surfaces, "FAR_GROUPS", 4_000)
+    away = [torch.tensor((8.0 * i, 8.0 * k, 0.0)) for i in range(3) for k in range(2)]
+    rooms = [replace(room.scene, means=room.scene.means + each) for each in away]
+    cameras = [shifted(camera, each) for each in away for camera in room.cameras]
+    click = click_on(room, "red ball")
+    there = replace(click, camera=shifted(click.camera, away[3]))
+    found = select_at(concatenate(*rooms), [there], cameras).inside.reshape(len(away), -1)
+    assert iou(found[3], room.of("red ball")) > 0.9
+    assert found.sum() == found[3].sum()
+
+
+def shifted(camera, by):
+    """A camera that is moved."""
+    pose = camera.world_to_camera.clone()
+    pose[:3, 3] -= pose[:3, :3] @ by.to(pose)
     return replace(camera, world_to_camera=pose)
 
 

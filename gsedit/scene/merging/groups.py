@@ -97,9 +97,7 @@ def coarsen(scene: Gaussians, most: int = MAX_GAUSSIANS) -> MergedScene | None:
     order = codes.argsort(stable=True)
     codes = codes.index_select(0, order)
     shared = _shared_levels(codes)
-    together = max(2, len(scene) // most)
-    while int((begins := _group_begins(shared, together)).sum()) > most:
-        together += 1 + together // 8
+    begins = _group_begins(shared, _least_together(shared, max(2, len(scene) // most), most))
     group = torch.empty(len(scene), dtype=torch.int32)
     group[order] = (begins.cumsum(0) - 1).int()
     return MergedScene(_merged(scene, group, int(begins.sum())), group, scene)
@@ -142,6 +140,26 @@ def _shared_levels(codes: Int[Tensor, " n"]) -> Int[Tensor, " n"]:
         part = codes >> 3 * (LEVELS - level)
         shared[1:][part[1:] == part[:-1]] = level
     return shared
+
+
+def _least_together(shared: Int[Tensor, " n"], together: int, most: int) -> int:
+    """The least size of groups, from `together` on in steps of an eighth, that makes no more than
+    `most` of them (see `_group_begins`)."""
+    sizes, bounds = [], []  # a part is a group where its size is allowed and its parent's is not
+    begin, parent = torch.tensor([0]), torch.tensor([len(shared) + 1])
+    for level in range(LEVELS + 1):
+        at = (shared < level).nonzero().squeeze(-1)
+        size = torch.diff(at, append=at.new_tensor([len(shared)]))
+        bounds.append(parent[torch.searchsorted(begin, at, right=True) - 1])
+        sizes.append(size if level < LEVELS else torch.ones_like(size))
+        large = size > together  # no other is ever divided
+        shared = shared[large.repeat_interleave(size, output_size=len(shared))]
+        parent = size[large]
+        begin = parent.cumsum(0) - parent
+    size, bound = torch.cat(sizes), torch.cat(bounds)
+    while int(((size <= together) & (together < bound)).sum()) > most:
+        together += 1 + together // 8
+    return together
 
 
 def _group_begins(shared: Int[Tensor, " n"], together: int) -> Bool[Tensor, " n"]:
