@@ -115,6 +115,15 @@ def smooth_union(blend: float, *solids: Sdf) -> Sdf:
     return distance
 
 
+def cut_off(solid: Sdf, height: float) -> Sdf:
+    """The part of a solid above a height."""
+
+    def distance(points: Points) -> Distances:
+        return torch.maximum(solid(points), height - points[..., 2])
+
+    return distance
+
+
 def translate(solid: Sdf, offset: Triple) -> Sdf:
     """The solid moved by `offset`."""
 

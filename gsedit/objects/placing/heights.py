@@ -101,8 +101,8 @@ SIDES = 4
 """Directions from which an outline is looked at."""
 LOWEST, HIGHEST = 0.02, 0.995
 """Ranks among the columns of outlines at which an object begins and ends."""
-EDGE = 1.0
-"""Cells that an outline reaches past its edge: its pixels are smoothed, and rows are whole."""
+PAST = 0.4
+"""Height of an outline over the edge of what discs cover, in their median standard deviation."""
 
 
 def reach(
@@ -115,6 +115,7 @@ def reach(
     points = body.means.double()
     middle = (points.amin(0) + points.amax(0)) / 2
     radius = 1.1 * float((points - middle).norm(dim=-1).amax()) + 1e-9
+    wide = body.log_scales.sort(-1).values[:, 1]
     shown = torch.cat(_outlines(body, middle, radius, up, execution), 1)
     shown = shown[:, shown.any(0)]
     if not shown.shape[1]:  # haze only
@@ -124,7 +125,8 @@ def reach(
     last = torch.where(shown, rows + 1, -torch.inf).amax(0).quantile(1 - LOWEST)
     first = torch.where(shown, rows, torch.inf).amin(0).quantile(1 - HIGHEST)
     top, cell = float(middle @ up) + radius, 2 * radius / OUTLINE_CELLS
-    return top - cell * (float(last) - EDGE), top - cell * (float(first) + EDGE)
+    edge = PAST * min(float(wide.median().exp()), MOST_ABOVE * radius)
+    return top - cell * float(last) + edge, top - cell * float(first) - edge
 
 
 def _outlines(

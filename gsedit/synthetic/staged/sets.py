@@ -23,6 +23,7 @@ from gsedit.synthetic.shapes import (
     Triple,
     box,
     capsule,
+    cut_off,
     cylinder,
     rotate,
     smooth_union,
@@ -64,9 +65,9 @@ def pedestal() -> Stage:
     foot = translate(cylinder(0.16, 0.03, 0.01), (0, 0, top + 0.03))
     statue = Thing(
         "orange statue",
-        union(body, foot),
+        cut_off(union(body, foot), top),
         mix(plain((0.85, 0.5, 0.2)), plain((0.95, 0.72, 0.35)), waves(0.2)),
-        (-0.25, -0.17, top),
+        (-0.29, -0.17, top),
         (0.29, 0.17, top + 0.52),
     )
     block = _box("gray pedestal", (0, 0, FLOOR + 0.16), (0.36, 0.36, 0.16), stone, 0.015)
