@@ -151,6 +151,54 @@ def test_lifted_it_stays_in_the_air(labelled, ball, cameras):
     assert (rise - torch.tensor((0, 0, 0.5))).abs().max() < 1e-5
 
 
+def test_it_goes_down_no_farther_than_to_what_carries_it(labelled, ball, cameras, ground):
+    down = Placement(offset=(0, 0, -0.5))
+    outcome = place(labelled.scene, ball, down, cameras)
+    assert not outcome.changed.any()
+    assert any("rests" in note for note in outcome.notes)
+    lifted = labelled.scene.means.clone()
+    lifted[ball] += torch.tensor((0.0, 0.0, 0.2))
+    outcome = place(replace(labelled.scene, means=lifted), ball, down, cameras)
+    over = of(outcome, ball)[:, 2].min() - labelled.scene.means[ball, 2].min()
+    assert abs(float(over)) < 0.1 * HEIGHT
+
+
+@pytest.fixture(scope="module")
+def pedestal():
+    """A statue on a pedestal that has no room for a second one; its cameras."""
+    made = stage("pedestal")
+    return made.gaussians(2500), made.training(32)[::5]
+
+
+def test_copy_beside_stands_whole_on_what_it_finds(pedestal):
+    labelled, cameras = pedestal
+    statue, scene = labelled.of("orange statue"), labelled.scene
+    for side in ("left", "beside"):
+        outcome = place(scene, statue, Placement(to=Beside(side), copy=True), cameras)
+        assert not any("over the edge" in note or "reaches" in note for note in outcome.notes)
+        assert any("from where it stood" in note for note in outcome.notes)
+
+
+def test_copy_of_a_lone_object_stands_as_high_as_it(pedestal):
+    labelled, cameras = pedestal
+    lone = labelled.scene[labelled.of("orange statue")]
+    everything = torch.ones(len(lone), dtype=torch.bool)
+    outcome = place(lone, everything, Placement(to=Beside("beside"), copy=True), cameras)
+    way = outcome.scene.means[len(lone) :] - lone.means
+    assert abs(float(way[:, 2].mean())) < 0.05
+    assert float(way[:, :2].norm(dim=-1).min()) > 0.3
+
+
+def test_on_the_table_is_where_nothing_stands(pedestal):
+    labelled, cameras = pedestal
+    scene, floor = labelled.scene, labelled.of("tiled floor")
+    small = Placement(0.5, to=Beside("on", floor), copy=True)
+    outcome = place(scene, labelled.of("orange statue"), small, cameras)
+    copy = outcome.scene.means[len(scene) :]
+    assert float(copy[:, 2].min()) == pytest.approx(-0.45, abs=0.05)
+    assert copy[:, :2].abs().amax(1).min() > 0.3
+
+
 def test_sun_is_told_from_shadows(meadow, labelled, ball, cameras):
     body, rest = labelled.scene[ball], labelled.scene[~ball]
     stance = stance_of(body, rest, UP)

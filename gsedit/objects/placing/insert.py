@@ -21,7 +21,8 @@ from gsedit.objects.outcome import NEW, Outcome, check_finite, same
 from gsedit.objects.placing.arrival import main_object
 from gsedit.objects.placing.balance import balanced
 from gsedit.objects.placing.daylight import daylight, shaded
-from gsedit.objects.placing.landing import extent, free_point, ground_near
+from gsedit.objects.placing.free import Ground, free_point
+from gsedit.objects.placing.landing import extent, ground_near
 from gsedit.objects.placing.motion import motion_of, moved
 from gsedit.objects.placing.place import added, notes_of
 from gsedit.objects.placing.placement import Beside, Placement, Triple, check_target
@@ -76,21 +77,21 @@ def insert(
     own = stance_of(other[inside], surroundings, theirs, execution)
     factor, note = _factor(scene, other[inside], own, at, height, scale, around, seen_from)
     body, stance = _upright(other[inside], own, factor, around, turned=up is None)
-    target = at
+    target, ground = at, Ground(scene, around, seen_from, execution)
     if at is None:
         reach = max(NEAR * around.distance, 2 * stance.height)
-        ground = ground_near(scene, around, around.distance / 2, execution)
-        free = free_point(body, stance, ground, reach, around, scene, execution, seen_from)
-        target = tuple((ground if free is None else free).tolist())
+        middle = ground_near(ground, around.distance / 2)
+        free = free_point(body, stance, middle, reach, ground)
+        target = tuple((middle if free is None else free).tolist())
     beside = scene[at.of] if isinstance(at, Beside) and at.of is not None else None
     placement = Placement(turn=turn, to=target)
-    motion = motion_of(body, stance, placement, beside, around, scene, execution, seen_from)
+    motion = motion_of(body, stance, placement, beside, ground)
     there = with_degree(moved(body, motion.similarity), scene.degree)
     there = balanced(there, motion.stance, scene, around.up, seen_from, execution)
     light = daylight(around, sun_of(scene, motion.stance, execution))
     base = shaded(same(scene), there, motion.stance, light, execution)
     rows = torch.full((len(there),), NEW)
-    told = notes_of(replace(motion, rise=0.0), there, scene, seen_from, execution)
+    told = notes_of(replace(motion, rise=0.0), there, ground)
     return added(base, there, rows, (note, *told))
 
 

@@ -5,7 +5,6 @@ World units, float64.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,15 +12,13 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.light.place import Place
+from gsedit.objects.placing.free import Ground
 from gsedit.objects.placing.landing import Landing, directions, land, point_beside
 from gsedit.objects.placing.placement import Beside, Placement, Triple
 from gsedit.objects.placing.stance import STEP, Stance
 from gsedit.scene.quaternions import axis_rotation, turn_between
 from gsedit.scene.similarity import IDENTITY, Similarity
 from gsedit.scene.table import gaussians_of, table_of
-from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
 CLIMB = 0.5
@@ -42,6 +39,10 @@ class Motion:
     """The surface that it was set on; None where it kept its height or its place."""
     rise: float = 0.0
     """Height of that surface over the one that it stood on, world units."""
+    way: float = 0.0
+    """How far its foot moves, world units."""
+    stopped: float = 0.0
+    """Way down that was asked for beyond the surface that it rests on, world units."""
 
 
 def moved(body: Gaussians, similarity: Similarity) -> Gaussians:
@@ -54,14 +55,11 @@ def motion_of(
     stance: Stance,
     placement: Placement,
     other: Gaussians | None,
-    place: Place,
-    rest: Gaussians,
-    execution: Execution = AUTO,
-    cameras: Sequence[Camera] = (),
+    ground: Ground,
 ) -> Motion:
-    """The way to where a placement puts an object; `other` is what it is placed beside.
+    """The way to where a placement puts an object in a scene; `other` is what it is placed beside.
 
-    `rest` is the scene that it comes to stand in.
+    What stands on a surface goes down no farther than to it.
     """
     grown = _grown(stance, placement)
     sized = moved(body, grown)
@@ -70,15 +68,16 @@ def motion_of(
     right, back, rise = (unit * each for each in placement.offset)
     target, landing, risen = stance.foot, None, 0.0
     if placement.moves:
-        target, ceiling = _asked(sized, tall, placement.to, other, place, rest, execution, cameras)
-        way = directions(place)
+        target, ceiling = _asked(sized, tall, placement.to, other, ground)
+        way = directions(ground.place)
         target = target + right * way["right"] + back * way["behind"]
         if placement.settle:
-            onto = other if _on_top(placement.to) and other is not None else rest
+            onto = other if _on_top(placement.to) and other is not None else ground.scene
             there = moved(sized, _shift(target - stance.foot))
-            landing = land(there, target, tall, onto, ceiling, execution)
+            landing = land(there, target, tall, onto, ceiling, ground.execution)
             risen = float((landing.point - stance.foot) @ tall.up)
             target = landing.point
+    asked, rise = rise, _no_deeper(rise, sized, tall, target, landing, ground)
     lean = _lean(stance, landing).about(stance.foot.numpy())
     way_there = _shift(target + rise * tall.up - stance.foot)
     tall = replace(
@@ -87,7 +86,24 @@ def motion_of(
         up=torch.from_numpy(lean.turn) @ tall.up,
         stands=not rise and (stance.stands if landing is None else landing.found),
     )
-    return Motion(way_there.after(lean).after(grown), tall, landing, risen)
+    far = float((tall.foot - stance.foot).norm())
+    return Motion(way_there.after(lean).after(grown), tall, landing, risen, far, rise - asked)
+
+
+def _no_deeper(
+    rise: float,
+    body: Gaussians,
+    stance: Stance,
+    target: Float[Tensor, "3"],
+    landing: Landing | None,
+    ground: Ground,
+) -> float:
+    """A way up or down, downwards no farther than to the surface under an object."""
+    if rise >= 0 or stance.stands or (landing is not None and landing.found):
+        return max(rise, 0.0)
+    ceiling = float(target @ stance.up)
+    under = land(body, target, stance, ground.scene, ceiling, ground.execution)
+    return max(rise, float((under.point - target) @ stance.up)) if under.found else rise
 
 
 def _grown(stance: Stance, placement: Placement) -> Similarity:
@@ -108,10 +124,7 @@ def _asked(
     stance: Stance,
     to: Triple | Beside | None,
     other: Gaussians | None,
-    place: Place,
-    rest: Gaussians,
-    execution: Execution,
-    cameras: Sequence[Camera],
+    ground: Ground,
 ) -> tuple[Float[Tensor, "3"], float]:
     """The point that is asked for, and the height up to which a surface there may carry."""
     climb = CLIMB * stance.height
@@ -119,7 +132,7 @@ def _asked(
         return stance.foot, float(stance.foot @ stance.up) + climb
     if isinstance(to, Beside):
         beside = body if other is None else other
-        point = point_beside(body, stance, beside, to, place, rest, execution, cameras)
+        point = point_beside(body, stance, beside, to, ground)
     else:
         point = torch.tensor(to, dtype=torch.float64)
     if _on_top(to) or not isinstance(to, Beside):

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -16,6 +17,7 @@ from gsedit.cameras.around import cameras_of
 from gsedit.light.place import place_of
 from gsedit.objects.outcome import NEW, Outcome, check_finite, same
 from gsedit.objects.placing.daylight import daylight, relit_elsewhere, shaded
+from gsedit.objects.placing.free import Ground
 from gsedit.objects.placing.landing import carried
 from gsedit.objects.placing.motion import Motion, motion_of, moved
 from gsedit.objects.placing.placement import Beside, Placement, check_placement
@@ -53,10 +55,13 @@ def place(
     inside = torch.from_numpy(tidied(scene.means.numpy(), inside.numpy()))
     body = scene[inside]
     stance = stance_of(body, scene[~inside], around.up, execution)
+    if stance.stands and placement.offset[2] < 0 and placement.only_rises:
+        return replace(same(scene), notes=(RESTS,))
     gone = same(scene) if placement.copy else _without(scene, inside, seen_from, execution)
     to = placement.to
     other = scene[to.of] if isinstance(to, Beside) and to.of is not None else body
-    motion = motion_of(body, stance, placement, other, around, gone.scene, execution, seen_from)
+    ground = Ground(gone.scene, around, seen_from, execution)
+    motion = motion_of(body, stance, placement, other, ground)
     there = moved(body, motion.similarity)
     light = daylight(around, sun_of(scene, stance, execution))
     turned = not np.allclose(motion.similarity.turn, np.eye(3))
@@ -66,7 +71,7 @@ def place(
         there = relit_elsewhere(body, there, normals, turn, gone.scene, light, execution)
     base = shaded(gone, there, motion.stance, light, execution)
     rows = torch.full((len(body),), NEW) if placement.copy else inside.nonzero().squeeze(-1)
-    return added(base, there, rows, notes_of(motion, there, gone.scene, seen_from, execution))
+    return added(base, there, rows, notes_of(motion, there, ground))
 
 
 def _without(
@@ -89,6 +94,7 @@ def added(base: Outcome, body: Gaussians, rows: Tensor, notes: tuple[str, ...]) 
     )
 
 
+RESTS = "it rests on what is under it, and goes down no farther"
 CROWDED = 0.05
 """Share of an object's outline over something that rises beside its foot, from which it is told."""
 LEVEL = 0.01
@@ -97,24 +103,23 @@ OVER_EDGE = 0.7
 """Share of its base that is carried, below which it is told."""
 
 
-def notes_of(
-    motion: Motion,
-    body: Gaussians,
-    rest: Gaussians,
-    cameras: Sequence[Camera] = (),
-    execution: Execution = AUTO,
-) -> tuple[str, ...]:
+def notes_of(motion: Motion, body: Gaussians, ground: Ground) -> tuple[str, ...]:
     """Remarks for a person on how an object stands in the rest of a scene."""
     stance, landing = motion.stance, motion.landing
-    notes = _near_cameras(body, stance.up, cameras)
+    notes = _near_cameras(body, stance.up, ground.cameras)
     if landing is not None and not landing.found:
         return (*notes, "nothing is under its new place: it stays at the height that it had")
     if not stance.stands:
         return (*notes, "it touches no surface")
+    if motion.stopped > LEVEL * stance.height:
+        notes.append(RESTS)
+    if landing is not None:
+        at = ", ".join(f"{each:.3g}" for each in stance.foot.tolist())
+        notes.append(f"it stands at ({at}), {motion.way:.3g} world units from where it stood")
     if abs(motion.rise) > LEVEL * stance.height:
         way = "higher" if motion.rise > 0 else "lower"
         notes.append(f"what it stands on there is {abs(motion.rise):.3g} world units {way}")
-    share, crowded = carried(body, stance, rest, execution)
+    share, crowded = carried(body, stance, ground.scene, ground.execution)
     if share < OVER_EDGE:
         notes.append(f"{1 - share:.0%} of its base is over the edge of what carries it")
     if crowded > CROWDED:

@@ -64,9 +64,12 @@ class Placement:
     @property
     def is_nothing(self) -> bool:
         """Whether everything stays as it is."""
-        return not (self.moves or self.copy or self.offset[2]) and (
-            self.scale == 1 and self.turn % 360 == 0
-        )
+        return self.only_rises and not self.offset[2]
+
+    @property
+    def only_rises(self) -> bool:
+        """Whether it goes up or down, at most."""
+        return not (self.moves or self.copy) and self.scale == 1 and self.turn % 360 == 0
 
 
 def check_placement(placement: Placement, inside: Bool[Tensor, " n"], count: int) -> None:
