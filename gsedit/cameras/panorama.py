@@ -10,7 +10,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from math import pi
 
+import numpy as np
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
@@ -97,12 +99,37 @@ def bin_directions() -> tuple[Float[Tensor, "b 3"], Float[Tensor, " b"]]:
 
 def _bins(vectors: Float[Tensor, "m 3"]) -> Int[Tensor, " m"]:
     """The bin that each direction falls into, in the order of `bin_directions`."""
-    axis = vectors.abs().argmax(-1)
+    x, y, z = vectors.abs().unbind(-1)
+    axis = torch.where(x >= torch.maximum(y, z), 0, torch.where(y >= z, 1, 2))
     along = vectors.gather(-1, axis[:, None])[:, 0]
     others = torch.tensor([[1, 2], [0, 2], [0, 1]])[axis]
     uv = vectors.gather(-1, others) / along.abs().clamp_min(1e-12)[:, None]
     cell = ((uv + 1) * (SIDE / 2)).long().clamp(0, SIDE - 1)
     return (2 * axis + (along < 0)) * SIDE**2 + cell[:, 0] * SIDE + cell[:, 1]
+
+
+def _covered(
+    towards: Float[Tensor, "w 3"], radius: Float[Tensor, " w"], directions: Float[Tensor, "b 3"]
+) -> tuple[Int[Tensor, " c"], Int[Tensor, " c"], Float[Tensor, " c"]]:
+    """Pairs of wide Gaussians and bins within two of their radii, with the angles in radii."""
+    cosine = (towards @ directions.T).clamp(-1, 1)
+    least = torch.cos((2 * radius + 0.01).clamp_max(pi))  # angles are slow: only of these pairs
+    wide, bins = (cosine >= least[:, None]).nonzero().unbind(-1)
+    angle = torch.acos(cosine[wide, bins]) / radius[wide]
+    near = angle < 2
+    return wide[near], bins[near], angle[near]
+
+
+def _front_to_back(cell: Int[Tensor, " m"], distance: Float[Tensor, " m"]) -> Int[Tensor, " m"]:
+    """The order by cell, and in each by distance, which is positive.
+
+    Floats of one sign are ordered as their bits are, 16 of which at a time sort 10 times faster.
+    """
+    bits = distance.numpy().view(np.uint32)
+    order = np.arange(len(bits))
+    for key in (bits, bits >> 16, cell.numpy()):
+        order = order[np.argsort(key.astype(np.uint16)[order], kind="stable")]
+    return torch.from_numpy(order)
 
 
 def panorama(sample: Sample, point: Float[Tensor, "3"]) -> Panorama:
@@ -120,14 +147,12 @@ def panorama(sample: Sample, point: Float[Tensor, "3"]) -> Panorama:
     wide = wide[(radius[wide].clamp_max(1) ** 2 * sample.depth[wide]).argsort(descending=True)]
     wide = wide[:MOST_WIDE]
     if len(wide):
-        angle = torch.acos((towards[wide] @ directions.T).clamp(-1, 1)) / radius[wide, None]
-        covered, covering = (angle < 2).nonzero().unbind(-1)
+        covered, covering, angle = _covered(towards[wide], radius[wide], directions)
         depth[wide] = 0
-        spread = sample.depth[wide[covered]] * torch.exp(-(angle[covered, covering] ** 2) / 2)
+        spread = sample.depth[wide[covered]] * torch.exp(-(angle**2) / 2)
         rows, cell = torch.cat((rows, wide[covered])), torch.cat((cell, covering))
         depth = torch.cat((depth, spread))
-    far = distance[rows]
-    order = (cell.double() + far.argsort().argsort().double() / (len(rows) + 1)).argsort()
+    order = _front_to_back(cell, distance[rows])
     rows, cell, depth = rows[order], cell[order], depth[order].double()
     through = depth.cumsum(0)
     first = torch.searchsorted(cell, torch.arange(len(solid)))
