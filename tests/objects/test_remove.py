@@ -15,6 +15,7 @@ from gsedit.errors import UsageError
 from gsedit.objects import remove
 from gsedit.objects.outcome import Outcome
 from gsedit.objects.removal.cells import rectangle_around
+from gsedit.objects.removal.resting import resting_on
 from gsedit.synthetic.staged import stage
 from rasterizer.camera import Camera
 from rasterizer.numerics import color_to_sh, sh_to_color
@@ -185,6 +186,24 @@ def test_one_view_is_told():
     each = case("glimpse")
     outcome = remove(each.scene, each.inside, each.cameras[:1])
     assert any("one view" in note for note in outcome.notes)
+
+
+def test_what_stood_on_it_is_told_and_what_nobody_saw():
+    each = case("table")
+    box = stage("table").labelled(each.scene).of("green box")
+    notes = remove(each.scene, box, each.cameras).notes
+    assert any("hangs in the air" in note for note in notes)
+    assert any("no camera saw" in note and "%" in note for note in notes)
+
+
+@pytest.mark.parametrize(("beside", "count"), [(1.5, 1), (0.6, 0), (0.0, 1)])
+def test_what_touches_something_beside_or_below_does_not_rest_on_the_thing(beside, count):
+    grid = np.stack(np.meshgrid(*[np.linspace(-0.5, 0.5, 24)] * 3), -1).reshape(-1, 3)
+    on_top = 0.4 * grid + (0.3, 0, 0.72)
+    post = (0.2, 0.2, 1.4) * grid + (beside, 0, 0.2) if beside else grid[:0]
+    found = resting_on(grid, np.concatenate((on_top, post)), np.array((0.0, 0.0, 1.0)))
+    assert found[: len(grid)].all() == bool(count)
+    assert not found[len(grid) :].any()
 
 
 @pytest.mark.parametrize(

@@ -14,15 +14,24 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from gsedit.cameras.around import cameras_of
+from gsedit.cameras.paths import up_of
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.errors import UsageError
 from gsedit.objects.outcome import NEW, Outcome, check_finite
 from gsedit.objects.removal.backdrop import backdrop, find_gap
 from gsedit.objects.removal.draw import Draw
 from gsedit.objects.removal.fill import filled
+from gsedit.objects.removal.resting import resting_on
 from gsedit.objects.removal.shade import find_shade
 from gsedit.objects.removal.sheet import Sheet
-from gsedit.objects.removal.sight import Sight, Views, contributions_of, look, look_again
+from gsedit.objects.removal.sight import (
+    Sight,
+    Views,
+    contributions_of,
+    guessed,
+    look,
+    look_again,
+)
 from gsedit.objects.removal.strays import AROUND, strays
 from gsedit.objects.removal.tidy import core_of, tidied
 from gsedit.objects.removal.uncover import Object, find_sheet, standing
@@ -46,6 +55,8 @@ FIRM = 0.3
 TALL = 2.5
 """Standard deviations to which Gaussians under a hole reach: they would show through what fills it.
 """
+LEAST_GUESS = 0.01
+"""Share of what the object hid that is worth a word where nobody saw it."""
 MOST_GAPS = 3
 """Views in which what lies on no plane is continued."""
 
@@ -85,21 +96,23 @@ def remove(
     thing = _object(scene, inside, cameras)
     kept, planes = _without(scene, inside, thing.extent, sights, seen, execution)
     left = _Left(scene, kept, torch.zeros(len(kept), dtype=torch.bool), scene[kept], [], 0)
-    left, views = _planes_filled(left, planes, thing, sights, draw, execution)
-    left = _gaps_filled(left, views, draw, execution)
-    return left.outcome(_notes(inside, left, sights))
+    bare = look_again(left.scene, sights, execution)
+    left, views = _planes_filled(left, planes, thing, bare, draw, execution)
+    left, views = _gaps_filled(left, views, draw, execution)
+    firm = scene.means[left.rows][left.rest.opacities > FIRM].numpy()
+    resting = int(resting_on(thing.points, firm, up_of(cameras).double().numpy()).sum())
+    return left.outcome(_notes(inside, left, len(sights), guessed(bare, views), resting))
 
 
 def _planes_filled(
     left: _Left,
     planes: Sequence[Plane],
     thing: Object,
-    sights: Sequence[Sight],
+    views: Views,
     draw: Draw | None,
     execution: Execution,
 ) -> tuple[_Left, Views]:
     """Fill the holes of planes and take the object's shadow off them, one after the other."""
-    views = look_again(left.scene, sights, execution)
     for plane in planes:
         others = [other for other in planes if other is not plane]
         sheet = find_sheet(left.rest, plane, others, thing, views, execution)
@@ -109,11 +122,13 @@ def _planes_filled(
         left = left.without(_in_hole(left.rest, sheet, plane))
         made, textured = filled(left.rest, sheet, plane, draw)
         left = left.plus(made, textured)
-        views = look_again(left.scene, sights, execution)
+        views = look_again(left.scene, views.sights, execution)
     return left, views
 
 
-def _gaps_filled(left: _Left, views: Views, draw: Draw | None, execution: Execution) -> _Left:
+def _gaps_filled(
+    left: _Left, views: Views, draw: Draw | None, execution: Execution
+) -> tuple[_Left, Views]:
     """Continue what lies on no plane in those views that show the largest holes."""
     for _ in range(MOST_GAPS):
         gap = find_gap(views)
@@ -124,7 +139,7 @@ def _gaps_filled(left: _Left, views: Views, draw: Draw | None, execution: Execut
             break
         left = left.plus(made, textured)
         views = look_again(left.scene, views.sights, execution)
-    return left
+    return left, views
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,12 +263,22 @@ def _object(scene: Gaussians, inside: Bool[Tensor, " n"], cameras: Sequence[Came
     return Object(points, center, max(extent_of(points), least), float(np.median(sizes)))
 
 
-def _notes(inside: Bool[Tensor, " n"], left: _Left, sights: Sequence[Sight]) -> tuple[str, ...]:
+def _notes(
+    inside: Bool[Tensor, " n"], left: _Left, views: int, guess: float, resting: int
+) -> tuple[str, ...]:
+    """Remarks on what went, what was made up (a share of what the object hid), what hangs now."""
     gone = len(left.before) - len(left.rows)
     strays_, made = gone - int(inside.sum()), sum(map(len, left.made))
     notes = [f"{gone:,} Gaussians left ({strays_:,} beyond the selection), {made:,} fill the hole"]
-    if len(sights) == 1:
+    if guess >= LEAST_GUESS:
+        notes.append(f"no camera saw {guess:.0%} of what the object hid: that is made up")
+    if views == 1:
         notes.append("one view shows the object: from elsewhere what was behind it is a guess")
     if left.smooth:
-        notes.append("too little is known around a part of the hole: it is filled smooth")
+        share = left.smooth / made
+        notes.append(f"too little is known around {share:.0%} of the hole: it is filled smooth")
+    if resting:
+        notes.append(
+            f"what stood on it hangs in the air now ({resting:,} Gaussians): remove or move it, too"
+        )
     return tuple(notes)

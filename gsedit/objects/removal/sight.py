@@ -108,6 +108,16 @@ def look_again(scene: Gaussians, sights: Sequence[Sight], execution: Execution =
     return Views(sights, [depth for depth, _ in maps], [alpha for _, alpha in maps])
 
 
+def guessed(bare: Views, after: Views) -> float:
+    """Share of the object's outlines in which its hole was filled: the depth is another there."""
+    changed, total = 0, 0
+    for sight, before, now in zip(bare.sights, bare.depth, after.depth):
+        here, there = now[sight.outline], before[sight.outline]
+        changed += int((np.isfinite(here) & (there > (1 + SAME_DEPTH) * here)).sum())
+        total += here.size
+    return changed / max(total, 1)
+
+
 @torch.no_grad()
 def _depth(
     scene: Gaussians, camera: Camera, execution: Execution
