@@ -176,7 +176,7 @@ def study(
     dim = False
     if not around.studio:
         weight = visible_area(part) if weights is None else weights[inside]
-        shown = Received(relief.luminance, rays.share, weight)
+        shown = Received(relief.color, rays.share, weight)
         dim = are_too_dark(around, shown, rays.directions)
         around = with_studio(around, up) if dim else as_shaded(around, shown, rays.directions)
     light = lighting(balanced(around), grid, matte)

@@ -41,8 +41,13 @@ class Relief:
     """Factor on the light, about 1 where nothing is carved."""
     hollow: Float[Tensor, " n"]
     """How hollow or carved it is there, in [0, 1]."""
-    luminance: Float[Tensor, " n"]
-    """Linear luminance of the surroundings of each Gaussian on the surface."""
+    color: Float[Tensor, "n 3"]
+    """Linear color of the surroundings of each Gaussian on the surface."""
+
+    @property
+    def luminance(self) -> Float[Tensor, " n"]:
+        """Linear luminance of that color."""
+        return self.color @ torch.from_numpy(LUMINANCE).to(self.color)
 
 
 def visible_area(part: Gaussians) -> Float[Tensor, " n"]:
@@ -57,7 +62,7 @@ def carved(part: Gaussians, normals: Float[Tensor, "n 3"], rows: Int[Tensor, "n 
     linear = torch.from_numpy(linear_of_srgb(display)).to(part.means) + 1e-3
     if not rows.shape[1]:
         ones = part.means.new_ones(len(part))
-        return Relief(ones, torch.zeros_like(ones), linear @ weights)
+        return Relief(ones, torch.zeros_like(ones), linear)
     size = visible_area(part)[:, None]
     around = neighbor_means(
         torch.cat((linear, torch.ones_like(linear[:, :1])), 1) * size, rows, ROUNDS
@@ -76,7 +81,7 @@ def carved(part: Gaussians, normals: Float[Tensor, "n 3"], rows: Int[Tensor, "n 
     kept = stone * (FLAT + (1 - FLAT) * hollow)
     detail = ratio.clamp(*DETAIL) ** kept
     dark = ((1 - ratio) / (1 - DETAIL[0])).clamp(0, 1) * stone
-    return Relief(detail, torch.maximum(hollow, dark).clamp(0, 1), around @ weights)
+    return Relief(detail, torch.maximum(hollow, dark).clamp(0, 1), around)
 
 
 def engraved(

@@ -40,7 +40,7 @@ SHARPNESS = 20.0
 class Received:
     """Light that the subject received and showed."""
 
-    luminance: Float[Tensor, " m"]
+    color: Float[Tensor, "m 3"]
     """Linear light that each Gaussian sent to the cameras before."""
     share: Float[Tensor, "m d"]
     """Weight of each direction in what a Gaussian receives; sums to 1 where nothing is hidden."""
@@ -51,14 +51,15 @@ class Received:
 def as_shaded(
     surroundings: Surroundings, received: Received, directions: Float[Tensor, "d 3"]
 ) -> Surroundings:
-    """The surroundings with the light that best explains the subject's shading."""
+    """The surroundings with the light that best explains the subject's shading, in the channel that
+    its paint sends most of: a deep red is no dark grey."""
     rows = received.weight.argsort(descending=True, stable=True)[:SAMPLES]
     light = look_up(surroundings.radiance, directions) @ torch.from_numpy(LUMINANCE).to(directions)
     clipped = ((light - 0.6) / (0.5 * CLIPPED_GAIN)).clamp(0, 1)
     seen = look_up(surroundings.seen[..., None], directions)[:, 0] * (1 - clipped)
     stiff = (LOOSE + (STIFF - LOOSE) * seen).double().numpy()
     design = (received.share * light)[rows].double().numpy()
-    factors = _fitted(design, received.luminance[rows].double().numpy(), stiff)
+    factors = _fitted(design, received.color.amax(-1)[rows].double().numpy(), stiff)
     cells = cell_directions(len(surroundings.radiance)).to(directions)
     near = torch.exp(SHARPNESS * (cells @ directions.T - 1))
     smooth = (near @ torch.from_numpy(factors).to(near)) / near.sum(-1)
@@ -72,7 +73,8 @@ def are_too_dark(
     dark tile with nothing around."""
     light = look_up(surroundings.radiance, directions) @ torch.from_numpy(LUMINANCE).to(directions)
     most = ALBEDOS[-1] * (received.share @ light)
-    return float(((received.luminance - most) * received.weight).sum()) > 0
+    luminance = received.color @ torch.from_numpy(LUMINANCE).to(directions)
+    return float(((luminance - most) * received.weight).sum()) > 0
 
 
 def _fitted(design: np.ndarray, shown: np.ndarray, stiff: np.ndarray) -> np.ndarray:

@@ -203,7 +203,7 @@ def test_a_dark_line_on_flat_metal_turns_what_is_reflected():
     points = torch.cartesian_prod(torch.arange(12.0), torch.arange(12.0), torch.zeros(1))
     normals = torch.tensor((0.0, 0, 1)).expand(len(points), 3)
     detail = torch.where((points[:, 0] - 5.5).abs() < 1, 0.5, 1.0)
-    relief = Relief(detail, torch.zeros(len(points)), detail)
+    relief = Relief(detail, torch.zeros(len(points)), detail[:, None].expand(-1, 3))
     turned = engraved(points, normals, relief, rows_near(points))
     at = (points[:, 1] > 3) & (points[:, 1] < 8)
     left, right, far = (turned[at & (points[:, 0] == x), 0].mean() for x in (4, 7, 10))
