@@ -9,7 +9,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 
+from gsedit.words.chosen import parted
 from gsedit.words.deeds import change_of
 from gsedit.words.instruction import Change
 from gsedit.words.phrases import DEFINITE, IT, object_phrase
@@ -40,8 +42,18 @@ DENIALS = frozenset(("not", "retract", "keep", "limit", "same", "except", "or", 
 """Kinds of words that no other clause may have beside an action."""
 LATER = ("then", "and then", "after that", "afterwards")
 """Conjunctions that begin another request."""
+QUALITIES = frozenset(
+    ("turn", "state", "color", "material", "finish", "slight", "strong", "degree", "up", "down",
+     "conj", "mark", "fill", "number", "unit", "hue")
+)  # fmt: skip
+"""Kinds of words that say what something becomes, without a verb or a thing."""
 ASKS = frozenset(("do", "wish", "be", "up", "down", "turn", "touch"))
 """Kinds of words of which a look that follows an action must have one."""
+SPELT = (
+    "remove", "delete", "erase", "rotate", "bigger", "larger", "smaller", "enlarge", "shrink",
+    "double", "triple", "duplicate",
+)  # fmt: skip
+"""Words of actions that are recognized with a slip of spelling."""
 MADE = {"copy": "the copy"}
 """Phrase of what an action made; that of an insert is its file."""
 
@@ -65,6 +77,8 @@ class Looks:
     text: str
     it: str
     """Phrase that "it" stands for in them; "it" for the subject."""
+    goes_on: bool = False
+    """Whether they only say what else it becomes: "make it bigger and brighter"."""
 
 
 def actions_of(sentence: str) -> list[Change | Looks] | None:
@@ -75,7 +89,7 @@ def actions_of(sentence: str) -> list[Change | Looks] | None:
     sentence = re.sub(r"[<>]", " ", sentence)  # stand for files below
     files = [name.strip("\"'") for name in FILE.findall(sentence)]
     numbered = iter(range(len(files)))
-    text = " ".join(tokens(FILE.sub(lambda _: f" <{next(numbered)}> ", sentence)))
+    text = " ".join(map(_spelt, tokens(FILE.sub(lambda _: f" <{next(numbered)}> ", sentence))))
     found, last = list[Change | str](), Clause(0, 0, "", False)
     for clause in _clauses(text):
         change = _action(clause, found)
@@ -89,6 +103,14 @@ def actions_of(sentence: str) -> list[Change | Looks] | None:
         return None
     _refuse_others(found)
     return list(_linked([_named(each, files) for each in found]))
+
+
+def _spelt(word: str) -> str:
+    """A word of an action for one with a slip of spelling; any other word as it is."""
+    known = [each for each in SPELT if each[0] == word[0] and not word.startswith(each)]
+    if len(word) < 5 or not known or scanned(word)[0].kind != "unknown":
+        return word
+    return next(iter(get_close_matches(word, known, n=1, cutoff=0.85)), word)
 
 
 def _clauses(text: str) -> Iterator[Clause]:
@@ -157,15 +179,23 @@ def _refuse_others(found: list[Change | str]) -> None:
 def _linked(found: list[Change | str]) -> Iterator[Change | Looks]:
     """Changes in which "it" is what was named or made last."""
     last = IT
-    for each in found:
+    for before, each in zip([None, *found], found):
         if isinstance(each, str):
-            yield Looks(each, last)
+            yield Looks(each, last, _goes_on(before, each))
+            last = next((phrase for _, phrase in reversed(parted(each, nouns=True))), "") or last
             continue
         change = replace(each, phrase=last) if each.phrase == IT else each
         if change.name == "copy" and change.place and change.place.of == IT:
             change = replace(change, place=replace(change.place, of=last))
         yield change
         last = MADE.get(change.name, change.phrase or last)
+
+
+def _goes_on(before: Change | str | None, text: str) -> bool:
+    """Whether words after an action only say what else its object becomes."""
+    stays = isinstance(before, Change) and before.name != "remove" and before.kind == "object"
+    words = scanned(text)
+    return stays and all(w.kind in QUALITIES and w.text not in DEFINITE for w in words)
 
 
 def _named(each: Change | str, files: list[str]) -> Change | str:

@@ -242,10 +242,11 @@ def _deny(clause: Clause, scope: list[Word], negations: list[Word]) -> None:
 
 
 def _shadows(scope: list[Word]) -> bool:
-    """Whether what there must not be is shadows: no name stands before them."""
+    """Whether what there must not be is shadows, and not those of a thing."""
     at = next((at for at, word in enumerate(scope) if word.text in SHADOWS), None)
     loose = ("fill", "intense", "degree")
-    return at is not None and all(word.kind in loose for word in scope[:at])
+    of = at is not None and [word.text for word in scope[at + 1 : at + 2]] == ["of"]
+    return at is not None and not of and all(word.kind in loose for word in scope[:at])
 
 
 def _tinted(scope: list[Word], named: set[str], told: set[str]) -> bool:
@@ -263,11 +264,19 @@ def _drop(clause: Clause, scope: list[Word], named: set[str], told: set[str]) ->
     cast = "noun" in kinds and not kinds & {"light", "look", "material"}
     if (cast or (named and named <= {"noun", "state"})) and "down" not in kinds:
         clause.lost, clause.words = True, [*clause.words, *scope]
+    elif named & {"material", "look"} and _taken_off(scope):
+        clause.removed = True  # "remove the ice from the bear"
     elif named or told:
         clause.denied += [word for word in (*scope, *clause.words) if word.kind in CONTENT]
         clause.words, clause.opens = [], Word("remove", "drop", "")
     else:
         clause.words, clause.removed = [], True
+
+
+def _taken_off(scope: list[Word]) -> bool:
+    """Whether something is to go from a thing, and not from the picture."""
+    at = next((at for at, word in enumerate(scope) if word.text in ("from", "off")), len(scope))
+    return any(word.kind in ("subject", "unknown") for word in scope[at:])
 
 
 def _turn(clause: Clause, scope: list[Word], by: Word) -> int:

@@ -30,8 +30,8 @@ HOLES = {
     rf"|{OWNS} [a-z][a-z0-9' ]*?(?! ones?\b)|(?!{OWNS}\b|a\b|an\b)[a-z]+(?: [a-z]+)??)",
     "MUCH": rf"(?P<much>{WORD}(?: {WORD})*?)",
     "FAR": rf"(?:by )?(?P<far>{DISTANCE})",
-    "AT": r"(?P<at>(?:to|on|onto|upon|in|into|at|next|beside|near|nearer|by|behind|before|left"
-    r"|right|leftwards?|rightwards?|forwards?|backwards?|back|close|closer|farther|further|away|up"
+    "AT": r"(?:over )?(?P<at>(?:to|on|onto|upon|in|into|at|next|beside|near|nearer|by|behind|before"
+    r"|left|right|leftwards?|rightwards?|forwards?|backwards?|back|close|closer|farther|further|away|up"
     r"|upwards?|down|downwards?|higher|lower|alongside|towards?|off)\b[a-z0-9' ]*?)",
     "WAY": r"(?P<way>clockwise|counter ?clockwise|anti ?clockwise"
     r"|(?:to (?:the|its) )?(?:left|right))",
@@ -41,7 +41,7 @@ HOLES = {
     "REMOVE": "(?:remove|removing|delete|erase|eliminate|take away|take out|get rid of|clear away"
     "|edit out|throw away|throw out)",
     "BUT": "(?:but|except|except for|apart from|besides|other than)",
-    "MOVE": "(?:move|shift|slide|nudge|relocate)",
+    "MOVE": "(?:move|shift|slide|nudge|relocate|scoot)",
     "TURN": "(?:turn|rotate|spin|swivel|pivot)",
     "OLD": "(?:its|the|their) (?:(?:current|original|present|old) )?size",
     "MANY": r"(?:two|three|four|five|six|ten|several|some|many|a few|\d+)",
@@ -219,6 +219,7 @@ PATTERNS = (
         "{X} (?:should|must|has to|have to|needs to|need to) (?:go|go away|disappear|vanish"
         "|be gone|be removed|be deleted|be erased){SCENE}",
         "the (?:scene|picture|image|same) without {X}",
+        "(?:i )?do not (?:want|need) {X} (?:(?:in )?(?:there|here)(?: any ?more)?|any ?more)",
     ),
     *_rows(
         _scaled,
@@ -248,7 +249,9 @@ PATTERNS = (
         "{TURN} {X} {WAY} (?:by )?{MUCH}(?: (?:degrees|degree|deg))?",
         "{TURN} {X} (?:by )?(?:a )?(?P<part>half|quarter|three quarter)(?: of)?(?: a)? turn"
         "(?: {WAY})?",
-        "{TURN} {X} (?:around|round|about|back to front|the other way(?: a?round)?)",
+        "{TURN} {X} (?:around|round|about|back to front|the other way(?: a?round)?)"
+        "(?: (?:so|so that|such that) (?:it|he|she|they) (?:faces?|looks?|points?)"
+        " (?:the other way|backwards?|away))?",
     ),
     *_rows(
         _moved,

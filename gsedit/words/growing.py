@@ -33,6 +33,8 @@ ADD = (
     "(?:(?:add|put|lay|spread|scatter|sprinkle|strew|drop|place|pile|hang|make|give it"
     "|there should be) )?"
 )
+LIGHT_LAYER = LAYER.replace("layer", "layer|dusting|sprinkling", 1)
+THING = r"[a-z][a-z0-9' ]*?"
 COVER = r"(?:cover|coat|blanket|bury|strew|litter) (?P<x>[a-z][a-z0-9' ]*?) (?:with|in|under)"
 WHERE = (
     r"(?: (?:all )?(?:on top of|on|onto|over|across|around|along|under|from|at|in) "
@@ -48,6 +50,7 @@ PATTERNS = tuple(
         rf"{ADD}(?:a |an |some )?{THICK}?{LAYER} of (?:fresh )?{NAME}{WHERE}?",
         rf"{COVER} (?:a |an |some )?{THICK}?{LAYER} of (?:fresh )?{NAME}",
         rf"{COVER} {THICK}(?:fresh )?{NAME}",
+        rf"give (?P<x>{THING}) (?:a |an |some )?{THICK}?{LIGHT_LAYER} of (?:fresh )?{NAME}",
         rf"{COVER} (?:some )?{LITTER}",
         rf"{ADD}{THICK}(?:fresh )?{NAME}{WHERE}",
         rf"let (?:some |the )?{NAME} {LIES}{WHERE}?",
@@ -62,11 +65,14 @@ AMOUNTS = {
     "light": -0.5, "fine": -0.5, "delicate": -0.5, "a few": -0.5, "a little": -0.5,
 }  # fmt: skip
 """Shares that a layer is thicker than usual, by its word; 1 for any other word."""
+SINCE = re.compile(r" after (?:the |some |heavy )*(?:rain|storm|shower|snowfall)$")
+"""Words that only say why something lies there."""
 EVERYWHERE = ("everything", "the scene", "the whole scene", "all of it")
 
 
 def grown(clause: str) -> Change | None:
     """The growth that a clause asks for; None where not all of its words say one."""
+    clause = SINCE.sub("", clause)
     for pattern in PATTERNS:
         if match := pattern.fullmatch(clause):
             said = match.groupdict()

@@ -12,7 +12,7 @@ IT = "it"
 PRONOUNS = frozenset(
     ("it", "him", "her", "them", "itself", "this", "that", "these", "those", "this one", "that one",
      "this thing", "that thing", "the subject", "the main subject", "the object", "the main object",
-     "the copy", "the new one", "the duplicate")
+     "the copy", "the new one", "the duplicate", "the clone")
 )  # fmt: skip
 NEVER = frozenset(
     ("light", "look", "noun", "style", "turn", "hue", "not", "drop", "except", "keep", "limit",
@@ -28,7 +28,8 @@ NO_THINGS = frozenset(
      "glow", "caption", "artifacts", "floaters", "scratch", "scratches", "stain", "stains",
      "crack", "cracks", "wrinkles", "hole", "holes", "edge", "edges", "corner", "detail",
      "details", "horizon", "of", "to", "from", "off", "into", "and", "over", "cm",
-     "meter", "meters", "inches", "feet", "pixels", "units", "width", "height", "way")
+     "meter", "meters", "inches", "feet", "pixels", "units", "width", "height", "way", "around",
+     "so", "faces", "anymore")
 )  # fmt: skip
 """Words that could stand in the name of an object, and tell a part of one, or none."""
 HEADS = frozenset(("subject", "ground", "unknown"))

@@ -99,7 +99,11 @@ def _between(each: Change | Looks, saved: Collection[str]) -> list[Change]:
     changes = looks_of(each.text, saved, _parsed, nouns=True)
     if not changes:
         raise Refused("nonsense")
-    if each.it == IT or not any(word.text in PRONOUNS for word in words):
+    if each.goes_on:
+        changes = [replace(c, target="subject") if c.kind == "tone" else c for c in changes]
+    elif not any(word.text in PRONOUNS for word in words):
+        return changes
+    if each.it == IT:
         return changes
     own = [c.target == "subject" and not c.phrase for c in changes]
     return [replace(c, phrase=each.it) if mine else c for c, mine in zip(changes, own)]
@@ -122,7 +126,7 @@ def _parsed(words: list[Word]) -> list[Change]:
         if clause.void:
             raise Refused("negation")
         if clause.removed:
-            raise Refused("geometry")
+            raise Refused("removal")
         reading.limits += clause.limits
         reading.denied |= bool(clause.denied or clause.limits or clause.turned)
         _read_clause(clause, reading)

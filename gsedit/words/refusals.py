@@ -22,6 +22,12 @@ REASONS = {
     "geometry": "this would make or reshape something: what is in the scene can be removed, moved, "
     "turned, scaled and copied ('remove the bear'), and a scene's file put in ('put hat.ply on "
     "the table'); for any sentence: --editor pix2pix --model FOLDER",
+    "removal": "words find nothing to take away here: point at it with --at VIEW:X,Y and say "
+    "'remove it', or save it by a name with gsedit select ... --as NAME, and say that",
+    "everything": "this leaves no scene: say what should stay, as in 'keep only the bear', or go, "
+    "as in 'remove the bear'",
+    "undo": "nothing is overwritten, so there is nothing to undo: go on with the scene before the "
+    "edit, which edit.json beside the edited one names ('scene')",
     "size": "objects are scaled by 0.1 to 10 times: say less, as in 'make it twice as big'",
     "distance": "a scene does not know how long a meter is: say a share of the object's size or "
     "units of the scene's file, as in 'move it left by half its height' or 'by 0.3 units'",
@@ -46,7 +52,13 @@ REASONS = {
 """Message to a person, by the kind of refusal."""
 
 
+_POLITE = r"(?: (?:please|now|again))*[.! ]*$"
 ODD = (
+    (rf"^(?:please )?(?:undo|redo|revert|roll back)(?: (?:it|that|this|all|everything"
+     rf"|(?:the|my|your) (?:last|previous)? ?(?:edit|change|step|one|thing)s?))*{_POLITE}", "undo"),
+    (rf"^(?:please )?(?:remove|delete|erase|clear|get rid of) (?:absolutely )?(?:everything|all|it "
+     rf"all|all of it|all (?:of )?the (?:things|objects)|the (?:whole |entire )?scene){_POLITE}",
+     "everything"),
     (r"\bunless\b|\b(?:would|might) be too\b|\bbut not (?:on|near|around)\b", "negation"),
     (r"\b(?:layer|coat|blanket) of .*\b(?:but|except)\b", "negation"),
     (r"\b(?:dust|shake|wipe|blow|knock|sweep)(?: \w+)? off\b|\bwipe the slate\b", "negation"),
@@ -54,7 +66,7 @@ ODD = (
     (r"\bgrow (?:some )?(?:grass|flowers|hair|fur|trees|plants|mushrooms|ivy|vines)\b", "geometry"),
     (r"\b(?:second|third|another|two|three) (?:sun|moon)s?\b", "geometry"),
     (r"\b(?:put|place|set|move) [a-z ]+ on the (?:moon|sun)\b", "geometry"),
-)
+)  # fmt: skip
 """Turns of phrase whose words would be read for something else, and the kind of refusal of each."""
 
 

@@ -12,6 +12,10 @@ from gsedit.words.tokens import MARKS, tokens
 SPELLED = ("noun", "state", "turn", "material", "look", "style", "background", "finish")
 """Kinds whose words are recognized with a slip of spelling."""
 
+SLIP = 2
+"""Most letters that are left out: an "impression" is not "impressionist"."""
+ALIKE, NEARLY = 0.82, 0.9
+"""Least likeness of a word with a slip of spelling, and of one of five letters: "warmr"."""
 BECOME = ("state", "turn", "hue", "color", "material", "light", "slight", "strong")
 """Kinds of what a thing becomes that "should go" so."""
 
@@ -126,9 +130,13 @@ def _number(token: str) -> float | None:
 
 def _single(word: str) -> Word:
     """A word of no phrase: a slip of spelling, or an unknown one."""
-    if len(word) >= 6:  # fewer letters are too near to other words
-        known = [each for each in _spellings() if each[0] == word[0] and word != f"{each}s"]
-        if near := get_close_matches(word, known, n=1, cutoff=0.82):
+    if len(word) >= 5:  # fewer letters are too near to other words
+        known = [
+            each for each in _spellings()
+            if each[0] == word[0] and word != f"{each}s" and len(each) <= len(word) + SLIP
+        ]  # fmt: skip
+        cutoff = ALIKE if len(word) > 5 else NEARLY
+        if near := get_close_matches(word, known, n=1, cutoff=cutoff):
             return _next(near[:1])[0]
     return Word(word, "unknown", word)
 

@@ -10,11 +10,13 @@ import torch
 
 import gsedit
 from gsedit.datasets.viewpoints import viewpoints_of
+from gsedit.editing.routes.plan import steps_of
 from gsedit.editing.routes.result import routed_result
 from gsedit.editing.session.settings import EditSettings
 from gsedit.errors import UsageError
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.words.instruction import Change, Instruction
+from gsedit.words.read import read_instruction
 
 BRIGHTER = Change("scene", "tone", "brightness", None, 0.2, "tone")
 
@@ -47,6 +49,11 @@ def test_routes_take_turns_in_the_order_of_the_sentence(monkeypatch):
     assert torch.allclose(given.sh[:, 1:], 1.2 * scene.sh[:, 1:], atol=1e-5)
     gray = result.held_out.finals[0].image
     assert float((gray - gray.mean(-1, keepdim=True)).abs().mean()) < 0.02
+
+
+def test_a_look_that_nothing_draws_is_told_and_not_what_stands_beside_it():
+    with pytest.raises(gsedit.UsageError, match="look: cubist: small does not draw"):
+        steps_of(read_instruction("remove the bear and make it cubist"))
 
 
 def test_a_refused_sentence_is_an_error():

@@ -44,6 +44,50 @@ def test_a_negation_around_any_action_keeps_it_from_being_done(frame):
 
 
 @pytest.mark.parametrize(
+    ("sentence", "made"),
+    [
+        ("make it bigger and brighter", [("it", "scale"), ("", "brightness")]),
+        ("make the red one smaller, darker and blue",
+         [("the red one", "scale"), ("the red one", "brightness"), ("the red one", "blue")]),
+        ("make the red ball blue and a bit smaller",
+         [("the red ball", "blue"), ("the red ball", "scale")]),
+        ("rotat the bear by 90 degrees and make it biger",
+         [("the bear", "turn"), ("the bear", "scale")]),
+        ("spin it around so it faces the other way", [("it", "turn")]),
+        ("I don't want the vase here anymore", [("the vase", "remove")]),
+    ],
+)  # fmt: skip
+def test_what_goes_on_is_said_of_what_was_named(sentence, made):
+    read = changes(sentence)
+    assert [(each.phrase, each.name) for each in read] == made
+    assert all(each.target == "subject" for each in read)
+
+
+def test_what_follows_a_removal_is_said_of_the_scene():
+    assert changes("remove the bear and make it brighter")[1].phrase == ""
+    assert changes("remove the bear, then warmer")[1].target == "scene"
+
+
+@pytest.mark.parametrize(
+    ("sentence", "told"),
+    [
+        ("remove the ice from the bear and paint it blue", "--at"), ("remove the slab", "--at"),
+        ("undo", "nothing is overwritten"), ("undo the last edit", "nothing is overwritten"),
+        ("remove everything", "leaves no scene"), ("please delete all of it.", "leaves no scene"),
+    ],
+)  # fmt: skip
+def test_a_refusal_says_what_can_be_done_instead(sentence, told):
+    read = read_instruction(sentence)
+    assert not read.known
+    assert told in read.why
+
+
+@pytest.mark.parametrize("sentence", ["I don't want the bear altered here", "undo the blue tint"])
+def test_words_like_those_of_an_action_remove_nothing(sentence):
+    assert all(each.name != "remove" for each in read_instruction(sentence).changes)
+
+
+@pytest.mark.parametrize(
     "sentence",
     [
         "there is snow on it, remove it", "the fog is nice, make it bigger",
@@ -161,3 +205,14 @@ def test_weather_materials_and_tones_keep_their_routes():
         "icicles",
     ):
         assert [each.kind for each in changes(sentence)] == ["growth"], sentence
+
+
+@pytest.mark.parametrize(
+    ("sentence", "name"),
+    [
+        ("make it warmr", "warmth"), ("make it darkr", "brightness"),
+        ("make the first impression warmer", "warmth"),
+    ],
+)  # fmt: skip
+def test_a_slip_of_spelling_is_no_other_word(sentence, name):
+    assert [each.name for each in changes(sentence)] == [name]

@@ -31,6 +31,7 @@ def only(sentence: str) -> Change:
     [
         ("open", 222, 220), ("fresh_open", 105, 103), ("aside", 222, 205), ("fresh_aside", 105, 94),
         ("strangers", 121, 116), ("actions", 40, 38), ("actions_aside", 20, 17),
+        ("objects", 20, 18),
     ],
 )  # fmt: skip
 def test_sentences_are_read_and_none_is_done_the_opposite_way(name, count, least):

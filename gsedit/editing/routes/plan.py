@@ -26,7 +26,8 @@ def steps_of(instruction: Instruction) -> tuple[Instruction, ...]:
     """Edits that an instruction takes, in order; itself where it takes one.
 
     Changes beside each other that exact routes do are one edit, and so are looks of the 2D editor.
-    Raises UsageError for an instruction that is refused, and a look that `small` hardly draws.
+    Raises UsageError for an instruction that is refused, and for a look that `small` hardly draws,
+    or beside other changes does not draw.
     """
     if not instruction.known:
         raise UsageError(instruction.why)
@@ -51,7 +52,10 @@ def steps_of(instruction: Instruction) -> tuple[Instruction, ...]:
         else:
             looks = [look_of(change) for change in group]
             if None in looks:
-                return (instruction,)  # the 2D editor says what it cannot follow
+                raise UsageError(
+                    f"{group[looks.index(None)]}: small does not draw this (gsedit list looks): "
+                    "leave it out, or do it alone with --editor pix2pix --model FOLDER"
+                )
             words = " and ".join(look.wording for look in looks if look is not None)
         steps.append(Instruction(words, True, words, group))
     return tuple(steps)
