@@ -43,6 +43,14 @@ class MaskOptions:
     )
     masks_sam: str | None = option(None, "Folder of SAM's weights, for grounded-sam.", "FOLDER")
 
+    def check_unused(self) -> None:
+        """Raise UsageError where any is given, for a sentence that a 2D editor draws."""
+        if any(vars(self).values()):
+            raise UsageError(
+                "--masks finds what is changed on the Gaussians, and a 2D editor draws this: save "
+                "what it finds with gsedit select --phrase ... --as NAME, and add --region NAME"
+            )
+
     def make(self, phrase: str | None) -> MaskProvider | None:
         """Return the provider, which prints a line a picture; None where none is named.
 

@@ -29,8 +29,8 @@ FOUND_VIEWS = 24
 
 
 @dataclass(frozen=True)
-class PointingOptions:
-    """Options that choose a thing by a pixel or by words."""
+class AtOptions:
+    """The option that chooses a thing by pixels."""
 
     at: list[str] | None = option(
         None,
@@ -38,6 +38,24 @@ class PointingOptions:
         "not:VIEW:X,Y takes away what is there. Column and row of the view at --size.",
         "VIEW:X,Y",
     )
+
+    def check(self) -> None:
+        """Raise UsageError for a place that is none."""
+        for text in self.at or ():
+            place(text)
+
+    def clicked(self, scene: Gaussians, views: Sequence[Viewpoint]) -> Region:
+        """Return the object at the places. Raises UsageError where nothing is there."""
+        from gsedit.objects import select_at
+
+        cameras = [each.camera for each in views]
+        return select_at(scene, [click(text, views) for text in self.at or ()], cameras)
+
+
+@dataclass(frozen=True)
+class PointingOptions(AtOptions):
+    """Options that choose a thing by a pixel or by words."""
+
     phrase: str | None = option(
         None,
         "Select by words, as in 'the red one', 'second from the left', 'the ground'.",
@@ -56,15 +74,11 @@ class PointingOptions:
         """Raise UsageError for both ways at once, or a place that is none."""
         if self.at and self.phrase is not None:
             raise UsageError("--at and --phrase both name a thing: leave one out")
-        for text in self.at or ():
-            place(text)
+        super().check()
 
     def views(self, path: Path, scene: Gaussians, data: Path | None) -> tuple[Viewpoint, ...]:
         """Return the views of --data, those recorded beside the scene, or found ones."""
-        from rasterizer.numerics import AUTO
-
-        options = ViewOptions(data=data, size=self.size)
-        return resolve_cameras(path, scene, options, FOUND_VIEWS, AUTO).viewpoints
+        return views_to_point_at(path, scene, ViewOptions(data=data, size=self.size))
 
     def region(
         self,
@@ -74,11 +88,11 @@ class PointingOptions:
         masks: MaskProvider | None = None,
     ) -> Region:
         """Return what is pointed at. Raises UsageError where that is nothing."""
-        from gsedit.objects import find_phrase, select_at
+        from gsedit.objects import find_phrase
 
-        cameras = [each.camera for each in views]
         if self.at:
-            return select_at(scene, [click(text, views) for text in self.at], cameras)
+            return self.clicked(scene, views)
+        cameras = [each.camera for each in views]
         return find_phrase(self.phrase or "", scene, cameras, subject=subject, masks=masks)
 
 
@@ -86,6 +100,13 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     Subject = Callable[[], torch.Tensor | None]
+
+
+def views_to_point_at(path: Path, scene: Gaussians, options: ViewOptions) -> tuple[Viewpoint, ...]:
+    """Return the views whose pixels --at names, the same for every verb."""
+    from rasterizer.numerics import AUTO
+
+    return resolve_cameras(path, scene, options, FOUND_VIEWS, AUTO).viewpoints
 
 
 def place(text: str) -> tuple[str, float, float, bool]:

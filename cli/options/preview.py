@@ -60,6 +60,8 @@ def run_preview(
     if steps is not None and len(steps) > 1:
         print_message(f"the first of {len(steps)} edits: {words}")
     given, viewpoints, settings = ready.scene, ready.viewpoints, ready.settings
+    if followed is not None:
+        masks.check_unused()
     if followed is None:
         assert read is not None
         print_message(f"understood as: {read}")

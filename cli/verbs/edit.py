@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -23,7 +22,10 @@ from ..core.outputs import check_folder
 from ..core.progress import progress, result_of
 from ..core.ranks import drain, is_first, ranks
 from ..options.cameras import ViewOptions, framed_alike, load_views
+from ..options.clicked import NAME as CLICKED
+from ..options.clicked import region_at
 from ..options.common import DropInvalid, Force, Scene, Seeded, load_scene
+from ..options.edit_checks import check_apart, check_click, check_condition, check_request
 from ..options.editing import (
     EditorOptions,
     at_size,
@@ -33,6 +35,7 @@ from ..options.editing import (
     what_it_understood,
 )
 from ..options.masks import MaskOptions
+from ..options.pointing import AtOptions
 from ..options.preview import preview_file, run_preview
 from ..options.routes import NO_MASKS, carry_beside, read_sentence, run_routes, say_where
 from ..options.settings import Setting, SettingsGroup, Values
@@ -46,7 +49,7 @@ if TYPE_CHECKING:
 
 STEPS = "steps"
 """Folder, in that of the edit, with the folders of all edits but the last."""
-LEFTOVERS = ("metrics.unfinished.jsonl", "command", STEPS, GLIMPSES)
+LEFTOVERS = ("metrics.unfinished.jsonl", "command", STEPS, GLIMPSES, CLICKED)
 """Files of an edit that ended before its first checkpoint: alone they need no protection."""
 
 Instruction = Annotated[str, argument("INSTRUCTION", "What should change, as in 'make it snow'.")]
@@ -85,6 +88,12 @@ class EditOptions:
     force: Force = False
     resume: Resume = False
 
+    @property
+    def asks_routes(self) -> bool:
+        """Whether nothing here asks for the 2D editor."""
+        usual = EditOptions()
+        return (self.preset, self.features) == (usual.preset, usual.features)
+
 
 @dataclass(frozen=True)
 class EditCommand:
@@ -108,7 +117,7 @@ class EditCommand:
 
 
 @shows(
-    "--output", "--data", "--region", "--editor", "--strategy", "--preview", "--seeds",
+    "--output", "--data", "--region", "--at", "--editor", "--preview", "--seeds",
     "--size", "--explain", "--resume", "--force", "--seed",
 )  # fmt: skip
 def edit(
@@ -119,6 +128,7 @@ def edit(
     views: ViewOptions,
     editor: EditorOptions,
     masks: MaskOptions,
+    pointing: AtOptions,
     values: Annotated[Values, SettingsGroup(lambda: all_settings())],
     common: Seeded,
 ) -> None:
@@ -132,22 +142,29 @@ def edit(
     Without --data, the views are renders from the cameras.json beside the scene, or from
     viewpoints that gsedit finds. gsedit list settings edit explains every setting.
     """
+    load = partial(load_scene, scene, drop_invalid=own.drop_invalid)
     if own.preview or own.seeds:
         if own.explain or own.resume:
             raise UsageError("--preview writes one picture: leave out --explain and --resume")
         file = preview_file(own.out)
         check_request(instruction, views, file, own.explain)
         common.apply()
-        load = partial(load_scene, scene, drop_invalid=own.drop_invalid)
         seeds = range(common.seed, common.seed + max(own.seeds, 1))
-        return run_preview(
-            scene, load, instruction, file, views, editor, values, seeds,
-            masks=masks, force=own.force, as_json=common.json,
-        )  # fmt: skip
+        with region_at(pointing, values, scene, load, views, None) as known:
+            return run_preview(
+                scene, load, instruction, file, views, editor, known, seeds,
+                masks=masks, force=own.force, as_json=common.json,
+            )  # fmt: skip
     folder = check_request(instruction, views, own.out, own.explain)
-    request = scene, instruction, folder, own, views, editor, values, common
-    asked = EditCommand(*request, masks=masks)
-    result = run_edit(asked)
+    if pointing.at and not own.explain:
+        check_apart(scene, folder)
+        check_folder(folder, own.force or own.resume, leftovers=LEFTOVERS)
+        if own.asks_routes:
+            check_click(instruction, editor, values, scene)
+    place = None if own.explain else folder
+    with region_at(pointing, values, scene, load, views, place) as known:
+        request = scene, instruction, folder, own, views, editor, known, common
+        result = run_edit(EditCommand(*request, masks=masks))
     if result is not None:
         print_edit(result, folder, as_json=common.json)
 
@@ -163,16 +180,16 @@ def run_edit(asked: EditCommand) -> EditResult | None:
     Where they take turns, the last edit is in the folder, the others below it. Returns None on all
     ranks but the first, and where the edit is only explained.
     """
-    own, usual = asked.own, EditOptions()
-    asks_routes = (own.preset, own.features) == (usual.preset, usual.features)
-    if not asks_routes:
-        return run_pipeline(asked)
-    steps = read_sentence(asked.instruction, asked.editor, asked.values, asked.scene)
-    if steps is None:
-        return run_pipeline(asked)
+    own = asked.own
+    sentence = asked.instruction, asked.editor, asked.values, asked.scene
+    steps = read_sentence(*sentence) if own.asks_routes else None
     from gsedit.editing.routes.apply import is_exact
 
-    exact = [is_exact(step) for step in steps]
+    exact = [is_exact(step) for step in steps or ()]
+    if not any(exact):
+        asked.masks.check_unused()
+    if steps is None:
+        return run_pipeline(asked)
     if own.explain and any(exact):
         return print_routes(steps)
     if own.explain or exact == [False]:
@@ -326,30 +343,6 @@ def write_cameras_and_views(dataset: Dataset, result: EditResult, folder: Path) 
 def print_plan(plan: EditPlan, *, as_json: bool) -> None:
     """Print the work that an edit would skip, and what it would take."""
     print_result(plan._asdict(), plan.describe(), as_json=as_json)
-
-
-def check_request(instruction: str, views: ViewOptions, out: Path | None, explain: bool) -> Path:
-    """Return the folder for the results. Raises UsageError before any file is read."""
-    if not instruction.strip():
-        raise UsageError("the instruction is empty: say what should change, as in 'make it snow'")
-    views.check()
-    if explain:
-        return out or Path()
-    if out is None:
-        raise UsageError("-o is missing: name a folder for the results, or add --explain")
-    return out
-
-
-def check_apart(scene: Path, out: Path) -> None:
-    """Raise UsageError where the results would replace the scene that is edited."""
-    if os.path.realpath(scene) == os.path.realpath(out / "scene.ply"):
-        raise UsageError(f"-o {out} is the folder of the scene that is edited: name another folder")
-
-
-def check_condition(condition: str, data: Path | None) -> None:
-    """Raise UsageError where the editor needs photos and there are none."""
-    if condition == "photo" and data is None:
-        raise UsageError("--condition photo shows the editor the photos: name them with --data")
 
 
 def run_and_write(

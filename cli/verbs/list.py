@@ -1,4 +1,4 @@
-"""`gsedit list`: the 2D editors, the looks of the editor `small`, and all settings."""
+"""`gsedit list`: the 2D editors, the masks, the looks of the editor `small`, and all settings."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 
 What = Annotated[
-    Literal["editors", "looks", "settings"],
+    Literal["editors", "masks", "looks", "settings"],
     argument(
-        "editors|looks|settings",
-        "editors: the 2D editors and what each needs. looks: the changes that the editor small "
-        "knows. settings: what --set NAME=VALUE accepts.",
+        "editors|masks|looks|settings",
+        "editors: the 2D editors and what each needs. masks: what finds a phrase in pictures. "
+        "looks: the changes that the editor small knows. settings: what --set NAME=VALUE accepts.",
     ),
 ]
 Name = Annotated[
@@ -44,9 +44,11 @@ Sheet = Annotated[
 def list_(
     what: What, name: Name = None, out: Sheet = None, force: Force = False, *, common: Common
 ) -> None:
-    """List the 2D editors, the looks or the settings.
+    """List the 2D editors, the masks, the looks or the settings.
 
     gsedit list editors
+
+    gsedit list masks
 
     gsedit list looks "as if it had spent a century under the sea"
 
@@ -55,10 +57,12 @@ def list_(
     common.apply()
     if out is not None and what != "looks":
         raise UsageError(f"-o writes the picture of the looks: leave it out for {what}")
+    if what in ("editors", "masks") and name is not None:
+        raise UsageError(f"{name}: list {what} takes no name")
     if what == "editors":
-        if name is not None:
-            raise UsageError(f"{name}: list editors takes no name")
         list_editors(as_json=common.json)
+    elif what == "masks":
+        list_masks(as_json=common.json)
     elif what == "settings":
         list_settings(name or "edit", as_json=common.json)
     elif out is not None:
@@ -82,6 +86,20 @@ def list_editors(*, as_json: bool) -> None:
     if not as_json:
         print_message(
             "use one: gsedit edit ... --editor NAME; write one: see examples/write_an_editor.py"
+        )
+
+
+def list_masks(*, as_json: bool) -> None:
+    """Print every mask provider, of gsedit and of other packages."""
+    from gsedit.masks.registry import list_masks
+
+    for name, summary in list_masks():
+        record = {"name": name, "summary": summary}
+        print_result(record, f"{name:<12} {summary}", as_json=as_json)
+    if not as_json:
+        print_message(
+            'use one: gsedit select ... --phrase "the chair" --masks NAME, or gsedit edit ... '
+            "--masks NAME"
         )
 
 

@@ -49,6 +49,14 @@ def mask_names() -> tuple[str, ...]:
     return (*BUILT_IN, *(each.name for each in _others()))
 
 
+def list_masks() -> tuple[tuple[str, str], ...]:
+    """Every name with what it is and takes, in a line; nothing is imported or raised."""
+    others = (
+        (each.name, f"from {each.dist.name if each.dist else each.value}") for each in _others()
+    )
+    return (*((name, str(make.__doc__)) for name, make in BUILT_IN.items()), *others)
+
+
 def _factory(name: str) -> Factory:
     if name in BUILT_IN:
         return BUILT_IN[name]
@@ -67,6 +75,7 @@ def _others() -> list[EntryPoint]:
 
 
 def _command(run: str | None = None) -> MaskProvider:
+    """A program of yours: --masks-run "my_segmenter {input} {output} {phrase}"."""
     from gsedit.masks.command import EXAMPLE, MaskCommand
 
     if run is None:
@@ -75,12 +84,14 @@ def _command(run: str | None = None) -> MaskProvider:
 
 
 def _clipseg(model: str | None = None) -> MaskProvider:
+    """CLIPSeg, soft masks: --masks-model FOLDER; gsedit[diffusers]."""
     if model is None:
         raise UsageError("--masks clipseg needs its weights: add --masks-model FOLDER")
     return _networks().load_clipseg(model)
 
 
 def _grounded_sam(model: str | None = None, sam: str | None = None) -> MaskProvider:
+    """GroundingDINO and SAM: --masks-model FOLDER, --masks-sam FOLDER; gsedit[diffusers]."""
     if model is None or sam is None:
         raise UsageError(
             "--masks grounded-sam needs GroundingDINO and SAM: add --masks-model FOLDER and "

@@ -52,6 +52,44 @@ def test_a_selection_is_saved_by_name_and_stands_for_a_region(room, tmp_path):
     assert "belongs to the scene that it was made for" in other.stderr
 
 
+def test_a_click_is_what_a_sentence_speaks_of(room, tmp_path):
+    select(room, "--at", ON_BALL, "-o", tmp_path / "ball.npy")
+    out = tmp_path / "out"
+    words = ("edit", room, "paint the table teal", "--at", ON_BALL, "--size", 96)
+    result = gsedit(*words, "-o", out)
+    assert result.exit_code == 0, result.stderr
+    assert (np.load(out / "region.npy") == np.load(tmp_path / "ball.npy")).all()
+    assert json.loads((out / "edit.json").read_text())["settings"]["region"] == str(out / "at.npy")
+    shown = gsedit(*words, "--preview", "-o", tmp_path / "p.png")
+    assert shown.exit_code == 0, shown.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("paint it teal", "--at", ON_BALL, "--region", "all"), "leave one out"),
+        (("paint it teal", "--at", "view_0:20"), "give a view, a column and a row"),
+        (("paint it teal", "--at", "0:1,1"), "nothing is at"),
+        (("paint it teal and make it impressionist", "--at", ON_BALL), "2 edits"),
+        (("make it impressionist", "--masks", "command", "--masks-run", "true"), "2D editor"),
+        (("remove it", "--editor", "small", "--masks", "clipseg"), "2D editor"),
+    ],
+)
+def test_what_a_click_or_masks_cannot_do_is_refused_in_a_line(room, tmp_path, words, message):
+    result = gsedit("edit", room, *words, "--size", 96, "-o", tmp_path / "out")
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_masks_are_listed():
+    result = gsedit("list", "masks", "--json")
+    listed = {row["name"]: row["summary"] for row in map(json.loads, result.stdout.splitlines())}
+    assert {"command", "clipseg", "grounded-sam"} <= set(listed)
+    assert all("--masks-" in listed[name] for name in ("command", "clipseg", "grounded-sam"))
+    assert "command" in gsedit("list", "masks").stdout
+
+
 def test_an_unknown_name_is_refused_with_those_that_are_saved(room, tmp_path):
     select(room, "--phrase", "the ground", "--as", "floor", "--force")
     result = gsedit("filter", room, "--region", "chair", "-o", tmp_path / "x.ply")

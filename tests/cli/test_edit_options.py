@@ -131,7 +131,7 @@ def test_other_verbs_list_their_settings(verb):
 
 
 def test_a_strategy_in_a_new_file_is_a_choice_with_its_options(another_strategy):
-    assert "|single-pass|throw-away" in gsedit("edit", "--help").stdout
+    assert "|single-pass|throw-away" in gsedit("edit", "--help-all").stdout
     listed = settings_of_edit()
     assert listed["--pace"]["meaning"] == "Seconds of waiting. Of throw-away."
     assert listed["--pace"]["default"] == "2"
