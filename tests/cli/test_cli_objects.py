@@ -137,7 +137,7 @@ def test_a_noun_taken_for_the_subject_is_told_before_the_work_and_recorded(
     monkeypatch, scene, photos, region, tmp_path
 ):
     subject = Region(torch.from_numpy(np.load(region)), "auto: the subject")
-    monkeypatch.setattr("gsedit.editing.routes.result.find_part", lambda *_: subject)
+    monkeypatch.setattr("gsedit.editing.routes.finder.find_part", lambda *_: subject)
     done = gsedit("edit", scene, "remove the car", "--data", photos, "-o", tmp_path / "out")
     assert done.exit_code == 0, done.stderr
     note = "'the car' was taken for the main subject"
