@@ -15,7 +15,7 @@ from torch import Tensor
 
 from gsedit.light.color_change import step
 from gsedit.objects.growth.layer import Patch
-from gsedit.objects.growth.relief import Relief
+from gsedit.objects.relief import Relief
 from gsedit.scene.neighbors import k_nearest
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.project import rotation_matrices

@@ -18,13 +18,13 @@ from gsedit.objects.growth.buried import buried, in_colors_of
 from gsedit.objects.growth.icicles import iced
 from gsedit.objects.growth.layer import Patch, covered, thickness
 from gsedit.objects.growth.puddles import level, water
-from gsedit.objects.growth.relief import relief_of
 from gsedit.objects.growth.spots import Site
 from gsedit.objects.growth.table import Growth, growth_of
 from gsedit.objects.growth.veil import unveiled
 from gsedit.objects.outcome import NEW, Outcome, check_finite
 from gsedit.objects.placing.stance import stance_of
 from gsedit.objects.placing.sun import Sun, sun_of
+from gsedit.objects.relief import relief_of
 from gsedit.scenery.setting import Setting
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution

@@ -18,8 +18,8 @@ from torch import Tensor
 from gsedit.cameras.around import cameras_of
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.objects.growth.layer import Patch, discs
-from gsedit.objects.growth.relief import FEWEST, without_specks
 from gsedit.objects.growth.table import Growth
+from gsedit.objects.relief import FEWEST, without_specks
 from gsedit.scene.color_space import srgb_of_linear
 from gsedit.scene.planes import refined_plane
 from gsedit.scene.similarity import Similarity

@@ -14,8 +14,9 @@ from torch import Tensor
 
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.light.place import Place
-from gsedit.objects.placing.heights import HeightMap, heights_from_above
+from gsedit.objects.placing.heights import heights_from_above
 from gsedit.objects.placing.stance import BASE, Stance, size_of
+from gsedit.objects.relief import Relief
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import render
@@ -59,7 +60,7 @@ class Ground:
     cameras: Sequence[Camera] = ()
     execution: Execution = AUTO
 
-    def map(self, center: Float[Tensor, "3"], radius: float, ceiling: float) -> HeightMap:
+    def map(self, center: Float[Tensor, "3"], radius: float, ceiling: float) -> Relief:
         """Its heights around a point."""
         up = self.place.up
         return heights_from_above(self.scene, center, radius, up, ceiling, self.execution)
@@ -83,9 +84,8 @@ def free_point(
     """
     up, size = ground.place.up, size_of(body)
     seen = ground.map(wish, radius, float(wish @ up) + 1.1 * stance.height)
-    if taken is not None:
-        seen = replace(seen, heights=seen.heights.masked_fill(seen.under(taken), torch.inf))
-    level, carried, into = _standing(body, stance, seen)
+    tops = seen.tops if taken is None else seen.tops.masked_fill(seen.under(taken), torch.inf)
+    level, carried, into = _standing(body, stance, seen, tops)
     centers = seen.camera.pixel_centers()[1::COARSE, 1::COARSE].double()
     points = seen.camera.unproject(centers, torch.ones_like(level))
     points = points + (level - points @ up)[..., None] * up
@@ -103,7 +103,7 @@ def free_point(
     if bool((shown > 0).any()):
         cost = cost + torch.where(shown > 0, UNSEEN * (1 - shown / shown.amax()), torch.inf)
     best, asked = int(cost.argmin()), int((away - (away @ up)[:, None] * up).norm(dim=-1).argmin())
-    near = float((away[asked] - (away[asked] @ up) * up).norm()) < COARSE * seen.cell
+    near = float((away[asked] - (away[asked] @ up) * up).norm()) < COARSE * seen.pixel
     return wish if near and cost[asked] < cost[best] + AS_GOOD else points[best]
 
 
@@ -121,13 +121,13 @@ def _on_the_way(
 
 
 def _standing(
-    body: Gaussians, stance: Stance, seen: HeightMap
+    body: Gaussians, stance: Stance, seen: Relief, tops: Float[Tensor, "y x"]
 ) -> tuple[Float[Tensor, "h w"], Float[Tensor, "h w"], Float[Tensor, "h w"]]:
     """The height on which an object comes to lie at each place, the share of its base that is
     carried there, and the share of its outline that is over something higher."""
-    highest = torch.nn.functional.max_pool2d(seen.heights[None, None], COARSE, COARSE)[0, 0]
-    away = (body.means.double() - stance.foot) @ seen.camera.rotation[:2].double().T
-    cells = (away / (COARSE * seen.cell)).round().long().clamp(-WIDEST, WIDEST)
+    highest = torch.nn.functional.max_pool2d(tops[None, None], COARSE, COARSE)[0, 0]
+    away = (body.means.double() - stance.foot) @ torch.stack((seen.right, seen.down)).T
+    cells = (away / (COARSE * seen.pixel)).round().long().clamp(-WIDEST, WIDEST)
     rise = (body.means.double() - stance.foot) @ stance.up
     low = rise <= BASE * stance.height
     shapes = [_shape(cells[low if bool(low.any()) else rise <= rise.median()]), _shape(cells)]

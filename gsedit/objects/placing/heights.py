@@ -5,17 +5,17 @@ Heights are world units along an upward unit vector. `n` Gaussians, `h w` cells.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.cameras.orbit import perpendicular
 from gsedit.light.place import Place
 from gsedit.light.shadows import parallel_map
+from gsedit.objects.relief import Relief
 from gsedit.scene.quantiles import weighted_quantile
-from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
@@ -29,35 +29,6 @@ MOST_ABOVE = 0.16
 """Largest standard deviation that counts for it, of the radius: wider ones are haze."""
 
 
-@dataclass(frozen=True, eq=False)
-class HeightMap:
-    """Places of what is seen from above at most `ceiling` high."""
-
-    camera: Camera
-    up: Float[Tensor, "3"]
-    points: Float[Tensor, "h w 3"]
-    """World points, float64; their heights are -inf where nothing is."""
-    heights: Float[Tensor, "h w"]
-
-    @property
-    def cell(self) -> float:
-        """Side of a cell, world units."""
-        return 1 / self.camera.fx
-
-    def cells_of(self, points: Float[Tensor, "m 3"]) -> tuple[Int[Tensor, " m"], Int[Tensor, " m"]]:
-        """Rows and columns of the cells that points are over; those beyond are at the border."""
-        xy, _ = self.camera.project(points.double())
-        rows, columns = xy[:, 1].long(), xy[:, 0].long()
-        height, width = self.heights.shape
-        return rows.clamp(0, height - 1), columns.clamp(0, width - 1)
-
-    def under(self, points: Float[Tensor, "m 3"]) -> Bool[Tensor, "h w"]:
-        """Flag the cells that points are over, and those next to them."""
-        flags = torch.zeros(self.heights.shape)
-        flags[self.cells_of(points)] = 1.0
-        return torch.nn.functional.max_pool2d(flags[None], 3, stride=1, padding=1)[0] > 0
-
-
 def heights_from_above(
     scene: Gaussians,
     center: Float[Tensor, "3"],
@@ -65,34 +36,32 @@ def heights_from_above(
     up: Float[Tensor, "3"],
     ceiling: float,
     execution: Execution = AUTO,
-) -> HeightMap:
+) -> Relief:
     """The heights of a scene around a point; what is above the ceiling is not there."""
     middle = center + (ceiling - 2 * radius - center @ up) * up  # the eye is at the ceiling
     place = Place(middle, up, perpendicular(up), 2 * radius, radius)
     below = scene.means.double() @ up <= ceiling
     seen = replace(scene, sh=scene.sh[:, :1])[below].detach()
     drawn = parallel_map(seen, place, up, CELLS, execution)
-    points = drawn.camera.unproject(drawn.camera.pixel_centers(), drawn.depth.double())
-    found = HeightMap(drawn.camera, up, points, _along(points, up))
-    lift = _lift(seen, found, radius)
-    return replace(found, points=points + lift * up, heights=found.heights + lift)
+    there = drawn.depth.isfinite()
+    depth = drawn.depth.double().masked_fill(~there, 0.0)
+    found = Relief(drawn.camera, drawn.camera.unproject(drawn.camera.pixel_centers(), depth), there)
+    return found.at(found.heights + _lift(seen, found, radius))
 
 
-def _lift(scene: Gaussians, seen: HeightMap, radius: float) -> float:
+def _lift(scene: Gaussians, seen: Relief, radius: float) -> float:
     """Height of what is seen in a map over the centers of its Gaussians."""
     points = scene.means.double()
     sizes = scene.log_scales.sort(-1).values[:, 1].exp().double()
     xy, _ = seen.camera.project(points)
-    near = ((xy >= 0) & (xy < CELLS)).all(-1)
-    shown = near & ((points @ seen.up - seen.heights[seen.cells_of(points)]).abs() < sizes / 2)
-    if not bool(shown.any()):
+    near = ((xy >= 0) & (xy < CELLS)).all(-1).nonzero().squeeze(-1)
+    column, row = xy[near].long().unbind(-1)
+    off = (points[near] @ seen.axis - seen.tops[row, column]).abs()
+    shown = near[off < sizes[near] / 2]
+    if not len(shown):
         return 0.0
     typical = weighted_quantile(sizes[shown, None], scene.opacities[shown].double(), 0.5)
     return SEEN_ABOVE * min(float(typical), MOST_ABOVE * radius)
-
-
-def _along(points: Float[Tensor, "h w 3"], up: Float[Tensor, "3"]) -> Float[Tensor, "h w"]:
-    return (points @ up).nan_to_num(-torch.inf, neginf=-torch.inf)
 
 
 OUTLINE_CELLS = 384

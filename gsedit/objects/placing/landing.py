@@ -13,9 +13,10 @@ from torch import Tensor
 
 from gsedit.light.place import Place
 from gsedit.objects.placing.free import RANK, Ground, free_point
-from gsedit.objects.placing.heights import HeightMap, heights_from_above
+from gsedit.objects.placing.heights import heights_from_above
 from gsedit.objects.placing.placement import Beside
 from gsedit.objects.placing.stance import BASE, STEP, Stance, carrier, map_around, size_of
+from gsedit.objects.relief import Relief
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
@@ -98,11 +99,10 @@ def top_of(other: Gaussians, up: Float[Tensor, "3"], execution: Execution = AUTO
     away = (points - middle).norm(dim=-1)
     radius = 1.1 * float(away.sort().values[int((1 - TAIL) * (len(away) - 1))]) + 1e-9
     seen = heights_from_above(other, middle, radius, up, ends + 0.1 * (ends - begins), execution)
-    shown = seen.heights.isfinite()
-    if not bool(shown.any()):
+    if not bool(seen.there.any()):
         return middle + (ends - middle @ up) * up
-    level = float(seen.heights[shown].median())
-    there = seen.points[shown & ((seen.heights - level).abs() <= BASE * (ends - begins))]
+    level = float(seen.heights[seen.there].median())
+    there = seen.points[seen.there & ((seen.heights - level).abs() <= BASE * (ends - begins))]
     point = (there.amin(0) + there.amax(0)) / 2
     return point + (level - point @ up) * up
 
@@ -111,7 +111,7 @@ def ground_near(ground: Ground, radius: float) -> Float[Tensor, "3"]:
     """The point under the middle of a place that is as high as most of what is level around it."""
     place = ground.place
     seen = ground.map(place.center, radius, float(place.center @ place.up) + radius)
-    flat = (_blocked(seen, STEEP * seen.cell) == 0) & seen.heights.isfinite()
+    flat = (_blocked(seen, STEEP * seen.pixel) == 0) & seen.there
     if not bool(flat.any()):
         return place.center
     heights = seen.heights[flat]
@@ -122,9 +122,9 @@ def ground_near(ground: Ground, radius: float) -> Float[Tensor, "3"]:
     return place.center + (level - place.center @ place.up) * place.up
 
 
-def _blocked(seen: HeightMap, step: float) -> Float[Tensor, "h w"]:
+def _blocked(seen: Relief, step: float) -> Float[Tensor, "h w"]:
     """1 for cells where the surface has a step, or there is none, else 0."""
-    filled = seen.heights.float().nan_to_num(neginf=-1e30)[None]
+    filled = seen.tops.float().nan_to_num(neginf=-1e30)[None]
     top = torch.nn.functional.max_pool2d(filled, 3, stride=1, padding=1)[0]
     bottom = -torch.nn.functional.max_pool2d(-filled, 3, stride=1, padding=1)[0]
     return (top - bottom > step).float()
@@ -142,7 +142,7 @@ def land(
     up = stance.up
     seen = map_around(body, rest, foot, up, ceiling, execution)
     at = _under(body, foot, stance, seen)
-    under = seen.heights[at]
+    under = seen.tops[at]
     there = under[under.isfinite()]
     if len(there) < CARRIED * int(at.sum()):
         return Landing(foot, up, False)
@@ -167,17 +167,17 @@ def carried(
     ceiling = float(stance.foot @ stance.up) + STEP * stance.height
     seen = map_around(body, rest, stance.foot, stance.up, ceiling, execution)
     at = _under(body, stance.foot, stance, seen)
-    off = (seen.heights[at] - stance.foot @ stance.up).abs()
+    off = (seen.tops[at] - stance.foot @ stance.up).abs()
     level = float((off <= BASE * stance.height).double().mean())
     top = float(stance.foot @ stance.up) + stance.height
     seen = map_around(body, rest, stance.foot, stance.up, top, execution)
-    others = seen.heights > stance.foot @ stance.up + BASE * stance.height
+    others = seen.tops > stance.foot @ stance.up + BASE * stance.height
     outline = seen.under(body.means)
     return level, float((outline & others).sum() / outline.sum().clamp_min(1))
 
 
 def _under(
-    body: Gaussians, foot: Float[Tensor, "3"], stance: Stance, seen: HeightMap
+    body: Gaussians, foot: Float[Tensor, "3"], stance: Stance, seen: Relief
 ) -> Bool[Tensor, "h w"]:
     """The cells under an object's base."""
     heights = (body.means.double() - foot) @ stance.up

@@ -10,7 +10,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.cameras.orbit import perpendicular
-from gsedit.objects.placing.heights import HeightMap, heights_from_above, reach
+from gsedit.objects.placing.heights import heights_from_above, reach
+from gsedit.objects.relief import Relief
 from gsedit.regions.support import Support, find_support
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
@@ -116,7 +117,7 @@ def map_around(
     up: Float[Tensor, "3"],
     ceiling: float,
     execution: Execution = AUTO,
-) -> HeightMap:
+) -> Relief:
     """The heights of the rest of a scene around an object."""
     away = body.means.double() - middle
     level = away - (away @ up)[:, None] * up
@@ -124,9 +125,9 @@ def map_around(
     return heights_from_above(rest, middle, radius + 1e-9, up, ceiling, execution)
 
 
-def carrier(body: Gaussians, seen: HeightMap, up: Float[Tensor, "3"]) -> Support | None:
+def carrier(body: Gaussians, seen: Relief, up: Float[Tensor, "3"]) -> Support | None:
     """The plane that carries an object among what is seen from above around it; None: no such."""
-    cells = seen.points[seen.heights.isfinite()].numpy()
+    cells = seen.points[seen.there].numpy()
     chosen = body.means[:: 1 + len(body) // MOST_POINTS].double().numpy()
     if len(cells) < 3:
         return None

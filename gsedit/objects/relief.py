@@ -1,4 +1,4 @@
-"""Surface of a part of a scene as it is seen along an axis: a map of heights, and its slopes.
+"""Surface of a scene or a part as it is seen along an axis: a map of heights, and its slopes.
 
 `h w` pixels; world units, float64. Heights are along the axis, towards the eye.
 """
@@ -69,6 +69,21 @@ class Relief:
     def heights(self) -> Float[Tensor, "h w"]:
         return self.points @ self.axis
 
+    @property
+    def tops(self) -> Float[Tensor, "h w"]:
+        """Heights, -inf where there is no surface."""
+        return self.heights.masked_fill(~self.there, -torch.inf)
+
+    def under(self, points: Float[Tensor, "m 3"]) -> Bool[Tensor, "h w"]:
+        """Flag the pixels that points are over, and those next to them; points beyond the map are
+        over its border."""
+        xy, _ = self.camera.project(points.double())
+        height, width = self.there.shape
+        flags = torch.zeros(height, width)
+        rows, columns = (xy[:, i].long().clamp(0, n - 1) for i, n in ((1, height), (0, width)))
+        flags[rows, columns] = 1.0
+        return torch.nn.functional.max_pool2d(flags[None], 3, stride=1, padding=1)[0] > 0
+
     def at(self, heights: Float[Tensor, "h w"]) -> Relief:
         """The map with other heights."""
         lifted = self.points + (heights - self.heights)[..., None] * self.axis
@@ -98,11 +113,11 @@ class Relief:
 
     def brinks(self, fall: float) -> Bool[Tensor, "h w"]:
         """Pixels of the surface next to which it ends, or falls by more than `fall`."""
-        heights = self.heights.masked_fill(~self.there, -torch.inf)
+        tops = self.tops
         lowest = -torch.nn.functional.max_pool2d(
-            torch.nn.functional.pad(-heights, (1, 1, 1, 1), value=torch.inf)[None, None], 3, 1
+            torch.nn.functional.pad(-tops, (1, 1, 1, 1), value=torch.inf)[None, None], 3, 1
         )[0, 0]
-        return self.there & (heights - lowest > max(fall, CLIFF * self.pixel))
+        return self.there & (tops - lowest > max(fall, CLIFF * self.pixel))
 
     def inner(self, pixels: int) -> Bool[Tensor, "h w"]:
         """The surface without what is near where it ends: slopes are not known there."""
