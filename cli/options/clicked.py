@@ -1,4 +1,4 @@
-"""A click in the place of a region: what is at a pixel of a view, as flags in a file."""
+"""Flags in a file in the place of a region: what is clicked, and what each step of an edit has."""
 
 from __future__ import annotations
 
@@ -57,3 +57,16 @@ def region_at(
             with suppress(OSError):
                 file.parent.rmdir()
             raise
+
+
+def own_region(values: Values, first: Path, scene: Path) -> Values:
+    """Return the settings of a step of an edit with its own flags of a saved selection.
+
+    `first` is the scene before all steps, that the region of the settings was saved for.
+    """
+    from gsedit.regions.saved import folder_of
+
+    region = Path(str(values.get(("region",), "")))
+    own = folder_of(scene) / region.name
+    is_saved = region.parent == folder_of(first) and own.is_file()
+    return {**values, ("region",): str(own)} if is_saved else values

@@ -23,7 +23,7 @@ from ..core.progress import progress, result_of
 from ..core.ranks import drain, is_first, ranks
 from ..options.cameras import ViewOptions, framed_alike, load_views
 from ..options.clicked import NAME as CLICKED
-from ..options.clicked import region_at
+from ..options.clicked import own_region, region_at
 from ..options.common import DropInvalid, Force, Scene, Seeded, load_scene
 from ..options.edit_checks import check_apart, check_click, check_condition, check_request
 from ..options.editing import (
@@ -218,14 +218,13 @@ def run_steps(asked: EditCommand, steps: Sequence[Words]) -> EditResult | None:
         if len(steps) > 1:
             print_message(f"edit {number} of {len(steps)}: {step.text}")
         now = replace(asked, scene=scene, instruction=step.text, folder=out, own=own)
-        now = replace(now, first_scene=asked.scene if last and kept else None)
+        known = own_region(asked.values, asked.scene, scene)
+        now = replace(now, values=known, first_scene=asked.scene if last and kept else None)
         if is_exact(step):
             asked.common.apply()
             load = partial(load_scene, scene, drop_invalid=own.drop_invalid)
             named = {**more, "scene": now.first_scene or scene}
-            result = run_routes(
-                scene, load, step, out, asked.views, asked.values, named, asked.masks
-            )
+            result = run_routes(scene, load, step, out, asked.views, now.values, named, asked.masks)
         else:
             result = run_pipeline(now)
         scene = out / "scene.ply"

@@ -20,6 +20,7 @@ from gsedit.editing.session.result import EditResult
 from gsedit.editing.session.settings import EditSettings
 from gsedit.editor_protocol import Editor
 from gsedit.editors import make_editor
+from gsedit.errors import UsageError
 from gsedit.mask_protocol import MaskProvider
 from gsedit.measures.features import FeatureExtractor
 from gsedit.words.read import read_instruction
@@ -45,15 +46,18 @@ def edit(
     editor, a strategy, features, or a setting other than `region` and `execution`, the 2D editor
     (`small` if none is given) draws all of it: see `edit_steps`.
     `masks` finds what sentences name ("the chair", gsedit.masks.registry); without it a noun alone
-    is the subject. Raises UsageError for a sentence that is refused.
+    is the subject. Raises UsageError for a sentence that is refused, and for masks where the 2D
+    editor draws all of it.
     """
     request: dict[str, Any] = {"dataset": dataset, "settings": settings, "features": features}
     request["generator"] = generator or torch.Generator().manual_seed(0)
     if editor or strategy or features or (settings and asks_editor_2d(settings)):
+        _refuse_masks(masks)
         return _drawn(scene, prompt, editor=editor, strategy=strategy, **request)
-    instruction = read_instruction(prompt)
-    result = None
-    for step in steps_of(instruction):
+    steps, result = steps_of(read_instruction(prompt)), None
+    if not any(map(is_exact, steps)):
+        _refuse_masks(masks)
+    for step in steps:
         now = scene if result is None else result.scene
         if is_exact(step):
             views = dataset or around(now)
@@ -63,6 +67,14 @@ def edit(
             result = _drawn(now, step.text, **request)
     assert result is not None  # a known instruction has changes
     return result
+
+
+def _refuse_masks(masks: MaskProvider | None) -> None:
+    if masks is not None:
+        raise UsageError(
+            "masks find what is changed on the Gaussians, and a 2D editor draws this: save what "
+            "gsedit.selecting.masks.find_masked finds, and name it by settings.region"
+        )
 
 
 def _drawn(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -256,6 +257,11 @@ def test_names_follow_each_step_of_a_sentence(monkeypatch, scene, photos, tmp_pa
     for folder in (out / "steps" / "1", out):
         assert np.load(folder / "scene.regions" / "hat.npy").tolist() == [False, True] + [False] * 3
     assert np.load(out / "region.npy").sum() == 1
+    words = ("make it impressionist and then paint it red", "--region", "hat")
+    done = gsedit("edit", scene, *words, "--data", photos, "-o", out, "-f")
+    assert done.exit_code == 0, done.stderr
+    region = json.loads((out / "edit.json").read_text())["settings"]["region"]
+    assert Path(region) == out / "steps" / "1" / "scene.regions" / "hat.npy"
 
 
 def test_resume_begins_where_nothing_was_kept(monkeypatch, scene, tmp_path):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import pytest
 import tiny_edits
@@ -13,6 +13,7 @@ from gsedit.datasets.viewpoints import viewpoints_of
 from gsedit.editing.routes.plan import steps_of
 from gsedit.editing.routes.result import routed_result
 from gsedit.editing.session.settings import EditSettings
+from gsedit.editors import make_editor
 from gsedit.errors import UsageError
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.words.instruction import Change, Instruction
@@ -54,6 +55,27 @@ def test_routes_take_turns_in_the_order_of_the_sentence(monkeypatch):
 def test_a_look_that_nothing_draws_is_told_and_not_what_stands_beside_it():
     with pytest.raises(gsedit.UsageError, match="look: cubist: small does not draw"):
         steps_of(read_instruction("remove the bear and make it cubist"))
+
+
+@dataclass(frozen=True)
+class Blank:
+    """Masks that are never asked for."""
+
+    name: str = "blank"
+
+    def check(self, phrase: str) -> None:
+        """A check that refuses nothing."""
+
+    def masks(self, pictures, phrase):
+        """Masks of nothing."""
+        raise AssertionError("masks were asked for")
+
+
+def test_masks_are_refused_where_a_2d_editor_draws():
+    given = {"dataset": tiny_edits.data(), "masks": Blank()}
+    for prompt, editor in (("make it impressionist", None), ("make it darker", make_editor())):
+        with pytest.raises(UsageError, match="a 2D editor draws this"):
+            gsedit.edit(tiny_edits.scene(), prompt, editor=editor, **given)
 
 
 def test_a_refused_sentence_is_an_error():
