@@ -21,6 +21,7 @@ from gsedit.regions.region import Region
 from gsedit.regions.support import extent_of
 from gsedit.scene.neighbors import k_nearest
 from gsedit.scene.quantiles import weighted_quantile
+from gsedit.selecting.layers import level_patches
 from gsedit.selecting.pieces import pieces
 from gsedit.selecting.segment import Segments, segment_surfaces
 from gsedit.selecting.surfaces import VIEW_PIXELS, VIEWS, Surfaces, look, looking_at
@@ -44,6 +45,8 @@ STRENGTH = 10.0
 """Weight of a neighbor's value in the random walker."""
 SEEDS = 0.1
 """Least part of a Gaussian in a click, of the one with the largest, that is a seed."""
+ABOVE = 3.0
+"""Height above a level patch from which something stands on it, of its roughness."""
 AROUND = 1.5
 """Distance from a further click that it changes, of the click's distance from the border of the
 selection: a person clicks in the middle of what is wrong."""
@@ -122,6 +125,7 @@ class Selector:
         inside = self._labels == label
         for click in clicks:
             if click is not first:
+                inside = self._without_support(inside, click, first)
                 inside = self._refined(inside, click)
         return self._region(inside, f"{row.kind} {row.number} at {_told(clicks)}")
 
@@ -231,6 +235,23 @@ class Selector:
         out = inside.copy()
         out[rows] = self._solved(rows, values, np.where(seed, SEED, PRIOR * away[rows] ** 4)) > 0.5
         return out
+
+    def _without_support(
+        self, inside: Bool[np.ndarray, " n"], click: Click, first: Click
+    ) -> Bool[np.ndarray, " n"]:
+        """The selection without the level patch that a click outside hits and what is below it,
+        where the first click is above: what was clicked stands on that."""
+        if click.inside:
+            return inside
+        points = self._surfaces.points
+        weights = self._seeds_of(click) * inside
+        first_at = np.average(points, axis=0, weights=self._seeds_of(first))[None]
+        for patch in level_patches(self._surfaces, inside):
+            hit = weights[patch.rows].sum() > 0.5 * weights.sum()
+            above = patch.heights(first_at) > ABOVE * patch.rough
+            if hit and above[0] and patch.over(first_at)[0]:
+                return inside & (patch.heights(points) > ABOVE * patch.rough)
+        return inside
 
     def _hit(
         self, inside: Bool[np.ndarray, " n"], click: Click, weights: Float64[np.ndarray, " n"]

@@ -12,6 +12,10 @@ from gsedit.errors import UsageError
 from gsedit.objects import Click, Selector, select_at
 from gsedit.regions.region import in_one_color
 from gsedit.selecting import surfaces
+from gsedit.synthetic.paint import plain
+from gsedit.synthetic.scene import SyntheticScene
+from gsedit.synthetic.shapes import box, cylinder, smooth_union, translate, union
+from gsedit.synthetic.splats import surface_gaussians
 from rasterizer import render
 from rasterizer.scene import concatenate
 
@@ -73,6 +77,23 @@ def test_a_click_inside_another_object_adds_it_and_one_outside_takes_it_away(roo
     assert iou(selector.at(without).inside, room.of("red ball")) > 0.9
 
 
+def test_a_click_outside_on_what_the_clicked_thing_grows_from_leaves_the_thing(room):
+    """A post and its base are one smooth thing: only the level top of the base is a border."""
+    base, post = box((0.35, 0.35, 0.12)), translate(box((0.1, 0.1, 0.2)), (0, 0, 0.25))
+    ground = translate(cylinder(1.5, 0.06), (0, 0, -0.18))
+    solid = union(ground, smooth_union(0.1, base, post))
+    up = room.cameras[0].rotation.new_tensor((0.0, 0.0, 1.0))
+    whole = SyntheticScene("post", solid, plain((0.5, 0.5, 0.5)), up, 1.7, up)
+    scene = surface_gaussians(whole, 3000, torch.Generator().manual_seed(0))
+    places = (0, 0, 0.3), (0.2, -0.35, -0.06), (0.25, -0.2, 0.12)
+    at = [room.cameras[0].project(up.new_tensor(each))[0].tolist() for each in places]
+    on_post, on_side, on_top = (Click(room.cameras[0], *each) for each in at)
+    selector, tall = Selector(scene, room.cameras), scene.means[:, 2]
+    assert iou(selector.at([on_post, on_side]).inside, tall > -0.1) > 0.9
+    found = selector.at([on_post, on_side, replace(on_top, inside=False)])
+    assert iou(found.inside, tall > 0.1) > 0.9
+
+
 def test_a_click_outside_beside_the_object_changes_nothing(room, selector):
     clicks = [click_on(room, "red ball")]
     after = selector.at([*clicks, click_on(room, "ground", inside=False)])
@@ -129,8 +150,8 @@ def shifted(camera, by):
 
 def test_a_box_takes_the_objects_that_are_in_it(room, selector):
     rows, columns = (shown(room, "blue block", room.cameras[0]) > 0.5).nonzero().T
-    box = columns.min() - 1, rows.min() - 1, columns.max() + 2, rows.max() + 2
-    found = selector.box(room.cameras[0], *(float(each) for each in box))
+    corners = columns.min() - 1, rows.min() - 1, columns.max() + 2, rows.max() + 2
+    found = selector.box(room.cameras[0], *(float(each) for each in corners))
     assert iou(found.inside, room.of("blue block")) > 0.9
 
 
