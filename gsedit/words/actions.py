@@ -172,7 +172,8 @@ def _refuse_others(found: list[Change | str]) -> None:
         if kinds & DENIALS:
             raise Refused("negation")
         then = text.startswith(LATER) and not DEFINITE & set(text.split())
-        if isinstance(before, Change) and not kinds & ASKS and not then:
+        bare = not (kinds & ASKS or then or _goes_on(before, text))
+        if isinstance(before, Change) and bare:
             raise Refused("negation")  # "remove the bear and the fog"
 
 

@@ -82,6 +82,14 @@ def _removed(said: Said) -> Change | None:
     return _changed("remove", said)
 
 
+def _unwanted(said: Said) -> Change | None:
+    """What somebody does not want there; None for what must only not be done with it there."""
+    *words, last = scanned(said["x"])
+    done = last.text.endswith(("ed", "ing", "en", "wn"))  # "the bear moved here"
+    named = any(word.kind in ("subject", "unknown") for word in words)
+    return None if done or named else _removed(said)
+
+
 def _isolated(said: Said) -> Change | None:
     """All but an object removed: "remove everything but the bear"."""
     phrase = object_phrase(said.get("x") or IT)
@@ -219,6 +227,9 @@ PATTERNS = (
         "{X} (?:should|must|has to|have to|needs to|need to) (?:go|go away|disappear|vanish"
         "|be gone|be removed|be deleted|be erased){SCENE}",
         "the (?:scene|picture|image|same) without {X}",
+    ),
+    *_rows(
+        _unwanted,
         "(?:i )?do not (?:want|need) {X} (?:(?:in )?(?:there|here)(?: any ?more)?|any ?more)",
     ),
     *_rows(

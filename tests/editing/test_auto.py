@@ -67,7 +67,7 @@ class Blank:
         """A check that refuses nothing."""
 
     def masks(self, pictures, phrase):
-        """Masks of nothing."""
+        """No masks of these pictures."""
         raise AssertionError("masks were asked for")
 
 

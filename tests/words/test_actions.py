@@ -53,6 +53,7 @@ def test_a_negation_around_any_action_keeps_it_from_being_done(frame):
          [("the red ball", "blue"), ("the red ball", "scale")]),
         ("rotat the bear by 90 degrees and make it biger",
          [("the bear", "turn"), ("the bear", "scale")]),
+        ("make it bigger and red", [("it", "scale"), ("", "red")]),
         ("spin it around so it faces the other way", [("it", "turn")]),
         ("I don't want the vase here anymore", [("the vase", "remove")]),
     ],
@@ -82,7 +83,16 @@ def test_a_refusal_says_what_can_be_done_instead(sentence, told):
     assert told in read.why
 
 
-@pytest.mark.parametrize("sentence", ["I don't want the bear altered here", "undo the blue tint"])
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "I don't want the bear altered here",
+        "undo the blue tint",
+        "I don't want the bear moved here",
+        "I don't want the red one shown there",
+        "I don't want the bear standing there anymore",
+    ],
+)
 def test_words_like_those_of_an_action_remove_nothing(sentence):
     assert all(each.name != "remove" for each in read_instruction(sentence).changes)
 
