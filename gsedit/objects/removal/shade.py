@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.ndimage import median_filter
 
 from gsedit.objects.removal.cells import away_from, mean_around, opened, touching, widened
 from gsedit.objects.removal.complete import complete
@@ -90,10 +91,25 @@ def find_shade(
     shadow = touching(dark, source)
     if not shadow.any() or not _cast(light, shadow, known & ~shadow):
         return none
+    light = _sharp(picture, usual, known, light, sigma)
     light = np.where(shadow[..., None], light.clip(0.05, 1.0), 1.0)
     fading = mean_around(light, seen, sigma / 2).clip(0.05, 1.0)
     deep = shadow & (fading.mean(-1) < DEEP)
     return Shade(np.where(known[..., None], fading, 1.0), deep)
+
+
+def _sharp(
+    picture: Float[np.ndarray, "h w 3"],
+    usual: Float[np.ndarray, "h w 3"],
+    known: Bool[np.ndarray, "h w"],
+    light: Float[np.ndarray, "h w 3"],
+    sigma: float,
+) -> Float[np.ndarray, "h w 3"]:
+    """Light with the edges of shadows: medians keep them, means do not."""
+    seen = known.astype(np.float64)
+    ratio = mean_around(picture, seen, 1.0) / np.maximum(mean_around(usual, seen, 1.0), 1e-3)
+    width = 2 * round(sigma) + 1
+    return median_filter(np.where(known[..., None], ratio, light), (width, width, 1))
 
 
 def _cast(
