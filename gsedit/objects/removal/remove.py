@@ -19,9 +19,9 @@ from gsedit.datasets.dataset import evenly_spaced
 from gsedit.errors import UsageError
 from gsedit.objects.outcome import NEW, Outcome, check_finite
 from gsedit.objects.removal.backdrop import backdrop, find_gap
+from gsedit.objects.removal.cells import widened
 from gsedit.objects.removal.draw import Draw
 from gsedit.objects.removal.fill import filled
-from gsedit.objects.removal.resting import resting_on
 from gsedit.objects.removal.shade import find_shade
 from gsedit.objects.removal.sheet import Sheet
 from gsedit.objects.removal.sight import (
@@ -36,6 +36,7 @@ from gsedit.objects.removal.strays import AROUND, strays
 from gsedit.objects.removal.tidy import core_of, tidied
 from gsedit.objects.removal.uncover import Object, find_sheet, standing
 from gsedit.objects.removal.walls import SMALLEST, Plane, find_planes
+from gsedit.regions.resting import resting_on
 from gsedit.regions.support import extent_of
 from gsedit.scene.neighbors import k_nearest
 from gsedit.surface.normals import shortest_axes
@@ -57,6 +58,9 @@ TALL = 2.5
 """
 LEAST_GUESS = 0.01
 """Share of what the object hid that is worth a word where nobody saw it."""
+CONTACT, TOUCHED = 3, 0.95
+"""Width around a hole, cells, that is made up, too, where less than such a share of the light is
+left: close to the contact shadows are steeper than they can be told."""
 MOST_GAPS = 3
 """Views in which what lies on no plane is continued."""
 
@@ -175,7 +179,7 @@ class _Left:
 
 
 def _lit(left: _Left, sheet: Sheet, plane: Plane, extent: float) -> tuple[_Left, Sheet]:
-    """Take the object's shadow off a plane; what it blackened becomes part of the hole."""
+    """Take the object's shadow off a plane; what it blackened, and its contact, join the hole."""
     reach = extent / sheet.cell
     points = left.rest.means.numpy()
     cell = sheet.at(points)
@@ -188,7 +192,8 @@ def _lit(left: _Left, sheet: Sheet, plane: Plane, extent: float) -> tuple[_Left,
     sh[dark] = sh[dark] / light[dark]
     sh[dark, :1] += 0.5 / SH_DC * (1 / light[dark] - 1)
     values = sheet.values / np.tile(shade.light, sheet.values.shape[-1] // 3)
-    hole = sheet.hole | (shade.deep & sheet.known)
+    contact = widened(sheet.hole, CONTACT) & (shade.light.min(-1) < TOUCHED)
+    hole = sheet.hole | ((shade.deep | contact) & sheet.known)
     sheet = replace(sheet, values=values, known=sheet.known & ~hole, hole=hole)
     return replace(left, changed=left.changed | dark, rest=replace(left.rest, sh=sh)), sheet
 
