@@ -39,7 +39,7 @@ VIEWS, VIEW_PIXELS = 64, 48
 hold more than SH of degree 3 can show, which would be noise."""
 WAVER = 3.0
 """Distance from the plane, in pixels, up to which ground is level with it."""
-HEAD_ON, GRAZING = 0.55, 3.0
+HEAD_ON, GRAZING = 0.8, 3.0
 """Share that water mirrors seen from above, more than physics' 0.02 as a puddle is looked at for
 that; and the power of 1 - cosine that takes it to 1 at grazing angles."""
 NEAR = 0.02

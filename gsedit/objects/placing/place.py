@@ -99,6 +99,8 @@ CROWDED = 0.05
 """Share of an object's outline over something that rises beside its foot, from which it is told."""
 LEVEL = 0.01
 """Way up or down to the surface, of an object's height, from which it is told."""
+FEW_SEE = 0.2
+"""Share of the cameras with an object in their pictures, below which it is told."""
 OVER_EDGE = 0.7
 """Share of its base that is carried, below which it is told."""
 
@@ -106,7 +108,7 @@ OVER_EDGE = 0.7
 def notes_of(motion: Motion, body: Gaussians, ground: Ground) -> tuple[str, ...]:
     """Remarks for a person on how an object stands in the rest of a scene."""
     stance, landing = motion.stance, motion.landing
-    notes = _near_cameras(body, stance.up, ground.cameras)
+    notes = _to_cameras(body, stance.up, ground.cameras)
     if landing is not None and not landing.found:
         return (*notes, "nothing is under its new place: it stays at the height that it had")
     if not stance.stands:
@@ -127,10 +129,20 @@ def notes_of(motion: Motion, body: Gaussians, ground: Ground) -> tuple[str, ...]
     return tuple(notes)
 
 
-def _near_cameras(body: Gaussians, up: Float[Tensor, "3"], cameras: Sequence[Camera]) -> list[str]:
-    """A remark where cameras are as near to the middle of an object as its ends are, or nothing."""
+def _to_cameras(body: Gaussians, up: Float[Tensor, "3"], cameras: Sequence[Camera]) -> list[str]:
+    """Remarks where cameras are as near to the middle of an object as its ends are, and where few
+    have it in their pictures."""
     middle, radius = middle_of(body, up), size_of(body) / 2
-    count = sum(float((camera.center - middle).norm()) < radius for camera in cameras)
-    if not count:
-        return []
-    return [f"{count} of {len(cameras)} cameras are in it or close: look at it from farther away"]
+    near, seeing = 0, 0
+    for camera in cameras:
+        (x, y), z = camera.project(middle)
+        near += float((camera.center - middle).norm()) < radius
+        seeing += bool(z > 0 and 0 < x < camera.width and 0 < y < camera.height)
+    notes = list[str]()
+    if near:
+        told = f"{near} of {len(cameras)} cameras are in it or close"
+        notes.append(f"{told}: look at it from farther away")
+    if seeing < FEW_SEE * len(cameras):
+        told = f"{seeing} of {len(cameras)} cameras have it in their pictures"
+        notes.append(f"{told}: look at it from elsewhere, or say another place")
+    return notes
