@@ -14,7 +14,7 @@ from difflib import get_close_matches
 from gsedit.words.chosen import parted
 from gsedit.words.deeds import change_of
 from gsedit.words.instruction import Change
-from gsedit.words.phrases import DEFINITE, IT, object_phrase
+from gsedit.words.phrases import DEFINITE, IT, PRONOUNS, object_phrase
 from gsedit.words.places import side_of
 from gsedit.words.refusals import Refused
 from gsedit.words.scan import scanned
@@ -47,6 +47,8 @@ QUALITIES = frozenset(
      "conj", "mark", "fill", "number", "unit", "hue")
 )  # fmt: skip
 """Kinds of words that say what something becomes, without a verb or a thing."""
+OTHERS = frozenset(("background", "ground", "place", "rest", "scene"))
+"""Kinds of words for what is not the subject."""
 ASKS = frozenset(("do", "wish", "be", "up", "down", "turn", "touch"))
 """Kinds of words of which a look that follows an action must have one."""
 SPELT = (
@@ -141,6 +143,8 @@ def _action(clause: Clause, found: list[Change | str]) -> Change | None:
         kinds = {word.kind for word in scanned(before)}
         if "noun" in kinds or not kinds & ASKS - {"be"} or change.name == "remove":
             return None  # "the brightness is bad, move it up"; "there is snow on it, remove it"
+        if kinds & OTHERS and not PRONOUNS & set(clause.text.split()):
+            return None  # "make the ground darker and bigger"
     if change is None and isinstance(before, Change) and before.name == "remove":
         phrase = object_phrase(clause.text)  # "remove the bear and the table"
         return replace(before, phrase=phrase) if phrase not in (None, IT) else None

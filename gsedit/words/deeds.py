@@ -83,7 +83,7 @@ def _removed(said: Said) -> Change | None:
 
 
 def _unwanted(said: Said) -> Change | None:
-    """What somebody does not want there; None for what must only not be done with it there."""
+    """A removal of what nobody wants there; None for what must only not be done with it there."""
     *words, last = scanned(said["x"])
     done = last.text.endswith(("ed", "ing", "en", "wn"))  # "the bear moved here"
     named = any(word.kind in ("subject", "unknown") for word in words)

@@ -73,6 +73,7 @@ def test_what_follows_a_removal_is_said_of_the_scene():
     ("sentence", "told"),
     [
         ("remove the ice from the bear and paint it blue", "--at"), ("remove the slab", "--at"),
+        ("make the ground darker and bigger", "reshape"), ("make the sky blue", "--region"),
         ("undo", "nothing is overwritten"), ("undo the last edit", "nothing is overwritten"),
         ("remove everything", "leaves no scene"), ("please delete all of it.", "leaves no scene"),
     ],
