@@ -62,7 +62,7 @@ ODD = (
     (r"\bunless\b|\b(?:would|might) be too\b|\bbut not (?:on|near|around)\b", "negation"),
     (r"\b(?:layer|coat|blanket) of .*\b(?:but|except)\b", "negation"),
     (r"\b(?:dust|shake|wipe|blow|knock|sweep)(?: \w+)? off\b|\bwipe the slate\b", "negation"),
-    (r"\b(?:make|paint|turn|color|dye) (?:the|this|that) sky blue(?= and\b| then\b|[,;.!]|$)", "part"),
+    (r"\b(?:make|paint|turn|color|dye) the sky blue(?= and\b| then\b|[,;.!]|$)", "part"),
     (r"\bcolors (?:but|except|other than|apart from)\b|\breplace the color\b", "part"),
     (r"\bgrow (?:some )?(?:grass|flowers|hair|fur|trees|plants|mushrooms|ivy|vines)\b", "geometry"),
     (r"\b(?:second|third|another|two|three) (?:sun|moon)s?\b", "geometry"),
