@@ -34,9 +34,8 @@ demo: setup
 
 # Up to four files of tests at a time, a thread each: two processes of two threads stall each other.
 # (numba, which gsply imports in tests, would set OpenMP's threads to all processors.)
-# Bytecode is kept: every process of a test would compile the tree anew.
 test: setup
-	PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
 check: docs
 	$(BIN)/ruff check .

@@ -1,11 +1,17 @@
-"""Cheaper checks of shapes, set before anything is imported; a quick search for views."""
+"""Cheaper checks of shapes and kept bytecode, set before anything is imported; a quick search for
+views."""
 
 from __future__ import annotations
+
+import os
+import sys
 
 import jaxtyping
 import pytest
 from shape_checks import checked
 
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # every process of a test would compile the tree
+sys.dont_write_bytecode = False
 pytest.MonkeyPatch().setattr(jaxtyping, "jaxtyped", checked)
 
 
