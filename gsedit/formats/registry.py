@@ -39,6 +39,7 @@ class Format:
 
 
 MESHES = (".obj", ".stl", ".off")
+USD = (".usda", ".usdc", ".usd", ".usdz")
 FORMATS = (
     Format(".ply", "ply.inria", max_degree=4, keeps=frozenset(("extra", "elements", "comments"))),
     Format(".compressed.ply", "ply.compressed"),
@@ -49,6 +50,10 @@ FORMATS = (
     Format(".ksplat", "ksplat", writes=False),
     Format(".glb", "gltf.file"),
     Format(".gltf", "gltf.file", writes=False),
+    *(
+        Format(suffix, "usd.file", max_degree=4, keeps=frozenset(("comments", "antialiased")))
+        for suffix in USD
+    ),
     Format(
         ".npz",
         "npz",

@@ -1,0 +1,1 @@
+"""OpenUSD's ParticleField3DGaussianSplat: text by gsedit itself, binary files by usd-core."""

@@ -1,0 +1,99 @@
+"""usd-core, in a child process: it reads files of strangers in C++ and can crash on damaged ones.
+
+The child's memory and the bytes that it writes are bounded by the size of the file.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import weakref
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+
+import gsedit
+from gsedit.errors import GseditError, InputError, UsageError
+from gsedit.formats.limits import ALWAYS_BYTES
+
+_EXPANSION = 128
+"""Bytes of text for a byte of a binary file: lists of equal numbers are packed well."""
+_MEMORY = 1 << 31
+"""Bytes of address space that the child may take beside what its files explain: the library
+itself maps 0.4 GB."""
+_SECONDS = 60
+"""CPU seconds that the child may take, and as many for every 10 MB."""
+INSTALL = "pip install 'gsedit[usd]' (Python 3.11 or newer)"
+
+
+class Scratch:
+    """A file in a folder of its own, removed with the last who holds it."""
+
+    def __init__(self, name: str) -> None:
+        folder = Path(tempfile.mkdtemp(prefix="gsedit-usd-"))
+        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        self.path = folder / name
+
+    def __fspath__(self) -> str:
+        return str(self.path)
+
+    __str__ = __fspath__
+
+
+def flattened(path: Path, why: str) -> Scratch:
+    """The layer that a USD file and those it names come to, as a .usda.
+
+    Raises UsageError without usd-core, InputError for a file that it cannot read.
+    """
+    _check_installed(f"{path}: {why}, and")
+    scratch = Scratch("flat.usda")
+    size = path.stat().st_size
+    reason = _run("flatten", path, scratch.path, size, max(ALWAYS_BYTES, _EXPANSION * size))
+    if reason is not None:
+        raise InputError(f"{path} cannot be read as USD ({reason}): export it again")
+    return scratch
+
+
+@contextmanager
+def packed(path: Path) -> Iterator[Path]:
+    """Yield where to write a .usda; afterwards it is packed into `path`, by its suffix.
+
+    Raises UsageError without usd-core, GseditError where the library fails.
+    """
+    _check_installed(f"{path}:")
+    folder = Path(tempfile.mkdtemp(prefix=".gs-usd-", dir=path.parent))
+    try:
+        text = folder / "Splats.usda"
+        yield text
+        if text.exists():
+            size = text.stat().st_size
+            reason = _run("pack", text, path, size, ALWAYS_BYTES + size)
+            if reason is not None:
+                raise GseditError(f"{path} could not be written ({reason}): write .usda instead")
+    finally:
+        shutil.rmtree(folder)
+
+
+def _check_installed(start: str) -> None:
+    if find_spec("pxr") is None:
+        raise UsageError(f"{start} this needs usd-core, .usda does not: {INSTALL}")
+
+
+def _run(task: str, source: Path, target: Path, size: int, written: int) -> str | None:
+    """Run a task of `child.py`; what went wrong, as one line, or None."""
+    limits = (_MEMORY + 32 * size + written, written, _SECONDS * (1 + size // 10**7))
+    done = subprocess.run(
+        [sys.executable, "-m", "gsedit.formats.usd.child", task, str(source.absolute()),
+         str(target.absolute()), *map(str, limits)],
+        stdin=subprocess.DEVNULL, capture_output=True, check=False,
+        cwd=Path(gsedit.__file__).parents[1],  # not where a stranger's pxr.py may lie
+        env={**os.environ, "PXR_WORK_THREAD_LIMIT": "1"},
+    )  # fmt: skip
+    if done.returncode == 0 and target.exists():
+        return None
+    told = done.stdout.decode("utf-8", "replace").strip().splitlines()
+    return told[-1][:200] if told and done.returncode == 1 else "usd-core ended on it"

@@ -1,0 +1,65 @@
+"""The unit of length and the axis that is up, which a USD stage states and other formats keep as
+comments: `metersPerUnit 0.01`, `upAxis Z`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+
+from gsedit.formats.axes import RUB
+from gsedit.formats.usd.text import Prim
+
+_METERS, _UP = "metersPerUnit", "upAxis"
+_AXES = {"Y": RUB, "Z": "RFU"}
+"""Axes of a stage by the one that is up: x is right; what is up decides which one is front."""
+
+
+@dataclass(frozen=True)
+class Units:
+    """Facts that a stage states about its space."""
+
+    meters: float = 1.0
+    """Meters in a unit of length; a scene that does not tell counts as one in meters."""
+    up: str = "Y"
+
+    @property
+    def axes(self) -> str:
+        """Name of the axes for `gsedit.formats.axes`."""
+        return _AXES[self.up]
+
+    @property
+    def comments(self) -> tuple[str, ...]:
+        """Comments that say what is not as usual."""
+        meters = (f"{_METERS} {self.meters:.9g}",) if self.meters != 1 else ()
+        return meters + ((f"{_UP} {self.up}",) if self.up != "Y" else ())
+
+
+def units_of(layer: Prim) -> Units:
+    """The units that a layer states; X as the axis that is up is no more in USD."""
+    meters, up = layer.metadata.get(_METERS, 1.0), layer.metadata.get(_UP, "Y")
+    known = isinstance(meters, float) and isfinite(meters) and meters > 0
+    return Units(meters if known else 1.0, up if up in ("Y", "Z") else "Y")
+
+
+def units_in(comments: Sequence[str]) -> tuple[Units, list[str]]:
+    """The units that comments state, and the other comments."""
+    meters, up, others = 1.0, "Y", []
+    for comment in comments:
+        name, _, value = comment.partition(" ")
+        if name == _METERS and _number(value) > 0:
+            meters = _number(value)
+        elif name == _UP and value in _AXES:
+            up = value
+        else:
+            others.append(comment)
+    return Units(meters, up), others
+
+
+def _number(text: str) -> float:
+    """A finite number; 0 for any other text."""
+    try:
+        value = float(text)
+    except ValueError:
+        return 0.0
+    return value if isfinite(value) else 0.0
