@@ -226,7 +226,7 @@ class Subject:
     inner: Damage | None = None
     """Damage below what checksums and brackets protect."""
     share: float = 1.0
-    """Of the times that are asked for: a child process reads some formats, half a second each."""
+    """Part of the times that are asked for: half a second each, where a child process reads."""
 
 
 def _write(path: Path, table: SplatTable, version: int = 3) -> None:

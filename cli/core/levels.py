@@ -9,10 +9,16 @@ from typing import TYPE_CHECKING, Any
 from .console import print_message
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from gsedit.formats.streams import SceneHeader
     from gsedit.scene.table import SplatTable
 
     from ..options.files import FileOptions
+
+
+STREAMED = "streamed"
+"""Word for streamed SOG, which is a folder and not a suffix."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +28,7 @@ class Levels:
     count: int
     share: float
     suffix: str
-    """Format of the files, without the point."""
+    """Format of the files, without the point; or STREAMED."""
     measure: bool
 
     def write(
@@ -38,26 +44,53 @@ class Levels:
         from gsedit.runs.json_lines import write_record
         from gsedit.toolkit.decimate import lod_tables
 
+        if self.suffix == STREAMED:
+            return self.stream(header, table, folder, force)
         written = []
         for level, each in enumerate(lod_tables(table, self.count, self.share)):
             file = folder / f"{stem(scene)}_lod{level}.{self.suffix}"
             record = write_level(file, header, each, files, force)
-            if self.measure and level > 0:
-                from gsedit.toolkit.picture_change import picture_change
-
-                record["psnr"] = round(picture_change(table, each), 2)
-            change = f", {record['psnr']} dB" if "psnr" in record else ""
-            print_message(f"{file}: {len(each):,} Gaussians{change}")
-            written.append(record)
+            written.append(self.told(record, str(file), level, table, each))
         write_record({"levels": written}, folder / "lod.json", overwrite=force)
         return written
+
+    def stream(
+        self, header: SceneHeader, table: SplatTable, folder: Path, force: bool
+    ) -> list[dict[str, Any]]:
+        """Write the levels as one streamed SOG; return a record of each."""
+        from gsedit.formats.sog.levels import write_streamed
+        from gsedit.toolkit.decimate import lod_tables
+        from gsedit.toolkit.reduce_sh import ReduceSH
+
+        written = []
+
+        def levels() -> Iterator[SplatTable]:
+            for level, each in enumerate(lod_tables(table, self.count, self.share)):
+                yield ReduceSH(3).apply(each)
+                record = {"level": level, "gaussians": len(each)}
+                written.append(self.told(record, f"{folder}: level {level}", level, table, each))
+
+        write_streamed(folder, levels(), antialiased=header.antialiased, overwrite=force)
+        return written
+
+    def told(
+        self, record: dict[str, Any], name: str, level: int, table: SplatTable, each: SplatTable
+    ) -> dict[str, Any]:
+        """Return the record with how much pictures change, and print it."""
+        if self.measure and level > 0:
+            from gsedit.toolkit.picture_change import picture_change
+
+            record["psnr"] = round(picture_change(table, each), 2)
+        change = f", {record['psnr']} dB" if "psnr" in record else ""
+        print_message(f"{name}: {len(each):,} Gaussians{change}")
+        return record
 
 
 def stem(scene: Path) -> str:
     """Return the name of a scene without its suffix."""
-    from gsedit.formats.registry import READABLE
+    from gsedit.formats.registry import INDICES, READABLE
 
-    if scene.name == "meta.json":  # in the folder of a SOG scene
+    if scene.name in INDICES:
         return scene.absolute().parent.name
     fitting = [suffix for suffix in READABLE if scene.name.lower().endswith(suffix)]
     return scene.name[: -len(max(fitting, key=len, default="")) or None] or "scene"

@@ -40,12 +40,15 @@ class Format:
 
 MESHES = (".obj", ".stl", ".off")
 USD = (".usda", ".usdc", ".usd", ".usdz")
+INDICES = ("meta.json", "lod-meta.json")
+"""Names of files that stand for their folder: those of SOG."""
 FORMATS = (
     Format(".ply", "ply.inria", max_degree=4, keeps=frozenset(("extra", "elements", "comments"))),
     Format(".compressed.ply", "ply.compressed"),
     Format(".spz", "spz.file", max_degree=4, keeps=frozenset(("antialiased",))),
     Format(".sog", "sog.file", keeps=frozenset(("antialiased",))),
     Format("meta.json", "sog.file", writes=False),
+    Format("lod-meta.json", "sog.streamed", writes=False),
     Format(".splat", "splat", max_degree=0),
     Format(".ksplat", "ksplat", writes=False),
     Format(".glb", "gltf.file"),
@@ -73,8 +76,7 @@ def open_scene(path: str | Path, options: ReadOptions = AS_SPECIFIED) -> SceneSo
     Raises UsageError for another suffix, InputError for a file that is not what it should be.
     """
     path = Path(path)
-    if (path / "meta.json").is_file():  # the folder of a SOG scene
-        path = path / "meta.json"
+    path = in_folder(path)
     existing_file(path)  # before the suffix: that the file is missing is the more useful message
     format = _format(path)
     if format is None or not format.reads:
@@ -85,6 +87,11 @@ def open_scene(path: str | Path, options: ReadOptions = AS_SPECIFIED) -> SceneSo
     elif name == "gltf.file":
         name = _gltf_kind(path)
     return import_module(f"gsedit.formats.{name}").open_source(path, options)
+
+
+def in_folder(path: Path) -> Path:
+    """The index of a SOG scene, streamed or not, whose folder is given; else the path itself."""
+    return next((path / name for name in INDICES if (path / name).is_file()), path)
 
 
 def writable_format(path: str | Path) -> Format:

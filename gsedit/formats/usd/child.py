@@ -34,7 +34,7 @@ def limit(memory: int, written: int, seconds: int) -> None:
 
 def flatten(source: Path, target: Path) -> None:
     """Write the stage of a file as one .usda. Raises InputError for names outside its folder."""
-    from pxr import Sdf, Usd
+    from pxr import Sdf, Usd  # pyright: ignore[reportMissingImports]
 
     check_layers(Sdf, source)
     stage = Usd.Stage.Open(str(source))
@@ -55,6 +55,8 @@ def check_layers(sdf: Any, source: Path) -> None:
                 raise InputError("a name of another layer is an expression")
             safe_name(name.replace("[", "/").replace("]", ""), "another layer")
             full = sdf.ComputeAssetPathRelativeToLayer(layer, name)
+            if not Path(full).is_absolute():
+                raise InputError(f"the layer {name[:80]} that it names is missing")
             file = (_IN_PACKAGE.match(full) or {"file": full})["file"]
             file_inside(source.parent, str(Path(file).absolute()), "another layer")
             if full not in seen:
@@ -79,7 +81,7 @@ def _refuse_clips(layer: Any) -> None:
 
 def pack(source: Path, target: Path) -> None:
     """Write a .usda as .usdc, or as .usdz with it inside."""
-    from pxr import Sdf, UsdUtils
+    from pxr import Sdf, UsdUtils  # pyright: ignore[reportMissingImports]
 
     is_zip = target.suffix.lower() == ".usdz"
     binary = source.with_suffix(".usdc") if is_zip else target

@@ -9,47 +9,35 @@ Source: OpenUSD 26.11, the schemas of UsdVol; openusd.org.
 
 from __future__ import annotations
 
-import json
-import shutil
-import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float32
 
 from gsedit.errors import InputError
-from gsedit.formats.axes import from_axes, to_axes
+from gsedit.formats.axes import from_axes
 from gsedit.formats.quantised import LOGIT_MAX, log_scales_of, logits_of
 from gsedit.formats.streams import (
     AT_ONCE,
-    PROGRAM,
     Blocks,
     ReadOptions,
     SceneHeader,
     SceneSource,
     WriteOptions,
 )
-from gsedit.formats.usd.library import flattened, packed
-from gsedit.formats.usd.numbers import write_rows
-from gsedit.formats.usd.stage import COEFFICIENTS, DEGREE, SCHEMA, Found, Splats, find_splats
+from gsedit.formats.usd.library import Scratch, flattened, packed
+from gsedit.formats.usd.stage import COEFFICIENTS, SCHEMA, Found, Splats, find_splats
 from gsedit.formats.usd.text import MAGIC, NeedsLibrary, Prim, read_layer
-from gsedit.formats.usd.units import Units, units_in, units_of
+from gsedit.formats.usd.units import Units, units_of
+from gsedit.formats.usd.writing import write_text
 from gsedit.scene.similarity import IDENTITY
 from gsedit.scene.table import SplatTable
 
-_REACH = 3
-"""Standard deviations that the extent holds: 99.7 % of a Gaussian along an axis, as the schema's
-kernel is described."""
 _BINARY = (b"PXR-USDC", b"PK\3\4")
 """Beginnings of a binary layer and of a package."""
-_KINDS = {
-    "positions": "point3f[]", "orientations": "quatf[]", "scales": "float3[]",
-    "opacities": "float[]", COEFFICIENTS: "float3[]",
-}  # fmt: skip
 
 
 def open_source(path: Path, options: ReadOptions) -> SceneSource:
@@ -80,7 +68,8 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
             f"{path} has no {SCHEMA} that is to be seen: export splats with that schema"
         )
     about = _about(layer)
-    comments = [c for c in about.get("comments", []) if isinstance(c, str)]
+    kept = about.get("comments")
+    comments = [c for c in kept if isinstance(c, str)] if isinstance(kept, list) else []
     header = SceneHeader(
         max(each.degree for each in found.splats),
         comments=(*comments, *units.comments),
@@ -96,17 +85,16 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
     )
 
 
-def _named(error: InputError, text: Path | Any, path: Path) -> InputError:
+def _named(error: InputError, text: Path | Scratch, path: Path) -> InputError:
     """The error with the name of the file that was given."""
     return InputError(str(error).replace(str(text), str(path)))
 
 
 def _about(layer: Prim) -> dict[str, Any]:
-    """What gsedit noted in a layer that it wrote."""
+    """Facts beside the splats that gsedit's writer noted: comments, antialiased."""
     custom = layer.metadata.get("customLayerData")
     about = custom.get("gsedit") if isinstance(custom, dict) else None
-    about = about if isinstance(about, dict) else {}
-    return about | {"comments": about.get("comments") if isinstance(about.get("comments"), list) else []}
+    return about if isinstance(about, dict) else {}
 
 
 def _notes(found: Found, units: Units) -> Iterator[str]:
@@ -120,7 +108,7 @@ def _notes(found: Found, units: Units) -> Iterator[str]:
         yield f"a unit is {units.meters:g} m: numbers stay as they are"
 
 
-def _blocks(text: Any, splats: tuple[Splats, ...], units: Units, path: Path) -> Blocks:
+def _blocks(text: Path | Scratch, splats: tuple[Splats, ...], units: Units, path: Path) -> Blocks:
     """All rows; holds `text`, so that what is temporary stays until the last was read."""
     k = (max(each.degree for each in splats) + 1) ** 2
     for part in splats:
@@ -128,7 +116,8 @@ def _blocks(text: Any, splats: tuple[Splats, ...], units: Units, path: Path) -> 
         for start in range(0, part.count, AT_ONCE):
             rows = min(AT_ONCE, part.count - start)
             try:
-                table = _table({n: each.take(rows * _wide(n, part)) for n, each in lists.items()}, part, rows, k)
+                read = {n: each.take(rows * _wide(n, part)) for n, each in lists.items()}
+                table = _table(read, part, rows, k)
             except InputError as error:
                 raise _named(error, text, path) from None
             with np.errstate(invalid="ignore", over="ignore"):  # invalid rows are found later
@@ -141,7 +130,9 @@ def _wide(name: str, part: Splats) -> int:
     return (part.degree + 1) ** 2 if name == COEFFICIENTS else 1
 
 
-def _table(read: Mapping[str, Float32[np.ndarray, "m w"]], part: Splats, rows: int, k: int) -> SplatTable:
+def _table(
+    read: Mapping[str, Float32[np.ndarray, "m w"]], part: Splats, rows: int, k: int
+) -> SplatTable:
     """Some rows along the stage's axes; what is not in the file as the schema says."""
     for name, values in read.items():
         if len(values) < rows * _wide(name, part):
@@ -153,7 +144,7 @@ def _table(read: Mapping[str, Float32[np.ndarray, "m w"]], part: Splats, rows: i
     scales, opacities = read.get("scales"), read.get("opacities")
     return SplatTable(
         read["positions"],
-        np.tile(np.float32([1, 0, 0, 0]), (rows, 1)) if quats is None else quats,
+        np.eye(1, 4, dtype=np.float32).repeat(rows, 0) if quats is None else quats,
         np.zeros((rows, 3), np.float32) if scales is None else log_scales_of(scales),
         np.full(rows, LOGIT_MAX, np.float32) if opacities is None else logits_of(opacities[:, 0]),
         sh,
@@ -164,75 +155,6 @@ def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions
     """Write by the suffix: .usda as text, .usd and .usdc binary, .usdz a zip of a binary one; the
     number of rows. Raises UsageError where usd-core is needed and missing."""
     if path.name.lower().endswith(".usda"):
-        return _write_text(path, header, blocks)
+        return write_text(path, header, blocks)
     with packed(path) as text:
-        return _write_text(text, header, blocks)
-
-
-def _write_text(path: Path, header: SceneHeader, blocks: Blocks) -> int:
-    units, comments = units_in(header.comments)
-    bounds = np.array([[np.inf] * 3, [-np.inf] * 3], np.float32)
-    count = 0
-    with ExitStack() as stack:
-        files: dict[str, IO[bytes]] = {}
-        for block in blocks:
-            table = to_axes(block, units.axes)
-            for name, values in _attributes(table).items():
-                if name not in files:
-                    files[name] = stack.enter_context(tempfile.TemporaryFile(dir=path.parent))
-                write_rows(values, files[name])
-            reach = _REACH * table.scales.max(1, keepdims=True)
-            bounds[0] = np.fmin(bounds[0], np.fmin.reduce(table.means - reach))
-            bounds[1] = np.fmax(bounds[1], np.fmax.reduce(table.means + reach))
-            count += len(block)
-        if count:
-            about = _layer_metadata(units, [" ".join(c.split()) for c in comments if not c.startswith(PROGRAM)], header)
-            _assemble(path, about, files, bounds, header.degree)
-    return count
-
-
-def _attributes(table: SplatTable) -> dict[str, np.ndarray]:
-    """Rows of each attribute's list."""
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        quats = table.quats / np.linalg.norm(table.quats, axis=1, keepdims=True)
-    return {
-        "positions": table.means,
-        "orientations": quats,
-        "scales": table.scales,
-        "opacities": table.opacities[:, None],
-        COEFFICIENTS: table.sh.reshape(-1, 3),
-    }
-
-
-def _layer_metadata(units: Units, comments: list[str], header: SceneHeader) -> str:
-    notes = []
-    if comments:
-        notes.append(f"string[] comments = {json.dumps(comments, ensure_ascii=False)}")
-    if header.antialiased:
-        notes.append("bool antialiased = true")
-    inner = "".join(f"            {each}\n" for each in notes)
-    custom = f"        dictionary gsedit = {{\n{inner}        }}\n" if notes else ""
-    custom = f"    customLayerData = {{\n        string creator = \"gsedit\"\n{custom}    }}\n"
-    return (
-        f'#usda 1.0\n(\n    defaultPrim = "Splats"\n    metersPerUnit = {units.meters:.9g}\n'
-        f'    upAxis = "{units.up}"\n{custom})\n\n'
-    )
-
-
-def _assemble(
-    path: Path, about: str, files: dict[str, IO[bytes]], bounds: Float32[np.ndarray, "2 3"], degree: int
-) -> None:
-    low, high = (", ".join(f"{v:.9g}" for v in row) for row in bounds.tolist())
-    with path.open("wb") as out:
-        out.write(about.encode())
-        out.write(f'def {SCHEMA} "Splats"\n{{\n'.encode())
-        out.write(f"    float3[] extent = [({low}), ({high})]\n".encode())
-        out.write(f"    uniform int {DEGREE} = {degree}\n".encode())
-        for name, file in files.items():
-            out.write(f"    {_KINDS[name]} {name} = [".encode())
-            file.seek(0)
-            shutil.copyfileobj(file, out, 1 << 20)
-            size = (degree + 1) ** 2
-            more = f' (\n        elementSize = {size}\n        interpolation = "vertex"\n    )'
-            out.write(("]" + more * (name == COEFFICIENTS) + "\n").encode())
-        out.write(b"}\n")
+        return write_text(text, header, blocks)

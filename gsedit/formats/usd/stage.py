@@ -35,7 +35,7 @@ class Splats:
     path: Path
     name: str
     lists: dict[str, Span]
-    """Of WIDTHS; those that are missing have the values that the schema gives."""
+    """Place of each attribute of WIDTHS; a missing one has the value that the schema gives."""
     degree: int
     count: int
     place: Similarity
@@ -116,9 +116,7 @@ def _splats(prim: Prim, path: Path, place: Float64[np.ndarray, "4 4"]) -> Splats
     return Splats(path, prim.name, lists, int(degree), count, similarity)
 
 
-def placed(
-    prim: Prim, path: Path, above: Float64[np.ndarray, "4 4"]
-) -> Float64[np.ndarray, "4 4"]:
+def placed(prim: Prim, path: Path, above: Float64[np.ndarray, "4 4"]) -> Float64[np.ndarray, "4 4"]:
     """Matrix for column vectors that takes a definition's space to the layer's.
 
     Raises InputError for a transform that changes over time or is none.
