@@ -51,6 +51,7 @@ FORMATS = (
     Format("lod-meta.json", "sog.streamed", writes=False),
     Format(".splat", "splat", max_degree=0),
     Format(".ksplat", "ksplat", writes=False),
+    Format(".rad", "rad", writes=False),
     Format(".glb", "gltf.file"),
     Format(".gltf", "gltf.file", writes=False),
     *(
