@@ -62,6 +62,7 @@ LIBRARIES = (
     Library("av", "gsedit capture VIDEO, and render -o video.mp4", "'gsedit[video]'"),
     Library("pi_heif", "HEIC photos of iPhones in gsedit capture", "pi-heif", ("pi-heif",)),
     Library("viser", "gsedit view", "'gsedit[web]'"),
+    Library("pxr", ".usdc, .usd and .usdz", "'gsedit[usd]' (Python >= 3.11)", ("usd-core",)),
     Library("pyvista", "gsedit view -o a.png", "pyvista", system="libegl1 libgl1 libx11-6"),
     Library(
         "open3d", "gsedit view --open3d and to_open3d", "open3d-cpu", ("open3d-cpu", "open3d"),

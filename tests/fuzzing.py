@@ -33,10 +33,12 @@ import numpy as np
 import zstandard
 from ksplat_files import ksplat, near_grey
 from PIL import Image
+from rad_files import framed, rad
 
 from gsedit.errors import GseditError
 from gsedit.formats.ply.records import read_ply_header
 from gsedit.formats.registry import open_scene, write_scene
+from gsedit.formats.sog.levels import write_streamed
 from gsedit.formats.streams import SceneHeader, WriteOptions, in_blocks
 from gsedit.formats.validity import Guard
 from gsedit.scene.table import SplatTable
@@ -216,6 +218,16 @@ def in_json(raw: bytes, rng: np.random.Generator) -> bytes:
     return json.dumps(any_leaf(json.loads(raw), rng)).encode()
 
 
+def in_rad(raw: bytes, rng: np.random.Generator) -> bytes:
+    """Another JSON of the file or of a chunk."""
+    starts = [raw.index(b"RAD0"), *(i for i in range(len(raw)) if raw[i : i + 4] == b"RADC")]
+    at = starts[rng.integers(len(starts))]
+    (length,) = struct.unpack_from("<I", raw, at + 4)
+    end = at + 8 + -(-length // 8) * 8
+    meta = any_leaf(json.loads(raw[at + 8 : at + 8 + length]), rng)
+    return raw[:at] + framed(raw[at : at + 4], meta) + raw[end:]
+
+
 @dataclass(frozen=True)
 class Subject:
     """A format to be damaged."""
@@ -263,6 +275,10 @@ def _folder(path: Path, table: SplatTable) -> None:
     other.unlink()
 
 
+def _streamed(path: Path, table: SplatTable) -> None:
+    write_streamed(path.parent, [table, table[::2]], antialiased=False)
+
+
 SUBJECTS = (
     Subject("a.ply", _write),
     Subject("ascii.ply", _ascii),
@@ -273,6 +289,8 @@ SUBJECTS = (
     Subject("4.spz", lambda path, table: _write(path, table, 4), in_zstd),
     Subject("a.sog", _write, in_zip),
     Subject("meta.json", _folder, in_json),
+    Subject("lod-meta.json", _streamed, in_json),
+    Subject("a.rad", lambda path, table: rad(path, table, rows=10), in_rad),
     Subject("a.glb", _write, in_glb),
     Subject("a.gltf", _gltf, in_json),
     Subject("a.usda", _write),

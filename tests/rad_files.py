@@ -82,11 +82,18 @@ def columns_of(
         if encodings[name] == "oct88r8":
             found[name] = (octahedral(table.quats), "oct88r8", 0.0, 1.0)
         else:
-            found[name] = (encoded(each, encodings[name], least, most), encodings[name], least, most)
+            found[name] = (
+                encoded(each, encodings[name], least, most),
+                encodings[name],
+                least,
+                most,
+            )
     return found
 
 
-def chunk_of(columns: Mapping[str, tuple[bytes, str, float, float]], base: int, count: int) -> bytes:
+def chunk_of(
+    columns: Mapping[str, tuple[bytes, str, float, float]], base: int, count: int
+) -> bytes:
     properties, payload = [], b""
     for name, (data, encoding, least, most) in columns.items():
         packer = zlib.compressobj(6, wbits=-15)
@@ -96,7 +103,11 @@ def chunk_of(columns: Mapping[str, tuple[bytes, str, float, float]], base: int, 
         properties.append(about)
         payload += packed + bytes(-len(packed) % 8)
     meta = {"version": 1, "base": base, "count": count, "payloadBytes": len(payload)}
-    return framed(b"RADC", meta | {"properties": properties}) + struct.pack("<Q", len(payload)) + payload
+    return (
+        framed(b"RADC", meta | {"properties": properties})
+        + struct.pack("<Q", len(payload))
+        + payload
+    )
 
 
 def framed(magic: bytes, meta: Mapping[str, Any]) -> bytes:

@@ -140,6 +140,10 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
     if meta["version"] != 1 or meta["type"] != "gsplat":
         raise InputError(f"{path} is RAD {meta['version']} of {meta['type'][:20]}: gsedit reads 1")
     chunks = [_chunk(path, start, each) for each in meta["chunks"]]
+    for file in {chunk.path for chunk in chunks}:
+        told = sum(chunk.size for chunk in chunks if chunk.path == file)
+        if told > file.stat().st_size:  # one chunk many times would fill the memory
+            raise InputError(f"{path}: its chunks overlap in {file.name}: {_AGAIN}")
     if sum(chunk.count for chunk in chunks) != meta["count"]:
         raise InputError(
             f"{path}: its chunks have not the {meta['count']} rows it states: {_AGAIN}"

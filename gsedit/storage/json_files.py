@@ -75,10 +75,10 @@ def checked(value: Any, check: Check, where: str | Path, *, advice: str = AGAIN)
         raise InputError(f"{where}: {error}: {advice}") from None
 
 
-def number(least: float = -inf, most: float = inf, *, whole: bool = False) -> Check:
+def number(least: float | int = -inf, most: float | int = inf, *, whole: bool = False) -> Check:
     """A check for a finite number from `least` to `most`; returns a float, an int if `whole`."""
 
-    def check(value: Any, place: str) -> float:
+    def check(value: Any, place: str) -> float | int:
         if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
             raise Misfit(f"{place} is {_short(value)}, not a number")
         if not least <= value <= most:

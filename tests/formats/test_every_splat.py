@@ -60,6 +60,7 @@ FORMATS = (
     Kept(".npz", 0, 1e-6, 0, 1e-7, 0, 200),
     # linear scales and opacities, float32
     Kept(".glb", 1e-7, 1e-3, 1e-5, 1e-6, 1e-6, 90),
+    Kept(".usda", 0, 1e-3, 1e-5, 1e-6, 0, 90),
     # 11, 10, 11 bits of a chunk of 256 rows, 10 bits of a component, 8 of the chunk's colors
     Kept(".compressed.ply", 1 / 1023, 6e-3, 0.02, 1 / 500, 0.05, 45),
     # 12 bits behind the point, scales in steps of 1/16, colors of 1 / (255 * 0.15)
@@ -75,18 +76,23 @@ FORMATS = (
     ),
 )
 KSPLAT = Kept(".ksplat", 1e-7, 1e-3, 1e-5, 1 / 500, 1 / 510 / SH_DC + 1e-6, 40)
+# scales of 254 steps and an axis and an angle of 8 bits each, SH of 7 bits and a sign
+RAD = Kept(".rad", 1e-7, 0.03, 0.05, 1 / 500, 0.02, 40)
+STEPS = {kept.suffix: kept for kept in FORMATS}
 FOREIGN = {
-    "tiny.compressed.ply": FORMATS[3],
-    "tiny-gsply.compressed.ply": FORMATS[3],
+    "tiny.compressed.ply": STEPS[".compressed.ply"],
+    "tiny-gsply.compressed.ply": STEPS[".compressed.ply"],
     # splat-transform keeps 5 and 4 bits of SH, as Niantic's writer does; gsedit writes all 8
-    "tiny.3.spz": FORMATS[4]._replace(decibels=40),
-    "tiny.4.spz": FORMATS[5]._replace(decibels=40),
-    "tiny-gsply.spz": FORMATS[4],
+    "tiny.3.spz": STEPS[".spz"]._replace(decibels=40),
+    "tiny.4.spz": STEPS[".spz"]._replace(decibels=40),
+    "tiny-gsply.spz": STEPS[".spz"],
     # it cuts opacities off at a step of 1 / 255, where gsedit rounds to the nearest
-    "tiny.sog": FORMATS[6]._replace(opacities=1 / 255),
-    "tiny.glb": FORMATS[2],
-    "tiny.splat": FORMATS[7],
+    "tiny.sog": STEPS[".sog"]._replace(opacities=1 / 255),
+    "tiny-streamed": STEPS[".sog"]._replace(opacities=1 / 255),
+    "tiny.glb": STEPS[".glb"],
+    "tiny.splat": STEPS[".splat"],
     "tiny.ksplat": KSPLAT,
+    "tiny.rad": RAD,
 }
 """Files of one scene that other programs wrote (see tests/data/splats/README.md)."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib.util import find_spec
 
 import gsply
 import numpy as np
@@ -86,6 +87,8 @@ def test_a_long_comment_among_many_is_kept(tmp_path):
 @pytest.mark.parametrize("suffix", formats.WRITABLE)
 def test_parts_without_rows_change_nothing(suffix, tmp_path):
     """As a filter leaves them."""
+    if suffix in formats.USD[1:] and find_spec("pxr") is None:
+        pytest.skip("needs usd-core (gsedit[usd])")
     degree = int(suffix != ".splat")
     table = random_table(50, degree)
     for name, parts in {"a": (table[:0], table[:9], table[:0], table[9:]), "b": (table,)}.items():

@@ -19,7 +19,9 @@ def _traced() -> Iterator[None]:
     tracemalloc.stop()
 
 
-@pytest.mark.parametrize("subject", SUBJECTS, ids=lambda subject: subject.name)
+@pytest.mark.parametrize(
+    "subject", [s for s in SUBJECTS if s.share == 1], ids=lambda subject: subject.name
+)
 def test_damaged_files_end_in_a_clear_error_or_a_valid_scene(subject: Subject, tmp_path):
     outcome = fuzz(subject, TIMES, tmp_path)
     assert outcome.failures == []

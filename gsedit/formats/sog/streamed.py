@@ -28,11 +28,9 @@ from gsedit.storage.safe_names import safe_name
 INDEX = "lod-meta.json"
 _INDEX_MAX_BYTES = 16 << 20
 """Size of an index: 100,000 leaves of four levels."""
-_MOST_ROWS = 1 << 32
 _AGAIN = "export it again"
-_RUN = object_of({"file": number(0, _MOST_ROWS, whole=True),
-                  "count": number(0, _MOST_ROWS, whole=True)},
-                 {"offset": number(0, _MOST_ROWS, whole=True)})  # fmt: skip
+_PLACE = number(0, 1 << 32, whole=True)
+_RUN = object_of({"file": _PLACE, "count": _PLACE}, {"offset": _PLACE})
 
 
 @dataclass(frozen=True)
@@ -58,7 +56,9 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
         advice=_AGAIN,
     )
     if meta.get("version", 1) != 1:
-        raise InputError(f"{path} is streamed SOG version {meta['version']!r}: gsedit reads 1")
+        raise InputError(
+            f"{path} is streamed SOG version {str(meta['version'])[:20]}: gsedit reads 1"
+        )
     levels = _levels(path, meta["tree"])
     if not levels:
         raise InputError(f"{path} has no leaf with Gaussians: {_AGAIN}")

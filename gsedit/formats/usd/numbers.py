@@ -84,8 +84,8 @@ class NumberList:
 
     def _wrong(self) -> InputError:
         return InputError(
-            f"{self.path}: {self.what} are not {self.width} numbers a row: it is damaged, "
-            "export it again"
+            f"{self.path}: {self.what} are not rows of {self.width} "
+            f"number{'s' * (self.width > 1)}: it is damaged, export it again"
         )
 
 

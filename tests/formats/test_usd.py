@@ -1,0 +1,286 @@
+"""OpenUSD's splats: text by gsedit, the same values in usd-core, transforms as usd-core has them."""
+
+from __future__ import annotations
+
+import shutil
+import zipfile
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+from splat_tables import random_table
+
+from gsedit.errors import InputError, UsageError
+from gsedit.formats.axes import RUB, from_axes
+from gsedit.formats.registry import USD, open_scene, write_scene
+from gsedit.formats.streams import SceneHeader, in_blocks
+from gsedit.formats.usd.numbers import NumberList
+from gsedit.formats.usd.stage import placed
+from gsedit.formats.usd.text import Span, read_layer
+from gsedit.scene.similarity import similarity_of
+from gsedit.scene.table import SplatTable, concatenate_tables
+
+TINY = Path(__file__).parents[1] / "data" / "splats"
+FIELDS = ("means", "log_scales", "opacities", "sh")
+with_library = pytest.mark.skipif(find_spec("pxr") is None, reason="needs usd-core (gsedit[usd])")
+
+
+def write(path: Path, table: SplatTable, **header) -> Path:
+    write_scene(path, SceneHeader(table.degree, **header), in_blocks(table, 70), overwrite=True)
+    return path
+
+
+def assert_same(a: SplatTable, b: SplatTable, tolerance: float = 2e-6) -> None:
+    assert len(a) == len(b)
+    for name in FIELDS:
+        np.testing.assert_allclose(getattr(a, name), getattr(b, name), atol=tolerance, err_msg=name)
+    turns = [t.quats / np.linalg.norm(t.quats, axis=1, keepdims=True) for t in (a, b)]
+    np.testing.assert_allclose(np.abs((turns[0] * turns[1]).sum(1)), 1, atol=tolerance)
+
+
+def text(tmp_path: Path, body: str, metadata: str = "") -> Path:
+    path = tmp_path / "a.usda"
+    path.write_text(f"#usda 1.0\n({metadata}\n)\n{body}")
+    return path
+
+
+def field(name: str, count: int = 2, more: str = "") -> str:
+    rows = ", ".join(f"({i}, {10 * i}, 0.5)" for i in range(count))
+    return f'def ParticleField3DGaussianSplat "{name}" {{\n  point3f[] positions = [{rows}]\n{more}}}\n'
+
+
+@pytest.mark.parametrize("degree", [0, 3, 4])
+def test_text_keeps_places_and_light_exactly(degree, tmp_path):
+    table = random_table(200, degree)
+    source = open_scene(write(tmp_path / "a.usda", table, comments=("mine",), antialiased=True))
+    again = source.table()
+    np.testing.assert_array_equal(again.means, table.means)
+    np.testing.assert_array_equal(again.sh, table.sh)
+    assert_same(again, table, 1e-5)
+    assert (source.header.degree, source.header.comments) == (degree, ("mine",))
+    assert source.header.antialiased
+
+
+def test_the_unit_and_the_axis_that_is_up_are_kept(tmp_path):
+    table = random_table(50, 1)
+    told = ("metersPerUnit 0.01", "upAxis Z")
+    source = open_scene(write(tmp_path / "a.usda", table, comments=told))
+    layer = read_layer(tmp_path / "a.usda")
+    assert (layer.metadata["metersPerUnit"], layer.metadata["upAxis"]) == (0.01, "Z")
+    assert source.header.comments == told
+    assert_same(source.table(), table, 1e-5)
+    through = write(tmp_path / "a.ply", table, comments=source.header.comments)
+    assert open_scene(through).header.comments == told
+
+
+def test_a_file_of_nvidia_holds_the_scene_in_its_own_axes():
+    """Their converter leaves the axes of the .ply, and says that y is up."""
+    table = open_scene(TINY / "tiny.ply").table()[:32]
+    source = open_scene(TINY / "tiny-nvidia.usda")
+    assert (source.format, source.notes) == ("USD text", ())
+    assert_same(source.table(), from_axes(table, RUB), 1e-5)
+
+
+@with_library
+@pytest.mark.parametrize("suffix", USD)
+def test_the_library_reads_what_is_written(suffix, tmp_path):
+    from pxr import Usd, UsdGeom, UsdVol
+
+    table = random_table(60, 2)
+    path = write(tmp_path / f"a{suffix}", table, comments=("metersPerUnit 0.5",))
+    stage = Usd.Stage.Open(str(path))
+    splats = UsdVol.ParticleField3DGaussianSplat(stage.GetDefaultPrim())
+    assert UsdGeom.GetStageMetersPerUnit(stage) == 0.5
+    assert UsdGeom.GetStageUpAxis(stage) == "Y"
+    stored = from_axes(table, RUB)  # a half turn: there as back
+    quats = [(q.GetReal(), *q.GetImaginary()) for q in splats.GetOrientationsAttr().Get()]
+    sh = np.array(splats.GetRadianceSphericalHarmonicsCoefficientsAttr().Get()).reshape(60, 9, 3)
+    as_told = SplatTable(
+        np.array(splats.GetPositionsAttr().Get()),
+        np.array(quats, np.float32),
+        np.log(np.array(splats.GetScalesAttr().Get())),
+        stored.logit_opacities,
+        sh,
+    )
+    assert_same(as_told, stored)
+    opacities = np.array(splats.GetOpacitiesAttr().Get())
+    np.testing.assert_allclose(opacities, table.opacities, atol=1e-6)
+    assert splats.GetRadianceSphericalHarmonicsDegreeAttr().Get() == 2
+    low, high = splats.GetExtentAttr().Get()
+    assert (np.array(low) < stored.means.min(0)).all()
+    assert (np.array(high) > stored.means.max(0)).all()
+    assert_same(open_scene(path).table(), table, 1e-5)
+
+
+@with_library
+def test_a_binary_file_of_nvidia_is_read():
+    source = open_scene(TINY / "tiny.usdc")
+    table = open_scene(TINY / "tiny.ply").table()
+    assert_same(source.table(), from_axes(table, RUB), 1e-5)
+
+
+def test_without_the_library_binary_files_say_how_to_get_it(tmp_path, monkeypatch):
+    monkeypatch.setattr("gsedit.formats.usd.library.find_spec", lambda name: None)
+    for act in (
+        lambda: open_scene(TINY / "tiny.usdc"),
+        lambda: write(tmp_path / "a.usdz", random_table(5, 0)),
+    ):
+        with pytest.raises(UsageError, match=r"pip install 'gsedit\[usd\]'"):
+            act()
+    assert [*tmp_path.iterdir()] == []
+
+
+def test_definitions_are_merged_each_in_its_place(tmp_path):
+    body = f"""
+def Xform "world" {{
+  double3 xformOp:translate = (1, 2, 3)
+  float3 xformOp:rotateXYZ = (0, 0, 90)
+  uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateXYZ"]
+  {field("a", 2, "  uniform int radiance:sphericalHarmonicsDegree = 0")}
+  def Scope "hidden" {{ token visibility = "invisible"
+    {field("b")} }}
+  over "c" {{}}
+  class ParticleField3DGaussianSplat "d" {{ point3f[] positions = [(9, 9, 9)] }}
+}}
+{field("e", 1)}
+def Mesh "f" {{}}
+"""
+    source = open_scene(text(tmp_path, body, '"a comment" upAxis = "Y" # words'))
+    table = source.table()
+    assert source.count == 3
+    # y is up in the file, down in memory; the defaults of the schema: opaque, size 1, grey
+    expected = [(1, -2, -3.5), (-9, -3, -3.5), (0, 0, -0.5)]
+    np.testing.assert_allclose(table.means, expected, atol=1e-6)
+    np.testing.assert_allclose(table.scales, 1, atol=1e-6)
+    np.testing.assert_allclose(table.colors, 0.5)
+    assert (table.opacities > 0.999).all()
+    assert source.notes == (
+        "meshes, points and other shapes left out: 1",
+        "splats that the stage hides left out: 1",
+        "splats merged from 2 definitions",
+    )
+
+
+def test_half_precision_is_read_where_no_other_is(tmp_path):
+    more = "  half3[] scalesh = [(1, 2, 4), (1, 1, 1)]\n  half[] opacitiesh = [0.5, 0.25,]\n"
+    table = open_scene(text(tmp_path, field("a", 2, more))).table()
+    np.testing.assert_allclose(table.scales[0], (1, 2, 4), rtol=1e-6)
+    np.testing.assert_allclose(table.opacities, (0.5, 0.25), rtol=1e-6)
+    more += "  float[] opacities = [0.125, 0.5]\n"
+    table = open_scene(text(tmp_path, field("a", 2, more))).table()
+    np.testing.assert_allclose(table.opacities, (0.125, 0.5), rtol=1e-6)
+
+
+@with_library
+def test_transforms_are_those_of_the_library(tmp_path):
+    from pxr import Gf, Usd, UsdGeom
+
+    rng = np.random.default_rng(0)
+    stage, path, prims = Usd.Stage.CreateInMemory(), "", []
+    for depth in range(6):
+        path += f"/p{depth}"
+        xform = UsdGeom.Xform.Define(stage, path)
+        numbers = [tuple((rng.normal(size=3) * 40).tolist()) for _ in range(3)]
+        xform.AddTranslateOp().Set(Gf.Vec3d(*numbers[0]))
+        pivot = xform.AddTranslateOp(opSuffix="pivot")
+        pivot.Set(Gf.Vec3d(*numbers[1]))
+        order = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")[depth]
+        getattr(xform, f"AddRotate{order}Op")().Set(Gf.Vec3f(*numbers[2]))
+        getattr(xform, f"AddRotate{order[0]}Op")(opSuffix="more").Set(numbers[0][0])
+        xform.AddOrientOp().Set(Gf.Quatf(*rng.normal(size=4).tolist()).GetNormalized())
+        xform.AddScaleOp().Set(Gf.Vec3f(1.5, 1.5, -1.5 if depth % 2 else 1.5))
+        xform.AddTransformOp().Set(Gf.Matrix4d().SetRotate(Gf.Rotation(numbers[1], 70.0)))
+        xform.AddTranslateOp(opSuffix="pivot", isInverseOp=True)
+        xform.SetResetXformStack(depth == 2)
+        prims.append(path)
+    (tmp_path / "a.usda").write_text(stage.ExportToString())
+    prim, matrix, cache = read_layer(tmp_path / "a.usda"), np.eye(4), UsdGeom.XformCache()
+    for each in prims:
+        prim = prim.children[0]
+        matrix = placed(prim, tmp_path, matrix)
+        theirs = np.array(cache.GetLocalToWorldTransform(stage.GetPrimAtPath(each))).T
+        np.testing.assert_allclose(matrix, theirs, rtol=1e-5, atol=1e-4)
+
+
+def test_light_turns_with_its_place(tmp_path):
+    table = random_table(40, 3)
+    matrix = np.eye(4)
+    matrix[:3, :3] = 2 * np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    raw = write(tmp_path / "b.usda", table).read_text()
+    rows = ", ".join(str(tuple(row)) for row in matrix.T.tolist())
+    inner = raw[raw.index("def ") :]
+    path = text(
+        tmp_path,
+        f'def "w" {{\n matrix4d xformOp:transform = ({rows})\n'
+        f'uniform token[] xformOpOrder = ["xformOp:transform"]\n{inner}}}',
+    )
+    expected = from_axes(similarity_of(matrix).table(from_axes(table, RUB)), RUB)
+    assert_same(open_scene(path).table(), expected, 1e-4)
+
+
+REFUSED = {
+    "shears": (field("a").replace("{\n", '{\n float3 xformOp:scale = (1, 2, 1)\n uniform token[] '
+               'xformOpOrder = ["xformOp:scale"]\n', 1), "scales the axes differently"),
+    "short": (field("a", 2, "  float[] opacities = [0.5]\n"), "1 opacities, 2 are needed"),
+    "no numbers": (field("a", 2, "  float[] opacities = [0.5, nine]\n"), "not rows of 1 number:"),
+    "moves": (field("a", 2, "  float[] opacities.timeSamples = { 0: [1], 1: [2] }\n"), "over time"),
+    "nothing": ('def Mesh "a" {}', "no ParticleField3DGaussianSplat"),
+    "cut": (field("a")[:-3], "cut off"),
+    "deep": ('def "a" {' * 200, "inside one another"),
+    "brackets": ('def "a" { int x = ' + "(" * 200, "inside one another"),
+    "degree": (field("a", 1, "  int radiance:sphericalHarmonicsDegree = 9\n  float3[] "
+               "radiance:sphericalHarmonicsCoefficients = [(1, 2, 3)]\n"), "SH degree of 9"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_cannot_be_right_is_one_line(name, tmp_path):
+    body, message = REFUSED[name]
+    with pytest.raises(InputError, match=message) as error:
+        open_scene(text(tmp_path, body)).table()
+    assert str(tmp_path / "a.usda") in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_numbers_are_read_in_parts(tmp_path):
+    """Whatever the cut, and whatever the spaces."""
+    values = np.random.default_rng(0).normal(size=(60_000, 3)).astype(np.float32)
+    rows = " ,\n ".join(f"( {a:.9g},{b:.9g} , {c:.9g})" for a, b, c in values.tolist())
+    path = tmp_path / "a"
+    path.write_text(f"[{rows},]")
+    listed = NumberList(path, Span(1, path.stat().st_size - 1), 3, "numbers")
+    assert listed.count() == 60_000
+    parts = [listed.take(n) for n in (1, 25_000, 40_000)]
+    np.testing.assert_array_equal(np.concatenate(parts), values)
+
+
+@with_library
+def test_layers_of_one_folder_are_put_together_and_no_others(tmp_path):
+    inside, outside = tmp_path / "in", tmp_path / "out.usda"
+    inside.mkdir()
+    table = random_table(20, 1)
+    shutil.copy(write(outside, table), inside / "part.usda")
+    (inside / "link.usda").symlink_to(outside)
+
+    def refer(name: str) -> Path:
+        body = f'def "w" (\n prepend references = @{name}@\n) {{}}\n'
+        return text(inside, body, '\n upAxis = "Y"')
+
+    assert_same(open_scene(refer("part.usda")).table(), table, 1e-5)
+    for name in ("../out.usda", str(outside), "link.usda", "none.usda", "/etc/passwd", "`'a'`"):
+        with pytest.raises(InputError, match=r"a\.usda cannot be read as USD"):
+            open_scene(refer(name))
+    with zipfile.ZipFile(inside / "a.usdz", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("a.usda", b"#usda 1.0\n" + b" " * (64 << 20))
+    with pytest.raises(InputError, match="cannot be read as USD"):
+        open_scene(inside / "a.usdz")
+
+
+def test_one_place_for_many_definitions(tmp_path):
+    """Each as it would be alone."""
+    table = random_table(30, 1)
+    raw = write(tmp_path / "b.usda", table).read_text()
+    inner = raw[raw.index("def ") :]
+    path = text(tmp_path, inner + inner.replace('"Splats"', '"More"'), 'upAxis = "Y"')
+    assert_same(open_scene(path).table(), concatenate_tables([table, table]), 1e-5)
