@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import base64
 import gzip
 import io
 import json
@@ -24,24 +23,22 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
-from importlib.util import find_spec
 from math import ceil
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import zstandard
-from ksplat_files import ksplat, near_grey
+from ksplat_files import near_grey
 from PIL import Image
-from rad_files import framed, rad
+from rad_files import framed
 
 from gsedit.errors import GseditError
-from gsedit.formats.ply.records import read_ply_header
-from gsedit.formats.registry import open_scene, write_scene
-from gsedit.formats.sog.levels import write_streamed
-from gsedit.formats.streams import SceneHeader, WriteOptions, in_blocks
+from gsedit.formats.registry import open_scene
 from gsedit.formats.validity import Guard
-from gsedit.scene.table import SplatTable
+
+if TYPE_CHECKING:
+    from fuzz_subjects import Subject
 
 ROWS, DEGREE = 24, 1
 BASE = 64 << 20
@@ -228,77 +225,6 @@ def in_rad(raw: bytes, rng: np.random.Generator) -> bytes:
     return raw[:at] + framed(raw[at : at + 4], meta) + raw[end:]
 
 
-@dataclass(frozen=True)
-class Subject:
-    """A format to be damaged."""
-
-    name: str
-    """Name of the file."""
-    build: Callable[[Path, SplatTable], object]
-    inner: Damage | None = None
-    """Damage below what checksums and brackets protect."""
-    share: float = 1.0
-    """Part of the times that are asked for: half a second each, where a child process reads."""
-
-
-def _write(path: Path, table: SplatTable, version: int = 3) -> None:
-    header = SceneHeader(table.degree, {n: c.dtype for n, c in table.extra.items()})
-    write_scene(path, header, in_blocks(table), options=WriteOptions(spz_version=version))
-
-
-def _ascii(path: Path, table: SplatTable) -> None:
-    _write(path, table)
-    at = read_ply_header(path).data_offset
-    raw = path.read_bytes()
-    rows = np.frombuffer(raw[at:], "<f4").reshape(len(table), -1)
-    text = "\n".join(" ".join(f"{v:.6g}" for v in row) for row in rows)
-    path.write_bytes(raw[:at].replace(b"binary_little_endian", b"ascii") + text.encode() + b"\n")
-
-
-def _gltf(path: Path, table: SplatTable) -> None:
-    other = path.with_suffix(".glb")
-    _write(other, table)
-    raw = other.read_bytes()
-    other.unlink()
-    (length,) = struct.unpack_from("<I", raw, 12)
-    scene = json.loads(raw[20 : 20 + length])
-    data = base64.b64encode(raw[28 + length :]).decode()
-    scene["buffers"][0]["uri"] = "data:application/octet-stream;base64," + data
-    path.write_text(json.dumps(scene))
-
-
-def _folder(path: Path, table: SplatTable) -> None:
-    other = path.with_name("a.sog")
-    _write(other, table)
-    with zipfile.ZipFile(other) as archive:
-        archive.extractall(path.parent)
-    other.unlink()
-
-
-def _streamed(path: Path, table: SplatTable) -> None:
-    write_streamed(path.parent, [table, table[::2]], antialiased=False)
-
-
-SUBJECTS = (
-    Subject("a.ply", _write),
-    Subject("ascii.ply", _ascii),
-    Subject("a.compressed.ply", _write),
-    Subject("a.splat", lambda path, table: _write(path, table.replace(sh=table.sh[:, :1]))),
-    Subject("a.ksplat", lambda path, table: ksplat(path, 1, table)),
-    Subject("3.spz", _write, in_gzip),
-    Subject("4.spz", lambda path, table: _write(path, table, 4), in_zstd),
-    Subject("a.sog", _write, in_zip),
-    Subject("meta.json", _folder, in_json),
-    Subject("lod-meta.json", _streamed, in_json),
-    Subject("a.rad", lambda path, table: rad(path, table, rows=10), in_rad),
-    Subject("a.glb", _write, in_glb),
-    Subject("a.gltf", _gltf, in_json),
-    Subject("a.usda", _write),
-    *([Subject("a.usdc", _write, share=0.02)] if find_spec("pxr") else []),
-    Subject("a.npz", _write, in_zip),
-)
-
-
 @dataclass
 class Outcome:
     """Counts and failures of the damaged files of one format."""
@@ -397,6 +323,7 @@ def _at_most(seconds: float) -> Iterator[None]:
 def main(times: int, seed: int) -> int:
     """Fuzz all formats and other inputs, say what happened; 1 if anything failed."""
     from fuzz_inputs import INPUTS, fuzz_input  # which imports from here
+    from fuzz_subjects import SUBJECTS, Subject
 
     failed = 0
     tracemalloc.start()

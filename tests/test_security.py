@@ -12,6 +12,10 @@ from gsedit.formats.pictures import LIMIT_VARIABLE, MAX_MEGAPIXELS
 from gsedit.formats.ply.inria import ELEMENTS_MAX_BYTES
 from gsedit.formats.ply.records import HEADER_MAX_BYTES, MAX_COLUMNS, MAX_ELEMENTS
 from gsedit.formats.sog.file import META_MAX_BYTES
+from gsedit.formats.sog.streamed import INDEX_MAX_BYTES
+from gsedit.formats.usd.library import EXPANSION as USD_EXPANSION
+from gsedit.formats.usd.library import MEMORY as USD_MEMORY
+from gsedit.formats.usd.library import SECONDS as USD_SECONDS
 from gsedit.formats.validity import MAX_LOG_SCALE, MAX_NORM
 from gsedit.storage.json_files import MAX_BYTES
 from gsedit.toolkit.selection.where import LONGEST
@@ -34,10 +38,16 @@ def test_limits_of_the_page_are_those_of_the_code():
     )
     packed = f"{MAX_EXPANSION:,} times its size, or to {megabytes(ALWAYS_BYTES)}"
     picture = f"{MAX_MEGAPIXELS:g} megapixels; `{LIMIT_VARIABLE}` sets another number"
-    inside = f"meta.json of a .sog {megabytes(META_MAX_BYTES)}; JSON of a .glb "
+    index = f"lod-meta.json {megabytes(INDEX_MAX_BYTES)}"
+    inside = f"meta.json of a .sog {megabytes(META_MAX_BYTES)}, {index}; JSON of a .glb "
+    memory, seconds, per_mb = USD_MEMORY >> 30, USD_SECONDS, USD_SECONDS // 10
+    usd = f"{memory} GB of memory and {32 + USD_EXPANSION} times its size; {seconds} s"
     assert dict(rows[2:]) == {
         "header of a .ply": header,
         "packed scene": f"unpacks to at most {packed}",
+        "binary USD, which usd-core reads in a child process": (
+            f"{usd} and {per_mb} s a MB; names no layer elsewhere"
+        ),
         "picture": picture,
         "JSON file": f"{megabytes(MAX_BYTES)}; {inside}{megabytes(JSON_MAX_BYTES)}",
         "picture of a camera": f"{MAX_SIDE:,} pixels a side",

@@ -10,6 +10,8 @@ import numpy as np
 from jaxtyping import Float64
 
 from gsedit.errors import UsageError
+from gsedit.formats.streams import SceneHeader
+from gsedit.formats.usd.units import rescaled
 from gsedit.scene.planes import planes_through, refined_plane
 from gsedit.scene.quaternions import AXES, quaternion_of, turn_between
 from gsedit.scene.similarity import Similarity
@@ -166,6 +168,9 @@ class AlignTo(Align):
 
     other: SplatTable
 
+    def header(self, header: SceneHeader) -> SceneHeader:
+        return rescaled(header, None)
+
     def find(self, table: SplatTable, say: Say) -> Similarity:
         match = register(table, self.other)
         say(
@@ -184,6 +189,9 @@ class AlignLength(Align):
     first: Sequence[float]
     second: Sequence[float]
     length: float
+
+    def header(self, header: SceneHeader) -> SceneHeader:
+        return rescaled(header, None)
 
     def find(self, table: SplatTable, say: Say) -> Similarity:
         apart = float(np.linalg.norm(np.subtract(self.first, self.second)))

@@ -10,6 +10,8 @@ import numpy as np
 from jaxtyping import Bool, Float64
 
 from gsedit.errors import UsageError
+from gsedit.formats.streams import SceneHeader
+from gsedit.formats.usd.units import rescaled
 from gsedit.scene.similarity import IDENTITY, Similarity
 from gsedit.scene.table import SPLAT_FIELDS, SplatTable, concatenate_tables
 from gsedit.toolkit.filter import as_selection
@@ -39,6 +41,9 @@ class Transform(OnSelection):
     def moved(self) -> Similarity:
         """The similarity that is applied to the scene."""
         return self.similarity
+
+    def header(self, header: SceneHeader) -> SceneHeader:
+        return rescaled(header, self.similarity.scale) if self.moves else header
 
     def change(self, table: SplatTable, inside: Bool[np.ndarray, " n"]) -> SplatTable:
         return moved_rows(table, self.similarity, inside, copy=self.copy)
@@ -71,6 +76,9 @@ class TransformAboutCenter(Placing):
     @property
     def moves(self) -> bool:
         return self.selection is EVERYTHING and not self.copy
+
+    def header(self, header: SceneHeader) -> SceneHeader:
+        return rescaled(header, self.similarity.scale) if self.moves else header
 
     def apply(self, table: SplatTable, say: Say) -> SplatTable:
         inside = self.selection.mask(table)

@@ -187,6 +187,17 @@ def test_levels_of_detail(scene, tmp_path):
     assert not (tmp_path / "b").exists()
 
 
+def test_levels_may_be_one_streamed_scene(scene, tmp_path):
+    out, words = tmp_path / "lod", ("--levels", 2, "--format", "streamed", "--no-measure")
+    done = gsedit("decimate", scene, "50%", *words, "-o", out, "--json")
+    assert done.exit_code == 0, done.output
+    assert json.loads((out / "lod-meta.json").read_text())["counts"][0] == len(load(scene))
+    assert gsedit("convert", out, "-o", tmp_path / "a.ply").exit_code == 0
+    assert len(load(tmp_path / "a.ply")) == len(load(scene))
+    assert gsedit("info", out).exit_code == 0
+    assert gsedit("decimate", scene, "50%", *words, "-o", out).exit_code == 2  # has files
+
+
 def test_levels_have_the_name_of_the_scene(scene, tmp_path):
     odd = scene.rename(tmp_path / "my.scan_lod0.v2.ply")
     out = tmp_path / "levels"

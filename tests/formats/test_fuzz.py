@@ -7,7 +7,8 @@ from collections.abc import Iterator
 
 import pytest
 from fuzz_inputs import INPUTS, Input, fuzz_input
-from fuzzing import SUBJECTS, Subject, fuzz
+from fuzz_subjects import SUBJECTS, Subject
+from fuzzing import fuzz
 
 TIMES, TIMES_OF_INPUTS = 100, 30
 

@@ -13,10 +13,10 @@ from splat_tables import assert_near, random_table
 
 from gsedit.errors import InputError, UsageError
 from gsedit.formats.registry import open_scene
-from gsedit.formats.sog import levels
-from gsedit.formats.sog.levels import write_streamed
 from gsedit.scene.quaternions import rotations
 from gsedit.scene.table import SplatTable
+from gsedit.toolkit import streamed
+from gsedit.toolkit.streamed import write_streamed
 
 TINY = Path(__file__).parents[1] / "data" / "splats"
 BOUNDS = {"means": 2e-3, "angle": 0.03, "log_scales": 0.3, "opacities": 1 / 510, "colors": 0.3}
@@ -24,11 +24,11 @@ BOUNDS = {"means": 2e-3, "angle": 0.03, "log_scales": 0.3, "opacities": 1 / 510,
 
 @pytest.fixture(autouse=True)
 def _small(monkeypatch):
-    monkeypatch.setattr(levels, "LEAF_ROWS", 40)
-    monkeypatch.setattr(levels, "CHUNK_ROWS", 100)
+    monkeypatch.setattr(streamed, "LEAF_ROWS", 40)
+    monkeypatch.setattr(streamed, "CHUNK_ROWS", 100)
 
 
-def streamed(folder: Path, table: SplatTable, **options) -> dict[str, Any]:
+def written(folder: Path, table: SplatTable, **options) -> dict[str, Any]:
     """Write a scene and every second row of it; the index."""
     write_streamed(folder, [table, table[::2]], antialiased=True, **options)
     return json.loads((folder / "lod-meta.json").read_text())
@@ -45,14 +45,14 @@ def sorted_rows(table: SplatTable) -> SplatTable:
 
 
 def changed(tmp_path: Path, **changes) -> Path:
-    index = streamed(tmp_path / "a", random_table(120, 1)) | changes
+    index = written(tmp_path / "a", random_table(120, 1)) | changes
     (tmp_path / "a" / "lod-meta.json").write_text(json.dumps(index))
     return tmp_path / "a"
 
 
 def test_the_finest_level_is_read_within_its_steps(tmp_path):
     table = random_table(300, 1)
-    index = streamed(tmp_path, table)
+    index = written(tmp_path, table)
     source = open_scene(tmp_path)
     assert (source.count, source.header.degree, source.header.antialiased) == (300, 1, True)
     assert source.notes == ("level 0 of detail was read, 1 coarser left out",)
@@ -66,7 +66,7 @@ def test_the_finest_level_is_read_within_its_steps(tmp_path):
 def test_folders_and_leaves_are_bounded_and_whole(tmp_path):
     """A folder's rows are the runs of its leaves, none twice, of one level."""
     table = random_table(300, 0)
-    index = streamed(tmp_path, table)
+    index = written(tmp_path, table)
     runs: dict[int, list[tuple[int, int, str]]] = {}
     for leaf in leaves(index["tree"]):
         for level, run in leaf["lods"].items():
@@ -84,7 +84,7 @@ def test_folders_and_leaves_are_bounded_and_whole(tmp_path):
 
 def test_boxes_hold_the_ellipsoids_of_all_levels(tmp_path):
     table = random_table(200, 0)
-    tree = streamed(tmp_path, table)["tree"]
+    tree = written(tmp_path, table)["tree"]
     axes = rotations(table.quats.astype(np.float64)) * table.scales[:, None]
     reach = np.sqrt(np.square(axes).sum(2))
     np.testing.assert_allclose(tree["bound"]["min"], (table.means - reach).min(0), rtol=1e-6)
@@ -97,16 +97,16 @@ def test_boxes_hold_the_ellipsoids_of_all_levels(tmp_path):
 def test_rows_at_one_place_are_one_leaf(tmp_path):
     table = random_table(100, 0)
     table = table.replace(means=np.zeros_like(table.means))
-    assert len(leaves(streamed(tmp_path, table)["tree"])) == 1
+    assert len(leaves(written(tmp_path, table)["tree"])) == 1
     assert open_scene(tmp_path).count == 100
 
 
 def test_files_that_exist_are_kept(tmp_path):
     table = random_table(60, 0)
-    streamed(tmp_path, table)
+    written(tmp_path, table)
     with pytest.raises(UsageError, match="already exists"):
-        streamed(tmp_path, table)
-    streamed(tmp_path, table, overwrite=True)
+        written(tmp_path, table)
+    written(tmp_path, table, overwrite=True)
 
 
 def test_a_scene_of_splat_transform_is_read():

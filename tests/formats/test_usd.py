@@ -1,4 +1,4 @@
-"""OpenUSD's splats: text by gsedit, the same values in usd-core, transforms as usd-core has them."""
+"""OpenUSD's splats: the text that gsedit writes and reads is what usd-core makes of it."""
 
 from __future__ import annotations
 
@@ -20,6 +20,9 @@ from gsedit.formats.usd.stage import placed
 from gsedit.formats.usd.text import Span, read_layer
 from gsedit.scene.similarity import similarity_of
 from gsedit.scene.table import SplatTable, concatenate_tables
+from gsedit.toolkit.align import AlignLength
+from gsedit.toolkit.steps import scale
+from gsedit.toolkit.transform import Transform
 
 TINY = Path(__file__).parents[1] / "data" / "splats"
 FIELDS = ("means", "log_scales", "opacities", "sh")
@@ -47,7 +50,8 @@ def text(tmp_path: Path, body: str, metadata: str = "") -> Path:
 
 def field(name: str, count: int = 2, more: str = "") -> str:
     rows = ", ".join(f"({i}, {10 * i}, 0.5)" for i in range(count))
-    return f'def ParticleField3DGaussianSplat "{name}" {{\n  point3f[] positions = [{rows}]\n{more}}}\n'
+    start = f'def ParticleField3DGaussianSplat "{name}" {{\n'
+    return f"{start}  point3f[] positions = [{rows}]\n{more}}}\n"
 
 
 @pytest.mark.parametrize("degree", [0, 3, 4])
@@ -74,6 +78,14 @@ def test_the_unit_and_the_axis_that_is_up_are_kept(tmp_path):
     assert open_scene(through).header.comments == told
 
 
+def test_the_unit_changes_with_the_scale():
+    header = SceneHeader(0, comments=("mine", "metersPerUnit 0.01", "upAxis Z"))
+    doubled = Transform(scale(2.0)).header(header)
+    assert doubled.comments == ("mine", "metersPerUnit 0.005", "upAxis Z")
+    known = AlignLength((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 2.0)
+    assert known.header(header).comments == ("mine", "upAxis Z")
+
+
 def test_a_file_of_nvidia_holds_the_scene_in_its_own_axes():
     """Their converter leaves the axes of the .ply, and says that y is up."""
     table = open_scene(TINY / "tiny.ply").table()[:32]
@@ -85,7 +97,7 @@ def test_a_file_of_nvidia_holds_the_scene_in_its_own_axes():
 @with_library
 @pytest.mark.parametrize("suffix", USD)
 def test_the_library_reads_what_is_written(suffix, tmp_path):
-    from pxr import Usd, UsdGeom, UsdVol
+    from pxr import Usd, UsdGeom, UsdVol  # pyright: ignore[reportMissingImports]
 
     table = random_table(60, 2)
     path = write(tmp_path / f"a{suffix}", table, comments=("metersPerUnit 0.5",))
@@ -174,7 +186,7 @@ def test_half_precision_is_read_where_no_other_is(tmp_path):
 
 @with_library
 def test_transforms_are_those_of_the_library(tmp_path):
-    from pxr import Gf, Usd, UsdGeom
+    from pxr import Gf, Usd, UsdGeom  # pyright: ignore[reportMissingImports]
 
     rng = np.random.default_rng(0)
     stage, path, prims = Usd.Stage.CreateInMemory(), "", []

@@ -26,7 +26,7 @@ from gsedit.storage.json_files import checked, list_of, number, object_of, parse
 from gsedit.storage.safe_names import safe_name
 
 INDEX = "lod-meta.json"
-_INDEX_MAX_BYTES = 16 << 20
+INDEX_MAX_BYTES = 16 << 20
 """Size of an index: 100,000 leaves of four levels."""
 _AGAIN = "export it again"
 _PLACE = number(0, 1 << 32, whole=True)
@@ -46,9 +46,9 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
     """Open a lod-meta.json. Raises InputError for one that cannot be right, or whose folders
     are elsewhere or damaged."""
     with open_regular(path) as file:
-        data = file.read(_INDEX_MAX_BYTES + 1)
-    if len(data) > _INDEX_MAX_BYTES:
-        raise InputError(f"{path} has more than {_INDEX_MAX_BYTES >> 20} MB of JSON: {_AGAIN}")
+        data = file.read(INDEX_MAX_BYTES + 1)
+    if len(data) > INDEX_MAX_BYTES:
+        raise InputError(f"{path} has more than {INDEX_MAX_BYTES >> 20} MB of JSON: {_AGAIN}")
     meta = parse_json(
         data,
         path,

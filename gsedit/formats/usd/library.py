@@ -20,12 +20,12 @@ import gsedit
 from gsedit.errors import GseditError, InputError, UsageError
 from gsedit.formats.limits import ALWAYS_BYTES
 
-_EXPANSION = 128
+EXPANSION = 128
 """Bytes of text for a byte of a binary file: lists of equal numbers are packed well."""
-_MEMORY = 1 << 31
+MEMORY = 1 << 31
 """Bytes of address space that the child may take beside what its files explain: the library
 itself maps 0.4 GB."""
-_SECONDS = 60
+SECONDS = 60
 """CPU seconds that the child may take, and as many for every 10 MB."""
 INSTALL = "pip install 'gsedit[usd]' (Python 3.11 or newer)"
 
@@ -52,7 +52,7 @@ def flattened(path: Path, why: str) -> Scratch:
     _check_installed(f"{path}: {why}, and")
     scratch = Scratch("flat.usda")
     size = path.stat().st_size
-    reason = _run("flatten", path, scratch.path, size, max(ALWAYS_BYTES, _EXPANSION * size))
+    reason = _run("flatten", path, scratch.path, size, max(ALWAYS_BYTES, EXPANSION * size))
     if reason is not None:
         raise InputError(f"{path} cannot be read as USD ({reason}): export it again")
     return scratch
@@ -85,7 +85,7 @@ def _check_installed(start: str) -> None:
 
 def _run(task: str, source: Path, target: Path, size: int, written: int) -> str | None:
     """Run a task of `child.py`; what went wrong, as one line, or None."""
-    limits = (_MEMORY + 32 * size + written, written, _SECONDS * (1 + size // 10**7))
+    limits = (MEMORY + 32 * size + written, written, SECONDS * (1 + size // 10**7))
     done = subprocess.run(
         [sys.executable, "-m", "gsedit.formats.usd.child", task, str(source.absolute()),
          str(target.absolute()), *map(str, limits)],

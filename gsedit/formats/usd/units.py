@@ -4,10 +4,11 @@ comments: `metersPerUnit 0.01`, `upAxis Z`."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 
 from gsedit.formats.axes import RUB
+from gsedit.formats.streams import SceneHeader
 from gsedit.formats.usd.text import Prim
 
 _METERS, _UP = "metersPerUnit", "upAxis"
@@ -54,6 +55,16 @@ def units_in(comments: Sequence[str]) -> tuple[Units, list[str]]:
         else:
             others.append(comment)
     return Units(meters, up), others
+
+
+def rescaled(header: SceneHeader, factor: float | None) -> SceneHeader:
+    """The header of a scene whose lengths were multiplied; None if by what is not known, which
+    leaves a scene that does not tell its unit."""
+    units, others = units_in(header.comments)
+    if units.meters == 1:
+        return header
+    units = replace(units, meters=units.meters / factor if factor else 1.0)
+    return header.replace(comments=(*others, *units.comments))
 
 
 def _number(text: str) -> float:
