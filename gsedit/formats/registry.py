@@ -98,6 +98,11 @@ def in_folder(path: Path) -> Path:
 def writable_format(path: str | Path) -> Format:
     """The format to write at a path. Raises UsageError where there is none."""
     format = _format(Path(path))
+    if format is not None and format.module == "sog.streamed":
+        raise UsageError(
+            f"{path}: gsedit decimate SCENE 50% --levels 4 --format streamed -o FOLDER writes "
+            "streamed SOG with its levels"
+        )
     if format is None or not format.writes:
         raise UsageError(f"{path}: gsedit writes {', '.join(WRITABLE)}: choose one of these")
     return format

@@ -179,9 +179,10 @@ def test_half_precision_is_read_where_no_other_is(tmp_path):
     table = open_scene(text(tmp_path, field("a", 2, more))).table()
     np.testing.assert_allclose(table.scales[0], (1, 2, 4), rtol=1e-6)
     np.testing.assert_allclose(table.opacities, (0.5, 0.25), rtol=1e-6)
-    more += "  float[] opacities = [0.125, 0.5]\n"
-    table = open_scene(text(tmp_path, field("a", 2, more))).table()
-    np.testing.assert_allclose(table.opacities, (0.125, 0.5), rtol=1e-6)
+    more += '  float[] opacities = [0.125, 0.5]\n  token colorSpace:name = "lin_rec709_scene"\n'
+    source = open_scene(text(tmp_path, field("a", 2, more)))
+    np.testing.assert_allclose(source.table().opacities, (0.125, 0.5), rtol=1e-6)
+    assert [note.partition(":")[0] for note in source.notes] == ["its colors are said to be linear"]
 
 
 @with_library

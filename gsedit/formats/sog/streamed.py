@@ -21,8 +21,8 @@ from gsedit.formats.sog import file as sog
 from gsedit.formats.sog.pictures import META
 from gsedit.formats.streams import Blocks, ReadOptions, SceneHeader, SceneSource
 from gsedit.scene.table import SplatTable
-from gsedit.storage.inputs import existing_file, file_inside, open_regular, refuse_doubles
-from gsedit.storage.json_files import checked, list_of, number, object_of, parse_json, text
+from gsedit.storage.inputs import existing_file, file_inside, refuse_doubles
+from gsedit.storage.json_files import checked, list_of, number, object_of, read_json, text
 from gsedit.storage.safe_names import safe_name
 
 INDEX = "lod-meta.json"
@@ -45,12 +45,9 @@ class _Part:
 def open_source(path: Path, options: ReadOptions) -> SceneSource:
     """Open a lod-meta.json. Raises InputError for one that cannot be right, or whose folders
     are elsewhere or damaged."""
-    with open_regular(path) as file:
-        data = file.read(INDEX_MAX_BYTES + 1)
-    if len(data) > INDEX_MAX_BYTES:
+    if existing_file(path).stat().st_size > INDEX_MAX_BYTES:
         raise InputError(f"{path} has more than {INDEX_MAX_BYTES >> 20} MB of JSON: {_AGAIN}")
-    meta = parse_json(
-        data,
+    meta = read_json(
         path,
         object_of({"filenames": list_of(text()), "tree": object_of({})}, {"environment": text()}),
         advice=_AGAIN,

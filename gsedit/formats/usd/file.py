@@ -104,6 +104,8 @@ def _notes(found: Found, units: Units) -> Iterator[str]:
         yield f"splats that the stage hides left out: {found.hidden}"
     if len(found.splats) > 1:
         yield f"splats merged from {len(found.splats)} definitions"
+    if any(each.linear for each in found.splats):
+        yield "its colors are said to be linear: read as those of a display, they look darker"
     if units.meters != 1:
         yield f"a unit is {units.meters:g} m: numbers stay as they are"
 

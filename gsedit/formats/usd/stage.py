@@ -39,6 +39,8 @@ class Splats:
     degree: int
     count: int
     place: Similarity
+    linear: bool = False
+    """Whether its light is said to be linear, which gsedit's is not."""
 
     def list(self, name: str) -> NumberList:
         """The numbers of an attribute of `lists`, from the first on."""
@@ -113,7 +115,8 @@ def _splats(prim: Prim, path: Path, place: Float64[np.ndarray, "4 4"]) -> Splats
         needed = count * (int(degree) + 1) ** 2 if name == COEFFICIENTS else count
         if rows < needed:
             raise InputError(f"{where} has {rows} {name}, {needed} are needed: export it again")
-    return Splats(path, prim.name, lists, int(degree), count, similarity)
+    linear = str(prim.values.get("colorSpace:name", "")).startswith("lin_")
+    return Splats(path, prim.name, lists, int(degree), count, similarity, linear)
 
 
 def placed(prim: Prim, path: Path, above: Float64[np.ndarray, "4 4"]) -> Float64[np.ndarray, "4 4"]:

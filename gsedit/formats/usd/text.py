@@ -17,8 +17,8 @@ from gsedit.errors import InputError
 from gsedit.storage.inputs import existing_file
 
 MAGIC = b"#usda "
-_MOST_TOKENS = 200_000
-"""Words and signs beside the lists of numbers: an asset of a thousand parts has fewer."""
+_MOST_TOKENS = 1_000_000
+"""Words and signs beside the lists of numbers: a stage of 10,000 shapes has fewer."""
 _DEEPEST = 100
 """Definitions, or brackets, inside one another."""
 _LONGEST = 1 << 16
@@ -31,7 +31,7 @@ _LIST = re.compile(rb"\[[-+0-9.eE,()\sinfa]*\]")
 _TOKEN = re.compile(
     rb"""(?P<text>\"\"\"(?:[^"\\]|\\.|"(?!""))*\"\"\"|'''(?:[^'\\]|\\.|'(?!''))*'''
       |"(?:[^"\\\n]|\\.)*"|'(?:[^'\\\n]|\\.)*')
-    |(?P<asset>@[^@\n]*@)|(?P<path><[^<>\n]*>)
+    |(?P<asset>@@@(?:[^@]|@{1,2}(?!@))*@@@|@[^@\n]*@)|(?P<path><[^<>\n]*>)
     |(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?!\w)|[-+]?(?:inf|nan)(?![\w:]))
     |(?P<word>[A-Za-z_][\w:.]*(?:\[\])?)
     |(?P<sign>[=(){}\[\],:])""",
