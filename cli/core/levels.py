@@ -58,9 +58,9 @@ class Levels:
         self, header: SceneHeader, table: SplatTable, folder: Path, force: bool
     ) -> list[dict[str, Any]]:
         """Write the levels as one streamed SOG; return a record of each."""
-        from gsedit.toolkit.streamed import write_streamed
         from gsedit.toolkit.decimate import lod_tables
         from gsedit.toolkit.reduce_sh import ReduceSH
+        from gsedit.toolkit.streamed import write_streamed
 
         written = []
 

@@ -19,11 +19,11 @@ from torch import Tensor
 
 from gsedit import orbit, render
 from gsedit.formats.registry import FORMATS, USD, open_scene, write_scene
-from gsedit.toolkit.streamed import write_streamed
 from gsedit.formats.streams import SceneHeader, in_blocks
 from gsedit.measures.metrics import psnr
 from gsedit.scene.table import SplatTable, gaussians_of
 from gsedit.toolkit.reduce_sh import ReduceSH
+from gsedit.toolkit.streamed import write_streamed
 from rasterizer.camera import Camera
 
 SIZE = 256
