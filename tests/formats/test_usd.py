@@ -290,6 +290,19 @@ def test_layers_of_one_folder_are_put_together_and_no_others(tmp_path):
         open_scene(inside / "a.usdz")
 
 
+@with_library
+def test_a_list_that_unpacks_to_any_length_is_refused(tmp_path):
+    from pxr import Sdf, Usd, Vt  # pyright: ignore[reportMissingImports]
+
+    stage = Usd.Stage.CreateNew(str(tmp_path / "a.usdc"))
+    prim = stage.DefinePrim("/a", "ParticleField3DGaussianSplat")
+    ones = Vt.FloatArray.FromNumpy(np.ones(10_000_000, np.float32))
+    prim.CreateAttribute("opacities", Sdf.ValueTypeNames.FloatArray).Set(ones)
+    stage.Save()
+    with pytest.raises(InputError, match="unpacks to more than 16 MB"):
+        open_scene(tmp_path / "a.usdc")
+
+
 def test_one_place_for_many_definitions(tmp_path):
     """Each as it would be alone."""
     table = random_table(30, 1)

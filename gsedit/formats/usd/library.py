@@ -52,7 +52,10 @@ def flattened(path: Path, why: str) -> Scratch:
     _check_installed(f"{path}: {why}, and")
     scratch = Scratch("flat.usda")
     size = path.stat().st_size
-    reason = _run("flatten", path, scratch.path, size, max(ALWAYS_BYTES, EXPANSION * size))
+    most = max(ALWAYS_BYTES, EXPANSION * size)
+    reason = _run("flatten", path, scratch.path, size, most)
+    if reason is not None and scratch.path.exists() and scratch.path.stat().st_size >= most:
+        reason = f"it unpacks to more than {most >> 20} MB of text"
     if reason is not None:
         raise InputError(f"{path} cannot be read as USD ({reason}): export it again")
     return scratch
