@@ -5,6 +5,7 @@
 # make docs builds the documentation as a site in site/, strictly: a broken link fails.
 # make fuzz damages 2,000 files of every kind and reads them, and runs commands on hostile input.
 # make sanitize runs the C++ files under ASan, UBSan and TSan; make bench does so too.
+# make wheel builds a wheel that holds the compiled kernels, in dist/, and tries each of its levels of vectors.
 # make paper repeats the paper's experiments (examples/research) in full (hours) and writes out/paper/report.html; with
 # SCENE=bear.ply DATA=photos/ on that capture too. An interrupted one goes on.
 
@@ -18,7 +19,7 @@ LIBRARIES := libusb-1.0-0 libegl1 libgl1 libgl1-mesa-dri libx11-6 libudev1 libid
 # The benchmark scene's points (gsplat's garden.npz); without them make bench leaves its targets out.
 GARDEN ?= $(or $(GSEDIT_GARDEN),../shared/data/garden_points.npz)
 
-.PHONY: setup demo test check docs bench sanitize fuzz paper
+.PHONY: setup demo test check docs bench sanitize fuzz paper wheel
 
 setup: $(STAMP)
 
@@ -56,6 +57,13 @@ sanitize: setup
 fuzz: setup
 	PYTHONPATH=tests $(BIN)/python tests/fuzzing.py 2000
 	PYTHONPATH=tests $(BIN)/python tests/hostile.py
+
+# The wheel is unpacked, so that the tree's own files are not what is tried.
+wheel: setup
+	rm -rf dist build
+	GSEDIT_KERNELS=-s $(BIN)/python -m pip wheel --quiet --no-deps -w dist .
+	$(BIN)/python -m zipfile -e dist/gsedit-*.whl build/wheel
+	PYTHONPATH=build/wheel $(BIN)/python tests/wheel_levels.py
 
 paper: setup
 	PYTHONPATH=examples $(BIN)/python -m research.paper $(SCENE) $(if $(DATA),--data $(DATA)) -o out/paper

@@ -1,4 +1,5 @@
-"""C++ files without dependencies, compiled once per machine and kept.
+"""C++ files without dependencies: a wheel brings their libraries, otherwise they are compiled once
+per machine and kept.
 
 Any C++17 compiler makes one in seconds. The result is cached by the source, the compiler and the
 processor, under $XDG_CACHE_HOME/gsedit or ~/.cache/gsedit, where only the user can write.
@@ -6,6 +7,7 @@ processor, under $XDG_CACHE_HOME/gsedit or ~/.cache/gsedit, where only the user 
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import errno
 import functools
@@ -27,6 +29,7 @@ from rasterizer.compiler import (
     find_compiler,
 )
 from rasterizer.numerics import Kernel
+from rasterizer.shipped import shipped_library
 
 Library = TypeVar("Library")
 
@@ -137,7 +140,7 @@ class Made(NamedTuple):
 
     library: ctypes.CDLL | None
     compiler: str
-    """Its name, as in `g++`; empty where none was found."""
+    """Its name, as in `g++`, or which of the wheel's libraries it is; empty where there is none."""
     failure: str = ""
     """Why there is no library."""
     note: str = ""
@@ -169,8 +172,15 @@ def function(library: ctypes.CDLL, name: str, dtype: object) -> Callable[..., in
 
 @functools.cache
 def make(source: Path) -> Made:
-    """The library of a C++ file, from the cache or compiled; tried once in a process."""
+    """The library of a C++ file, of the wheel, from the cache or compiled; tried once in a process.
+
+    One of the wheel that does not load is passed over.
+    """
     name = ""
+    with contextlib.suppress(OSError):
+        if (found := shipped_library(source)) is not None:
+            path, level = found
+            return Made(_opened(path), f"of the wheel, {level.name}")
     try:
         compiler = find_compiler()
         name = compiler.name
@@ -183,7 +193,10 @@ def make(source: Path) -> Made:
 
 
 def takes_seconds(source: Path) -> bool:
-    """Whether `make` will compile: there is a compiler, and nothing in the cache that loads."""
+    """Whether `make` will compile: the wheel has no library, there is a compiler, and nothing in
+    the cache that loads."""
+    if shipped_library(source) is not None:
+        return False
     try:
         key = _name(find_compiler(), source)
         return find_library(cache_folder(), key, _opened) is None

@@ -50,7 +50,7 @@ ORDER = {
         "cpp_projection", "splat",
         "preprocess", "checks",
         "blending", "tiles", "project", "harmonics", "camera", "scene", "notebook",
-        "compiled", "numerics", "lazy", "waiting", "compiler",
+        "compiled", "numerics", "lazy", "waiting", "shipped", "compiler",
     ),
 }  # fmt: skip
 BELOW = {"cli": ("gsedit", "rasterizer"), "gsedit": ("rasterizer",), "rasterizer": ()}

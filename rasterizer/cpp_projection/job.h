@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <cstdlib>
 #include <new>
 #include <vector>
 
@@ -61,12 +60,12 @@ class Buffer {
   Buffer() = default;
   Buffer(const Buffer&) = delete;
   Buffer& operator=(const Buffer&) = delete;
-  ~Buffer() { std::free(data_); }
+  ~Buffer() { ::operator delete(data_, LINE); }
   V* at_least(size_t count) {
     if (count > capacity_) {
-      std::free(data_);
+      ::operator delete(data_, LINE);
       capacity_ = 0;
-      data_ = static_cast<V*>(std::aligned_alloc(64, (count * sizeof(V) / 64 + 1) * 64));
+      data_ = static_cast<V*>(::operator new(count * sizeof(V), LINE, std::nothrow));
       if (!data_) throw std::bad_alloc();
       capacity_ = count;
     }
@@ -75,6 +74,7 @@ class Buffer {
   V* data() { return data_; }
 
  private:
+  static constexpr std::align_val_t LINE{64};
   V* data_ = nullptr;
   size_t capacity_ = 0;
 };

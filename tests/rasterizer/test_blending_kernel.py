@@ -10,7 +10,7 @@ from closeness import leaves, relative, tensors, weights_like
 from scenes import camera, cloud, gaussian
 
 from gsedit.bench.renderer.speed import synthetic
-from rasterizer import Execution, Numerics, compiler, concatenate, render
+from rasterizer import Execution, Numerics, compiler, concatenate, render, shipped
 from rasterizer.blending import cpp_backend
 
 TORCH, COMPILED = Execution(kernel="torch"), Execution(kernel="compiled")
@@ -28,13 +28,13 @@ def gradients(scene, view, execution, numerics=WHOLE_SUM, *, depth=False):
     return drawn, torch.autograd.grad(loss, tensors(inputs))
 
 
-@pytest.mark.parametrize("flags", [(), ("-mavx2", "-mfma")], ids=["any processor", "AVX2"])
-def test_every_width_of_vectors_draws_the_same(flags, tmp_path, monkeypatch):
-    if flags and "avx2" not in compiler._processor():
-        pytest.skip("this processor has no AVX2")
+@pytest.mark.parametrize("level", shipped.levels(), ids=lambda level: level.name)
+def test_every_width_of_vectors_draws_the_same(level, tmp_path, monkeypatch):
+    if level not in shipped.usable_levels():
+        pytest.skip(f"this processor has no {level.name}")
     library = tmp_path / "kernel.so"
     found = compiler.find_compiler()
-    compiler.compile_library(found, cpp_backend.SOURCE, library, tunings=[flags])
+    compiler.compile_library(found, cpp_backend.SOURCE, library, tunings=[(*level.flags, "-O1")])
     monkeypatch.setattr(cpp_backend, "load", lambda kernel="auto": ctypes.CDLL(str(library)))
     scene, view = cloud()
     wanted, exact = gradients(scene, view, TORCH)
