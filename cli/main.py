@@ -21,6 +21,7 @@ from .core.exits import FAILED, OK, USAGE, Interrupted, explain, one_line
 from .core.ranks import cause, end, leave, meet
 from .core.renamed import new_command
 from .verbs.align import align
+from .verbs.app import app as app_verb
 from .verbs.bench import bench
 from .verbs.bend import bend
 from .verbs.capture import capture
@@ -44,7 +45,7 @@ from .verbs.style import style
 from .verbs.transform import transform
 from .verbs.view import view
 
-EDITING = (edit, make, style)
+EDITING = (app_verb, edit, make, style)
 CAPTURING = (capture, fit)
 SENTENCES = ("edit", "make")
 """Verbs that take a sentence, which a shell splits where it is not in quotes."""

@@ -12,6 +12,7 @@ ROOT = Path(__file__).parents[1]
 # Each room may import only rooms further down its list.
 ORDER = {
     "gsedit": (
+        "app",
         "bench",
         "doctor",
         "capture",

@@ -24,7 +24,7 @@ from torch import Tensor
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.pictures.viewer.frustums import frustum_length
 from gsedit.pictures.viewer.layers import AFTER, BEFORE, Layer, Splats, make_layers, shown_layers
-from gsedit.pictures.viewer.libraries import import_viser, only_own_origin
+from gsedit.pictures.viewer.libraries import guarded, import_viser
 from gsedit.scene.framing import bounds
 from gsedit.storage.atomic import atomic_path
 from rasterizer.camera import Camera
@@ -156,7 +156,7 @@ def server(page: Page, port: int) -> Iterator[Any]:
     """A viser server of the page that only this machine can reach, and no other web site; at
     another port where that one is taken. Raises GseditError where viser is missing."""
     viser = import_viser()
-    with redirect_stdout(StringIO()), only_own_origin():  # it says where it listens, in a box
+    with redirect_stdout(StringIO()), guarded():  # it says where it listens, in a box
         live = viser.ViserServer(host=LOCALHOST, port=port, label=page.title, verbose=False)
     try:
         live.gui.configure_theme(show_share_button=False)  # it would open a tunnel to viser's host

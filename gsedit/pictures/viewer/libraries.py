@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from functools import cache
 from threading import Lock
@@ -91,37 +91,46 @@ LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
 _starting = Lock()
 
 
-def refusal(headers: Any) -> str:
+def refusal(headers: Any, hosts: Collection[str] = LOOPBACK) -> str:
     """Say why a request is refused, by its HTTP headers; empty where it is answered.
 
-    The host that it was sent to must be this machine's loopback, under any port, for a tunnel has
-    its own. The origin must be that host: a browser names it in every WebSocket handshake.
+    The host that it was sent to must be one of `hosts`, by default this machine's loopback, under
+    any port, for a tunnel has its own. The origin must be that host: a browser names it in every
+    WebSocket handshake.
     """
-    hosts, origins = headers.get_all("Host"), headers.get_all("Origin")
-    if len(hosts) != 1 or _host_name(hosts[0]) not in LOOPBACK:
-        return "the page is reached as http://127.0.0.1 only"
+    named, origins = headers.get_all("Host"), headers.get_all("Origin")
+    if len(named) != 1 or _host_name(named[0]) not in hosts:
+        return f"the page is reached as http://{min(hosts)} only"
     socket = any("websocket" in value.lower() for value in headers.get_all("Upgrade"))
-    if (origins or socket) and origins != [f"http://{hosts[0]}"]:
+    if (origins or socket) and origins != [f"http://{named[0]}"]:
         return "the page answers only itself"
     return ""
 
 
+def own_origin(connection: Any, request: Any) -> Any:
+    """Refuse what `refusal` names; None for any other request."""
+    reason = refusal(request.headers)
+    return connection.respond(403, f"{reason}\n") if reason else None
+
+
 @contextmanager
-def only_own_origin() -> Iterator[None]:
-    """Guard the servers that viser starts meanwhile: it has no setting for this."""
+def guarded(answer: Callable[[Any, Any], Any] = own_origin) -> Iterator[None]:
+    """Guard the servers that viser starts meanwhile: it has no setting for this.
+
+    `answer(connection, request)` returns the response to a request, or None where viser's own
+    server goes on with it. By default a page answers only this machine, and no other web site.
+    """
     from websockets.asyncio import server
 
-    def guarded(*arguments: Any, process_request: Any, **options: Any) -> Any:
-        def answer(connection: Any, request: Any) -> Any:
-            if reason := refusal(request.headers):
-                return connection.respond(403, f"{reason}\n")
-            return process_request(connection, request)
+    def serve_guarded(*arguments: Any, process_request: Any, **options: Any) -> Any:
+        def first(connection: Any, request: Any) -> Any:
+            return answer(connection, request) or process_request(connection, request)
 
-        return serve(*arguments, process_request=answer, **options)
+        return serve(*arguments, process_request=first, **options)
 
     with _starting:
         serve = server.serve
-        server.serve = guarded  # pyright: ignore[reportAttributeAccessIssue]
+        server.serve = serve_guarded  # pyright: ignore[reportAttributeAccessIssue]
         try:
             yield
         finally:

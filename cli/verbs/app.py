@@ -1,0 +1,96 @@
+"""`gsedit app`: a page in the browser to open, edit, compare and export scenes."""
+
+from __future__ import annotations
+
+import signal
+import webbrowser
+from pathlib import Path
+from threading import Event
+from typing import Annotated
+
+from gsedit.errors import UsageError
+
+from ..core.command import argument, flag, shows
+from ..core.console import print_message, print_result
+from ..options.common import Common
+
+Opened = Annotated[
+    Path | None,
+    argument("PATH", "A scene, the folder of an edit or of a session, photos, or a video."),
+]
+
+
+@shows("--port", "--no-browser", "--allow", "--host")
+def app(
+    path: Opened = None,
+    port: Annotated[
+        int, flag("", "Port of the page; the next free one if it is taken.", min=1, max=65535)
+    ] = 8080,
+    no_browser: Annotated[bool, flag("--no-browser", "Only print the address.")] = False,
+    allow: Annotated[
+        list[Path] | None,
+        flag("--allow", "Folder that the page may read and write too; repeatable.", "FOLDER"),
+    ] = None,
+    host: Annotated[
+        str,
+        flag("--host", "Address to listen at; another than this machine's own can be reached by "
+             "whoever has the page's address.", "ADDRESS"),
+    ] = "127.0.0.1",
+    *,
+    common: Common,
+) -> None:  # fmt: skip
+    """Edit scenes in the browser: open, point, say, compare, keep.
+
+    gsedit app scene.ply
+
+    gsedit app photos/
+
+    Everything is kept in a folder beside what is opened, NAME.session: the same command goes on
+    where it was. The page reads and writes below the folder of PATH, or the current one. Ctrl-C
+    ends it.
+    """
+    common.apply()
+    from gsedit.pictures.viewer.libraries import import_viser
+
+    import_viser()  # before the long part
+    if path is not None and not path.exists():
+        raise UsageError(f"{path} does not exist: check the path")
+    run_page(path, [*(allow or [])], host, port, browser=not no_browser, as_json=common.json)
+
+
+def run_page(
+    path: Path | None, allowed: list[Path], host: str, port: int, *, browser: bool, as_json: bool
+) -> None:
+    """Serve the page until Ctrl-C."""
+    from gsedit.app.opening import open_path
+    from gsedit.app.page import Page
+    from gsedit.app.places import Places
+    from gsedit.app.server import serve
+    from gsedit.app.worker import Worker, program_of
+
+    given = Path.cwd() if path is None else path.resolve().parent
+    places = Places(tuple(each.resolve() for each in (given, *allowed)))
+    page = Page(Worker(program_of("gsedit_cli.core.warm")), places)
+    try:
+        if path is not None:
+            open_path(page, path.resolve())
+        with serve(page, host, port) as served:
+            if served.port != port:
+                print_message(f"port {port} is taken: the page is at port {served.port}")
+            print_message(f"the page is open until Ctrl-C: {served.address}")
+            print_result({"address": served.address}, served.address, as_json=as_json)
+            if browser:
+                webbrowser.open(served.address)
+            page.warm()
+            wait()
+    finally:
+        page.close()
+
+
+def wait() -> None:
+    """Return at Ctrl-C, and at SIGTERM."""
+    ended = Event()
+    for each in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(each, lambda *_: ended.set())
+    while not ended.wait(3600):
+        pass

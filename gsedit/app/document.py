@@ -1,0 +1,170 @@
+"""What a session keeps: the scene that was opened, what was done to it, and where one is in that.
+
+A session is a folder: `session.json` is the document, `steps/` has a folder for each step. The file
+is written anew at each change, whole or not at all, so a session survives being killed.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from gsedit.runs.json_lines import write_record
+from gsedit.storage.json_files import list_of, number, object_of, read_json, text
+
+NAME = "session.json"
+STEPS = "steps"
+SUFFIX = ".session"
+"""Suffix of a session's folder, which lies beside what was opened."""
+SHORT_NAME = 40
+"""Characters of a step's title in the name of its folder."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One scene of the history, and how it was made."""
+
+    title: str
+    scene: str
+    """The scene's file: absolute, or relative to the session's folder."""
+    command: tuple[str, ...] = ()
+    """Arguments of gsedit that made it of the step before; none for a scene that was opened."""
+
+
+@dataclass(frozen=True)
+class Eye:
+    """Where a person looks from, in the scene's world."""
+
+    position: tuple[float, float, float]
+    target: tuple[float, float, float]
+    up: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Pending:
+    """Work that was begun and has not ended: after a restart it can go on."""
+
+    title: str
+    command: tuple[str, ...]
+    step: bool = False
+    """Whether its scene becomes a step."""
+
+
+@dataclass(frozen=True)
+class Document:
+    """The history of a session. Steps after `position` are undone and can be done again."""
+
+    source: str = ""
+    """What was opened: a scene, photos or a video."""
+    steps: tuple[Step, ...] = ()
+    position: int = -1
+    """Step that is shown; -1 before any."""
+    eye: Eye | None = None
+    pending: Pending | None = None
+
+    @property
+    def current(self) -> Step | None:
+        """The step that is shown; None before any."""
+        return self.steps[self.position] if self.position >= 0 else None
+
+
+def opened(source: Path, scene: Path, title: str) -> Document:
+    """The document of a scene that was just opened."""
+    return Document(str(source), (Step(title, str(scene)),), 0)
+
+
+def applied(document: Document, step: Step) -> Document:
+    """The document after one more step; what was undone before is forgotten."""
+    kept = document.steps[: document.position + 1]
+    return replace(document, steps=(*kept, step), position=len(kept), pending=None)
+
+
+def moved(document: Document, position: int) -> Document:
+    """The document at another step of its history, the nearest to `position` that there is."""
+    return replace(
+        document,
+        position=max(min(position, len(document.steps) - 1), min(0, len(document.steps) - 1)),
+    )
+
+
+def undone(document: Document) -> Document:
+    """The document a step earlier; the same at the first."""
+    return moved(document, document.position - 1)
+
+
+def redone(document: Document) -> Document:
+    """The document a step later; the same at the last."""
+    return moved(document, document.position + 1)
+
+
+def session_folder(source: Path) -> Path:
+    """The folder of the session of a scene, of photos or of an edit: beside it."""
+    if (source / NAME).is_file():
+        return source
+    return source.with_name(f"{source.stem if source.is_file() else source.name}{SUFFIX}")
+
+
+def step_folder(folder: Path, title: str) -> Path:
+    """A folder for the next step that no other step has; it is not made."""
+    places = [each.name for each in (folder / STEPS).glob("*")]
+    numbers = [int(name.split("-")[0]) for name in places if name.split("-")[0].isdecimal()]
+    words = re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")[:SHORT_NAME].strip("-")
+    return folder / STEPS / f"{max(numbers, default=0) + 1:03d}-{words or 'step'}"
+
+
+def save(document: Document, folder: Path) -> None:
+    """Write the document of a session. Raises GseditError where the disk does not take it."""
+    write_record(asdict(document), folder / NAME, overwrite=True)
+
+
+def load(folder: Path) -> Document:
+    """Read the document of a session. Raises InputError for a damaged one."""
+    record = read_json(folder / NAME, _DOCUMENT, advice="remove it to begin the session anew")
+    steps = tuple(_step(each) for each in record["steps"])
+    eye, pending = record.get("eye"), record.get("pending")
+    return moved(
+        Document(
+            record["source"],
+            steps,
+            eye=None
+            if eye is None
+            else Eye(**{k: tuple(eye[k]) for k in ("position", "target", "up")}),
+            pending=None
+            if pending is None
+            else Pending(pending["title"], tuple(pending["command"]), pending["step"]),
+        ),
+        int(record["position"]),
+    )
+
+
+def scene_file(document: Document, folder: Path) -> Path | None:
+    """The file of the scene that is shown; None before any."""
+    step = document.current
+    return None if step is None else folder / step.scene
+
+
+def _step(record: dict[str, Any]) -> Step:
+    return Step(record["title"], record["scene"], tuple(record["command"]))
+
+
+def _flag(value: Any, place: str) -> bool:
+    return bool(value)
+
+
+_ARGUMENTS = list_of(text(empty=True))
+_POINT = list_of(number(), 3)
+_DOCUMENT = object_of(
+    {
+        "source": text(empty=True),
+        "steps": list_of(
+            object_of({"title": text(empty=True), "scene": text(), "command": _ARGUMENTS})
+        ),
+        "position": number(-1, whole=True),
+    },
+    {
+        "eye": object_of({"position": _POINT, "target": _POINT, "up": _POINT}),
+        "pending": object_of({"title": text(), "command": _ARGUMENTS, "step": _flag}),
+    },
+)

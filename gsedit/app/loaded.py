@@ -1,0 +1,85 @@
+"""Scenes as a page reads them: the Gaussians, how they are rendered, and where one looks from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import torch
+
+from gsedit.cameras.around import FOUND_VIEWS, find_viewpoints
+from gsedit.datasets.cameras_json import cameras_file, read_cameras
+from gsedit.datasets.near import viewpoints_near
+from gsedit.datasets.viewpoints import Viewpoint, same_size, that_see, thinned
+from gsedit.formats.scenes import read_scene
+from gsedit.scene.framing import Bounds, bounds, framing_camera, guess_up
+from gsedit.selecting.click import Selector
+from rasterizer.camera import Camera
+from rasterizer.numerics import DEFAULT, Numerics
+from rasterizer.scene import Gaussians
+
+VIEW_PIXELS = 256
+"""Longer side of the views in which edits and selections look at the scene, as the command line
+has it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Loaded:
+    """A scene that was read from a file."""
+
+    file: Path
+    scene: Gaussians
+    numerics: Numerics
+    notes: tuple[str, ...]
+
+    @cached_property
+    def bulk(self) -> Bounds:
+        """The ball of the scene's bulk."""
+        return bounds(self.scene)
+
+    @cached_property
+    def viewpoints(self) -> tuple[Viewpoint, ...]:
+        """Views recorded beside the file, or found ones: where edits and selections look from."""
+        return self.recorded or find_viewpoints(self.scene, FOUND_VIEWS, VIEW_PIXELS)
+
+    @cached_property
+    def recorded(self) -> tuple[Viewpoint, ...]:
+        """The views recorded beside the file; none where none of them sees the scene."""
+        file = cameras_file(self.file)
+        if file is None:
+            return ()
+        views = viewpoints_near(same_size(read_cameras(file), VIEW_PIXELS), self.scene)
+        return views if that_see(thinned(views, 16), self.scene) else ()
+
+    @cached_property
+    def selector(self) -> Selector:
+        """What finds the object under a click; its segments are found once."""
+        return Selector(self.scene, [each.camera for each in self.viewpoints])
+
+    def first_camera(self) -> Camera:
+        """The camera of the first picture: of a recorded view, or one that frames the bulk."""
+        if self.recorded:
+            return self.recorded[0].camera
+        return framing_camera(self.scene)
+
+    def up(self) -> torch.Tensor:
+        """The upward direction: that of the recorded cameras, or of the ground."""
+        if self.recorded:
+            return level(self.recorded)
+        return guess_up(self.scene)
+
+
+def level(views: Sequence[Viewpoint]) -> torch.Tensor:
+    """The mean upward direction of cameras, a unit vector of float64."""
+    ups = torch.stack([-each.camera.rotation[1].double() for each in views])
+    return torch.nn.functional.normalize(ups.mean(0), dim=0)
+
+
+def read(file: Path) -> Loaded:
+    """Read a scene file. Raises InputError and UsageError as `read_scene` does."""
+    found = read_scene(file)
+    antialiased = found.header.antialiased
+    numerics = Numerics(antialiased=True) if antialiased else DEFAULT
+    return Loaded(file, found.scene.detach(), numerics, tuple(found.notes))

@@ -1,0 +1,384 @@
+"""What all tabs of a page share: the document, its scene, the selection, and the work in hand."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from threading import RLock
+from typing import Any
+
+from torch import Tensor
+
+from gsedit.app import document as documents
+from gsedit.app.document import Document, Eye, Pending, Step
+from gsedit.app.loaded import Loaded, read
+from gsedit.app.places import Places
+from gsedit.app.tab import Tab
+from gsedit.app.worker import Cancelled, Worker
+from gsedit.app.works import Work, Works
+from gsedit.datasets.cameras_json import NAME as CAMERAS
+from gsedit.datasets.cameras_json import cameras_file
+from gsedit.datasets.viewpoints import Viewpoint
+from gsedit.errors import GseditError, UsageError
+from gsedit.regions.region import Region, save_region
+from gsedit.regions.saved import folder_of, saved_names
+from gsedit.selecting.click import Selector
+from gsedit.storage.atomic import locked
+from rasterizer.camera import Camera
+from rasterizer.numerics import DEFAULT, Numerics
+from rasterizer.scene import Gaussians
+
+FOLDER_VERBS = ("edit", "make", "style")
+"""Verbs whose -o is a folder with a scene.ply in it; that of the others is the scene."""
+MOVING_VERBS = ("transform", "align")
+"""Verbs that move the cameras along where they are asked to."""
+KEPT_GAUSSIANS = 1_200_000
+"""Gaussians of the scenes in memory, the current one aside: 280 MB at SH degree 3. Going back and
+forth between them reads nothing again."""
+NOTHING_OPEN = "open a scene first: under File, by its path, or drop it on the page"
+
+
+class Page:
+    """State that all tabs share. Its methods can be called from any thread."""
+
+    def __init__(self, worker: Worker, places: Places) -> None:
+        """Begin without a scene."""
+        self.places = places
+        self.tabs: list[Tab] = []
+        self.document = Document()
+        self.folder: Path | None = None
+        """The session's folder; None before anything is open."""
+        self.selection: Tensor | None = None
+        """Flags of the current scene's Gaussians; None where nothing is selected."""
+        self.note = ""
+        """How the selection was found."""
+        self._works = Works(worker, lambda: self.notify("busy"))
+        self._kept: dict[Path, Loaded] = {}
+        self._lock = RLock()
+        self._session = ExitStack()
+        self._listeners: list[tuple[Tab | None, str, Callable[[], None]]] = []
+
+    # -- the scene
+
+    @property
+    def has_scene(self) -> bool:
+        """Whether there is a current scene."""
+        return self.document.current is not None
+
+    @property
+    def scene_file(self) -> Path:
+        """File of the current scene. Raises UsageError where nothing is open."""
+        return self.file_of(self.document.position)
+
+    @property
+    def loaded(self) -> Loaded:
+        """The current scene as it was read. Raises UsageError where nothing is open."""
+        return self.load(self.scene_file)
+
+    @property
+    def scene(self) -> Gaussians:
+        """The current scene. Raises UsageError where nothing is open."""
+        return self.loaded.scene
+
+    @property
+    def numerics(self) -> Numerics:
+        """How the current scene is rendered."""
+        return self.loaded.numerics if self.has_scene else DEFAULT
+
+    @property
+    def near(self) -> float | None:
+        """Near plane for the current scene; None for the renderer's own."""
+        return self.loaded.bulk.near if self.has_scene else None
+
+    def file_of(self, position: int) -> Path:
+        """File of the scene of a step. Raises UsageError where there is no such step."""
+        if self.folder is None or not 0 <= position < len(self.document.steps):
+            raise UsageError(NOTHING_OPEN)
+        return self.folder / self.document.steps[position].scene
+
+    def load(self, file: Path) -> Loaded:
+        """A scene of the history, read once and kept while there is room."""
+        with self._lock:
+            found = self._kept.pop(file, None) or read(file)
+            self._kept[file] = found
+            while sum(len(each.scene) for each in [*self._kept.values()][:-1]) > KEPT_GAUSSIANS:
+                self._kept.pop(next(iter(self._kept)))
+            return found
+
+    def distance(self, camera: Camera) -> float:
+        """Distance before a camera about which its view turns: that of the scene's middle."""
+        bulk = self.loaded.bulk
+        middle = camera.center.new_tensor(bulk.center)
+        return max(float((middle - camera.center) @ camera.forward), 0.1 * bulk.radius)
+
+    def viewpoints(self) -> tuple[Viewpoint, ...]:
+        """Views recorded beside the scene, or found ones, which can take seconds."""
+        return self.loaded.viewpoints
+
+    def selector(self) -> Selector:
+        """What finds the object under a click, kept for the scene."""
+        return self.loaded.selector
+
+    # -- the selection
+
+    def select(self, flags: Tensor | None, note: str = "") -> None:
+        """Select Gaussians in all tabs; None, or no flag that is set: nothing."""
+        if flags is not None and len(flags) != len(self.scene):
+            raise UsageError("the scene has changed meanwhile: select once more")
+        self.selection = None if flags is None or not bool(flags.any()) else flags
+        self.note = note if self.selection is not None else ""
+        for tab in list(self.tabs):
+            tab.refresh()
+        self.notify("selection")
+
+    def selection_file(self) -> Path | None:
+        """The selection as a .npy file of the session, for --region; None where there is none."""
+        if self.selection is None or self.folder is None:
+            return None
+        path = self.folder / "selection.npy"
+        save_region(Region(self.selection, self.note), path, overwrite=True)
+        return path
+
+    def names(self) -> tuple[str, ...]:
+        """Names of the selections that are saved beside the current scene."""
+        return saved_names(self.scene_file) if self.has_scene else ()
+
+    # -- the session
+
+    def open_scene(self, file: Path, title: str, source: Path | None = None) -> None:
+        """Show a scene file, in the session that it has or in a new one beside `source`.
+
+        Raises InputError for a damaged file, UsageError where another page has the session.
+        """
+        folder = documents.session_folder(source or file)
+        if (folder / documents.NAME).is_file():
+            return self.open_session(folder)
+        self.load(file)  # before the session of another scene is left
+        self._enter(folder)
+        self.change(documents.opened(source or file, file, title))
+
+    def open_session(self, folder: Path) -> None:
+        """Go on with a session where it was left. Raises InputError for a damaged one."""
+        document = documents.load(folder)
+        if (file := documents.scene_file(document, folder)) is not None:
+            self.load(file)
+        self._enter(folder)
+        self.change(document)
+
+    def begin(self, source: Path) -> None:
+        """Begin, or go on with, the session of photos that have no scene yet."""
+        folder = documents.session_folder(source)
+        if (folder / documents.NAME).is_file():
+            return self.open_session(folder)
+        self._enter(folder)
+        self.change(Document(str(source)))
+
+    def change(self, document: Document) -> None:
+        """Take a new state of the document: save it, and show its scene where that is another."""
+        with self._lock:
+            before, self.document = self._shown_file(), document
+            same = before == self._shown_file()
+            self.save()
+            if not same and self.selection is not None:
+                fits = self.has_scene and len(self.selection) == len(self.scene)
+                self.selection = self.selection if fits else None
+        if not same:
+            for tab in list(self.tabs):
+                tab.new_scene()
+            self.notify("scene")
+        self.notify("document")
+
+    def save(self) -> None:
+        """Write the document. A full disk is told, and does not end the page."""
+        if self.folder is not None:
+            try:
+                documents.save(self.document, self.folder)
+            except GseditError as error:
+                self.fail(error)
+
+    def look(self, eye: Eye) -> None:
+        """Remember where a person looks from; it is written with the next change."""
+        self.document = replace(self.document, eye=eye)
+
+    def undo(self) -> None:
+        """Go a step back."""
+        self.go_to(self.document.position - 1)
+
+    def redo(self) -> None:
+        """Go a step forth again."""
+        self.go_to(self.document.position + 1)
+
+    def go_to(self, position: int) -> None:
+        """Show the scene of a step of the history, the nearest that there is."""
+        self._works.check_idle()
+        found = documents.moved(self.document, position)
+        if found.position >= 0:
+            self.load(self.file_of(found.position))  # a damaged file changes nothing
+        self.change(found)
+
+    def new_file(self, name: str) -> Path:
+        """A path in the session's exports that is free."""
+        if self.folder is None:
+            raise UsageError(NOTHING_OPEN)
+        wanted = self.folder / "exports" / Path(name).name
+        suffix = "".join(wanted.suffixes)
+        stem, number = wanted.name.removesuffix(suffix), 1
+        while wanted.exists():
+            number += 1
+            wanted = wanted.with_name(f"{stem}-{number}{suffix}")
+        return wanted
+
+    def _enter(self, folder: Path) -> None:
+        """Leave the session, and take another's folder for this process alone."""
+        self._works.check_idle()
+        if folder == self.folder:
+            return
+        taken = ExitStack()
+        taken.enter_context(locked(folder / documents.NAME))
+        self.save()
+        self._session.close()
+        self._session, self.folder, self.selection = taken, folder, None
+        self.document = Document()
+
+    def _shown_file(self) -> Path | None:
+        return self.scene_file if self.has_scene else None
+
+    # -- work
+
+    @property
+    def busy(self) -> Work | None:
+        """The command in hand; None where there is none."""
+        return self._works.busy
+
+    def step(
+        self, verb: str, *arguments: str, title: str, after: Callable[[], None] | None = None
+    ) -> None:
+        """Run a verb on the current scene; its result becomes the next step.
+
+        The command is [verb, SCENE, *arguments, "-o", OUT]; `after` is called once the step is
+        shown, in a thread. Raises UsageError where a command is in hand.
+        """
+        scene = self.scene_file
+        assert self.folder is not None  # there is a scene
+        folder = documents.step_folder(self.folder, title)
+        out = folder if verb in FOLDER_VERBS else folder / "scene.ply"
+        more = ("--cameras",) if verb in MOVING_VERBS and cameras_file(scene) else ()
+        self._begin(Pending(title, (verb, str(scene), *arguments, *more, "-o", str(out))), after)
+
+    def resume(self) -> None:
+        """Do the step again that was in hand when the page was killed, from its last checkpoint
+        where it has one."""
+        pending = self.document.pending
+        if pending is not None:
+            more = ("--resume",) if pending.command[0] == "edit" else ("-f",)
+            command = tuple(each for each in pending.command if each not in more)
+            self._begin(replace(pending, command=(*command, *more)), None)
+
+    def forget(self) -> None:
+        """Give up the step that was in hand when the page was killed."""
+        self.change(replace(self.document, pending=None))
+
+    def run(
+        self,
+        command: Sequence[str],
+        title: str,
+        done: Callable[[dict[str, Any]], None] | None = None,
+    ) -> None:
+        """Run a command that is no step; `done` is given the record of its result, in a thread.
+
+        Raises UsageError where a command is in hand.
+        """
+        self._works.begin(command, title, done or (lambda record: None), self._failed)
+
+    def cancel(self) -> None:
+        """End the command in hand; what was done before is kept."""
+        self._works.cancel()
+
+    def _begin(self, pending: Pending, after: Callable[[], None] | None) -> None:
+        done = partial(self._stepped, pending, after)
+        self._works.begin(pending.command, pending.title, done, self._failed)
+        self.document = replace(self.document, pending=pending)
+        self.save()
+
+    def _failed(self, error: Exception) -> None:
+        self.document = replace(self.document, pending=None)
+        self.save()
+        if isinstance(error, Cancelled):
+            self.say("cancelled: nothing has changed")
+        else:
+            self.fail(error)
+        self.notify("document")
+
+    def _stepped(
+        self, pending: Pending, after: Callable[[], None] | None, record: dict[str, Any]
+    ) -> None:
+        """Make the scene that a command wrote the next step."""
+        assert self.folder is not None
+        out = Path(pending.command[pending.command.index("-o") + 1])
+        file = out / "scene.ply" if pending.command[0] in FOLDER_VERBS else out
+        found = self.load(file)
+        self._bring_along(file, len(found.scene))
+        step = Step(pending.title, str(file.relative_to(self.folder)), pending.command)
+        self.change(documents.applied(self.document, step))
+        if after is not None:
+            after()
+
+    def _bring_along(self, file: Path, count: int) -> None:
+        """Copy what lies beside the current scene and still holds: cameras, saved selections."""
+        before = self.scene_file
+        cameras = cameras_file(before)
+        if cameras is not None and cameras_file(file) is None:
+            shutil.copyfile(cameras, file.with_name(CAMERAS))
+        if folder_of(before).is_dir() and count == len(self.scene):
+            shutil.copytree(folder_of(before), folder_of(file), dirs_exist_ok=True)
+
+    # -- tabs
+
+    def join(self, tab: Tab) -> None:
+        """Take a tab that was opened."""
+        self.tabs.append(tab)
+
+    def part(self, tab: Tab) -> None:
+        """Forget a tab that was closed; work goes on without it."""
+        if tab in self.tabs:
+            self.tabs.remove(tab)
+        self._listeners = [each for each in self._listeners if each[0] is not tab]
+        tab.close()
+
+    def listen(self, tab: Tab | None, what: str, function: Callable[[], None]) -> None:
+        """Call a function after each change of the "scene", the "selection", the "document" or
+        "busy", as long as the tab is open."""
+        self._listeners.append((tab, what, function))
+
+    def notify(self, what: str) -> None:
+        """Call the functions that listen to a change."""
+        for tab, each, function in list(self._listeners):
+            if each == what:
+                try:
+                    function()
+                except Exception as error:
+                    (tab or self).fail(error)
+
+    def say(self, text: str) -> None:
+        """Say something in all tabs."""
+        for tab in list(self.tabs):
+            tab.tell(text)
+
+    def fail(self, error: Exception | str) -> None:
+        """Say in all tabs what went wrong."""
+        for tab in list(self.tabs):
+            tab.fail(error)
+
+    def warm(self) -> None:
+        """Prepare the process of the first command."""
+        self._works.worker.warm()
+
+    def close(self) -> None:
+        """End the work and leave the session, which can be opened again where it is."""
+        self._works.worker.close()
+        self.save()
+        self._session.close()

@@ -1,0 +1,34 @@
+"""Places that a page may read and write: what was given at the start, and the session."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from gsedit.errors import UsageError
+
+
+@dataclass(frozen=True)
+class Places:
+    """Folders below which a page may read and write."""
+
+    folders: tuple[Path, ...]
+    """Resolved: links in them lead nowhere else."""
+
+    def with_folder(self, folder: Path) -> Places:
+        """These places and one more."""
+        return replace(self, folders=(*self.folders, folder.resolve()))
+
+    def check(self, path: Path | str) -> Path:
+        """The resolved path; a relative one is below the first folder. Raises UsageError for one
+        outside of all folders, also by way of a link."""
+        text = str(path).strip()
+        if not text or "\0" in text:
+            raise UsageError("name a file or a folder")
+        resolved = (self.folders[0] / Path(text).expanduser()).resolve()
+        if not any(resolved.is_relative_to(folder) for folder in self.folders):
+            raise UsageError(
+                f"{text} is outside of {' and '.join(map(str, self.folders))}: start gsedit app "
+                "with --allow FOLDER to open it"
+            )
+        return resolved

@@ -1,0 +1,111 @@
+"""The page's server: viser behind a guard, with our picture for a background and our panels."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
+from dataclasses import dataclass
+from functools import partial
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+from gsedit.app.guard import Guard
+from gsedit.app.page import Page
+from gsedit.app.panels import add_panels
+from gsedit.app.tab import Tab
+from gsedit.pictures.viewer.libraries import LOOPBACK, guarded, import_viser
+
+TOKEN_BYTES = 24
+BRAND = (40, 110, 200)
+TITLE = "gsedit"
+_SCRIPT = Path(__file__).with_name("page.js")
+
+
+@dataclass(frozen=True)
+class Served:
+    """A page that answers."""
+
+    server: Any
+    address: str
+    """With the token: whoever has it reaches the page."""
+    port: int
+
+
+@contextmanager
+def serve(page: Page, host: str = "127.0.0.1", port: int = 8080) -> Iterator[Served]:
+    """Serve a page, at the next free port where that one is taken, until the context ends.
+
+    Raises GseditError where viser is missing.
+    """
+    viser = import_viser()
+    token = secrets.token_urlsafe(TOKEN_BYTES)
+    hosts = LOOPBACK if host in LOOPBACK else LOOPBACK | {host, *_names(host)}
+    guard = Guard(token, html(viser), frozenset(hosts))
+    with redirect_stdout(StringIO()), guarded(guard.answer):  # it says where it listens, in a box
+        server = viser.ViserServer(host=host, port=port, label=TITLE, verbose=False)
+    _keep_inside(server)
+    _dress(server)
+    try:
+        server.on_client_connect(partial(_opened, page))
+        server.on_client_disconnect(partial(_closed, page))
+        found = server.get_port()
+        shown = "127.0.0.1" if host in ("0.0.0.0", *LOOPBACK) else host
+        yield Served(server, f"http://{shown}:{found}/?token={token}", found)
+    finally:
+        for tab in list(page.tabs):
+            page.part(tab)
+        with redirect_stdout(StringIO()):  # "Server stopped"
+            server.stop()
+
+
+def html(viser: Any) -> bytes:
+    """The page of viser's client, with a title and the script that takes dropped files."""
+    file = Path(viser.__file__).parent / "client" / "build" / "index.html"
+    text = file.read_text(encoding="utf-8")
+    text = text.replace("<title>Viser</title>", f"<title>{TITLE}</title>", 1)
+    script = _SCRIPT.read_text(encoding="utf-8")
+    return text.replace("<head>", f"<head>\n<script>{script}</script>", 1).encode()
+
+
+def _keep_inside(server: Any) -> None:
+    """Take away the request by which a page asks viser to share it through viser's own host."""
+    from viser import _messages
+
+    for message in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
+        server._websock_server.unregister_handler(message)
+
+
+def _dress(server: Any) -> None:
+    server.gui.configure_theme(
+        dark_mode=True, show_logo=False, show_share_button=False, brand_color=BRAND,
+        control_width="large",
+    )  # fmt: skip
+    server.scene.world_axes.visible = False
+
+
+def _opened(page: Page, client: Any) -> None:
+    tab = Tab(page, client)
+    page.join(tab)
+    add_panels(page, tab)
+    tab.start()
+
+
+def _closed(page: Page, client: Any) -> None:
+    for tab in list(page.tabs):
+        if tab.client.client_id == client.client_id:
+            page.part(tab)
+
+
+def _names(host: str) -> set[str]:
+    """This machine's own names, where it listens on all of its addresses."""
+    import socket
+
+    if host != "0.0.0.0":
+        return set()
+    name = socket.gethostname()
+    try:
+        return {name, *socket.gethostbyname_ex(name)[2]}
+    except OSError:
+        return {name}

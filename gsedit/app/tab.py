@@ -1,0 +1,296 @@
+"""One browser tab: its camera, what it shows, its pointer, and its notices."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import wraps
+from math import atan
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import torch
+from torch import Tensor
+
+from gsedit.app.eyes import camera_of, eye_of, handle_eye, point_of
+from gsedit.app.frames import Painter
+from gsedit.app.shown import Shown, Way, depth_at, picture, tinted
+from gsedit.app.soon import Soon
+from gsedit.errors import GseditError
+from gsedit.regions.region import TINT
+from rasterizer.camera import Camera
+from rasterizer.scene import Gaussians
+
+if TYPE_CHECKING:
+    from gsedit.app.page import Page
+
+NOTICE_SECONDS = 6.0
+"""A notice goes away by itself after it; errors stay until they are closed."""
+FAR = 100.0
+"""Radii of the scene's bulk that handles are drawn within."""
+GO = (1.0, 0.25, 0.1)
+"""Color of what would go."""
+
+
+@dataclass(frozen=True)
+class Pick:
+    """A pixel that was clicked."""
+
+    camera: Camera
+    x: float
+    """Column, pixels of the camera from its left border."""
+    y: float
+    modifier: str | None = None
+    """Keys held: "shift", "cmd/ctrl", ..."""
+
+
+@dataclass(frozen=True)
+class Box:
+    """A rectangle that was drawn; corners in pixels of the camera."""
+
+    camera: Camera
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+    modifier: str | None = None
+
+
+class Tab:
+    """One browser tab. Its controls are its own; the scene and the work are the page's."""
+
+    def __init__(self, page: Page, client: Any) -> None:
+        """Take a viser client, and begin to draw for it."""
+        self.page, self.client, self.gui = page, client, client.gui
+        self.closed = False
+        self.pointer_name: str | None = None
+        self._folder = page.folder
+        self._shown = Shown()
+        self._preview: Gaussians | None = None
+        self._tint: tuple[Tensor, tuple[float, float, float]] | None = None
+        self._pointers: list[tuple[str, Callable[[Any], None]]] = []
+        self._soon = Soon(self.fail)
+        self._painter = Painter(self._draw, self._send, lambda: self._shown.count).start()
+        self._notice: Any = None
+
+    def start(self) -> None:
+        """Show the page's scene, from where a person last looked at it, and begin to draw."""
+        self._face_scene()
+        self.refresh()
+        self.client.camera.on_update(lambda _: self._looked())
+        self._looked()
+
+    # -- camera
+
+    def camera(self, width: int | None = None, height: int | None = None) -> Camera:
+        """What the tab looks at: a camera of the canvas's size, or of another one."""
+        handle = self.client.camera
+        size = width or int(handle.image_width), height or int(handle.image_height)
+        return camera_of(handle.wxyz, handle.position, handle.fov, size, self.page.near)
+
+    def aim(self, camera: Camera) -> None:
+        """Move the tab's view to a camera; it turns about the middle of the scene from there."""
+        eye, handle = eye_of(camera, self.page.distance(camera)), self.client.camera
+        with self.client.atomic():
+            handle.up_direction = eye.up
+            handle.position = eye.position
+            handle.look_at = eye.target
+
+    def _face_scene(self) -> None:
+        """Turn to the scene: its own upward direction, its first view or the remembered one."""
+        if not self.page.has_scene:
+            return
+        loaded, eye, handle = self.page.loaded, self.page.document.eye, self.client.camera
+        if eye is None:
+            camera = loaded.first_camera()
+            handle.fov = 2 * atan(camera.height / 2 / camera.fy)
+            eye = eye_of(camera, self.page.distance(camera))
+            eye = replace(eye, up=point_of(loaded.up()))
+        with self.client.atomic():
+            self.client.scene.set_up_direction(eye.up)
+            handle.up_direction = eye.up
+            handle.near, handle.far = loaded.bulk.near, FAR * loaded.bulk.radius
+            handle.position, handle.look_at = eye.position, eye.target
+
+    def _looked(self) -> None:
+        self._painter.look(self.camera())
+        if self.page.has_scene:
+            self.page.look(handle_eye(self.client.camera))
+
+    # -- what is shown
+
+    def refresh(self) -> None:
+        """Show the page's scene, the preview if there is one, the selection and the tint."""
+        page = self.page
+        scene = page.scene if page.has_scene else None
+        shown = scene if self._preview is None else self._preview
+        if shown is not None:
+            flags = page.selection
+            if flags is not None and len(flags) == len(shown):
+                shown = tinted(shown, flags, TINT)
+            if self._tint is not None and len(self._tint[0]) == len(shown):
+                shown = tinted(shown, *self._tint)
+        self._shown = replace(self._shown, scene=shown, numerics=page.numerics)
+        self._painter.again()
+
+    def preview(self, scene: Gaussians | None, note: str = "") -> None:
+        """Show this scene in the place of the page's until the next step; None: that one again."""
+        self._preview = scene
+        if note:
+            self.tell(note)
+        self.refresh()
+
+    @property
+    def previews(self) -> bool:
+        """Whether the tab shows a preview."""
+        return self._preview is not None
+
+    def tint(self, flags: Tensor | None, color: tuple[float, float, float] = GO) -> None:
+        """Color Gaussians beside the selection, as what a cleaning would remove; None: no more."""
+        self._tint = None if flags is None else (flags, color)
+        self.refresh()
+
+    def compare(self, before: Gaussians | None, way: Way = "wipe", wipe: float = 0.5) -> None:
+        """Show another scene on the left of what is shown; None: no more."""
+        self._shown = replace(self._shown, before=before, way=way, wipe=min(max(wipe, 0.0), 1.0))
+        self._painter.again()
+
+    def wipe(self, place: float) -> None:
+        """Move the line between two scenes, from 0 at the left to 1 at the right."""
+        self._shown = replace(self._shown, wipe=min(max(place, 0.0), 1.0))
+        self._painter.again()
+
+    @property
+    def compares(self) -> bool:
+        """Whether two scenes are shown."""
+        return self._shown.before is not None
+
+    def new_scene(self) -> None:
+        """Show the page's scene alone: it has changed."""
+        self._preview = self._tint = None
+        self._shown = replace(self._shown, before=None)
+        if self.page.folder != self._folder:
+            self._folder = self.page.folder
+            self._face_scene()
+        self.refresh()
+
+    # -- pointer
+
+    def pointer(
+        self,
+        name: str | None,
+        click: Callable[[Pick], None] | None = None,
+        box: Callable[[Box], None] | None = None,
+        modifiers: Sequence[str | None] = (None,),
+    ) -> None:
+        """Say what clicks, and boxes drawn with Shift, do from now on; no name: nothing.
+
+        `modifiers` are the keys that may be held at a click. A box takes Shift, as a plain drag
+        turns the view.
+        """
+        scene = self.client.scene
+        for kind, function in self._pointers:
+            remove = (
+                scene.remove_click_callback
+                if kind == "click"
+                else scene.remove_rect_select_callback
+            )
+            remove(function)
+        self._pointers, self.pointer_name = [], name
+        if name is None:
+            return
+        if click is not None:
+            handler = self.safely(lambda event: click(self._pick(event)))
+            for each in modifiers:
+                scene.on_click(modifier=each)(handler)
+            self._pointers.append(("click", handler))
+        if box is not None:
+            drawn = self.safely(lambda event: box(self._box(event)))
+            scene.on_rect_select(modifier="shift")(drawn)
+            self._pointers.append(("box", drawn))
+
+    def point(self, pick: Pick) -> Tensor | None:
+        """The world point (3) that is seen at a pixel; None on the background."""
+        scene = self._preview if self._preview is not None else self.page.scene
+        depth = depth_at(scene, pick.camera, pick.x, pick.y, self.page.numerics)
+        if depth <= 0:
+            return None
+        xy = torch.tensor([pick.x, pick.y], dtype=torch.float64)
+        return pick.camera.unproject(xy, torch.tensor(depth, dtype=torch.float64))
+
+    def _pick(self, event: Any) -> Pick:
+        camera = self.camera()
+        x, y = event.screen_pos
+        return Pick(camera, x * camera.width, y * camera.height, event.modifier)
+
+    def _box(self, event: Any) -> Box:
+        camera = self.camera()
+        (x0, y0), (x1, y1) = event.screen_min, event.screen_max
+        w, h = camera.width, camera.height
+        return Box(camera, x0 * w, y0 * h, x1 * w, y1 * h, event.modifier)
+
+    # -- work and notices
+
+    def soon(self, key: str, work: Callable[[], Any], then: Callable[[Any], None]) -> None:
+        """Do short work in the tab's thread; a newer request of the same key replaces this one."""
+        self._soon.ask(key, work, then)
+
+    def safely(self, function: Callable[..., Any]) -> Callable[..., None]:
+        """Wrap a callback: what it raises becomes a notice."""
+
+        @wraps(function)
+        def called(*arguments: Any) -> None:
+            try:
+                function(*arguments)
+            except Exception as error:
+                self.fail(error)
+
+        return called
+
+    def tell(self, text: str) -> None:
+        """Say something that goes away by itself."""
+        self._say("gsedit", text, "blue", NOTICE_SECONDS)
+
+    def fail(self, error: Exception | str) -> None:
+        """Say what went wrong, in the error's own sentence."""
+        known = isinstance(error, (GseditError, str))
+        text = " ".join(str(error).split())
+        if not known:
+            kind = type(error).__name__
+            text = f"internal error ({kind}: {text}); what was done before is kept"
+        self._say("That did not work", text, "red", None)
+
+    def _say(self, title: str, text: str, color: Any, seconds: float | None) -> None:
+        if not self.closed:
+            self.client.add_notification(title, text, color=color, auto_close_seconds=seconds)
+
+    def download(self, path: Path) -> None:
+        """Offer a file to the browser."""
+        self.client.send_file_download(path.name, path.read_bytes(), save_immediately=True)
+
+    def key(
+        self,
+        label: str,
+        hotkey: Any,
+        function: Callable[[], None],
+        modifier: Any = None,
+    ) -> None:
+        """Let a key call a function; the command palette (Ctrl-K) lists it under its label."""
+        command = self.gui.add_command(label, hotkey=hotkey, modifier=modifier)
+        command.on_trigger(self.safely(lambda _: function()))
+
+    def close(self) -> None:
+        """End the tab's threads; the browser has closed it."""
+        self.closed = True
+        self._painter.end()
+        self._soon.end()
+
+    # -- pictures
+
+    def _draw(self, camera: Camera) -> Any:
+        return picture(self._shown, camera)
+
+    def _send(self, drawn: Any, quality: int) -> None:
+        if not self.closed:
+            self.client.scene.set_background_image(drawn, format="jpeg", jpeg_quality=quality)
+            self.client.flush()
