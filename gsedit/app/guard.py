@@ -17,7 +17,7 @@ COOKIE_LETTERS = 6
 """Letters of the token in the name of the cookie: a browser does not part cookies by port, and
 several pages may be open."""
 POLICY = (
-    "default-src 'self'; script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' blob: data:; "
+    "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:; "
     "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
     "worker-src 'self' blob: data:; connect-src 'self' blob: data: ws://HOST; "
     "frame-ancestors 'none'"

@@ -107,7 +107,6 @@ class Tab:
             eye = eye_of(camera, self.page.distance(camera))
             eye = replace(eye, up=point_of(loaded.up()))
         with self.client.atomic():
-            self.client.scene.set_up_direction(eye.up)
             handle.up_direction = eye.up
             handle.near, handle.far = loaded.bulk.near, FAR * loaded.bulk.radius
             handle.position, handle.look_at = eye.position, eye.target

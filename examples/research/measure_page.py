@@ -1,0 +1,111 @@
+"""Frames a second of `gsedit app` over its websocket: `python examples/research/measure_page.py`.
+
+Starts the page as a person does, opens one tab, and moves its camera about the scene.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import asdict, dataclass
+from math import cos, sin
+from pathlib import Path
+from shutil import copy
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from research.page_client import PageClient
+
+CAMERAS_A_SECOND = 60
+"""Camera messages a second, as a browser sends them while one drags."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One run of a page."""
+
+    gaussians: int
+    size: tuple[int, int]
+    first_picture: float
+    """Seconds from the command to the first picture, the tab's own time included."""
+    frames_a_second: float
+    longer_side: float
+    """Mean of the moving pictures, pixels."""
+    rest: float
+    """Seconds from the last camera to the full picture."""
+    peak_mb: float
+    """Largest resident memory of the page's process."""
+
+
+def measure(scene: Path, seconds: float, size: tuple[int, int]) -> Measured:
+    """Run the page on a copy of a scene."""
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(copy(scene, folder))
+        if (cameras := scene.with_name("cameras.json")).is_file():
+            copy(cameras, folder)
+        began = time.perf_counter()
+        command = [sys.executable, "-m", "gsedit_cli", "app", str(place), "--no-browser", "--json"]
+        page = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        assert page.stdout is not None
+        try:
+            tab = PageClient(json.loads(page.stdout.readline())["address"], size)
+            tab.wait(lambda: tab.pictures, 120)
+            first = tab.pictures[0][0] - began
+            tab.wait(lambda: "Gaussians" in tab.text())
+            count = int(tab.text().split(" Gaussians")[0].split()[-1].replace(",", ""))
+            time.sleep(1.0)
+            rate, side = turn(tab, seconds)
+            stopped = time.perf_counter()
+            tab.wait(lambda: max(tab.pixels().shape) == max(size), 30)
+            rest = tab.pictures[-1][0] - stopped
+            peak = peak_memory(page.pid)
+            tab.close()
+        finally:
+            page.terminate()
+            page.wait()
+    return Measured(count, size, first, rate, side, rest, peak)
+
+
+def turn(tab: PageClient, seconds: float) -> tuple[float, float]:
+    """Move a tab's camera about its target; pictures a second and their mean longer side."""
+    position, target = (np.array(tab.pose[name]) for name in ("position", "look_at"))
+    arm, began = position - target, time.perf_counter()
+    count, sides = len(tab.pictures), list[int]()
+    known = count
+    while (now := time.perf_counter() - began) < seconds:
+        angle = 0.4 * sin(now)
+        turned = np.array(
+            [cos(angle) * arm[0] - sin(angle) * arm[1], sin(angle) * arm[0] + cos(angle) * arm[1]]
+        )
+        tab.look(position=(*(target[:2] + turned), target[2] + arm[2]))
+        if len(tab.pictures) > known:
+            known = len(tab.pictures)
+            sides.append(max(tab.pixels().shape))
+        time.sleep(1 / CAMERAS_A_SECOND)
+    return (len(tab.pictures) - count) / seconds, float(np.mean(sides))
+
+
+def peak_memory(process: int) -> float:
+    """Largest resident memory of a process so far, MB; 0 where the system does not tell."""
+    status = Path(f"/proc/{process}/status")
+    lines = status.read_text().splitlines() if status.exists() else []
+    return next((int(each.split()[1]) / 1024 for each in lines if each.startswith("VmHWM")), 0.0)
+
+
+def main(
+    scene: Annotated[Path, typer.Argument(show_default=False, help="A scene (.ply).")],
+    seconds: Annotated[float, typer.Option(help="Seconds of movement.")] = 10.0,
+    width: int = 640,
+    height: int = 480,
+) -> None:
+    """Measure the page on one scene; prints JSON."""
+    typer.echo(json.dumps(asdict(measure(scene, seconds, (width, height))), indent=2))
+
+
+if __name__ == "__main__":
+    typer.run(main)
