@@ -20,6 +20,7 @@ import zstandard
 from PIL import Image
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
+from websockets.typing import Origin, Subprotocol
 
 FIELD_OF_VIEW = radians(50)
 
@@ -51,8 +52,8 @@ class PageClient:
         address = self.address.replace("http://", "ws://")
         origin = self.address.split("/?")[0]
         self._socket = connect(
-            address, origin=origin, subprotocols=[f"viser-v{viser.__version__}"], max_size=None,
-            compression=None,
+            address, origin=Origin(origin), max_size=None, compression=None,
+            subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
         )  # fmt: skip
         self.fov = FIELD_OF_VIEW
         self.look()
@@ -134,7 +135,7 @@ class PageClient:
     def text(self) -> str:
         """All texts of the controls that are visible, a line each."""
         shown = [e["props"] for e in list(self.controls.values()) if e["props"].get("visible")]
-        told = (each.get("_markdown") or each.get("content") or "" for each in shown)
+        told = (str(each.get("_markdown") or each.get("content") or "") for each in shown)
         return "\n".join(filter(None, told))
 
     def pixels(self) -> np.ndarray:
@@ -170,7 +171,7 @@ class PageClient:
             found["value"] = updates.get("value", found.get("value"))
         elif kind == "GuiRemoveMessage":
             self.controls.pop(message["uuid"], None)
-        elif kind.startswith("Gui") and "props" in message or kind == "RegisterCommandMessage":
+        elif (kind.startswith("Gui") and "props" in message) or kind == "RegisterCommandMessage":
             self.controls[message["uuid"]] = message
         elif kind == "NotificationShowMessage":
             self.notices.append((message["props"]["title"], message["props"]["body"]))
@@ -188,8 +189,7 @@ class PageClient:
         if which == "Fov":
             self.fov = message["fov"]
         elif which in names:
-            value = message.get("look_at", message.get("position"))
-            self.look(**{names[which]: tuple(value)})
+            self.look(**{names[which]: message.get("look_at", message.get("position"))})
 
 
 def quaternion(pose: dict[str, Any]) -> tuple[float, ...]:

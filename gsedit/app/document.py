@@ -161,7 +161,7 @@ _DOCUMENT = object_of(
         "steps": list_of(
             object_of({"title": text(empty=True), "scene": text(), "command": _ARGUMENTS})
         ),
-        "position": number(-1, whole=True),
+        "position": number(-1.0),
     },
     {
         "eye": object_of({"position": _POINT, "target": _POINT, "up": _POINT}),

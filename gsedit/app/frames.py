@@ -16,7 +16,7 @@ SMALL_SCENE, LARGE_SCENE = 300_000, 1_000_000
 FAST, SLOW = 15.0, 5.0
 REST = 0.25
 """Seconds without a new camera after which it rests: longer than between two frames of a drag."""
-LEAST_SIDE, MOST_SIDE = 160, 1920
+LEAST_SIDE, MOST_SIDE = 256, 1920
 """Longer side of a picture: coarser than the least shows nothing, and finer than the most is seen
 by few."""
 MOVING_QUALITY, RESTING_QUALITY = 70, 92
@@ -38,7 +38,8 @@ def next_side(side: float, seconds: float, wanted: float, full: int) -> float:
     stays from LEAST_SIDE to `full`.
     """
     ratio = (HASTE * wanted / max(seconds, 1e-4)) ** 0.25
-    return min(max(side * min(max(ratio, 0.7), 1.25), min(LEAST_SIDE, full)), full)
+    least = min(LEAST_SIDE, full)
+    return float(min(max(side * min(max(ratio, 0.7), 1.25), least), full))
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,8 @@ class Painter:
     """Takes a picture and the quality to encode it with, and sends it."""
     count: Callable[[], int]
     """Returns the number of Gaussians that are shown."""
+    fail: Callable[[Exception], None]
+    """Takes what drawing raised; the next request is drawn again."""
     rate: Rate = field(default_factory=Rate)
     _camera: Camera | None = None
     _moved: float = 0.0
@@ -106,7 +109,10 @@ class Painter:
                 camera, number = self._camera, self._newest
                 full = time.monotonic() - self._moved >= REST
             assert camera is not None
-            self._paint(camera, full)
+            try:
+                self._paint(camera, full)
+            except Exception as error:
+                self.fail(error)
             with self._changed:
                 self._drawn = number, full
 
@@ -128,7 +134,7 @@ class Painter:
     def _paint(self, camera: Camera, full: bool) -> None:
         longest = max(camera.width, camera.height)
         most = min(longest, MOST_SIDE)
-        side = most if full else min(self.rate.side, most)
+        side = float(most) if full else min(self.rate.side, float(most))
         began = time.perf_counter()
         picture = self.draw(camera.fitted(round(side)))
         self.send(picture, RESTING_QUALITY if full else MOVING_QUALITY)

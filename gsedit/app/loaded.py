@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import torch
 
@@ -15,10 +16,12 @@ from gsedit.datasets.near import viewpoints_near
 from gsedit.datasets.viewpoints import Viewpoint, same_size, that_see, thinned
 from gsedit.formats.scenes import read_scene
 from gsedit.scene.framing import Bounds, bounds, framing_camera, guess_up
-from gsedit.selecting.click import Selector
 from rasterizer.camera import Camera
 from rasterizer.numerics import DEFAULT, Numerics
 from rasterizer.scene import Gaussians
+
+if TYPE_CHECKING:
+    from gsedit.selecting.click import Selector
 
 VIEW_PIXELS = 256
 """Longer side of the views in which edits and selections look at the scene, as the command line
@@ -55,7 +58,9 @@ class Loaded:
 
     @cached_property
     def selector(self) -> Selector:
-        """What finds the object under a click; its segments are found once."""
+        """Finder of the object under a click; its segments are found once."""
+        from gsedit.selecting.click import Selector  # half a second: not before the first picture
+
         return Selector(self.scene, [each.camera for each in self.viewpoints])
 
     def first_camera(self) -> Camera:
@@ -75,6 +80,19 @@ def level(views: Sequence[Viewpoint]) -> torch.Tensor:
     """The mean upward direction of cameras, a unit vector of float64."""
     ups = torch.stack([-each.camera.rotation[1].double() for each in views])
     return torch.nn.functional.normalize(ups.mean(0), dim=0)
+
+
+def read_checkpoint(file: Path, unedited: Gaussians | None) -> Loaded:
+    """The scene of a fit or an edit that goes on, by its last checkpoint; an edit's moves some of
+    the Gaussians of the `unedited` scene. Raises InputError for a damaged file."""
+    from gsedit.fitting.optimizer import optimized_scene
+    from gsedit.runs.state import load_state, restoring
+
+    state = load_state(file)
+    with restoring(state):
+        start = unedited if "scene" in state.record.get("source", {}) else None
+        scene = optimized_scene(state.within("optimizer"), start)
+    return Loaded(file, scene.detach(), DEFAULT, ())
 
 
 def read(file: Path) -> Loaded:

@@ -91,7 +91,8 @@ def fit_scene(page: Page, posed: Path, quality: str) -> None:
         name = str(out.relative_to(page.folder))
         page.change(documents.opened(Path(page.document.source), Path(name), f"{quality} scene"))
 
-    page.run((*command, *more), "fitting the scene", done)
+    checkpoint = out.with_suffix(".checkpoint.safetensors")
+    page.run((*command, *more), "fitting the scene", done, checkpoint)
 
 
 def receive(page: Page, file: Any) -> None:

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import shutil
+import time
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from threading import RLock
-from typing import Any
+from threading import RLock, Thread
+from typing import TYPE_CHECKING, Any
 
 from torch import Tensor
 
 from gsedit.app import document as documents
 from gsedit.app.document import Document, Eye, Pending, Step
-from gsedit.app.loaded import Loaded, read
+from gsedit.app.loaded import Loaded, read, read_checkpoint
 from gsedit.app.places import Places
 from gsedit.app.tab import Tab
 from gsedit.app.worker import Cancelled, Worker
@@ -26,11 +27,12 @@ from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.errors import GseditError, UsageError
 from gsedit.regions.region import Region, save_region
 from gsedit.regions.saved import folder_of, saved_names
-from gsedit.selecting.click import Selector
 from gsedit.storage.atomic import locked
 from rasterizer.camera import Camera
-from rasterizer.numerics import DEFAULT, Numerics
 from rasterizer.scene import Gaussians
+
+if TYPE_CHECKING:
+    from gsedit.selecting.click import Selector
 
 FOLDER_VERBS = ("edit", "make", "style")
 """Verbs whose -o is a folder with a scene.ply in it; that of the others is the scene."""
@@ -39,6 +41,10 @@ MOVING_VERBS = ("transform", "align")
 KEPT_GAUSSIANS = 1_200_000
 """Gaussians of the scenes in memory, the current one aside: 280 MB at SH degree 3. Going back and
 forth between them reads nothing again."""
+CHECKPOINT = "checkpoint.safetensors"
+"""Name of an edit's checkpoint in its folder."""
+BETWEEN_LOOKS = 2.0
+"""Seconds between two looks for a new checkpoint."""
 NOTHING_OPEN = "open a scene first: under File, by its path, or drop it on the page"
 
 
@@ -56,6 +62,8 @@ class Page:
         """Flags of the current scene's Gaussians; None where nothing is selected."""
         self.note = ""
         """How the selection was found."""
+        self.growing: Loaded | None = None
+        """The scene that the command in hand has made so far, where it tells."""
         self._works = Works(worker, lambda: self.notify("busy"))
         self._kept: dict[Path, Loaded] = {}
         self._lock = RLock()
@@ -85,14 +93,9 @@ class Page:
         return self.loaded.scene
 
     @property
-    def numerics(self) -> Numerics:
-        """How the current scene is rendered."""
-        return self.loaded.numerics if self.has_scene else DEFAULT
-
-    @property
-    def near(self) -> float | None:
-        """Near plane for the current scene; None for the renderer's own."""
-        return self.loaded.bulk.near if self.has_scene else None
+    def visible(self) -> Loaded | None:
+        """The scene in the making, or else the current one; None where there is neither."""
+        return self.growing or (self.loaded if self.has_scene else None)
 
     def file_of(self, position: int) -> Path:
         """File of the scene of a step. Raises UsageError where there is no such step."""
@@ -111,7 +114,9 @@ class Page:
 
     def distance(self, camera: Camera) -> float:
         """Distance before a camera about which its view turns: that of the scene's middle."""
-        bulk = self.loaded.bulk
+        if self.visible is None:
+            return 1.0
+        bulk = self.visible.bulk
         middle = camera.center.new_tensor(bulk.center)
         return max(float((middle - camera.center) @ camera.forward), 0.1 * bulk.radius)
 
@@ -120,7 +125,7 @@ class Page:
         return self.loaded.viewpoints
 
     def selector(self) -> Selector:
-        """What finds the object under a click, kept for the scene."""
+        """Finder of the object under a click, kept for the scene."""
         return self.loaded.selector
 
     # -- the selection
@@ -201,8 +206,10 @@ class Page:
                 self.fail(error)
 
     def look(self, eye: Eye) -> None:
-        """Remember where a person looks from; it is written with the next change."""
-        self.document = replace(self.document, eye=eye)
+        """Remember where a person looks from."""
+        if self.has_scene and eye != self.document.eye:
+            self.document = replace(self.document, eye=eye)
+            self.save()
 
     def undo(self) -> None:
         """Go a step back."""
@@ -287,24 +294,60 @@ class Page:
         command: Sequence[str],
         title: str,
         done: Callable[[dict[str, Any]], None] | None = None,
+        checkpoint: Path | None = None,
     ) -> None:
         """Run a command that is no step; `done` is given the record of its result, in a thread.
 
-        Raises UsageError where a command is in hand.
+        While it runs, the scene of its `checkpoint` is shown. Raises UsageError where a command is
+        in hand.
         """
-        self._works.begin(command, title, done or (lambda record: None), self._failed)
+        self._works.begin(command, title, self._ended(done or (lambda record: None)), self._failed)
+        if checkpoint is not None:
+            self._watch(checkpoint)
 
     def cancel(self) -> None:
         """End the command in hand; what was done before is kept."""
         self._works.cancel()
 
     def _begin(self, pending: Pending, after: Callable[[], None] | None) -> None:
-        done = partial(self._stepped, pending, after)
+        done = self._ended(partial(self._stepped, pending, after))
         self._works.begin(pending.command, pending.title, done, self._failed)
         self.document = replace(self.document, pending=pending)
         self.save()
+        self._watch(self._out(pending) / CHECKPOINT)
+
+    def _watch(self, checkpoint: Path) -> None:
+        """Show the scene of a checkpoint each time that it is written anew."""
+
+        def watch(work: Work | None) -> None:
+            written = None
+            while work is not None and self.busy is not None and self.busy.watch is work.watch:
+                time.sleep(BETWEEN_LOOKS)
+                with suppress(OSError, GseditError):  # it is being replaced
+                    now = checkpoint.stat().st_mtime_ns
+                    if now != written:
+                        written = now
+                        found = read_checkpoint(checkpoint, self.scene if self.has_scene else None)
+                        if self.busy is not None:
+                            self._grow(found)
+
+        Thread(target=watch, args=(self.busy,), daemon=True, name="watch").start()
+
+    def _grow(self, found: Loaded | None) -> None:
+        """Show the scene that the command in hand has made so far; None: no more."""
+        self.growing = found
+        for tab in list(self.tabs):
+            tab.refresh()
+
+    def _ended(self, done: Callable[[dict[str, Any]], None]) -> Callable[[dict[str, Any]], None]:
+        def ended(record: dict[str, Any]) -> None:
+            self.growing = None
+            done(record)
+
+        return ended
 
     def _failed(self, error: Exception) -> None:
+        self._grow(None)
         self.document = replace(self.document, pending=None)
         self.save()
         if isinstance(error, Cancelled):
@@ -318,14 +361,19 @@ class Page:
     ) -> None:
         """Make the scene that a command wrote the next step."""
         assert self.folder is not None
-        out = Path(pending.command[pending.command.index("-o") + 1])
-        file = out / "scene.ply" if pending.command[0] in FOLDER_VERBS else out
+        file = self._out(pending) / "scene.ply"
         found = self.load(file)
         self._bring_along(file, len(found.scene))
         step = Step(pending.title, str(file.relative_to(self.folder)), pending.command)
         self.change(documents.applied(self.document, step))
         if after is not None:
             after()
+
+    @staticmethod
+    def _out(pending: Pending) -> Path:
+        """The folder that a command writes the scene of a step to."""
+        out = Path(pending.command[pending.command.index("-o") + 1])
+        return out if pending.command[0] in FOLDER_VERBS else out.parent
 
     def _bring_along(self, file: Path, count: int) -> None:
         """Copy what lies beside the current scene and still holds: cameras, saved selections."""

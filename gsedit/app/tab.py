@@ -13,15 +13,17 @@ import torch
 from torch import Tensor
 
 from gsedit.app.eyes import camera_of, eye_of, handle_eye, point_of
-from gsedit.app.frames import Painter
+from gsedit.app.frames import RESTING_QUALITY, Painter
 from gsedit.app.shown import Shown, Way, depth_at, picture, tinted
 from gsedit.app.soon import Soon
 from gsedit.errors import GseditError
 from gsedit.regions.region import TINT
 from rasterizer.camera import Camera
+from rasterizer.numerics import DEFAULT
 from rasterizer.scene import Gaussians
 
 if TYPE_CHECKING:
+    from gsedit.app.loaded import Loaded
     from gsedit.app.page import Page
 
 NOTICE_SECONDS = 6.0
@@ -64,21 +66,20 @@ class Tab:
         self.page, self.client, self.gui = page, client, client.gui
         self.closed = False
         self.pointer_name: str | None = None
-        self._folder = page.folder
+        self._faced: tuple[Path | None, bool] = (None, False)
         self._shown = Shown()
         self._preview: Gaussians | None = None
         self._tint: tuple[Tensor, tuple[float, float, float]] | None = None
         self._pointers: list[tuple[str, Callable[[Any], None]]] = []
         self._soon = Soon(self.fail)
-        self._painter = Painter(self._draw, self._send, lambda: self._shown.count).start()
+        self._painter = Painter(self._draw, self._send, self._count, self.fail).start()
         self._notice: Any = None
 
     def start(self) -> None:
         """Show the page's scene, from where a person last looked at it, and begin to draw."""
-        self._face_scene()
         self.refresh()
-        self.client.camera.on_update(lambda _: self._looked())
-        self._looked()
+        self.client.camera.on_update(lambda _: self._painter.look(self.camera()))
+        self._painter.look(self.camera())
 
     # -- camera
 
@@ -86,7 +87,9 @@ class Tab:
         """What the tab looks at: a camera of the canvas's size, or of another one."""
         handle = self.client.camera
         size = width or int(handle.image_width), height or int(handle.image_height)
-        return camera_of(handle.wxyz, handle.position, handle.fov, size, self.page.near)
+        seen = self.page.visible
+        near = None if seen is None else seen.bulk.near
+        return camera_of(handle.wxyz, handle.position, handle.fov, size, near)
 
     def aim(self, camera: Camera) -> None:
         """Move the tab's view to a camera; it turns about the middle of the scene from there."""
@@ -96,12 +99,10 @@ class Tab:
             handle.position = eye.position
             handle.look_at = eye.target
 
-    def _face_scene(self) -> None:
-        """Turn to the scene: its own upward direction, its first view or the remembered one."""
-        if not self.page.has_scene:
-            return
-        loaded, eye, handle = self.page.loaded, self.page.document.eye, self.client.camera
-        if eye is None:
+    def _face(self, loaded: Loaded) -> None:
+        """Turn to a scene: its own upward direction, its first view or the remembered one."""
+        eye, handle = self.page.document.eye, self.client.camera
+        if eye is None or not self.page.has_scene:
             camera = loaded.first_camera()
             handle.fov = 2 * atan(camera.height / 2 / camera.fy)
             eye = eye_of(camera, self.page.distance(camera))
@@ -111,25 +112,24 @@ class Tab:
             handle.near, handle.far = loaded.bulk.near, FAR * loaded.bulk.radius
             handle.position, handle.look_at = eye.position, eye.target
 
-    def _looked(self) -> None:
-        self._painter.look(self.camera())
-        if self.page.has_scene:
-            self.page.look(handle_eye(self.client.camera))
-
     # -- what is shown
 
     def refresh(self) -> None:
-        """Show the page's scene, the preview if there is one, the selection and the tint."""
+        """Show the page's scene or the preview, with the selection and the tint."""
         page = self.page
-        scene = page.scene if page.has_scene else None
-        shown = scene if self._preview is None else self._preview
+        seen = page.visible
+        if seen is not None and self._faced != (page.folder, page.has_scene):
+            self._faced = page.folder, page.has_scene
+            self._face(seen)
+        shown = self._preview if self._preview is not None or seen is None else seen.scene
         if shown is not None:
             flags = page.selection
             if flags is not None and len(flags) == len(shown):
                 shown = tinted(shown, flags, TINT)
             if self._tint is not None and len(self._tint[0]) == len(shown):
                 shown = tinted(shown, *self._tint)
-        self._shown = replace(self._shown, scene=shown, numerics=page.numerics)
+        numerics = DEFAULT if seen is None else seen.numerics
+        self._shown = replace(self._shown, scene=shown, numerics=numerics)
         self._painter.again()
 
     def preview(self, scene: Gaussians | None, note: str = "") -> None:
@@ -168,9 +168,6 @@ class Tab:
         """Show the page's scene alone: it has changed."""
         self._preview = self._tint = None
         self._shown = replace(self._shown, before=None)
-        if self.page.folder != self._folder:
-            self._folder = self.page.folder
-            self._face_scene()
         self.refresh()
 
     # -- pointer
@@ -211,7 +208,7 @@ class Tab:
     def point(self, pick: Pick) -> Tensor | None:
         """The world point (3) that is seen at a pixel; None on the background."""
         scene = self._preview if self._preview is not None else self.page.scene
-        depth = depth_at(scene, pick.camera, pick.x, pick.y, self.page.numerics)
+        depth = depth_at(scene, pick.camera, pick.x, pick.y, self._shown.numerics)
         if depth <= 0:
             return None
         xy = torch.tensor([pick.x, pick.y], dtype=torch.float64)
@@ -286,10 +283,15 @@ class Tab:
 
     # -- pictures
 
+    def _count(self) -> int:
+        return self._shown.count
+
     def _draw(self, camera: Camera) -> Any:
         return picture(self._shown, camera)
 
     def _send(self, drawn: Any, quality: int) -> None:
+        if quality == RESTING_QUALITY:
+            self.page.look(handle_eye(self.client.camera))
         if not self.closed:
             self.client.scene.set_background_image(drawn, format="jpeg", jpeg_quality=quality)
             self.client.flush()

@@ -1,0 +1,100 @@
+"""The history of a session: steps, undo, and the file that survives a kill."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from gsedit.app.document import (
+    NAME,
+    Document,
+    Eye,
+    Pending,
+    Step,
+    applied,
+    load,
+    moved,
+    opened,
+    redone,
+    save,
+    scene_file,
+    session_folder,
+    step_folder,
+    undone,
+)
+from gsedit.errors import InputError
+
+BRONZE = Step("turn it into bronze", "steps/001/scene.ply", ("edit", "a.ply", "bronze"))
+SNOW = Step("snow", "steps/002/scene.ply")
+
+
+@pytest.fixture
+def document() -> Document:
+    return applied(applied(opened(Path("/a/a.ply"), Path("/a/a.ply"), "a.ply"), BRONZE), SNOW)
+
+
+def test_undo_and_redo_go_back_and_forth_and_stop_at_the_ends(document):
+    assert undone(document).current == BRONZE
+    assert redone(undone(document)) == document == redone(document)
+    first = undone(undone(undone(document)))
+    assert first.position == 0
+    assert first.steps == document.steps
+    assert undone(Document()).position == -1
+
+
+def test_a_step_after_an_undo_forgets_what_was_undone(document):
+    other = applied(moved(document, 0), SNOW)
+    assert [each.title for each in other.steps] == ["a.ply", "snow"]
+    assert other.current == SNOW
+
+
+def test_a_document_is_read_as_it_was_written(document, tmp_path):
+    eye = Eye((0.0, 1.0, 2.5), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    whole = replace(undone(document), eye=eye, pending=Pending("rust", ("edit", "a.ply", "rust")))
+    for each in (whole, document, Document()):
+        save(each, tmp_path)
+        assert load(tmp_path) == each
+    save(document, tmp_path)
+    assert scene_file(document, tmp_path) == tmp_path / "steps/002/scene.ply"
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"steps": 3}, {"steps": [{"title": "a"}]}, {"position": "two"}, {"source": None},
+        {"eye": {"position": [0, 0, 1]}}, {"pending": {"title": "a", "command": "rm"}},
+        {"eye": {"position": [0, 0], "target": [0, 0, 0], "up": [0, 0, 1]}},
+    ],
+)  # fmt: skip
+def test_a_damaged_document_is_refused_by_its_place(change, document, tmp_path):
+    save(document, tmp_path)
+    record = json.loads((tmp_path / NAME).read_text())
+    (tmp_path / NAME).write_text(json.dumps(record | change))
+    with pytest.raises(InputError, match=NAME):
+        load(tmp_path)
+
+
+def test_a_position_beyond_the_steps_is_the_last(document, tmp_path):
+    save(replace(document, position=9), tmp_path)
+    assert load(tmp_path) == document
+
+
+def test_every_step_has_a_folder_of_its_own(tmp_path):
+    first = step_folder(tmp_path, "Turn it into BRONZE, please!")
+    assert first.name == "001-turn-it-into-bronze-please"
+    first.mkdir(parents=True)
+    (tmp_path / "steps" / "readme").mkdir()
+    assert step_folder(tmp_path, "../../..").name == "002-step"
+    assert len(step_folder(tmp_path, "x" * 5000).name) < 60
+
+
+def test_a_session_lies_beside_what_is_opened(tmp_path):
+    (tmp_path / "bear.ply").touch()
+    (tmp_path / "photos.v1").mkdir()
+    assert session_folder(tmp_path / "bear.ply") == tmp_path / "bear.session"
+    assert session_folder(tmp_path / "photos.v1") == tmp_path / "photos.v1.session"
+    save(Document(), tmp_path / "other")
+    assert session_folder(tmp_path / "other") == tmp_path / "other"

@@ -1,0 +1,198 @@
+"""The state that tabs share: steps by commands, undo, cancelling, restarts."""
+
+from __future__ import annotations
+
+import sys
+import time
+
+import pytest
+import torch
+from pages import COMMAND, make_page, until
+
+from gsedit.app import document as documents
+from gsedit.app.opening import make_scene, open_path, receive
+from gsedit.app.worker import Cancelled, Worker
+from gsedit.errors import GseditError, UsageError
+from gsedit.regions.region import Region
+from gsedit.regions.saved import save_named
+
+
+class Ear:
+    """Hears what a page says, as a tab does."""
+
+    def __init__(self, page):
+        self.told: list[str] = []
+        page.say, page.fail = self.told.append, lambda error: self.told.append(str(error))
+
+
+def idle(page):
+    until(lambda: page.busy is None and page.document.pending is None)
+
+
+def step(page, title, *arguments, verb="clean"):
+    page.step(verb, *arguments, title=title)
+    idle(page)
+
+
+@pytest.fixture
+def opened(page, scene):
+    open_path(page, scene)
+    return page
+
+
+def test_steps_follow_each_other_and_can_be_undone(opened, scene):
+    step(opened, "snow", verb="edit")
+    first = opened.scene_file
+    step(opened, "clean it")
+    assert [each.title for each in opened.document.steps] == ["bear.ply", "snow", "clean it"]
+    assert first.parent.name == "001-snow"
+    assert opened.scene_file.parent.name == "002-clean-it"
+    assert opened.document.steps[2].command[:2] == ("clean", str(first))
+    assert (opened.scene_file.parent / "cameras.json").is_file()
+    assert len(opened.loaded.recorded) == 6
+    opened.undo()
+    assert opened.scene_file == first
+    opened.go_to(0)
+    assert opened.scene_file == scene
+    opened.redo()
+    assert opened.scene_file == first
+
+
+def test_a_selection_lasts_as_long_as_the_gaussians_do(opened):
+    flags = torch.arange(len(opened.scene)) < 10
+    opened.select(flags, "ten")
+    save_named(Region(flags), opened.scene_file, "paw")
+    step(opened, "paint it", verb="edit")
+    assert opened.selection is flags
+    assert opened.names() == ("paw",)
+    assert opened.selection_file().is_file()
+    with pytest.raises(UsageError, match="once more"):
+        opened.select(flags[:5])
+    opened.select(flags & False)
+    assert opened.selection is None
+    assert opened.selection_file() is None
+
+
+def test_a_failing_command_is_told_by_its_sentence_and_changes_nothing(opened):
+    ear, before = Ear(opened), opened.document.steps
+    step(opened, "bad", "--fail")
+    until(lambda: ear.told)
+    assert ear.told == ["no such thing: name another"]
+    assert opened.document.steps == before
+
+
+def test_one_command_at_a_time_which_can_be_cancelled(opened):
+    ear, before = Ear(opened), opened.document.steps
+    opened.step("clean", "--seconds", "30", title="slow")
+    for action in (lambda: opened.step("clean", title="more"), opened.undo):
+        with pytest.raises(UsageError, match="slow"):
+            action()
+    time.sleep(0.3)
+    opened.cancel()
+    idle(opened)
+    until(lambda: ear.told)
+    assert "cancelled" in ear.told[0]
+    assert opened.document.steps == before
+    step(opened, "after it")
+    assert opened.document.current.title == "after it"
+
+
+def test_a_killed_page_is_reopened_where_it_was(opened, scene, tmp_path):
+    step(opened, "snow")
+    step(opened, "more")
+    opened.undo()
+    opened.step("clean", "--seconds", "1", title="slow")
+    until(lambda: documents.load(opened.folder).pending)
+    with pytest.raises(UsageError, match="another gsedit"):
+        open_path(make_page(tmp_path), scene)
+    written = (opened.folder / documents.NAME).read_text()
+    opened.cancel()
+    idle(opened)
+    opened.close()
+    (opened.folder / documents.NAME).write_text(written)  # as it was when all was killed
+    again = make_page(tmp_path)
+    open_path(again, scene)
+    assert again.document.current.title == "snow"
+    assert again.document.pending.title == "slow"
+    again.resume()
+    idle(again)
+    assert again.document.current.title == "slow"
+    again.close()
+
+
+def test_photos_become_a_scene_that_is_opened(page, tmp_path, scene):
+    photos = tmp_path / "photos"
+    photos.mkdir()
+    (photos / "transforms.json").write_text("{}")
+    open_path(page, photos)
+    assert not page.has_scene
+    (tmp_path / "photos").rename(tmp_path / "gone")
+    with pytest.raises(UsageError, match="photos"):
+        make_scene(page)
+    (tmp_path / "gone").rename(photos)
+    program = f"scene = {str(scene)!r}" + COMMAND.replace("scene, *rest", "_, *rest")
+    page._works.worker = Worker((sys.executable, "-Sc", program))
+    make_scene(page)
+    until(lambda: page.has_scene)
+    assert page.document.source == str(photos)
+    assert len(page.scene) == 600
+    page.close()
+    again = make_page(tmp_path)
+    open_path(again, photos)
+    assert len(again.scene) == 600
+    again.close()
+
+
+def test_dropped_files_are_opened_or_refused(page, tmp_path, scene):
+    class File:
+        name, content = "../../x/bear.ply", scene.read_bytes()
+
+    receive(page, File)
+    assert page.scene_file == tmp_path.resolve() / "dropped" / "bear.ply"
+    receive(page, File)
+    assert page.scene_file.name == "bear-2.ply"
+    File.name = "notes.txt"
+    with pytest.raises(UsageError, match="suffix"):
+        receive(page, File)
+    File.name, File.content = "one.JPG", b"no picture"
+    receive(page, File)
+    assert not page.has_scene
+    assert page.document.source.endswith("photos")
+
+
+def test_what_is_no_scene_is_refused_with_the_next_move(page, tmp_path):
+    (tmp_path / "a.txt").touch()
+    for path in (tmp_path / "a.txt", tmp_path / "no.ply", tmp_path):
+        with pytest.raises(UsageError):
+            open_path(page, path)
+    with pytest.raises(UsageError, match="open a scene first"):
+        page.step("clean", title="clean")
+    (tmp_path / "bad.ply").write_bytes(b"ply\nnonsense")
+    with pytest.raises(GseditError):
+        open_path(page, tmp_path / "bad.ply")
+    assert page.folder is None
+    assert not list(tmp_path.glob("*.session"))
+
+
+def test_scenes_in_memory_are_bounded(opened, monkeypatch):
+    monkeypatch.setattr("gsedit.app.page.KEPT_GAUSSIANS", 700)
+    for title in ("a", "b", "c"):
+        step(opened, title)
+    assert len(opened._kept) == 2
+
+
+def test_a_worker_hands_over_events_and_ends_with_its_page():
+    worker = Worker((sys.executable, "-Sc", COMMAND))
+    worker.warm()
+    spare = worker._spare
+    worker.close()
+    assert spare.poll() is not None
+    with pytest.raises(Cancelled):
+        worker.run(["clean"], print)
+
+
+def test_the_warm_program_runs_a_command_of_gsedit(scene):
+    worker = Worker((sys.executable, "-m", "gsedit_cli.core.warm"))
+    record = worker.run(["info", str(scene), "--json"], print)
+    worker.close()
+    assert record["gaussians"] == 600

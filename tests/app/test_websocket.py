@@ -1,0 +1,130 @@
+"""The page through its real websocket, without a browser."""
+
+from __future__ import annotations
+
+import http.client
+from functools import partial
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+from pages import make_page, served, until
+from research.page_client import PageClient
+from websockets.exceptions import InvalidStatus
+
+from gsedit.app.opening import open_path
+from gsedit.app.server import serve
+
+
+@pytest.fixture
+def opened(page, scene):
+    open_path(page, scene)
+    with served(page) as found:
+        yield found.address
+
+
+def sees_scene(tab):
+    return tab.picture and tab.pixels().std() > 20
+
+
+def has_step(tab, name):
+    return tab.control("step")["props"]["options"][-1] == name
+
+
+def test_two_tabs_share_the_scene_and_not_the_view(opened, page):
+    one, other = PageClient(opened, (160, 120)), PageClient(opened, (120, 160))
+    for tab in (one, other):
+        tab.wait(partial(sees_scene, tab))
+    assert one.wait(lambda: one.pixels().shape == (120, 160, 3))
+    assert other.wait(lambda: other.pixels().shape == (160, 120, 3))
+    page.step("clean", title="clean it")
+    for tab in (one, other):
+        tab.wait(partial(has_step, tab, "1: clean it"))
+    one.press("Undo")
+    other.wait(lambda: other.control("step")["value"] == "0: bear.ply")
+    one.press("wipe")
+    until(lambda: page.tabs[0].compares)
+    assert not page.tabs[1].compares
+    still = other.picture
+    one.look(position=(0.0, -1.5, 2.0))
+    one.wait(lambda: len(one.pictures) > 3)
+    assert other.picture == still
+    until(lambda: page.document.eye and page.document.eye.position == (0.0, -1.5, 2.0))
+    for tab in (one, other):
+        tab.close()
+
+
+def test_a_tab_closed_in_the_middle_of_an_edit_does_not_end_it(opened, page):
+    tab = PageClient(opened, (64, 48))
+    tab.wait(lambda: sees_scene(tab))
+    page.step("clean", "--seconds", "1", title="slow")
+    tab.wait(lambda: "slow" in tab.text())
+    tab.close()
+    until(lambda: not page.tabs)
+    until(lambda: page.document.current.title == "slow")
+    again = PageClient(opened, (64, 48))
+    again.wait(lambda: sees_scene(again) and has_step(again, "1: slow"))
+    again.close()
+
+
+def test_errors_appear_as_sentences_and_work_can_be_cancelled(opened, page):
+    tab = PageClient(opened, (64, 48))
+    tab.wait(lambda: sees_scene(tab))
+    tab.set("path", "/etc/passwd")
+    tab.press("Open")
+    told = tab.wait(lambda: tab.notices)
+    assert "--allow" in told[0][1]
+    assert "Traceback" not in told[0][1]
+    page.step("clean", "--seconds", "30", title="slow")
+    tab.wait(lambda: "slow" in tab.text())
+    tab.press("Cancel")
+    tab.wait(lambda: len(tab.notices) == 2 and "cancelled" in tab.notices[1][1])
+    tab.wait(lambda: not tab.control("Cancel")["props"]["visible"])
+    tab.close()
+
+
+def test_a_dropped_scene_is_opened(opened, page, scene):
+    tab = PageClient(opened, (64, 48))
+    tab.wait(lambda: sees_scene(tab))
+    before = np.array(tab.pixels())
+    tab.upload("Open a file, or drop it here", "other.ply", scene.read_bytes())
+    tab.wait(lambda: "other" in tab.text())
+    assert page.scene_file.name == "other.ply"
+    assert before.shape == tab.pixels().shape
+    tab.close()
+
+
+def test_another_token_host_or_origin_is_refused(opened):
+    parts = urlsplit(opened)
+    with pytest.raises(InvalidStatus, match="403"):
+        PageClient(opened.replace("token=", "token=x"))
+    asked = [("/", {}), ("/?token=x", {}), (f"/?{parts.query}", {"Host": "evil.example"}),
+             (f"/?{parts.query}", {"Origin": "http://evil.example"})]  # fmt: skip
+    for path, headers in asked:
+        assert status(parts.netloc, path, headers)[0] == 403
+    found, told = status(parts.netloc, f"/?{parts.query}", {})
+    assert found == 200
+    assert "HttpOnly; SameSite=Strict" in told["Set-Cookie"]
+    assert "default-src 'self'" in told["Content-Security-Policy"]
+    cookie = {"Cookie": told["Set-Cookie"].split(";")[0]}
+    assert status(parts.netloc, "/", cookie)[0] == 200
+    assert status(parts.netloc, "/bear.ply", cookie)[0] == 404
+
+
+def status(host, path, headers):
+    connection = http.client.HTTPConnection(host)
+    connection.request("GET", path, headers=headers)
+    answer = connection.getresponse()
+    connection.close()
+    return answer.status, answer.headers
+
+
+def test_a_second_page_takes_the_next_port(opened, page, tmp_path):
+    port = urlsplit(opened).port
+    other = make_page(tmp_path)
+    with serve(other, port=port) as found:
+        assert found.port != port
+        tab = PageClient(found.address, (64, 48))
+        tab.wait(lambda: "Nothing is open" in tab.text() and tab.picture)
+        tab.close()
+    other.close()
