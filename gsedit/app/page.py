@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
-import time
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -16,17 +14,23 @@ from torch import Tensor
 
 from gsedit.app import document as documents
 from gsedit.app.document import Document, Eye, Pending, Step
-from gsedit.app.loaded import Loaded, read, read_checkpoint
+from gsedit.app.listeners import Listeners, Screen
+from gsedit.app.loaded import Loaded, read
 from gsedit.app.places import Places
-from gsedit.app.tab import Tab
+from gsedit.app.steps import (
+    CHECKPOINT,
+    bring_along,
+    folder_of_step,
+    resumed,
+    step_of,
+    watch,
+)
 from gsedit.app.worker import Cancelled, Worker
 from gsedit.app.works import Work, Works
-from gsedit.datasets.cameras_json import NAME as CAMERAS
-from gsedit.datasets.cameras_json import cameras_file
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.errors import GseditError, UsageError
 from gsedit.regions.region import Region, save_region
-from gsedit.regions.saved import folder_of, saved_names
+from gsedit.regions.saved import saved_names
 from gsedit.storage.atomic import locked
 from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians
@@ -34,17 +38,9 @@ from rasterizer.scene import Gaussians
 if TYPE_CHECKING:
     from gsedit.selecting.click import Selector
 
-FOLDER_VERBS = ("edit", "make", "style")
-"""Verbs whose -o is a folder with a scene.ply in it; that of the others is the scene."""
-MOVING_VERBS = ("transform", "align")
-"""Verbs that move the cameras along where they are asked to."""
 KEPT_GAUSSIANS = 1_200_000
 """Gaussians of the scenes in memory, the current one aside: 280 MB at SH degree 3. Going back and
 forth between them reads nothing again."""
-CHECKPOINT = "checkpoint.safetensors"
-"""Name of an edit's checkpoint in its folder."""
-BETWEEN_LOOKS = 2.0
-"""Seconds between two looks for a new checkpoint."""
 NOTHING_OPEN = "open a scene first: under File, by its path, or drop it on the page"
 
 
@@ -54,7 +50,7 @@ class Page:
     def __init__(self, worker: Worker, places: Places) -> None:
         """Begin without a scene."""
         self.places = places
-        self.tabs: list[Tab] = []
+        self.tabs: list[Screen] = []
         self.document = Document()
         self.folder: Path | None = None
         """The session's folder; None before anything is open."""
@@ -68,7 +64,7 @@ class Page:
         self._kept: dict[Path, Loaded] = {}
         self._lock = RLock()
         self._session = ExitStack()
-        self._listeners: list[tuple[Tab | None, str, Callable[[], None]]] = []
+        self._listeners = Listeners()
 
     # -- the scene
 
@@ -271,19 +267,13 @@ class Page:
         """
         scene = self.scene_file
         assert self.folder is not None  # there is a scene
-        folder = documents.step_folder(self.folder, title)
-        out = folder if verb in FOLDER_VERBS else folder / "scene.ply"
-        more = ("--cameras",) if verb in MOVING_VERBS and cameras_file(scene) else ()
-        self._begin(Pending(title, (verb, str(scene), *arguments, *more, "-o", str(out))), after)
+        self._begin(step_of(verb, scene, arguments, title, self.folder), after)
 
     def resume(self) -> None:
         """Do the step again that was in hand when the page was killed, from its last checkpoint
         where it has one."""
-        pending = self.document.pending
-        if pending is not None:
-            more = ("--resume",) if pending.command[0] == "edit" else ("-f",)
-            command = tuple(each for each in pending.command if each not in more)
-            self._begin(replace(pending, command=(*command, *more)), None)
+        if self.document.pending is not None:
+            self._begin(resumed(self.document.pending), None)
 
     def forget(self) -> None:
         """Give up the step that was in hand when the page was killed."""
@@ -314,24 +304,18 @@ class Page:
         self._works.begin(pending.command, pending.title, done, self._failed)
         self.document = replace(self.document, pending=pending)
         self.save()
-        self._watch(self._out(pending) / CHECKPOINT)
+        self._watch(folder_of_step(pending) / CHECKPOINT)
 
     def _watch(self, checkpoint: Path) -> None:
-        """Show the scene of a checkpoint each time that it is written anew."""
+        """Show the scene of a checkpoint while the command in hand lasts."""
+        begun, unedited = self.busy, self.scene if self.has_scene else None
 
-        def watch(work: Work | None) -> None:
-            written = None
-            while work is not None and self.busy is not None and self.busy.watch is work.watch:
-                time.sleep(BETWEEN_LOOKS)
-                with suppress(OSError, GseditError):  # it is being replaced
-                    now = checkpoint.stat().st_mtime_ns
-                    if now != written:
-                        written = now
-                        found = read_checkpoint(checkpoint, self.scene if self.has_scene else None)
-                        if self.busy is not None:
-                            self._grow(found)
+        def lasts() -> bool:
+            now = self.busy
+            return begun is not None and now is not None and now.watch is begun.watch
 
-        Thread(target=watch, args=(self.busy,), daemon=True, name="watch").start()
+        arguments = (checkpoint, unedited, lasts, self._grow)
+        Thread(target=watch, args=arguments, daemon=True, name="watch").start()
 
     def _grow(self, found: Loaded | None) -> None:
         """Show the scene that the command in hand has made so far; None: no more."""
@@ -361,55 +345,35 @@ class Page:
     ) -> None:
         """Make the scene that a command wrote the next step."""
         assert self.folder is not None
-        file = self._out(pending) / "scene.ply"
-        found = self.load(file)
-        self._bring_along(file, len(found.scene))
+        file = folder_of_step(pending) / "scene.ply"
+        same_rows = len(self.scene) == len(self.load(file).scene)
+        bring_along(self.scene_file, file, same_rows=same_rows)
         step = Step(pending.title, str(file.relative_to(self.folder)), pending.command)
         self.change(documents.applied(self.document, step))
         if after is not None:
             after()
 
-    @staticmethod
-    def _out(pending: Pending) -> Path:
-        """The folder that a command writes the scene of a step to."""
-        out = Path(pending.command[pending.command.index("-o") + 1])
-        return out if pending.command[0] in FOLDER_VERBS else out.parent
-
-    def _bring_along(self, file: Path, count: int) -> None:
-        """Copy what lies beside the current scene and still holds: cameras, saved selections."""
-        before = self.scene_file
-        cameras = cameras_file(before)
-        if cameras is not None and cameras_file(file) is None:
-            shutil.copyfile(cameras, file.with_name(CAMERAS))
-        if folder_of(before).is_dir() and count == len(self.scene):
-            shutil.copytree(folder_of(before), folder_of(file), dirs_exist_ok=True)
-
     # -- tabs
 
-    def join(self, tab: Tab) -> None:
+    def join(self, tab: Screen) -> None:
         """Take a tab that was opened."""
         self.tabs.append(tab)
 
-    def part(self, tab: Tab) -> None:
+    def part(self, tab: Screen) -> None:
         """Forget a tab that was closed; work goes on without it."""
         if tab in self.tabs:
             self.tabs.remove(tab)
-        self._listeners = [each for each in self._listeners if each[0] is not tab]
+        self._listeners.forget(tab)
         tab.close()
 
-    def listen(self, tab: Tab | None, what: str, function: Callable[[], None]) -> None:
+    def listen(self, tab: Screen, what: str, function: Callable[[], None]) -> None:
         """Call a function after each change of the "scene", the "selection", the "document" or
         "busy", as long as the tab is open."""
-        self._listeners.append((tab, what, function))
+        self._listeners.add(tab, what, function)
 
     def notify(self, what: str) -> None:
         """Call the functions that listen to a change."""
-        for tab, each, function in list(self._listeners):
-            if each == what:
-                try:
-                    function()
-                except Exception as error:
-                    (tab or self).fail(error)
+        self._listeners.call(what)
 
     def say(self, text: str) -> None:
         """Say something in all tabs."""

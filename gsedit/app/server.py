@@ -20,7 +20,7 @@ from gsedit.pictures.viewer.libraries import LOOPBACK, guarded, import_viser
 TOKEN_BYTES = 24
 BRAND = (40, 110, 200)
 TITLE = "gsedit"
-_SCRIPT = Path(__file__).with_name("page.js")
+_SCRIPT = Path(__file__).with_name("drop.js")
 
 
 @dataclass(frozen=True)
@@ -48,8 +48,9 @@ def serve(page: Page, host: str = "127.0.0.1", port: int = 8080) -> Iterator[Ser
     _keep_inside(server)
     _dress(server)
     try:
-        server.on_client_connect(partial(_opened, page))
-        server.on_client_disconnect(partial(_closed, page))
+        tabs: dict[int, Tab] = {}
+        server.on_client_connect(partial(_opened, page, tabs))
+        server.on_client_disconnect(partial(_closed, page, tabs))
         found = server.get_port()
         shown = "127.0.0.1" if host in ("0.0.0.0", *LOOPBACK) else host
         yield Served(server, f"http://{shown}:{found}/?token={token}", found)
@@ -85,17 +86,17 @@ def _dress(server: Any) -> None:
     server.scene.world_axes.visible = False
 
 
-def _opened(page: Page, client: Any) -> None:
-    tab = Tab(page, client)
+def _opened(page: Page, tabs: dict[int, Tab], client: Any) -> None:
+    tab = tabs[client.client_id] = Tab(page, client)
     page.join(tab)
     add_panels(page, tab)
     tab.start()
 
 
-def _closed(page: Page, client: Any) -> None:
-    for tab in list(page.tabs):
-        if tab.client.client_id == client.client_id:
-            page.part(tab)
+def _closed(page: Page, tabs: dict[int, Tab], client: Any) -> None:
+    tab = tabs.pop(client.client_id, None)
+    if tab is not None:
+        page.part(tab)
 
 
 def _names(host: str) -> set[str]:

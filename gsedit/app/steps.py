@@ -1,0 +1,77 @@
+"""Commands that make a step: where they write, how they go on, and what follows their scene."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+from gsedit.app.document import Pending, step_folder
+from gsedit.app.loaded import Loaded, read_checkpoint
+from gsedit.datasets.cameras_json import NAME as CAMERAS
+from gsedit.datasets.cameras_json import cameras_file
+from gsedit.errors import GseditError
+from gsedit.regions.saved import folder_of
+from rasterizer.scene import Gaussians
+
+FOLDER_VERBS = ("edit", "make", "style")
+"""Verbs whose -o is a folder with a scene.ply in it; that of the others is the scene."""
+MOVING_VERBS = ("transform", "align")
+"""Verbs that move the cameras along where they are asked to."""
+CHECKPOINT = "checkpoint.safetensors"
+"""Name of an edit's checkpoint in its folder."""
+BETWEEN_LOOKS = 2.0
+"""Seconds between two looks for a new checkpoint."""
+
+
+def step_of(verb: str, scene: Path, arguments: Sequence[str], title: str, session: Path) -> Pending:
+    """The command that makes a scene the next step of a session by a verb."""
+    folder = step_folder(session, title)
+    out = folder if verb in FOLDER_VERBS else folder / "scene.ply"
+    more = ("--cameras",) if verb in MOVING_VERBS and cameras_file(scene) else ()
+    return Pending(title, (verb, str(scene), *arguments, *more, "-o", str(out)))
+
+
+def resumed(pending: Pending) -> Pending:
+    """The command that goes on where it was interrupted: an edit from its checkpoint, any other
+    from its start."""
+    more = "--resume" if pending.command[0] == "edit" else "-f"
+    return replace(pending, command=(*(e for e in pending.command if e != more), more))
+
+
+def folder_of_step(pending: Pending) -> Path:
+    """The folder that a command writes its scene.ply to."""
+    out = Path(pending.command[pending.command.index("-o") + 1])
+    return out if pending.command[0] in FOLDER_VERBS else out.parent
+
+
+def bring_along(before: Path, after: Path, *, same_rows: bool) -> None:
+    """Copy what lies beside a scene file and still holds beside the next one: the cameras, and the
+    saved selections where the Gaussians are the same."""
+    cameras = cameras_file(before)
+    if cameras is not None and cameras_file(after) is None:
+        shutil.copyfile(cameras, after.with_name(CAMERAS))
+    if same_rows and folder_of(before).is_dir():
+        shutil.copytree(folder_of(before), folder_of(after), dirs_exist_ok=True)
+
+
+def watch(
+    checkpoint: Path,
+    unedited: Gaussians | None,
+    lasts: Callable[[], bool],
+    show: Callable[[Loaded], None],
+) -> None:
+    """Show the scene of a checkpoint each time that it is written anew, while the work lasts."""
+    written = None
+    while lasts():
+        time.sleep(BETWEEN_LOOKS)
+        with suppress(OSError, GseditError):  # there is none yet, or it is being replaced
+            now = checkpoint.stat().st_mtime_ns
+            if now != written:
+                written = now
+                found = read_checkpoint(checkpoint, unedited)
+                if lasts():
+                    show(found)
