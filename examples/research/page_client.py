@@ -154,8 +154,11 @@ class PageClient:
                 size = int.from_bytes(data[8:16], "little")
                 told = msgspec.msgpack.decode(unpack.decompress(data[16 : 16 + size]))
                 with self._changed:
+                    before = dict(self.pose)
                     for message in told["messages"]:
                         self._take(message)
+                    if self.pose != before:
+                        self.look()  # as a browser tells where it looks now
                     self._changed.notify_all()
         except ConnectionClosed:
             return
@@ -189,7 +192,7 @@ class PageClient:
         if which == "Fov":
             self.fov = message["fov"]
         elif which in names:
-            self.look(**{names[which]: message.get("look_at", message.get("position"))})
+            self.pose[names[which]] = tuple(message.get("look_at", message.get("position")))
 
 
 def quaternion(pose: dict[str, Any]) -> tuple[float, ...]:
