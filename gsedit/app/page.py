@@ -346,8 +346,7 @@ class Page:
         """Make the scene that a command wrote the next step."""
         assert self.folder is not None
         file = folder_of_step(pending) / "scene.ply"
-        same_rows = len(self.scene) == len(self.load(file).scene)
-        bring_along(self.scene_file, file, same_rows=same_rows)
+        bring_along(self.loaded, self.load(file))
         step = Step(pending.title, str(file.relative_to(self.folder)), pending.command)
         self.change(documents.applied(self.document, step))
         if after is not None:

@@ -14,7 +14,7 @@ from gsedit.app.loaded import Loaded, read_checkpoint
 from gsedit.datasets.cameras_json import NAME as CAMERAS
 from gsedit.datasets.cameras_json import cameras_file
 from gsedit.errors import GseditError
-from gsedit.regions.saved import folder_of
+from gsedit.regions.saved import carry_named, folder_of, saved_names
 from rasterizer.scene import Gaussians
 
 FOLDER_VERBS = ("edit", "make", "style")
@@ -48,14 +48,16 @@ def folder_of_step(pending: Pending) -> Path:
     return out if pending.command[0] in FOLDER_VERBS else out.parent
 
 
-def bring_along(before: Path, after: Path, *, same_rows: bool) -> None:
-    """Copy what lies beside a scene file and still holds beside the next one: the cameras, and the
-    saved selections where the Gaussians are the same."""
-    cameras = cameras_file(before)
-    if cameras is not None and cameras_file(after) is None:
-        shutil.copyfile(cameras, after.with_name(CAMERAS))
-    if same_rows and folder_of(before).is_dir():
-        shutil.copytree(folder_of(before), folder_of(after), dirs_exist_ok=True)
+def bring_along(before: Loaded, after: Loaded) -> None:
+    """Put beside a scene file what lay beside the one before and still holds: the cameras, and the
+    saved selections where the rows are the same; an edit has put its own there."""
+    cameras = cameras_file(before.file)
+    if cameras is not None and cameras_file(after.file) is None:
+        shutil.copyfile(cameras, after.file.with_name(CAMERAS))
+    carried = folder_of(after.file).is_dir() or len(before.scene) != len(after.scene)
+    if saved_names(before.file) and not carried:
+        means, new_means = (each.scene.means.numpy() for each in (before, after))
+        carry_named(before.file, means, after.file, new_means, None)
 
 
 def watch(

@@ -13,7 +13,6 @@ from gsedit.app import document as documents
 from gsedit.app.opening import make_scene, open_path, receive
 from gsedit.app.worker import Cancelled, Worker
 from gsedit.errors import GseditError, UsageError
-from gsedit.regions.region import Region
 from gsedit.regions.saved import save_named
 
 
@@ -61,7 +60,7 @@ def test_steps_follow_each_other_and_can_be_undone(opened, scene):
 def test_a_selection_lasts_as_long_as_the_gaussians_do(opened):
     flags = torch.arange(len(opened.scene)) < 10
     opened.select(flags, "ten")
-    save_named(Region(flags), opened.scene_file, "paw")
+    save_named(flags.numpy(), opened.scene.means.numpy(), opened.scene_file, "paw")
     step(opened, "paint it", verb="edit")
     assert opened.selection is flags
     assert opened.names() == ("paw",)
