@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
@@ -20,7 +21,7 @@ from gsedit.pictures.viewer.libraries import LOOPBACK, guarded, import_viser
 TOKEN_BYTES = 24
 BRAND = (40, 110, 200)
 TITLE = "gsedit"
-_SCRIPT = Path(__file__).with_name("drop.js")
+_SCRIPT = Path(__file__).with_name("page.js")
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,8 @@ def serve(page: Page, host: str = "127.0.0.1", port: int = 8080) -> Iterator[Ser
     token = secrets.token_urlsafe(TOKEN_BYTES)
     hosts = LOOPBACK if host in LOOPBACK else LOOPBACK | {host, *_names(host)}
     guard = Guard(token, html(viser), frozenset(hosts))
+    # connections that a browser opens and does not use are told with a traceback each
+    logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
     with redirect_stdout(StringIO()), guarded(guard.answer):  # it says where it listens, in a box
         server = viser.ViserServer(host=host, port=port, label=TITLE, verbose=False)
     _keep_inside(server)
@@ -89,8 +92,8 @@ def _dress(server: Any) -> None:
 def _opened(page: Page, tabs: dict[int, Tab], client: Any) -> None:
     tab = tabs[client.client_id] = Tab(page, client)
     page.join(tab)
+    tab.start()  # the picture first
     add_panels(page, tab)
-    tab.start()
 
 
 def _closed(page: Page, tabs: dict[int, Tab], client: Any) -> None:

@@ -15,3 +15,12 @@ addEventListener("drop", async (event) => {
     while (button.disabled);
   }
 });
+
+// The scene is not drawn by the browser: its warning that it has no graphics card is of no use.
+new MutationObserver((_, observer) => {
+  const told = [...document.querySelectorAll('[role="alert"]')];
+  const warning = told.find((each) => each.innerText.startsWith("Software WebGL"));
+  if (!warning) return;
+  observer.disconnect();
+  warning.querySelector("button").click();
+}).observe(document, { childList: true, subtree: true });
