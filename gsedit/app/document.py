@@ -40,6 +40,8 @@ class Eye:
     position: tuple[float, float, float]
     target: tuple[float, float, float]
     up: tuple[float, float, float]
+    fov: float
+    """Vertical field of view, radians."""
 
 
 @dataclass(frozen=True)
@@ -48,8 +50,6 @@ class Pending:
 
     title: str
     command: tuple[str, ...]
-    step: bool = False
-    """Whether its scene becomes a step."""
 
 
 @dataclass(frozen=True)
@@ -124,19 +124,13 @@ def load(folder: Path) -> Document:
     record = read_json(folder / NAME, _DOCUMENT, advice="remove it to begin the session anew")
     steps = tuple(_step(each) for each in record["steps"])
     eye, pending = record.get("eye"), record.get("pending")
-    return moved(
-        Document(
-            record["source"],
-            steps,
-            eye=None
-            if eye is None
-            else Eye(**{k: tuple(eye[k]) for k in ("position", "target", "up")}),
-            pending=None
-            if pending is None
-            else Pending(pending["title"], tuple(pending["command"]), pending["step"]),
-        ),
-        int(record["position"]),
+    document = Document(
+        record["source"],
+        steps,
+        eye=eye and _eye(eye),
+        pending=pending and _pending(pending),
     )
+    return moved(document, int(record["position"]))
 
 
 def scene_file(document: Document, folder: Path) -> Path | None:
@@ -149,8 +143,13 @@ def _step(record: dict[str, Any]) -> Step:
     return Step(record["title"], record["scene"], tuple(record["command"]))
 
 
-def _flag(value: Any, place: str) -> bool:
-    return bool(value)
+def _eye(record: dict[str, Any]) -> Eye:
+    position, target, up = (tuple(record[name]) for name in ("position", "target", "up"))
+    return Eye(position, target, up, record["fov"])
+
+
+def _pending(record: dict[str, Any]) -> Pending:
+    return Pending(record["title"], tuple(record["command"]))
 
 
 _ARGUMENTS = list_of(text(empty=True))
@@ -164,7 +163,9 @@ _DOCUMENT = object_of(
         "position": number(-1.0),
     },
     {
-        "eye": object_of({"position": _POINT, "target": _POINT, "up": _POINT}),
-        "pending": object_of({"title": text(), "command": _ARGUMENTS, "step": _flag}),
+        "eye": object_of(
+            {"position": _POINT, "target": _POINT, "up": _POINT, "fov": number(0.01, 3.1)}
+        ),
+        "pending": object_of({"title": text(), "command": _ARGUMENTS}),
     },
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import tan
+from math import atan, tan
 from typing import Any
 
 import numpy as np
@@ -40,12 +40,14 @@ def eye_of(camera: Camera, distance: float) -> Eye:
     """The place of a camera that turns about what is `distance` before it."""
     center, forward = camera.center.double(), camera.forward.double()
     up = -camera.rotation[1].double()
-    return Eye(point_of(center), point_of(center + distance * forward), point_of(up))
+    fov = 2 * atan(camera.height / 2 / camera.fy)
+    return Eye(point_of(center), point_of(center + distance * forward), point_of(up), fov)
 
 
 def handle_eye(handle: Any) -> Eye:
     """The place of a viser camera."""
-    return Eye(point_of(handle.position), point_of(handle.look_at), point_of(handle.up_direction))
+    position, target, up = handle.position, handle.look_at, handle.up_direction
+    return Eye(point_of(position), point_of(target), point_of(up), float(handle.fov))
 
 
 def point_of(values: Any) -> tuple[float, float, float]:

@@ -86,6 +86,7 @@ def _dress(server: Any) -> None:
         dark_mode=True, show_logo=False, show_share_button=False, brand_color=BRAND,
         control_width="large",
     )  # fmt: skip
+    server.gui.main_panel.dock_right()  # beside the picture, not over it
     server.scene.world_axes.visible = False
 
 

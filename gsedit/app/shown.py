@@ -24,6 +24,9 @@ LINE_PIXELS = 2
 STRENGTH = 0.5
 """Share of the tint in the color of what is selected."""
 
+BESIDE_SCALE = 0.65
+"""Size of things where two scenes share the width: between all of them, and as large as before."""
+
 Way = Literal["wipe", "beside"]
 
 
@@ -45,11 +48,13 @@ class Shown:
         return max((len(each) for each in (self.scene, self.before) if each is not None), default=0)
 
     def camera(self, camera: Camera) -> Camera:
-        """The camera by which the scene is drawn: half as wide where two are beside each other."""
+        """The camera by which the scene is drawn: half as wide, and showing nearly as much, where
+        two are beside each other."""
         if self.before is None or self.way == "wipe":
             return camera
         width = max(camera.width // 2, 1)
-        return replace(camera, width=width, cx=camera.cx - (camera.width - width) / 2)
+        fx, fy = BESIDE_SCALE * camera.fx, BESIDE_SCALE * camera.fy
+        return replace(camera, fx=fx, fy=fy, cx=width / 2, width=width)
 
 
 @torch.no_grad()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import wraps
-from math import atan
+from math import atan, tan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -104,11 +104,12 @@ class Tab:
         eye, handle = self.page.document.eye, self.client.camera
         if eye is None or not self.page.has_scene:
             camera = loaded.first_camera()
-            handle.fov = 2 * atan(camera.height / 2 / camera.fy)
             eye = eye_of(camera, self.page.distance(camera))
-            eye = replace(eye, up=point_of(loaded.up()))
+            wide = handle.image_height / max(handle.image_width, 1) * camera.width / camera.height
+            fov = 2 * atan(max(wide, 1.0) * tan(eye.fov / 2))  # a narrow window shows its width
+            eye = replace(eye, up=point_of(loaded.up()), fov=fov)
         with self.client.atomic():
-            handle.up_direction = eye.up
+            handle.up_direction, handle.fov = eye.up, eye.fov
             handle.near, handle.far = loaded.bulk.near, FAR * loaded.bulk.radius
             handle.position, handle.look_at = eye.position, eye.target
 
@@ -215,9 +216,10 @@ class Tab:
         return pick.camera.unproject(xy, torch.tensor(depth, dtype=torch.float64))
 
     def _pick(self, event: Any) -> Pick:
-        camera = self.camera()
+        canvas = self.camera()
         x, y = event.screen_pos
-        return Pick(camera, x * camera.width, y * camera.height, event.modifier)
+        camera = self._shown.camera(canvas)
+        return Pick(camera, x * canvas.width % camera.width, y * camera.height, event.modifier)
 
     def _box(self, event: Any) -> Box:
         camera = self.camera()

@@ -52,7 +52,7 @@ def test_a_step_after_an_undo_forgets_what_was_undone(document):
 
 
 def test_a_document_is_read_as_it_was_written(document, tmp_path):
-    eye = Eye((0.0, 1.0, 2.5), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    eye = Eye((0.0, 1.0, 2.5), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.9)
     whole = replace(undone(document), eye=eye, pending=Pending("rust", ("edit", "a.ply", "rust")))
     for each in (whole, document, Document()):
         save(each, tmp_path)
@@ -66,7 +66,8 @@ def test_a_document_is_read_as_it_was_written(document, tmp_path):
     [
         {"steps": 3}, {"steps": [{"title": "a"}]}, {"position": "two"}, {"source": None},
         {"eye": {"position": [0, 0, 1]}}, {"pending": {"title": "a", "command": "rm"}},
-        {"eye": {"position": [0, 0], "target": [0, 0, 0], "up": [0, 0, 1]}},
+        {"eye": {"position": [0, 0, 1], "target": [0, 0, 0], "up": [0, 0, 1], "fov": 9}},
+        {"eye": {"position": [0, 0], "target": [0, 0, 0], "up": [0, 0, 1], "fov": 1}},
     ],
 )  # fmt: skip
 def test_a_damaged_document_is_refused_by_its_place(change, document, tmp_path):
