@@ -88,11 +88,12 @@ class PageClient:
         )  # fmt: skip
 
     def control(self, label: str) -> dict[str, Any]:
-        """The control of a label. Raises KeyError."""
-        for each in list(self.controls.values()):
-            if each["props"].get("label") == label:
-                return each
-        raise KeyError(label)
+        """The control of a label, once it is there. Raises TimeoutError."""
+        return self.wait(lambda: self._labelled(label))
+
+    def _labelled(self, label: str) -> dict[str, Any] | None:
+        given = list(self.controls.values())
+        return next((each for each in given if each["props"].get("label") == label), None)
 
     def set(self, label: str, value: Any) -> None:
         """Give a control a value, as a person does."""
@@ -102,10 +103,13 @@ class PageClient:
 
     def press(self, label: str) -> None:
         """Press a button, or a button of a group."""
-        for each in list(self.controls.values()):
-            if label in (each["props"].get("options") or ()) and "ButtonGroup" in each["type"]:
-                return self.send("GuiUpdateMessage", uuid=each["uuid"], updates={"value": label})
-        self.set(label, True)
+        found = self.wait(lambda: self._group(label) or self._labelled(label))
+        value = label if "ButtonGroup" in found["type"] else True
+        self.send("GuiUpdateMessage", uuid=found["uuid"], updates={"value": value})
+
+    def _group(self, label: str) -> dict[str, Any] | None:
+        groups = [each for each in list(self.controls.values()) if "ButtonGroup" in each["type"]]
+        return next((each for each in groups if label in each["props"]["options"]), None)
 
     def trigger(self, label: str) -> None:
         """Run the command of a key, by its label."""
