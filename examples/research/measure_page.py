@@ -6,6 +6,7 @@ Starts the page as a person does, opens one tab, and moves its camera about the 
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -38,8 +39,12 @@ class Measured:
     """Mean of the moving pictures, pixels."""
     rest: float
     """Seconds from the last camera to the full picture."""
+    cpu_a_frame: float
+    """Seconds of processor time of the page's process for a moving frame, all cores together."""
     peak_mb: float
     """Largest resident memory of the page's process."""
+    waiting_mb: float
+    """Largest resident memory of the process that waits for the first command."""
 
 
 def measure(scene: Path, seconds: float, size: tuple[int, int]) -> Measured:
@@ -59,16 +64,20 @@ def measure(scene: Path, seconds: float, size: tuple[int, int]) -> Measured:
             tab.wait(lambda: "Gaussians" in tab.text())
             count = int(tab.text().split(" Gaussians")[0].split()[-1].replace(",", ""))
             time.sleep(1.0)
+            spent = cpu_seconds(page.pid)
             rate, side = turn(tab, seconds)
+            spent = cpu_seconds(page.pid) - spent
             stopped = time.perf_counter()
             tab.wait(lambda: max(tab.pixels().shape) == max(size), 30)
             rest = tab.pictures[-1][0] - stopped
             peak = peak_memory(page.pid)
+            waiting = max(map(peak_memory, children(page.pid)), default=0.0)
             tab.close()
         finally:
             page.terminate()
             page.wait()
-    return Measured(count, size, first, rate, side, rest, peak)
+    cpu = spent / max(rate * seconds, 1)
+    return Measured(count, size, first, rate, side, rest, cpu, peak, waiting)
 
 
 def turn(tab: PageClient, seconds: float) -> tuple[float, float]:
@@ -95,6 +104,19 @@ def peak_memory(process: int) -> float:
     status = Path(f"/proc/{process}/status")
     lines = status.read_text().splitlines() if status.exists() else []
     return next((int(each.split()[1]) / 1024 for each in lines if each.startswith("VmHWM")), 0.0)
+
+
+def cpu_seconds(process: int) -> float:
+    """Processor time of a process so far, in and for it; 0 where the system does not tell."""
+    stat = Path(f"/proc/{process}/stat")
+    fields = stat.read_text().rpartition(")")[2].split() if stat.exists() else ["0"] * 13
+    return sum(map(int, fields[11:13])) / os.sysconf("SC_CLK_TCK")
+
+
+def children(process: int) -> list[int]:
+    """The processes that a process has started."""
+    told = Path(f"/proc/{process}/task/{process}/children")
+    return [int(each) for each in told.read_text().split()] if told.exists() else []
 
 
 def main(

@@ -196,7 +196,8 @@ class PageClient:
         if which == "Fov":
             self.fov = message["fov"]
         elif which in names:
-            self.pose[names[which]] = tuple(message.get("look_at", message.get("position")))
+            value = message["look_at"] if "look_at" in message else message["position"]
+            self.pose[names[which]] = tuple(value)
 
 
 def quaternion(pose: dict[str, Any]) -> tuple[float, ...]:

@@ -24,7 +24,7 @@ LINE_PIXELS = 2
 STRENGTH = 0.5
 """Share of the tint in the color of what is selected."""
 
-BESIDE_SCALE = 0.65
+BESIDE_SCALE = 0.55
 """Size of things where two scenes share the width: between all of them, and as large as before."""
 
 Way = Literal["wipe", "beside"]
