@@ -26,7 +26,7 @@ PLAIN = f"(?P<what>(?:fallen|dead|withered) leaves|icicles|{GROWTHS['puddles']})
 """Growths that need no place."""
 THICK = (
     r"(?:(?P<thick>(?:very )?(?:thick|thin|deep|heavy|dense|light|fine|delicate)|a lot of|lots of"
-    r"|many|a few|a little) )"
+    r"|many|a few|a little|[0-9]+(?:\.[0-9]+)? ?(?:%|percent) (?:thicker|deeper|thinner)) )"
 )
 LAYER = r"(?:layer|coat|coating|blanket|cover|covering|sheet|crust|carpet|film|glaze|pile|heap)s?"
 ADD = (
@@ -67,6 +67,8 @@ AMOUNTS = {
 """Shares that a layer is thicker than usual, by its word; 1 for any other word."""
 SINCE = re.compile(r" after (?:the |some |heavy )*(?:rain|storm|shower|snowfall)$")
 """Words that only say why something lies there."""
+LEAST = 0.9
+"""Largest share by which a layer is made thinner: no layer at all is no change."""
 EVERYWHERE = ("everything", "the scene", "the whole scene", "all of it")
 
 
@@ -76,13 +78,21 @@ def grown(clause: str) -> Change | None:
     for pattern in PATTERNS:
         if match := pattern.fullmatch(clause):
             said = match.groupdict()
-            amount = AMOUNTS.get(said["thick"], 1.0) if said.get("thick") else None
+            amount = _amount(said["thick"]) if said.get("thick") else None
             where, name = said.get("x"), _name(said["what"])
             if where is None or where in EVERYWHERE:
                 return Change("scene", "growth", name, None, amount, "object")
             if phrase := object_phrase(where, parts=True):
                 return Change("subject", "growth", name, None, amount, "object", phrase)
     return None
+
+
+def _amount(thick: str) -> float:
+    """The share that a layer is thicker than usual, by a word or a number of percent."""
+    if number := re.match(r"[0-9.]+", thick):
+        share = float(number[0]) / 100
+        return -min(share, LEAST) if thick.endswith("thinner") else share
+    return AMOUNTS.get(thick, 1.0)
 
 
 def _name(what: str) -> str:
