@@ -9,6 +9,7 @@ from math import atan, tan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -139,6 +140,10 @@ class Tab:
         if note:
             self.tell(note)
         self.refresh()
+
+    def still(self, picture: np.ndarray) -> None:
+        """Show a picture (h w 3, uint8) of the current view until the view moves."""
+        self._send(picture, RESTING_QUALITY)
 
     @property
     def previews(self) -> bool:

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from gsedit.app.tab import Tab
 
 PANELS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
+    ("Say", "message", ("say",)),
+    ("Select", "pointer", ("select",)),
     ("History", "history", ("history",)),
     ("File", "folder", ("open",)),
 )

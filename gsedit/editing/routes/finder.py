@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import torch
@@ -30,12 +30,15 @@ class Finder:
         region: str = "auto",
         names: Names | None = None,
         execution: Execution = AUTO,
+        segment: Callable[[], Segments] | None = None,
     ) -> None:
         """Keep the scene, the views in which it is looked at, and the region that stands for the
-        subject (see gsedit.regions.parse); nothing is computed yet."""
+        subject (see gsedit.regions.parse); nothing is computed yet. `segment` returns the objects
+        of the scene where something else has found them."""
         self.scene, self.viewpoints, self.region = scene, tuple(viewpoints), region
         self.cameras = [each.camera for each in viewpoints]
         self.names, self.execution = names or Names(), execution
+        self._segment = segment
         self._named: dict[str, Region] = {}
 
     @cached_property
@@ -46,6 +49,8 @@ class Finder:
     @cached_property
     def segments(self) -> Segments:
         """The objects of the scene."""
+        if self._segment is not None:
+            return self._segment()
         return objects.segment(self.scene, self.cameras, self.execution)
 
     def named(self, phrase: str) -> Region:

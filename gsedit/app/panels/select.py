@@ -1,0 +1,148 @@
+"""Selecting: by click, by box, by words, by name; larger, smaller, the others; saved by a name."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from gsedit.app.selections import BRIM, Clicks, by_words, grown
+from gsedit.editing.routes.finder import Finder
+from gsedit.editing.routes.named import Names
+from gsedit.errors import UsageError
+from gsedit.regions.region import Region
+from gsedit.regions.saved import save_named, saved_files
+from gsedit.selecting.click import Click
+
+if TYPE_CHECKING:
+    from gsedit.app.page import Page
+    from gsedit.app.tab import Box, Pick, Tab
+
+NAME = "select"
+ADD, TAKE = "cmd/ctrl", "alt"
+"""Keys held at a click: select this too; take this away."""
+SELECT = "selection"
+NONE = "—"
+
+
+def add(page: Page, tab: Tab) -> None:
+    """Add clicks and boxes, the field for words, and what changes, names and ends a selection."""
+    Select(page, tab)
+
+
+class Select:
+    """The controls of one tab's selection."""
+
+    def __init__(self, page: Page, tab: Tab) -> None:
+        """Add the controls, and let clicks select."""
+        self.page, self.tab, gui = page, tab, tab.gui
+        self.clicks = Clicks()
+        self.state = gui.add_markdown("")
+        self.picks = gui.add_checkbox("clicks select", True, hint=_HOW)
+        self.words = gui.add_text(
+            "words", "", hint="As “the red one”, “the largest”, “the ground”."
+        )
+        self.find = gui.add_button("Select by words", icon="search")
+        self.change = gui.add_button_group("", ("Grow", "Shrink", "Invert", "None"))
+        self.saved = gui.add_dropdown("saved", (NONE,))
+        self.name = gui.add_text("name", "", hint="Sentences may say it: “paint the chair gold”.")
+        self.save = gui.add_button("Save the selection", icon="tag")
+        safely = tab.safely
+        self.picks.on_update(safely(lambda _: self.point()))
+        self.find.on_click(safely(lambda _: self.by_words()))
+        self.change.on_click(safely(lambda _: self.changed(self.change.value)))
+        self.saved.on_update(safely(self.chosen))
+        self.save.on_click(safely(lambda _: self.keep()))
+        tab.key("Select nothing", "escape", lambda: page.select(None))
+        tab.key("Invert the selection", "I", lambda: self.changed("Invert"), "cmd/ctrl")
+        for what in ("scene", "selection"):
+            page.listen(tab, what, self.show)
+        page.listen(tab, "scene", self.forget)
+        self.point()
+        self.show()
+
+    def show(self) -> None:
+        """Tell what is selected, and list the saved names."""
+        page = self.page
+        count = 0 if page.selection is None else int(page.selection.sum())
+        self.state.content = f"{count:,} Gaussians: {page.note}" if count else _HOW
+        names = tuple(saved_files(page.scene_file)) if page.has_scene else ()
+        self.saved.options = (NONE, *names)
+        self.saved.visible = bool(names)
+
+    def forget(self) -> None:
+        """Begin with other clicks: the scene is another."""
+        self.clicks = Clicks()
+
+    def point(self) -> None:
+        """Let clicks and boxes select, or not."""
+        if self.picks.value:
+            self.tab.pointer(NAME, self.clicked, self.boxed, (None, ADD, TAKE))
+        elif self.tab.pointer_name == NAME:
+            self.tab.pointer(None)
+
+    def clicked(self, pick: Pick) -> None:
+        """Select the object at a click, add it, or take away what is under it."""
+        click = Click(pick.camera, pick.x, pick.y, pick.modifier != TAKE, "this view")
+        clicks = self.clicks.with_click(click, add=pick.modifier is not None)
+        selector = self.page.loaded
+
+        def then(region: Region) -> None:
+            self.clicks = clicks
+            self.take(region)
+
+        self.tab.soon(SELECT, lambda: clicks.region(selector.selector), then)
+
+    def boxed(self, box: Box) -> None:
+        """Select the objects in a box."""
+        loaded, corners = self.page.loaded, (box.x0, box.y0, box.x1, box.y1)
+        self.tab.soon(SELECT, lambda: loaded.selector.box(box.camera, *corners), self.take)
+
+    def by_words(self) -> None:
+        """Select what the words name."""
+        loaded, phrase = self.page.loaded, self.words.value
+
+        def find() -> Region:
+            names = Names(saved_files(loaded.file))
+            segments = lambda: loaded.selector.segments  # noqa: E731
+            finder = Finder(loaded.scene, loaded.viewpoints, names=names, segment=segments)
+            return by_words(finder, phrase)
+
+        self.tab.soon(SELECT, find, self.take)
+
+    def take(self, region: Region) -> None:
+        """Make a region the selection."""
+        self.page.select(region.inside, region.note)
+
+    def changed(self, how: str) -> None:
+        """Grow, shrink or invert the selection, or end it."""
+        page, flags = self.page, self.page.selection
+        if how == "None":
+            self.clicks = Clicks()
+            return page.select(None)
+        if flags is None:
+            raise UsageError("nothing is selected: click on an object, or say it")
+        if how == "Invert":
+            return page.select(~flags, f"all but {page.note}")
+        radius = BRIM * page.loaded.bulk.radius * (1 if how == "Grow" else -1)
+        scene, note = page.scene, page.note
+        self.tab.soon(SELECT, lambda: grown(scene, flags, radius), lambda x: page.select(x, note))
+
+    def chosen(self, event: Any) -> None:
+        """Select what was saved by the name that is chosen."""
+        if event.client is None or self.saved.value == NONE:  # `show`, not a person
+            return
+        self.words.value = self.saved.value
+        self.by_words()
+
+    def keep(self) -> None:
+        """Save the selection beside the scene, in the place of one of the same name."""
+        page, name = self.page, self.name.value.strip()
+        if page.selection is None:
+            raise UsageError("nothing is selected: click on an object, or say it")
+        flags, means = page.selection.numpy(), page.scene.means.numpy()
+        save_named(flags, means, page.scene_file, name, overwrite=True)
+        self.tab.tell(f"saved as “{name}”: sentences may say it")
+        self.name.value = ""
+        page.notify("selection")
+
+
+_HOW = "Click on an object. Ctrl-click adds, Alt-click takes away, a drag with Shift draws a box."

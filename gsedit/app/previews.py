@@ -1,0 +1,83 @@
+"""A sentence on the scene that a tab shows, before it is applied."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import UInt8
+
+from gsedit.app.loaded import Loaded
+from gsedit.app.reading import Reading, editor_2d
+from gsedit.datasets.dataset import evenly_spaced
+from gsedit.editing.preview import SEARCHED_VIEWS, SHOWN_PIXELS, preview_edited
+from gsedit.editing.routes.apply import Routed, is_exact
+from gsedit.editing.routes.finder import Finder
+from gsedit.editing.routes.named import Names
+from gsedit.editing.routes.result import FINDS_SUBJECT, change_scene
+from gsedit.editing.session.settings import EditSettings
+from gsedit.regions.lift import lift
+from gsedit.regions.saved import saved_files
+from gsedit.words.instruction import Instruction
+from gsedit.words.phrases import IT
+from rasterizer.camera import Camera
+
+EDITED_PIXELS = 256
+"""Longer side of the view that a 2D editor is given for a preview, as `gsedit edit` gives it."""
+SLOW_ROUTES = ("paint", "material")
+"""Routes that are quicker where only the Gaussians of one view get their reflections."""
+
+
+class Previewer:
+    """Previews of one scene and one selection. What a sentence names is found once."""
+
+    def __init__(self, loaded: Loaded, region: Path | None) -> None:
+        """`region`: file of the selected Gaussians; None: the sentence says what changes."""
+        self.loaded = loaded
+        self.settings = EditSettings(region=FINDS_SUBJECT if region is None else str(region))
+        self._finders: dict[bool, Finder] = {}
+
+    def is_exact(self, reading: Reading) -> bool:
+        """Whether the preview is a scene; else it is a picture of one view."""
+        return reading.first is not None and is_exact(reading.first)
+
+    def is_partial(self, reading: Reading) -> bool:
+        """Whether a preview for one view is quicker than that of the whole scene."""
+        changes = reading.first.changes if reading.first is not None else ()
+        return any(each.route in SLOW_ROUTES for each in changes)
+
+    @torch.no_grad()
+    def scene(self, reading: Reading, camera: Camera | None = None) -> Routed:
+        """The scene with the first edit of a sentence; with a camera what it sees is right, the
+        rest may keep its reflections. Raises UsageError as `change_scene` does."""
+        assert reading.first is not None  # what is refused has no preview
+        scene, shown = self.loaded.scene, None
+        if camera is not None:
+            ones = torch.ones(camera.height, camera.width)
+            shown = lift(scene, [camera], [ones], self.settings.execution).weight > SHOWN_PIXELS
+        finder = self._finder(reading.first)
+        return change_scene(
+            scene, reading.first, finder.viewpoints, self.settings, shown, finder=finder
+        )
+
+    def picture(self, reading: Reading, camera: Camera) -> UInt8[np.ndarray, "h w 3"]:
+        """One view as the 2D editor draws it. Raises UsageError as `preview_edited` does."""
+        assert reading.first is not None  # what is refused has no preview
+        found = preview_edited(
+            self.loaded.scene, reading.first.text, camera, editor_2d(),
+            execution=self.settings.execution, size=EDITED_PIXELS,
+        )  # fmt: skip
+        return (found.after[0].image.clamp(0, 1) * 255 + 0.5).byte().numpy()
+
+    def _finder(self, instruction: Instruction) -> Finder:
+        """Objects are looked for in all views, as the edit does it; the subject alone in few."""
+        changes = instruction.changes
+        whole = any(each.route == "object" or each.phrase not in ("", IT) for each in changes)
+        if whole not in self._finders:
+            views = self.loaded.viewpoints
+            some = views if whole else [views[i] for i in evenly_spaced(len(views), SEARCHED_VIEWS)]
+            names = Names(saved_files(self.loaded.file))
+            region, execution = self.settings.region, self.settings.execution
+            self._finders[whole] = Finder(self.loaded.scene, some, region, names, execution)
+        return self._finders[whole]

@@ -1,0 +1,102 @@
+"""A sentence as it is understood while it is typed: what changes, by which way, how long it takes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cache
+from html import escape
+
+from gsedit.editing.routes.apply import is_exact
+from gsedit.editing.routes.plan import steps_of
+from gsedit.editor_protocol import Editor
+from gsedit.editors.registry import make_editor
+from gsedit.errors import UsageError
+from gsedit.words.called import read_called
+from gsedit.words.instruction import Change, Instruction
+
+USUAL_COUNT = 148_625
+"""Gaussians of the scene whose seconds are below."""
+SECONDS = {"tone": 1.0, "paint": 3.5, "material": 4.5, "light": 3.5, "scenery": 3.5, "object": 7.0}
+"""Seconds of work by route for a scene of USUAL_COUNT Gaussians on two cores, nothing beside it."""
+EDITOR_SECONDS = 16.0
+"""Seconds of work of the small 2D editor, whatever the size of the scene."""
+DONE_BY = {"tone": "colors", "paint": "colors", "material": "colors and light", "light": "light",
+           "scenery": "weather", "object": "objects"}  # fmt: skip
+"""Words for the routes of changes on the Gaussians; the others are the 2D editor's."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A sentence as it was understood, for one scene."""
+
+    text: str
+    instruction: Instruction
+    steps: tuple[Instruction, ...]
+    """Edits that it takes; none where it is refused."""
+    refusal: str = ""
+    """Reason why it is refused, with the next move."""
+
+    @property
+    def first(self) -> Instruction | None:
+        """The first edit, which a preview shows; None where there is none."""
+        return self.steps[0] if self.steps else None
+
+    def seconds(self, count: int) -> float:
+        """About how long the whole takes on a scene of so many Gaussians."""
+        return sum(_seconds(change, count) for change in self.instruction.changes)
+
+    def html(self, count: int, *, selected: bool = False) -> str:
+        """The reading for a person: a line a change with its color, the way and the seconds."""
+        if self.refusal:
+            return f'<div style="{_BOX}">{escape(self.refusal)}</div>'
+        lines = [_line(change, selected=selected) for change in self.instruction.changes]
+        lines.append(f'<span style="opacity:.7">about {_rounded(self.seconds(count))} s</span>')
+        return f'<div style="{_BOX}">{"<br>".join(lines)}</div>'
+
+
+_BOX = "font-size:13px;line-height:1.5;padding:0 .75em .25em"
+
+
+def read(text: str, names: Iterable[str] = ()) -> Reading:
+    """Understand a sentence; `names` are those of the scene's saved selections."""
+    instruction = read_called(text, tuple(names))
+    try:
+        steps = steps_of(instruction)
+        for step in steps:
+            if not is_exact(step):
+                editor_2d().check(step.text)
+    except UsageError as error:
+        return Reading(text, instruction, (), str(error))
+    return Reading(text, instruction, steps)
+
+
+@cache
+def editor_2d() -> Editor:
+    """The 2D editor of `gsedit edit` for what is not done on the Gaussians."""
+    return make_editor()
+
+
+def _line(change: Change, *, selected: bool) -> str:
+    said = str(change)
+    if selected and change.target == "subject" and not change.phrase:
+        said = said.replace("the subject", "the selection")
+    way = DONE_BY.get(change.route, "2D editor")
+    return f'{_swatch(change.color)}{escape(said)} <span style="opacity:.7">· {escape(way)}</span>'
+
+
+def _swatch(color: str | None) -> str:
+    if color is None:
+        return ""
+    box = "display:inline-block;width:.9em;height:.9em;border-radius:2px;margin-right:.4em"
+    return f'<span style="{box};background:{escape(color)};vertical-align:-.1em"></span>'
+
+
+def _seconds(change: Change, count: int) -> float:
+    if change.route not in SECONDS:
+        return EDITOR_SECONDS
+    return SECONDS[change.route] * max(count, USUAL_COUNT / 10) / USUAL_COUNT
+
+
+def _rounded(seconds: float) -> str:
+    return f"{seconds:.0f}" if seconds >= 1.5 else f"{seconds:.1f}"
