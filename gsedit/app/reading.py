@@ -1,4 +1,4 @@
-"""A sentence as it is understood while it is typed: what changes, by which way, how long it takes."""
+"""A sentence as it is understood while it is typed: what changes, by which way, how long."""
 
 from __future__ import annotations
 

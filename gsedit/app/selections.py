@@ -1,4 +1,4 @@
-"""Selections that a person makes on the page: by clicks, boxes and words; larger, smaller, others."""
+"""Selections that a person makes on the page: by clicks, boxes and words; larger and smaller."""
 
 from __future__ import annotations
 

@@ -31,7 +31,8 @@ def step_of(verb: str, scene: Path, arguments: Sequence[str], title: str, sessio
     """The command that makes a scene the next step of a session by a verb."""
     folder = step_folder(session, title)
     out = folder if verb in FOLDER_VERBS else folder / "scene.ply"
-    more = ("--cameras",) if verb in MOVING_VERBS and cameras_file(scene) else ()
+    whole = verb in MOVING_VERBS and "--region" not in arguments
+    more = ("--cameras",) if whole and cameras_file(scene) else ()
     return Pending(title, (verb, str(scene), *arguments, *more, "-o", str(out)))
 
 

@@ -73,7 +73,7 @@ class Tab:
         self._tint: tuple[Tensor, tuple[float, float, float]] | None = None
         self._pointers: list[tuple[str, Callable[[Any], None]]] = []
         self._soon = Soon(self.fail)
-        self._painter = Painter(self._draw, self._send, self._count, self.fail).start()
+        self._painter = Painter(self.draw, self._send, self._count, self.fail).start()
         self._notice: Any = None
 
     def start(self) -> None:
@@ -293,7 +293,8 @@ class Tab:
     def _count(self) -> int:
         return self._shown.count
 
-    def _draw(self, camera: Camera) -> Any:
+    def draw(self, camera: Camera) -> Any:
+        """Draw what the tab shows (h w 3, uint8) by a camera."""
         return picture(self._shown, camera)
 
     def _send(self, drawn: Any, quality: int) -> None:

@@ -14,8 +14,9 @@ if TYPE_CHECKING:
 PANELS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("Say", "message", ("say",)),
     ("Select", "pointer", ("select",)),
+    ("Tools", "tools", ("clean", "crop", "transform")),
     ("History", "history", ("history",)),
-    ("File", "folder", ("open",)),
+    ("File", "folder", ("open", "export")),
 )
 """Headings, their icons, and the modules below them, in order; `add` of each adds its controls."""
 

@@ -1,0 +1,60 @@
+"""Export: the scene in any format, a page that shows it from disk, a video around it."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from PIL import Image
+
+from gsedit.formats.pictures import save_picture
+from gsedit.formats.registry import WRITABLE
+
+if TYPE_CHECKING:
+    from gsedit.app.page import Page
+    from gsedit.app.tab import Tab
+
+PAGE, VIDEO, PICTURE = "page that opens from disk (.html)", "turntable (.mp4)", "this view (.png)"
+VIDEO_PIXELS, VIDEO_FRAMES = 640, 120
+
+
+def add(page: Page, tab: Tab) -> None:
+    """Add the list of formats, the name, and Export, which offers the file for download."""
+    gui = tab.gui
+    kind = gui.add_dropdown("as", (*WRITABLE, PAGE, VIDEO, PICTURE))
+    name = gui.add_text("file name", "", hint="Without its ending; empty: that of the scene.")
+    export = gui.add_button("Export", icon="download")
+
+    def named(suffix: str) -> Path:
+        stem = name.value.strip() or Path(page.document.source or "scene").stem
+        return page.new_file(f"{stem}{suffix}")
+
+    def act() -> None:
+        scene = str(page.scene_file)
+        if kind.value == PICTURE:
+            return save_view(named(".png"))
+        if kind.value == PAGE:
+            out = named(".html")
+            command = ["view", scene, "-o", str(out)]
+        elif kind.value == VIDEO:
+            out = named(".mp4")
+            command = ["render", scene, "--path", "turntable", "--size", str(VIDEO_PIXELS)]
+            command += ["--frames", str(VIDEO_FRAMES), "-o", str(out)]
+        else:
+            out = named(kind.value)
+            command = ["convert", scene, str(out)]
+        out.parent.mkdir(parents=True, exist_ok=True)
+        page.run(command, f"export {out.name}", lambda record: offer(out))
+
+    def save_view(out: Path) -> None:
+        camera = tab.camera()
+        out.parent.mkdir(parents=True, exist_ok=True)
+        write = partial(save_picture, path=out)
+        tab.soon("export", lambda: write(Image.fromarray(tab.draw(camera))), lambda _: offer(out))
+
+    def offer(out: Path) -> None:
+        tab.tell(f"kept as {out}")
+        tab.download(out)
+
+    export.on_click(tab.safely(lambda _: act()))
