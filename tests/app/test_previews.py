@@ -1,0 +1,88 @@
+"""Previews: what a sentence makes of the scene on the page, found once."""
+
+from pathlib import Path
+
+import pytest
+import torch
+from selecting.playroom import playroom
+
+from gsedit.app.loaded import Loaded
+from gsedit.app.previews import Previewer
+from gsedit.app.reading import read
+from gsedit.app.selections import Clicks, grown
+from gsedit.datasets.viewpoints import Viewpoint
+from gsedit.errors import UsageError
+from gsedit.regions.region import Region, save_region
+from gsedit.scene.picture import render_picture
+from gsedit.selecting.click import Click, Selector
+from rasterizer.numerics import DEFAULT
+
+
+@pytest.fixture(scope="module")
+def room(tmp_path_factory):
+    found = playroom()
+    file = tmp_path_factory.mktemp("room") / "room.ply"
+    loaded = Loaded(file, found.scene, DEFAULT, ())
+    views = tuple(Viewpoint(f"{i}.png", camera) for i, camera in enumerate(found.cameras))
+    loaded.__dict__["recorded"] = views  # there is no file beside it
+    return loaded
+
+
+def region_of(folder: Path, flags):
+    path = folder / "selection.npy"
+    save_region(Region(flags, "test"), path, overwrite=True)
+    return path
+
+
+def test_a_preview_of_the_selection_changes_the_selection_alone(room, tmp_path):
+    ball = playroom().of("red ball")
+    routed = Previewer(room, region_of(tmp_path, ball)).scene(read("paint it blue"))
+    changed = (routed.scene.sh[:, 0] != room.scene.sh[:, 0]).any(1)
+    assert changed[ball].all()
+    assert not changed[~ball].any()
+
+
+def test_a_preview_for_one_view_is_right_in_that_view(room, tmp_path):
+    previewer = Previewer(room, region_of(tmp_path, playroom().of("red ball")))
+    reading, camera = read("turn it into gold"), playroom().cameras[0]
+    assert previewer.is_partial(reading)
+    partial, whole = (previewer.scene(reading, each).scene for each in (camera, None))
+    pictures = [render_picture(each, camera) for each in (partial, whole, room.scene)]
+    assert (pictures[0] - pictures[1]).square().mean() < 1e-3 * (
+        pictures[2] - pictures[1]
+    ).square().mean() + 1e-6
+
+
+def test_what_was_found_for_one_preview_is_kept_for_the_next(room, monkeypatch):
+    previewer = Previewer(room, None)
+    first = previewer.scene(read("make the red one darker"))
+    monkeypatch.setattr("gsedit.objects.segment", None)
+    again = previewer.scene(read("make the red one 40 % darker"))
+    assert torch.equal(first.region.inside, again.region.inside)
+
+
+def test_a_first_click_outside_is_told(room):
+    camera = playroom().cameras[0]
+    with pytest.raises(UsageError, match="click on the object first"):
+        Clicks().with_click(Click(camera, 1.0, 1.0, inside=False), add=True)
+
+
+def test_a_plain_click_begins_anew_and_a_further_one_refines(room):
+    camera = playroom().cameras[0]
+    click = Click(camera, 48.0, 48.0)
+    one = Clicks().with_click(click, add=False)
+    two = one.with_click(Click(camera, 40.0, 48.0), add=True)
+    assert len(two.clicks) == 2
+    assert two.with_click(click, add=False) == one
+    assert isinstance(Selector(room.scene, [camera]), Selector)
+
+
+def test_grow_and_shrink_go_by_a_radius(room):
+    flags, means = playroom().of("red ball"), room.scene.means
+    larger, smaller = grown(room.scene, flags, 0.1), grown(room.scene, flags, -0.1)
+    assert (larger | ~flags).all()
+    assert (~smaller | flags).all()
+    added = means[larger & ~flags]
+    assert torch.cdist(added, means[flags]).amin(1).max() <= 0.1 + 1e-6
+    gone = means[flags & ~smaller]
+    assert torch.cdist(gone, means[~flags]).amin(1).max() <= 0.1 + 1e-6
