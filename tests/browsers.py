@@ -109,7 +109,7 @@ class Window:
         return found["result"].get("value")
 
     def text(self) -> str:
-        """What a person can read."""
+        """Text that a person can read."""
         return self.run("document.body ? document.body.innerText : ''") or ""
 
     def wait(self, happened: Callable[[], Any], seconds: float = 20.0) -> Any:

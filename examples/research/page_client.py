@@ -70,7 +70,7 @@ class PageClient:
         )  # fmt: skip
 
     def send(self, kind: str, **fields: Any) -> None:
-        """Send one message."""
+        """Send one message to the page."""
         self._socket.send(msgspec.msgpack.encode({"type": kind, **fields}))
 
     def click(self, x: float, y: float, modifier: str | None = None) -> None:
@@ -147,7 +147,7 @@ class PageClient:
         return np.asarray(Image.open(BytesIO(self.picture)).convert("RGB"))
 
     def close(self) -> None:
-        """Close the tab."""
+        """Close the tab's connection."""
         self._socket.close()
 
     def _read(self) -> None:

@@ -1,4 +1,4 @@
-"""What a session keeps: the scene that was opened, what was done to it, and where one is in that.
+"""The document of a session: the scene that was opened, what was done to it, and where one is in that.
 
 A session is a folder: `session.json` is the document, `steps/` has a folder for each step. The file
 is written anew at each change, whole or not at all, so a session survives being killed.
@@ -35,7 +35,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Eye:
-    """Where a person looks from, in the scene's world."""
+    """Place that a person looks from, in the scene's world."""
 
     position: tuple[float, float, float]
     target: tuple[float, float, float]
@@ -57,7 +57,7 @@ class Document:
     """The history of a session. Steps after `position` are undone and can be done again."""
 
     source: str = ""
-    """What was opened: a scene, photos or a video."""
+    """Path that was opened: a scene, photos or a video."""
     steps: tuple[Step, ...] = ()
     position: int = -1
     """Step that is shown; -1 before any."""

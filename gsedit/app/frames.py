@@ -20,7 +20,7 @@ LEAST_SIDE, MOST_SIDE = 256, 1920
 """Longer side of a picture: coarser than the least shows nothing, and finer than the most is seen
 by few."""
 MOVING_QUALITY, RESTING_QUALITY = 70, 92
-"""JPEG's."""
+"""Qualities of the JPEG pictures."""
 HASTE = 0.85
 """Share of the time between two frames that a picture may take: encoding and sending need some."""
 
@@ -44,7 +44,7 @@ def next_side(side: float, seconds: float, wanted: float, full: int) -> float:
 
 @dataclass(frozen=True)
 class Rate:
-    """What the last moving frames came to."""
+    """Figures of the last moving frames."""
 
     side: float = 640.0
     """Longer side of the next one, pixels."""
@@ -76,7 +76,7 @@ class Painter:
     _changed: Condition = field(default_factory=Condition)
 
     def start(self) -> Painter:
-        """Begin to draw."""
+        """Begin to draw in a thread."""
         Thread(target=self._run, daemon=True, name="painter").start()
         return self
 

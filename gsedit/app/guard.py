@@ -22,7 +22,7 @@ POLICY = (
     "worker-src 'self' blob: data:; connect-src 'self' blob: data: ws://HOST; "
     "frame-ancestors 'none'"
 )
-"""What the browser may load for the page, and may connect to: nothing of another host."""
+"""Sources that the browser may load for the page, and may connect to: nothing of another host."""
 NO_ADDRESS = "the page is reached by the address that gsedit app printed, with its token"
 
 

@@ -39,7 +39,7 @@ class Knob:
 
 
 def knobs_of(instruction: Instruction, read: Callable[[str], Instruction]) -> tuple[Knob, ...]:
-    """What can be turned in a sentence that was read; none where its changes have no sentence that
+    """All that can be turned in a sentence that was read; nothing where its changes have no sentence that
     `read` reads as the same changes."""
     changes = instruction.changes
     wording = sentence_of(changes) if instruction.known else None

@@ -19,7 +19,7 @@ class Screen(Protocol):
         ...
 
     def tell(self, text: str) -> None:
-        """Say something."""
+        """Tell that something has changed."""
         ...
 
     def fail(self, error: Exception | str) -> None:
@@ -35,7 +35,7 @@ class Listeners:
     """Functions that are called after changes, each as long as its tab is open."""
 
     def __init__(self) -> None:
-        """Begin without any."""
+        """Begin without any listener."""
         self._functions: list[tuple[Screen, str, Callable[[], None]]] = []
 
     def add(self, tab: Screen, what: str, function: Callable[[], None]) -> None:

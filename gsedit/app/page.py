@@ -1,4 +1,4 @@
-"""What all tabs of a page share: the document, its scene, the selection, and the work in hand."""
+"""State that all tabs of a page share: document, scene, selection, and the work in hand."""
 
 from __future__ import annotations
 

@@ -41,12 +41,12 @@ class Clicks:
         return replace(self, clicks=(*self.clicks, click))
 
     def region(self, selector: Selector) -> Region:
-        """What the clicks select. Raises UsageError as `Selector.at` does."""
+        """Gaussians that the clicks select. Raises UsageError as `Selector.at` does."""
         return selector.at(self.clicks)
 
 
 def by_words(finder: Finder, phrase: str) -> Region:
-    """What words name: an object, a saved selection, the subject, the background.
+    """Gaussians that words name: an object, a saved selection, the subject, the background.
 
     Raises UsageError for words that name nothing here, with what can be said.
     """

@@ -1,4 +1,4 @@
-"""What a tab shows: one scene, two with a wipe between them, or two beside each other."""
+"""The picture of a tab: one scene, two with a wipe between them, or two beside each other."""
 
 from __future__ import annotations
 

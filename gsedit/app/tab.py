@@ -85,7 +85,7 @@ class Tab:
     # -- camera
 
     def camera(self, width: int | None = None, height: int | None = None) -> Camera:
-        """What the tab looks at: a camera of the canvas's size, or of another one."""
+        """The view of the tab: a camera of the canvas's size, or of another one."""
         handle = self.client.camera
         size = width or int(handle.image_width), height or int(handle.image_height)
         seen = self.page.visible

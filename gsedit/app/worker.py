@@ -96,7 +96,7 @@ class Worker:
         _end(running.process)
 
     def close(self) -> None:
-        """End all processes."""
+        """End all processes of the worker."""
         with self._lock:
             self._closed = True
             spare = self._spare

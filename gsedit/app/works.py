@@ -36,7 +36,7 @@ class Work:
         return None if event is None or not event.steps else min(event.step / event.steps, 1.0)
 
     def describe(self) -> str:
-        """What is being done, how far it is, and since when."""
+        """One line: the work, how far it is, and since when."""
         stage = "" if self.event is None else self.event.stage
         count = "" if not self.share else f" {100 * self.share:.0f} %"
         return f"{self.title}: {stage}{count}, {self.watch.seconds:.0f} s".replace(": ,", ",")

@@ -25,7 +25,9 @@ def clause_of(change: Change) -> str | None:
     match change.kind, change.name:
         case "tone", name if name in MORE and change.amount is not None:
             words = MORE[name][amount < 0]
-            return f"give {part} {share} {words}" if " " in words else f"make {part} {share} {words}"
+            return (
+                f"give {part} {share} {words}" if " " in words else f"make {part} {share} {words}"
+            )
         case "paint", name if change.color is not None and not name.startswith("between "):
             return f"paint {part} {name}"
         case "material", name:

@@ -1,4 +1,4 @@
-"""Which pictures a tab gets: sizes, the newest camera, two scenes, short work."""
+"""Pictures that a tab gets: sizes, the newest camera, two scenes, short work."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the page's controls are, heading by heading; each file adds one group of them to a tab."""
+"""The controls of the page, heading by heading; each file adds one group of them to a tab."""
 
 from __future__ import annotations
 

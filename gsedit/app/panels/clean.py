@@ -44,49 +44,61 @@ def find(loaded: Loaded) -> Found:
 
 
 def add(page: Page, tab: Tab) -> None:
-    """Add the reasons, each with its count and a switch, the preview and Clean."""
-    gui = tab.gui
-    look = gui.add_button("Find what does not belong", icon="zoom-question")
-    boxes = {name: gui.add_checkbox(name, True, visible=False) for name in SWITCHES}
-    told = gui.add_markdown("", visible=False)
-    apply = gui.add_button("Remove it", icon="eraser", visible=False)
-    state: list[Found] = []
+    """Add the reasons, each with its count and a switch, the preview and Remove."""
+    Clean(page, tab)
 
-    def chosen() -> torch.Tensor:
-        wanted = [REASONS.index(name) for name, box in boxes.items() if box.value]
-        flags = torch.from_numpy(np.isin(state[0].reasons, wanted))
-        return flags if page.selection is None else flags & page.selection
 
-    def show() -> None:
-        known = bool(state) and page.has_scene and state[0].loaded is page.loaded
-        told.visible = apply.visible = known
-        counts = np.bincount(state[0].reasons, minlength=len(REASONS)) if known else []
-        for name, box in boxes.items():
-            box.visible = known and counts[REASONS.index(name)] > 0
-        if not known:
-            return tab.tint(None)
-        flags = chosen()
-        tab.tint(flags)
-        some = " of the selection" if page.selection is not None else ""
-        each = [f"{counts[REASONS.index(n)]:,} {n}" for n, b in boxes.items() if b.visible]
-        told.content = f"{int(flags.sum()):,} Gaussians{some} would go: {', '.join(each) or 'none'}"
+class Clean:
+    """The controls of one tab's cleaning."""
 
-    def found(result: Found) -> None:
-        state[:] = [result]
-        show()
+    def __init__(self, page: Page, tab: Tab) -> None:
+        """Add the controls; nothing is looked for yet."""
+        self.page, self.tab, gui = page, tab, tab.gui
+        self.found: Found | None = None
+        look = gui.add_button("Find what does not belong", icon="zoom-question")
+        self.boxes = {name: gui.add_checkbox(name, True, visible=False) for name in SWITCHES}
+        self.told = gui.add_markdown("", visible=False)
+        self.remove = gui.add_button("Remove it", icon="eraser", visible=False)
+        look.on_click(tab.safely(lambda _: tab.soon("clean", lambda: find(page.loaded), self.take)))
+        self.remove.on_click(tab.safely(lambda _: self.clean()))
+        for box in self.boxes.values():
+            box.on_update(tab.safely(lambda _: self.show()))
+        page.listen(tab, "scene", lambda: self.take(None))
+        page.listen(tab, "selection", self.show)
 
-    def ended() -> None:
-        state.clear()
-        show()
+    def take(self, found: Found | None) -> None:
+        """Show what was found, with all reasons on."""
+        self.found = found
+        counts = self.counts()
+        for name, box in self.boxes.items():
+            box.visible = counts[REASONS.index(name)] > 0
+        self.told.visible = self.remove.visible = found is not None
+        if found is None:
+            self.tab.tint(None)
+        self.show()
 
-    def clean() -> None:
-        off = [f"--no-{SWITCHES[name]}" for name, box in boxes.items() if not box.value]
-        file = page.selection_file()
-        page.step("clean", *off, *(("--region", str(file)) if file else ()), title="clean")
+    def counts(self) -> np.ndarray:
+        """Number of Gaussians for each of REASONS."""
+        reasons = np.zeros(0, int) if self.found is None else self.found.reasons
+        return np.bincount(reasons, minlength=len(REASONS))
 
-    look.on_click(tab.safely(lambda _: tab.soon("clean", lambda: find(page.loaded), found)))
-    apply.on_click(tab.safely(lambda _: clean()))
-    for box in boxes.values():
-        box.on_update(tab.safely(lambda _: show() if state else None))
-    page.listen(tab, "scene", ended)
-    page.listen(tab, "selection", lambda: show() if state else None)
+    def show(self) -> None:
+        """Color what would go, and count it."""
+        if self.found is None or self.found.loaded is not self.page.loaded:
+            return
+        wanted = [REASONS.index(name) for name, box in self.boxes.items() if box.value]
+        flags, selected = torch.from_numpy(np.isin(self.found.reasons, wanted)), ""
+        if self.page.selection is not None:
+            flags, selected = flags & self.page.selection, " of the selection"
+        self.tab.tint(flags)
+        counts = self.counts()
+        each = [f"{counts[REASONS.index(n)]:,} {n}" for n, b in self.boxes.items() if b.visible]
+        told = ", ".join(each) or "none"
+        self.told.content = f"{int(flags.sum()):,} Gaussians{selected} would go: {told}"
+
+    def clean(self) -> None:
+        """Remove it; the rest is the next step."""
+        off = [f"--no-{SWITCHES[name]}" for name, box in self.boxes.items() if not box.value]
+        file = self.page.selection_file()
+        region = () if file is None else ("--region", str(file))
+        self.page.step("clean", *off, *region, title="clean")

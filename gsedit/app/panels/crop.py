@@ -33,62 +33,83 @@ def inside_box(
 
 def add(page: Page, tab: Tab) -> None:
     """Add the box with its preview, and what is done with the selection."""
-    gui = tab.gui
-    on = gui.add_checkbox("crop to a box", False, hint="What would go is colored.")
-    folder = gui.add_folder("box", visible=False)
-    with folder:
-        ranges = [gui.add_multi_slider(axis, 0.0, 1.0, 1 / STEPS, (0.0, 1.0)) for axis in AXES]
-        around = gui.add_button("Around the selection", icon="box-margin")
-        crop = gui.add_button("Crop", icon="crop")
-    chosen = gui.add_button_group("selection", ("Keep only", "Delete"))
+    Crop(page, tab)
 
-    def box() -> tuple[Tensor, Tensor]:
+
+class Crop:
+    """The controls of one tab's box."""
+
+    def __init__(self, page: Page, tab: Tab) -> None:
+        """Add the controls; the box is off."""
+        self.page, self.tab, gui, safely = page, tab, tab.gui, tab.safely
+        self.on = gui.add_checkbox("crop to a box", False, hint="What would go is colored.")
+        self.folder = gui.add_folder("box", visible=False)
+        with self.folder:
+            self.ranges = [
+                gui.add_multi_slider(axis, 0.0, 1.0, 1 / STEPS, (0.0, 1.0)) for axis in AXES
+            ]
+            around = gui.add_button("Around the selection", icon="box-margin")
+            crop = gui.add_button("Crop", icon="crop")
+        self.chosen = gui.add_button_group("selection", ("Keep only", "Delete"))
+        self.on.on_update(safely(lambda _: self.show()))
+        for each in self.ranges:
+            each.on_update(safely(lambda _: self.show()))
+        around.on_click(safely(lambda _: self.fit()))
+        crop.on_click(safely(lambda _: self.cut()))
+        self.chosen.on_click(safely(lambda _: self.act()))
+        page.listen(tab, "scene", self.show)
+
+    def box(self) -> tuple[Tensor, Tensor]:
         """The corners; infinite where a slider is at its end."""
-        bulk = page.loaded.bulk
+        bulk = self.page.loaded.bulk
         center, size = torch.tensor(bulk.center), REACH * bulk.radius
-        low, high = (torch.tensor([r.value[i] for r in ranges]) for i in (0, 1))
+        low, high = (torch.tensor([each.value[i] for each in self.ranges]) for i in (0, 1))
         below = torch.where(low <= 0, -torch.inf, center + (2 * low - 1) * size)
         return below, torch.where(high >= 1, torch.inf, center + (2 * high - 1) * size)
 
-    def show() -> None:
-        folder.visible = on.value
-        if not on.value or not page.has_scene:
-            return tab.tint(None)
-        scene, corners = page.scene, box()
-        tab.soon("crop", lambda: ~inside_box(scene.means, *corners), tab.tint)
+    def show(self) -> None:
+        """Color what is outside."""
+        if not self.on.value or not self.page.has_scene:
+            if self.folder.visible:
+                self.tab.tint(None)
+            self.folder.visible = False
+            return
+        self.folder.visible = True
+        scene, corners = self.page.scene, self.box()
+        self.tab.soon("crop", lambda: ~inside_box(scene.means, *corners), self.tab.tint)
 
-    def fit() -> None:
-        if page.selection is None:
+    def selected(self) -> Tensor:
+        """The selection. Raises UsageError where nothing is selected."""
+        if self.page.selection is None:
             raise UsageError("nothing is selected: click on an object, or say it")
-        bulk, means = page.loaded.bulk, page.scene.means[page.selection]
+        return self.page.selection
+
+    def fit(self) -> None:
+        """Put the box around the selection."""
+        bulk, means = self.page.loaded.bulk, self.page.scene.means[self.selected()]
         center, size = torch.tensor(bulk.center), REACH * bulk.radius
         margin = MARGIN * bulk.radius
-        low, high = means.amin(0) - margin, means.amax(0) + margin
-        for axis, handle in enumerate(ranges):
-            ends = [(float(e[axis] - center[axis]) / size + 1) / 2 for e in (low, high)]
-            handle.value = (max(min(ends[0], 1.0), 0.0), max(min(ends[1], 1.0), 0.0))
-        show()
+        corners = torch.stack((means.amin(0) - margin, means.amax(0) + margin))
+        shares = (((corners - center) / size + 1) / 2).clamp(0, 1).T.tolist()
+        for handle, (low, high) in zip(self.ranges, shares, strict=True):
+            handle.value = (low, high)
+        self.show()
 
-    def cut() -> None:
-        corners = ",".join(f"{float(each):.9g}" for ends in box() for each in ends)
-        page.step("filter", "--where", f"box({corners})", title="crop", after=lambda: done())
+    def cut(self) -> None:
+        """Keep what is in the box; that is the next step."""
+        corners = ",".join(f"{float(each):.9g}" for ends in self.box() for each in ends)
+        self.page.step("filter", "--where", f"box({corners})", title="crop", after=self.end)
 
-    def done() -> None:
-        on.value = False
+    def end(self) -> None:
+        """Put the box away."""
+        self.on.value = False
 
-    def act() -> None:
-        flags = page.selection
-        if flags is None or page.folder is None:
-            raise UsageError("nothing is selected: click on an object, or say it")
-        kept = flags if chosen.value == "Keep only" else ~flags
-        file = page.folder / "kept.npy"
+    def act(self) -> None:
+        """Keep only the selection, or delete it; nothing is filled."""
+        flags, folder = self.selected(), self.page.folder
+        assert folder is not None  # something is selected
+        kept = flags if self.chosen.value == "Keep only" else ~flags
+        file = folder / "kept.npy"
         save_region(Region(kept, "kept"), file, overwrite=True)
-        page.step("filter", "--region", str(file), title=f"{chosen.value.lower()} the selection")
-
-    on.on_update(tab.safely(lambda _: show()))
-    for each in ranges:
-        each.on_update(tab.safely(lambda _: show() if on.value else None))
-    around.on_click(tab.safely(lambda _: fit()))
-    crop.on_click(tab.safely(lambda _: cut()))
-    chosen.on_click(tab.safely(lambda _: act()))
-    page.listen(tab, "scene", lambda: show() if on.value else None)
+        title = f"{self.chosen.value.lower()} the selection"
+        self.page.step("filter", "--region", str(file), title=title)

@@ -33,7 +33,7 @@ class Say:
     """The controls of one tab's sentence."""
 
     def __init__(self, page: Page, tab: Tab) -> None:
-        """Add the controls."""
+        """Add the controls to the tab."""
         self.page, self.tab, gui = page, tab, tab.gui
         self.reading: Reading | None = None
         self.previewer: Previewer | None = None

@@ -26,61 +26,79 @@ FINEST, LARGEST = 0.1, 4.0
 
 def add(page: Page, tab: Tab) -> None:
     """Add the switch for the handles, the scale, and Apply."""
-    gui, scene = tab.gui, tab.client.scene
-    on = gui.add_checkbox("move and turn", False, hint="The selection, or the whole scene.")
-    scale = gui.add_slider("scale", FINEST, LARGEST, 0.01, 1.0, visible=False)
-    apply = gui.add_button("Apply the move", icon="check", visible=False)
-    held: list[Any] = []
-    pivot: list[np.ndarray] = []
+    Transform(page, tab)
 
-    def show() -> None:
-        scale.visible = apply.visible = on.value
-        for handle in held:
-            handle.remove()
-        held.clear()
-        if not on.value or not page.has_scene:
-            return tab.preview(None)
-        means = page.scene.means if page.selection is None else page.scene.means[page.selection]
-        pivot[:] = [center_of(means.numpy())]
-        scale.value = 1.0
-        arms = ARMS * page.loaded.bulk.radius
-        held.append(scene.add_transform_controls(HANDLES, arms, position=pivot[0]))
-        held[0].on_update(tab.safely(lambda _: moved()))
 
-    def similarity() -> Similarity:
-        return compose(steps()).about(pivot[0])
+class Transform:
+    """The controls of one tab's move."""
 
-    def steps() -> list[tuple[str, Any]]:
-        shift = np.asarray(held[0].position, float) - pivot[0]
-        turn = [float(each) for each in held[0].wxyz]
-        return [("quat", turn), ("scale", float(scale.value)), ("translate", shift.tolist())]
+    def __init__(self, page: Page, tab: Tab) -> None:
+        """Add the controls; the handles are off."""
+        self.page, self.tab, gui, safely = page, tab, tab.gui, tab.safely
+        self.on = gui.add_checkbox("move and turn", False, hint=_HINT)
+        self.scale = gui.add_slider("scale", FINEST, LARGEST, 0.01, 1.0, visible=False)
+        self.apply = gui.add_button("Apply the move", icon="check", visible=False)
+        self.handles: Any = None
+        self.pivot = np.zeros(3)
+        self.on.on_update(safely(lambda _: self.show()))
+        self.scale.on_update(safely(lambda event: event.client is not None and self.moved()))
+        self.apply.on_click(safely(lambda _: self.act()))
+        for what in ("scene", "selection"):
+            page.listen(tab, what, lambda: self.show() if self.on.value else None)
 
-    def moved() -> None:
-        if not held:
+    def show(self) -> None:
+        """Put the handles where the scene or the selection is, or take them away."""
+        self.scale.visible = self.apply.visible = self.on.value
+        if self.handles is not None:
+            self.handles.remove()
+            self.handles = None
+            self.tab.preview(None)
+        page = self.page
+        if not self.on.value or not page.has_scene:
             return
-        now, flags, how = page.scene, page.selection, similarity()
-        tab.soon("transform", lambda: transformed(now, flags, how), tab.preview)
+        means = page.scene.means if page.selection is None else page.scene.means[page.selection]
+        self.pivot, self.scale.value = center_of(means.numpy()), 1.0
+        arms = ARMS * page.loaded.bulk.radius
+        add_handles = self.tab.client.scene.add_transform_controls
+        self.handles = add_handles(HANDLES, arms, position=self.pivot)
+        self.handles.on_update(self.tab.safely(lambda _: self.moved()))
 
-    def act() -> None:
-        texts = {name: value if name == "scale" else _listed(value) for name, value in steps()}
-        options = [f"--{name}={text}" for name, text in texts.items()]
-        file = page.selection_file()
+    def steps(self) -> list[tuple[str, Any]]:
+        """The turn, the scale and the shift about the pivot, as `compose` takes them."""
+        shift = np.asarray(self.handles.position, float) - self.pivot
+        turn = [float(each) for each in self.handles.wxyz]
+        return [("quat", turn), ("scale", float(self.scale.value)), ("translate", shift.tolist())]
+
+    def moved(self) -> None:
+        """Show where the handles move it."""
+        if self.handles is None:
+            return
+        scene, flags = self.page.scene, self.page.selection
+        how = compose(self.steps()).about(self.pivot)
+        self.tab.soon("transform", lambda: transformed(scene, flags, how), self.tab.preview)
+
+    def act(self) -> None:
+        """Move it; that is the next step."""
+        if self.handles is None:
+            return
+        values = {k: v if k == "scale" else _listed(v) for k, v in self.steps()}
+        options = [f"--{name}={value}" for name, value in values.items()]
+        file = self.page.selection_file()
         region = () if file is None else ("--region", str(file))
         title = "move the scene" if file is None else "move the selection"
-        page.step("transform", *options, f"--pivot={_listed(pivot[0])}", *region, title=title)
-        on.value = False
-        show()
+        options += [f"--pivot={_listed(self.pivot)}", *region]
+        self.page.step("transform", *options, title=title, after=self.end)
 
-    def changed() -> None:
-        """Put the handles where the new scene or selection is."""
-        if on.value:
-            show()
+    def end(self) -> None:
+        """Put the handles away."""
+        self.on.value = False
+        self.show()
 
-    on.on_update(tab.safely(lambda _: show()))
-    scale.on_update(tab.safely(lambda event: moved() if event.client is not None else None))
-    apply.on_click(tab.safely(lambda _: act()))
-    for what in ("scene", "selection"):
-        page.listen(tab, what, changed)
+
+_HINT = (
+    "The selection, or the whole scene. What was behind stays open: a sentence, as “move it to "
+    "the left”, fills it."
+)
 
 
 @torch.no_grad()
