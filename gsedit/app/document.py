@@ -1,4 +1,4 @@
-"""The document of a session: the scene that was opened, what was done to it, and where one is in that.
+"""The document of a session: the scene that was opened, what was done to it, and the place in that.
 
 A session is a folder: `session.json` is the document, `steps/` has a folder for each step. The file
 is written anew at each change, whole or not at all, so a session survives being killed.

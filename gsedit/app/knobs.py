@@ -39,8 +39,8 @@ class Knob:
 
 
 def knobs_of(instruction: Instruction, read: Callable[[str], Instruction]) -> tuple[Knob, ...]:
-    """All that can be turned in a sentence that was read; nothing where its changes have no sentence that
-    `read` reads as the same changes."""
+    """All that can be turned in a sentence that was read; nothing where its changes have no
+    sentence that `read` reads as the same changes."""
     changes = instruction.changes
     wording = sentence_of(changes) if instruction.known else None
     if wording is None or read(wording).changes != changes:
