@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,7 @@ from jaxtyping import UInt8
 
 from gsedit.app.loaded import Loaded
 from gsedit.app.reading import Reading, editor_2d
-from gsedit.datasets.dataset import evenly_spaced
-from gsedit.editing.preview import SEARCHED_VIEWS, SHOWN_PIXELS, preview_edited
+from gsedit.editing.preview import SHOWN_PIXELS, preview_edited
 from gsedit.editing.routes.apply import Routed, is_exact
 from gsedit.editing.routes.finder import Finder
 from gsedit.editing.routes.named import Names
@@ -19,8 +19,6 @@ from gsedit.editing.routes.result import FINDS_SUBJECT, change_scene
 from gsedit.editing.session.settings import EditSettings
 from gsedit.regions.lift import lift
 from gsedit.regions.saved import saved_files
-from gsedit.words.instruction import Instruction
-from gsedit.words.phrases import IT
 from rasterizer.camera import Camera
 
 EDITED_PIXELS = 256
@@ -36,7 +34,6 @@ class Previewer:
         """`region`: file of the selected Gaussians; None: the sentence says what changes."""
         self.loaded = loaded
         self.settings = EditSettings(region=FINDS_SUBJECT if region is None else str(region))
-        self._finders: dict[bool, Finder] = {}
 
     def is_exact(self, reading: Reading) -> bool:
         """Whether the preview is a scene; else it is a picture of one view."""
@@ -56,10 +53,8 @@ class Previewer:
         if camera is not None:
             ones = torch.ones(camera.height, camera.width)
             shown = lift(scene, [camera], [ones], self.settings.execution).weight > SHOWN_PIXELS
-        finder = self._finder(reading.first)
-        return change_scene(
-            scene, reading.first, finder.viewpoints, self.settings, shown, finder=finder
-        )
+        views = self.finder.viewpoints
+        return change_scene(scene, reading.first, views, self.settings, shown, finder=self.finder)
 
     def picture(self, reading: Reading, camera: Camera) -> UInt8[np.ndarray, "h w 3"]:
         """One view as the 2D editor draws it. Raises UsageError as `preview_edited` does."""
@@ -70,14 +65,24 @@ class Previewer:
         )  # fmt: skip
         return (found.after[0].image.clamp(0, 1) * 255 + 0.5).byte().numpy()
 
-    def _finder(self, instruction: Instruction) -> Finder:
-        """Objects are looked for in all views, as the edit does it; the subject alone in few."""
-        changes = instruction.changes
-        whole = any(each.route == "object" or each.phrase not in ("", IT) for each in changes)
-        if whole not in self._finders:
-            views = self.loaded.viewpoints
-            some = views if whole else [views[i] for i in evenly_spaced(len(views), SEARCHED_VIEWS)]
-            names = Names(saved_files(self.loaded.file))
-            region, execution = self.settings.region, self.settings.execution
-            self._finders[whole] = Finder(self.loaded.scene, some, region, names, execution)
-        return self._finders[whole]
+    def prepare(self) -> None:
+        """Find the subject before it is asked for, and views where none are recorded."""
+        if self.settings.region == FINDS_SUBJECT:
+            _ = self.finder.subject
+
+    def rename(self) -> None:
+        """Hear the names that are saved beside the scene now."""
+        if "finder" in self.__dict__:
+            self.finder.rename(self._names())
+
+    @cached_property
+    def finder(self) -> Finder:
+        """Finds what sentences name, in all views, as the edit does it."""
+        loaded, settings = self.loaded, self.settings
+        return Finder(
+            loaded.scene, loaded.viewpoints, settings.region, self._names(), settings.execution,
+            segment=lambda: loaded.selector.segments,
+        )  # fmt: skip
+
+    def _names(self) -> Names:
+        return Names(saved_files(self.loaded.file))

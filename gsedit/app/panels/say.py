@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from gsedit.app.knobs import Knob, knobs_of, turned
+from gsedit.app.knobs import LEAST, Knob, knobs_of, turned
 from gsedit.app.previews import Previewer
 from gsedit.app.reading import Reading, read
 from gsedit.errors import UsageError
 from gsedit.regions.saved import saved_files
 from gsedit.words.called import read_called
+from gsedit.words.instruction import MORE, Change
+from gsedit.words.said import sentence_of
 
 if TYPE_CHECKING:
     from gsedit.app.page import Page
@@ -36,21 +38,46 @@ class Say:
         """Add the controls to the tab."""
         self.page, self.tab, gui = page, tab, tab.gui
         self.reading: Reading | None = None
-        self.previewer: Previewer | None = None
+        self.previewers: dict[bool, Previewer] = {}
+        """Whether something is selected, and the previews then."""
         self.knobs: tuple[Knob, ...] = ()
         self.handles: list[Any] = []
-        self.text = gui.add_text("", "", hint="What should change, as in “turn it into bronze”.")
+        self.text = gui.add_text("say", "", hint="What should change, as in “turn it into bronze”.")
         self.told = gui.add_html(_HELP)
         self.folder = gui.add_folder("amounts", visible=False)
+        self.tones = self.add_tones()
         self.buttons = gui.add_button_group("", ("Preview", "Apply"))
         self.back = gui.add_button("End the preview", icon="arrow-back", visible=False)
         self.text.on_update(tab.safely(lambda event: self.typed(event.client is not None)))
         self.buttons.on_click(tab.safely(self.pressed))
         self.back.on_click(tab.safely(lambda _: self.end()))
-        for what in ("scene", "selection"):
-            page.listen(tab, what, self.forget)
+        page.listen(tab, "scene", self.forget)
+        page.listen(tab, "selection", self.selected)
         tab.key("Preview the sentence", "P", self.preview, "cmd/ctrl")
         tab.key("Apply the sentence", "enter", self.apply, "cmd/ctrl")
+        self.forget()
+
+    def add_tones(self) -> dict[str, Any]:
+        """Sliders of the whole scene's tones, or the selection's: they write the sentence."""
+        sliders = {}
+        with self.tab.gui.add_folder("tone", expand_by_default=False):
+            for name, (more, less) in MORE.items():
+                label = f"{less} / {more}"
+                sliders[name] = self.tab.gui.add_slider(label, -LEAST, 1.0, STEP, 0.0)
+        for slider in sliders.values():
+            slider.on_update(self.tab.safely(self.toned))
+        return sliders
+
+    def toned(self, event: Any) -> None:
+        """Say what the tone sliders are at, and preview it."""
+        if event.client is None:  # `applied`, not a person
+            return
+        target = "scene" if self.page.selection is None else "subject"
+        values = {name: slider.value for name, slider in self.tones.items() if slider.value}
+        changes = [Change(target, "tone", k, None, v, "tone") for k, v in values.items()]
+        self.text.value = sentence_of(changes) or ""
+        self.typed()
+        self.preview() if changes else self.end()
 
     # -- reading
 
@@ -112,11 +139,28 @@ class Say:
     # -- preview and apply
 
     def forget(self) -> None:
-        """Find everything anew: the scene or the selection is another."""
-        self.previewer = None
+        """Find everything anew: the scene is another."""
+        self.previewers.clear()
         self.back.visible = False
+        if self.page.has_scene:
+            self.tab.soon("prepare", lambda: self.previewer().prepare(), lambda _: None)
+        self.selected()
+
+    def selected(self) -> None:
+        """Speak of what is selected now, and hear the names that are saved now."""
+        self.previewers.pop(True, None)
+        for each in self.previewers.values():
+            each.rename()
         if self.reading is not None:
             self.typed(by_person=False)
+
+    def previewer(self) -> Previewer:
+        """Previews of the selection, or of what a sentence speaks of."""
+        file = self.page.selection_file()
+        key = file is not None
+        if key not in self.previewers:
+            self.previewers[key] = Previewer(self.page.loaded, file)
+        return self.previewers[key]
 
     def pressed(self, _: Any) -> None:
         """Preview or apply, by the button."""
@@ -132,10 +176,8 @@ class Say:
 
     def preview(self) -> None:
         """Show the view as it would become: quick first, then right from all sides."""
-        reading, page, tab = self.asked(), self.page, self.tab
-        if self.previewer is None:
-            self.previewer = Previewer(page.loaded, page.selection_file())
-        previewer, camera = self.previewer, tab.camera()
+        reading, tab = self.asked(), self.tab
+        previewer, camera = self.previewer(), tab.camera()
         if not previewer.is_exact(reading):
             return tab.soon(PREVIEW, lambda: previewer.picture(reading, camera), self.drawn)
         partial = camera if previewer.is_partial(reading) else None
@@ -175,6 +217,8 @@ class Say:
     def applied(self) -> None:
         """Be ready for the next sentence."""
         self.text.value = ""
+        for slider in self.tones.values():
+            slider.value = 0.0
         self.typed()
 
 

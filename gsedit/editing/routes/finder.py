@@ -53,6 +53,11 @@ class Finder:
             return self._segment()
         return objects.segment(self.scene, self.cameras, self.execution)
 
+    def rename(self, names: Names) -> None:
+        """Take other saved selections and masks; the subject and the objects stay found."""
+        self.names = names
+        self._named.clear()
+
     def named(self, phrase: str) -> Region:
         """Gaussians that a phrase names: a saved selection, the support of things, or an object.
 
