@@ -123,8 +123,11 @@ class Window:
 
     def press(self, label: str) -> None:
         """Press the button, or the heading, of a label."""
-        x, y = self.wait(lambda: self.run(_PLACE % json.dumps(label)))
-        self.click(x, y)
+        before = None
+        while (place := self.wait(lambda: self.run(_PLACE % json.dumps(label)))) != before:
+            before = place  # what is above it may be moving it
+            self.sleep(0.1)
+        self.click(*place)
 
     def write(self, label: str, text: str) -> None:
         """Type into the field of a label; without one into the first field that is visible."""
@@ -159,6 +162,10 @@ class Window:
         names = {"key": key, "code": f"Key{key.upper()}", "windowsVirtualKeyCode": ord(key.upper())}
         for kind in ("keyDown", "keyUp"):
             self.call("Input.dispatchKeyEvent", type=kind, modifiers=modifiers, **names)
+
+    def sleep(self, seconds: float) -> None:
+        """Wait so long."""
+        time.sleep(seconds)
 
     def screenshot(self, path: Path) -> None:
         """Write what is seen as a PNG."""
