@@ -164,7 +164,7 @@ class Window:
             self.call("Input.dispatchKeyEvent", type=kind, modifiers=modifiers, **names)
 
     def sleep(self, seconds: float) -> None:
-        """Wait so long."""
+        """Wait so many seconds."""
         time.sleep(seconds)
 
     def screenshot(self, path: Path) -> None:
