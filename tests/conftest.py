@@ -8,11 +8,16 @@ import sys
 
 import jaxtyping
 import pytest
-from shape_checks import checked
+from shape_checks import CALLS, checked
 
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # every process of a test would compile the tree
 sys.dont_write_bytecode = False
 pytest.MonkeyPatch().setattr(jaxtyping, "jaxtyped", checked)
+
+
+def pytest_runtest_call():
+    """Calls are counted anew in each test."""
+    CALLS.clear()
 
 
 @pytest.fixture

@@ -2,13 +2,15 @@
 
 The option --jaxtyping-packages decorates all functions of the tree with `jaxtyping.jaxtyped`, which
 binds the arguments of a call and checks them twice: a third of all time that the tests took.
-`checked` takes its place: it checks them once, and the result, with the same sizes of axes.
+`checked` takes its place: it checks them once, and the result, with the same sizes of axes; and of
+many calls in one test the first MOST. What is not called is not prepared for it either.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import inspect
+from collections import Counter
 from collections.abc import Callable
 from functools import wraps
 from typing import Any, get_type_hints
@@ -21,6 +23,10 @@ CHECK = beartype(conf=BeartypeConf(violation_type=TypeError))
 CALL = jaxtyped("context")
 """Axes have one size each in a call, and others in calls within it."""
 Check = Callable[[Any], Any]
+MOST = 32
+"""Calls of a function that are checked in one test: small ones are called 100,000 times."""
+CALLS: Counter[int] = Counter()
+"""Calls by the identity of the code; cleared before each test."""
 
 
 def checked(function: Any = None, *, typechecker: Check) -> Any:
@@ -33,12 +39,7 @@ def checked(function: Any = None, *, typechecker: Check) -> Any:
         return function
     if not inspect.isfunction(function) or not function.__annotations__:
         return function
-    if _needs_jaxtyped(function):
-        return jaxtyped(function, typechecker=typechecker)
-    written = dict(function.__annotations__)
-    call = _in_a_call_of_its_own(CHECK(function))
-    call.__annotations__ = function.__annotations__ = written  # beartype puts types for strings
-    return call
+    return jaxtyped(function, typechecker=typechecker) if _is_special(function) else _some(function)
 
 
 def _has_own_constructor(cls: type) -> bool:
@@ -49,25 +50,41 @@ def _has_own_constructor(cls: type) -> bool:
     )
 
 
-def _needs_jaxtyped(function: Callable[..., Any]) -> bool:
-    """Whether axes are named by values of arguments ("{height}"), it yields, or a name in its
-    annotations is not known at run time."""
-    if any("{" in str(each) for each in function.__annotations__.values()):
-        return True
-    if inspect.isgeneratorfunction(function):
-        return True
-    try:
-        get_type_hints(function)
-    except (NameError, AttributeError, TypeError):
-        return True
-    return False
+def _is_special(function: Callable[..., Any]) -> bool:
+    """Whether axes are named by values of arguments ("{height}"), or it yields."""
+    named = any("{" in str(each) for each in function.__annotations__.values())
+    return named or inspect.isgeneratorfunction(function)
 
 
-def _in_a_call_of_its_own(function: Callable[..., Any]) -> Callable[..., Any]:
+def _some(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The function with its first calls in a test checked."""
+    number, strict = id(function.__code__), None
+
     @wraps(function)
     def call(*args: Any, **kwargs: Any) -> Any:
         __tracebackhide__ = True
-        with CALL:
+        nonlocal strict
+        if CALLS[number] >= MOST:
             return function(*args, **kwargs)
+        CALLS[number] += 1
+        strict = strict or _strict(function)
+        return strict(*args, **kwargs)
+
+    call.__annotations__ = dict(function.__annotations__)
+    return call
+
+
+def _strict(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The function with all calls checked."""
+    try:
+        get_type_hints(function)
+    except (NameError, AttributeError, TypeError):  # a name is not known at run time
+        return jaxtyped(function, typechecker=beartype)
+    each = CHECK(function)
+
+    def call(*args: Any, **kwargs: Any) -> Any:
+        __tracebackhide__ = True
+        with CALL:
+            return each(*args, **kwargs)
 
     return call
