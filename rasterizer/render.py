@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from rasterizer import checks
-from rasterizer.blending.backend import median_depths
+from rasterizer.blending.backend import median_depths, median_rows
 from rasterizer.camera import Camera
 from rasterizer.color_weights import color_weights
 from rasterizer.cpp_projection.picture import draw
@@ -33,6 +33,8 @@ class Rendering:
     median_depth: Float[Tensor, "h w"] | None = None
     """Depth of the center at which the transmittance falls to one half; 0 where it does not. No
     gradient."""
+    median_row: Int[Tensor, "h w"] | None = None
+    """Row of that Gaussian in the scene; -1 where there is none."""
     marked: Float[Tensor, "h w"] | None = None
     """Sum of the blending weights of the Gaussians that were marked."""
 
@@ -73,10 +75,11 @@ def render(
     if marked is not None:
         features = torch.cat((features, marked[splats.rows].to(features)[:, None]), -1)
     blended = splat(splats, features, box, numerics, execution=execution, median=median_depth)
-    median = None
+    median = rows = None
     if blended.median_index is not None:
         median = median_depths(splats.projected.depth.detach(), blended.median_index)
-    picture = _composed(blended.features, blended.transmittance, median, background, depth)
+        rows = median_rows(splats.rows, blended.median_index)
+    picture = _composed(blended.features, blended.transmittance, median, rows, background, depth)
     return picture if marked is None else replace(picture, marked=blended.features[..., -1])
 
 
@@ -84,6 +87,7 @@ def _composed(
     features: Float[Tensor, "h w d"],
     transmittance: Float[Tensor, "h w"],
     median: Float[Tensor, "h w"] | None,
+    rows: Int[Tensor, "h w"] | None,
     background: Float[Tensor, "3"] | None,
     depth: bool,
 ) -> Rendering:
@@ -95,7 +99,7 @@ def _composed(
     expected = None
     if depth:
         expected = features[..., 3] / alpha.masked_fill(alpha == 0, 1)
-    return Rendering(color, alpha, expected, median)
+    return Rendering(color, alpha, expected, median, rows)
 
 
 def backproject(

@@ -55,6 +55,11 @@ def median_depths(depths: Float[Tensor, " m"], index: Int[Tensor, "h w"]) -> Flo
     return torch.cat((depths, depths.new_zeros(1)))[index]
 
 
+def median_rows(rows: Int[Tensor, " m"], index: Int[Tensor, "h w"]) -> Int[Tensor, "h w"]:
+    """The scene's rows, of the table's, that a median index names; -1 where it is -1."""
+    return torch.cat((rows, rows.new_full((1,), -1)))[index].long()
+
+
 def refuse_second_derivatives() -> None:
     """Raise RuntimeError in a backward pass whose own gradients are wanted: they would be silently
     wrong."""

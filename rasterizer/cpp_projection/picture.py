@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from rasterizer import checks
@@ -15,6 +15,7 @@ from rasterizer.blending.backend import (
     Blended,
     BlendInputs,
     median_depths,
+    median_rows,
     refuse_second_derivatives,
 )
 from rasterizer.blending.choose import choose_backend
@@ -38,6 +39,7 @@ class Drawn(NamedTuple):
     """Color, then depth where it was asked for."""
     transmittance: Float[Tensor, "h w"]
     median_depth: Float[Tensor, "h w"] | None
+    median_row: Int[Tensor, "h w"] | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,10 +112,10 @@ def draw(
     if found is None:
         return None
     blended = found.blended(found.table, found.pairs, median=median)
-    depths_of, index, middle = found.listed.depths, blended.median_index, None
+    depths_of, index, middle, rows = found.listed.depths, blended.median_index, None, None
     if depths_of is not None and index is not None:
-        middle = median_depths(depths_of, index)
-    return Drawn(blended.features, blended.transmittance, middle)
+        middle, rows = median_depths(depths_of, index), median_rows(found.listed.rows, index)
+    return Drawn(blended.features, blended.transmittance, middle, rows)
 
 
 def prepare(scene: Gaussians, request: kernel.Request) -> Prepared | None:

@@ -1,0 +1,13 @@
+"""Triangles of the surfaces of a scene: fused depth, tidied, closed, colored."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rasterizer.lazy import make_lazy
+
+if TYPE_CHECKING:
+    from gsedit.meshing.build import mesh
+    from gsedit.meshing.triangles import Mesh
+
+make_lazy(__name__)

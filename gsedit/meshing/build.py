@@ -1,0 +1,126 @@
+"""A mesh of a scene: what views see, fused, tidied and colored."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from gsedit.cameras.around import cameras_of
+from gsedit.cameras.paths import common_point
+from gsedit.datasets.dataset import evenly_spaced
+from gsedit.errors import UsageError
+from gsedit.meshing.fuse import Ball, fuse
+from gsedit.meshing.paint import painted
+from gsedit.meshing.tidy import closed, decimated, smoothed, without_crumbs
+from gsedit.meshing.triangles import Mesh
+from gsedit.surface.depth import SeenSurface, seen_surface
+from rasterizer.camera import Camera
+from rasterizer.numerics import AUTO, Execution
+from rasterizer.scene import Gaussians
+
+FACES = 200_000
+"""Faces of a mesh: what a browser or a game shows at ease."""
+VIEWS = 64
+"""Most views that are fused; more cost time, and agree."""
+SURVEY_PIXELS = 192
+"""Longer side of the pictures that tell how large and how fine the surface is."""
+MOST_PIXELS = 800
+"""Longest side of the pictures that are fused."""
+FINENESS = 0.45
+"""Side of the voxels, in the median standard deviation of the Gaussians that are seen: finer ones
+show their noise."""
+REACHED, MARGIN = 0.98, 1.1
+"""Share of what is seen that a mesh holds, and the radius of its ball against its reach."""
+
+
+@torch.no_grad()
+def mesh(
+    scene: Gaussians,
+    cameras: Sequence[Camera] = (),
+    *,
+    inside: Bool[Tensor, " n"] | None = None,
+    faces: int = FACES,
+    watertight: bool = False,
+    execution: Execution = AUTO,
+) -> Mesh:
+    """Make a mesh of at most `faces` triangles of what the cameras look at; found ones without any.
+
+    Of a capture it ends at the cameras' distance from what they look at. `inside` are the Gaussians
+    to take, drawn alone. `watertight` closes the surface where nobody saw it, too. Units and axes
+    are those of the scene. Raises UsageError where there is no surface.
+    """
+    if faces < 4:
+        raise UsageError(f"a mesh has 4 faces or more, not {faces}")
+    looking = cameras_of(scene, cameras)
+    if any(camera.model != "pinhole" for camera in looking):
+        raise UsageError("a mesh is made from pinhole cameras: leave the parallel ones out")
+    chosen = [looking[i] for i in evenly_spaced(len(looking), VIEWS)]
+    alone = scene if inside is None else scene[inside]
+    if not len(alone):
+        raise UsageError("nothing is selected: there is no surface to make a mesh of")
+    ball, voxel, pixel = _survey(alone, chosen, inside is not None, execution)
+    larger = pixel / voxel
+    views = [_scaled(camera, larger) for camera in chosen]
+    surfaces = [seen_surface(alone, camera, execution) for camera in views]
+    found, voxel = fuse(surfaces, ball, voxel)
+    found = without_crumbs(found)
+    if not len(found.faces):
+        raise UsageError("no surface was found: its Gaussians are too faint, or no view sees it")
+    found = smoothed(found)
+    if watertight:
+        found = without_crumbs(closed(found, voxel))
+    found = decimated(found, faces)
+    return replace(found, colors=painted(found, surfaces, voxel))
+
+
+def _survey(
+    scene: Gaussians, cameras: Sequence[Camera], whole: bool, execution: Execution
+) -> tuple[Ball, float, float]:
+    """(the ball to make a mesh of, the voxels' side, the side of a pixel of the cameras there).
+
+    All that is seen is taken if `whole`, else what the cameras look at.
+    """
+    seen = [seen_surface(scene, camera.fitted(SURVEY_PIXELS), execution) for camera in cameras]
+    shown = [surface.seen for surface in seen]
+    points = torch.cat([surface.points[h] for surface, h in zip(seen, shown)])
+    spread = torch.cat([surface.spread[h] for surface, h in zip(seen, shown)])
+    sides = [s.depth[h] / c.fx for s, h, c in zip(seen, shown, cameras)]
+    if not len(points):
+        raise UsageError("the views show no surface: name cameras by --data, or add --region")
+    ball = _ball(points, spread, cameras, whole)
+    held = ball.holds(points, spread)
+    if not held.any():
+        raise UsageError("the views show haze and no surface: add --region")
+    return ball, FINENESS * float(spread[held].median()), float(torch.cat(sides)[held].median())
+
+
+def _ball(
+    points: Float[Tensor, "p 3"],
+    spread: Float[Tensor, " p"],
+    cameras: Sequence[Camera],
+    whole: bool,
+) -> Ball:
+    """The ball that holds nearly all of the surface, or what of it the cameras look at."""
+    target = None if whole else common_point(cameras)
+    center = points.median(0).values if target is None else target
+    most = torch.inf
+    if target is not None:
+        eyes = torch.stack([camera.center.detach().double() for camera in cameras])
+        most = float((eyes - center).norm(dim=-1).median())
+    away = (points - center).norm(dim=-1)
+    first = Ball(center, min(most, float(away.max()) * MARGIN))
+    held = away[first.holds(points, spread)].sort().values
+    if not len(held):
+        return first
+    return Ball(center, min(most, MARGIN * float(held[int(REACHED * (len(held) - 1))])))
+
+
+def _scaled(camera: Camera, factor: float) -> Camera:
+    """The view on so many times the pixels, at most MOST_PIXELS on its longer side."""
+    longest = max(camera.width, camera.height)
+    factor = min(factor, MOST_PIXELS / longest)
+    return camera.resized(*(max(1, round(factor * s)) for s in (camera.width, camera.height)))
