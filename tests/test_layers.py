@@ -29,6 +29,7 @@ ORDER = {
         "scenery",
         "light",
         "toolkit",
+        "meshing",
         "measures",
         "synthetic",
         "materials",

@@ -1,4 +1,4 @@
-"""Triangles of the surfaces of a scene: fused depth, tidied, closed, colored."""
+"""Triangles of the surfaces of a scene: fused depth, tidied, closed, colored, written."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from rasterizer.lazy import make_lazy
 
 if TYPE_CHECKING:
     from gsedit.meshing.build import mesh
+    from gsedit.meshing.files import save_mesh
     from gsedit.meshing.triangles import Mesh
 
 make_lazy(__name__)

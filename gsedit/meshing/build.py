@@ -15,7 +15,8 @@ from gsedit.datasets.dataset import evenly_spaced
 from gsedit.errors import UsageError
 from gsedit.meshing.fuse import Ball, fuse
 from gsedit.meshing.paint import painted
-from gsedit.meshing.tidy import closed, decimated, smoothed, without_crumbs
+from gsedit.meshing.close import closed
+from gsedit.meshing.tidy import decimated, smoothed, without_crumbs
 from gsedit.meshing.triangles import Mesh
 from gsedit.surface.depth import SeenSurface, seen_surface
 from rasterizer.camera import Camera
@@ -33,6 +34,9 @@ MOST_PIXELS = 800
 FINENESS = 0.45
 """Side of the voxels, in the median standard deviation of the Gaussians that are seen: finer ones
 show their noise."""
+COARSE = 2.0
+"""Standard deviation of a Gaussian, in the median of those seen, up to which it is never haze: a
+scene of few Gaussians has wide ones."""
 REACHED, MARGIN = 0.98, 1.1
 """Share of what is seen that a mesh holds, and the radius of its ball against its reach."""
 
@@ -72,8 +76,9 @@ def mesh(
         raise UsageError("no surface was found: its Gaussians are too faint, or no view sees it")
     found = smoothed(found)
     if watertight:
-        found = without_crumbs(closed(found, voxel))
-    found = decimated(found, faces)
+        found = without_crumbs(closed(found, voxel, faces))
+    else:
+        found = decimated(found, faces)
     return replace(found, colors=painted(found, surfaces, voxel))
 
 
@@ -112,11 +117,14 @@ def _ball(
         eyes = torch.stack([camera.center.detach().double() for camera in cameras])
         most = float((eyes - center).norm(dim=-1).median())
     away = (points - center).norm(dim=-1)
-    first = Ball(center, min(most, float(away.max()) * MARGIN))
+    radius = min(most, float(away.max()) * MARGIN)
+    near = away < radius
+    usual = COARSE * float(spread[near].median()) if near.any() else 0.0
+    first = Ball(center, radius, usual)
     held = away[first.holds(points, spread)].sort().values
     if not len(held):
         return first
-    return Ball(center, min(most, MARGIN * float(held[int(REACHED * (len(held) - 1))])))
+    return Ball(center, min(most, MARGIN * float(held[int(REACHED * (len(held) - 1))])), usual)
 
 
 def _scaled(camera: Camera, factor: float) -> Camera:

@@ -23,7 +23,7 @@ CUT_VOXELS = 6.0
 """Distance, in voxels, at which distances are cut: 2.7 standard deviations of a Gaussian, beyond
 the noise of depth in 99 % of pixels."""
 HAZE = 0.05
-"""Standard deviation of a Gaussian, in the ball's radius, from which it is a backdrop or haze."""
+"""Standard deviation of a Gaussian, in the ball's radius, from which it may be a backdrop or haze."""
 BLOCK = 8
 """Voxels along a side of a block."""
 MOST_BLOCKS = 60_000
@@ -42,13 +42,15 @@ class Ball:
 
     center: Float[Tensor, "3"]
     radius: float
+    usual: float = 0.0
+    """Standard deviation of a Gaussian up to which it is no haze, however small the ball is."""
 
     def holds(
         self, points: Float[Tensor, "*b 3"], spread: Float[Tensor, "*b"]
     ) -> Bool[Tensor, "*b"]:
         """Whether points on Gaussians of these standard deviations are of a surface inside."""
         near = (points - self.center).norm(dim=-1) < self.radius
-        return near & (spread < HAZE * self.radius)
+        return near & (spread < max(HAZE * self.radius, self.usual))
 
 
 def fuse(surfaces: Sequence[SeenSurface], ball: Ball, voxel: float) -> tuple[Mesh, float]:

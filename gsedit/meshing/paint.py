@@ -21,7 +21,9 @@ GREY = 0.5
 """Color of vertices where no view sees any."""
 
 
-def painted(mesh: Mesh, surfaces: Sequence[SeenSurface], voxel: float) -> Float64[np.ndarray, "v 3"]:
+def painted(
+    mesh: Mesh, surfaces: Sequence[SeenSurface], voxel: float
+) -> Float64[np.ndarray, "v 3"]:
     """Colors of the vertices, sRGB in [0, 1]: means over the views that see them, by how straight
     and near they look. Those that none sees take that of the nearest one that is seen."""
     points, normals = torch.from_numpy(mesh.vertices), torch.from_numpy(mesh.normals)
