@@ -13,12 +13,12 @@ from gsedit.cameras.around import cameras_of
 from gsedit.cameras.paths import common_point
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.errors import UsageError
+from gsedit.meshing.close import closed
 from gsedit.meshing.fuse import Ball, fuse
 from gsedit.meshing.paint import painted
-from gsedit.meshing.close import closed
 from gsedit.meshing.tidy import decimated, smoothed, without_crumbs
 from gsedit.meshing.triangles import Mesh
-from gsedit.surface.depth import SeenSurface, seen_surface
+from gsedit.surface.depth import seen_surface
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
@@ -75,10 +75,7 @@ def mesh(
     if not len(found.faces):
         raise UsageError("no surface was found: its Gaussians are too faint, or no view sees it")
     found = smoothed(found)
-    if watertight:
-        found = without_crumbs(closed(found, voxel, faces))
-    else:
-        found = decimated(found, faces)
+    found = without_crumbs(closed(found, voxel, faces)) if watertight else decimated(found, faces)
     return replace(found, colors=painted(found, surfaces, voxel))
 
 

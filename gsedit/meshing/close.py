@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float32, Float64, Int64
 
 from gsedit.meshing.triangles import Mesh, from_open3d, to_open3d
+from gsedit.pictures.viewer.libraries import import_open3d, import_pyvista
 
 FINEST = 10
 """Most halvings of the box that is solved for a smooth solid."""
@@ -43,28 +44,27 @@ def closed(mesh: Mesh, voxel: float, faces: int) -> Mesh:
 
 def _solid(mesh: Mesh, voxel: float) -> Mesh:
     """The reconstructed surface, open at its box where the mesh goes on to there."""
-    from open3d.geometry import PointCloud, TriangleMesh
-    from open3d.utility import Vector3dVector
-
-    cloud = PointCloud(Vector3dVector(mesh.vertices))
-    cloud.normals = Vector3dVector(mesh.normals)
+    open3d = import_open3d()
+    vectors = open3d.utility.Vector3dVector
+    cloud = open3d.geometry.PointCloud(vectors(mesh.vertices))
+    cloud.normals = vectors(mesh.normals)
     extent = float(np.ptp(mesh.vertices, axis=0).max())
     depth = min(FINEST, max(5, ceil(log2(1.1 * extent / voxel))))
-    found, _ = TriangleMesh.create_from_point_cloud_poisson(cloud, depth=depth)
+    found, _ = open3d.geometry.TriangleMesh.create_from_point_cloud_poisson(cloud, depth=depth)
     return from_open3d(found)
 
 
 def _boundary(solid: Mesh, mesh: Mesh, side: float) -> Mesh:
     """The boundary of what is behind the solid's surface, in the mesh's box, with a margin."""
-    from pyvista import ImageData
-
     low, high = mesh.vertices.min(0) - 2 * side, mesh.vertices.max(0) + 2 * side
     side = max(side, float(np.prod(high - low) / MOST_POINTS) ** (1 / 3))
     blocks = np.ceil((high - low) / (side * BLOCK)).astype(int)
     distances = _distances(_Signed.of(solid), low, side, blocks)
     for axis in range(3):  # outside of the box nothing is solid
         np.moveaxis(distances, axis, 0)[[0, -1]] = side
-    grid = ImageData(dimensions=distances.shape, spacing=(side,) * 3, origin=tuple(low))
+    grid = import_pyvista().ImageData(
+        dimensions=distances.shape, spacing=(side,) * 3, origin=tuple(low)
+    )
     cut = grid.contour([0.0], scalars=distances.ravel(order="F"), method="marching_cubes")
     faces = np.asarray(cut.faces, np.int64).reshape(-1, 4)[:, 1:]
     found = Mesh(np.asarray(cut.points, np.float64), faces)
@@ -99,17 +99,14 @@ class _Signed:
 
     @classmethod
     def of(cls, mesh: Mesh) -> _Signed:
-        from open3d.t.geometry import RaycastingScene, TriangleMesh
-
-        scene = RaycastingScene()
-        scene.add_triangles(TriangleMesh.from_legacy(to_open3d(mesh)))
+        geometry = import_open3d().t.geometry
+        scene = geometry.RaycastingScene()
+        scene.add_triangles(geometry.TriangleMesh.from_legacy(to_open3d(mesh)))
         return cls(mesh, mesh.normals, scene)
 
     def __call__(self, points: Float64[np.ndarray, "p 3"]) -> Float32[np.ndarray, " p"]:
-        from open3d.core import Tensor
-
         places = points.astype(np.float32)
-        found = self.scene.compute_closest_points(Tensor(places))
+        found = self.scene.compute_closest_points(import_open3d().core.Tensor(places))
         away = places - found["points"].numpy()
         corners = self.mesh.faces[found["primitive_ids"].numpy().astype(np.int64)]
         uv = found["primitive_uvs"].numpy()

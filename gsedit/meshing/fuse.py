@@ -12,18 +12,18 @@ from math import sqrt
 from typing import Any
 
 import numpy as np
-import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from gsedit.meshing.triangles import Mesh, from_open3d
+from gsedit.pictures.viewer.libraries import import_open3d
 from gsedit.surface.depth import SeenSurface
 
 CUT_VOXELS = 6.0
 """Distance, in voxels, at which distances are cut: 2.7 standard deviations of a Gaussian, beyond
 the noise of depth in 99 % of pixels."""
 HAZE = 0.05
-"""Standard deviation of a Gaussian, in the ball's radius, from which it may be a backdrop or haze."""
+"""Standard deviation of a Gaussian, in the ball's radius, from which it may be a backdrop."""
 BLOCK = 8
 """Voxels along a side of a block."""
 MOST_BLOCKS = 60_000
@@ -112,21 +112,16 @@ def _blocks(grid: Any, frames: Sequence[_Frame], far: float) -> Int[np.ndarray, 
 
 
 def _grid(voxel: float) -> Any:
-    from open3d.core import float32
-    from open3d.t.geometry import VoxelBlockGrid
-
-    return VoxelBlockGrid(
-        ("tsdf", "weight"), (float32, float32), ((1), (1)), voxel, BLOCK, MOST_BLOCKS
+    open3d = import_open3d()
+    kinds = (open3d.core.float32,) * 2
+    return open3d.t.geometry.VoxelBlockGrid(
+        ("tsdf", "weight"), kinds, ((1), (1)), voxel, BLOCK, MOST_BLOCKS
     )
 
 
 def _image(values: Float[Tensor, "h w"]) -> Any:
-    from open3d.t.geometry import Image
-
-    return Image(_tensor(values.float().numpy(), np.float32))
+    return import_open3d().t.geometry.Image(_tensor(values.float().numpy(), np.float32))
 
 
 def _tensor(values: np.ndarray, kind: type) -> Any:
-    from open3d.core import Tensor as Open3DTensor
-
-    return Open3DTensor(np.ascontiguousarray(values, kind))
+    return import_open3d().core.Tensor(np.ascontiguousarray(values, kind))

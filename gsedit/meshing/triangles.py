@@ -10,6 +10,8 @@ from jaxtyping import Bool, Float64, Int64
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from gsedit.pictures.viewer.libraries import import_open3d
+
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
@@ -85,10 +87,11 @@ class Mesh:
 
 def to_open3d(mesh: Mesh) -> Any:
     """The vertices and faces as Open3D's TriangleMesh."""
-    from open3d.geometry import TriangleMesh
-    from open3d.utility import Vector3dVector, Vector3iVector
-
-    return TriangleMesh(Vector3dVector(mesh.vertices), Vector3iVector(mesh.faces.astype(np.int32)))
+    open3d = import_open3d()
+    vectors = open3d.utility
+    return open3d.geometry.TriangleMesh(
+        vectors.Vector3dVector(mesh.vertices), vectors.Vector3iVector(mesh.faces.astype(np.int32))
+    )
 
 
 def from_open3d(triangles: Any) -> Mesh:

@@ -1,8 +1,9 @@
 """Surfaces that views see: where a scene's median Gaussians are drawn, with normals and colors.
 
-A Gaussian of a fitted surface lies under it: splats that are widened by a pixel's filter and blended
-from the front are drawn too near where they lie on it. The surface that pictures show is above the
-centers by a share of the standard deviation along it, the same in scenes of exact discs and in fits.
+A Gaussian of a fitted surface lies under it: splats that are widened by a pixel's filter and
+blended from the front are drawn too near where they lie on it. The surface that pictures show is
+above the centers by a share of the standard deviation along it, the same in scenes of exact discs
+and in fits.
 `n` Gaussians, `h w` pixels; world units.
 """
 
@@ -38,7 +39,7 @@ class SeenSurface:
 
     camera: Camera
     color: Float[Tensor, "h w 3"]
-    """Rendered, over black."""
+    """Rendered colors, over black."""
     alpha: Float[Tensor, "h w"]
     depth: Float[Tensor, "h w"]
     """Along the view; 0 where the pixel is less than half opaque."""
