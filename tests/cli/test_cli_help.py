@@ -13,9 +13,9 @@ from command_line import files, gsedit, one_line
 from gsedit_cli.main import app
 
 VERBS = (
-    "app", "edit", "make", "style", "capture", "fit", "info", "select", "view", "render", "diff",
-    "metrics", "convert", "filter", "clean", "decimate", "merge", "transform", "bend", "align",
-    "recolor", "list", "doctor",
+    "app", "edit", "make", "style", "capture", "fit", "info", "select", "view", "render", "mesh",
+    "diff", "metrics", "convert", "filter", "clean", "decimate", "merge", "transform", "bend",
+    "align", "recolor", "list", "doctor",
 )  # fmt: skip
 BENCHMARKS = ("stability", "targets", "edit", "ranks", "objects")
 
@@ -51,7 +51,7 @@ def test_the_list_of_verbs_is_one_screen(monkeypatch):
     assert len(text.splitlines()) <= 50
     for verb in (*VERBS, "bench"):
         assert re.search(rf"^  {verb} +[A-Z]", text, re.MULTILINE)
-    assert len(VERBS) + 1 <= 24
+    assert len(VERBS) + 1 <= 26
 
 
 @pytest.mark.parametrize("verb", VERBS)
