@@ -58,18 +58,22 @@ class Library:
 LIBRARIES = (
     Library("pycolmap", "reading COLMAP's folders and undistorting photos", "pycolmap"),
     Library("trimesh", "meshes and to_trimesh", "trimesh"),
-    Library("OpenEXR", "gsedit render -o picture.exr", "OpenEXR"),
+    Library("matplotlib", "depth in color, diff -o and info --plot", "'gsedit[plots]'"),
+    Library("OpenEXR", "gsedit render -o picture.exr", "'gsedit[exr]'"),
     Library("av", "gsedit capture VIDEO, and render -o video.mp4", "'gsedit[video]'"),
     Library("pi_heif", "HEIC photos of iPhones in gsedit capture", "pi-heif", ("pi-heif",)),
-    Library("viser", "gsedit view", "'gsedit[web]'"),
+    Library("viser", "gsedit view", "viser"),
     Library("pxr", ".usdc, .usd and .usdz", "'gsedit[usd]' (Python >= 3.11)", ("usd-core",)),
-    Library("pyvista", "gsedit view -o a.png", "pyvista", system="libegl1 libgl1 libx11-6"),
     Library(
-        "open3d", "gsedit view --open3d and to_open3d", "open3d-cpu", ("open3d-cpu", "open3d"),
+        "pyvista", "gsedit view -o a.png", "'gsedit[points]'", system="libegl1 libgl1 libx11-6"
+    ),
+    Library(
+        "open3d", "selections by a mesh, align --to and view --open3d", "'gsedit[mesh]'",
+        ("open3d-cpu", "open3d"),
         "libusb-1.0-0 libegl1 libgl1 libx11-6 libudev1 libidn2-0",
     ),
 )  # fmt: skip
-CORE = ("numpy", "scipy", "kornia", "matplotlib", "pillow", "jaxtyping", "safetensors", "zstandard")
+CORE = ("numpy", "scipy", "kornia", "pillow", "jaxtyping", "safetensors", "zstandard")
 """Packages that gsedit does not work without."""
 
 
@@ -227,7 +231,8 @@ def check_libraries(failures: dict[Library, Future[str]]) -> Iterator[Check]:
             yield Check(library.module, "not installed", f"{needs}: pip install {library.install}")
         elif failure := failures[library].result():
             system = f"; on Debian: apt-get install -y {library.system}" if library.system else ""
-            again = "" if system else f": pip install --force-reinstall {library.install}"
+            name = (library.distributions or (library.module,))[0]
+            again = "" if system else f": pip install --force-reinstall {name}"
             yield Check(library.module, f"{version}, but {failure}", f"{needs}{again}{system}")
         else:
             yield Check(library.module, version)

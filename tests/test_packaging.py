@@ -8,6 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from gsedit.errors import GseditError
+from gsedit.runs.environment import EXTRAS, load_extra
+
 ROOT = Path(__file__).parents[1]
 
 
@@ -59,8 +62,24 @@ def test_every_file_that_is_no_module_is_package_data(pyproject):
     }  # fmt: skip
 
 
+def test_an_error_names_the_extra_that_brings_the_package(pyproject):
+    extras = table(pyproject, "project.optional-dependencies")
+    for package, extra in EXTRAS.items():
+        brought = re.search(rf"^{extra} = \[(.*?)\]", extras, re.MULTILINE | re.DOTALL)
+        assert brought, extra
+        assert package in brought[1]
+    everything = re.search(r"^all = \[\"gsedit\[(.*)\]\"\]", extras, re.MULTILINE)
+    assert everything
+    named = set(re.findall(r"^(\w+) = \[", extras, re.MULTILINE))
+    assert set(everything[1].split(",")) == named - {"all", "dev", "docs"}
+    with pytest.raises(
+        GseditError, match=r"^a thing needs av \(.*\): pip install 'gsedit\[video\]'"
+    ):
+        load_extra("av.nothing_of_this_name", "a thing")
+
+
 def test_every_dependency_is_imported(pyproject):
-    modules = {"pillow": "PIL", "open3d-cpu": "open3d", "pi-heif": "pi_heif"}
+    modules = {"pillow": "PIL", "pi-heif": "pi_heif"}
     section = pyproject.split("dependencies = [")[1].split("\n]")[0]
     code = "\n".join(
         path.read_text()

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from gsedit.errors import InputError
-from gsedit.runs.environment import load_package
+from gsedit.runs.environment import load_extra
 from gsedit.storage.inputs import existing_file
 
 COMPLETE = 0.95
@@ -136,8 +136,7 @@ class Video:
 @contextmanager
 def open_video(path: Path) -> Iterator[Video]:
     """A video. Raises InputError for a file that is none, GseditError without PyAV."""
-    move = "pip install 'gsedit[video]', or give a folder of photos"
-    av = load_package("av", "a video is read with PyAV", move)
+    av = load_extra("av", "a video", "give a folder of photos")
     try:
         container = av.open(str(existing_file(path)), container_options=TRUSTED)
     except av.error.FFmpegError as error:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from gsedit.runs.environment import load_package
+from gsedit.runs.environment import load_extra
 from gsedit.storage.atomic import atomic_path
 
 Channels = Mapping[str, Float[np.ndarray, "h w"]]
@@ -44,5 +44,4 @@ def write_exr(
 
 
 def _import() -> Any:
-    what = "EXR files need the package OpenEXR"
-    return load_package("OpenEXR", what, "pip install OpenEXR, or write .npy")
+    return load_extra("OpenEXR", "an EXR file", "write .npy")

@@ -16,7 +16,7 @@ from jaxtyping import UInt8
 from PIL import Image
 
 from gsedit.errors import UsageError
-from gsedit.runs.environment import load_package
+from gsedit.runs.environment import load_extra
 from gsedit.storage.atomic import atomic_path
 
 Frame = UInt8[np.ndarray, "h w 3"]
@@ -128,4 +128,4 @@ def _indexed(frame: Frame) -> Image.Image:
 
 
 def _import() -> Any:
-    return load_package("av", "MP4 files need PyAV", "pip install 'gsedit[video]', or write a .gif")
+    return load_extra("av", "an MP4 file", "write a .gif")

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from math import log
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, UInt8
 from PIL import Image, ImageDraw, ImageFont
 from torch import Tensor
+
+from gsedit.runs.environment import load_extra
 
 SOLID = 0.5  # of alpha: a pixel shows a surface where at least half of it is covered
 WIDE = 4.0  # times the near end: a scale that reaches farther is logarithmic
@@ -38,15 +41,13 @@ def depth_colors(
 ) -> UInt8[np.ndarray, "h w 3"]:
     """Depth in color: red at `near` or nearer, blue at `far` or farther, black where less than
     half of a pixel is covered."""
-    from matplotlib import colormaps
-
     z = depth.detach()
     if is_logarithmic(near, far):
         nearness = (far / z.clamp_min(near)).log() / log(far / near)
     else:
         nearness = (far - z) / (far - near)
     nearness = nearness.clamp(0, 1).nan_to_num()
-    colors = colormaps["turbo"](nearness.cpu().numpy())[..., :3]
+    colors = _turbo()(nearness.cpu().numpy())[..., :3]
     colors = colors * (alpha.detach() > SOLID).cpu().numpy()[..., None]
     return (colors * 255).round().astype(np.uint8)
 
@@ -56,9 +57,7 @@ def depth_picture(depth: Float[Tensor, "h w"], alpha: Float[Tensor, "h w"]) -> I
 
     Pixels less than half covered are black: they have no surface.
     """
-    from matplotlib import colormaps
-
-    turbo = colormaps["turbo"]
+    turbo = _turbo()
     near, far = depth_range(depth, alpha)
     picture = Image.fromarray(depth_colors(depth, alpha, near, far))
 
@@ -76,3 +75,8 @@ def depth_picture(depth: Float[Tensor, "h w"], alpha: Float[Tensor, "h w"]) -> I
     joined.paste(picture, (0, 0))
     joined.paste(legend, (0, picture.height))
     return joined
+
+
+def _turbo() -> Any:
+    """The color map. Raises GseditError without matplotlib."""
+    return load_extra("matplotlib", "depth in color").colormaps["turbo"]

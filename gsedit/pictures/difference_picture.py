@@ -10,6 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from gsedit.runs.environment import load_extra
 from gsedit.storage.atomic import atomic_path
 
 LEAST_DIFFERENCE = 4 / 255
@@ -35,10 +36,11 @@ def difference_picture(
 
     The difference of a pixel is that of its most different channel; the scale ends at the 99.9th
     percentile over all rows, at least 4/255, and a bar tells its values. `names` are those of the
-    scenes. Raises ValueError without views, and as `atomic_path` does.
+    scenes. Raises ValueError without views, GseditError without matplotlib, and as `atomic_path`
+    does.
     """
-    from matplotlib.figure import Figure  # not pyplot: no global state, no window system
-
+    # not pyplot: no global state, no window system
+    drawing = load_extra("matplotlib.figure", "a picture of differences")
     if not pairs:
         raise ValueError("a picture of differences needs at least one view")
     differences = [(pair.after - pair.before).abs().amax(-1) for pair in pairs]
@@ -47,7 +49,7 @@ def difference_picture(
     height, width = pairs[0].before.shape[:2]
     rows = len(pairs)
     size = (3 * CELL_INCHES + 1.2, rows * (CELL_INCHES * height / width + 0.3) + 0.4)
-    figure = Figure(figsize=size, layout="constrained")
+    figure = drawing.Figure(figsize=size, layout="constrained")
     axes = figure.subplots(rows, 3, squeeze=False)
     for (title, before, after), difference, row in zip(pairs, differences, axes):
         row[0].imshow(before.cpu().numpy(), interpolation="nearest")

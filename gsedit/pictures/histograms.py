@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from gsedit.runs.environment import load_extra
 from gsedit.storage.atomic import atomic_path
 from gsedit.toolkit.scene_summary import Sample
 
@@ -18,12 +19,9 @@ INNER = (0.005, 0.995)
 
 
 def plot_histograms(sample: Sample, title: str, path: Path, *, overwrite: bool = False) -> None:
-    """Write six histograms as PNG, 1200 x 700 pixels."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(12, 7), layout="constrained")
-    FigureCanvasAgg(figure)
+    """Write six histograms as PNG, 1200 x 700 pixels. Raises GseditError without matplotlib."""
+    drawing = load_extra("matplotlib.figure", "a picture of histograms")
+    figure = drawing.Figure(figsize=(12, 7), layout="constrained")
     figure.suptitle(title, parse_math=False)  # a dollar sign in a file's name is no formula
     panels = (
         ("position (world units)", {"x": "tab:red", "y": "tab:green", "z": "tab:blue"}, False),

@@ -10,6 +10,14 @@ from typing import Any
 from gsedit.errors import GseditError
 
 PACKAGES = ("gsedit", "torch", "numpy", "kornia")
+EXTRAS = {
+    "OpenEXR": "exr",
+    "av": "video",
+    "matplotlib": "plots",
+    "open3d": "mesh",
+    "pyvista": "points",
+}
+"""The extra of gsedit that brings a package."""
 
 
 def environment() -> dict[str, Any]:
@@ -33,6 +41,16 @@ def load_package(name: str, what: str, move: str) -> Any:
         return import_module(name)
     except (ImportError, OSError) as error:
         raise GseditError(f"{what} ({error}): {move}") from error
+
+
+def load_extra(name: str, what: str, instead: str = "") -> Any:
+    """Import a package, or a module of it, that an extra of gsedit brings.
+
+    Raises GseditError, with `what` needs it, where that fails; `instead`: what does without it.
+    """
+    package = name.partition(".")[0]
+    move = f"pip install 'gsedit[{EXTRAS[package]}]'"
+    return load_package(name, f"{what} needs {package}", f"{move}{instead and ', or '}{instead}")
 
 
 def installed_version(package: str) -> str | None:

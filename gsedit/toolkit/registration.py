@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64, Int
 
-from gsedit.errors import UsageError
+from gsedit.errors import GseditError, UsageError
+from gsedit.runs.environment import load_package
 from gsedit.scene.similarity import IDENTITY, Similarity
 from gsedit.scene.table import SplatTable
 
@@ -173,13 +174,22 @@ def _by_axes(a: Cloud, b: Cloud) -> Iterator[Similarity]:
             yield Similarity(turn, 1.0, place - turn @ middle)
 
 
+def has_descriptors() -> bool:
+    """Whether Open3D loads, whose descriptors give first guesses."""
+    try:
+        load_package("open3d", "", "")
+    except GseditError:
+        return False
+    return True
+
+
 def _by_descriptors(a: Cloud, b: Cloud, cell: float) -> Iterator[Similarity]:
     """Guesses from Open3D's RANSAC over matches of FPFH descriptors; none where Open3D does not
     load."""
-    try:
-        import open3d as o3d
-    except (ImportError, OSError):
+    if not has_descriptors():
         return
+    import open3d as o3d
+
     registration = o3d.pipelines.registration
     o3d.utility.random.seed(0)
     prepare = partial(_described, o3d)

@@ -14,17 +14,16 @@ COLUMN_COUNT = 9
 
 def write_sheet(path: Path, force: bool) -> None:
     """Write a grid of named thumbnails: the unedited picture, then every look."""
-    import matplotlib.pyplot as plt
-
+    from gsedit.runs.environment import load_extra
     from gsedit.storage.atomic import atomic_path, check_writable
     from gsedit.words.looks import LOOKS
 
     check_writable(path, overwrite=force)
+    drawing = load_extra("matplotlib.figure", "a picture of the looks")
     pictures = thumbnails()
     rows = -(-len(pictures) // COLUMN_COUNT)
-    figure, axes = plt.subplots(
-        rows, COLUMN_COUNT, figsize=(1.4 * COLUMN_COUNT, 1.6 * rows), squeeze=False
-    )
+    figure = drawing.Figure(figsize=(1.4 * COLUMN_COUNT, 1.6 * rows))
+    axes = figure.subplots(rows, COLUMN_COUNT, squeeze=False)
     for axis in axes.flat:
         axis.axis("off")
     for axis, name, picture in zip(axes.flat, ("unedited", *LOOKS), pictures):
@@ -33,7 +32,6 @@ def write_sheet(path: Path, force: bool) -> None:
     figure.tight_layout(pad=0.4)
     with atomic_path(path, overwrite=force) as temporary:
         figure.savefig(temporary, dpi=120, format="png")
-    plt.close(figure)
 
 
 def thumbnails() -> list[Tensor]:

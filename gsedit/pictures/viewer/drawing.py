@@ -20,6 +20,7 @@ from gsedit.pictures.viewer.frustums import EDGES, frustum, frustum_length
 from gsedit.pictures.viewer.libraries import import_pyvista
 from gsedit.pictures.viewer.point_clouds import splat_colors
 from gsedit.regions.region import TINT, TINT_STRENGTH
+from gsedit.runs.environment import load_extra
 from gsedit.scene.table import table_of
 from gsedit.toolkit.selection.values import NAMED
 from rasterizer.camera import Camera
@@ -193,9 +194,7 @@ def make_plotter(
 
 def check_colormap(name: str) -> None:
     """Raise UsageError unless matplotlib has a color map of that name."""
-    from matplotlib import colormaps
-
-    if name not in colormaps:
+    if name not in load_extra("matplotlib", "a color map").colormaps:
         raise UsageError(f"'{name}' is no color map of matplotlib: try viridis, magma or turbo")
 
 

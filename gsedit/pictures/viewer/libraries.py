@@ -18,11 +18,11 @@ from gsedit.runs.environment import load_package
 
 def import_open3d() -> Any:
     """The module open3d. Raises GseditError where it cannot be loaded."""
+    libraries = "libusb-1.0-0 libegl1 libgl1 libx11-6 libudev1 libidn2-0"
     return load_package(
         "open3d",
         "open3d cannot be loaded",
-        "pip install open3d-cpu, and on Debian "
-        "apt-get install -y libusb-1.0-0 libegl1 libgl1 libx11-6 libudev1 libidn2-0",
+        f"pip install 'gsedit[mesh]', and on Debian apt-get install -y {libraries}",
     )
 
 
@@ -30,12 +30,12 @@ def import_pyvista() -> Any:
     """The module pyvista. Raises GseditError where it cannot be loaded."""
     if not has_screen():  # must be set before VTK is loaded: without it VTK wants an X server
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
-    return load_package("pyvista", "pyvista cannot be loaded", "pip install pyvista")
+    return load_package("pyvista", "pyvista cannot be loaded", "pip install 'gsedit[points]'")
 
 
 def import_viser() -> Any:
     """The module viser. Raises GseditError where it cannot be loaded."""
-    return load_package("viser", "viser cannot be loaded", "pip install 'gsedit[web]'")
+    return load_package("viser", "viser cannot be loaded", "pip install viser")
 
 
 def has_screen() -> bool:

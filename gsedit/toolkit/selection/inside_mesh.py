@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from gsedit.errors import GseditError, InputError
-from gsedit.runs.environment import load_package
+from gsedit.runs.environment import load_extra
 from gsedit.scene.shapes import Bool
 from gsedit.scene.table import SplatTable
 from gsedit.storage.inputs import existing_file
@@ -29,7 +29,7 @@ class InsideMesh(Selection):
 
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
         file = existing_file(self.path)
-        open3d = _library("open3d")
+        open3d = _library()
         casting, low, high = _casting(file, file.stat().st_mtime_ns)
         near = ((table.means >= low) & (table.means <= high)).all(1)  # and no NaN
         points = open3d.core.Tensor.from_numpy(np.ascontiguousarray(table.means[near]))
@@ -41,12 +41,14 @@ class InsideMesh(Selection):
 @lru_cache(maxsize=4)
 def _casting(path: Path, changed: int) -> tuple[Any, Any, Any]:
     """The scene to cast rays in and the mesh's bounds. Raises InputError for no closed mesh."""
+    import trimesh
+
     from gsedit.formats.mesh_files import geometries
 
-    trimesh, open3d = _library("trimesh"), _library("open3d")
+    open3d = _library()
     try:
         parts = [part for part in geometries(path) if hasattr(part, "faces")]
-        mesh = trimesh.util.concatenate(parts) if parts else trimesh.Trimesh()
+        mesh: Any = trimesh.util.concatenate(parts) if parts else trimesh.Trimesh()
         mesh.merge_vertices(merge_tex=True, merge_norm=True)  # they are repeated along seams
     except (GseditError, MemoryError):
         raise
@@ -68,6 +70,5 @@ def _casting(path: Path, changed: int) -> tuple[Any, Any, Any]:
     return casting, low, high
 
 
-def _library(name: str) -> Any:
-    what = f"a mesh needs {name}, which cannot be loaded"
-    return load_package(name, what, "gsedit doctor says what to install")
+def _library() -> Any:
+    return load_extra("open3d", "a selection by a mesh")

@@ -211,7 +211,7 @@ def test_requests_that_cannot_be_shown_are_one_line(viser, words, message, tmp_p
 
 def test_without_viser_the_extra_is_named(monkeypatch, tmp_path):
     monkeypatch.setitem(__import__("sys").modules, "viser", None)
-    with pytest.raises(GseditError, match=r"pip install 'gsedit\[web\]'"):
+    with pytest.raises(GseditError, match=r"pip install viser"):
         browser.as_html(some_page())
 
 
