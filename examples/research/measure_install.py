@@ -3,8 +3,8 @@
     python -m research.measure_install . --extras mesh,plots
     python -m research.measure_install dist/gsedit-*.whl --scene bear.ply
 
-WHAT is a tree or a wheel; torch has the version of constraints.txt. pip's cache is not used, so that
-everything is downloaded and unpacked. With --scene the installed command edits that scene twice, by
+WHAT is a tree or a wheel; torch has the version of constraints.txt. pip's cache is not used: all is
+downloaded and unpacked. With --scene the installed command edits that scene twice, by
 an environment that has no PATH but its own and an empty home: the first run is a user's first.
 Prints a row of the table in docs/howto/install.md for each.
 """
