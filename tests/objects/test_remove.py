@@ -196,6 +196,20 @@ def test_what_stood_on_it_is_told_and_what_nobody_saw():
     assert any("no camera saw" in note and "%" in note for note in notes)
 
 
+def test_its_mirror_image_in_a_glossy_floor_goes_along():
+    each, floor = case("meadow"), -0.45
+    ball = each.scene[each.inside]
+    image = replace(ball, means=ball.means * torch.tensor((1, 1, -1)) + torch.tensor((0, 0, -0.9)))
+    level = (each.scene.means[:, 2] - floor).abs() < 0.02
+    clear = torch.where(level, 0.4, each.scene.logit_opacities)
+    scene = concatenate(replace(each.scene, logit_opacities=clear), image)
+    rows = torch.arange(len(scene)) >= len(each.scene)
+    inside = torch.cat((each.inside, torch.zeros(len(image), dtype=torch.bool)))
+    dropped = remove(scene, inside, each.cameras).dropped(len(scene))
+    deep = scene.means[:, 2] < floor - 0.1
+    assert dropped[rows & deep].float().mean() > 0.95
+
+
 @pytest.mark.parametrize(("beside", "count"), [(1.5, 1), (0.6, 0), (0.0, 1)])
 def test_what_touches_something_beside_or_below_does_not_rest_on_the_thing(beside, count):
     grid = np.stack(np.meshgrid(*[np.linspace(-0.5, 0.5, 24)] * 3), -1).reshape(-1, 3)

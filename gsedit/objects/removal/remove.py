@@ -36,6 +36,7 @@ from gsedit.objects.removal.strays import AROUND, strays
 from gsedit.objects.removal.tidy import core_of, tidied
 from gsedit.objects.removal.uncover import Object, find_sheet, standing
 from gsedit.objects.removal.walls import SMALLEST, Plane, find_planes
+from gsedit.regions.mirrored import mirrored_under
 from gsedit.regions.resting import resting_on
 from gsedit.regions.support import extent_of
 from gsedit.scene.neighbors import k_nearest
@@ -246,6 +247,9 @@ def _without(
     gone = strays(
         points[rest.numpy()], colors, kept.opacities.numpy(), away, seen[rest].numpy(), now, planes
     )
+    if planes:
+        ground = planes[0]
+        gone |= mirrored_under(points[removed], points[rest.numpy()], ground.normal, ground.offset)
     return rest[torch.from_numpy(~gone)], planes
 
 
