@@ -11,7 +11,7 @@ import torch
 
 from gsedit.errors import UsageError
 from gsedit.light.place import place_of
-from gsedit.objects import Beside, Placement, insert, place
+from gsedit.objects import Beside, Placement, insert, place, remove
 from gsedit.objects.outcome import NEW, same
 from gsedit.objects.placing.arrival import main_object
 from gsedit.objects.placing.daylight import daylight, shaded
@@ -113,10 +113,13 @@ def test_back_again_is_where_it_was(labelled, ball, cameras, right):
 
 def test_selection_with_slips_moves_each_gaussian_once(labelled, ball, cameras):
     slips = torch.rand(len(ball), generator=torch.Generator().manual_seed(0))
-    outcome = place(labelled.scene, ball ^ (slips < 0.02), Placement(scale=1.2), cameras)
+    asked = ball ^ (slips < 0.02)
+    outcome = place(labelled.scene, asked, Placement(scale=1.2), cameras)
     rows = outcome.origin[outcome.origin != NEW]
     assert len(rows.unique()) == len(rows)
     assert not outcome.dropped(len(ball))[ball].any()
+    gone = remove(labelled.scene, asked, cameras).dropped(len(ball))
+    assert torch.equal(outcome.dropped(len(ball)) | ball, gone | ball)
 
 
 def test_what_is_not_flagged_keeps_its_bits(labelled, right):

@@ -51,13 +51,13 @@ def place(
         return same(scene)
     seen_from = cameras_of(scene, cameras, execution=execution)
     around = place_of(scene, seen_from)
-    scene = scene.detach()
+    scene, asked = scene.detach(), inside
     inside = torch.from_numpy(tidied(scene.means.numpy(), inside.numpy()))
     body = scene[inside]
     stance = stance_of(body, scene[~inside], around.up, execution)
     if stance.stands and placement.offset[2] < 0 and placement.only_rises:
         return replace(same(scene), notes=(RESTS,))
-    gone = same(scene) if placement.copy else _without(scene, inside, seen_from, execution)
+    gone = same(scene) if placement.copy else remove(scene, asked, seen_from, execution)
     to = placement.to
     other = scene[to.of] if isinstance(to, Beside) and to.of is not None else body
     ground = Ground(gone.scene, around, seen_from, execution)
@@ -72,15 +72,6 @@ def place(
     base = shaded(gone, there, motion.stance, light, execution)
     rows = torch.full((len(body),), NEW) if placement.copy else inside.nonzero().squeeze(-1)
     return added(base, there, rows, notes_of(motion, there, ground))
-
-
-def _without(
-    scene: Gaussians, inside: Bool[Tensor, " n"], cameras: Sequence[Camera], execution: Execution
-) -> Outcome:
-    """A scene after the removal of an object, of which no Gaussian stays."""
-    gone = remove(scene, inside, cameras, execution)
-    left = (gone.origin == NEW) | ~inside[gone.origin.clamp_min(0)]
-    return Outcome(gone.scene[left], gone.origin[left], gone.changed[left], gone.notes)
 
 
 def added(base: Outcome, body: Gaussians, rows: Tensor, notes: tuple[str, ...]) -> Outcome:
