@@ -1,0 +1,46 @@
+"""Editing, fitting, capturing and the page need nothing that an extra brings."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+from gsedit.runs.environment import EXTRAS
+
+OF_NETWORKS = ("diffusers", "transformers", "accelerate", "openvino", "stlpips_pytorch")
+BARE = """
+import importlib, pkgutil, sys
+
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in ABSENT:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+ABSENT = sys.argv[1].split(",")
+sys.meta_path.insert(0, Absent())
+for room in ("app", "capture", "editing", "fitting"):
+    found = importlib.import_module(f"gsedit.{room}")
+    for module in pkgutil.walk_packages(found.__path__, f"gsedit.{room}."):
+        importlib.import_module(module.name)
+
+import torch
+import gsedit
+from gsedit.pictures.viewer.libraries import import_viser
+from gsedit.synthetic import demo_scene, surface_gaussians
+from gsedit_cli.main import main
+
+import_viser()
+gsedit.save(surface_gaussians(demo_scene(), 1000, torch.Generator().manual_seed(0)), "a.ply")
+sys.argv = ["gsedit", "edit", "a.ply", "paint it red", "-o", "out", "--size", "64"]
+main()
+"""
+
+
+def test_the_core_works_without_any_extra(tmp_path):
+    absent = ",".join((*EXTRAS, *OF_NETWORKS))
+    done = subprocess.run(
+        [sys.executable, "-c", BARE, absent],
+        cwd=tmp_path, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "out/scene.ply").stat().st_size > 0
