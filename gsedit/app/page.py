@@ -203,9 +203,10 @@ class Page:
 
     def look(self, eye: Eye) -> None:
         """Remember where a person looks from."""
-        if self.has_scene and eye != self.document.eye:
-            self.document = replace(self.document, eye=eye)
-            self.save()
+        with self._lock:
+            if self.has_scene and eye != self.document.eye:
+                self.document = replace(self.document, eye=eye)
+                self.save()
 
     def undo(self) -> None:
         """Go a step back."""
@@ -272,8 +273,8 @@ class Page:
     def resume(self) -> None:
         """Do the step again that was in hand when the page was killed, from its last checkpoint
         where it has one."""
-        if self.document.pending is not None:
-            self._begin(resumed(self.document.pending), None)
+        if self.document.pending is not None and self.folder is not None:
+            self._begin(resumed(self.document.pending, self.folder), None)
 
     def forget(self) -> None:
         """Give up the step that was in hand when the page was killed."""
@@ -301,9 +302,11 @@ class Page:
 
     def _begin(self, pending: Pending, after: Callable[[], None] | None) -> None:
         done = self._ended(partial(self._stepped, pending, after))
-        self._works.begin(pending.command, pending.title, done, self._failed)
-        self.document = replace(self.document, pending=pending)
-        self.save()
+        with self._lock:
+            self._works.check_idle()
+            self.document = replace(self.document, pending=pending)
+            self.save()
+            self._works.begin(pending.command, pending.title, done, self._failed)
         self._watch(folder_of_step(pending) / CHECKPOINT)
 
     def _watch(self, checkpoint: Path) -> None:
@@ -332,8 +335,9 @@ class Page:
 
     def _failed(self, error: Exception) -> None:
         self._grow(None)
-        self.document = replace(self.document, pending=None)
-        self.save()
+        with self._lock:
+            self.document = replace(self.document, pending=None)
+            self.save()
         if isinstance(error, Cancelled):
             self.say("cancelled: nothing has changed")
         else:

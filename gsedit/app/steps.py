@@ -13,7 +13,7 @@ from gsedit.app.document import Pending, step_folder
 from gsedit.app.loaded import Loaded, read_checkpoint
 from gsedit.datasets.cameras_json import NAME as CAMERAS
 from gsedit.datasets.cameras_json import cameras_file
-from gsedit.errors import GseditError
+from gsedit.errors import GseditError, UsageError
 from gsedit.regions.saved import carry_named, folder_of, saved_names
 from rasterizer.scene import Gaussians
 
@@ -21,6 +21,9 @@ FOLDER_VERBS = ("edit", "make", "style")
 """Verbs whose -o is a folder with a scene.ply in it; that of the others is the scene."""
 MOVING_VERBS = ("transform", "align")
 """Verbs that move the cameras along where they are asked to."""
+RESUMED = ("edit", "clean", "filter", "transform")
+RISKY = ("--set", "--save", "--editor", "--masks")
+"""Beginnings of options that run programs, write files, or stand for such options."""
 CHECKPOINT = "checkpoint.safetensors"
 """Name of an edit's checkpoint in its folder."""
 BETWEEN_LOOKS = 2.0
@@ -36,16 +39,27 @@ def step_of(verb: str, scene: Path, arguments: Sequence[str], title: str, sessio
     return Pending(title, (verb, str(scene), *arguments, *more, "-o", str(out)))
 
 
-def resumed(pending: Pending) -> Pending:
+def resumed(pending: Pending, session: Path) -> Pending:
     """The command that goes on where it was interrupted: an edit from its checkpoint, any other
-    from its start."""
+    from its start.
+
+    Raises UsageError for a command that the page does not begin itself: the session's file may be
+    another's, and gsedit has options that run programs and write anywhere.
+    """
+    verb, _, *rest = (*pending.command, "", "")
+    options = {each for each in rest if each.startswith("--")}
+    inside = folder_of_step(pending).resolve().is_relative_to(session.resolve())
+    known = verb in RESUMED and not any(each.startswith(RISKY) for each in options)
+    if not inside or not known or (verb == "edit" and options - {"--region", "--resume"}):
+        raise UsageError(f"“{pending.title}” is no work that the page begins: do it once more")
     more = "--resume" if pending.command[0] == "edit" else "-f"
     return replace(pending, command=(*(e for e in pending.command if e != more), more))
 
 
 def folder_of_step(pending: Pending) -> Path:
     """The folder that a command writes its scene.ply to."""
-    out = Path(pending.command[pending.command.index("-o") + 1])
+    after = pending.command[pending.command.index("-o") + 1 :] if "-o" in pending.command else ()
+    out = Path(*after[:1] or ("/",))
     return out if pending.command[0] in FOLDER_VERBS else out.parent
 
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import sys
 import time
+from dataclasses import replace
 
 import pytest
 import torch
 from pages import COMMAND, make_page, until
 
 from gsedit.app import document as documents
+from gsedit.app.document import Pending
 from gsedit.app.opening import make_scene, open_path, receive
 from gsedit.app.worker import Cancelled, Worker
 from gsedit.errors import GseditError, UsageError
@@ -117,6 +119,25 @@ def test_a_killed_page_is_reopened_where_it_was(opened, scene, tmp_path):
     idle(again)
     assert again.document.current.title == "slow"
     again.close()
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("edit", "SCENE", "snow", "--editor", "command", "-o", "OUT"),
+        ("edit", "SCENE", "snow", "-o", "/tmp/elsewhere"),
+        ("transform", "SCENE", "--save", "/tmp/x.json", "-o", "OUT/scene.ply"),
+        ("convert", "SCENE", "/tmp/x.ply"), ("clean", "SCENE", "--set=save=x", "-o", "OUT/s.ply"),
+        ("edit",),
+    ],
+)  # fmt: skip
+def test_work_of_a_foreign_session_is_not_begun(command, opened):
+    places = {"SCENE": str(opened.scene_file), "OUT": str(opened.folder / "steps" / "1")}
+    for name, place in places.items():
+        command = tuple(each.replace(name, place) for each in command)
+    opened.change(replace(opened.document, pending=Pending("a step", command)))
+    with pytest.raises(UsageError, match="a step"):
+        opened.resume()
 
 
 def test_photos_become_a_scene_that_is_opened(page, tmp_path, scene):
