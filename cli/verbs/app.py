@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import signal
 import webbrowser
+from collections.abc import Callable
 from pathlib import Path
-from threading import Event
+from threading import Event, Timer
 from typing import Annotated
 
 from gsedit.errors import UsageError
@@ -13,6 +14,9 @@ from gsedit.errors import UsageError
 from ..core.command import argument, flag, shows
 from ..core.console import print_message, print_result
 from ..options.common import Common
+
+AFTER_FIRST_PICTURE = 2.0
+"""Seconds from the page's start to that of the process for its first command."""
 
 Opened = Annotated[
     Path | None,
@@ -81,10 +85,17 @@ def run_page(
             print_result({"address": served.address}, served.address, as_json=as_json)
             if browser:
                 webbrowser.open(served.address)
-            page.warm()
+            start_later(page.warm)
             wait()
     finally:
         page.close()
+
+
+def start_later(work: Callable[[], None]) -> None:
+    """Call a function once the first picture has had the processor to itself."""
+    timer = Timer(AFTER_FIRST_PICTURE, work)
+    timer.daemon = True
+    timer.start()
 
 
 def wait() -> None:
