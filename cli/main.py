@@ -63,6 +63,10 @@ def in_panel(command: LazyCommand, panel: str) -> LazyCommand:
     return command
 
 
+COMPLETION = "_GSEDIT_COMPLETE"
+"""Variable by which a shell asks for completions (docs/howto/install.md)."""
+
+
 class Verbs(TyperGroup):
     """Group of commands, each made when it is asked for."""
 
@@ -198,4 +202,8 @@ def main() -> None:
         warnings.simplefilter("ignore")
     signal.signal(signal.SIGTERM, _interrupt)
     keep_freed_memory()
+    if COMPLETION in os.environ:
+        from typer._completion_classes import completion_init
+
+        completion_init()
     app()
