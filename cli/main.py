@@ -36,6 +36,7 @@ from .verbs.fit import fit
 from .verbs.info import info
 from .verbs.list import list_
 from .verbs.make import make
+from .verbs.measure import measure
 from .verbs.merge import merge
 from .verbs.mesh import mesh
 from .verbs.metrics import metrics
@@ -50,6 +51,7 @@ EDITING = (app_verb, edit, make, style)
 CAPTURING = (capture, fit)
 SENTENCES = ("edit", "make")
 """Verbs that take a sentence, which a shell splits where it is not in quotes."""
+LOOKING = (info, select, view, render, diff, metrics, measure)
 LOOKING = (info, select, view, render, mesh, diff, metrics)
 CHANGING = (
     convert, filter_, clean, decimate, merge, transform, bend, align, recolor,

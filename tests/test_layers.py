@@ -25,6 +25,7 @@ ORDER = {
         "meshing",
         "pictures",
         "objects",
+        "surveying",
         "selecting",
         "mask_protocol",
         "scenery",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING
 import torch
 
 from gsedit.cameras.around import FOUND_VIEWS, find_viewpoints
+from gsedit.cameras.paths import up_of
 from gsedit.datasets.cameras_json import cameras_file, read_cameras
 from gsedit.datasets.near import viewpoints_near
 from gsedit.datasets.viewpoints import Viewpoint, same_size, that_see, thinned
@@ -72,14 +72,8 @@ class Loaded:
     def up(self) -> torch.Tensor:
         """The upward direction: that of the recorded cameras, or of the ground."""
         if self.recorded:
-            return level(self.recorded)
+            return up_of([each.camera for each in self.recorded])
         return guess_up(self.scene)
-
-
-def level(views: Sequence[Viewpoint]) -> torch.Tensor:
-    """The mean upward direction of cameras, a unit vector of float64."""
-    ups = torch.stack([-each.camera.rotation[1].double() for each in views])
-    return torch.nn.functional.normalize(ups.mean(0), dim=0)
 
 
 def read_checkpoint(file: Path, unedited: Gaussians | None) -> Loaded:

@@ -1,0 +1,1 @@
+"""Lengths, heights, areas and volumes of what a scene shows, each with its uncertainty."""
