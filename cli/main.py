@@ -51,8 +51,7 @@ EDITING = (app_verb, edit, make, style)
 CAPTURING = (capture, fit)
 SENTENCES = ("edit", "make")
 """Verbs that take a sentence, which a shell splits where it is not in quotes."""
-LOOKING = (info, select, view, render, diff, metrics, measure)
-LOOKING = (info, select, view, render, mesh, diff, metrics)
+LOOKING = (info, select, view, render, mesh, measure, diff, metrics)
 CHANGING = (
     convert, filter_, clean, decimate, merge, transform, bend, align, recolor,
 )  # fmt: skip

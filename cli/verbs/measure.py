@@ -57,8 +57,8 @@ def measure(
 
     gsedit measure bear.ply --region bear
 
-    Two points: their distance. Three and more: the area of the polygon. The interval joins half of
-    a pixel, the splats that the pixel blends, and how far other views disagree about the place.
+    Two points: their distance. Three and more: the area of the polygon. The interval joins
+    the size of a pixel, and how far other views disagree about the place.
     """
     points = own.at or []
     if bool(points) == (own.region is not None):

@@ -71,6 +71,8 @@ class Tab:
         self._shown = Shown()
         self._preview: Gaussians | None = None
         self._tint: tuple[Tensor, tuple[float, float, float]] | None = None
+        self.give_back: Callable[[], None] = lambda: None
+        """Called by what has had the pointer: clicks select again, if they did."""
         self._pointers: list[tuple[str, Callable[[Any], None]]] = []
         self._soon = Soon(self.fail)
         self._painter = Painter(self.draw, self._send, self._count, self.fail).start()

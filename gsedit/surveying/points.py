@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import cos, radians
 
 import numpy as np
 import torch
@@ -14,7 +15,6 @@ from jaxtyping import Float64
 
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.errors import UsageError
-from gsedit.regions.lift import lift
 from rasterizer.camera import Camera
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
@@ -27,11 +27,12 @@ FEWEST = 3
 """Other views that must see a point to tell how far the views disagree about it."""
 ALONE = 0.01
 """Share of the depth that a point is unsure by where fewer views see it."""
+OBLIQUE = 40.0
+"""Degrees between the rays of two views that are compared."""
 NORMAL = 1.4826
 """Standard deviations in a median of absolute deviations, of a normal distribution."""
-SKIN = 0.5
-"""Share of the blended Gaussians' spread along the ray by which their middle may miss the surface:
-of 0.25, 0.5 and 1 the least whose intervals of 95 % held the truth in 95 % of the tests."""
+PIXEL = 12**-0.5
+"""Standard deviation of a place somewhere in a pixel, pixels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +52,8 @@ def point_at(
 ) -> SurfacePoint:
     """The point of the surface that a pixel shows: where the median of its ray's opacity lies.
 
-    Its standard deviation joins three: half of a pixel; the spread of the Gaussians that the pixel
-    blends; and how far the depths of the `others` that see the point disagree with its place.
+    Its standard deviation joins two: a place somewhere in the pixel, and how far the depths of
+    those of the `others` that see the point disagree with it.
     Raises UsageError for a pixel beside the picture, or on nothing.
     """
     if not (0 <= x < camera.width and 0 <= y < camera.height):
@@ -63,16 +64,22 @@ def point_at(
         raise UsageError(f"nothing is seen at {x:g},{y:g}: choose a pixel on a surface")
     pixel = torch.tensor([x, y], dtype=torch.float64)
     position = camera.unproject(pixel, torch.tensor(depth, dtype=torch.float64)).double()
-    apart = [each for each in others if (each.center - camera.center).norm() > 0]
+    apart = [each for each in others if _looks_alike(each, camera, position)]
     errors = [_disagreement(scene, each, position) for each in apart]
     errors = [each for each in errors if each is not None]
     if len(errors) > ASKED_VIEWS:
         errors = [errors[i] for i in evenly_spaced(len(errors), ASKED_VIEWS)]
     told = NORMAL * float(np.median(np.abs(errors))) if len(errors) >= FEWEST else ALONE * depth
-    half = 0.5 * depth / float(camera.fx)
-    skin = SKIN * _spread(scene, camera, x, y)
-    sigma = float(np.sqrt(told**2 + half**2 + skin**2))
+    sigma = float(np.hypot(told, PIXEL * depth / float(camera.fx)))
     return SurfacePoint(position.numpy(), sigma, len(errors))
+
+
+def _looks_alike(other: Camera, camera: Camera, position: torch.Tensor) -> bool:
+    """Whether another camera looks at a point from another place, at most OBLIQUE away: from
+    farther round, depths are told along the surface rather than across it."""
+    rays = [(position - each.center.double()) for each in (other, camera)]
+    cosine = float(torch.nn.functional.cosine_similarity(*rays, dim=0))
+    return cos(radians(OBLIQUE)) < cosine < 1 - 1e-9
 
 
 def _depth(scene: Gaussians, camera: Camera, x: float, y: float) -> float:
@@ -92,17 +99,3 @@ def _disagreement(scene: Gaussians, camera: Camera, position: torch.Tensor) -> f
         return None
     seen = _depth(scene, camera, x, y)
     return seen - z if seen > 0 and abs(seen - z) <= SAME * z else None
-
-
-def _spread(scene: Gaussians, camera: Camera, x: float, y: float) -> float:
-    """Standard deviation of the depths of the Gaussians that a pixel blends, by their weights."""
-    pixel = torch.zeros(camera.height, camera.width)
-    pixel[int(y), int(x)] = 1
-    found = lift(scene, [camera], [pixel])
-    weights = (found.mean * found.weight).double()
-    near = weights > 0
-    if not near.any():
-        return 0.0
-    w, z = weights[near], camera.project(scene.means[near].double())[1].double()
-    mean = (w * z).sum() / w.sum()
-    return float(((w * (z - mean).square()).sum() / w.sum()).sqrt())

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 PANELS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("Say", "message", ("say",)),
     ("Select", "pointer", ("select",)),
-    ("Tools", "tools", ("clean", "crop", "transform")),
+    ("Tools", "tools", ("clean", "crop", "transform", "measure")),
     ("History", "history", ("history",)),
     ("File", "folder", ("open", "export")),
 )

@@ -56,6 +56,7 @@ class Select:
         for what in ("scene", "selection"):
             page.listen(tab, what, self.show)
         page.listen(tab, "scene", self.forget)
+        tab.give_back = self.point
         self.point()
         self.show()
 
