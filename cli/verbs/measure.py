@@ -70,7 +70,9 @@ def measure(
             place(text)
     common.apply()
     gaussians = load_scene(scene, drop_invalid=drop_invalid).detach()
-    views = views_to_point_at(scene, gaussians, ViewOptions(data=own.data, size=own.size))
+    typed = points and not own.height and all(COORDINATES.fullmatch(text) for text in points)
+    options = ViewOptions(data=own.data, size=own.size)
+    views = () if typed else views_to_point_at(scene, gaussians, options)
     if own.region is not None:
         return tell(scene, {"volume": region_volume(scene, gaussians, own.region, views)}, common)
     found = [point(text, gaussians, views) for text in points]

@@ -27,4 +27,7 @@ def test_distances_and_areas_of_coordinates(scene):
     ],
 )
 def test_what_cannot_be_measured_is_told_in_one_line(scene, words, message):
-    assert message in one_line(gsedit("measure", scene, *words))
+    *_, last = gsedit("measure", scene, *words).stderr.splitlines(keepends=True)
+    assert message in last
+    assert one_line(last)
+    assert last.startswith("gsedit: ")
