@@ -14,8 +14,8 @@ from gsedit_cli.main import app
 
 VERBS = (
     "app", "edit", "make", "style", "capture", "fit", "info", "select", "view", "render", "mesh",
-    "measure", "diff", "metrics", "convert", "filter", "clean", "decimate", "merge", "transform", "bend",
-    "align", "recolor", "list", "doctor",
+    "measure", "diff", "metrics", "convert", "filter", "clean", "decimate", "merge", "transform",
+    "bend", "align", "recolor", "list", "doctor",
 )  # fmt: skip
 BENCHMARKS = ("stability", "targets", "edit", "ranks", "objects")
 

@@ -194,7 +194,9 @@ class Say:
 
     def shown(self, scene: Any, notes: tuple[str, ...]) -> None:
         """Show a scene that was made for a preview."""
-        self.tab.preview(scene, "; ".join(notes))
+        more = len(self.reading.steps) if self.reading is not None else 1
+        first = (f"the first of {more} edits",) if more > 1 and notes else ()
+        self.tab.preview(scene, "; ".join((*first, *notes)))
         self.back.visible = True
 
     def drawn(self, picture: Any) -> None:
