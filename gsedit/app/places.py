@@ -8,6 +8,10 @@ from pathlib import Path
 from gsedit.errors import UsageError
 
 
+SHOWN = 80
+"""Characters of a wrong path that are told."""
+
+
 @dataclass(frozen=True)
 class Places:
     """Folders below which a page may read and write."""
@@ -25,7 +29,11 @@ class Places:
         text = str(path).strip()
         if not text or "\0" in text:
             raise UsageError("name a file or a folder")
-        resolved = (self.folders[0] / Path(text).expanduser()).resolve()
+        try:
+            resolved = (self.folders[0] / Path(text).expanduser()).resolve()
+            resolved.exists()
+        except (OSError, RuntimeError) as error:  # a name that is too long, a user that is not
+            raise UsageError(f"{text[:SHOWN]} is no path ({error}): check it") from error
         if not any(resolved.is_relative_to(folder) for folder in self.folders):
             raise UsageError(
                 f"{text} is outside of {' and '.join(map(str, self.folders))}: start gsedit app "

@@ -71,6 +71,7 @@ class Tab:
         self._shown = Shown()
         self._preview: Gaussians | None = None
         self._tint: tuple[Tensor, tuple[float, float, float]] | None = None
+        self._plain: Tensor | None = None
         self.give_back: Callable[[], None] = lambda: None
         """Called by what has had the pointer: clicks select again, if they did."""
         self._pointers: list[tuple[str, Callable[[Any], None]]] = []
@@ -127,7 +128,7 @@ class Tab:
             self._face(seen)
         shown = self._preview if self._preview is not None or seen is None else seen.scene
         if shown is not None:
-            flags = page.selection
+            flags = self._marked()
             if flags is not None and len(flags) == len(shown):
                 shown = tinted(shown, flags, TINT)
             if self._tint is not None and len(self._tint[0]) == len(shown):
@@ -135,6 +136,12 @@ class Tab:
         numerics = DEFAULT if seen is None else seen.numerics
         self._shown = replace(self._shown, scene=shown, numerics=numerics)
         self._painter.again()
+
+    def _marked(self) -> Tensor | None:
+        """Flags of what is colored as selected: nothing where its own color is to be seen, which is
+        in a preview, a comparison, and a new step until something else is selected."""
+        flags, bare = self.page.selection, self._preview is None and not self.compares
+        return flags if bare and self.page.growing is None and flags is not self._plain else None
 
     def preview(self, scene: Gaussians | None, note: str = "") -> None:
         """Show this scene in the place of the page's until the next step; None: that one again."""
@@ -160,7 +167,7 @@ class Tab:
     def compare(self, before: Gaussians | None, way: Way = "wipe", wipe: float = 0.5) -> None:
         """Show another scene on the left of what is shown; None: no more."""
         self._shown = replace(self._shown, before=before, way=way, wipe=min(max(wipe, 0.0), 1.0))
-        self._painter.again()
+        self.refresh()
 
     def wipe(self, place: float) -> None:
         """Move the line between two scenes, from 0 at the left to 1 at the right."""
@@ -175,6 +182,7 @@ class Tab:
     def new_scene(self) -> None:
         """Show the page's scene alone: it has changed."""
         self._preview = self._tint = None
+        self._plain = self.page.selection
         self._shown = replace(self._shown, before=None)
         self.refresh()
 
@@ -235,6 +243,10 @@ class Tab:
         return Box(camera, x0 * w, y0 * h, x1 * w, y1 * h, event.modifier)
 
     # -- work and notices
+
+    def drop(self, key: str) -> None:
+        """Do not wait for the short work of a key any more: its result is not shown."""
+        self._soon.drop(key)
 
     def soon(self, key: str, work: Callable[[], Any], then: Callable[[Any], None]) -> None:
         """Do short work in the tab's thread; a newer request of the same key replaces this one."""

@@ -76,6 +76,8 @@ def test_places_are_the_given_folders_and_nothing_beside_them(tmp_path):
         "",
         " ",
         "a\0",
+        "~nobody-of-this-name/a.ply",
+        "a" * 5000,
     ):
         with pytest.raises(UsageError):
             places.check(outside)

@@ -5,10 +5,12 @@ from __future__ import annotations
 import http.client
 import time
 from functools import partial
+from threading import Event
 from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+import torch
 from pages import make_page, served, until
 from research.page_client import PageClient
 from websockets.exceptions import InvalidStatus
@@ -66,6 +68,57 @@ def test_a_tab_closed_in_the_middle_of_an_edit_does_not_end_it(opened, page):
     again = PageClient(opened, (64, 48))
     again.wait(lambda: sees_scene(again) and has_step(again, "1: slow"))
     again.close()
+
+
+def test_a_preview_and_a_new_step_are_seen_in_their_own_colors(opened, page):
+    tab = PageClient(opened, (64, 48))
+    tab.wait(lambda: sees_scene(tab))
+    shown = page.tabs[0]
+    tab.wait(lambda: time.perf_counter() - tab.pictures[-1][0] > 0.5)
+    own = tab.pixels().astype(int)
+    is_own = lambda: np.abs(tab.pixels() - own).mean() < 1  # noqa: E731
+    every = torch.ones(len(page.scene), dtype=torch.bool)
+    page.select(every, "all")
+    tab.wait(lambda: not is_own())
+    shown.preview(page.scene)
+    tab.wait(is_own)
+    shown.preview(None)
+    tab.wait(lambda: not is_own())
+    page.step("clean", title="clean it")
+    tab.wait(lambda: has_step(tab, "1: clean it") and is_own())
+    assert page.selection is every
+    page.select(every.clone(), "all")
+    tab.wait(lambda: not is_own())
+    shown.compare(page.scene)
+    tab.wait(lambda: np.abs(tab.pixels() - own)[:, :28].mean() < 1)
+    tab.close()
+
+
+def test_what_a_tab_waits_for_no_more_is_not_shown(opened, page):
+    tab = PageClient(opened, (64, 48))
+    tab.wait(lambda: sees_scene(tab))
+    shown, gate, done = page.tabs[0], Event(), Event()
+    shown.soon("preview", lambda: gate.wait(5) and page.scene, shown.preview)
+    tab.set("say", "paint it red")
+    page.step("clean", title="clean it")
+    tab.wait(lambda: has_step(tab, "1: clean it"))
+    gate.set()
+    shown.soon("last", lambda: None, lambda _: done.set())
+    assert done.wait(5)
+    assert not shown.previews
+    tab.close()
+
+
+def test_a_step_that_is_refused_is_not_told_as_the_one_that_is_shown(opened, page):
+    tab = PageClient(opened, (64, 48))
+    page.step("clean", title="clean it")
+    tab.wait(lambda: has_step(tab, "1: clean it"))
+    page.step("clean", "--seconds", "30", title="slow")
+    tab.set("step", "0: bear.ply")
+    tab.wait(lambda: tab.notices)
+    tab.wait(lambda: tab.control("step")["value"] == "1: clean it")
+    page.cancel()
+    tab.close()
 
 
 def test_errors_appear_as_sentences_and_work_can_be_cancelled(opened, page):

@@ -45,7 +45,10 @@ def add_steps(page: Page, tab: Tab) -> None:
     @tab.safely
     def _(event: Any) -> None:
         if event.client is not None and steps.value != NOTHING:  # a person, not `show`
-            page.go_to(number_of(steps.value))
+            try:
+                page.go_to(number_of(steps.value))
+            finally:
+                show()  # the step that is shown, also where the other was refused
 
     page.listen(tab, "document", show)
     show()

@@ -140,6 +140,7 @@ class Say:
 
     def forget(self) -> None:
         """Find everything anew: the scene is another."""
+        self.tab.drop(PREVIEW)
         self.previewers.clear()
         self.back.visible = False
         if self.page.has_scene:
@@ -206,6 +207,7 @@ class Say:
 
     def end(self) -> None:
         """Show the scene as it is."""
+        self.tab.drop(PREVIEW)
         self.tab.preview(None)
         self.back.visible = False
 

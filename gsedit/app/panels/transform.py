@@ -52,6 +52,7 @@ class Transform:
         if self.handles is not None:
             self.handles.remove()
             self.handles = None
+            self.tab.drop("transform")
             self.tab.preview(None)
         page = self.page
         if not self.on.value or not page.has_scene:
