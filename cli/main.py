@@ -36,6 +36,7 @@ from .verbs.fit import fit
 from .verbs.info import info
 from .verbs.list import list_
 from .verbs.make import make
+from .verbs.mcp import mcp
 from .verbs.measure import measure
 from .verbs.merge import merge
 from .verbs.mesh import mesh
@@ -81,6 +82,7 @@ class Verbs(TyperGroup):
             "Help": (
                 lazy_verb(list_),
                 lazy_verb(doctor),
+                lazy_verb(mcp),
                 LazyCommand("bench", "Measure gsedit on this machine.", lambda: get_command(bench)),
             ),
         }

@@ -59,6 +59,7 @@ LIBRARIES = (
     Library("pycolmap", "reading COLMAP's folders and undistorting photos", "pycolmap"),
     Library("trimesh", "meshes and to_trimesh", "trimesh"),
     Library("matplotlib", "depth in color, diff -o and info --plot", "'gsedit[plots]'"),
+    Library("mcp", "gsedit mcp", "'gsedit[mcp]'"),
     Library("OpenEXR", "gsedit render -o picture.exr", "'gsedit[exr]'"),
     Library("av", "gsedit capture VIDEO, and render -o video.mp4", "'gsedit[video]'"),
     Library("pi_heif", "HEIC photos of iPhones in gsedit capture", "pi-heif", ("pi-heif",)),

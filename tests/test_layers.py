@@ -12,6 +12,7 @@ ROOT = Path(__file__).parents[1]
 # Each room may import only rooms further down its list.
 ORDER = {
     "gsedit": (
+        "mcp_server",
         "app",
         "bench",
         "doctor",

@@ -36,7 +36,7 @@ class Places:
             raise UsageError(f"{text[:SHOWN]} is no path ({error}): check it") from error
         if not any(resolved.is_relative_to(folder) for folder in self.folders):
             raise UsageError(
-                f"{text} is outside of {' and '.join(map(str, self.folders))}: start gsedit app "
-                "with --allow FOLDER to open it"
+                f"{text} is outside of {' and '.join(map(str, self.folders))}: give its folder "
+                "at the start (gsedit app --allow FOLDER, gsedit mcp FOLDER)"
             )
         return resolved

@@ -14,6 +14,7 @@ EXTRAS = {
     "OpenEXR": "exr",
     "av": "video",
     "matplotlib": "plots",
+    "mcp": "mcp",
     "open3d": "mesh",
     "pyvista": "points",
 }

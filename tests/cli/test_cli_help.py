@@ -15,7 +15,7 @@ from gsedit_cli.main import app
 VERBS = (
     "app", "edit", "make", "style", "capture", "fit", "info", "select", "view", "render", "mesh",
     "measure", "diff", "metrics", "convert", "filter", "clean", "decimate", "merge", "transform",
-    "bend", "align", "recolor", "list", "doctor",
+    "bend", "align", "recolor", "list", "doctor", "mcp",
 )  # fmt: skip
 BENCHMARKS = ("stability", "targets", "edit", "ranks", "objects")
 
@@ -51,7 +51,7 @@ def test_the_list_of_verbs_is_one_screen(monkeypatch):
     assert len(text.splitlines()) <= 50
     for verb in (*VERBS, "bench"):
         assert re.search(rf"^  {verb} +[A-Z]", text, re.MULTILINE)
-    assert len(VERBS) + 1 <= 26
+    assert len(VERBS) + 1 <= 27
 
 
 @pytest.mark.parametrize("verb", VERBS)

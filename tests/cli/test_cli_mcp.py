@@ -1,0 +1,58 @@
+"""`gsedit mcp`, through the client of the official package."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import sys
+
+import pytest
+from command_line import gsedit
+
+
+def test_tools_work_below_the_folders_alone(scene, tmp_path):
+    mcp = pytest.importorskip("mcp", reason="needs gsedit[mcp]")
+    given = tmp_path / "given"
+    given.mkdir()
+    scene.rename(given / "a.ply")
+    (tmp_path / "b.ply").write_bytes((given / "a.ply").read_bytes())
+    (given / "link.ply").symlink_to(tmp_path / "b.ply")
+
+    async def converse():
+        command = mcp.StdioServerParameters(
+            command=sys.executable,
+            args=["-m", "gsedit_cli", "mcp", str(given)],
+            env=dict(os.environ),
+        )
+        async with mcp.Client(command) as client:
+            names = {tool.name for tool in (await client.list_tools()).tools}
+            told = await client.call_tool("info", {"scene": "a.ply"})
+            refused = [
+                await client.call_tool("info", {"scene": path})
+                for path in ("link.ply", "../b.ply", str(tmp_path / "b.ply"), "--help/../../b.ply")
+            ]
+            for sentence in ("put ../b.ply on it", "put 'link.ply' on it"):
+                given_words = {"scene": "a.ply", "sentence": sentence, "output": "out"}
+                refused.append(await client.call_tool("edit", given_words))
+            aside = {"scene": "a.ply", "output": "../c.ply"}
+            refused.append(await client.call_tool("convert", aside))
+            masked = {"scene": "a.ply", "sentence": "red", "output": "out", "region": "../m.png"}
+            refused.append(await client.call_tool("edit", masked))
+            return names, told, refused
+
+    names, told, refused = asyncio.run(converse())
+    assert names == {"info", "edit", "make", "convert", "render"}
+    assert not told.is_error, told
+    assert told.structured_content["gaussians"] == 5
+    assert all(each.is_error for each in refused), refused
+    assert "is outside of" in refused[0].content[0].text
+    assert not (tmp_path / "c.ply").exists()
+    assert not (given / "out").exists()
+
+
+def test_without_the_package_the_extra_is_named(monkeypatch, tmp_path):
+    for name in ("mcp", "mcp.server.mcpserver"):
+        monkeypatch.setitem(sys.modules, name, None)
+    done = gsedit("mcp", tmp_path)
+    assert done.exit_code == 1
+    assert "pip install 'gsedit[mcp]'" in done.stderr
