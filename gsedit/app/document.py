@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import asdict, dataclass, replace
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -100,10 +101,18 @@ def redone(document: Document) -> Document:
 
 
 def session_folder(source: Path) -> Path:
-    """The folder of the session of a scene, of photos or of an edit: beside it."""
+    """The folder of the session of a scene, of photos or of an edit: beside it, and not that of
+    something else which is called nearly the same, as bear.spz is beside bear.ply.
+
+    Raises InputError for a damaged session of that name.
+    """
     if (source / NAME).is_file():
         return source
-    return source.with_name(f"{source.stem if source.is_file() else source.name}{SUFFIX}")
+    name = source.name
+    own = (source.stem if source.is_file() else name, name)
+    names = chain(own, (f"{name}-{i}" for i in count(2)))
+    folders = (source.with_name(f"{each}{SUFFIX}") for each in names)
+    return next(each for each in folders if _is_free(each) or load(each).source == str(source))
 
 
 def step_folder(folder: Path, title: str) -> Path:
@@ -115,17 +124,22 @@ def step_folder(folder: Path, title: str) -> Path:
 
 
 def save(document: Document, folder: Path) -> None:
-    """Write the document of a session. Raises GseditError where the disk does not take it."""
-    write_record(asdict(document), folder / NAME, overwrite=True)
+    """Write the document of a session. What lies beside its folder is named from there: both may be
+    moved together. Raises GseditError where the disk does not take it."""
+    record = asdict(document)
+    record["source"] = _from_session(document.source, folder)
+    for each in record["steps"]:
+        each["scene"] = _from_session(each["scene"], folder)
+    write_record(record, folder / NAME, overwrite=True)
 
 
 def load(folder: Path) -> Document:
     """Read the document of a session. Raises InputError for a damaged one."""
     record = read_json(folder / NAME, _DOCUMENT, advice="remove it to begin the session anew")
-    steps = tuple(_step(each) for each in record["steps"])
+    steps = tuple(_step(each, folder) for each in record["steps"])
     eye, pending = record.get("eye"), record.get("pending")
     document = Document(
-        record["source"],
+        _beside(record["source"], folder),
         steps,
         eye=eye and _eye(eye),
         pending=pending and _pending(pending),
@@ -139,8 +153,23 @@ def scene_file(document: Document, folder: Path) -> Path | None:
     return None if step is None else folder / step.scene
 
 
-def _step(record: dict[str, Any]) -> Step:
-    return Step(record["title"], record["scene"], tuple(record["command"]))
+def _is_free(folder: Path) -> bool:
+    return not (folder / NAME).is_file()
+
+
+def _from_session(path: str, folder: Path) -> str:
+    """A path as the session's file has it: from the session's folder where it lies beside that."""
+    beside = Path(path).is_absolute() and Path(path).is_relative_to(folder.parent)
+    return f"{_UP}{Path(path).relative_to(folder.parent).as_posix()}" if beside else path
+
+
+def _beside(path: str, folder: Path) -> str:
+    """A path of the session's file with its folder, where it lies beside that."""
+    return str(folder.parent / path.removeprefix(_UP)) if path.startswith(_UP) else path
+
+
+def _step(record: dict[str, Any], folder: Path) -> Step:
+    return Step(record["title"], _beside(record["scene"], folder), tuple(record["command"]))
 
 
 def _eye(record: dict[str, Any]) -> Eye:
@@ -152,6 +181,7 @@ def _pending(record: dict[str, Any]) -> Pending:
     return Pending(record["title"], tuple(record["command"]))
 
 
+_UP = "../"
 _ARGUMENTS = list_of(text(empty=True))
 _POINT = list_of(number(), 3)
 _DOCUMENT = object_of(

@@ -105,6 +105,8 @@ def receive(page: Page, file: Any) -> None:
     place = page.places.folders[0] / DROPPED
     if low.endswith(PICTURES):
         target = place / "photos" / name
+        if target.is_file() and target.read_bytes() != file.content:  # of another camera or day
+            target = free(target)
     elif low.endswith(READABLE) or is_video(Path(name)):
         target = free(place / name)
     else:
@@ -112,7 +114,11 @@ def receive(page: Page, file: Any) -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
     target.write_bytes(file.content)
     if target.parent == place:
-        open_path(page, target)
+        try:
+            open_path(page, target)
+        except GseditError:
+            target.unlink()  # nothing to go on with: it would only be in the way
+            raise
     elif page.document.source != str(target.parent):
         page.begin(target.parent)
     else:

@@ -21,6 +21,7 @@ from gsedit.app.steps import (
     CHECKPOINT,
     bring_along,
     folder_of_step,
+    region_file,
     resumed,
     step_of,
     watch,
@@ -29,7 +30,6 @@ from gsedit.app.worker import Cancelled, Worker
 from gsedit.app.works import Work, Works
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.errors import GseditError, UsageError
-from gsedit.regions.region import Region, save_region
 from gsedit.regions.saved import saved_names
 from gsedit.storage.atomic import locked
 from rasterizer.camera import Camera
@@ -140,9 +140,7 @@ class Page:
         """The selection as a .npy file of the session, for --region; None where there is none."""
         if self.selection is None or self.folder is None:
             return None
-        path = self.folder / "selection.npy"
-        save_region(Region(self.selection, self.note), path, overwrite=True)
-        return path
+        return region_file(self.selection, self.folder)
 
     def names(self) -> tuple[str, ...]:
         """Names of the selections that are saved beside the current scene."""
@@ -163,8 +161,11 @@ class Page:
         self.change(documents.opened(source or file, file, title))
 
     def open_session(self, folder: Path) -> None:
-        """Go on with a session where it was left. Raises InputError for a damaged one."""
+        """Go on with a session where it was left. Raises InputError for a damaged one, UsageError
+        for one that names files which the page may not read."""
         document = documents.load(folder)
+        for each in filter(None, (document.source, *(step.scene for step in document.steps))):
+            self.places.check(folder / each)
         if (file := documents.scene_file(document, folder)) is not None:
             self.load(file)
         self._enter(folder)

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from gsedit.errors import UsageError
 
-
 SHOWN = 80
 """Characters of a wrong path that are told."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import shutil
 import time
 from collections.abc import Callable, Sequence
@@ -9,11 +10,15 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+from torch import Tensor
+
 from gsedit.app.document import Pending, step_folder
 from gsedit.app.loaded import Loaded, read_checkpoint
 from gsedit.datasets.cameras_json import NAME as CAMERAS
 from gsedit.datasets.cameras_json import cameras_file
 from gsedit.errors import GseditError, UsageError
+from gsedit.regions.region import Region, save_region
 from gsedit.regions.saved import carry_named, folder_of, saved_names
 from rasterizer.scene import Gaussians
 
@@ -24,6 +29,10 @@ MOVING_VERBS = ("transform", "align")
 RESUMED = ("edit", "clean", "filter", "transform")
 RISKY = ("--set", "--save", "--editor", "--masks")
 """Beginnings of options that run programs, write files, or stand for such options."""
+REGIONS = "regions"
+"""Folder of a session for the selections that commands were given, each named by its flags."""
+NAME_DIGITS = 16
+"""Hexadecimal digits of such a name."""
 CHECKPOINT = "checkpoint.safetensors"
 """Name of an edit's checkpoint in its folder."""
 BETWEEN_LOOKS = 2.0
@@ -54,6 +63,17 @@ def resumed(pending: Pending, session: Path) -> Pending:
         raise UsageError(f"“{pending.title}” is no work that the page begins: do it once more")
     more = "--resume" if pending.command[0] == "edit" else "-f"
     return replace(pending, command=(*(e for e in pending.command if e != more), more))
+
+
+def region_file(flags: Tensor, session: Path) -> Path:
+    """Flags of Gaussians as a .npy file of a session, for --region. A file is never written anew: a
+    command that waits, or goes on after a restart, reads what it was given."""
+    name = hashlib.sha256(np.packbits(flags.numpy()).tobytes()).hexdigest()[:NAME_DIGITS]
+    path = session / REGIONS / f"{len(flags)}-{name}.npy"
+    if not path.is_file():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        save_region(Region(flags, "selected"), path, overwrite=True)
+    return path
 
 
 def folder_of_step(pending: Pending) -> Path:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import torch
@@ -15,6 +16,8 @@ from gsedit.app.document import Pending
 from gsedit.app.opening import make_scene, open_path, receive
 from gsedit.app.worker import Cancelled, Worker
 from gsedit.errors import GseditError, UsageError
+from gsedit.formats.scenes import save
+from gsedit.regions.region import read_flags
 from gsedit.regions.saved import save_named
 
 
@@ -140,6 +143,57 @@ def test_work_of_a_foreign_session_is_not_begun(command, opened):
         opened.resume()
 
 
+def test_a_foreign_session_shows_no_file_outside(page, scene, tmp_path_factory):
+    folder, elsewhere = scene.with_name("got.session"), tmp_path_factory.mktemp("elsewhere")
+    secret = scene.rename(elsewhere / "secret.ply")
+    for document in (
+        documents.opened(secret, secret, "nice"),
+        documents.opened(scene, Path("../../../") / elsewhere.name / secret.name, "nice"),
+        documents.Document(str(elsewhere)),
+    ):
+        documents.save(document, folder)
+        with pytest.raises(UsageError, match="outside"):
+            open_path(page, folder)
+        assert page.folder is None
+
+
+def test_a_scene_does_not_open_the_session_of_another_of_nearly_its_name(opened, scene, tmp_path):
+    step(opened, "snow")
+    other = scene.with_suffix(".splat")
+    save(opened.scene[:100], other)
+    open_path(opened, other)
+    assert len(opened.scene) == 100
+    folder = opened.folder
+    open_path(opened, scene)
+    assert opened.document.current.title == "snow"
+    assert opened.folder == scene.with_name("bear.session")
+    open_path(opened, other)
+    assert opened.folder == folder
+
+
+def test_a_session_that_is_moved_with_its_scene_goes_on(opened, scene, tmp_path):
+    step(opened, "snow")
+    opened.close()
+    moved = scene.parent.rename(tmp_path / "moved")
+    again = make_page(tmp_path)
+    open_path(again, moved / scene.name)
+    assert again.document.current.title == "snow"
+    again.undo()
+    assert again.scene_file == moved / scene.name
+    again.close()
+
+
+def test_a_command_reads_the_selection_that_it_was_given(opened):
+    flags = torch.arange(len(opened.scene)) < 10
+    opened.select(flags, "ten")
+    first = opened.selection_file()
+    opened.select(~flags, "the others")
+    assert opened.selection_file() != first
+    assert read_flags(first, len(flags)).tolist() == flags.tolist()
+    opened.select(flags.clone(), "ten again")
+    assert opened.selection_file() == first
+
+
 def test_photos_become_a_scene_that_is_opened(page, tmp_path, scene):
     photos = tmp_path / "photos"
     photos.mkdir()
@@ -178,6 +232,16 @@ def test_dropped_files_are_opened_or_refused(page, tmp_path, scene):
     receive(page, File)
     assert not page.has_scene
     assert page.document.source.endswith("photos")
+    photos = tmp_path / "dropped" / "photos"
+    receive(page, File)
+    assert [each.name for each in photos.iterdir()] == ["one.JPG"]
+    File.content = b"another of the same name"
+    receive(page, File)
+    assert {each.read_bytes() for each in photos.iterdir()} == {b"no picture", File.content}
+    File.name = "bad.ply"
+    with pytest.raises(GseditError, match=r"bad\.ply"):
+        receive(page, File)
+    assert not (tmp_path / "dropped" / "bad.ply").exists()
 
 
 def test_what_is_no_scene_is_refused_with_the_next_move(page, tmp_path):

@@ -8,8 +8,8 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from gsedit.app.steps import region_file
 from gsedit.errors import UsageError
-from gsedit.regions.region import Region, save_region
 
 if TYPE_CHECKING:
     from gsedit.app.page import Page
@@ -106,10 +106,9 @@ class Crop:
 
     def act(self) -> None:
         """Keep only the selection, or delete it; nothing is filled."""
-        flags, folder = self.selected(), self.page.folder
-        assert folder is not None  # something is selected
+        flags = self.selected()
         kept = flags if self.chosen.value == "Keep only" else ~flags
-        file = folder / "kept.npy"
-        save_region(Region(kept, "kept"), file, overwrite=True)
         title = f"{self.chosen.value.lower()} the selection"
+        assert self.page.folder is not None  # something is selected
+        file = region_file(kept, self.page.folder)
         self.page.step("filter", "--region", str(file), title=title)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gsedit.app.opening import receive
@@ -49,7 +50,8 @@ def described(page: Page) -> str:
     """One line: the scene, its size, the step, what is selected."""
     step = page.document.current
     if step is None:
-        return "Nothing is open yet."
+        source = Path(page.document.source).name
+        return f"**{plain(source)}** has no scene yet" if source else "Nothing is open yet."
     count = len(page.scene)
     parts = [f"**{plain(step.title)}**", f"{count:,} Gaussians"]
     if page.selection is not None:
