@@ -6,12 +6,15 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from html import escape
+from pathlib import Path
 
+from gsedit.app.places import Places
 from gsedit.editing.routes.apply import is_exact
 from gsedit.editing.routes.plan import steps_of
 from gsedit.editor_protocol import Editor
 from gsedit.editors.registry import make_editor
 from gsedit.errors import UsageError
+from gsedit.words.actions import FILE
 from gsedit.words.called import read_called
 from gsedit.words.instruction import Change, Instruction
 
@@ -58,10 +61,15 @@ class Reading:
 _BOX = "font-size:13px;line-height:1.5;padding:0 .75em .25em"
 
 
-def read(text: str, names: Iterable[str] = ()) -> Reading:
-    """Understand a sentence; `names` are those of the scene's saved selections."""
+def read(text: str, names: Iterable[str] = (), places: Places | None = None) -> Reading:
+    """Understand a sentence; `names` are those of the scene's saved selections.
+
+    One that names a file outside of the places is refused."""
     instruction = read_called(text, tuple(names))
     try:
+        if places is not None:
+            for name in FILE.findall(text):
+                places.check(Path.cwd() / name.strip("\"'"))
         steps = steps_of(instruction)
         for step in steps:
             if not is_exact(step):

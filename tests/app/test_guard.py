@@ -7,6 +7,7 @@ from websockets.datastructures import Headers
 
 from gsedit.app.guard import Guard
 from gsedit.app.places import Places
+from gsedit.app.reading import read
 from gsedit.errors import UsageError
 
 TOKEN = "abcdef0123456789"
@@ -82,3 +83,9 @@ def test_places_are_the_given_folders_and_nothing_beside_them(tmp_path):
         with pytest.raises(UsageError):
             places.check(outside)
     assert places.with_folder(other).check("link/a.ply") == (other / "a.ply").resolve()
+
+
+def test_a_sentence_names_no_file_elsewhere(tmp_path):
+    places = Places((tmp_path.resolve(),))
+    assert read(f"put '{tmp_path}/hat.ply' on the bear", (), places).steps
+    assert "is outside of" in read("put /elsewhere/hat.ply on the bear", (), places).refusal

@@ -89,7 +89,7 @@ class Say:
             return self.turn_out(())
         page = self.page
         names = tuple(saved_files(page.scene_file)) if page.has_scene else ()
-        self.reading = read(text, names)
+        self.reading = read(text, names, page.places)
         count = len(page.scene) if page.has_scene else 0
         self.told.content = self.reading.html(count, selected=page.selection is not None)
         if by_person:
