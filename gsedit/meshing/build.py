@@ -34,9 +34,9 @@ MOST_PIXELS = 800
 FINENESS = 0.45
 """Side of the voxels, in the median standard deviation of the Gaussians that are seen: finer ones
 show their noise."""
-COARSE = 2.0
-"""Standard deviation of a Gaussian, in the median of those seen, up to which it is never haze: a
-scene of few Gaussians has wide ones."""
+FEW, COARSE = 0.02, 2.0
+"""Share of what is seen below which all seems haze: a scene of few, wide Gaussians. Up to so many
+times their median standard deviation they are taken then."""
 REACHED, MARGIN = 0.98, 1.1
 """Share of what is seen that a mesh holds, and the radius of its ball against its reach."""
 
@@ -115,9 +115,10 @@ def _ball(
         most = float((eyes - center).norm(dim=-1).median())
     away = (points - center).norm(dim=-1)
     radius = min(most, float(away.max()) * MARGIN)
-    near = away < radius
-    usual = COARSE * float(spread[near].median()) if near.any() else 0.0
-    first = Ball(center, radius, usual)
+    near, first, usual = away < radius, Ball(center, radius), 0.0
+    if float(first.holds(points, spread).sum()) < FEW * float(near.sum()):
+        usual = COARSE * float(spread[near].median())
+        first = Ball(center, radius, usual)
     held = away[first.holds(points, spread)].sort().values
     if not len(held):
         return first

@@ -19,7 +19,7 @@ from gsedit.meshing import Mesh, mesh, save_mesh
 from gsedit.synthetic import ring_cameras, scenes, surface_gaussians
 from rasterizer.scene import Gaussians, concatenate
 
-COUNT = 1500
+COUNT = 4000
 
 
 @pytest.fixture(scope="module")
