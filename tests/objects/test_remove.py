@@ -15,7 +15,6 @@ from gsedit.errors import UsageError
 from gsedit.objects import remove
 from gsedit.objects.outcome import Outcome
 from gsedit.objects.removal.cells import rectangle_around
-from gsedit.objects.removal.walls import find_planes
 from gsedit.regions.resting import resting_on
 from gsedit.synthetic.staged import stage
 from rasterizer.camera import Camera
@@ -111,20 +110,6 @@ def test_what_else_stands_there_and_its_shadow_keep_their_bits():
     assert not outcome.changed[near].any()
     kept = outcome.origin[near]
     assert len(kept) == int(((each.scene.means - stone).norm(dim=1) < 0.3).sum())
-
-
-def test_what_little_stands_beside_an_object_does_not_carry_it():
-    grid = np.stack(np.meshgrid(*[np.linspace(-1, 1, 40)] * 2), -1).reshape(-1, 2)
-    floor = np.pad(grid, ((0, 0), (0, 1)))
-    box = np.stack(np.meshgrid(*[np.linspace(-0.2, 0.2, 10)] * 3), -1).reshape(-1, 3)
-    card = np.insert(0.2 * grid, 0, -0.22, axis=1)
-    box[:, 2] += 0.26
-    card[:, 2] += 0.26
-    points, removed = np.concatenate((floor, box, card)), np.repeat((0, 1, 0), (1600, 1000, 1600))
-    weights = np.repeat((1.0, 0.0, 0.05), (1600, 1000, 1600))
-    axes, eye = np.zeros_like(points), np.array((0.0, -3.0, 2.0))
-    first, *_ = find_planes(points, removed > 0, axes, weights, eye)
-    assert np.abs(first.normal - (0, 0, 1)).max() < 1e-6
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.5])

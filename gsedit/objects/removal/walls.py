@@ -99,8 +99,6 @@ def _supports(
             break
         band = max(BAND * support.margin, TOLERANCE * extent)
         plane = _turned(support.normal, support.offset, band, eye)
-        if found and votes[plane.on(points)].sum() < LEAST_SHARE * weights.sum():
-            break
         lowest = float(np.quantile(support.heights(points[removed]), 0.03))
         found.append((lowest, plane))
         if lowest < HOVERS * extent:
