@@ -7,12 +7,16 @@ is written anew at each change, whole or not at all, so a session survives being
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, replace
 from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
+from gsedit.errors import UsageError
 from gsedit.runs.json_lines import write_record
+from gsedit.storage.atomic import locked
 from gsedit.storage.json_files import list_of, number, object_of, read_json, text
 
 NAME = "session.json"
@@ -121,6 +125,18 @@ def step_folder(folder: Path, title: str) -> Path:
     numbers = [int(name.split("-")[0]) for name in places if name.split("-")[0].isdecimal()]
     words = re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")[:SHORT_NAME].strip("-")
     return folder / STEPS / f"{max(numbers, default=0) + 1:03d}-{words or 'step'}"
+
+
+@contextmanager
+def held(folder: Path) -> Iterator[None]:
+    """Have a session for this process alone. Raises UsageError where another has it."""
+    with ExitStack() as stack:
+        try:
+            stack.enter_context(locked(folder / NAME))
+        except UsageError as error:
+            told = f"{folder} is open in another gsedit app: go on there, or end it"
+            raise UsageError(told) from error
+        yield
 
 
 def save(document: Document, folder: Path) -> None:

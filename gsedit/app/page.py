@@ -31,7 +31,6 @@ from gsedit.app.works import Work, Works
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.errors import GseditError, UsageError
 from gsedit.regions.saved import saved_names
-from gsedit.storage.atomic import locked
 from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians
 
@@ -243,7 +242,7 @@ class Page:
         if folder == self.folder:
             return
         taken = ExitStack()
-        taken.enter_context(locked(folder / documents.NAME))
+        taken.enter_context(documents.held(folder))
         self.save()
         self._session.close()
         self._session, self.folder, self.selection = taken, folder, None

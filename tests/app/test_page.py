@@ -107,7 +107,7 @@ def test_a_killed_page_is_reopened_where_it_was(opened, scene, tmp_path):
     opened.undo()
     opened.step("clean", "--seconds", "1", title="slow")
     until(lambda: documents.load(opened.folder).pending)
-    with pytest.raises(UsageError, match="another gsedit"):
+    with pytest.raises(UsageError, match="open in another gsedit app"):
         open_path(make_page(tmp_path), scene)
     written = (opened.folder / documents.NAME).read_text()
     opened.cancel()

@@ -109,6 +109,27 @@ def test_what_a_tab_waits_for_no_more_is_not_shown(opened, page):
     tab.close()
 
 
+def test_a_preview_is_told_while_it_is_made_and_can_be_left(opened, page):
+    tab = PageClient(opened, (64, 48))
+    tab.wait(lambda: sees_scene(tab))
+    gate, tells = Event(), lambda: "Working on the preview" in tab.text()
+    page.tabs[0].soon("other", lambda: gate.wait(20), lambda _: None)
+    tab.set("say", "paint it red")
+    tab.press("Preview")
+    tab.wait(tells)
+    tab.press("End the preview")
+    tab.wait(lambda: not tells())
+    gate.set()
+    tab.press("Preview")
+    tab.wait(lambda: page.tabs[0].previews and not tells())
+    tab.press("Apply")
+    until(lambda: page.document.pending or page.document.position == 1)
+    tab.set("say", "paint it blue")
+    tab.wait(lambda: has_step(tab, "1: paint it red"))
+    assert tab.control("say")["value"] == "paint it blue"
+    tab.close()
+
+
 def test_a_step_that_is_refused_is_not_told_as_the_one_that_is_shown(opened, page):
     tab = PageClient(opened, (64, 48))
     page.step("clean", title="clean it")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+from threading import RLock
 from typing import TYPE_CHECKING, Any
 
 from gsedit.app.knobs import LEAST, Knob, knobs_of, turned
@@ -38,6 +41,7 @@ class Say:
         """Add the controls to the tab."""
         self.page, self.tab, gui = page, tab, tab.gui
         self.reading: Reading | None = None
+        self.reads = RLock()
         self.previewers: dict[bool, Previewer] = {}
         """Whether something is selected, and the previews then."""
         self.knobs: tuple[Knob, ...] = ()
@@ -47,6 +51,7 @@ class Say:
         self.folder = gui.add_folder("amounts", visible=False)
         self.tones = self.add_tones()
         self.buttons = gui.add_button_group("", ("Preview", "Apply"))
+        self.waits = gui.add_markdown("*Working on the preview…*", visible=False)
         self.back = gui.add_button("End the preview", icon="arrow-back", visible=False)
         self.text.on_update(tab.safely(lambda event: self.typed(event.client is not None)))
         self.buttons.on_click(tab.safely(self.pressed))
@@ -83,6 +88,11 @@ class Say:
 
     def typed(self, by_person: bool = True) -> None:
         """Understand the sentence, and show how."""
+        with self.reads:  # each change of the text is told in a thread of its own
+            self.understand(by_person)
+
+    def understand(self, by_person: bool) -> None:
+        """Read the text as it is now."""
         text = self.text.value.strip()
         if not text:
             self.reading, self.told.content = None, _HELP
@@ -142,7 +152,7 @@ class Say:
         """Find everything anew: the scene is another."""
         self.tab.drop(PREVIEW)
         self.previewers.clear()
-        self.back.visible = False
+        self.back.visible = self.waits.visible = False
         if self.page.has_scene:
             self.tab.soon("prepare", lambda: self.previewer().prepare(), lambda _: None)
         self.selected()
@@ -169,6 +179,8 @@ class Say:
 
     def asked(self) -> Reading:
         """The sentence as it was understood. Raises UsageError where it is empty or refused."""
+        if self.reading is None or self.reading.text != self.text.value.strip():
+            self.typed()  # it was not yet
         if self.reading is None:
             raise UsageError("say what should change first, as in “turn it into bronze”")
         if self.reading.refusal:
@@ -179,19 +191,33 @@ class Say:
         """Show the view as it would become: quick first, then right from all sides."""
         reading, tab = self.asked(), self.tab
         previewer, camera = self.previewer(), tab.camera()
+        self.waits.visible = self.back.visible = True
         if not previewer.is_exact(reading):
-            return tab.soon(PREVIEW, lambda: previewer.picture(reading, camera), self.drawn)
-        partial = camera if previewer.is_partial(reading) else None
+            picture = self.waited(lambda: previewer.picture(reading, camera))
+            return tab.soon(PREVIEW, picture, self.drawn)
+        one_view = camera if previewer.is_partial(reading) else None
 
         def show(routed: Any) -> None:
-            self.shown(routed.scene, routed.notes if partial is None else ())
-            if partial is not None:
-                tab.soon(PREVIEW, lambda: previewer.scene(reading), whole)
+            self.shown(routed.scene, routed.notes if one_view is None else ())
+            if one_view is not None:
+                self.waits.visible = True
+                tab.soon(PREVIEW, self.waited(lambda: previewer.scene(reading)), whole)
 
         def whole(routed: Any) -> None:
             self.shown(routed.scene, routed.notes)
 
-        tab.soon(PREVIEW, lambda: previewer.scene(reading, partial), show)
+        tab.soon(PREVIEW, self.waited(lambda: previewer.scene(reading, one_view)), show)
+
+    def waited(self, work: Callable[[], Any]) -> Callable[[], Any]:
+        """Work at whose end, or error, nothing is said to be worked on any more."""
+
+        def done() -> Any:
+            try:
+                return work()
+            finally:
+                self.waits.visible = False
+
+        return done
 
     def shown(self, scene: Any, notes: tuple[str, ...]) -> None:
         """Show a scene that was made for a preview."""
@@ -209,18 +235,20 @@ class Say:
         """Show the scene as it is."""
         self.tab.drop(PREVIEW)
         self.tab.preview(None)
-        self.back.visible = False
+        self.back.visible = self.waits.visible = False
 
     def apply(self) -> None:
         """Edit the scene as the sentence says; the result is the next step."""
         reading = self.asked()
         file = self.page.selection_file()
         region = () if file is None else ("--region", str(file))
-        self.page.step("edit", reading.text, *region, title=reading.text, after=self.applied)
+        after = partial(self.applied, reading.text)
+        self.page.step("edit", reading.text, *region, title=reading.text, after=after)
 
-    def applied(self) -> None:
-        """Be ready for the next sentence."""
-        self.text.value = ""
+    def applied(self, said: str) -> None:
+        """Be ready for the next sentence, which may be typed already."""
+        if self.text.value.strip() == said:
+            self.text.value = ""
         for slider in self.tones.values():
             slider.value = 0.0
         self.typed()
