@@ -1,19 +1,17 @@
 """Sizes: exact where points are, and intervals that hold the truth on a scene of known surfaces."""
 
 from math import pi, sqrt
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import torch
+from scipy.spatial import ConvexHull
 
-from gsedit.cameras.orbit import circle
 from gsedit.errors import UsageError
 from gsedit.surveying.points import SurfacePoint, point_at
 from gsedit.surveying.sizes import area, distance, ground_of, height, volume
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
-from gsedit.synthetic.paint import plain
-from gsedit.synthetic.scene import SyntheticScene
-from gsedit.synthetic.shapes import sphere
 from gsedit.toolkit.align import Plane
 
 
@@ -102,13 +100,28 @@ def test_the_ground_is_found_and_how_flat_it_is(room):
     assert 0 <= sigma < 0.1
 
 
-def test_the_volume_of_a_ball_is_in_its_interval():
-    up, sky = torch.tensor((0.0, 0.0, 1.0)).double(), torch.zeros(3).double()
-    ball = SyntheticScene("ball", sphere(0.5), plain((0.6, 0.5, 0.4)), sky, 0.7, up)
-    gaussians = surface_gaussians(ball, 3000, torch.Generator().manual_seed(0))
-    cameras = circle(torch.zeros(3).double(), 2.0, up, 12, 64, elevation=20.0, fov=45.0)
-    found = volume(gaussians, cameras)
-    assert found.power == 3
-    assert found.value == pytest.approx(4 / 3 * pi * 0.5**3, rel=0.1)
-    low, high = found.interval
-    assert low <= 4 / 3 * pi * 0.5**3 <= high
+def test_a_volume_is_that_of_the_closed_mesh_of_what_is_selected(room, monkeypatch):
+    _, gaussians, cameras = room
+    corners = torch.tensor([[x, y, z] for x in (0, 2) for y in (0, 3) for z in (0, 4)]).double()
+    sides = ConvexHull(corners.numpy())
+    asked = []
+
+    def mesh(scene, cameras, *, inside, watertight):
+        asked.append((inside, watertight))
+        return SimpleNamespace(vertices=corners.numpy(), faces=outward(sides))
+
+    monkeypatch.setattr("gsedit.meshing.build.mesh", mesh)
+    flags = torch.ones(len(gaussians), dtype=torch.bool)
+    found = volume(gaussians, cameras, flags)
+    assert (found.value, found.power) == (pytest.approx(24), 3)
+    assert found.sigma > 0
+    assert asked[0][1]
+    assert asked[0][0] is flags
+
+
+def outward(hull):
+    """The triangles of a hull, each counterclockwise from outside."""
+    corners = hull.points[hull.simplices]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    flip = (normals * hull.equations[:, :3]).sum(1) < 0
+    return np.where(flip[:, None], hull.simplices[:, ::-1], hull.simplices)
