@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
@@ -58,6 +59,17 @@ class Reading:
         return f'<div style="{_BOX}">{"<br>".join(lines)}</div>'
 
 
+_MARKED = re.compile(r"(?:mark|name) (it|the object|what (?:should|may) change) with --region")
+_LOOKED = re.compile(
+    r"[;,:]? ?(?:and )?look at (?:it|what is selected) with gsedit render SCENE --region \.\.\."
+)
+
+
+def on_page(text: str) -> str:
+    """A message of the command line in the words of the page: what is marked there is selected."""
+    return _LOOKED.sub("", _MARKED.sub(r"select \1 by a click", text))
+
+
 _BOX = "font-size:13px;line-height:1.5;padding:0 .75em .25em"
 
 
@@ -75,7 +87,7 @@ def read(text: str, names: Iterable[str] = (), places: Places | None = None) -> 
             if not is_exact(step):
                 editor_2d().check(step.text)
     except UsageError as error:
-        return Reading(text, instruction, (), str(error))
+        return Reading(text, instruction, (), on_page(str(error)))
     return Reading(text, instruction, steps)
 
 

@@ -15,6 +15,7 @@ from torch import Tensor
 
 from gsedit.app.eyes import camera_of, eye_of, handle_eye, point_of
 from gsedit.app.frames import RESTING_QUALITY, Painter
+from gsedit.app.reading import on_page
 from gsedit.app.shown import Shown, Way, depth_at, picture, tinted
 from gsedit.app.soon import Soon
 from gsedit.errors import GseditError
@@ -271,7 +272,7 @@ class Tab:
     def fail(self, error: Exception | str) -> None:
         """Say what went wrong, in the error's own sentence."""
         known = isinstance(error, (GseditError, str))
-        text = " ".join(str(error).split())
+        text = on_page(" ".join(str(error).split()))
         if not known:
             kind = type(error).__name__
             text = f"internal error ({kind}: {text}); what was done before is kept"

@@ -2,7 +2,7 @@
 
 import pytest
 
-from gsedit.app.reading import USUAL_COUNT, read
+from gsedit.app.reading import USUAL_COUNT, on_page, read
 
 
 def test_a_reading_tells_part_color_way_and_seconds():
@@ -29,3 +29,16 @@ def test_what_is_refused_tells_why_and_nothing_is_html(text):
 def test_names_of_saved_selections_are_heard():
     told = read("paint the left pot gold", ["left pot"])
     assert [each.phrase for each in told.instruction.changes] == ["the left pot"]
+
+
+@pytest.mark.parametrize(
+    ("said", "told"),
+    [
+        ("nothing finds this part: mark it with --region and say", "select it by a click and say"),
+        ("name what should change with --region, and look at it with gsedit render SCENE "
+         "--region ...", "select what should change by a click"),
+    ],
+)  # fmt: skip
+def test_refusals_speak_of_the_page(said, told):
+    assert told in on_page(said)
+    assert "--" not in on_page(said)

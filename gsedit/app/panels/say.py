@@ -93,7 +93,7 @@ class Say:
 
     def understand(self, by_person: bool) -> None:
         """Read the text as it is now."""
-        text = self.text.value.strip()
+        text = self.text.value.strip(" -–—•")  # of a list that was pasted; "-" begins an option
         if not text:
             self.reading, self.told.content = None, _HELP
             return self.turn_out(())
