@@ -9,6 +9,7 @@ import re
 import sys
 from collections.abc import Callable
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -32,10 +33,14 @@ def limit(memory: int, written: int, seconds: int) -> None:
             resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
 
 
+def _pxr(name: str) -> Any:
+    """A module of usd-core, which has no types."""
+    return import_module(f"pxr.{name}")
+
+
 def flatten(source: Path, target: Path) -> None:
     """Write the stage of a file as one .usda. Raises InputError for names outside its folder."""
-    from pxr import Sdf, Usd  # pyright: ignore[reportMissingImports]
-
+    Sdf, Usd = _pxr("Sdf"), _pxr("Usd")
     check_layers(Sdf, source)
     stage = Usd.Stage.Open(str(source))
     if not stage.Flatten(False).Export(str(target)):
@@ -81,8 +86,7 @@ def _refuse_clips(layer: Any) -> None:
 
 def pack(source: Path, target: Path) -> None:
     """Write a .usda as .usdc, or as .usdz with it inside."""
-    from pxr import Sdf, UsdUtils  # pyright: ignore[reportMissingImports]
-
+    Sdf, UsdUtils = _pxr("Sdf"), _pxr("UsdUtils")
     is_zip = target.suffix.lower() == ".usdz"
     binary = source.with_suffix(".usdc") if is_zip else target
     layer = Sdf.Layer.FindOrOpen(str(source))
