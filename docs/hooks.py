@@ -125,10 +125,11 @@ def _value(option: Any) -> str:
 
 def _help(text: str | None) -> str:
     """Return the help of a verb, its command lines as code."""
+    from gsedit_cli.core.manual import is_example
+
     paragraphs = re.split(r"\n\s*\n", _prose(text))
     return "\n\n".join(
-        f"    {each.replace('&lt;', '<')}" if each.startswith("gsedit ") and each.count(". ") == 0
-        else _linked(each)
+        f"    {each.replace('&lt;', '<')}" if is_example(each) else _linked(each)
         for each in paragraphs
     )  # fmt: skip
 

@@ -216,17 +216,20 @@ class VerbCommand(TyperCommand):
             raise
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
-        """Return the arguments without the braces that typer puts around required ones."""
-        return [piece.strip("{}") for piece in super().collect_usage_pieces(ctx)]
+        """Return the arguments without the braces and dots that typer puts around them."""
+        pieces = super().collect_usage_pieces(ctx)
+        return [re.sub(r"[{}]|\.{3}(?=\.{3})", "", piece) for piece in pieces]
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write the arguments and options that are not hidden, by panel if there are several."""
         sections: dict[str, list[tuple[str, str]]] = defaultdict(list)
         for param in self.get_params(ctx):
             if record := param.get_help_record(ctx):
-                kind = "Options" if param.opts[0].startswith("-") else "Arguments"
+                is_option = param.opts[0].startswith("-")
+                kind = "Options" if is_option else "Arguments"
                 panel = getattr(param, "rich_help_panel", None) if ctx.obj is HELP_ALL else None
                 name = VALUE_TYPE.sub(lambda match: METAVARS[match[1]], record[0])
+                name = name if is_option else name.partition(" ")[0]  # it says what it is
                 text = DEFAULT_IN_BRACKETS.sub(r"[default: \1", record[1])
                 sections[panel or kind].append((name, text))
         for title, records in sections.items():
@@ -282,8 +285,7 @@ def find_option(params: Iterable[Any], name: str) -> Any:
 class LazyCommand(TyperCommand):
     """A verb that is listed at once, and whose options are made when it is asked for.
 
-    Options that are derived from settings import the records of those settings; the strategies of
-    `gsedit edit` import torch too.
+    Options that are derived from settings import the records of those settings.
     """
 
     def __init__(self, name: str, summary: str, make: Callable[[], Any]) -> None:
@@ -324,11 +326,16 @@ def verb_command(body: Body, function: Body) -> Any:
 def show_all(ctx: Any, requested: bool) -> None:
     """Print the help with all options, and end the command."""
     if requested:
-        for param in ctx.command.params:
-            param.hidden = False
-        ctx.obj = HELP_ALL
+        reveal(ctx)
         typer.echo(ctx.get_help())
         raise typer.Exit
+
+
+def reveal(ctx: Any) -> None:
+    """Let the help of the context's command list all options, by panel."""
+    for param in ctx.command.params:
+        param.hidden = False
+    ctx.obj = HELP_ALL
 
 
 SetOption = Annotated[

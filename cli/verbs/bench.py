@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-from ..core.command import argument, as_command, flag
+from ..core.command import VerbCommand, argument, as_command, flag
 from ..core.console import print_json, print_message, print_result
 from ..core.exits import Interrupted
 from ..core.outputs import check_folder
@@ -19,7 +19,7 @@ from ..options.numbers import parse_indices
 if TYPE_CHECKING:
     from gsedit.runs.events import Event
 
-bench = typer.Typer(no_args_is_help=True, add_completion=False)
+bench = typer.Typer(no_args_is_help=True, add_completion=False, rich_markup_mode=None)
 
 Points = Annotated[
     Path | None,
@@ -181,7 +181,7 @@ def objects(
 
 
 for verb in (targets, stability, edit, ranks, objects):
-    bench.command()(as_command(verb))
+    bench.command(cls=VerbCommand)(as_command(verb))
 
 
 def collect(

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import torch
 
@@ -17,13 +16,8 @@ from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editing.session.actions import Action, RollbackAction, Solve, update_round
 from gsedit.editing.session.edit_views import edit_alone
 from gsedit.editing.session.session import Session
-from gsedit.errors import UsageError
+from gsedit.editing.strategies._settings import DatasetViews
 from gsedit.runs.events import Event
-
-LEAST_NOISE, MOST_NOISE = 0.02, 0.98
-"""Instruct-NeRF2NeRF's bounds of the noise level, as fractions of the schedule."""
-
-DatasetViews = Literal["all", "planned"]
 
 
 def dataset_views(session: Session, which: DatasetViews) -> tuple[int, ...]:
@@ -103,19 +97,3 @@ def in_turn(
         yield from update_round(steps, done=done, total=total, span=span)
     if session.request.solves:
         yield Solve(done + steps, total)
-
-
-def check_noise(least: float, most: float) -> None:
-    """Raise UsageError unless 0 < least <= most <= 1."""
-    if not 0 < least <= most <= 1:
-        raise UsageError(
-            f"noise is drawn from {least:g} to {most:g}: give fractions of the schedule above 0 "
-            "and at most 1, the least one first"
-        )
-
-
-def check_positive(**counts: int) -> None:
-    """Raise UsageError, with the name, for a count below 1."""
-    for name, count in counts.items():
-        if count < 1:
-            raise UsageError(f"{name.replace('_', ' ')} must be 1 or more, not {count}")

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from gsedit.editing.session.actions import Action, fit_round
-from gsedit.editing.session.session import Session
-from gsedit.editing.strategies._dataset import (
+from gsedit.editing.strategies._settings import (
     MOST_NOISE,
     DatasetViews,
-    EditAlone,
     check_noise,
     check_positive,
-    dataset_views,
 )
+
+if TYPE_CHECKING:
+    from gsedit.editing.session.actions import Action
+    from gsedit.editing.session.session import Session
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,9 @@ class Bulk:
 
     def schedule(self, session: Session) -> Iterator[Action]:
         """Round by round: no view is edited between the first and the last fitting step of one."""
+        from gsedit.editing.session.actions import fit_round
+        from gsedit.editing.strategies._dataset import EditAlone, dataset_views
+
         views = dataset_views(session, self.dataset_views)
         total = self.edit_rounds * self.steps_between
         for number in range(self.edit_rounds):

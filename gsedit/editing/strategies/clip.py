@@ -3,25 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
-import torch
-from jaxtyping import Float
-from torch import Tensor
-
-from gsedit.editing.session.actions import MAX_STEPS_AT_ONCE, Action
-from gsedit.editing.session.session import Session
-from gsedit.editing.strategies._clip_losses import ClipLosses, clip_losses
-from gsedit.editing.strategies._dataset import DatasetViews, check_positive, dataset_views
-from gsedit.editing.strategies._random_views import RandomViews
-from gsedit.editing.strategies.sds import VOX_E_WEIGHT
+from gsedit.editing.strategies._settings import VOX_E_WEIGHT, DatasetViews, check_positive
 from gsedit.errors import UsageError
-from gsedit.formats.pictures import fitted_size
-from gsedit.measures.clip import load_clip
-from gsedit.scene.picture import render_picture
-from rasterizer.camera import Camera
+
+if TYPE_CHECKING:
+    from gsedit.editing.session.actions import Action
+    from gsedit.editing.session.session import Session
 
 NO_WEIGHTS = (
     "the strategy clip needs the weights of CLIP: add --clip DIR, a CLIPModel folder of "
@@ -72,12 +63,20 @@ class Clip:
 
     def check(self) -> None:
         """Raise UsageError where no weights are given, InputError where they cannot be read."""
+        from gsedit.measures.clip import load_clip
+
         if self.clip is None:
             raise UsageError(NO_WEIGHTS)
         load_clip(self.clip)
 
     def schedule(self, session: Session) -> Iterator[Action]:
         """A few steps at a time."""
+        from gsedit.editing.session.actions import MAX_STEPS_AT_ONCE
+        from gsedit.editing.strategies._clip_losses import clip_losses
+        from gsedit.editing.strategies._dataset import dataset_views
+        from gsedit.editing.strategies._descend import Descend, UneditedVectors
+        from gsedit.measures.clip import load_clip
+
         if self.clip is None:
             raise UsageError(NO_WEIGHTS)
         losses = clip_losses(
@@ -93,45 +92,3 @@ class Clip:
         for first in range(0, self.total_steps, MAX_STEPS_AT_ONCE):
             last = min(first + MAX_STEPS_AT_ONCE, self.total_steps)
             yield Descend(views, first, last, self.total_steps, self.structure_weight, unedited)
-
-
-@dataclass(frozen=True, eq=False)
-class UneditedVectors:
-    """The losses, and CLIP's vectors of the unedited scene by view, made when they are needed."""
-
-    losses: ClipLosses
-    vectors: dict[int, Float[Tensor, " d"]] = field(default_factory=dict)
-
-    def camera(self, session: Session, view: int) -> Camera:
-        """The view's at up to twice CLIP's size: patches are half as wide as a picture."""
-        camera = session.request.every_view[view].camera
-        return camera.resized(*fitted_size(camera.width, camera.height, 2 * self.losses.clip.size))
-
-    @torch.no_grad()
-    def of(self, session: Session, view: int) -> Float[Tensor, " d"]:
-        """The vector of the unedited scene at that view."""
-        if view not in self.vectors:
-            execution = session.request.settings.execution
-            camera = self.camera(session, view)
-            picture = render_picture(session.request.scene, camera, execution)
-            self.vectors[view] = self.losses.clip.images(picture[None])[0]
-        return self.vectors[view]
-
-
-@dataclass(frozen=True, eq=False)
-class Descend(RandomViews):
-    """Steps down CLIP's losses."""
-
-    unedited: UneditedVectors
-
-    def camera(self, session: Session, view: int) -> Camera:
-        """At up to twice CLIP's size."""
-        return self.unedited.camera(session, view)
-
-    def loss(
-        self, session: Session, view: int, image: Float[Tensor, "h w 3"]
-    ) -> tuple[Float[Tensor, ""], float]:
-        """The sum of the losses, beside the unedited scene at the same view."""
-        before = self.unedited.of(session, view)
-        loss = self.unedited.losses(image.clamp(0, 1), before, session.request.generator)
-        return loss, float(loss.detach())

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from gsedit.editing.session.actions import Action
-from gsedit.editing.session.session import Session
-from gsedit.editing.strategies._dataset import (
+from gsedit.editing.strategies._settings import (
     LEAST_NOISE,
     MOST_NOISE,
     DatasetViews,
     check_noise,
     check_positive,
-    dataset_views,
-    in_turn,
 )
 from gsedit.editing.strategies.single_pass import single_pass
+
+if TYPE_CHECKING:
+    from gsedit.editing.session.actions import Action
+    from gsedit.editing.session.session import Session
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,8 @@ class Combined:
 
     def schedule(self, session: Session) -> Iterator[Action]:
         """Batch by batch of the plan, then a view at a time."""
+        from gsedit.editing.strategies._dataset import dataset_views, in_turn
+
         done = len(session.surveyed.plan.batches) * self.update_steps
         total = done + self.further_steps
         yield from single_pass(session, self.update_steps, total)

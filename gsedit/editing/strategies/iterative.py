@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from gsedit.editing.session.actions import Action
-from gsedit.editing.session.session import Session
-from gsedit.editing.strategies._dataset import (
+from gsedit.editing.strategies._settings import (
     LEAST_NOISE,
     MOST_NOISE,
     DatasetViews,
-    ShowUnedited,
     check_noise,
     check_positive,
-    dataset_views,
-    in_turn,
 )
+
+if TYPE_CHECKING:
+    from gsedit.editing.session.actions import Action
+    from gsedit.editing.session.session import Session
 
 
 @dataclass(frozen=True)
@@ -45,6 +45,8 @@ class Iterative:
 
     def schedule(self, session: Session) -> Iterator[Action]:
         """The unedited pictures first, then a view at a time."""
+        from gsedit.editing.strategies._dataset import ShowUnedited, dataset_views, in_turn
+
         views = dataset_views(session, self.dataset_views)
         yield ShowUnedited(views)
         noise = (self.least_noise, self.most_noise)

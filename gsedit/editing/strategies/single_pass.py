@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from gsedit.editing.session.actions import Action, EditViews, fit_round
-from gsedit.editing.session.request import Request
-from gsedit.editing.session.session import Session
 from gsedit.errors import UsageError
+
+if TYPE_CHECKING:
+    from gsedit.editing.session.actions import Action
+    from gsedit.editing.session.request import Request
+    from gsedit.editing.session.session import Session
 
 NOISE_ALONE = 0.95
 """Strength from which the start of sampling is noise: less than 1 % of its variance is a picture
@@ -43,6 +46,8 @@ def single_pass(session: Session, update_steps: int, total: int) -> Iterator[Act
     Where colors are solved for and no batch starts from the scene as it is then, one solve after
     the last batch does.
     """
+    from gsedit.editing.session.actions import EditViews, fit_round
+
     batches = session.surveyed.plan.batches
     at_end = session.request.solves and not starts_from_scene(session.request)
     for number, batch in enumerate(batches):
