@@ -12,6 +12,7 @@ import gsedit
 from gsedit import Checkpoint, Dataset, EditResult, EditSettings, Event, edit_steps
 from gsedit.datasets.dataset import capture
 from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings
+from gsedit.editing.session.presets import find_preset
 from gsedit.editing.strategies.single_pass import SinglePass
 from gsedit.editors import Capabilities, make_editor
 from gsedit.errors import UsageError
@@ -141,7 +142,7 @@ def test_cameras_that_see_nothing_of_the_scene_are_refused(scene, data):
 def test_views_need_not_divide_into_cells(scene, preset):
     cameras = [replace(c, height=84, cy=42.0) for c in ring_cameras(demo_scene(), 18, 100)]
     views = Dataset(capture(scene, cameras, [str(i) for i in range(18)]))
-    sampler = replace(SamplerSettings.preset(preset), steps=6)
+    sampler = replace(find_preset(preset).settings.sampler, steps=6)
     settings = replace(SMALL, sampler=sampler, geometry="full")
     result = run(scene, views, make_editor("closed-form"), settings, steps=2)[-1]
     assert result.targets[0].image.shape == (84, 100, 3)

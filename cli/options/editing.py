@@ -19,6 +19,7 @@ from .settings import Layout, Setting, Values, choices_text, settings_of, with_v
 if TYPE_CHECKING:
     from gsedit.diffusion.settings import Precision
     from gsedit.editing.session.actions import Strategy
+    from gsedit.editing.session.presets import Preset
     from gsedit.editing.session.settings import EditSettings
     from gsedit.editors import Editor
 
@@ -222,18 +223,15 @@ def resolve(preset: str, values: Values, own: Iterable[str] = ()) -> tuple[EditS
     `own`: the flags of the verb's other options, which decide those that an error message names.
     Raises UsageError for a value out of range, and an option that another strategy has.
     """
-    from gsedit.diffusion.settings import SamplerSettings
-    from gsedit.editing.session.settings import EditSettings
-    from gsedit.fitting.settings import UpdateSettings
+    from gsedit.editing.session.presets import find_preset
 
     shared = {path: value for path, value in values.items() if path[0] != "strategy"}
     chosen = {
         path[1:]: value for path, value in values.items() if path[0] == "strategy" and path[1:]
     }
-    settings = EditSettings(sampler=SamplerSettings.preset(preset))
-    if preset == "paper":
-        settings = replace(settings, update=UpdateSettings(loss="mse+gram"))
-    return with_values(settings, shared), make_strategy(values.get(("strategy",)), chosen, own)
+    named = find_preset(preset)
+    strategy = make_strategy(values.get(("strategy",)), chosen, own, named)
+    return with_values(named.settings, shared), strategy
 
 
 def idle_options(values: Values, settings: EditSettings, own: Iterable[str]) -> list[str]:
@@ -243,7 +241,7 @@ def idle_options(values: Values, settings: EditSettings, own: Iterable[str]) -> 
     return [each.flag for each in edit_settings(own) if each.path in STEPS & values.keys()]
 
 
-def make_strategy(name: str | None, values: Values, own: Iterable[str]) -> Strategy:
+def make_strategy(name: str | None, values: Values, own: Iterable[str], preset: Preset) -> Strategy:
     """Make the strategy of a name, or the default. Raises UsageError for a foreign option."""
     from gsedit.editing.strategies import DEFAULT, find_strategy, strategy_names
 
@@ -258,7 +256,7 @@ def make_strategy(name: str | None, values: Values, own: Iterable[str]) -> Strat
                 f"{flag} is an option of the strategy {' and '.join(owners)}, not of {name}: "
                 f"leave it out, or add --strategy {owners[0]}"
             )
-    return with_values(find_strategy(name)(), values)
+    return with_values(preset.applied_to(find_strategy(name)()), values)
 
 
 def has_field(record: type, name: str) -> bool:

@@ -74,8 +74,7 @@ class EditOptions:
     preset: str = option(
         "default",
         "Values of the options that are not given. quick: half of the evaluations of a 2D model. "
-        "paper: the published equations, which average x_(t-1), start from independent noise and "
-        "take 50 steps; the loss mse+gram.",
+        "paper: Efficient-NeRF2NeRF as printed; gsedit list presets shows all that each sets.",
         "default|quick|paper",
     )
     features: str = option(
@@ -286,6 +285,8 @@ def run_pipeline(asked: EditCommand) -> EditResult | None:
     editor_2d = editor.make(folder, followed, settings.sampler.precision)
     settings = at_size(settings, editor_2d, views.size if asked.sized else None)
     extractor = load_features(own.features)
+    if own.preset == "paper" and own.features == "filters":
+        print_message("a filter bank stands in for VGG's features, see --features")
     gaussians = load_scene(scene, drop_invalid=own.drop_invalid)
     say_kernel(settings.execution, UPDATES)
     dataset = framed_alike(load_views(scene, gaussians, views, settings.execution))

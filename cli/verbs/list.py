@@ -1,10 +1,12 @@
-"""`gsedit list`: the 2D editors, the masks, the looks of the editor `small`, and all settings."""
+"""`gsedit list`: 2D editors, masks, presets, the looks of the editor `small`, and all settings."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
+from functools import reduce
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from gsedit.errors import UsageError
 
@@ -13,15 +15,19 @@ from ..core.console import print_message, print_result
 from ..options.common import Common, Force
 
 if TYPE_CHECKING:
+    from gsedit.editing.session.presets import Preset
     from gsedit.editors import Listing
+
+    from ..options.settings import Setting
 
 
 What = Annotated[
-    Literal["editors", "masks", "looks", "settings"],
+    Literal["editors", "masks", "presets", "looks", "settings"],
     argument(
-        "editors|masks|looks|settings",
+        "editors|masks|presets|looks|settings",
         "editors: the 2D editors and what each needs. masks: what finds a phrase in pictures. "
-        "looks: the changes that the editor small knows. settings: what --set NAME=VALUE accepts.",
+        "presets: what gsedit edit --preset sets. looks: the changes that the editor small knows. "
+        "settings: what --set NAME=VALUE accepts.",
     ),
 ]
 Name = Annotated[
@@ -44,11 +50,13 @@ Sheet = Annotated[
 def list_(
     what: What, name: Name = None, out: Sheet = None, force: Force = False, *, common: Common
 ) -> None:
-    """List the 2D editors, the masks, the looks or the settings.
+    """List the 2D editors, masks, presets, looks or settings.
 
     gsedit list editors
 
     gsedit list masks
+
+    gsedit list presets
 
     gsedit list looks "as if it had spent a century under the sea"
 
@@ -57,12 +65,14 @@ def list_(
     common.apply()
     if out is not None and what != "looks":
         raise UsageError(f"-o writes the picture of the looks: leave it out for {what}")
-    if what in ("editors", "masks") and name is not None:
+    if what in ("editors", "masks", "presets") and name is not None:
         raise UsageError(f"{name}: list {what} takes no name")
     if what == "editors":
         list_editors(as_json=common.json)
     elif what == "masks":
         list_masks(as_json=common.json)
+    elif what == "presets":
+        list_presets(as_json=common.json)
     elif what == "settings":
         list_settings(name or "edit", as_json=common.json)
     elif out is not None:
@@ -101,6 +111,38 @@ def list_masks(*, as_json: bool) -> None:
             'use one: gsedit select ... --phrase "the chair" --masks NAME, or gsedit edit ... '
             "--masks NAME"
         )
+
+
+def list_presets(*, as_json: bool) -> None:
+    """Print the options that each preset of `gsedit edit` sets."""
+    from gsedit.editing.session.presets import PRESETS
+
+    from .edit import all_settings
+
+    for name, preset in PRESETS.items():
+        values = preset_values(preset, all_settings())
+        record = {"name": name, "meaning": preset.meaning, "sets": values}
+        lines = [f"{name:<12} {preset.meaning}", *(f"{k} {v}" for k, v in values.items())]
+        print_result(record, "\n    ".join(lines), as_json=as_json)
+
+
+def preset_values(preset: Preset, settings: Iterable[Setting]) -> dict[str, Any]:
+    """Return by flag the values of a preset that are not the defaults."""
+    from gsedit.editing.session.settings import EditSettings
+
+    values: dict[str, Any] = {}
+    for setting in settings:
+        if setting.path[0] == "strategy":
+            if setting.path[-1] in preset.strategy:
+                values[setting.flag] = preset.strategy[setting.path[-1]]
+            continue
+        own, usual = (
+            reduce(getattr, setting.path, each) for each in (preset.settings, EditSettings())
+        )
+        if own != usual:
+            flag = setting.flag
+            values[f"--no-{flag.removeprefix('--')}" if own is False else flag] = own
+    return {flag: "" if value is False else value for flag, value in values.items()}
 
 
 def editor_text(listing: Listing) -> str:

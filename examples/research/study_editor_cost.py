@@ -26,6 +26,7 @@ from gsedit.diffusion.precision import InBfloat16, relative_error
 from gsedit.diffusion.sampler import add_noise, sample
 from gsedit.diffusion.schedules import Schedule
 from gsedit.diffusion.settings import SamplerSettings
+from gsedit.editing.session.presets import find_preset
 from gsedit.editor_protocol import Cost, Denoiser, EditBatch, levels_for
 from gsedit.editors.sampling import DiffusionEditor
 from gsedit.editors.small.denoiser import load_small
@@ -152,7 +153,7 @@ def estimated(model: Pix2Pix, precision: str) -> tuple[Cost, float]:
     """(the cost that is stated before, the seconds that a batch of three views then takes)."""
     shades = torch.tensor((1.0, 0.9, 0.8))[:, None, None, None]
     views = picture() * shades
-    settings = replace(SamplerSettings.preset("quick"), steps=10, precision=precision)  # pyright: ignore[reportArgumentType]
+    settings = replace(find_preset("quick").settings.sampler, steps=10, precision=precision)  # pyright: ignore[reportArgumentType]
     encoder = TextEncoder(text_encoder().eval().requires_grad_(False), tokenizer())
     model = replace(model, text_encoders=(encoder,))
     editor, batch = DiffusionEditor(model), EditBatch(views, views, PROMPT)

@@ -198,22 +198,6 @@ class SamplerSettings:
         """The solver, with InstructPix2Pix's where it is None."""
         return SamplerDefaults().solver if self.solver is None else self.solver
 
-    @classmethod
-    def preset(cls, name: str) -> SamplerSettings:
-        """`default`; `paper`: eq. (averageall) as printed, on x_{t-1} of independent noise;
-        `quick`: half of the evaluations (docs/measurements/editors.md)."""
-        match name:
-            case "default":
-                return cls()
-            case "paper":
-                return cls(
-                    steps=50, spacing="leading", strength=1.0, target="xt", noise="independent",
-                    temperature=1.0, t_end=SamplerDefaults().t_end, harmonise=False,
-                )  # fmt: skip
-            case "quick":
-                return cls(guidance_every=3, guidance_end=1.0)
-        raise UsageError(f"preset must be default, quick or paper, not {name!r}")
-
 
 def _require(holds: bool, name: str, value: object, allowed: str) -> None:
     if not holds:

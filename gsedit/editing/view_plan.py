@@ -111,6 +111,17 @@ def plan_views(
     return ViewPlan(tuple(batches), tuple(reached))
 
 
+def random_plan(weights: Float[Tensor, "v n"], size: int, most: int, seed: int) -> ViewPlan:
+    """At most `most` batches of `size` views drawn at random, whatever they see."""
+    views = len(weights)
+    drawn = torch.randperm(views, generator=torch.Generator().manual_seed(seed))
+    count = min(most, -(-views // size))
+    ends = [min(size * (k + 1), views) for k in range(count)]
+    batches = tuple(tuple(drawn[size * k : end].tolist()) for k, end in enumerate(ends))
+    planner = _Planner(weights, 0.0, torch.ones(views))
+    return ViewPlan(batches, tuple(planner.coverage(drawn[:end].tolist()) for end in ends))
+
+
 class _Planner:
     """Record of what views cover, share and show whole; finds the next batch."""
 

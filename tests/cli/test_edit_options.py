@@ -10,8 +10,9 @@ from command_line import gsedit, one_line
 from gsedit_cli.options.editing import edit_settings, resolve
 
 from gsedit import EditSettings
-from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings
+from gsedit.diffusion.settings import SamplerDefaults
 from gsedit.editing import strategies
+from gsedit.editing.session.presets import find_preset
 from gsedit.editing.strategies.single_pass import SinglePass
 from gsedit.editors.small.denoiser import DEFAULTS
 from gsedit.errors import UsageError
@@ -71,8 +72,9 @@ def another_strategy(add_strategy):
 
 def test_what_is_not_given_is_the_librarys_choice():
     assert resolve("default", {}) == (EditSettings(), SinglePass())
-    paper, _ = resolve("paper", {})
-    assert paper.sampler == SamplerSettings.preset("paper")
+    paper, printed = resolve("paper", {})
+    assert (paper, printed.update_steps) == (find_preset("paper").settings, 200)
+    assert resolve("paper", {("strategy",): "sds"})[1] == strategies.find_strategy("sds")()
     some, strategy = resolve(
         "paper",
         {

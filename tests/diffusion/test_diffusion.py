@@ -12,6 +12,8 @@ from gsedit.diffusion.guidance import Branches, Need, guide
 from gsedit.diffusion.sampler import Anchor, add_noise, levels_of, sample
 from gsedit.diffusion.schedules import Schedule
 from gsedit.diffusion.settings import SamplerSettings
+from gsedit.editing.session.presets import Preset, find_preset
+from gsedit.editing.session.settings import EditSettings
 from gsedit.errors import UsageError
 
 EPS32 = torch.finfo(torch.float32).eps
@@ -104,15 +106,14 @@ def test_eps_consensus_needs_shared_noise():
 
 
 def test_presets():
-    paper = SamplerSettings.preset("paper")
-    assert (paper.steps, paper.target, paper.noise) == (50, "xt", "independent")
-    assert SamplerSettings.preset("default") == SamplerSettings()
+    paper = find_preset("paper").settings.sampler
+    assert find_preset("default") == Preset("What gsedit does.", EditSettings())
     for settings, wanted in ((paper, 10), (SamplerSettings(), 4)):  # the paper's T_end of 50; ours
         schedule = Schedule.scaled_linear()
         levels = levels_of(schedule, settings)[:-1]
         assert sum(level.sigma > settings.consensus_end for level in levels) == wanted
-    with pytest.raises(UsageError, match="default, quick or paper"):
-        SamplerSettings.preset("fast")
+    with pytest.raises(UsageError, match="default, quick, paper"):
+        find_preset("fast")
 
 
 def test_guidance_weights_sum_to_one():

@@ -19,6 +19,7 @@ from gsedit.diffusion.schedules import Schedule
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editing.edit import plan_edit
 from gsedit.editing.estimate import Estimate, cheaper, duration
+from gsedit.editing.session.presets import find_preset
 from gsedit.editor_protocol import Cost
 from gsedit.editors import EditBatch
 from gsedit.editors.glimpse import Glimpse
@@ -93,7 +94,7 @@ def test_the_setting_that_halves_the_time():
     levels = levels_of(Schedule.scaled_linear(), SamplerSettings())
     full, quick = (
         sum(branches_of(levels, settings))
-        for settings in (SamplerSettings(), SamplerSettings.preset("quick"))
+        for settings in (SamplerSettings(), find_preset("quick").settings.sampler)
     )
     assert full == 60 >= 2 * quick
     rounded = replace(COST, precision="bfloat16")

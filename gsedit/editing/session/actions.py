@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editing.session.edit_views import MAX_ANCHORS, edit_views
+from gsedit.editing.session.edit_views import edit_views
 from gsedit.editing.session.fit_targets import fit_targets
 from gsedit.editing.session.session import Session
 from gsedit.editing.session.solve_targets import solve_targets
@@ -61,19 +60,9 @@ class EditViews(RollbackAction):
     batch: tuple[int, ...]
     step: int
     steps: int
-    sampler: SamplerSettings | None = None
-    """Settings of the sampler; None for those of the edit."""
-    anchors: int = MAX_ANCHORS
 
     def __call__(self, session: Session) -> Iterator[Event]:
-        yield from edit_views(
-            session,
-            self.batch,
-            step=self.step,
-            steps=self.steps,
-            sampler=self.sampler,
-            anchors=self.anchors,
-        )
+        yield from edit_views(session, self.batch, step=self.step, steps=self.steps)
 
 
 @dataclass(frozen=True)

@@ -31,8 +31,6 @@ WEAK_MATCH_SHARE = 0.05
 """Mean share of matched cells below which a batch has little to agree on: worth a warning."""
 MEASURE = "measure"
 """The stage in which the editor is asked for views to compare the result with."""
-MAX_ANCHORS = 4
-"""Most finished views that the next batch is tied to. They cost comparisons, no network call."""
 MIN_ANCHOR_OVERLAP = 0.3
 """Least overlap of a further anchor with the new views: below it few cells match (0.12 of them on
 the bear), and a view's cells are compared for nothing."""
@@ -49,15 +47,14 @@ def edit_views(
     step: int = 0,
     steps: int = 0,
     sampler: SamplerSettings | None = None,
-    anchors: int = MAX_ANCHORS,
 ) -> Iterator[Event]:
-    """Edit the views with these indices together, tied to finished ones by anchors.
+    """Edit the views with these indices together, tied to finished ones by the settings' anchors.
 
-    This is batch `step` of `steps`. `sampler` overrules the settings'; at most `anchors` finished
-    views are used, 0 for none. The targets, pairs, region and ground truth of the progress are
-    brought up to date.
+    This is batch `step` of `steps`. `sampler` overrules the settings'. The targets, pairs, region
+    and ground truth of the progress are brought up to date.
     """
-    sampler = sampler or session.request.settings.sampler
+    settings = session.request.settings
+    sampler, anchors = sampler or settings.sampler, settings.anchors
     edited, stopwatch = session.progress.edited, session.progress.stopwatch
     tied = choose_anchors(session.surveyed.weights, batch, tuple(edited.targets))[:anchors]
     members = (*batch, *tied)

@@ -12,7 +12,7 @@ from torch import Tensor
 from gsedit.datasets.dataset import View
 from gsedit.datasets.view_list_files import Role, ViewList
 from gsedit.datasets.viewpoints import Viewpoint
-from gsedit.editing.session.edit_views import MAX_ANCHORS, MEASURE, match_views, sample_views
+from gsedit.editing.session.edit_views import MEASURE, match_views, sample_views
 from gsedit.editing.session.measure_progress import (
     MAX_PROGRESS_VIEWS,
     Measurement,
@@ -137,7 +137,8 @@ def _edit_held_out(
     cameras = [view.camera for view in session.request.every_view]
     unedited = UneditedViews(cameras, session.unedited.rendering)
     near = zip(*(unedited.nearest(view, answers) for view in views))  # in turn, a view at a time
-    anchors = tuple(dict.fromkeys(chain.from_iterable(near)))[:MAX_ANCHORS]
+    nearest = tuple(dict.fromkeys(chain.from_iterable(near)))
+    anchors = nearest[: session.request.settings.anchors]
     members = (*views, *anchors)
     images = yield from sample_views(
         session,

@@ -35,6 +35,12 @@ class EditSettings:
     """How much of what a view shows the other views of its batch should show as well, on average,
     in [0, 1]: with more of it the views agree better, and more batches are needed to cover as
     much."""
+    view_plan: Literal["covering", "random"] = "covering"
+    """Choice of the views that are edited: those that see most of the scene and each other, or
+    batches drawn at random, as many as may be edited."""
+    anchors: int = 4
+    """Most finished views that a batch is tied to, 0 or more. They cost comparisons, no evaluation
+    of the network."""
     visibility: bool = True
     """Whether cells of two views must pass every rule to correspond (depths agree, no silhouette,
     similar angle, ...); without, it is enough that each is the other's nearest."""
@@ -71,8 +77,8 @@ class EditSettings:
             )
         if self.views_per_batch < 1 or self.batches < 1:
             raise UsageError("views and batches must be 1 or more")
-        if self.held_out_edits < 0:
-            raise UsageError(f"held-out edits must be 0 or more, not {self.held_out_edits}")
+        if min(self.held_out_edits, self.anchors) < 0:
+            raise UsageError("held-out edits and anchors must be 0 or more")
         if not self.checkpoint_seconds >= 0:
             raise UsageError(f"checkpoint_seconds is {self.checkpoint_seconds}: give 0 or more")
         if not 0 < self.coverage <= 1:

@@ -16,7 +16,7 @@ from gsedit.editing.session.request import Request
 from gsedit.editing.session.strategy import uses_all_views
 from gsedit.editing.session.unedited import edit_camera
 from gsedit.editing.skip.invisible import faint_gaussians, visible_coefficients
-from gsedit.editing.view_plan import ViewPlan, plan_views, survey, wholeness
+from gsedit.editing.view_plan import ViewPlan, plan_views, random_plan, survey, wholeness
 from gsedit.errors import UsageError
 from gsedit.fitting.solve import MOST_COEFFICIENTS
 from gsedit.runs.events import Event
@@ -80,6 +80,9 @@ def _plan(request: Request, weights: Float[Tensor, "v n"]) -> ViewPlan:
             "(without them, some are placed around the scene), or no opacity reaches 1/255"
         )
     settings, cameras = request.settings, [view.camera for view in request.views]
+    if settings.view_plan == "random":
+        seed, each = request.generator.initial_seed(), settings.views_per_batch
+        return random_plan(weights, each, settings.batches, seed)
     return plan_views(
         weights,
         settings.views_per_batch,

@@ -52,7 +52,7 @@ class EditAtChance:
         noised = replace(
             session.request.settings.sampler, strength=0.3 + 0.68 * draw, consensus=False
         )
-        yield from edit_views(session, [self.view], sampler=noised, anchors=0)
+        yield from edit_views(session, [self.view], sampler=noised)
 
 
 @pytest.fixture(scope="module")
@@ -72,6 +72,7 @@ def test_another_strategy_needs_nothing_but_itself(scene, data):
         update=UpdateSettings(patches=2, patch=16),
         views_per_batch=3,
         batches=1,
+        anchors=0,
         checkpoint_seconds=0.0,
     )
     strategy = DatasetUpdate()
