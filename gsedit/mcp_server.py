@@ -7,7 +7,8 @@ import json
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from subprocess import DEVNULL
+from tempfile import TemporaryDirectory, TemporaryFile
 from typing import Any
 
 import anyio
@@ -21,6 +22,9 @@ Tool = Callable[..., Awaitable[Any]]
 WHOLE = ("auto", "all")
 SHAPES = ("box:", "sphere:")
 """Beginnings of regions that name no file."""
+PATIENCE = 1.5
+"""Seconds that a cancelled command has for its checkpoint before it is killed: a client that leaves
+gives its server two."""
 _SAYS = "gsedit: "
 INSTRUCTIONS = (
     "Edits captured 3D scenes (Gaussian splats) from a sentence. Paths are files below the folders "
@@ -93,12 +97,34 @@ class Verbs:
         """Return the results of a command. Raises UsageError with what it says where it fails;
         a cancelled call ends the process."""
         command = [*self.program, verb, *options, "--json", "--", *words]
-        done = await anyio.run_process(command, check=False, cwd=self.places.folders[0])
-        if done.returncode:
-            said = done.stderr.decode(errors="replace").strip().splitlines()
+        code, out, errors = await _ran(command, self.places.folders[0])
+        if code:
+            said = errors.strip().splitlines()
             raise UsageError(said[-1].removeprefix(_SAYS) if said else f"{verb} failed")
-        lines = (json.loads(line) for line in done.stdout.decode().splitlines())
+        lines = (json.loads(line) for line in out.splitlines())
         return next((each for each in lines if each.get("type") == "result"), {})
+
+
+async def _ran(command: Sequence[str], folder: Path) -> tuple[int | None, str, str]:
+    """Return the exit code of a command, and what it wrote to stdout and stderr.
+
+    Where the call is cancelled, the command may write its checkpoint, and is killed if that lasts.
+    """
+    with TemporaryFile() as out, TemporaryFile() as errors:
+        begun = anyio.open_process(command, stdin=DEVNULL, stdout=out, stderr=errors, cwd=folder)
+        async with await begun as process:
+            try:
+                await process.wait()
+            finally:
+                if process.returncode is None:
+                    process.terminate()
+                    with anyio.move_on_after(PATIENCE, shield=True):
+                        await process.wait()
+        written = []
+        for file in (out, errors):
+            file.seek(0)
+            written.append(file.read().decode(errors="replace"))
+        return process.returncode, *written
 
 
 def serve(program: Sequence[str], folders: Sequence[Path]) -> None:
@@ -108,7 +134,11 @@ def serve(program: Sequence[str], folders: Sequence[Path]) -> None:
     verbs = Verbs(program, Places(tuple(folder.resolve() for folder in folders)))
     for tool in (verbs.info, verbs.edit, verbs.make, verbs.convert, verbs.render):
         server.tool(description=tool.__doc__)(_told(tool, library.exceptions.ToolError))
-    server.run("stdio")
+    try:
+        server.run("stdio")
+    except Exception as error:  # anyio's groups of errors have no name before Python 3.11
+        if not all(isinstance(each, BrokenPipeError) for each in getattr(error, "exceptions", [0])):
+            raise  # else the client is gone
 
 
 def _told(tool: Tool, failure: type[Exception]) -> Tool:

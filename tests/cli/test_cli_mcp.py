@@ -50,6 +50,53 @@ def test_tools_work_below_the_folders_alone(scene, tmp_path):
     assert not (given / "out").exists()
 
 
+STAND_IN = """
+import json, signal, sys, time
+from pathlib import Path
+
+scene = Path(sys.argv[-1])
+signal.signal(signal.SIGTERM, lambda *_: (scene.with_suffix('.ended').touch(), sys.exit(130)))
+scene.with_suffix('.begun').touch()
+others = [scene.with_name(name) for name in ('one.begun', 'two.begun')]
+while scene.stem == 'long' or not all(each.exists() for each in others):
+    time.sleep(0.01)
+print(json.dumps({'type': 'result', 'scene': scene.stem}))
+"""
+"""A program that ends when told to, or where both of two calls have begun."""
+
+
+def test_a_call_ends_with_its_client_and_does_not_hold_up_others(tmp_path):
+    mcp = pytest.importorskip("mcp", reason="needs gsedit[mcp]")
+    (tmp_path / "stand_in.py").write_text(STAND_IN)
+    code = (
+        "import sys; from pathlib import Path; from gsedit.mcp_server import serve; "
+        "serve([sys.executable, sys.argv[1] + '/stand_in.py'], [Path(sys.argv[1])])"
+    )
+    command = mcp.StdioServerParameters(command=sys.executable, args=["-c", code, str(tmp_path)])
+
+    async def appears(name: str) -> None:
+        while not (tmp_path / name).exists():
+            await asyncio.sleep(0.01)
+        (tmp_path / name).unlink()
+
+    async def converse():
+        async with mcp.Client(command) as client:
+            long = asyncio.create_task(client.call_tool("info", {"scene": "long.ply"}))
+            await appears("long.begun")
+            pair = (client.call_tool("info", {"scene": f"{name}.ply"}) for name in ("one", "two"))
+            told = await asyncio.gather(*pair)
+            assert not (tmp_path / "long.ended").exists()
+            long.cancel()
+            await appears("long.ended")
+            left = asyncio.create_task(client.call_tool("info", {"scene": "long.ply"}))
+            await appears("long.begun")
+        await appears("long.ended")
+        left.cancel()
+        return [each.structured_content["scene"] for each in told]
+
+    assert asyncio.run(asyncio.wait_for(converse(), 60)) == ["one", "two"]
+
+
 def test_without_the_package_the_extra_is_named(monkeypatch, tmp_path):
     for name in ("mcp", "mcp.server.mcpserver"):
         monkeypatch.setitem(sys.modules, name, None)
