@@ -25,7 +25,7 @@ FLAGS = (
 )  # fmt: skip
 _PLACE = """(() => {
   const found = [...document.querySelectorAll("button,[role=tab]")]
-    .find((each) => each.offsetParent !== null && each.innerText.trim() === %s);
+    .find((each) => each.offsetParent !== null && each.innerText.trim()%s);
   if (!found) return null;
   found.scrollIntoView({ block: "nearest" });
   const box = found.getBoundingClientRect();
@@ -42,8 +42,22 @@ _FIELD = """(() => {
   if (field) { field.focus(); field.select(); }
   return !!field;
 })()"""
-CTRL, SHIFT = 2, 8
+_OPTION = """(() => {
+  const found = [...document.querySelectorAll("[role=option]")]
+    .find((each) => each.offsetParent !== null && each.innerText.trim().startsWith(%s));
+  if (!found) return null;
+  found.scrollIntoView({ block: "nearest" });
+  const box = found.getBoundingClientRect();
+  return [box.x + box.width / 2, box.y + box.height / 2];
+})()"""
+_FOCUSED = """(() => {
+  const box = document.activeElement.getBoundingClientRect();
+  return [box.x + box.width / 2, box.y + box.height / 2];
+})()"""
+ALT, CTRL, SHIFT = 1, 2, 8
 """Keys held, as devtools count them."""
+BUTTONS = {"left": 1, "right": 2, "middle": 4}
+"""Bits of the buttons that are held."""
 
 
 def chromium() -> str | None:
@@ -121,10 +135,12 @@ class Window:
             time.sleep(0.05)
         return value
 
-    def press(self, label: str) -> None:
-        """Press the button, or the heading, of a label."""
+    def press(self, label: str, begins: bool = False) -> None:
+        """Press the button, or the heading, of a label; or whose label `begins` with this."""
         before = None
-        while (place := self.wait(lambda: self.run(_PLACE % json.dumps(label)))) != before:
+        said = json.dumps(label)
+        script = _PLACE % (f".startsWith({said})" if begins else f" === {said}")
+        while (place := self.wait(lambda: self.run(script))) != before:
             before = place  # what is above it may be moving it
             self.sleep(0.1)
         self.click(*place)
@@ -135,26 +151,70 @@ class Window:
         self.wait(lambda: self.run(script))
         self.call("Input.insertText", text=text)
 
+    def choose(self, label: str, option: str) -> None:
+        """Choose from the list of a label what begins with `option`."""
+        script = _FIELD % json.dumps(label)
+        self.wait(lambda: self.run(script))
+        self.click(*self.run(_FOCUSED))
+        self.sleep(0.3)  # the list is opening
+        self.click(*self.wait(lambda: self.run(_OPTION % json.dumps(option))))
+
+    def type(self, label: str, text: str) -> None:
+        """Type into the field of a label, key by key."""
+        script = _FIELD % json.dumps(label)
+        self.wait(lambda: self.run(script))
+        for each in text:
+            self.call("Input.dispatchKeyEvent", type="keyDown", text=each, key=each)
+            self.call("Input.dispatchKeyEvent", type="keyUp", key=each)
+
+    def drop(self, *paths: Path, x: float = 300, y: float = 300) -> None:
+        """Drop files and folders of this machine at a pixel."""
+        data = {"items": [], "files": [str(each) for each in paths], "dragOperationsMask": 1}
+        for kind in ("dragEnter", "dragOver", "drop"):
+            self.call("Input.dispatchDragEvent", type=kind, x=x, y=y, data=data)
+
+    def keep_downloads(self, folder: Path) -> None:
+        """Keep in a folder what the page offers for download."""
+        self.call(
+            "Browser.setDownloadBehavior", behavior="allow", downloadPath=str(folder.resolve())
+        )
+
+    def touch(self, *moments: tuple[tuple[float, float], ...]) -> None:
+        """Put down fingers at the points of the first moment, move them over the others, and lift
+        them."""
+        for kind, moment in zip(("touchStart", *["touchMove"] * len(moments)), moments):
+            points = [{"x": x, "y": y, "id": i} for i, (x, y) in enumerate(moment)]
+            self.call("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+            time.sleep(0.05)
+        self.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+
+    def wheel(self, x: float, y: float, down: float) -> None:
+        """Turn the wheel over a pixel."""
+        self.call("Input.dispatchMouseEvent", type="mouseWheel", x=x, y=y, deltaX=0, deltaY=down)
+
     def click(self, x: float, y: float, modifiers: int = 0) -> None:
         """Click at a pixel."""
-        self.mouse("mouseMoved", x, y, modifiers)
+        self.mouse("mouseMoved", x, y, modifiers, "none")
         self.mouse("mousePressed", x, y, modifiers)
         self.mouse("mouseReleased", x, y, modifiers)
 
-    def drag(self, *points: tuple[float, float], modifiers: int = 0) -> None:
+    def drag(self, *points: tuple[float, float], modifiers: int = 0, button: str = "left") -> None:
         """Drag from the first point over the others."""
-        self.mouse("mouseMoved", *points[0], modifiers)
-        self.mouse("mousePressed", *points[0], modifiers)
+        self.mouse("mouseMoved", *points[0], modifiers, "none")
+        self.mouse("mousePressed", *points[0], modifiers, button)
         for point in points[1:]:
-            self.mouse("mouseMoved", *point, modifiers)
+            self.mouse("mouseMoved", *point, modifiers, button)
             time.sleep(0.05)
-        self.mouse("mouseReleased", *points[-1], modifiers)
+        self.mouse("mouseReleased", *points[-1], modifiers, button)
 
-    def mouse(self, kind: str, x: float, y: float, modifiers: int = 0) -> None:
-        """Send one event of the left button."""
+    def mouse(
+        self, kind: str, x: float, y: float, modifiers: int = 0, button: str = "left"
+    ) -> None:
+        """Send one event of a button."""
+        held = 0 if kind == "mouseReleased" else BUTTONS.get(button, 0)
         self.call(
-            "Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1,
-            buttons=int(kind != "mouseReleased"), modifiers=modifiers,
+            "Input.dispatchMouseEvent", type=kind, x=x, y=y, button=button, clickCount=1,
+            buttons=held, modifiers=modifiers,
         )  # fmt: skip
 
     def key(self, key: str, modifiers: int = 0) -> None:

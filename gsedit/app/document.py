@@ -46,7 +46,7 @@ class Eye:
     target: tuple[float, float, float]
     up: tuple[float, float, float]
     fov: float
-    """Vertical field of view, radians."""
+    """Field of view across the shorter side of the window, radians."""
 
 
 @dataclass(frozen=True)

@@ -47,7 +47,18 @@ def eye_of(camera: Camera, distance: float) -> Eye:
 def handle_eye(handle: Any) -> Eye:
     """The place of a viser camera."""
     position, target, up = handle.position, handle.look_at, handle.up_direction
-    return Eye(point_of(position), point_of(target), point_of(up), float(handle.fov))
+    fov = widened(float(handle.fov), 1 / height_of(handle))
+    return Eye(point_of(position), point_of(target), point_of(up), fov)
+
+
+def widened(fov: float, factor: float) -> float:
+    """The field of view, radians, across so many times the length."""
+    return 2 * atan(factor * tan(fov / 2))
+
+
+def height_of(handle: Any) -> float:
+    """Height of a viser camera's picture in its shorter sides."""
+    return max(handle.image_height / max(handle.image_width, 1), 1.0)
 
 
 def point_of(values: Any) -> tuple[float, float, float]:

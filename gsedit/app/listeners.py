@@ -31,26 +31,46 @@ class Screen(Protocol):
         ...
 
 
-class Listeners:
-    """Functions that are called after changes, each as long as its tab is open."""
+class Audience:
+    """Tabs of a page, and functions that are called after changes, each as long as its tab is
+    open."""
 
     def __init__(self) -> None:
-        """Begin without any listener."""
+        """Begin without any tab."""
+        self.tabs: list[Screen] = []
         self._functions: list[tuple[Screen, str, Callable[[], None]]] = []
 
-    def add(self, tab: Screen, what: str, function: Callable[[], None]) -> None:
-        """Call a function of a tab after each change of that name."""
+    def join(self, tab: Screen) -> None:
+        """Take a tab that was opened."""
+        self.tabs.append(tab)
+
+    def part(self, tab: Screen) -> None:
+        """Forget a tab that was closed; work goes on without it."""
+        if tab in self.tabs:
+            self.tabs.remove(tab)
+        self._functions = [each for each in self._functions if each[0] is not tab]
+        tab.close()
+
+    def listen(self, tab: Screen, what: str, function: Callable[[], None]) -> None:
+        """Call a function after each change of the "scene", the "selection", the "document" or
+        "busy", as long as the tab is open."""
         self._functions.append((tab, what, function))
 
-    def forget(self, tab: Screen) -> None:
-        """Call no function of a tab any more."""
-        self._functions = [each for each in self._functions if each[0] is not tab]
-
-    def call(self, what: str) -> None:
-        """Call the functions of a change; what one raises its tab says."""
+    def notify(self, what: str) -> None:
+        """Call the functions that listen to a change; what one raises its tab says."""
         for tab, each, function in list(self._functions):
             if each == what:
                 try:
                     function()
                 except Exception as error:
                     tab.fail(error)
+
+    def say(self, text: str) -> None:
+        """Say something in all tabs."""
+        for tab in list(self.tabs):
+            tab.tell(text)
+
+    def fail(self, error: Exception | str) -> None:
+        """Say in all tabs what went wrong."""
+        for tab in list(self.tabs):
+            tab.fail(error)

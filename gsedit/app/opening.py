@@ -1,4 +1,4 @@
-"""Opening what a person names or drops: scenes, edits, sessions, photos and videos."""
+"""Opening what a person names: scenes, edits, sessions, photos and videos."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gsedit.app import document as documents
+from gsedit.app.document import Pending
 from gsedit.capture.folder import PICTURES
 from gsedit.capture.frames import is_video
 from gsedit.errors import GseditError, UsageError
 from gsedit.formats.edit_records import read_edit_record
 from gsedit.formats.registry import READABLE
-from gsedit.storage.safe_names import safe_name
 
 if TYPE_CHECKING:
     from gsedit.app.page import Page
@@ -21,6 +21,8 @@ DROPPED = "dropped"
 CAPTURE, FITTED = "capture", "scene.ply"
 """Names in the session's folder of the posed photos, and of the scene that is fitted to them."""
 QUALITIES = ("draft", "normal", "high")
+EARLIER = 3
+"""Sessions that are offered where nothing is open."""
 
 
 def open_path(page: Page, path: Path) -> None:
@@ -64,6 +66,33 @@ def title_of(folder: Path) -> str:
         return folder.name
 
 
+def waits(page: Page) -> bool:
+    """Whether photos or a video are open that have no scene yet."""
+    source, document = Path(page.document.source), page.document
+    return bool(document.source) and not document.steps and is_photos(source)
+
+
+def earlier(page: Page) -> tuple[Path, ...]:
+    """Folders of the last sessions in the page's folder and among what was dropped, the newest
+    first."""
+    place = page.places.folders[0]
+    depths = ("", f"{DROPPED}/", f"{DROPPED}/*/")
+    file = f"*{documents.SUFFIX}/{documents.NAME}"
+    found = [each for depth in depths for each in place.glob(depth + file)]
+    found.sort(key=lambda file: file.stat().st_mtime, reverse=True)
+    return tuple(file.parent for file in found[:EARLIER])
+
+
+def go_on(page: Page) -> None:
+    """Go on with what was in hand when the page was killed: the photos' cameras and their scene, or
+    a step. Raises UsageError for what the page does not begin itself."""
+    pending = page.document.pending
+    if pending is None or pending.command[0] != "fit":
+        return page.resume()
+    asked = [each for each in QUALITIES if each in pending.command]
+    make_scene(page, asked[0] if asked else QUALITIES[0])
+
+
 def make_scene(page: Page, quality: str = "draft") -> None:
     """Pose the photos of the session, where that is not done, and fit a scene to them.
 
@@ -76,60 +105,35 @@ def make_scene(page: Page, quality: str = "draft") -> None:
     if posed == source or (posed / "capture.json").is_file():
         return fit_scene(page, posed, quality)
     command = ("capture", str(source), "-o", str(posed))
-    page.run(command, "finding the cameras", lambda _: fit_scene(page, posed, quality))
+    page.run(
+        command, "finding the cameras", lambda _: fit_scene(page, posed, quality),
+        pending=Pending(titled(quality), fit_command(folder, posed, quality)),
+    )  # fmt: skip
 
 
 def fit_scene(page: Page, posed: Path, quality: str) -> None:
     """Fit a scene to posed photos; while it is fitted, tabs show its checkpoints."""
     assert page.folder is not None  # the session of the photos
-    out = page.folder / documents.STEPS / f"000-{quality}" / FITTED
-    command = ("fit", str(posed), "-o", str(out), "--quality", quality, "--resume", "-f")
-    more = ("--checkpoint-every", "5")
+    command = fit_command(page.folder, posed, quality)
+    out = Path(command[command.index("-o") + 1])
 
     def done(_: Any) -> None:
         assert page.folder is not None
         name = str(out.relative_to(page.folder))
-        page.change(documents.opened(Path(page.document.source), Path(name), f"{quality} scene"))
+        page.change(documents.opened(Path(page.document.source), Path(name), titled(quality)))
 
     checkpoint = out.with_suffix(".checkpoint.safetensors")
-    page.run((*command, *more), "fitting the scene", done, checkpoint)
+    pending = Pending(titled(quality), command)
+    page.run(command, "fitting the scene", done, checkpoint, pending)
 
 
-def receive(page: Page, file: Any) -> None:
-    """Keep a file that was dropped: a scene or a video is opened, a photo joins the others.
-
-    Raises UsageError for any other file.
-    """
-    name = safe_name(Path(file.name).name, "the dropped file")
-    low = name.lower()
-    place = page.places.folders[0] / DROPPED
-    if low.endswith(PICTURES):
-        target = place / "photos" / name
-        if target.is_file() and target.read_bytes() != file.content:  # of another camera or day
-            target = free(target)
-    elif low.endswith(READABLE) or is_video(Path(name)):
-        target = free(place / name)
-    else:
-        raise UsageError(f"{name} is no scene, photo or video: its suffix is not known")
-    target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_bytes(file.content)
-    if target.parent == place:
-        try:
-            open_path(page, target)
-        except GseditError:
-            target.unlink()  # nothing to go on with: it would only be in the way
-            raise
-    elif page.document.source != str(target.parent):
-        page.begin(target.parent)
-    else:
-        page.notify("document")
+def titled(quality: str) -> str:
+    """The title of the first scene of photos."""
+    return f"{quality} scene of the photos"
 
 
-def free(path: Path) -> Path:
-    """A path that is free: this one, or one with a number."""
-    suffix = next((each for each in READABLE if path.name.lower().endswith(each)), path.suffix)
-    stem, number, found = path.name[: -len(suffix)] if suffix else path.name, 1, path
-    while found.exists():
-        number += 1
-        found = path.with_name(f"{stem}-{number}{suffix}")
-    return found
+def fit_command(folder: Path, posed: Path, quality: str) -> tuple[str, ...]:
+    """The command that fits the first scene of a session's folder."""
+    out = folder / documents.STEPS / f"000-{quality}" / FITTED
+    command = ("fit", str(posed), "-o", str(out), "--quality", quality)
+    return (*command, "--resume", "-f", "--checkpoint-every", "5")

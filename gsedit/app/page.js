@@ -1,20 +1,89 @@
-// Files that are dropped on the page go to its upload button, one after another.
+// Files and folders that are dropped, and several that are chosen, go to the page's upload field one
+// after another. A file of a folder is named KEY/FOLDER/PATH, and KEY/FOLDER/ when all are there.
+const KNOWN = /\.(SUFFIXES)$/i;
+const PAUSE = 50;
+let sending = Promise.resolve();
+
+const field = () => document.querySelector('input[type="file"]');
+const later = (milliseconds) => new Promise((again) => setTimeout(again, milliseconds));
+
+async function send(file) {
+  const input = field();
+  if (!input) return;
+  const one = new DataTransfer();
+  one.items.add(file);
+  input.files = one.files;
+  input.dispatchEvent(new Event("change", { bubbles: true }));
+  const button = input.parentElement.querySelector("button");
+  do await later(PAUSE);
+  while (button.disabled);
+  for (const each of document.querySelectorAll('[role="alert"]')) {
+    // one notice at a time: the others told of files before
+    if (/^Uploading .*\n.*success/s.test(each.innerText)) each.querySelector("button")?.click();
+  }
+}
+
+async function filesBelow(entry, path) {
+  if (entry.isFile) {
+    const known = KNOWN.test(entry.name) && !entry.name.startsWith(".");
+    return known ? [[path, await new Promise((...found) => entry.file(...found))]] : [];
+  }
+  const reader = entry.createReader();
+  const all = [];
+  let some;
+  do all.push(...(some = await new Promise((...found) => reader.readEntries(...found))));
+  while (some.length); // a hundred at most each time
+  all.sort((a, b) => a.name.localeCompare(b.name));
+  const found = [];
+  for (const each of all) {
+    if (!each.name.startsWith(".")) found.push(...(await filesBelow(each, `${path}/${each.name}`)));
+  }
+  return found;
+}
+
+async function sendFolder(entry) {
+  const files = await filesBelow(entry, entry.name);
+  let key = 7; // of what is in it: the same folder, dropped again, goes on where it was
+  for (const [path, file] of files) {
+    for (const letter of `${path}:${file.size}`) key = (key * 31 + letter.codePointAt(0)) >>> 0;
+  }
+  const place = key.toString(16).padStart(8, "0");
+  for (const [path, file] of files) await send(new File([file], `${place}/${path}`));
+  await send(new File([" "], `${place}/${entry.name}/`));
+}
+
+const queued = (work) => (sending = sending.then(work).catch((error) => console.warn(error)));
+
 addEventListener("dragover", (event) => event.preventDefault());
-addEventListener("drop", async (event) => {
+addEventListener("drop", (event) => {
   event.preventDefault();
-  const files = [...event.dataTransfer.files];
-  for (const file of files) {
-    const input = document.querySelector('input[type="file"]');
-    if (!input) return;
-    const one = new DataTransfer();
-    one.items.add(file);
-    input.files = one.files;
-    input.dispatchEvent(new Event("change", { bubbles: true }));
-    const button = input.parentElement.querySelector("button");
-    do await new Promise((again) => setTimeout(again, 50));
-    while (button.disabled);
+  for (const item of [...event.dataTransfer.items]) {
+    const entry = item.webkitGetAsEntry?.(); // to be asked for before this function ends
+    const file = item.getAsFile();
+    if (entry?.isDirectory) queued(() => sendFolder(entry));
+    else if (file) queued(() => send(file));
   }
 });
+addEventListener(
+  "change",
+  (event) => {
+    if (event.target !== field() || event.target.files.length < 2) return;
+    event.stopPropagation();
+    for (const file of [...event.target.files]) queued(() => send(file));
+  },
+  true,
+);
+
+// A finger on the picture is captured by it from the start, which viser takes for a handle that is
+// being dragged: a tap would not be a click.
+addEventListener(
+  "pointerdown",
+  (event) => {
+    if (event.pointerType === "touch" && event.target.tagName === "CANVAS")
+      event.target.releasePointerCapture(event.pointerId);
+  },
+  true,
+);
 
 // The scene is not drawn by the browser: its warning that it has no graphics card is of no use.
 new MutationObserver((_, observer) => {
@@ -23,4 +92,21 @@ new MutationObserver((_, observer) => {
   if (!warning) return;
   observer.disconnect();
   warning.querySelector("button").click();
+}).observe(document, { childList: true, subtree: true });
+
+// The upload field takes several files. In a narrow window, whose panel is a sheet at the bottom, the
+// picture ends where the panel begins.
+let sheet = null;
+new MutationObserver(() => {
+  const input = field();
+  if (input) input.multiple = true;
+  const found = document.querySelector('[style*="position: fixed"][style*="bottom: 0px"]');
+  const canvas = document.querySelector("canvas");
+  if (!found || !canvas || found === sheet) return;
+  sheet = found;
+  sheet.id = "sheet";
+  const box = [...sheet.parentElement.children].find((each) => each.contains(canvas));
+  new ResizeObserver(() => {
+    box.style.height = `calc(100% - ${found.offsetHeight}px)`; // 0 once it is gone
+  }).observe(found);
 }).observe(document, { childList: true, subtree: true });

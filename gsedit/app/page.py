@@ -13,9 +13,11 @@ from typing import TYPE_CHECKING, Any
 from torch import Tensor
 
 from gsedit.app import document as documents
+from gsedit.app import undone
 from gsedit.app.document import Document, Eye, Pending, Step
-from gsedit.app.listeners import Listeners, Screen
-from gsedit.app.loaded import Loaded, read
+from gsedit.app.kept import Kept
+from gsedit.app.listeners import Audience
+from gsedit.app.loaded import Loaded
 from gsedit.app.places import Places
 from gsedit.app.steps import (
     CHECKPOINT,
@@ -26,8 +28,9 @@ from gsedit.app.steps import (
     step_of,
     watch,
 )
+from gsedit.app.undone import Undone
 from gsedit.app.worker import Cancelled, Worker
-from gsedit.app.works import Work, Works
+from gsedit.app.works import Done, Work, Works
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.errors import GseditError, UsageError
 from gsedit.regions.saved import saved_names
@@ -37,19 +40,16 @@ from rasterizer.scene import Gaussians
 if TYPE_CHECKING:
     from gsedit.selecting.click import Selector
 
-KEPT_GAUSSIANS = 1_200_000
-"""Gaussians of the scenes in memory, the current one aside: 280 MB at SH degree 3. Going back and
-forth between them reads nothing again."""
 NOTHING_OPEN = "open a scene first: under File, by its path, or drop it on the page"
 
 
-class Page:
+class Page(Audience):
     """State that all tabs share. Its methods can be called from any thread."""
 
     def __init__(self, worker: Worker, places: Places) -> None:
         """Begin without a scene."""
+        super().__init__()
         self.places = places
-        self.tabs: list[Screen] = []
         self.document = Document()
         self.folder: Path | None = None
         """The session's folder; None before anything is open."""
@@ -60,10 +60,9 @@ class Page:
         self.growing: Loaded | None = None
         """The scene that the command in hand has made so far, where it tells."""
         self._works = Works(worker, lambda: self.notify("busy"))
-        self._kept: dict[Path, Loaded] = {}
+        self._kept = Kept()
         self._lock = RLock()
         self._session = ExitStack()
-        self._listeners = Listeners()
 
     # -- the scene
 
@@ -100,12 +99,7 @@ class Page:
 
     def load(self, file: Path) -> Loaded:
         """A scene of the history, read once and kept while there is room."""
-        with self._lock:
-            found = self._kept.pop(file, None) or read(file)
-            self._kept[file] = found
-            while sum(len(each.scene) for each in [*self._kept.values()][:-1]) > KEPT_GAUSSIANS:
-                self._kept.pop(next(iter(self._kept)))
-            return found
+        return self._kept.load(file)
 
     def distance(self, camera: Camera) -> float:
         """Distance before a camera about which its view turns: that of the scene's middle."""
@@ -224,6 +218,20 @@ class Page:
             self.load(self.file_of(found.position))  # a damaged file changes nothing
         self.change(found)
 
+    def undone(self) -> Undone:
+        """Steps that are undone, or never ended, and their size on the disk."""
+        return undone.undone(self.document, self.folder)
+
+    def discard_undone(self) -> None:
+        """Remove them for good. Raises UsageError where a command is in hand."""
+        self._works.check_idle()
+        found = self.undone()
+        self.change(undone.without(self.document))  # first: no step names a scene that is gone
+        for each in found.folders:
+            self._kept.forget(each)
+        undone.remove(found)
+        self.notify("document")
+
     def new_file(self, name: str) -> Path:
         """A path in the session's exports that is free."""
         if self.folder is None:
@@ -286,13 +294,15 @@ class Page:
         title: str,
         done: Callable[[dict[str, Any]], None] | None = None,
         checkpoint: Path | None = None,
+        pending: Pending | None = None,
     ) -> None:
         """Run a command that is no step; `done` is given the record of its result, in a thread.
 
-        While it runs, the scene of its `checkpoint` is shown. Raises UsageError where a command is
-        in hand.
+        While it runs, the scene of its `checkpoint` is shown; where it is killed, the document has
+        `pending` to go on with. Raises UsageError where a command is in hand.
         """
-        self._works.begin(command, title, self._ended(done or (lambda record: None)), self._failed)
+        ended = self._ended(done or (lambda record: None))
+        self._start(pending or self.document.pending, command, title, ended)
         if checkpoint is not None:
             self._watch(checkpoint)
 
@@ -302,12 +312,19 @@ class Page:
 
     def _begin(self, pending: Pending, after: Callable[[], None] | None) -> None:
         done = self._ended(partial(self._stepped, pending, after))
+        self._start(pending, pending.command, pending.title, done)
+        self._watch(folder_of_step(pending) / CHECKPOINT)
+
+    def _start(
+        self, pending: Pending | None, command: Sequence[str], title: str, done: Done
+    ) -> None:
+        """Begin a command, and note in the document what goes on where it is killed."""
         with self._lock:
             self._works.check_idle()
-            self.document = replace(self.document, pending=pending)
-            self.save()
-            self._works.begin(pending.command, pending.title, done, self._failed)
-        self._watch(folder_of_step(pending) / CHECKPOINT)
+            if pending != self.document.pending:
+                self.document = replace(self.document, pending=pending)
+                self.save()
+            self._works.begin(command, title, done, self._failed)
 
     def _watch(self, checkpoint: Path) -> None:
         """Show the scene of a checkpoint while the command in hand lasts."""
@@ -355,38 +372,6 @@ class Page:
         self.change(documents.applied(self.document, step))
         if after is not None:
             after()
-
-    # -- tabs
-
-    def join(self, tab: Screen) -> None:
-        """Take a tab that was opened."""
-        self.tabs.append(tab)
-
-    def part(self, tab: Screen) -> None:
-        """Forget a tab that was closed; work goes on without it."""
-        if tab in self.tabs:
-            self.tabs.remove(tab)
-        self._listeners.forget(tab)
-        tab.close()
-
-    def listen(self, tab: Screen, what: str, function: Callable[[], None]) -> None:
-        """Call a function after each change of the "scene", the "selection", the "document" or
-        "busy", as long as the tab is open."""
-        self._listeners.add(tab, what, function)
-
-    def notify(self, what: str) -> None:
-        """Call the functions that listen to a change."""
-        self._listeners.call(what)
-
-    def say(self, text: str) -> None:
-        """Say something in all tabs."""
-        for tab in list(self.tabs):
-            tab.tell(text)
-
-    def fail(self, error: Exception | str) -> None:
-        """Say in all tabs what went wrong."""
-        for tab in list(self.tabs):
-            tab.fail(error)
 
     def warm(self) -> None:
         """Prepare the process of the first command."""

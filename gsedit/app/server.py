@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
@@ -15,13 +16,14 @@ from typing import Any
 from gsedit.app.guard import Guard
 from gsedit.app.page import Page
 from gsedit.app.panels import add_panels
+from gsedit.app.receiving import TAKEN
 from gsedit.app.tab import Tab
 from gsedit.pictures.viewer.libraries import LOOPBACK, guarded, import_viser
 
 TOKEN_BYTES = 24
 BRAND = (40, 110, 200)
 TITLE = "gsedit"
-_SCRIPT = Path(__file__).with_name("page.js")
+_SCRIPT, _STYLE = (Path(__file__).with_name(f"page.{kind}") for kind in ("js", "css"))
 
 
 @dataclass(frozen=True)
@@ -65,12 +67,16 @@ def serve(page: Page, host: str = "127.0.0.1", port: int = 8080) -> Iterator[Ser
 
 
 def html(viser: Any) -> bytes:
-    """The page of viser's client, with a title and the script that takes dropped files."""
+    """The page of viser's client, with a title, and our script and style."""
     file = Path(viser.__file__).parent / "client" / "build" / "index.html"
     text = file.read_text(encoding="utf-8")
     text = text.replace("<title>Viser</title>", f"<title>{TITLE}</title>", 1)
     script = _SCRIPT.read_text(encoding="utf-8")
-    return text.replace("<head>", f"<head>\n<script>{script}</script>", 1).encode()
+    known = "|".join(re.escape(each.lstrip(".")) for each in TAKEN)
+    script = script.replace("SUFFIXES", known, 1)
+    style = _STYLE.read_text(encoding="utf-8")
+    added = f"<script>{script}</script>\n<style>{style}</style>"
+    return text.replace("<head>", f"<head>\n{added}", 1).encode()
 
 
 def _keep_inside(server: Any) -> None:

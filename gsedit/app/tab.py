@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import wraps
-from math import atan, tan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from gsedit.app.eyes import camera_of, eye_of, handle_eye, point_of
+from gsedit.app.eyes import camera_of, eye_of, handle_eye, height_of, point_of, widened
 from gsedit.app.frames import RESTING_QUALITY, Painter
 from gsedit.app.reading import on_page
 from gsedit.app.shown import Shown, Way, depth_at, picture, tinted
@@ -111,10 +110,12 @@ class Tab:
             camera = loaded.first_camera()
             eye = eye_of(camera, self.page.distance(camera))
             wide = handle.image_height / max(handle.image_width, 1) * camera.width / camera.height
-            fov = 2 * atan(max(wide, 1.0) * tan(eye.fov / 2))  # a narrow window shows its width
-            eye = replace(eye, up=point_of(loaded.up()), fov=fov)
+            fov = widened(eye.fov, max(wide, 1.0))  # a narrow window shows its width
+            eye = replace(eye, up=point_of(loaded.up()))
+        else:
+            fov = widened(eye.fov, height_of(handle))
         with self.client.atomic():
-            handle.up_direction, handle.fov = eye.up, eye.fov
+            handle.up_direction, handle.fov = eye.up, fov
             handle.near, handle.far = loaded.bulk.near, FAR * loaded.bulk.radius
             handle.position, handle.look_at = eye.position, eye.target
 

@@ -13,7 +13,8 @@ from pages import COMMAND, make_page, until
 
 from gsedit.app import document as documents
 from gsedit.app.document import Pending
-from gsedit.app.opening import make_scene, open_path, receive
+from gsedit.app.opening import earlier, go_on, make_scene, open_path
+from gsedit.app.receiving import receive
 from gsedit.app.worker import Cancelled, Worker
 from gsedit.errors import GseditError, UsageError
 from gsedit.formats.scenes import save
@@ -221,12 +222,15 @@ def test_dropped_files_are_opened_or_refused(page, tmp_path, scene):
     class File:
         name, content = "../../x/bear.ply", scene.read_bytes()
 
+    with pytest.raises(GseditError, match="leaves its folder"):
+        receive(page, File)
+    File.name = "bear.ply"
     receive(page, File)
     assert page.scene_file == tmp_path.resolve() / "dropped" / "bear.ply"
     receive(page, File)
     assert page.scene_file.name == "bear-2.ply"
     File.name = "notes.txt"
-    with pytest.raises(UsageError, match="suffix"):
+    with pytest.raises(UsageError, match="drop one of these"):
         receive(page, File)
     File.name, File.content = "one.JPG", b"no picture"
     receive(page, File)
@@ -259,7 +263,7 @@ def test_what_is_no_scene_is_refused_with_the_next_move(page, tmp_path):
 
 
 def test_scenes_in_memory_are_bounded(opened, monkeypatch):
-    monkeypatch.setattr("gsedit.app.page.KEPT_GAUSSIANS", 700)
+    monkeypatch.setattr("gsedit.app.kept.KEPT_GAUSSIANS", 700)
     for title in ("a", "b", "c"):
         step(opened, title)
     assert len(opened._kept) == 2
@@ -280,3 +284,76 @@ def test_the_warm_program_runs_a_command_of_gsedit(scene):
     record = worker.run(["info", str(scene), "--json"], print)
     worker.close()
     assert record["gaussians"] == 600
+
+
+def test_undone_steps_can_be_deleted_and_no_others(opened, tmp_path):
+    for title in ("one", "two", "three"):
+        step(opened, title)
+    opened.go_to(1)
+    step(opened, "other")  # now nothing names "two" and "three"
+    step(opened, "last")
+    opened.undo()
+    files = sum(each.stat().st_size for each in opened.folder.glob("steps/00[235]*/*"))
+    assert opened.undone().size == files > 0
+    opened.discard_undone()
+    names = [each.name for each in sorted((opened.folder / "steps").iterdir())]
+    assert names == ["001-one", "004-other"]
+    assert [each.title for each in opened.document.steps] == ["bear.ply", "one", "other"]
+    assert not opened.undone().folders
+    opened.redo()
+    opened.go_to(0)
+    assert [each.name for each in opened.undone().folders] == ["001-one", "004-other"]
+    opened.go_to(2)
+    assert len(opened.scene) == 600
+
+
+def test_an_interrupted_capture_goes_on_to_its_scene(page, tmp_path, scene):
+    photos = tmp_path / "photos"
+    photos.mkdir()
+    (photos / "1.jpg").touch()
+    open_path(page, photos)
+    program = f"scene, begun = {str(scene)!r}, {str(tmp_path / 'begun')!r}" + COMMAND.replace(
+        "scene, *rest", "_, *rest"
+    ).replace("out = ", "verb == 'capture' and (open(begun, 'w'), time.sleep(60)); out = ")
+    page._works.worker = Worker((sys.executable, "-Sc", program))
+    make_scene(page, "normal")
+    until(lambda: (tmp_path / "begun").is_file())
+    written = (page.folder / documents.NAME).read_text()
+    page.cancel()
+    idle(page)
+    page.close()
+    (page.folder / documents.NAME).write_text(written)  # as it was when all was killed
+    posed = page.folder / "capture"
+    posed.mkdir()
+    (posed / "capture.json").touch()  # its stages are tested elsewhere
+    again = make_page(tmp_path)
+    assert [each.name for each in earlier(again)] == ["photos.session"]
+    open_path(again, earlier(again)[0])
+    assert again.document.pending.title == "normal scene of the photos"
+    again._works.worker = Worker((sys.executable, "-Sc", program))
+    go_on(again)
+    idle(again)
+    assert again.scene_file.parent.name == "000-normal"
+    assert again.document.pending is None
+    again.close()
+
+
+def test_a_folder_that_is_dropped_is_opened_when_all_of_it_is_there(page, tmp_path, scene):
+    class File:
+        name, content = "0a1b/bear edit/scene.ply", scene.read_bytes()
+
+    receive(page, File)
+    assert not page.has_scene
+    File.name, File.content = "0a1b/bear edit/", b" "
+    receive(page, File)
+    assert page.scene_file == tmp_path.resolve() / "dropped/0a1b/bear edit/scene.ply"
+    File.name = "0a1b/../../x.ply"
+    with pytest.raises(GseditError, match="leaves its folder"):
+        receive(page, File)
+    (tmp_path / "dropped" / "link").symlink_to("/tmp")
+    File.name = "link/x/y.ply"
+    with pytest.raises(UsageError, match="outside"):
+        receive(page, File)
+    File.name, File.content = "0a1c/empty/", b" "
+    with pytest.raises(UsageError, match="no scene"):
+        receive(page, File)

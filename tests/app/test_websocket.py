@@ -162,7 +162,7 @@ def test_a_dropped_scene_is_opened(opened, page, scene):
     tab = PageClient(opened, (64, 48))
     tab.wait(lambda: sees_scene(tab))
     before = np.array(tab.pixels())
-    tab.upload("Open a file, or drop it here", "other.ply", scene.read_bytes())
+    tab.upload("Open files, or drop them here", "other.ply", scene.read_bytes())
     tab.wait(lambda: "other" in tab.text())
     assert page.scene_file.name == "other.ply"
     assert before.shape == tab.pixels().shape

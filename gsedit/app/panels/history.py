@@ -17,6 +17,7 @@ def add(page: Page, tab: Tab) -> None:
     """Add the list of steps, Undo and Redo, and the comparison of two of them."""
     add_steps(page, tab)
     add_comparison(page, tab)
+    add_discard(page, tab)
     tab.key("Undo", "Z", page.undo, "cmd/ctrl")
     tab.key("Redo", "Y", page.redo, "cmd/ctrl")
     tab.key("Before / after", "B", lambda: flip(page, tab))
@@ -52,6 +53,23 @@ def add_steps(page: Page, tab: Tab) -> None:
 
     page.listen(tab, "document", show)
     show()
+
+
+def add_discard(page: Page, tab: Tab) -> None:
+    """Add the button that deletes what undone steps take on the disk, pressed twice."""
+    discard = tab.gui.add_button("", icon="trash", color="gray", visible=False)
+    sure = False
+
+    def ask(again: bool) -> None:
+        nonlocal sure
+        found, sure = page.undone(), again
+        discard.visible = bool(found.folders)
+        what = f"undone steps, {found.size / 1e6:,.0f} MB"
+        discard.label = f"Press again: delete {what}" if sure else f"Delete {what}"
+
+    discard.on_click(tab.safely(lambda _: page.discard_undone() if sure else ask(True)))
+    page.listen(tab, "document", lambda: ask(False))
+    ask(False)
 
 
 def add_comparison(page: Page, tab: Tab) -> None:

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 NAME = "select"
 ADD, TAKE = "cmd/ctrl", "alt"
 """Keys held at a click: select this too; take this away."""
+SELECTS, ADDS, TAKES, NOTHING = "select", "add", "take away", "do nothing"
+"""Ways of a click without a key, as on a phone."""
 SELECT = "selection"
 NONE = "—"
 
@@ -36,7 +38,7 @@ class Select:
         self.page, self.tab, gui = page, tab, tab.gui
         self.clicks = Clicks()
         self.state = gui.add_markdown("")
-        self.picks = gui.add_checkbox("clicks select", True, hint=_HOW)
+        self.picks = gui.add_dropdown("clicks", (SELECTS, ADDS, TAKES, NOTHING), hint=_HOW)
         self.words = gui.add_text(
             "words", "", hint="As “the red one”, “the largest”, “the ground”."
         )
@@ -75,16 +77,19 @@ class Select:
 
     def point(self) -> None:
         """Let clicks and boxes select, or not."""
-        if self.picks.value:
+        if self.picks.value != NOTHING:
             self.tab.pointer(NAME, self.clicked, self.boxed, (None, ADD, TAKE))
         elif self.tab.pointer_name == NAME:
             self.tab.pointer(None)
 
     def clicked(self, pick: Pick) -> None:
         """Select the object at a click, add it, or take away what is under it."""
-        click = Click(pick.camera, pick.x, pick.y, pick.modifier != TAKE, "this view")
-        clicks = self.clicks.with_click(click, add=pick.modifier is not None)
+        held = pick.modifier or {ADDS: ADD, TAKES: TAKE}.get(self.picks.value)
+        click = Click(pick.camera, pick.x, pick.y, held != TAKE, "this view")
+        clicks = self.clicks.with_click(click, add=held is not None)
         selector = self.page.loaded
+        if "selector" not in vars(selector):
+            self.tab.tell("looking for the objects of the scene: the first click takes a while")
 
         def then(region: Region) -> None:
             self.clicks = clicks
