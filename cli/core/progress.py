@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 
 Show = Callable[["Event"], None]
 
+NOTEBOOK = "JPY_PARENT_PID"
+"""Variable of commands in a notebook: it shows a terminal's bars as a new line at every move."""
 LINE_INTERVAL = 10.0
 """Seconds between plain lines of one stage: the log of an hour stays readable."""
 
@@ -28,7 +31,7 @@ def progress(*, as_json: bool) -> Iterator[Show]:
     """Yield a function that shows events: as JSON lines, bars on a terminal, or plain lines."""
     if as_json:
         yield _print_as_json
-    elif sys.stderr.isatty():
+    elif sys.stderr.isatty() and NOTEBOOK not in os.environ:
         with _bars() as show:
             yield show
     else:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from gsedit_cli.core.progress import plain_line, progress
+import sys
+
+import pytest
+from gsedit_cli.core.progress import NOTEBOOK, plain_line, progress
 
 from gsedit import Event
 
@@ -22,3 +25,14 @@ def test_a_log_is_a_line_a_stage_and_now_and_then(capsys):
     assert lines[0].startswith("[0 s] fit 1/100")
     assert lines[-1] == "[100 s] measure 20.00 dB"
     assert len(lines) == 1 + 9 + 1 + 1  # first, every 10 seconds, last, and the other stage
+
+
+@pytest.mark.parametrize("is_notebook", [False, True])
+def test_a_terminal_gets_bars_and_a_notebook_lines(capsys, monkeypatch, is_notebook):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    monkeypatch.delenv(NOTEBOOK, raising=False)
+    if is_notebook:
+        monkeypatch.setenv(NOTEBOOK, "1")
+    with progress(as_json=False) as show:
+        show(Event("fit", 0.0, 2, 2))
+    assert ("[0 s] fit 2/2" in capsys.readouterr().err) == is_notebook
