@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
@@ -10,6 +9,7 @@ from html import escape
 from pathlib import Path
 
 from gsedit.app.places import Places
+from gsedit.app.wording import on_page
 from gsedit.editing.routes.apply import is_exact
 from gsedit.editing.routes.plan import steps_of
 from gsedit.editor_protocol import Editor
@@ -57,17 +57,6 @@ class Reading:
         lines = [_line(change, selected=selected) for change in self.instruction.changes]
         lines.append(f'<span style="opacity:.7">about {_rounded(self.seconds(count))} s</span>')
         return f'<div style="{_BOX}">{"<br>".join(lines)}</div>'
-
-
-_MARKED = re.compile(r"(?:mark|name) (it|the object|what (?:should|may) change) with --region")
-_LOOKED = re.compile(
-    r"[;,:]? ?(?:and )?look at (?:it|what is selected) with gsedit render SCENE --region \.\.\."
-)
-
-
-def on_page(text: str) -> str:
-    """A message of the command line in the words of the page: what is marked there is selected."""
-    return _LOOKED.sub("", _MARKED.sub(r"select \1 by a click", text))
 
 
 _BOX = "font-size:13px;line-height:1.5;padding:0 .75em .25em"

@@ -14,9 +14,9 @@ from torch import Tensor
 
 from gsedit.app.eyes import camera_of, eye_of, handle_eye, height_of, point_of, widened
 from gsedit.app.frames import RESTING_QUALITY, Painter
-from gsedit.app.reading import on_page
 from gsedit.app.shown import Shown, Way, depth_at, picture, tinted
 from gsedit.app.soon import Soon
+from gsedit.app.wording import on_page
 from gsedit.errors import GseditError
 from gsedit.regions.region import TINT
 from rasterizer.camera import Camera

@@ -2,7 +2,9 @@
 
 import pytest
 
-from gsedit.app.reading import USUAL_COUNT, on_page, read
+from gsedit.app.reading import USUAL_COUNT, read
+from gsedit.app.wording import on_page
+from gsedit.capture.causes import Evidence, cause
 
 
 def test_a_reading_tells_part_color_way_and_seconds():
@@ -31,12 +33,21 @@ def test_names_of_saved_selections_are_heard():
     assert [each.phrase for each in told.instruction.changes] == ["the left pot"]
 
 
+def before_map():
+    features = {"a": 900, "b": 900}
+    return cause(Evidence(features, [{"names": ("a", "b"), "inliers": 99}], 1, False), 2, 0)
+
+
 @pytest.mark.parametrize(
     ("said", "told"),
     [
         ("nothing finds this part: mark it with --region and say", "select it by a click and say"),
         ("name what should change with --region, and look at it with gsedit render SCENE "
          "--region ...", "select what should change by a click"),
+        (str(read("remove").refusal), "select it by a click"),
+        (str(read("as a Van Gogh painting").refusal), "say another"),
+        ("6 of 12 photos posed: trying again with more features (--no-retries: not)", "features"),
+        (before_map(), "use the camera's own files with EXIF"),
     ],
 )  # fmt: skip
 def test_refusals_speak_of_the_page(said, told):
