@@ -25,6 +25,7 @@ WORDS = tuple(
         (r"try a smaller --size(, \S+), and run the command again", r"close other programs\1, and "
          "make the scene again"),
         (r"; leave --resume out and add -f to start again", ""),
+        (r"; rerun with --debug and report what it shows", "; what was done before is kept"),
         (r"go on with the same command", "make the scene again: it goes on"),
     )
 )  # fmt: skip

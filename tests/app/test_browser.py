@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from pages import make_page, served
 from research.page_browser import CTRL, browser, chromium
@@ -90,11 +92,46 @@ def inside(address, port):
     return address.startswith(("data:", "blob:", "about:")) or f"://127.0.0.1:{port}" in address
 
 
-def test_a_window_as_small_as_a_phone_can_be_used(scene, page):
+def test_a_window_as_small_as_a_phone_can_be_used_by_touch(scene, page):
     open_path(page, scene)
     with served(page) as found, browser() as opened:
-        window = opened(found.address, (390, 800))
+        window = opened(found.address, (390, 844))
+        window.call("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=2)
         window.wait(lambda: "600 Gaussians" in window.text())
         window.press("History")
         window.wait(lambda: "side by side" in window.text())
         assert window.run("document.documentElement.scrollWidth") <= 390
+        x, y = window.wait(lambda: above_the_panel(window))
+        eye = page.document.eye
+        window.touch(((x, y),), ((x + 30, y),), ((x + 60, y),))
+        window.wait(lambda: page.document.eye != eye)
+        window.wait(lambda: page.tabs and page.tabs[0].pointer_name == "select")
+        window.touch(((x, y),))
+        window.wait(lambda: page.selection is not None)
+
+
+def test_a_folder_of_photos_that_is_dropped_waits_for_its_scene(page, tmp_path):
+    photos = tmp_path / "given" / "my photos"
+    (photos / "more").mkdir(parents=True)
+    for name in ("1.jpg", "2.jpg", "more/3.jpg", "notes.doc", ".hidden.jpg"):
+        (photos / name).write_bytes(b"a photo")
+    with served(page) as found, browser() as opened:
+        window = opened(found.address)
+        window.wait(lambda: "Nothing is open" in window.text())
+        window.drop(photos)
+        window.wait(lambda: "Make a scene" in window.text())
+        assert "my photos, 2 photos" in window.text()
+        source = Path(page.document.source)
+        kept = [str(each.relative_to(source)) for each in sorted(source.rglob("*.*"))]
+        assert kept == ["1.jpg", "2.jpg", "more/3.jpg"]
+        assert not window.errors
+
+
+def above_the_panel(window):
+    """The middle of the picture, once it ends where the panel begins."""
+    script = """(() => {
+        const canvas = document.querySelector("canvas")?.getBoundingClientRect();
+        const panel = document.querySelector("#sheet")?.getBoundingClientRect();
+        if (!canvas || !panel || Math.abs(canvas.bottom - panel.top) > 1) return null;
+        return [canvas.width / 2, canvas.height / 2]; })()"""
+    return window.run(script)

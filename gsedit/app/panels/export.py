@@ -54,7 +54,7 @@ def add(page: Page, tab: Tab) -> None:
         tab.soon("export", lambda: write(Image.fromarray(tab.draw(camera))), lambda _: offer(out))
 
     def offer(out: Path) -> None:
-        tab.tell(f"kept as {out}")
+        tab.tell(f"{out.name} is downloaded, and kept in {out.parent}")
         tab.download(out)
 
     export.on_click(tab.safely(lambda _: act()))
