@@ -191,8 +191,8 @@ def gsedit(
 app.callback(help=paragraphs(gsedit))(gsedit)
 
 
-def _interrupt(*_: Any) -> None:
-    raise KeyboardInterrupt
+def _interrupt(number: int, _: Any) -> None:
+    raise KeyboardInterrupt(number)
 
 
 def main() -> None:

@@ -13,6 +13,7 @@ import torch
 
 from gsedit.datasets.cameras_json import write_beside
 from gsedit.formats.scenes import save
+from gsedit.runs import pulse
 from gsedit.runs.ranks import ALONE, join, variables_of
 from gsedit.runs.state import load_state
 
@@ -90,20 +91,26 @@ from pathlib import Path
 def die():
     while not Path({checkpoint!r}).exists():
         time.sleep(0.02)
-    os.kill(os.getpid(), signal.SIGKILL)
+    os.kill(os.getpid(), signal.{signal})
 
 if os.environ.get("RANK") == "1":
     threading.Thread(target=die, daemon=True).start()
 """
 
 
-def test_a_rank_that_is_killed_ends_the_edit_with_its_name_and_the_checkpoint(tmp_path):
+@pytest.mark.parametrize(
+    ("signal", "said"),
+    [("SIGKILL", "rank 1 of 2 ended without a word"), ("SIGINT", "rank 1 of 2 was interrupted")],
+)
+def test_a_rank_that_ends_ends_the_edit_with_its_name_and_the_checkpoint(tmp_path, signal, said):
     scene, data = rank_worker.captured()
     save(scene, tmp_path / "scene.ply")
     write_beside(tmp_path / "scene.ply", data.views)
     out = tmp_path / "out"
     checkpoint = out / "checkpoint.safetensors"
-    (tmp_path / "sitecustomize.py").write_text(DIES.format(checkpoint=str(checkpoint)))
+    (tmp_path / "sitecustomize.py").write_text(
+        DIES.format(checkpoint=str(checkpoint), signal=signal)
+    )
     torchrun = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"]
     edit = f"-m gsedit_cli edit {tmp_path / 'scene.ply'} gold --region all --size 32 -o {out}"
     options = (
@@ -117,7 +124,44 @@ def test_a_rank_that_is_killed_ends_the_edit_with_its_name_and_the_checkpoint(tm
         timeout=120,
     )
     assert ended.returncode
-    said = [line for line in ended.stderr.splitlines() if line.startswith("gsedit: ")]
-    assert f"the last complete checkpoint is {checkpoint}" in " ".join(said)
-    assert "rank 1 of 2 ended without a word" in said[-1]
+    lines = [line for line in ended.stderr.splitlines() if line.startswith("gsedit: ")]
+    assert f"the last complete checkpoint is {checkpoint}" in " ".join(lines)
+    assert said in lines[-1]
     assert load_state(checkpoint).tensors
+
+
+class Store(dict):
+    """A store that ranks share, which the network can cut off."""
+
+    cut = False
+
+    def check(self, keys):
+        if self.cut:
+            raise RuntimeError("no connection")
+        return all(key in self for key in keys)
+
+    def set(self, key, value):
+        self[key] = value.encode()
+
+    def get(self, key):
+        return self[key]
+
+
+@pytest.mark.parametrize("what", ["nothing", "silent", "ended", "cut"])
+def test_a_pulse_finds_a_rank_that_is_gone(monkeypatch, what):
+    monkeypatch.setattr(pulse, "TICK_SECONDS", 0.002)
+    store = Store()
+    here, other = (pulse.Pulse(store, rank, 2) for rank in range(2))
+    here.start()
+    if what != "silent":
+        other.start()
+    if what == "ended":
+        store.set(pulse.ENDED, "")
+    store.cut = what == "cut"
+    here.join(0.3 if what == "nothing" else 20)
+    said = {"nothing": "", "silent": "rank 1 gave no sign", "ended": "another rank", "cut": "torch"}
+    assert here.lost.startswith(said[what])
+    assert bool(here.lost) == (what != "nothing")
+    assert here.is_store_lost == (what == "cut")
+    for each in (here, other):
+        each.stop() if each.is_alive() else None

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 VERBS = ("edit", "fit")
 """Those that share out their work."""
+INTERRUPTED = "interrupted"
+"""Word for the others of a rank that Ctrl-C or SIGTERM ended."""
 
 
 def is_first() -> bool:
@@ -73,21 +75,25 @@ def leave() -> None:
 def cause(error: Exception) -> Exception:
     """The error with the rank that caused it, and word of this one's for the others.
 
-    An error of this rank's own stays as it is. Where a rank says nothing, it was killed.
+    An error of this rank's own stays as it is, and so does Ctrl-C. Where a rank says nothing, it
+    was killed.
     """
     if not joined():
         return error
     here, own = ranks(), not isinstance(error, (Interrupted, LostRankError))
-    here.say_end(explain(error)[0] if own else "")
-    if own:
+    here.say_end(explain(error)[0] if own else INTERRUPTED * isinstance(error, Interrupted))
+    if own or _is_by_user(error) or (here.pulse and here.pulse.is_store_lost):
         return error
     said = here.ends()
     silent = [rank for rank, reason in said.items() if reason is None]
-    failed = {rank: reason for rank, reason in said.items() if reason}
+    failed = {rank: reason for rank, reason in said.items() if reason not in ("", None)}
+    real = {rank: reason for rank, reason in failed.items() if reason != INTERRUPTED}
     if silent:
-        what = f"{_named(silent, here.size)}: killed, or out of memory"
-    elif failed:
-        what = "; ".join(f"rank {rank} of {here.size} failed: {failed[rank]}" for rank in failed)
+        what = f"{_named(silent, here.size)}: killed, out of memory, or cut off"
+    elif real:
+        what = "; ".join(f"rank {rank} of {here.size} failed: {real[rank]}" for rank in real)
+    elif failed and not isinstance(error, Interrupted):
+        return Interrupted(f"rank {min(failed)} of {here.size} was {INTERRUPTED}")
     else:
         return error
     rest = f"; {error}" if isinstance(error, Interrupted) else ""
@@ -96,6 +102,13 @@ def cause(error: Exception) -> Exception:
         if here.rank == min({here.rank, *said} - set(silent)):
             sys.stderr.write(f"gsedit: {what}{rest}\n")
     return GseditError(f"{what}{rest}")
+
+
+def _is_by_user(error: Exception) -> bool:
+    """Whether Ctrl-C ended this rank: SIGTERM, whose number is in the interruption, may come from
+    torchrun, because of another rank."""
+    cause = error.__context__
+    return isinstance(error, Interrupted) and not (cause and cause.args)
 
 
 def _named(silent: list[int], size: int) -> str:

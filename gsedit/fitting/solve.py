@@ -166,11 +166,16 @@ def _descend(
     while steep > 0:
         seen = [view.picture(direction) for view in views]
         curved = moved * _back(count, views, seen, k) + prior * direction
-        step = steep / (direction * curved).sum()
+        bend = (direction * curved).sum()
+        if not bend > 0:  # the minimum to the last digit: its square is below float32's numbers
+            break
+        step = steep / bend
         change = change + step * direction
         gradient = gradient - step * curved
         residuals = [r - step * along for r, along in zip(residuals, seen)]
         after = _energy(residuals)
+        if not after <= before:  # rounding: no iteration makes it better, or it is not finite
+            break
         yield change, after / pixels
         if after > before * 10 ** (-least_gain_db / 10):
             break

@@ -14,12 +14,14 @@ import sys
 import time
 import zlib
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from gsedit.errors import GseditError
+from gsedit.runs.pulse import ENDED, Pulse
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -30,6 +32,8 @@ SLICE = timedelta(seconds=0.5)
 """Waits are cut into slices: between two of them Python sees Ctrl-C and SIGTERM."""
 ANSWER_SECONDS = 2.0
 """How long the other ranks have at least to say why they end."""
+ANSWER = timedelta(seconds=20)
+"""How long a rank waits for torchrun's store."""
 LONGEST_ANSWER = 20.0
 """How long they have while more than one is silent: some may still be at work, and find out later.
 torchrun kills what is left after 30 s."""
@@ -57,6 +61,8 @@ class Ranks:
     """How many of the ranks are on this machine: they share its memory."""
     store: Any = None
     """Texts that ranks leave for each other; torchrun holds it, so it outlives them."""
+    pulse: Pulse | None = None
+    """Looks whether the others are there; None for one rank."""
 
     def share(self, count: int) -> slice:
         """This rank's part of `count` rows: parts are contiguous and differ by one row at most."""
@@ -96,7 +102,7 @@ class Ranks:
         from torch import distributed
 
         flat = torch.cat([tensor.detach().reshape(-1) for tensor in tensors])
-        _wait(distributed.all_reduce(flat, async_op=True))
+        self._wait(distributed.all_reduce(flat, async_op=True))
         parts = flat.split([tensor.numel() for tensor in tensors])
         with torch.no_grad():
             for tensor, part in zip(tensors, parts):
@@ -133,11 +139,11 @@ class Ranks:
         if not self.rank:
             torch.save(value, data)
         length = torch.tensor([data.tell()])
-        _wait(distributed.broadcast(length, 0, async_op=True))
+        self._wait(distributed.broadcast(length, 0, async_op=True))
         message = torch.zeros(int(length), dtype=torch.uint8)
         if not self.rank:
             message = torch.frombuffer(bytearray(data.getvalue()), dtype=torch.uint8)
-        _wait(distributed.broadcast(message, 0, async_op=True))
+        self._wait(distributed.broadcast(message, 0, async_op=True))
         return torch.load(io.BytesIO(message.numpy().tobytes()), weights_only=True)
 
     def once(self, work: Callable[[], T]) -> T:
@@ -172,11 +178,15 @@ class Ranks:
             from torch import distributed
 
             self._gathered(torch.zeros(1))
+            if self.pulse is not None:
+                self.pulse.stop()
             distributed.destroy_process_group()
 
     def say_end(self, reason: str) -> None:
-        """Leave word of why this rank ends; "" where another or the user caused it."""
-        self.store.set(f"end/{self.rank}", reason)
+        """Leave word of why this rank ends; "" where another caused it."""
+        with suppress(RuntimeError):  # the store is gone, with torchrun
+            self.store.set(f"end/{self.rank}", reason)
+            self.store.set(ENDED, "")
 
     def ends(self) -> dict[int, str | None]:
         """Why the other ranks end (see `say_end`); None of those that say nothing in time."""
@@ -192,6 +202,8 @@ class Ranks:
                         said[rank] = self.store.get(f"end/{rank}").decode()
             except KeyboardInterrupt:  # torchrun asks a rank to end that is about to
                 continue
+            except RuntimeError:  # the store is gone, with torchrun
+                break
         return said
 
     def _gathered(self, tensor: Tensor) -> list[Tensor]:
@@ -200,8 +212,23 @@ class Ranks:
         from torch import distributed
 
         parts = [torch.empty_like(tensor) for _ in range(self.size)]
-        _wait(distributed.all_gather(parts, tensor.contiguous(), async_op=True))
+        self._wait(distributed.all_gather(parts, tensor.contiguous(), async_op=True))
         return parts
+
+    def _wait(self, work: Any) -> None:
+        """Until a message has arrived. Raises LostRankError."""
+        try:
+            while not work.is_completed():
+                try:
+                    work.wait(SLICE)
+                except RuntimeError:  # the slice is over, or the message failed
+                    if work.is_completed():
+                        raise
+                if self.pulse is not None and self.pulse.lost:
+                    raise LostRankError(self.pulse.lost)
+            work.wait()
+        except RuntimeError as error:
+            raise LostRankError("another rank ended, or did not answer in time") from error
 
 
 ALONE = Ranks()
@@ -253,22 +280,12 @@ def join() -> Ranks:
     except RuntimeError as error:
         raise LostRankError(f"the ranks cannot meet: {error}") from error
     local = int(os.environ.get("LOCAL_WORLD_SIZE", "1"))
-    return Ranks(rank, size, local, PrefixStore("gsedit-ends", store))
+    ends = PrefixStore("gsedit-ends", store)
+    ends.set_timeout(ANSWER)  # a store that is cut off is waited for no longer
+    pulse = Pulse(ends, rank, size)
+    pulse.start()
+    return Ranks(rank, size, local, ends, pulse)
 
 
 def _part(count: int, rank: int, size: int) -> slice:
     return slice(-(-count * rank // size), -(-count * (rank + 1) // size))
-
-
-def _wait(work: Any) -> None:
-    """Until a message has arrived. Raises LostRankError."""
-    try:
-        while not work.is_completed():
-            try:
-                work.wait(SLICE)
-            except RuntimeError:  # the slice is over, or the message failed
-                if work.is_completed():
-                    raise
-        work.wait()
-    except RuntimeError as error:
-        raise LostRankError("another rank ended, or did not answer in time") from error

@@ -108,7 +108,7 @@ def test_a_removal_is_previewed_and_explained_and_nothing_else_is_written(
 @pytest.mark.parametrize(
     ("sentence", "words", "told"),
     [
-        ("remove it", ("--region", "all"), "nothing tells it from the rest"),
+        ("remove it", ("--region", "all"), "the region is the whole scene"),
         ("insert there/is/none.ply", (), "none.ply"),
     ],
 )  # fmt: skip

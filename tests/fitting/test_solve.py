@@ -116,3 +116,14 @@ def test_a_map_of_colors_is_found_again_and_stays_in_range():
     assert found.error < 0.01
     still = fit_color_map(colors, colors, torch.zeros(200))
     assert torch.equal(still.change(colors), torch.zeros_like(colors))
+
+
+@pytest.mark.parametrize("logit", [-50.0, 50.0])
+def test_a_solve_that_goes_on_at_its_minimum_stays_finite(scene, cameras, logit):
+    faint = replace(scene, logit_opacities=torch.full_like(scene.logit_opacities, logit))[:40]
+    targets = [View(str(i), c, torch.rand(40, 40, 3)) for i, c in enumerate(cameras[:2])]
+    inside = torch.ones(len(faint), dtype=torch.bool)
+    found = list(solve_colors(faint, targets, inside, most_iterations=200, least_gain_db=-99.0))
+    assert all(each.change.isfinite().all() for each in found)
+    assert all(a.mse >= b.mse for a, b in pairwise(found))
+    assert bool(found) == (logit > 0)

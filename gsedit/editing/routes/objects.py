@@ -121,7 +121,7 @@ def _check(change: Change, inside: Bool[Tensor, " n"], *, whole: bool) -> None:
         )
     if inside.all() and not whole:
         raise UsageError(
-            f"{change}: nothing tells it from the rest of the scene: mark it with --region; "
+            f"{change}: the region is the whole scene: mark the object with a smaller --region; "
             "gsedit transform turns, moves and scales a whole scene"
         )
 

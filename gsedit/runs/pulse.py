@@ -1,0 +1,65 @@
+"""Signs of life that ranks leave for each other while they work: one that is gone is noticed in
+seconds, also where its machine or the network fails without a word, as sockets do not tell."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+TICK_SECONDS = 0.5
+"""How often a rank looks whether another has ended."""
+BEAT_TICKS = 6
+"""Ticks between two signs of life."""
+MISSED_MOST = 10
+"""Signs of life that may be missing before a rank counts as gone, 30 s: a busy machine swaps."""
+ENDED = "ended"
+"""Key that is set when any rank ends early."""
+
+
+class Pulse(threading.Thread):
+    """Thread that leaves this rank's signs of life in the store, and looks for the others'.
+
+    It counts its own ticks, not seconds: a program that was stopped and goes on loses nobody.
+    """
+
+    def __init__(self, store: Any, rank: int, size: int) -> None:
+        super().__init__(daemon=True)
+        self.lost = ""
+        """Why the work cannot go on: a sentence; "" while it can."""
+        self.is_store_lost = False
+        """Whether the store does not answer: nothing can be asked of the others."""
+        self._store, self._rank = store, rank
+        self._beats: dict[int, bytes] = {other: b"" for other in range(size) if other != rank}
+        self._missed = dict.fromkeys(self._beats, 0)
+        self._done = threading.Event()
+
+    def stop(self) -> None:
+        """End the thread: the ranks part."""
+        self._done.set()
+        self.join(2 * TICK_SECONDS)
+
+    def run(self) -> None:
+        tick = 0
+        while not self.lost and not self._done.wait(TICK_SECONDS):
+            try:
+                if self._store.check([ENDED]):
+                    self.lost = "another rank ended"
+                elif tick % BEAT_TICKS == 0:
+                    self._beat(tick)
+            except RuntimeError:
+                self.is_store_lost = not self._done.is_set()
+                self.lost = "torchrun does not answer: it was killed, or its machine is cut off"
+            tick += 1
+
+    def _beat(self, tick: int) -> None:
+        self._store.set(f"beat/{self._rank}", str(tick))
+        for other, before in self._beats.items():
+            key = f"beat/{other}"
+            now = self._store.get(key) if self._store.check([key]) else b""
+            self._missed[other] = 0 if now != before else self._missed[other] + 1
+            self._beats[other] = now
+            if self._missed[other] > MISSED_MOST:
+                self.lost = f"rank {other} gave no sign of life for {self._seconds():g} s"
+
+    def _seconds(self) -> float:
+        return MISSED_MOST * BEAT_TICKS * TICK_SECONDS
