@@ -67,10 +67,13 @@ class WheelOfAnyPython(bdist_wheel):
 
 
 class PlatformDistribution(Distribution):
-    """Says that there is something of this system in the wheel."""
+    """Says that there is something of this system in the wheel, and manual pages in any install."""
 
     def has_ext_modules(self) -> bool:
         return bool(ASKED)
+
+    def has_data(self) -> bool:  # asked by editable installs alone
+        return True
 
 
 setup(
