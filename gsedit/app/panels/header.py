@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -51,11 +52,21 @@ def add(page: Page, tab: Tab) -> None:
 
     cancel.on_click(tab.safely(lambda _: page.cancel()))
     again.on_click(tab.safely(lambda _: go_on(page)))
-    upload.on_upload(tab.safely(lambda _: receive(page, upload.value)))
+    add_receiving(page, tab, upload)
     for what in ("scene", "selection", "document"):
         page.listen(tab, what, show_state)
     page.listen(tab, "busy", show_work)
     show_work()
+
+
+def add_receiving(page: Page, tab: Tab, upload: Any) -> None:
+    """Receive the files of an upload button one after another, in the order in which they come."""
+    one_thread = ThreadPoolExecutor(1)
+
+    async def take(_: Any) -> None:  # in the event loop: the value is not yet that of another file
+        one_thread.submit(tab.safely(receive), page, upload.value)
+
+    upload.on_upload(take)
 
 
 def add_photos(page: Page, tab: Tab) -> Any:
