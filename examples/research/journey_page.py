@@ -1,4 +1,4 @@
-"""From photos to an exported edit in the page alone: `python examples/research/journey_page.py`.
+"""From photos to an exported edit in the page: `python -m research.journey_page PHOTOS -o OUT`.
 
 A headless Chromium with real mouse, key and drop events does what a new user does: drops the folder
 of photos, makes a scene, types a sentence, previews, applies, undoes, redoes, exports. The page's
@@ -145,6 +145,7 @@ def main(
     part: Annotated[int, typer.Option(help="1, 2 or 3; 0: all.")] = 0,
 ) -> None:
     """Make the journey; prints the seconds of its steps."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # ends the page and the browser too
     journey = Journey(out)
     if part in (0, 1):
         folder = out / "photos"
