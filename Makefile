@@ -6,7 +6,7 @@
 # make fuzz damages 2,000 files of every kind and reads them, and runs commands on hostile input.
 # make sanitize runs the C++ files under ASan, UBSan and TSan; make bench does so too.
 # make wheel builds a wheel that holds the compiled kernels, in dist/, and tries each of its levels of vectors.
-# make paper repeats the paper's experiments (examples/research) in full (hours) and writes out/paper/report.html; with
+# make paper repeats the paper's experiments (examples/research) in full (hours) and writes out/paper/report.md; with
 # SCENE=bear.ply DATA=photos/ on that capture too. An interrupted one goes on.
 
 PYTHON ?= python3

@@ -1,4 +1,4 @@
-"""The random switch between losses in the introduction of Efficient-NeRF2NeRF."""
+"""Updates that are no option of gsedit: the paper's random switch, and steps where a solve does."""
 
 from __future__ import annotations
 
@@ -9,6 +9,16 @@ import torch
 
 from gsedit.fitting.loss_terms import LossTerm
 from gsedit.fitting.settings import UpdateSettings
+
+
+@dataclass(frozen=True)
+class SteppedUpdate(UpdateSettings):
+    """Settings of an update in steps of Adam, whatever the loss."""
+
+    @property
+    def is_quadratic(self) -> bool:
+        """False: a solve is not to be used."""
+        return False
 
 
 @dataclass(frozen=True)

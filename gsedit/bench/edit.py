@@ -18,7 +18,7 @@ from gsedit.datasets.dataset import Dataset, capture
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editing.edit import edit_steps
 from gsedit.editing.session.actions import Action, Strategy
-from gsedit.editing.session.edit_views import MEASURE, match_views, sample_views
+from gsedit.editing.session.edit_views import MEASURE, sample_views
 from gsedit.editing.session.progress import Work
 from gsedit.editing.session.session import Session, render_edited
 from gsedit.editing.session.settings import EditSettings
@@ -39,8 +39,9 @@ MEASURED_VIEWS = 4
 SPARSER = 1.08
 """Points of a curve lie this factor of steps apart, or 10 steps where that is more."""
 EVERY = 10
-REFERENCE_SEED = 12345
-"""Seed of the editor's pictures of held-out views, equal for all runs on a scene."""
+REFERENCE_SEED, REFERENCE_DRAWS = 12345, 4
+"""First seed, and number, of the editor's pictures of held-out views, equal for all runs on a
+scene."""
 EXACT, OWN = "the exact edit", "the editor's own pictures of held-out views"
 
 
@@ -61,6 +62,10 @@ class Point:
     errors: tuple[float, ...]
     """RMSE at held-out cameras to each picture of the edit that is right: variants of the exact
     edit, or the editor's own pictures."""
+    cpu: float
+    """Processor seconds of the process since the first action."""
+    editing_cpu: float
+    """Part of `cpu` that the 2D editor took."""
 
 
 @dataclass(frozen=True)
@@ -88,9 +93,16 @@ class Observer:
     kind: str = EXACT
     views: tuple[int, ...] = ()
     session: Session | None = None
-    _clock: Stopwatch = field(default_factory=Stopwatch)
-    _spent: float = 0.0
+    own: Float[Tensor, "1 v h w 3"] | None = None
+    """The editor's own pictures at these views, where an earlier observer of the same edit made
+    them."""
     _next: float = 0.0
+    _seconds: float = 0.0
+    _cpu: float = 0.0
+    _editing_cpu: float = 0.0
+    _sampled: float = 0.0
+    _left: tuple[float, float] | None = None
+    """Wall clock and processor time when the last look ended."""
 
     def begin(self, session: Session) -> None:
         """Make the pictures that are right; the clock starts when this ends."""
@@ -103,46 +115,54 @@ class Observer:
         if session.request.editor.capabilities.find_ground_truth is not None:
             right = parse(session.request.prompt).variants(unedited)
         else:
-            self.kind, right = OWN, _asked(session, self.views)[None]
+            self.kind = OWN
+            right = _asked(session, self.views)[None] if self.own is None else self.own
         # where nothing is shown no Gaussian can follow an edit of the background
         shown = torch.stack([r.alpha for r in renderings])[..., None]
         self.truths = torch.lerp(unedited.expand_as(right), right, shown.expand_as(right))
-        self.points, self._spent, self._clock = [], 0.0, Stopwatch()
+        self.points, self._left = [], None
         self.look(session, due=True)
 
     def look(self, session: Session, *, due: bool = False) -> None:
         """A point of the curve, if it is due."""
-        if not due and session.progress.work.steps < self._next:
-            return
-        entered = time.monotonic()
-        seconds = self._clock.seconds - self._spent
+        editing = session.progress.stopwatch.stages.get("sample", 0.0)
+        if self._left is not None:
+            seconds, cpu = time.monotonic() - self._left[0], time.process_time() - self._left[1]
+            self._editing_cpu += (editing - self._sampled) * cpu / max(seconds, 1e-9)
+            self._seconds, self._cpu = self._seconds + seconds, self._cpu + cpu
+        if due or session.progress.work.steps >= self._next:
+            self._measure(session, editing)
+        self._sampled, self._left = editing, (time.monotonic(), time.process_time())
+
+    def _measure(self, session: Session, editing: float) -> None:
         finals = torch.stack(list(render_edited(session, self.views).values()))
         errors = (self.truths - finals).double().square().mean((1, 2, 3, 4)).sqrt()
-        work, stages = session.progress.work, session.progress.stopwatch.stages
-        editing = stages.get("sample", 0.0)
+        work = session.progress.work
         self.points.append(
-            Point(seconds, editing, work.steps, work.calls, work.evaluations,
-                  tuple(errors.tolist()))
+            Point(self._seconds, editing, work.steps, work.calls, work.evaluations,
+                  tuple(errors.tolist()), self._cpu, self._editing_cpu)
         )  # fmt: skip
         self._next = max(work.steps + EVERY, SPARSER * work.steps)
-        self._spent += time.monotonic() - entered
 
 
 def _asked(session: Session, views: Sequence[int]) -> Float[Tensor, "v h w 3"]:
-    """Edit these views together, from the unedited scene; the edit goes on as if it had not been
-    asked."""
-    generator = torch.Generator().manual_seed(REFERENCE_SEED)
-    aside = replace(
-        session,
-        request=replace(session.request, generator=generator),
-        progress=replace(
-            session.progress, noise_seed=REFERENCE_SEED, stopwatch=Stopwatch(), work=Work()
-        ),
-    )
-    start = {i: session.unedited.picture(i) for i in views}
-    matches, sampler = match_views(session, views), SamplerSettings(precision="float32")
-    steps = sample_views(aside, views, (), matches, sampler, start=start, stage=MEASURE)
-    return torch.stack(_returned(steps))
+    """The editor's pictures of these views of the unedited scene, on average over some draws.
+
+    Each view is asked for alone, with noise of its own: the reference favours no way of making
+    views agree. The edit goes on as if nothing had been asked.
+    """
+    sampler = SamplerSettings(precision="float32", consensus=False, noise="independent")
+    start, total = {i: session.unedited.picture(i) for i in views}, torch.zeros(())
+    for seed in range(REFERENCE_SEED, REFERENCE_SEED + REFERENCE_DRAWS):
+        generator = torch.Generator().manual_seed(seed)
+        aside = replace(
+            session,
+            request=replace(session.request, generator=generator),
+            progress=replace(session.progress, stopwatch=Stopwatch(), work=Work()),
+        )
+        steps = sample_views(aside, views, (), None, sampler, start=start, stage=MEASURE)
+        total = total + torch.stack(_returned(steps))
+    return total / REFERENCE_DRAWS
 
 
 def _returned(steps: Any) -> Any:

@@ -20,10 +20,22 @@ PROMPTS = {
     "links": "as a jade statue",
     "cage": "make it night",
 }
-"""Prompts of the synthetic scenes that are measured, the first ones first."""
-TUNING = ("pond", "as a golden statue")
-"""The scene, and its instruction, on which strategies are tuned; it is measured nowhere else."""
-CAPTURE_PROMPT = "turn the bear into a bronze statue"
+"""Prompts of the synthetic scenes, the first ones first."""
+CAPTURE_PROMPT = "turn it into a bronze statue"
+PATCHES, PATCH = 2, 64
+"""Crops a fitting step renders, and their pixels a side; Instruct-NeRF2NeRF has twice the rays."""
+
+
+def synthetic(name: str, pixels: int, gaussians: int, views: int) -> Case:
+    """A synthetic scene with its prompt."""
+    patch = min(PATCH, pixels // 2)
+    return Case(name, PROMPTS[name], pixels, PATCHES, patch, gaussians, views)
+
+
+def captured(scene: Path, data: Path | None, pixels: int) -> Case:
+    """A fitted capture, as the bear."""
+    patch, photos = min(PATCH, pixels // 2), str(data or "")
+    return Case(scene.stem, CAPTURE_PROMPT, pixels, PATCHES, patch, scene=str(scene), data=photos)
 
 
 @cache

@@ -1,197 +1,209 @@
-"""Claims of the paper beside what was measured: reproduced, not reproduced, or differently."""
+"""Claims of the paper beside what was measured, each judged by one rule from all runs there are."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import statistics
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from math import exp, log
+from typing import Any
 
 from gsedit.bench.results import markdown_table
-from research.paper.studies import COMBINED, ITERATIVE, LPIPS, SINGLE_PASS
+from research.paper.arms import COMBINED, DEFAULT, ITERATIVE, PAPER, PERCEPTUAL, t_end_label
+from research.paper.statistics import log_factor
+from research.paper.summary import Row
+from research.paper.verdicts import Center, Effects, Judgement, judge
 
-Numbers = Mapping[str, Any]
-Verdict = Literal["reproduced", "not reproduced", "differently"]
-SAME_DB = 0.5
-"""Two errors whose means are nearer than this count as equal."""
+Summary = Mapping[str, Any]
+MARGIN_DB = 1.0
+"""An error that much larger is comparable: hardly seen where pictures are flicked through."""
+LEAST_DB = 1.0
+"""The size of a gain in dB where the paper gives none."""
+LEAST_SHARPNESS = 0.2
+"""The size of a difference of sharpness, in parts of the exact edit's gradient energy."""
+LEAST_EXCESS = 0.005
+"""RMSE: least disagreement beyond that of unedited views that averaging could remove."""
 
 
 @dataclass(frozen=True)
 class Claim:
-    """A sentence of the paper, and what was found."""
+    """A sentence of the paper, and how its effect is measured."""
 
     text: str
     place: str
-    measured: str
-    verdict: Verdict
+    effects: Callable[[Summary], Effects]
+    half: float
+    """Half of the claimed size, in units of the effects."""
+    against: str
+    """The size that half is taken of, in words."""
+    shown: Callable[[float], str]
+    """An effect in words."""
+    center: Center = statistics.fmean
 
 
-def claims(summary: Numbers) -> list[Claim]:
-    """Those of which there are numbers."""
-    return [claim for find in _FINDERS for claim in find(summary)]
+def _db(effect: float) -> str:
+    return f"{effect:+.2f} dB"
 
 
-def claims_table(summary: Numbers) -> str:
-    """Format the claims as a Markdown table."""
-    rows = [(c.text, c.place, c.measured, c.verdict) for c in claims(summary)]
-    return markdown_table(("the paper", "where", "measured", "here"), rows)
+def _share(effect: float) -> str:
+    return f"{effect:+.0%}"
 
 
-def _speed(summary: Numbers) -> Iterator[Claim]:
-    """Check the claim of a tenfold speed-up."""
-    for editor, numbers in summary["editors"].items():
-        factors = {
-            regime: numbers["speed_up"][regime].get(SINGLE_PASS, {}).get("median_scene")
-            for regime in ("costly", "measured", "paper")
+def _number(effect: float) -> str:
+    return f"{effect:+.2f}"
+
+
+def _factor(effect: float) -> str:
+    return f"{exp(effect):.2g} times"
+
+
+def difference(one: str, other: str, metric: str, plus: float = 0.0) -> Callable[..., Effects]:
+    """Effects: the metric of one arm less that of another on the same scene, editor and seed."""
+    return pairs(one, other, lambda a, b: _less(a[metric], b[metric], plus))
+
+
+def _less(a: float | None, b: float | None, plus: float) -> float | None:
+    return None if a is None or b is None else a - b + plus
+
+
+def pairs(
+    one: str, other: str, effect: Callable[[Row, Row], float | None]
+) -> Callable[[Summary], Effects]:
+    """Effects of every two runs of these arms on the same scene, with the same editor and seed."""
+
+    def found(summary: Summary) -> Effects:
+        by_place = {
+            (row["arm"], row["scene"], row["editor"], row["seed"]): row for row in summary["rows"]
         }
-        if factors["costly"] is None:
-            continue
-        verdict: Verdict = (
-            "reproduced" if factors["costly"] >= 10
-            else "differently" if factors["costly"] > 1 else "not reproduced"
-        )  # fmt: skip
-        measured = (
-            f"{editor}: iterative's final error {_times(factors['costly'])} where an evaluation "
-            f"costs what Stable Diffusion's costs here, {_times(factors['measured'])} as measured, "
-            f"{_times(factors['paper'])} at the paper's costs (median scene)"
+        triples = (
+            (scene, editor, effect(row, by_place[other, scene, editor, seed]))
+            for (arm, scene, editor, seed), row in by_place.items()
+            if arm == one and (other, scene, editor, seed) in by_place
         )
-        yield Claim("The single pass is 10 times faster than Instruct-NeRF2NeRF",
-                    "abstract, figures 7 to 9", measured, verdict)  # fmt: skip
+        return gathered(triples)
+
+    return found
 
 
-def _quality(summary: Numbers) -> Iterator[Claim]:
-    """Check the claim of comparable quality."""
-    for editor, arms in _arms(summary, "strategies"):
-        gap = _gap(arms, SINGLE_PASS, ITERATIVE, "final_db")
-        if gap is None:
-            continue
-        verdict: Verdict = "reproduced" if gap > -SAME_DB else "not reproduced"
-        yield Claim(
-            "... with comparable quality in the end", "abstract, section 5.1",
-            f"{editor}: single pass {_db(arms, SINGLE_PASS)}, iterative {_db(arms, ITERATIVE)}",
-            verdict if gap < 2 else "differently",
-        )  # fmt: skip
+def gathered(triples: Iterator[tuple[str, str, float | None]]) -> Effects:
+    """Effects by scene and editor."""
+    effects: dict[str, dict[str, list[float]]] = {}
+    for scene, editor, value in triples:
+        if value is not None:
+            effects.setdefault(scene, {}).setdefault(editor, []).append(value)
+    return effects
 
 
-def _consistency(summary: Numbers) -> Iterator[Claim]:
-    """Averaging makes views agree."""
-    base = "x_t-1, independent noise"
-    for _, arms in _arms(summary, "t-end"):
-        alone, ten, whole = (arms.get(f"{base}: {n}") for n in (0, 10, 50))
-        ours = arms.get("x0, shared noise: 10")
-        if not (alone and ten and whole and ours):
-            continue
-        before, after = (_mean(a, "disagreement") for a in (alone, ten))
-        yield Claim(
-            "Averaging corresponding latents makes the edited views agree",
-            "section 4.1, figure 5 b and d",
-            f"near views differ by {before:.3f} one by one, by {after:.3f} averaged in 10 of 50 "
-            f"steps as printed, by {_mean(ours, 'disagreement'):.3f} with x0 and shared noise",
-            "reproduced" if after < 0.8 * before else "not reproduced",
+def _agreement(averaged: Row, alone: Row) -> float | None:
+    """The part of the disagreement, beyond that of unedited views, that averaging removes."""
+    before, after = alone["disagreement"], averaged["disagreement"]
+    if before is None or after is None:
+        return None
+    return (before - after) / max(before - alone["unedited_disagreement"], LEAST_EXCESS)
+
+
+def _speed(arm: str, regime: str) -> Callable[[Summary], Effects]:
+    def found(summary: Summary) -> Effects:
+        return gathered(
+            (race["scene"], race["editor"], log_factor(race[regime]))
+            for race in summary["races"]
+            if race["arm"] == arm
         )
-        sharp = [_mean(a, "target_sharpness") for a in (alone, ten, whole)]
-        yield Claim(
-            "Averaging in all steps blurs; ending it after T_end = 10 of 50 avoids that",
-            "figures 5 c and 6, section 4.2",
-            f"gradient energy over the exact edit's: {sharp[0]:.2f} one by one, {sharp[1]:.2f} "
-            f"after 10 steps, {sharp[2]:.2f} after 50; edited pictures to the exact edit "
-            f"{_mean(ten, 'target_db'):.1f} dB after 10, {_mean(whole, 'target_db'):.1f} dB "
-            "after 50",
-            "reproduced" if sharp[2] < 0.9 * sharp[1]
-            else "differently" if sharp[2] > 1.1 * sharp[1] else "not reproduced",
-        )  # fmt: skip
+
+    return found
 
 
-def _style(summary: Numbers) -> Iterator[Claim]:
-    """The Gram loss forgives contradictions."""
-    for _, arms in _arms(summary, "loss"):
-        mse, printed, ours, switch = (
-            arms.get(label)
-            for label in ("MSE", "MSE + 0.1 Gram (paper's weight)", "MSE + 30 Gram (default)",
-                          "switch, 30 Gram")
-        )  # fmt: skip
-        if not (mse and printed and ours):
-            continue
-        gain = _mean(ours, "final_db") - _mean(mse, "final_db")
-        sharper = _mean(ours, "sharpness") / _mean(mse, "sharpness")
-        yield Claim(
-            "The style loss minimises the effect of views that contradict each other",
-            "section 4.3, figure 11",
-            f"against MSE alone, 30 Gram: {gain:+.2f} dB to the exact edit, gradient energy "
-            f"{sharper:.2f} times; the paper's weight of 0.1: "
-            f"{_mean(printed, 'final_db') - _mean(mse, 'final_db'):+.2f} dB",
-            "reproduced" if gain > 0.1 else "differently" if sharper > 1.02 else "not reproduced",
-        )
-        lpips = arms.get(LPIPS)
-        if lpips:
-            ahead = _mean(ours, "final_db") - _mean(lpips, "final_db")
-            sharper = _mean(ours, "sharpness") / _mean(lpips, "sharpness")
-            yield Claim(
-                "... and gives sharper pictures than the LPIPS loss of Instruct-NeRF2NeRF",
-                "figure 11, section 5.2",
-                f"MSE + 30 Gram against L1 + a learned distance of that kind: {ahead:+.2f} dB to "
-                f"the exact edit, gradient energy {sharper:.2f} times",
-                "reproduced" if ahead > -0.1 and sharper > 1.02
-                else "differently" if ahead > 0.1 else "not reproduced",
-            )  # fmt: skip
-        if switch:
-            lost = _mean(switch, "final_db") - _mean(ours, "final_db")
-            yield Claim(
-                "... by a random switch between the two losses", "introduction",
-                f"the switch against the sum: {lost:+.2f} dB",
-                "reproduced" if lost > -0.1 else "not reproduced",
-            )  # fmt: skip
+def _further(summary: Summary) -> Effects:
+    """Steps from scratch over further steps after the single pass."""
+    return gathered(
+        (race["scene"], race["editor"], log_factor(_ratio(race)))
+        for race in summary["races"]
+        if race["arm"] == COMBINED
+    )
 
 
-def _combination(summary: Numbers) -> Iterator[Claim]:
-    """800 further steps instead of 3000."""
-    for editor, numbers in summary["editors"].items():
-        c = numbers["combined"]
-        if not c["pairs"]:
-            continue
-        size = summary["size"]
-        further, scratch = c["further_steps"]["median"], c["steps_from_scratch"]["median"]
-        reached = c["reached"] > c["pairs"] / 2
-        measured = (
-            f"{editor}: {c['reached']} of {c['pairs']} reach it within {size['further_steps']} "
-            f"further steps (of {size['iterative_steps']} from scratch)"
-        )
-        if further is not None:
-            measured += f", the median one after {further:.0f}, from scratch after {scratch:.0f}"
-        yield Claim(
-            f"After the single pass, {COMBINED} needs 800 further steps for what {ITERATIVE} does "
-            "in 3000", "section 5.2, figure 10", measured,
-            "reproduced" if reached else "not reproduced",
-        )  # fmt: skip
+def _ratio(race: Row) -> float:
+    further = race["further_steps"]
+    return 0.0 if further is None else race["steps_from_scratch"] / max(further, 1)
 
 
-_FINDERS: tuple[Callable[[Numbers], Iterator[Claim]], ...] = (
-    _speed, _quality, _consistency, _style, _combination,
+TEN_TIMES = "10 times: 5"
+ONE_DB = f"no size given; {LEAST_DB:g} dB: {LEAST_DB / 2:g}"
+A_FIFTH = f"no size given; {LEAST_SHARPNESS:g} of the exact edit's gradient energy: 0.1"
+NOT_WORSE = f"not more than {MARGIN_DB:g} dB below; effects are beyond that"
+FASTER = "The single pass is 10 times faster than Instruct-NeRF2NeRF"
+
+
+def _faster(arm: str, regime: str, note: str) -> Claim:
+    text = f"{FASTER}: {note}"
+    return Claim(text, "abstract, figures 7 to 9", _speed(arm, regime), log(5), TEN_TIMES, _factor,
+                 statistics.median_low)  # fmt: skip
+
+
+CLAIMS: Sequence[Claim] = (
+    _faster(PAPER, "real", "as printed, at the cost of InstructPix2Pix here"),
+    _faster(PAPER, "paper", "as printed, at the paper's costs"),
+    _faster(PAPER, "measured", "as printed, as measured"),
+    _faster(DEFAULT, "real", "gsedit's default, at the cost of InstructPix2Pix here"),
+    Claim("... with comparable quality in the end", "abstract, section 5.1",
+          difference(PAPER, ITERATIVE, "final_db", MARGIN_DB), 0.0, NOT_WORSE,
+          lambda effect: _db(effect - MARGIN_DB)),
+    Claim("Averaging corresponding latents makes the edited views agree",
+          "section 4.1, figure 5 b and d", pairs(PAPER, f"{PAPER}: no consensus", _agreement), 0.5,
+          "no size given; all disagreement beyond that of unedited views: half of it", _share),
+    Claim("Averaging in all steps blurs; ending it after 10 of 50 avoids that",
+          "figures 5 c and 6, section 4.2", difference(PAPER, t_end_label(50), "target_sharpness"),
+          LEAST_SHARPNESS / 2, A_FIFTH, _number),
+    Claim("The style loss lessens the effect of views that contradict each other",
+          "section 4.3, figure 11", difference(PAPER, f"{PAPER}: MSE", "final_db"), LEAST_DB / 2,
+          ONE_DB, _db),
+    Claim("... by a random switch between the two losses", "introduction",
+          difference(f"{PAPER}: random switch", f"{PAPER}: MSE", "final_db"), LEAST_DB / 2, ONE_DB,
+          _db),
+    Claim("... and it is sharper than with the LPIPS loss of Instruct-NeRF2NeRF",
+          "figure 11, section 5.2", difference(PAPER, f"{PAPER}: {PERCEPTUAL}", "sharpness"),
+          LEAST_SHARPNESS / 2, A_FIFTH, _number),
+    Claim("After the single pass, combined needs 800 further steps for what iterative does in 3000",
+          "section 5.2, figure 10", _further, log(3.75 / 2), "3.75 times fewer: 1.9", _factor,
+          statistics.median_low),
 )  # fmt: skip
 
 
-def _arms(summary: Numbers, study: str) -> Iterator[tuple[str, Numbers]]:
-    """(editor, metrics of its arms), where something was measured."""
-    for editor, arms in summary["studies"].get(study, {"editors": {}})["editors"].items():
-        yield editor, {label: m for label, m in arms.items() if m["final_db"]["count"]}
+def judgements(summary: Summary) -> list[tuple[Claim, Judgement | None]]:
+    """Every claim with what the runs say; None where none was made."""
+    return [(c, judge(c.effects(summary), c.half, c.center)) for c in CLAIMS]
 
 
-def _mean(metrics: Numbers, name: str) -> float:
-    value = metrics[name]["mean"]
-    return float("nan") if value is None else value
+def claims_table(summary: Summary) -> str:
+    """Format the claims as a Markdown table."""
+    rows = []
+    for claim, found in judgements(summary):
+        if found is None:
+            rows.append((claim.text, claim.place, "", "", "", claim.against, "not measured"))
+            continue
+        rows.append((
+            claim.text, claim.place, in_words(found, claim.shown), _by_editor(claim, summary),
+            f"{found.scenes}, {found.runs}", claim.against, f"**{found.verdict}**",
+        ))  # fmt: skip
+    head = ("the paper", "where", "effect (95 %)", "by editor", "scenes, pairs",
+            "its size: half of it", "here")  # fmt: skip
+    return markdown_table(head, rows)
 
 
-def _gap(arms: Numbers, one: str, other: str, name: str) -> float | None:
-    if one not in arms or other not in arms:
-        return None
-    return _mean(arms[one], name) - _mean(arms[other], name)
+def in_words(found: Judgement, shown: Callable[[float], str]) -> str:
+    """An effect with its interval."""
+    if found.runs < 2:
+        return f"{shown(found.effect)} (one run)"
+    return f"{shown(found.effect)} ({shown(found.low)} to {shown(found.high)})"
 
 
-def _db(arms: Numbers, label: str) -> str:
-    deviation = arms[label]["final_db"]["deviation"]
-    return f"{_mean(arms[label], 'final_db'):.1f} ± {deviation or 0:.1f} dB"
-
-
-def _times(factor: float | None) -> str:
-    if factor is None:
-        return "not measured"
-    return "is not reached" if factor == 0 else f"{factor:.1f} times sooner"
+def _by_editor(claim: Claim, summary: Summary) -> str:
+    """The verdict of each editor alone, with its effect."""
+    effects = claim.effects(summary)
+    editors = dict.fromkeys(editor for scene in effects.values() for editor in scene)
+    parts = []
+    for editor in editors:
+        own = {s: {editor: each[editor]} for s, each in effects.items() if editor in each}
+        if found := judge(own, claim.half, claim.center):
+            parts.append(f"{editor}: {claim.shown(found.effect)}, {found.verdict}")
+    return "; ".join(parts)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import fields, replace
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
+from typing import Any
 
 import torch
 from jaxtyping import Float
@@ -12,74 +14,173 @@ from torch import Tensor
 
 from gsedit.bench.edit import EXACT, Observed, Observer, nearest_truth
 from gsedit.bench.provenance import provenance
+from gsedit.diffusion.sampler import levels_of
 from gsedit.editing.edit import edit_steps
+from gsedit.editing.session.actions import Action, Strategy
+from gsedit.editing.session.edit_views import edit_views
+from gsedit.editing.session.presets import find_preset
 from gsedit.editing.session.result import EditResult
 from gsedit.editing.session.session import Session, render_edited
 from gsedit.editing.session.settings import EditSettings
 from gsedit.editing.strategies import find_strategy
+from gsedit.editing.strategies._dataset import EditAlone, alone
+from gsedit.editing.strategies.iterative import Iterative
+from gsedit.editor_protocol import Editor
 from gsedit.editors import make_editor
 from gsedit.editors.looks.recipe import parse
-from gsedit.fitting.settings import UpdateSettings
-from research.loss_switch import SwitchedUpdate
+from gsedit.editors.sampling import DiffusionEditor
+from gsedit.measures.clip import load_clip, similarity
+from gsedit.measures.decibels import rmse_from_psnr
+from gsedit.runs.events import Event
+from research.loss_switch import SteppedUpdate, SwitchedUpdate
+from research.paper.arms import PAPER, PAPER_T_END
 from research.paper.cases import load_case
-from research.paper.runs import Record, Run, read_record, write_record
+from research.paper.runs import Case, Record, Run, read_record, write_record
+from research.paper.varied import Varied
+
+_OWN: dict[tuple[Case, str], Float[Tensor, "1 v h w 3"]] = {}
+"""An editor's own pictures of held-out views, which all runs on a scene share."""
 
 
-def run_to_files(run: Run, folder: Path) -> Record:
+def run_to_files(run: Run, folder: Path, clip: Path | None = None) -> Record:
     """The run's record; read from the folder where it is there already.
 
     Otherwise the folder gets KEY.json, and KEY.png: two unedited views and what the editor made of
-    them, a held-out view unedited, edited, and as it should be.
+    them, a held-out view unedited, edited, and as it should be. `clip`: a folder of CLIP's weights.
     """
     path = folder / f"{run.key}.json"
     if path.exists():
         return read_record(path)
-    record, pictures = measure_run(run)
+    record, pictures = measure_run(run, clip)
     _write_strip(folder / f"{run.key}.png", pictures)
     write_record(path, run, record)
     return record
 
 
-def measure_run(run: Run) -> tuple[Record, list[Float[Tensor, "h w 3"]]]:
+def measure_run(run: Run, clip: Path | None = None) -> tuple[Record, list[Float[Tensor, "h w 3"]]]:
     """The record of a run, and its pictures."""
+    started = time.process_time()
     scene, dataset = load_case(run.case)
-    observer = Observer()
-    strategy = find_strategy(run.arm.strategy)(**run.arm.options)
+    observer = Watching(own=_OWN.get((run.case, run.editor)), clip=clip)
     *_, result = edit_steps(
         scene,
         run.case.prompt,
-        editor=make_editor(run.editor),
+        editor=_editor(run.editor),
         generator=torch.Generator().manual_seed(run.seed),
         dataset=dataset,
-        settings=_settings(run),
-        strategy=Observed(strategy, observer),
+        settings=settings_of(run),
+        strategy=Observed(strategy_of(run), observer),
     )
     assert isinstance(result, EditResult)
-    assert observer.session is not None
-    return _record(observer, observer.session, result), _pictures(observer, observer.session)
+    session = observer.session
+    assert session is not None
+    if observer.kind != EXACT:
+        _OWN[run.case, run.editor] = observer.truths
+    elif run.editor == Varied.name:  # its true edit is the first variant, whatever is nearer
+        observer.points = [replace(p, errors=p.errors[:1]) for p in observer.points]
+    record = _record(observer, session, result)
+    pictures = _pictures(observer, session)
+    return replace(record, cpu=time.process_time() - started), pictures
 
 
-def _settings(run: Run) -> EditSettings:
+@dataclass(eq=False)
+class Watching(Observer):
+    """An observer that also asks CLIP how much the scene looks as the instruction says."""
+
+    clip: Path | None = None
+    similarity: list[float] = field(default_factory=list)
+
+    def _measure(self, session: Session, editing: float) -> None:
+        super()._measure(session, editing)
+        if self.clip is not None:
+            clip = load_clip(self.clip)
+            finals = torch.stack(list(render_edited(session, self.views).values()))
+            texts = clip.texts([_object(session.request.prompt)] * len(finals))
+            self.similarity.append(float(similarity(clip.images(finals), texts).mean()))
+
+
+def _object(prompt: str) -> str:
+    """The text about the target, as the paper has it: a prompt without its verb."""
+    for begin in ("turn it into ", "as ", "make it "):
+        prompt = prompt.removeprefix(begin)
+    return prompt
+
+
+@dataclass(frozen=True)
+class SharedIterative(Iterative):
+    """The iterative update whose edits all start from the same noise."""
+
+    def schedule(self, session: Session) -> Iterator[Action]:
+        """The actions of Iterative, with shared noise in the edits."""
+        for action in super().schedule(session):
+            yield SharedEdit(**vars(action)) if isinstance(action, EditAlone) else action
+
+
+@dataclass(frozen=True)
+class SharedEdit(EditAlone):
+    """Edit one view from a noise level that is drawn anew, and the draws of the session's seed."""
+
+    def __call__(self, session: Session) -> Iterator[Event]:
+        draw = float(torch.rand((), generator=session.request.generator))
+        strength = self.least_noise + (self.most_noise - self.least_noise) * draw
+        sampler = alone(session.request.settings.sampler, strength)
+        sampler = replace(sampler, noise="shared")
+        number, of = self.step, self.steps
+        yield from edit_views(session, (self.view,), step=number, steps=of, sampler=sampler)
+
+
+def strategy_of(run: Run) -> Strategy:
+    """The arm's strategy, with its preset's values."""
+    name, preset = run.arm.strategy, find_preset(run.arm.preset)
+    made: Any = SharedIterative() if name == "iterative-shared" else find_strategy(name)()
+    return replace(preset.applied_to(made), **run.arm.options)
+
+
+def _editor(name: str) -> Editor:
+    return DiffusionEditor(Varied()) if name == Varied.name else make_editor(name)
+
+
+def settings_of(run: Run) -> EditSettings:
     """The arm's settings, over what all runs share: the whole picture is edited."""
-    base = EditSettings(
-        update=UpdateSettings(patches=run.case.patches, patch=run.case.patch),
+    base = find_preset(run.arm.preset).settings
+    base = replace(
+        base,
+        update=replace(base.update, patches=run.case.patches, patch=run.case.patch),
+        sampler=replace(base.sampler, precision="float32"),
         held_out_edits=0,
         region="all",
         coverage=1.0,
     )
-    base = replace(base, sampler=replace(base.sampler, precision="float32"))
+    averaged = PAPER_T_END if run.arm.preset == PAPER and run.arm.strategy != "iterative" else None
     for name, value in run.arm.settings.items():
         record, _, inner = name.rpartition(".")
-        if name == "update.switch":
-            update = {field.name: getattr(base.update, field.name) for field in fields(base.update)}
-            value, inner = SwitchedUpdate(**update, switch=value), "update"
-        elif record:
-            value, inner = replace(getattr(base, record), **{inner: value}), record
-        base = replace(base, **{inner: value})
-    return base
+        update = {each.name: getattr(base.update, each.name) for each in fields(base.update)}
+        match name:
+            case "update.switch":
+                base = replace(base, update=SwitchedUpdate(**update, switch=value))
+            case "update.stepped":
+                base = replace(base, update=SteppedUpdate(**update))
+            case "averaged_steps":
+                averaged = value
+            case _ if record:
+                base = replace(base, **{record: replace(getattr(base, record), **{inner: value})})
+            case _:
+                base = replace(base, **{inner: value})
+    return (
+        base if averaged is None else replace(base, sampler=_averaged(base, run.editor, averaged))
+    )
 
 
-def _record(observer: Observer, session: Session, result: EditResult) -> Record:
+def _averaged(settings: EditSettings, editor: str, steps: int) -> Any:
+    """The sampler's settings with averaging in the first `steps`, on the editor's own schedule."""
+    denoiser = _editor(editor).capabilities.denoiser
+    assert denoiser is not None
+    levels = levels_of(denoiser.schedule, settings.sampler)
+    consensus = settings.sampler.consensus and steps > 0
+    return replace(settings.sampler, consensus=consensus, t_end=levels[steps].sigma)
+
+
+def _record(observer: Watching, session: Session, result: EditResult) -> Record:
     short = [
         row
         for row in result.metrics.evaluation.warp
@@ -93,6 +194,7 @@ def _record(observer: Observer, session: Session, result: EditResult) -> Record:
     expected, target_error = originals, None
     if observer.kind == EXACT and targets:
         variants = parse(result.prompt).variants(torch.stack(originals))
+        variants = variants[: len(observer.points[0].errors)]
         squares = (variants - torch.stack(targets)).double().square().mean((1, 2, 3, 4))
         expected = list(variants[int(squares.argmin())])
         target_error = float(squares.min().sqrt())
@@ -103,14 +205,22 @@ def _record(observer: Observer, session: Session, result: EditResult) -> Record:
         unedited_disagreement=short[0].unedited if short else None,
         matched=result.metrics.matched,
         target_error=target_error,
-        target_sharpness=_energy(targets) / _energy(expected) if targets else 0.0,
-        sharpness=_energy(finals) / _energy(truth),
+        residual=rmse_of(result.metrics.psnr_to_targets),
+        target_sharpness=energy(targets) / energy(expected) if targets else 0.0,
+        sharpness=energy(finals) / energy(truth),
         strength=result.metrics.rmse_to_unedited or 0.0,
+        similarity=tuple(observer.similarity),
+        cpu=0.0,
         **vars(provenance()),
     )
 
 
-def _energy(pictures: Sequence[Float[Tensor, "h w 3"]] | Float[Tensor, "v h w 3"]) -> float:
+def rmse_of(psnr: float | None) -> float | None:
+    """The RMSE of a PSNR, if there is one."""
+    return None if psnr is None else rmse_from_psnr(psnr)
+
+
+def energy(pictures: Sequence[Float[Tensor, "h w 3"]] | Float[Tensor, "v h w 3"]) -> float:
     """Mean squared difference of neighboring pixels."""
     return sum(
         float(p.double().diff(dim=axis).square().mean()) for p in pictures for axis in (0, 1)

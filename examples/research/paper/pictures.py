@@ -9,8 +9,9 @@ from pathlib import Path
 from PIL import Image, ImageDraw, ImageFont
 
 from gsedit.formats.pictures import save_picture
+from research.paper.arms import T_END_STEPS, t_end_label
 from research.paper.runs import Run
-from research.paper.studies import CLOSED_FORM, SINGLE_PASS, Study
+from research.paper.studies import Study
 
 STRIP = ("input a", "input b", "edited a", "edited b", "input held out", "scene", "right")
 """Columns of a run's picture, from left to right: two views, what the editor made of them; a
@@ -29,9 +30,9 @@ class Cell:
 
 
 def grid(rows: Sequence[tuple[str, Sequence[Cell]]], runs: Path, path: Path) -> bool:
-    """A PNG of labelled rows of pictures; False, and no file, where one is missing."""
+    """A PNG of labelled rows of pictures; False, and no file, where there is none."""
     pictures = [[_cut(cell, runs) for cell in cells] for _, cells in rows]
-    if not rows or any(p is None for line in pictures for p in line):
+    if not any(picture for line in pictures for picture in line):
         return False
     columns = max(map(len, pictures))
     size = (SIDE + columns * (CELL + GAP), len(rows) * (CELL + LABEL + GAP))
@@ -70,72 +71,32 @@ def _wrapped(text: str, width: int) -> str:
     return "\n".join(textwrap.wrap(text, width)[:3])
 
 
-def regularisation_rows(study: Study) -> list[tuple[str, list[Cell]]]:
-    """The paper's figure 5: two views as they are, edited one by one, averaged in all steps, and
-    in the first ten."""
-    by_label = _first_runs(study)
-    base = "x_t-1, independent noise"
-    wanted = {
-        "(b) view by view": f"{base}: 0",
-        "(c) averaged in all 50 steps": f"{base}: 50",
-        "(d) averaged in 10 steps, as printed": f"{base}: 10",
-        "(d) the same, x0 and shared noise": "x0, shared noise: 10",
-    }
-    if any(label not in by_label for label in wanted.values()):
-        return []
-    first = by_label[f"{base}: 0"]
-    rows = [("(a) input views", [Cell(first, "input a"), Cell(first, "input b")])]
-    for name, label in wanted.items():
-        run = by_label[label]
-        rows.append((name, [Cell(run, "edited a"), Cell(run, "edited b")]))
-    return rows
-
-
-def t_end_rows(study: Study) -> list[tuple[str, list[Cell]]]:
-    """The paper's figure 6: a view, edited with 0 to 50 averaged steps."""
+def arm_rows(study: Study) -> list[tuple[str, list[Cell]]]:
+    """A held-out view of every scene, edited by every arm of the study, with one seed."""
     rows: dict[str, list[Cell]] = {}
-    for label, run in _first_runs(study).items():
-        base, _, averaged = label.rpartition(": ")
-        rows.setdefault(base, []).append(Cell(run, "edited a", f"T_end = {averaged}"))
-    return [
-        (base, [Cell(cells[0].run, "input a", "input"), *cells]) for base, cells in rows.items()
-    ]
-
-
-def strategy_rows(study: Study) -> list[tuple[str, list[Cell]]]:
-    """The paper's figures 7 and 8: a held-out view of every scene, by every strategy."""
-    rows: dict[str, list[Cell]] = {}
+    seeds: dict[str, int] = {}
     for run in study.runs:
-        if run.seed == study.runs[0].seed:
-            name = f"{run.case.name}, {run.editor}: {run.case.prompt}"
-            rows.setdefault(name, []).append(Cell(run, "scene", run.arm.label))
+        name = f"{run.case.name}, {run.editor}: {run.case.prompt}"
+        if seeds.setdefault(name, run.seed) == run.seed:
+            label = run.arm.label.rpartition(": ")[2]
+            rows.setdefault(name, []).append(Cell(run, "scene", label))
     return [
         (name, [Cell(cells[0].run, "input held out", "input"), *cells,
-                Cell(cells[0].run, "right", _right(cells[0].run))])
+                Cell(cells[0].run, "right", "the reference")])
         for name, cells in rows.items()
-        if cells[0].run.arm.strategy == SINGLE_PASS
     ]  # fmt: skip
 
 
-def _right(run: Run) -> str:
-    """Words for the picture that a run's errors refer to."""
-    return "the exact edit" if run.editor == CLOSED_FORM else "what the editor makes of it"
-
-
-def loss_rows(study: Study) -> list[tuple[str, list[Cell]]]:
-    """The paper's figure 11: a held-out view under each loss."""
-    rows: dict[str, list[Cell]] = {}
-    for run in study.runs:
-        if run.seed == study.runs[0].seed:
-            rows.setdefault(run.case.name, []).append(Cell(run, "scene", run.arm.label))
-    return [(name, [*c, Cell(c[0].run, "right", "the exact edit")]) for name, c in rows.items()]
-
-
-def _first_runs(study: Study) -> dict[str, Run]:
-    """Runs of the first scene and seed, by the arm."""
-    first = study.runs[0]
-    return {
-        run.arm.label: run
-        for run in study.runs
-        if (run.case, run.editor, run.seed) == (first.case, first.editor, first.seed)
-    }
+def t_end_rows(studies: Sequence[Study]) -> list[tuple[str, list[Cell]]]:
+    """The paper's figure 6: a view, edited with 0 to 50 averaged steps."""
+    wanted = [t_end_label(steps) for steps in T_END_STEPS]
+    rows: dict[str, dict[str, Run]] = {}
+    for run in (run for study in studies for run in study.runs):
+        if run.arm.label in wanted:
+            rows.setdefault(f"{run.case.name}, {run.editor}", {}).setdefault(run.arm.label, run)
+    return [
+        (name, [Cell(runs[wanted[0]], "input a", "input"),
+                *(Cell(runs[w], "edited a", f"T_end = {n}") for w, n in zip(wanted, T_END_STEPS))])
+        for name, runs in rows.items()
+        if len(runs) == len(wanted)
+    ]  # fmt: skip

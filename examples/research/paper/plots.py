@@ -4,76 +4,90 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 from gsedit.measures.decibels import psnr_from_rmse
 from research.figures import DPI, frame, plain_ticks, save_png
-from research.paper.runs import Record, Run
-from research.paper.statistics import (
-    COSTLY,
-    COSTLY_SECONDS,
-    MEASURED,
-    PAPER_EVALUATION,
-    PAPER_STEP,
-)
-from research.paper.studies import (
-    BULK,
+from research.paper.arms import (
     COMBINED,
+    DEFAULT,
     ITERATIVE,
-    SDS,
-    SHORTER,
-    SINGLE_PASS,
+    PAPER,
+    SHARED_ITERATIVE,
     T_END_STEPS,
-    Study,
+    base_of,
+    t_end_label,
 )
+from research.paper.costs import PAPER_EVALUATION, PAPER_STEP, regimes
+from research.paper.runs import Run
+from research.paper.statistics import spread
+from research.paper.studies import Study
+from research.paper.summary import RATIOS, Records
+from research.paper.tables import COLUMNS, change, factorial_effects
 
 STYLES = {
-    SINGLE_PASS: ("#0072B2", "o"),
+    PAPER: ("#0072B2", "o"),
+    DEFAULT: ("#009E73", "^"),
     ITERATIVE: ("#D55E00", "s"),
-    SHORTER: ("#E69F00", "v"),
-    COMBINED: ("#009E73", "^"),
-    BULK: ("#CC79A7", "D"),
-    SDS: ("#555555", "P"),
+    SHARED_ITERATIVE: ("#E69F00", "v"),
+    COMBINED: ("#CC79A7", "D"),
 }
 """Okabe and Ito's colors, which color-blind readers tell apart, and a marker each."""
-OTHERS = (("#0072B2", "o"), ("#D55E00", "s"))
+EDITORS = (("#0072B2", "o"), ("#D55E00", "s"), ("#009E73", "^"))
 NOT_REACHED = 0.2
 """Height at which a speed-up of 0 is drawn."""
 SAMPLES = 60
 """Times at which curves of several runs are averaged."""
+SHOWN = ("final_db", "disagreement", "sharpness")
+"""Metrics of the plots of changes."""
 
-Records = Mapping[str, Record]
 
-
-def error_curves(study: Study, records: Records, path: Path) -> None:
-    """Error over seconds at both costs, and over editor calls; a row an editor and scene kind."""
-    groups: dict[str, list[Run]] = {}
-    for run in study.runs:
-        if run.key in records:
-            where = "capture" if run.case.scene else "synthetic scenes"
-            groups.setdefault(f"{run.editor}, {where}", []).append(run)
+def error_curves(studies: Sequence[Study], records: Records, real: float, path: Path) -> None:
+    """Error over seconds at two costs, and over editor calls; a row an editor and scene kind."""
+    groups: dict[str, dict[str, Run]] = {}
+    for run in (run for study in studies for run in study.runs):
+        if run.key in records and run.arm.label in STYLES:
+            where = "captures" if run.case.scene else "synthetic scenes"
+            groups.setdefault(f"{run.editor}, {where}", {})[run.key] = run
     figure, panels = _figure(len(groups), 3)
     handles: dict[str, Any] = {}
+    at = regimes(real)
+    columns = (
+        ("processor seconds, as measured", at["measured"].seconds),
+        ("hours, InstructPix2Pix here", lambda p: at["real"].seconds(p) / 3600),
+        ("views that the editor was asked for", lambda p: float(p.calls)),
+    )
     for line, (name, runs) in zip(panels, groups.items()):
-        columns = (
-            ("seconds, as measured", MEASURED.seconds),
-            ("hours, an editor of Stable Diffusion's cost", lambda p: COSTLY.seconds(p) / 3600),
-            ("views that the editor was asked for", lambda p: float(p.calls)),
-        )
         for axes, (label, cost) in zip(line, columns):
             frame(axes, name, 9)
-            handles |= _curves(axes, runs, records, cost)
+            handles |= _curves(axes, list(runs.values()), records, cost)
             axes.set_xscale("log")
             axes.set_xlabel(label, fontsize=8)
             axes.tick_params(labelsize=8)
             plain_ticks(axes)
-        line[0].set_ylabel("PSNR to what is right, dB", fontsize=8)
+        line[0].set_ylabel("PSNR to the reference, dB", fontsize=8)
     _save(figure, "How soon an edit is right, at held-out cameras", handles, path)
 
 
+def similarity_curves(study: Study, records: Records, path: Path) -> None:
+    """CLIP's similarity over editor calls, the mean of all repetitions; nothing without it."""
+    runs = [r for r in study.runs if r.key in records and records[r.key].similarity]
+    if not runs:
+        return
+    figure, panels = _figure(1, 1, width=6.0)
+    axes = panels[0][0]
+    frame(axes, "", 9)
+    handles = _curves(axes, runs, records, lambda p: float(p.calls), similar=True)
+    axes.set_xlabel("views that the editor was asked for", fontsize=8)
+    axes.set_ylabel("CLIP text-image similarity", fontsize=8)
+    _save(figure, f"{len(runs)} runs, mean and standard deviation", handles, path)
+
+
 def _curves(
-    axes: Any, runs: Sequence[Run], records: Records, cost: Callable[[Any], float]
-) -> dict[str, Any]:
+    axes: Any, runs: Sequence[Run], records: Records, cost: Callable[[Any], float],
+    *, similar: bool = False,
+) -> dict[str, Any]:  # fmt: skip
     """A line an arm: the mean over scenes and seeds, and one standard deviation."""
     import numpy as np
 
@@ -86,9 +100,10 @@ def _curves(
         if not ends:
             continue
         grid = np.geomspace(max(min(firsts), min(ends) / 300), min(ends), SAMPLES).tolist()
-        rows = [
-            [psnr_from_rmse(e) for e in _stepped(c, r.errors, grid)] for c, r in zip(costs, group)
+        values = [
+            list(r.similarity) if similar else [psnr_from_rmse(e) for e in r.errors] for r in group
         ]
+        rows = [_stepped(c, v, grid) for c, v in zip(costs, values)]
         mean, deviation = np.mean(rows, 0), np.std(rows, 0)
         (handles[label],) = axes.plot(
             grid, mean, color=color, marker=marker, markevery=12, markersize=4, linewidth=1.4
@@ -97,180 +112,146 @@ def _curves(
     return handles
 
 
-def _stepped(costs: Sequence[float], errors: Sequence[float], grid: Sequence[float]) -> list[float]:
-    """The error of the last point at most at each cost."""
+def _stepped(costs: Sequence[float], values: Sequence[float], grid: Sequence[float]) -> list[float]:
+    """The value of the last point at most at each cost."""
     found = []
     for x in grid:
-        before = [e for c, e in zip(costs, errors) if c <= x]
-        found.append(before[-1] if before else errors[0])
+        before = [e for c, e in zip(costs, values) if c <= x]
+        found.append(before[-1] if before else values[0])
     return found
 
 
-def speed_ups(editors: Mapping[str, Any], path: Path) -> None:
-    """The speed-up on the median scene over the cost of an evaluation; a panel an editor."""
-    figure, panels = _figure(1, max(len(editors), 1), width=4.6, height=3.2)
+def speed_ups(summary: Mapping[str, Any], path: Path) -> None:
+    """The median speed-up over the cost of an evaluation; a panel an editor."""
+    editors = list(dict.fromkeys(race["editor"] for race in summary["races"]))
+    figure, panels = _figure(1, max(len(editors), 1), width=4.2, height=3.2)
     handles: dict[str, Any] = {}
-    for axes, (editor, numbers) in zip(panels[0], editors.items()):
+    for axes, editor in zip(panels[0], editors):
         frame(axes, editor, 9)
-        ratios = numbers["speed_up_by_ratio"]["ratios"]
-        for label, factors in numbers["speed_up_by_ratio"]["arms"].items():
-            color, marker = STYLES.get(label, OTHERS[0])
-            shown = [max(f or 0, NOT_REACHED) for f in factors]
-            (handles[label],) = axes.plot(
-                ratios, shown, color=color, marker=marker, markevery=4, markersize=4, linewidth=1.4
-            )
-        step = numbers["fitting_step_seconds"]["median"]
-        own = numbers["evaluation_seconds"]["median"]
-        marks = {"paper, A100": PAPER_EVALUATION / PAPER_STEP}
-        if step:
-            marks |= {"Stable Diffusion here": COSTLY_SECONDS / step} | (
-                {"measured": own / step} if own else {}
-            )
-        for name, x in marks.items():
-            axes.axvline(x, color="#999999", linewidth=0.9, linestyle=":")
-            axes.annotate(name, (x, 0.1), xycoords=("data", "axes fraction"), rotation=90,
-                          fontsize=7, va="bottom", ha="right", color="#666666")  # fmt: skip
-        axes.axhline(10, color="#bbbbbb", linewidth=0.9, linestyle="--")
-        axes.axhline(1, color="#bbbbbb", linewidth=0.9)
+        for label, (color, marker) in STYLES.items():
+            group = [
+                race["by_ratio"]
+                for race in summary["races"]
+                if (race["editor"], race["arm"]) == (editor, label)
+            ]
+            if group:
+                shown = [max(median(factors), NOT_REACHED) for factors in zip(*group)]
+                (handles[label],) = axes.plot(
+                    RATIOS, shown, color=color, marker=marker, markevery=4, markersize=4, lw=1.4
+                )
+        _mark_costs(axes, summary, editor)
         axes.set_xscale("log")
         axes.set_yscale("log")
         axes.set_xlabel("cost of an evaluation, in fitting steps", fontsize=8)
         axes.set_ylabel("times sooner than iterative", fontsize=8)
         axes.tick_params(labelsize=8)
-    title = (
-        f"How much sooner iterative's final error is reached ({NOT_REACHED}: it is not; dashed: 10)"
-    )
+    title = f"How much sooner iterative's final error is reached ({NOT_REACHED}: not; dashed: 10)"
     _save(figure, title, handles, path)
 
 
-MEASURES: dict[str, tuple[str, Callable[[Record], float | None]]] = {
-    "disagreement": ("edited pictures differ\nbetween near views, RMSE", lambda r: r.disagreement),
-    "sharpness": (
-        "sharpness of edited pictures,\n1 as the exact edit",
-        lambda r: r.target_sharpness,
-    ),
-    "target": ("edited pictures to the\nexact edit, dB", lambda r: _db(r.target_error)),
-    "final": ("edited scene to the\nexact edit, dB", lambda r: _db(r.errors[-1])),
-    "scene sharpness": (
-        "sharpness of the edited scene,\n1 as the exact edit",
-        lambda r: r.sharpness,
-    ),
-}
-PICTURES = ("disagreement", "sharpness", "target", "final")
+def _mark_costs(axes: Any, summary: Mapping[str, Any], editor: str) -> None:
+    step, evaluation = (
+        median(race[name] for race in summary["races"] if race["editor"] == editor)
+        for name in ("step_s", "evaluation_s")
+    )
+    real = summary["costs"]["real_evaluation_seconds"]
+    marks = {"paper, A100": PAPER_EVALUATION / PAPER_STEP}
+    marks |= {"InstructPix2Pix here": real / step, "measured": evaluation / step}
+    for name, x in marks.items():
+        axes.axvline(x, color="#999999", linewidth=0.9, linestyle=":")
+        axes.annotate(name, (x, 0.02), xycoords=("data", "axes fraction"), rotation=90,
+                      fontsize=7, va="bottom", ha="right", color="#666666")  # fmt: skip
+    axes.axhline(10, color="#bbbbbb", linewidth=0.9, linestyle="--")
+    axes.axhline(1, color="#bbbbbb", linewidth=0.9)
 
 
-def t_end_curves(study: Study, records: Records, path: Path) -> None:
-    """Measures over the number of steps with averaging; a line a way of averaging."""
-    figure, panels = _figure(1, len(PICTURES), width=2.7)
+def changes(summary: Mapping[str, Any], preset: str, path: Path) -> None:
+    """The effect of one change on each metric, with intervals: a row a change, a color an editor."""
+    arms = dict.fromkeys(row["arm"] for row in summary["rows"])
+    t_end = [t_end_label(steps) for steps in T_END_STEPS]
+    labels = [a for a in arms if a.startswith(f"{preset}: ") and a not in t_end]
+    editors = list(dict.fromkeys(row["editor"] for row in summary["rows"]))
+    names = [label.partition(": ")[2] for label in labels]
+    for k, label in enumerate(labels):
+        if (base := base_of(label)) != preset:
+            names[k] += f" (from {(base or '').partition(': ')[2]})"
+    found = [
+        [[change(summary, label, base_of(label) or "", e, metric) for label in labels]
+         for e in editors]
+        for metric in SHOWN
+    ]  # fmt: skip
+    _forest(found, names, editors, f"One change of {preset}, intervals of 95 %", path)
+
+
+def factorial(summary: Mapping[str, Any], path: Path) -> None:
+    """The effect of each part of the default on the edited scene, alone and two together."""
+    effects = {name: factorial_effects(summary, name) for name in SHOWN}
+    labels = list(effects["final_db"])
+    found = [[[effects[metric].get(label) for label in labels]] for metric in SHOWN]
+    names = [label.replace(" and ", " x ") for label in labels]
+    _forest(found, names, [""], "With less without, mean over all combinations, 95 %", path)
+
+
+def _forest(
+    found: Sequence[Sequence[Sequence[Any]]], names: Sequence[str], groups: Sequence[str],
+    title: str, path: Path,
+) -> None:  # fmt: skip
+    """Effects with intervals: found[metric][group][row]."""
+    if not names:
+        return
+    figure, panels = _figure(1, len(SHOWN), width=3.4, height=0.8 + 0.3 * len(names), sharey=True)
     handles: dict[str, Any] = {}
-    bases = list(dict.fromkeys(run.arm.label.rpartition(":")[0] for run in study.runs))
-    for axes, name in zip(panels[0], PICTURES):
-        label, measure = MEASURES[name]
+    for axes, metric, of_groups in zip(panels[0], SHOWN, found):
         frame(axes, "", 9)
-        for base, (color, marker) in zip(bases, OTHERS):
-            means, deviations = [], []
-            for averaged in T_END_STEPS:
-                mean, deviation = _mean(study, records, f"{base}: {averaged}", measure)
-                means.append(mean)
-                deviations.append(deviation)
-            handles[base] = axes.errorbar(
-                T_END_STEPS, means, deviations, color=color, marker=marker, markersize=4,
-                linewidth=1.4, capsize=2, elinewidth=0.8,
-            )  # fmt: skip
+        axes.axvline(0, color="#666666", linewidth=0.9)
+        for k, (group, judged) in enumerate(zip(groups, of_groups)):
+            color, marker = EDITORS[k % len(EDITORS)]
+            for row, each in enumerate(judged):
+                if each is None:
+                    continue
+                y = row + 0.22 * (k - (len(groups) - 1) / 2)
+                if each.runs > 1:
+                    axes.plot([each.low, each.high], [y, y], color=color, linewidth=1.3)
+                (dot,) = axes.plot([each.effect], [y], marker, color=color, markersize=4)
+                handles[group] = dot
+        axes.set_title(_title(metric), fontsize=8, loc="left")
+        axes.set_yticks(range(len(names)), names, fontsize=8)
+        axes.set_ylim(len(names) - 0.4, -0.6)
+        axes.tick_params(labelsize=8)
+    _save(figure, title, {k: v for k, v in handles.items() if k}, path)
+
+
+def t_end_curves(summary: Mapping[str, Any], path: Path) -> None:
+    """Metrics over the number of steps with averaging; a line an editor."""
+    names = ("disagreement", "target_sharpness", "target_db", "final_db")
+    figure, panels = _figure(1, len(names), width=2.9)
+    handles: dict[str, Any] = {}
+    rows = [row for row in summary["rows"] if row["study"] in ("t-end", "paper")]
+    places = {(r["editor"], r["scene"], r["seed"]) for r in rows if r["study"] == "t-end"}
+    rows = [r for r in rows if (r["editor"], r["scene"], r["seed"]) in places]
+    editors = dict.fromkeys(row["editor"] for row in rows)
+    for axes, name in zip(panels[0], names):
+        frame(axes, _title(name), 8)
+        for editor, (color, marker) in zip(editors, EDITORS):
+            by_steps = [
+                spread(r[name] for r in rows
+                       if (r["arm"], r["editor"]) == (t_end_label(steps), editor))
+                for steps in T_END_STEPS
+            ]  # fmt: skip
+            shown = [(x, s) for x, s in zip(T_END_STEPS, by_steps) if s]
+            if shown:
+                handles[editor] = axes.errorbar(
+                    [x for x, _ in shown], [s.mean for _, s in shown],
+                    [s.deviation for _, s in shown], color=color, marker=marker,
+                    markersize=4, linewidth=1.2, capsize=2,
+                )  # fmt: skip
         axes.set_xlabel("averaged steps of 50", fontsize=8)
-        axes.set_title(label, fontsize=8, loc="left")
         axes.tick_params(labelsize=8)
     _save(figure, "Steps in which views are averaged (T_end)", handles, path)
 
 
-def dots(study: Study, records: Records, names: Sequence[str], path: Path) -> None:
-    """A row an arm: every run as a dot, their mean as a bar; a panel a measure."""
-    labels = list(dict.fromkeys(run.arm.label for run in study.runs))
-    figure, panels = _figure(1, len(names), width=3.0, height=0.9 + 0.32 * len(labels), sharey=True)
-    scenes = list(dict.fromkeys(run.case.name for run in study.runs))
-    colors = [color for color, _ in STYLES.values()]
-    handles: dict[str, Any] = {}
-    for axes, name in zip(panels[0], names):
-        title, measure = MEASURES[name]
-        frame(axes, "", 9)
-        for row, label in enumerate(labels):
-            for scene, color in zip(scenes, colors):
-                values = _values(study, records, label, measure, scene)
-                (dot,) = axes.plot(values, [row] * len(values), "o", color=color, markersize=4,
-                                   alpha=0.7, linestyle="none")  # fmt: skip
-                if values:
-                    handles[scene] = dot
-            everything = _values(study, records, label, measure)
-            if everything:
-                mean = sum(everything) / len(everything)
-                axes.plot([mean, mean], [row - 0.3, row + 0.3], color="black", linewidth=1.6)
-        axes.set_title(title, fontsize=8, loc="left")
-        axes.set_yticks(range(len(labels)), labels, fontsize=8)
-        axes.set_ylim(len(labels) - 0.4, -0.6)
-        axes.tick_params(labelsize=8)
-    _save(figure, study.title, handles, path)
-
-
-def combined_curves(study: Study, records: Records, path: Path) -> None:
-    """Error over the steps of iterative, from scratch and after the single pass."""
-    editors = list(dict.fromkeys(run.editor for run in study.runs if run.key in records))
-    figure, panels = _figure(1, max(len(editors), 1), width=4.0)
-    handles: dict[str, Any] = {}
-    for axes, editor in zip(panels[0], editors):
-        frame(axes, editor, 9)
-        runs = [run for run in study.runs if run.editor == editor and run.key in records]
-        first = {
-            (run.case, run.seed): records[run.key].curve[-1].steps
-            for run in runs
-            if run.arm.label == SINGLE_PASS
-        }
-        for label in (ITERATIVE, COMBINED):
-            color, marker = STYLES[label]
-            for run in (run for run in runs if run.arm.label == label):
-                record = records[run.key]
-                begun = first.get((run.case, run.seed), 0) if label == COMBINED else 0
-                points = [
-                    (p.steps - begun, psnr_from_rmse(e))
-                    for p, e in zip(record.curve, record.errors)
-                    if p.steps >= begun
-                ]
-                (handles[label],) = axes.plot(
-                    *zip(*points), color=color, linewidth=1.1, alpha=0.7, marker=marker,
-                    markevery=[len(points) - 1], markersize=4,
-                )  # fmt: skip
-        axes.set_xlabel("steps of iterative", fontsize=8)
-        axes.set_ylabel("PSNR to what is right, dB", fontsize=8)
-        axes.tick_params(labelsize=8)
-    _save(figure, "Iterative from scratch, and after the single pass", handles, path)
-
-
-def _values(
-    study: Study,
-    records: Records,
-    label: str,
-    measure: Callable[[Record], float | None],
-    scene: str | None = None,
-) -> list[float]:
-    found = [
-        measure(records[run.key])
-        for run in study.runs
-        if run.arm.label == label and run.key in records and scene in (None, run.case.name)
-    ]
-    return [value for value in found if value is not None]
-
-
-def _mean(
-    study: Study, records: Records, label: str, measure: Callable[[Record], float | None]
-) -> tuple[float, float]:
-    """Mean and standard deviation (of the population); nan where nothing was measured."""
-    import numpy as np
-
-    values = _values(study, records, label, measure)
-    return (float(np.mean(values)), float(np.std(values))) if values else (np.nan, np.nan)
-
-
-def _db(error: float | None) -> float | None:
-    return None if error is None else psnr_from_rmse(max(error, 1e-5))
+def _title(metric: str) -> str:
+    return COLUMNS[metric][0].replace(" between near views", "")
 
 
 def _figure(

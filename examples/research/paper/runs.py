@@ -40,9 +40,10 @@ class Case:
 
 @dataclass(frozen=True)
 class Arm:
-    """How a scene is edited: a strategy, and what differs from the defaults."""
+    """How a scene is edited: a preset, a strategy, and what differs from them."""
 
     label: str
+    preset: str = "default"
     strategy: str = "single-pass"
     options: Mapping[str, Any] = field(default_factory=dict)
     """Fields of the strategy."""
@@ -83,12 +84,18 @@ class Record:
     target_error: float | None
     """RMSE of the edited pictures to the variant of the exact edit that they are nearest to; None
     where it is unknown."""
+    residual: float | None
+    """RMSE of the edited scene to the edited pictures."""
     target_sharpness: float
     """Gradient energy of the edited pictures, over that of the exact edit (else the unedited)."""
     sharpness: float
     """Gradient energy of the edited scene at held-out cameras, over that of the reference."""
     strength: float
     """RMSE between renders of the unedited and of the edited scene."""
+    similarity: tuple[float, ...]
+    """CLIP's similarity to the text of the result at each point of the curve; empty without it."""
+    cpu: float
+    """Processor seconds of the whole run, its measurements included."""
     threads: int
     commit: str
     machine: str
@@ -112,7 +119,8 @@ def read_record(path: Path) -> Record:
     try:
         fields = read_json(path)["record"]
         curve = [Point(**{**p, "errors": tuple(p["errors"])}) for p in fields["curve"]]
-        return Record(**{**fields, "curve": tuple(curve)})
+        similarity = tuple(fields["similarity"])
+        return Record(**{**fields, "curve": tuple(curve), "similarity": similarity})
     except (InputError, ValueError, TypeError, KeyError) as error:
         raise InputError(
             f"{path}: not a run of research.paper ({error}); delete it, and it is run again"

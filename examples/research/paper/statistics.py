@@ -3,71 +3,42 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
+from math import log
+from typing import NamedTuple
 
 from gsedit.bench.edit import Point
+from research.paper.costs import Costs
 from research.paper.runs import Record
 
-COSTLY_SECONDS = 2.0
-"""An evaluation of InstructPix2Pix's network at full size (860 M weights, random) at 256x256
-pixels in a batch of 4, on the two cores that these pages are measured on; 6.6 GB."""
-PAPER_STEP, PAPER_EVALUATION = 0.15, 30 / (4 * 3 * 50)
-"""Seconds on the paper's A100: a step of fitting, and an evaluation, from its 30 s a batch of four
-views in 50 steps under three conditions."""
 AS_GOOD = 1.05
 """An error up to this factor of iterative's final one has reached it: 0.4 dB."""
 LAST = 0.1
 """The final error is the mean over this last share of the steps: single points of iterative
 fluctuate."""
+NOT_REACHED = 0.1
+"""The factor that counts for an error that is not reached: ten times later."""
 
 
-@dataclass(frozen=True)
-class Costs:
-    """Seconds of an evaluation of the network and of a fitting step."""
+class Spread(NamedTuple):
+    """Mean, sample standard deviation (0 of a single number), median and range of some numbers."""
 
-    name: str
-    evaluation: float | None = None
-    """Seconds an evaluation; None: as measured."""
-    step: float | None = None
-    """None: as measured, with everything else that is not the editor."""
-
-    def seconds(self, point: Point) -> float:
-        """At these costs, since the first action."""
-        editing = point.editing if self.evaluation is None else self.evaluation * point.evaluations
-        rest = point.seconds - point.editing if self.step is None else self.step * point.steps
-        return editing + rest
+    mean: float
+    deviation: float
+    median: float
+    low: float
+    high: float
 
 
-MEASURED = Costs("this editor, as measured")
-COSTLY = Costs("an editor of Stable Diffusion's cost here", COSTLY_SECONDS)
-PAPERS = Costs("the paper's costs on an A100", PAPER_EVALUATION, PAPER_STEP)
-REGIMES = {"measured": MEASURED, "costly": COSTLY, "paper": PAPERS}
-
-
-@dataclass(frozen=True)
-class Spread:
-    """Mean, deviation, median and range of some numbers."""
-
-    mean: float | None
-    deviation: float | None
-    """Sample standard deviation; None of fewer than two."""
-    median: float | None
-    low: float | None
-    high: float | None
-    count: int
-
-
-def spread(values: Iterable[float | None]) -> Spread:
-    """Summarize the numbers that are not None."""
-    numbers = [float(value) for value in values if value is not None]
-    if not numbers:
-        return Spread(None, None, None, None, None, 0)
-    deviation = statistics.stdev(numbers) if len(numbers) > 1 else None
-    return Spread(
-        statistics.fmean(numbers), deviation, statistics.median(numbers), min(numbers),
-        max(numbers), len(numbers),
-    )  # fmt: skip
+def spread(values: Iterable[float | None]) -> Spread | None:
+    """Summarize the numbers that are not None; None where there is none."""
+    found = [float(value) for value in values if value is not None]
+    if not found:
+        return None
+    deviation = statistics.stdev(found) if len(found) > 1 else 0.0
+    return Spread(statistics.fmean(found), deviation, statistics.median(found), min(found),
+                  max(found))  # fmt: skip
 
 
 def final_error(record: Record) -> float:
@@ -95,7 +66,7 @@ class Race:
         """Iterative's seconds over the strategy's; 0 where the error is not reached."""
         if self.own is None:
             return 0.0
-        return costs.seconds(self.iterative) / costs.seconds(self.own)
+        return costs.seconds(self.iterative) / max(costs.seconds(self.own), 1e-9)
 
 
 def race(record: Record, iterative: Record) -> Race:
@@ -107,8 +78,6 @@ def race(record: Record, iterative: Record) -> Race:
     return Race(reached(record, goal), theirs)
 
 
-def median_scene(races: Mapping[str, Sequence[Race]], costs: Costs) -> float | None:
-    """The speed-up on the median scene, of each scene the median over its seeds; of an even number
-    the lower of the two in the middle, since one of them may not be reached."""
-    scenes = [statistics.median_low(r.speed_up(costs) for r in group) for group in races.values()]
-    return statistics.median_low(scenes) if scenes else None
+def log_factor(factor: float) -> float:
+    """Logarithm of a speed-up; 0, which is one that is not reached, counts as NOT_REACHED."""
+    return log(max(factor, NOT_REACHED))

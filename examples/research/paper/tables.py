@@ -2,163 +2,209 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import combinations, product
 from typing import Any
 
 from gsedit.bench.results import markdown_table
+from research.paper.arms import (
+    COMBINED,
+    FACTORS,
+    ITERATIVE,
+    PAPER,
+    T_END_STEPS,
+    base_of,
+    corner_label,
+    t_end_label,
+)
+from research.paper.claims import difference, gathered, in_words
+from research.paper.statistics import spread
+from research.paper.summary import Row
+from research.paper.verdicts import Judgement, judge
 
 Numbers = Mapping[str, Any]
-
-
-def tables(summary: Numbers) -> dict[str, str]:
-    """Markdown by the name that docs/measurements/paper.md has between its markers."""
-    found = {"conditions": conditions(summary)}
-    if summary["editors"]:
-        found["speed-up"] = speed_up_table(summary)
-        found["strategies"] = strategies_table(summary)
-        found["combined"] = combined_table(summary)
-    for name, columns in SWEEPS.items():
-        if name in summary["studies"]:
-            found[name] = study_table(summary["studies"][name], columns)
-    return found
-
-
-def conditions(summary: Numbers) -> str:
-    """Describe the conditions of the runs in a sentence."""
-    size, costs = summary["size"], summary["costs"]
-    compared = summary["studies"].get("strategies", {"seeds": [], "scenes": []})
-    threads = ", ".join(map(str, summary["threads"]))
-    skipped = f" {summary['skipped']}" if summary["skipped"] else ""
-    quick = " --quick" if size["name"] == "quick" else ""
-    return (
-        f"{summary['runs']} runs of `python -m research.paper{quick}`: "
-        f"scenes {', '.join(compared['scenes'])}; {len(compared['seeds'])} seeds; views of "
-        f"{size['pixels']} pixels, {size['gaussians']} Gaussians, {size['views']} cameras, every "
-        f"eighth held out; {size['iterative_steps']} steps of iterative, {size['further_steps']} "
-        f"further ones of combined (the paper: 3000 and 800). {'; '.join(summary['machines'])}; "
-        f"{threads} thread a run; {' to '.join(summary['dates'])}; commit "
-        f"{', '.join(summary['commits'])}. The costly editor takes "
-        f"{costs['costly_evaluation_seconds']:g} s an evaluation; an error is reached at "
-        f"{costs['as_good_factor']:g} times iterative's final one (RMSE).{skipped}"
-    )
-
-
-def speed_up_table(summary: Numbers) -> str:
-    """How much sooner each strategy reaches iterative's final error; a row an editor and arm."""
-    head = ("editor: strategy", "measured", "costly editor", "paper's costs", "reached",
-            "scene by scene, costly: median (lowest to highest)")  # fmt: skip
-    rows = []
-    for editor, numbers in summary["editors"].items():
-        regimes = numbers["speed_up"]
-        for label, costly in regimes["costly"].items():
-            scenes = costly["scenes"]
-            reached = sum(scene["reached"] for scene in scenes.values())
-            pairs = sum(scene["count"] for scene in scenes.values())
-            each = "; ".join(
-                f"{name} {_times(s['median'])} ({_times(s['low'])} to {_times(s['high'])})"
-                for name, s in scenes.items()
-            )
-            factors = [
-                _times(regimes[regime][label]["median_scene"])
-                for regime in ("measured", "costly", "paper")
-            ]
-            rows.append((f"{editor}: {label}", *factors, f"{reached} of {pairs}", each))
-    return markdown_table(head, rows)
-
-
-def strategies_table(summary: Numbers) -> str:
-    """Final error and what it cost; a row an editor, scene and arm."""
-    head = ("editor, scene: strategy", "final error, dB", "editor calls", "evaluations",
-            "fitting steps", "seconds, measured", "hours, costly editor")  # fmt: skip
-    rows = []
-    each = summary["costs"]["costly_evaluation_seconds"]
-    for editor, scenes in summary["studies"]["strategies"]["by_scene"].items():
-        for scene, arms in scenes.items():
-            for label, m in arms.items():
-                if not m["final_db"]["count"]:
-                    continue
-                fitting = m["seconds"]["mean"] - m["editing_seconds"]["mean"]
-                hours = (fitting + each * m["evaluations"]["mean"]) / 3600
-                counts = [f"{m[name]['mean']:.0f}" for name in ("calls", "evaluations", "steps")]
-                rows.append(
-                    (f"{editor}, {scene}: {label}", _spread(m["final_db"], 1), *counts,
-                     _spread(m["seconds"], 1), f"{hours:.2f}")
-                )  # fmt: skip
-    return markdown_table(head, rows)
-
-
-def combined_table(summary: Numbers) -> str:
-    """The combined experiment; a row an editor."""
-    head = ("editor", "further steps after the single pass", "steps from scratch", "reached",
-            "final error against iterative's, dB")  # fmt: skip
-    rows = []
-    for editor, numbers in summary["editors"].items():
-        c = numbers["combined"]
-        if c["pairs"]:
-            rows.append(
-                (editor, _median(c["further_steps"]), _median(c["steps_from_scratch"]),
-                 f"{c['reached']} of {c['pairs']}", _spread(c["final_gain_db"], 1, sign="+"))
-            )  # fmt: skip
-    return markdown_table(head, rows)
-
-
 COLUMNS: dict[str, tuple[str, int]] = {
-    "final_db": ("edited scene to the exact edit, dB", 1),
+    "final_db": ("edited scene to the reference, dB", 1),
+    "residual_db": ("edited scene to the edited pictures, dB", 1),
     "target_db": ("edited pictures to the exact edit, dB", 1),
     "disagreement": ("edited pictures differ between near views, RMSE", 3),
     "target_sharpness": ("sharpness of edited pictures", 2),
     "sharpness": ("sharpness of the edited scene", 2),
     "matched": ("matched cells", 2),
-    "calls": ("editor calls", 0),
-    "steps": ("fitting steps", 0),
+    "cpu": ("processor s", 0),
 }
-"""Title and digits of the columns of sweeps."""
-_PICTURES = (
-    "final_db", "target_db", "disagreement", "target_sharpness", "sharpness", "matched",
-)  # fmt: skip
-SWEEPS = {
-    "t-end": _PICTURES,
-    "consensus": _PICTURES,
-    "visibility": _PICTURES,
-    "views": ("final_db", "target_db", "disagreement", "calls", "steps"),
-    "loss": ("final_db", "sharpness", "disagreement"),
-    "tuning": ("final_db", "calls", "steps"),
-}
+"""Title and digits of the columns of arms."""
+NOT_RUN = "Not run."
+EFFECTS = ("final_db", "residual_db", "disagreement", "sharpness")
+"""Metrics whose change by each arm is shown."""
 
 
-def study_table(study: Numbers, columns: tuple[str, ...]) -> str:
-    """A row an arm; mean and standard deviation over scenes and seeds."""
-    head = ("", *(COLUMNS[name][0] for name in columns))
+def tables(summary: Numbers) -> dict[str, str]:
+    """Markdown by the name that docs/measurements/paper.md has between its markers."""
+    labels = list(dict.fromkeys(row["arm"] for row in summary["rows"]))
+    t_end = [t_end_label(steps) for steps in T_END_STEPS]
+    changed = {
+        preset: [a for a in labels if a.startswith(f"{preset}: ") and a not in t_end]
+        for preset in ("paper", "default")
+    }
+    found = {
+        "conditions": conditions(summary),
+        "paper-arms": changes_table(summary, changed["paper"]),
+        "default-arms": changes_table(summary, changed["default"]),
+        "strategies": arms_table(summary, [PAPER, "default", ITERATIVE, *_baselines(labels)]),
+        "speed-up": speed_up_table(summary),
+        "t-end": arms_table(summary, t_end),
+        "factorial": factorial_table(summary),
+    }
+    return {name: text or NOT_RUN for name, text in found.items()}
+
+
+def _baselines(labels: Sequence[str]) -> list[str]:
+    return [each for each in labels if each in (COMBINED, f"{ITERATIVE}, shared noise")]
+
+
+def conditions(summary: Numbers) -> str:
+    """Describe the conditions of the runs, and what did not run."""
+    size, costs = summary["size"], summary["costs"]
+    quick = " --quick" if size["name"] == "quick" else ""
+    text = (
+        f"{summary['runs']} of {summary['planned']} runs of `python -m research.paper{quick}`, "
+        f"{summary['cpu_hours']:.2f} processor hours: synthetic scenes of {size['gaussians']} "
+        f"Gaussians, {size['views']} views of {size['pixels']} pixels, every eighth held out; "
+        f"{size['iterative_steps']} steps of iterative, {size['further_steps']} further ones of "
+        f"combined (the paper: 3000 and 800). {'; '.join(summary['machines'])}; "
+        f"{', '.join(map(str, summary['threads']))} thread a run; "
+        f"{' to '.join(summary['dates'])}; commit {', '.join(summary['commits'])}. "
+        f"InstructPix2Pix takes {costs['real_evaluation_seconds']:g} s an evaluation; an error is "
+        f"reached at {costs['as_good_factor']:g} times iterative's final one (RMSE)."
+    )
+    if summary["missing"]:
+        missing = ", ".join(f"{n} of {study}" for study, n in summary["missing"].items())
+        text += f" Not run: {missing}."
+    for run, error in summary["failed"].items():
+        text += f" Failed: {run} ({error})."
+    return text
+
+
+def arms_table(summary: Numbers, labels: Sequence[str]) -> str:
+    """A row an editor and arm: means and deviations over scenes and seeds."""
+    rows = []
+    for editor, label in product(_editors(summary), dict.fromkeys(labels)):
+        group = _distinct(r for r in summary["rows"] if (r["editor"], r["arm"]) == (editor, label))
+        if group:
+            cells = (_spread([r[name] for r in group], COLUMNS[name][1]) for name in COLUMNS)
+            rows.append((f"{editor}: {label}", str(len(group)), *cells))
+    head = ("editor: arm", "runs", *(title for title, _ in COLUMNS.values()))
+    return markdown_table(head, rows) if rows else ""
+
+
+def changes_table(summary: Numbers, labels: Sequence[str]) -> str:
+    """A row an arm and editor: what its one change does, with intervals."""
+    rows = []
+    for label in labels:
+        base = base_of(label)
+        for editor in _editors(summary) if base else ():
+            cells = [_change(summary, label, base, editor, name) for name in EFFECTS]
+            if any(cells):
+                rows.append((f"{label}, from {base}: {editor}", *cells))
+    head = ("one change", *(COLUMNS[name][0] for name in EFFECTS))
+    return markdown_table(head, rows) if rows else ""
+
+
+def _change(summary: Numbers, label: str, base: str | None, editor: str, name: str) -> str:
+    found = change(summary, label, base or "", editor, name)
+    digits = COLUMNS[name][1] + 1
+    return "" if found is None else in_words(found, lambda x: f"{x:+.{digits}f}")
+
+
+def change(summary: Numbers, label: str, base: str, editor: str, name: str) -> Judgement | None:
+    """The difference of a metric between two arms, with one editor."""
+    effects = difference(label, base, name)(summary)
+    own = {scene: {editor: each[editor]} for scene, each in effects.items() if editor in each}
+    return judge(own, 0.0)
+
+
+def factorial_effects(summary: Numbers, name: str) -> dict[str, Judgement]:
+    """The effect on a metric of each factor, and of each two together beyond both alone.
+
+    Main effects are means over all combinations of the other factors; only scenes and seeds that
+    have every combination count.
+    """
+    corners = list(product((True, False), repeat=len(FACTORS)))
+    labels = {corner_label(on): on for on in corners}
+    places: dict[tuple[str, str, int], dict[tuple[bool, ...], float]] = {}
+    for row in summary["rows"]:
+        if row["study"] == "factorial" and row["arm"] in labels:
+            place = row["scene"], row["editor"], row["seed"]
+            places.setdefault(place, {})[labels[row["arm"]]] = row[name]
+    whole = {place: found for place, found in places.items() if len(found) == len(corners)}
+    factors = list(FACTORS)
+    sets = [(k,) for k in range(len(factors))] + list(combinations(range(len(factors)), 2))
+    named = {" and ".join(factors[k] for k in each): each for each in sets}
+    judged = {
+        effect: judge(gathered(_contrasts(whole, each)), 0.0) for effect, each in named.items()
+    }
+    return {effect: found for effect, found in judged.items() if found}
+
+
+def _contrasts(places: Mapping[Any, Any], factors: Sequence[int]) -> Iterator[Any]:
+    """(scene, editor, contrast): the mean of the corners, with the sign of the factors' product."""
+    for (scene, editor, _), corners in places.items():
+        signed = [value * (-1) ** sum(not on[k] for k in factors) for on, value in corners.items()]
+        yield scene, editor, 2 * sum(signed) / len(signed)
+
+
+def factorial_table(summary: Numbers) -> str:
+    """A row an effect."""
+    found = {name: factorial_effects(summary, name) for name in EFFECTS}
     rows = [
-        (label, *(_spread(metrics[name], COLUMNS[name][1]) for name in columns))
-        for arms in study["editors"].values()
-        for label, metrics in arms.items()
-        if metrics["final_db"]["count"]
+        (effect, *(in_words(found[name][effect], _digits(name)) for name in EFFECTS))
+        for effect in found["final_db"]
     ]
-    return markdown_table(head, rows)
+    head = ("with, less without", *(COLUMNS[name][0] for name in EFFECTS))
+    return markdown_table(head, rows) if rows else ""
 
 
-def _spread(numbers: Numbers, digits: int, sign: str = "") -> str:
+def _digits(name: str) -> Callable[[float], str]:
+    return lambda x: f"{x:+.{COLUMNS[name][1] + 1}f}"
+
+
+def speed_up_table(summary: Numbers) -> str:
+    """How much sooner each arm reaches iterative's final error; a row an editor and arm."""
+    rows = []
+    shown = (PAPER, "default", COMBINED, f"{ITERATIVE}, shared noise")
+    for editor, label in product(_editors(summary), shown):
+        group = [r for r in summary["races"] if (r["editor"], r["arm"]) == (editor, label)]
+        if group:
+            reached = sum(race["measured"] > 0 for race in group)
+            factors = [_times([race[r] for race in group]) for r in ("measured", "real", "paper")]
+            rows.append((f"{editor}: {label}", *factors, f"{reached} of {len(group)}"))
+    head = ("editor: arm", "as measured", "InstructPix2Pix here", "paper's costs", "reached")
+    return markdown_table(head, rows) if rows else ""
+
+
+def _times(factors: Sequence[float]) -> str:
+    """Median (lowest to highest); 0 is an error that is not reached."""
+    found = spread(factors)
+    words = [f"{x:.2g}x" if x else "not" for x in found[2:]] if found else [""] * 3
+    return f"{words[0]} ({words[1]} to {words[2]})"
+
+
+def _editors(summary: Numbers) -> list[str]:
+    return list(dict.fromkeys(row["editor"] for row in summary["rows"]))
+
+
+def _distinct(rows: Iterator[Row]) -> list[Row]:
+    """One row a scene and seed: studies share runs."""
+    return list({(row["scene"], row["seed"]): row for row in rows}.values())
+
+
+def _spread(values: Sequence[float | None], digits: int) -> str:
     """Mean ± standard deviation."""
-    if numbers["mean"] is None:
+    if not (numbers := spread(values)):
         return ""
-    text = f"{numbers['mean']:{sign}.{digits}f}"
-    deviation = numbers["deviation"]
-    return text if not deviation or not digits else f"{text} ± {deviation:.{digits}f}"
-
-
-def _median(numbers: Numbers) -> str:
-    """Median (lowest to highest)."""
-    if numbers["median"] is None:
-        return "not reached"
-    return f"{numbers['median']:.0f} ({numbers['low']:.0f} to {numbers['high']:.0f})"
-
-
-def _times(factor: float | None) -> str:
-    """A speed-up; 0 is one that was not reached."""
-    if factor is None:
-        return ""
-    return "not reached" if factor == 0 else f"{factor:.1f}x" if factor < 10 else f"{factor:.0f}x"
+    text = f"{numbers.mean:.{digits}f}"
+    return f"{text} ± {numbers.deviation:.{digits}f}" if numbers.deviation and digits else text
 
 
 def write_tables(text: str, found: Mapping[str, str]) -> str:

@@ -1,0 +1,120 @@
+"""The arms: the method as printed and gsedit's, each with one thing changed, and the baselines."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import product
+from typing import Any
+
+from gsedit.measures.perceptual import is_installed
+from research.paper.runs import Arm
+
+PAPER, DEFAULT, ITERATIVE, COMBINED = "paper", "default", "iterative", "combined"
+SHARED_ITERATIVE = "iterative, shared noise"
+SAME_VIEWS: dict[str, dict[str, Any]] = {PAPER: {"batches": 3}, DEFAULT: {"batches": 4}}
+"""Twelve views for both: batches of 4 as printed, of 3 by default."""
+IN2N_STEPS = 20
+"""Denoising steps of an edit of Instruct-NeRF2NeRF."""
+T_END_STEPS = (0, 10, 20, 30, 40, 50)
+"""The steps, of 50, in which views are averaged: the paper's figure 6."""
+PAPER_T_END = 10
+PERCEPTUAL = "L1 + perceptual"
+"""The loss of Instruct-NeRF2NeRF with a distance of the kind of LPIPS."""
+
+ONE_IN: dict[str, Mapping[str, Any]] = {
+    "anchors": {"anchors": 4},
+    "shared noise": {"sampler.noise": "shared"},
+    "x0 averaged": {"sampler.target": "x0"},
+    "no consensus": {"sampler.consensus": False},
+    "harmonised": {"sampler.harmonise": True},
+    "planned views": {"view_plan": "covering"},
+    "no visibility rules": {"visibility": False},
+    "MSE": {"update.loss": "mse"},
+    "random switch": {"update.switch": 0.5},
+    PERCEPTUAL: {"update.loss": "l1+perceptual"},
+    "colors only": {"geometry": "appearance"},
+    "MSE, colors only": {"update.loss": "mse", "geometry": "appearance", "update.stepped": True},
+    "MSE, colors solved": {"update.loss": "mse", "geometry": "appearance"},
+}
+"""Changes of the method as printed."""
+ONE_OUT: dict[str, Mapping[str, Any]] = {
+    "no anchors": {"anchors": 0},
+    "independent noise": {"sampler.noise": "independent"},
+    "x_t averaged": {"sampler.target": "xt"},
+    "no consensus": {"sampler.consensus": False},
+    "not harmonised": {"sampler.harmonise": False},
+    "random views": {"view_plan": "random"},
+    "Adam": {"update.stepped": True},
+    "Adam, 30 Gram": {"update.loss": "mse+gram"},
+}
+"""Changes of gsedit's default."""
+BASES = {
+    f"{PAPER}: MSE, colors only": f"{PAPER}: MSE",
+    f"{PAPER}: MSE, colors solved": f"{PAPER}: MSE, colors only",
+    f"{DEFAULT}: Adam, 30 Gram": f"{DEFAULT}: Adam",
+}
+"""Arms that differ in one thing from another arm than their preset."""
+FACTORS: dict[str, Mapping[str, Any]] = {
+    "consensus": {"sampler.consensus": False},
+    "shared noise": {"sampler.noise": "independent"},
+    "planned views": {"view_plan": "random"},
+    "solve": {"update.stepped": True},
+}
+"""Parts of the default, by the settings that leave them out. Without consensus nothing is
+harmonised or tied to finished views either."""
+
+
+def base_of(label: str) -> str | None:
+    """Label of the arm from which an arm differs in one thing; None for others."""
+    preset, changed, _ = label.partition(": ")
+    return BASES.get(label, preset if changed and preset in SAME_VIEWS else None)
+
+
+def preset_arms(preset: str) -> Iterator[Arm]:
+    """A preset, and it with each change."""
+    same, changes = SAME_VIEWS[preset], ONE_IN if preset == PAPER else ONE_OUT
+    yield Arm(preset, preset, settings=same)
+    for label, settings in changes.items():
+        if label != PERCEPTUAL or is_installed():
+            yield Arm(f"{preset}: {label}", preset, settings={**same, **settings})
+
+
+def baseline_arms(steps: int, further: int) -> list[Arm]:
+    """Instruct-NeRF2NeRF's update, the same with noise that all edits share, and the combination.
+
+    The loss and everything else is as the paper's method has it.
+    """
+    edits = {"sampler.steps": IN2N_STEPS}
+    return [
+        Arm(ITERATIVE, PAPER, "iterative", {"total_steps": steps}, edits),
+        Arm(SHARED_ITERATIVE, PAPER, "iterative-shared", {"total_steps": steps}, edits),
+        Arm(COMBINED, PAPER, "combined", {"further_steps": further}, SAME_VIEWS[PAPER]),
+    ]
+
+
+def t_end_arms() -> list[Arm]:
+    """The method as printed, with averaging in more or fewer steps."""
+    return [
+        Arm(t_end_label(n), PAPER, settings={**SAME_VIEWS[PAPER], "averaged_steps": n})
+        for n in T_END_STEPS
+        if n != PAPER_T_END
+    ]
+
+
+def t_end_label(steps: int) -> str:
+    """Label of the arm with averaging in so many steps."""
+    return PAPER if steps == PAPER_T_END else f"{PAPER}: T_end = {steps}"
+
+
+def factorial_arms() -> Iterator[Arm]:
+    """Every combination of FACTORS in the default."""
+    for on in product((True, False), repeat=len(FACTORS)):
+        settings: dict[str, Any] = dict(SAME_VIEWS[DEFAULT])
+        for used, changed in zip(on, FACTORS.values()):
+            settings |= {} if used else changed
+        yield Arm(corner_label(on), DEFAULT, settings=settings)
+
+
+def corner_label(on: tuple[bool, ...]) -> str:
+    """Label of the combination with these factors."""
+    return "with " + (", ".join(f for f, used in zip(FACTORS, on) if used) or "none")
