@@ -116,18 +116,20 @@ GLOSSARY = [
     if line.startswith("| ")
     for name in re.findall(r"`([^`]+)`", line.split(" | ")[-1])
 ]
-SOURCES = [
-    ast.parse(file.read_text())
-    for folder in ("gsedit", "rasterizer", "cli")
-    for file in (ROOT / folder).rglob("*.py")
-]
 
 
 @cache
-def members() -> dict[str, set[str]]:
-    """Names that the classes of each name define, and those of their bases in the code."""
+def code() -> tuple[dict[str, set[str]], set[str]]:
+    """Names that the classes of each name define, and those of their bases in the code; and names
+    of classes, functions, fields, constants and texts. The trees are not kept."""
+    nodes = [
+        node
+        for folder in ("gsedit", "rasterizer", "cli")
+        for file in (ROOT / folder).rglob("*.py")
+        for node in ast.walk(ast.parse(file.read_text()))
+    ]
     classes: dict[str, list[ast.ClassDef]] = {}
-    for node in (node for tree in SOURCES for node in ast.walk(tree)):
+    for node in nodes:
         if isinstance(node, ast.ClassDef):
             classes.setdefault(node.name, []).append(node)
 
@@ -138,21 +140,16 @@ def members() -> dict[str, set[str]]:
         bases = (classes.get(ast.unparse(base), []) for base in node.bases)
         return own.union(*(of(base) for found in bases for base in found))
 
-    return {name: set().union(*map(of, found)) for name, found in classes.items()}
-
-
-@cache
-def names() -> set[str]:
-    """Names of classes, functions, fields, constants and texts of the code."""
-    found = set(members()).union(*members().values())
-    for node in (node for tree in SOURCES for node in ast.walk(tree)):
+    members = {name: set().union(*map(of, found)) for name, found in classes.items()}
+    names = set(members).union(*members.values())
+    for node in nodes:
         if isinstance(node, ast.FunctionDef):
-            found.add(node.name)
+            names.add(node.name)
         elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
-            found.add(node.id)
+            names.add(node.id)
         elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-            found.add(node.value)
-    return found
+            names.add(node.value)
+    return members, names
 
 
 @cache
@@ -175,9 +172,9 @@ def test_every_name_of_the_glossary_is_in_the_code(term, name):
         return  # a module
     elif "." in name and name[0].isupper():
         record, member = name.split(".")
-        assert member in members()[record]
+        assert member in code()[0][record]
     else:
-        assert name.removesuffix("()") in names()
+        assert name.removesuffix("()") in code()[1]
 
 
 def test_the_page_of_all_commands_has_every_option():
