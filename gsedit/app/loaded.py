@@ -16,6 +16,7 @@ from gsedit.datasets.near import viewpoints_near
 from gsedit.datasets.viewpoints import Viewpoint, same_size, that_see, thinned
 from gsedit.formats.scenes import read_scene
 from gsedit.scene.framing import Bounds, bounds, framing_camera, guess_up
+from gsedit.scene.kept import Kept
 from rasterizer.camera import Camera
 from rasterizer.numerics import DEFAULT, Numerics
 from rasterizer.scene import Gaussians
@@ -62,6 +63,15 @@ class Loaded:
         from gsedit.selecting.click import Selector  # half a second: not before the first picture
 
         return Selector(self.scene, [each.camera for each in self.viewpoints])
+
+    @cached_property
+    def kept(self) -> Kept:
+        """Results about the scene that previews need alike."""
+        return Kept(self.scene)
+
+    def forget(self) -> None:
+        """Drop these results: they take more memory than the scene, and another one is shown."""
+        self.__dict__.pop("kept", None)
 
     def first_camera(self) -> Camera:
         """The camera of the first picture: of a recorded view, or one that frames the bulk."""

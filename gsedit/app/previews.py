@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
+from threading import get_native_id
 
 import numpy as np
 import torch
 from jaxtyping import UInt8
 
+from gsedit.app.frames import SMALL_SCENE
 from gsedit.app.loaded import Loaded
-from gsedit.app.reading import Reading, editor_2d
+from gsedit.app.reading import Reading, editor_2d, read
 from gsedit.editing.preview import SHOWN_PIXELS, preview_edited
 from gsedit.editing.routes.apply import Routed, is_exact
 from gsedit.editing.routes.finder import Finder
 from gsedit.editing.routes.named import Names
 from gsedit.editing.routes.result import FINDS_SUBJECT, change_scene
 from gsedit.editing.session.settings import EditSettings
+from gsedit.errors import GseditError
 from gsedit.regions.lift import lift
 from gsedit.regions.saved import saved_files
 from rasterizer.camera import Camera
@@ -25,6 +31,13 @@ EDITED_PIXELS = 256
 """Longer side of the view that a 2D editor is given for a preview, as `gsedit edit` gives it."""
 SLOW_ROUTES = ("paint", "material")
 """Routes that are quicker where only the Gaussians of one view get their reflections."""
+
+
+PREPARED = ("make it night", "make it half the size", "paint it glossy red",
+            "a thick layer of snow on it")  # fmt: skip
+"""Sentences whose previews are made before anyone asks: they need all that is kept of a scene."""
+BEHIND = 10
+"""Niceness of the thread that prepares, where threads have one: moving pictures come first."""
 
 
 class Previewer:
@@ -53,8 +66,9 @@ class Previewer:
         if camera is not None:
             ones = torch.ones(camera.height, camera.width)
             shown = lift(scene, [camera], [ones], self.settings.execution).weight > SHOWN_PIXELS
-        views = self.finder.viewpoints
-        return change_scene(scene, reading.first, views, self.settings, shown, finder=self.finder)
+        views, finder = self.finder.viewpoints, self.finder
+        with self.loaded.kept.used():
+            return change_scene(scene, reading.first, views, self.settings, shown, finder=finder)
 
     def picture(self, reading: Reading, camera: Camera) -> UInt8[np.ndarray, "h w 3"]:
         """One view as the 2D editor draws it. Raises UsageError as `preview_edited` does."""
@@ -65,10 +79,19 @@ class Previewer:
         )  # fmt: skip
         return (found.after[0].image.clamp(0, 1) * 255 + 0.5).byte().numpy()
 
-    def prepare(self) -> None:
-        """Find the subject before it is asked for, and views where none are recorded."""
-        if self.settings.region == FINDS_SUBJECT:
+    def prepare(self, wanted: Callable[[], bool] = lambda: True) -> None:
+        """Find out, behind all other work, what previews will ask for: the subject, and of a scene
+        that is not large what the sentences PREPARED need, as long as that is `wanted`."""
+        if hasattr(os, "setpriority"):
+            with suppress(OSError):
+                os.setpriority(os.PRIO_PROCESS, get_native_id(), BEHIND)
+        with suppress(GseditError):  # the preview that needs it will tell
             _ = self.finder.subject
+        small = len(self.loaded.scene) <= SMALL_SCENE
+        for sentence in PREPARED if small else ():
+            with suppress(GseditError):
+                if wanted():
+                    self.scene(read(sentence), self.loaded.first_camera())
 
     def rename(self) -> None:
         """Hear the names that are saved beside the scene now."""

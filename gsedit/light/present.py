@@ -18,6 +18,7 @@ from torch import Tensor
 from gsedit.light.place import Place, place_of
 from gsedit.light.surface import Surface, surface_of
 from gsedit.scene.color_space import LUMINANCE, lab_of_srgb, linear_of_srgb
+from gsedit.scene.kept import kept
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution, sh_to_color
 from rasterizer.scene import Gaussians
@@ -59,6 +60,7 @@ class Survey:
         return light.clamp(float(self.light.min()), float(self.light.max()))
 
 
+@kept
 def survey(
     scene: Gaussians,
     cameras: Sequence[Camera],

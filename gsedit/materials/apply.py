@@ -35,6 +35,7 @@ from gsedit.materials.shading import (
 )
 from gsedit.scene.color_space import srgb_of_linear
 from gsedit.scene.framing import guess_up
+from gsedit.scene.kept import kept
 from gsedit.scene.quaternions import even_directions, turn_between
 from gsedit.surface.directions import FAINT
 from gsedit.surface.normals import estimate_normals, rows_near
@@ -141,6 +142,7 @@ def in_material(
     return Dressed(replace(scene, sh=sh), notes)
 
 
+@kept
 def study(
     scene: Gaussians,
     inside: Bool[Tensor, " n"],

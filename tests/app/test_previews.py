@@ -86,3 +86,34 @@ def test_grow_and_shrink_go_by_a_radius(room):
     assert torch.cdist(added, means[flags]).amin(1).max() <= 0.1 + 1e-6
     gone = means[flags & ~smaller]
     assert torch.cdist(gone, means[~flags]).amin(1).max() <= 0.1 + 1e-6
+
+
+def test_what_is_known_of_a_scene_is_kept_for_the_next_preview_and_dropped_with_it(
+    room, monkeypatch
+):
+    monkeypatch.setattr("gsedit.app.previews.PREPARED", ("make it night",))
+    previewer = Previewer(room, None)
+    previewer.prepare()
+    asked = []
+    monkeypatch.setattr("gsedit.light.present.surface_of", lambda *each: asked.append(each))
+    night = previewer.scene(read("make it night")).scene
+    assert not torch.equal(night.sh, room.scene.sh)
+    room.forget()
+    with pytest.raises(AttributeError):  # there is no surface: the survey is made anew
+        previewer.scene(read("make it night"))
+    assert len(asked) == 1
+
+
+def test_what_is_no_longer_wanted_is_not_prepared(room, monkeypatch):
+    previewer = Previewer(room, None)
+    monkeypatch.setattr(previewer, "scene", None)
+    previewer.prepare(lambda: False)
+
+
+def test_a_prepared_preview_is_that_of_the_edit(room, monkeypatch):
+    monkeypatch.setattr("gsedit.app.previews.PREPARED", ("make it night",))
+    reading, previewer = read("make it snow"), Previewer(room, None)
+    plain = previewer.scene(reading).scene
+    previewer.prepare()
+    assert torch.equal(previewer.scene(reading).scene.sh, plain.sh)
+    room.forget()

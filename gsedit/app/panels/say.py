@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from threading import RLock
+from threading import RLock, Thread
 from typing import TYPE_CHECKING, Any
 
 from gsedit.app.knobs import LEAST, Knob, knobs_of, turned
@@ -151,10 +151,10 @@ class Say:
     def forget(self) -> None:
         """Find everything anew: the scene is another."""
         self.tab.drop(PREVIEW)
+        for each in self.previewers.values():
+            each.loaded.forget()
         self.previewers.clear()
         self.back.visible = self.waits.visible = False
-        if self.page.has_scene:
-            self.tab.soon("prepare", lambda: self.previewer().prepare(), lambda _: None)
         self.selected()
 
     def selected(self) -> None:
@@ -162,6 +162,8 @@ class Say:
         self.previewers.pop(True, None)
         for each in self.previewers.values():
             each.rename()
+        if self.page.has_scene:
+            self.tab.soon("prepare", self.previewer, lambda _: None)
         if self.reading is not None:
             self.typed(by_person=False)
 
@@ -170,8 +172,14 @@ class Say:
         file = self.page.selection_file()
         key = file is not None
         if key not in self.previewers:
-            self.previewers[key] = Previewer(self.page.loaded, file)
+            self.previewers[key] = made = Previewer(self.page.loaded, file)
+            wanted = partial(self.keeps, key, made)
+            Thread(target=made.prepare, args=(wanted,), daemon=True, name="prepare").start()
         return self.previewers[key]
+
+    def keeps(self, key: bool, previewer: Previewer) -> bool:
+        """Whether these previews may still be asked for."""
+        return self.previewers.get(key) is previewer and not self.tab.closed
 
     def pressed(self, _: Any) -> None:
         """Preview or apply, by the button."""

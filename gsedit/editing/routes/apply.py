@@ -24,6 +24,7 @@ from gsedit.materials.named import material_of, paint_of
 from gsedit.objects.outcome import NEW, Outcome, same
 from gsedit.regions.lift import lift
 from gsedit.regions.region import Region
+from gsedit.scene.kept import kept
 from gsedit.scene.table import table_of
 from gsedit.scenery.named import SCENERIES, in_scenery
 from gsedit.words.instruction import Change, Instruction
@@ -61,6 +62,7 @@ def is_exact(instruction: Instruction) -> bool:
     return instruction.known and bool(changes) and all(c.route in EXACT_ROUTES for c in changes)
 
 
+@kept
 def seen_weights(
     scene: Gaussians, cameras: Sequence[Camera], execution: Execution = AUTO
 ) -> Float[Tensor, " n"] | None:

@@ -39,6 +39,7 @@ from gsedit.objects.removal.walls import SMALLEST, Plane, find_planes
 from gsedit.regions.mirrored import mirrored_under
 from gsedit.regions.resting import resting_on
 from gsedit.regions.support import extent_of
+from gsedit.scene.kept import kept
 from gsedit.scene.neighbors import k_nearest
 from gsedit.surface.normals import shortest_axes
 from rasterizer.camera import Camera
@@ -66,6 +67,7 @@ MOST_GAPS = 3
 """Views in which what lies on no plane is continued."""
 
 
+@kept
 @torch.no_grad()
 def remove(
     scene: Gaussians,

@@ -1,0 +1,119 @@
+"""Results about one scene that are kept: the same, sooner, and for that scene alone."""
+
+from dataclasses import replace
+from threading import Barrier, Thread
+from typing import Any
+
+import pytest
+import torch
+
+from gsedit.light.present import survey
+from gsedit.scene.kept import EACH, Kept, kept
+from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
+from rasterizer.scene import Gaussians
+
+
+@pytest.fixture
+def scene():
+    return surface_gaussians(demo_scene(), 300, torch.Generator().manual_seed(0)).detach()
+
+
+class Counted:
+    """A function of a scene that tells how often it computed."""
+
+    def __init__(self):
+        self.times = 0
+
+        @kept
+        def function(scene: Gaussians, factor: Any = 1.0) -> Any:
+            self.times += 1
+            return (scene.means.sum() * factor).sum()
+
+        self.function = function
+
+
+def test_the_same_question_of_the_same_scene_is_computed_once(scene):
+    count, place = Counted(), Kept(scene)
+    with place.used():
+        first = count.function(scene, 2.0)
+        assert count.function(scene.detach(), 2.0) is first  # another name of the same memory
+    assert count.times == 1
+    count.function(scene, 2.0)
+    assert count.times == 2  # nothing is kept where no place is in use
+
+
+@pytest.mark.parametrize("field", ["means", "sh", "logit_opacities"])
+def test_another_scene_is_computed_and_not_kept(scene, field):
+    count = Counted()
+    other = replace(scene, **{field: getattr(scene, field) + 1})
+    with Kept(scene).used():
+        count.function(scene)
+        count.function(other)
+        count.function(other)
+    assert count.times == 3
+
+
+def test_a_scene_that_was_written_to_is_another(scene):
+    count, place = Counted(), Kept(scene)
+    with place.used():
+        first = count.function(scene)
+        scene.means.add_(1.0)
+        assert count.function(scene) != first
+
+
+def test_arguments_are_told_apart_by_what_they_hold(scene):
+    count, flags = Counted(), torch.zeros(3, dtype=torch.bool)
+    with Kept(scene).used():
+        count.function(scene, flags)
+        count.function(scene, flags.clone())
+        assert count.times == 1
+        flags[1] = True
+        count.function(scene, flags)
+        assert count.times == 2
+
+
+def test_only_the_latest_results_are_kept(scene):
+    count = Counted()
+    with Kept(scene).used():
+        for factor in range(EACH + 1):
+            count.function(scene, float(factor))
+        count.function(scene, float(EACH))
+        assert count.times == EACH + 1
+        count.function(scene, 0.0)
+        assert count.times == EACH + 2
+
+
+def test_what_fails_is_asked_again(scene):
+    @kept
+    def fails(scene):
+        raise ValueError("no")
+
+    with Kept(scene).used():
+        for _ in range(2):
+            with pytest.raises(ValueError, match="no"):
+                fails(scene)
+
+
+def test_two_threads_that_ask_at_once_compute_once(scene):
+    count, place, start = Counted(), Kept(scene), Barrier(2)
+
+    def ask():
+        with place.used():
+            start.wait()
+            count.function(scene)
+
+    threads = [Thread(target=ask) for _ in range(2)]
+    for each in threads:
+        each.start()
+    for each in threads:
+        each.join()
+    assert count.times == 1
+
+
+def test_a_kept_survey_is_that_which_is_made_anew(scene):
+    cameras = ring_cameras(demo_scene(), 4, 32)
+    anew = survey(scene, cameras)
+    with Kept(scene).used():
+        first, second = survey(scene, cameras), survey(scene, list(cameras))
+    assert second is first
+    assert torch.equal(first.light, anew.light)
