@@ -52,11 +52,11 @@ bench: setup sanitize
 	PYTHONPATH=examples $(BIN)/python -m research.renderer.targets $(if $(wildcard $(GARDEN)),--points $(GARDEN)) $(SCENES)
 
 sanitize: setup
-	PYTHONPATH=tests $(BIN)/python tests/sanitizers.py
+	PYTHONPATH=tests:. $(BIN)/python tests/sanitizers.py
 
 fuzz: setup
-	PYTHONPATH=tests $(BIN)/python tests/fuzzing.py 2000
-	PYTHONPATH=tests $(BIN)/python tests/hostile.py
+	PYTHONPATH=tests:. $(BIN)/python tests/fuzzing.py 2000
+	PYTHONPATH=tests:. $(BIN)/python tests/hostile.py
 
 # The wheel is unpacked, so that the tree's own files are not what is tried.
 wheel: setup

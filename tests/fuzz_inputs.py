@@ -16,15 +16,19 @@ from photo_sets import cameras, colmap_dataset
 from PIL import Image
 
 from gsedit import load_dataset
+from gsedit.app import document
 from gsedit.datasets.cameras_json import read_cameras, write_cameras
 from gsedit.datasets.export_frame import applied_by
 from gsedit.datasets.view_list_files import by_capture, read_view_list, write_view_list
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.editing.session.folder import history_of
 from gsedit.formats.flags import read_flags, write_flags
+from gsedit.formats.similarity_files import read_similarity, write_similarity
 from gsedit.measures.against import resolve_reference
+from gsedit.regions.saved import read_named, save_named
 from gsedit.runs.journal import read_events
 from gsedit.runs.state import State, load_state, save_state
+from gsedit.scene.similarity import Similarity
 
 BYTES_MOST = 256 << 20
 """Python's memory for one of these inputs: they are a few kB."""
@@ -144,6 +148,23 @@ def _read_edit(folder: Path) -> None:
     read_events(folder / "metrics.jsonl")
 
 
+def _session(folder: Path) -> None:
+    steps = (
+        document.Step("as captured", "a.ply"),
+        document.Step("gold", "b.ply", ("edit", "gold")),
+    )
+    eye = document.Eye((0.0, 1.0, 2.0), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.8)
+    pending = document.Pending("bronze", ("edit", "bronze"))
+    document.save(document.Document("a.ply", steps, 1, eye, pending), folder)
+
+
+MEANS = np.arange(30, dtype=np.float32).reshape(10, 3)
+
+
+def _selection(folder: Path) -> None:
+    save_named(MEANS[:, 0] > 9, MEANS, folder / "a.ply", "chair")
+
+
 MODEL = tuple(f"sparse/0/{name}" for name in ("cameras.bin", "images.bin", "points3D.bin"))
 INPUTS = (
     Input("transforms.json", _photos, ("transforms.json",), _read_photos, in_json),
@@ -184,4 +205,18 @@ INPUTS = (
     ),
     Input("edit.json", _edit, ("edit.json", "cameras.json"), _read_edit, in_json),
     Input("edit folder", _edit, ("region.npy", "metrics.jsonl"), _read_edit),
+    Input("session.json", _session, ("session.json",), document.load, in_json),
+    Input(
+        "saved selection",
+        _selection,
+        ("a.regions/chair.npy",),
+        lambda folder: read_named(folder / "a.regions/chair.npy", MEANS),
+    ),
+    Input(
+        "similarity",
+        lambda folder: write_similarity(Similarity(np.eye(3), 2.0, np.ones(3)), folder / "a.json"),
+        ("a.json",),
+        lambda folder: read_similarity(folder / "a.json"),
+        in_json,
+    ),
 )

@@ -74,6 +74,8 @@ def _streamed(path: Path, table: SplatTable) -> None:
     write_streamed(path.parent, [table, table[::2]], antialiased=False)
 
 
+USD_CORE = ("usdc", "usdz")
+"""Suffixes that usd-core reads."""
 SUBJECTS = (
     Subject("a.ply", _write),
     Subject("ascii.ply", _ascii),
@@ -89,6 +91,6 @@ SUBJECTS = (
     Subject("a.glb", _write, in_glb),
     Subject("a.gltf", _gltf, in_json),
     Subject("a.usda", _write),
-    *([Subject("a.usdc", _write, share=0.02)] if find_spec("pxr") else []),
+    *(Subject(f"a.{end}", _write, share=0.02) for end in USD_CORE if find_spec("pxr")),
     Subject("a.npz", _write, in_zip),
 )

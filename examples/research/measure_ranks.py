@@ -8,6 +8,7 @@ torchruns meet on the loopback.
 
 from __future__ import annotations
 
+import atexit
 import os
 import shutil
 import signal
@@ -31,7 +32,7 @@ from research.fit.captures import write_dataset
 
 EDIT = (
     "edit {scene} gold --region all --size 64 --views 2 --batches 2 --steps 2 --loss mse+gram "
-    "--update-steps 300 --checkpoint-every 0.3 -f -o {out}"
+    "--update-steps 150 --checkpoint-every 0.3 -f -o {out}"
 )
 FIT = "fit {photos} --steps 500 --batch 4 --checkpoint-every 0.3 -f -o {out}/scene.ply"
 LONGEST = 180.0
@@ -70,6 +71,12 @@ class Run:
     def signal_machine(self, machine: int, number: int) -> None:
         """Send a signal to all processes of a machine, as Ctrl-C in its terminal does."""
         os.killpg(self.launchers[machine].pid, number)
+
+    def kill(self) -> None:
+        """End what still runs, where the measurement itself is interrupted."""
+        for launcher in self.launchers:
+            if launcher.poll() is None:
+                os.killpg(launcher.pid, signal.SIGKILL)
 
     def seconds_to_end(self, ranks: dict[int, int]) -> float:
         """Wait for the torchruns and the ranks; infinite for those that had to be killed."""
@@ -122,7 +129,9 @@ def start(command: str, ranks: Sequence[int], log: Path, more: str = "") -> Run:
                     stdout=file, stderr=file, env=environment, start_new_session=True,
                 )
             )  # fmt: skip
-    return Run(launchers, log, sum(ranks))
+    run = Run(launchers, log, sum(ranks))
+    atexit.register(run.kill)
+    return run
 
 
 def has_spaces() -> bool:
@@ -223,6 +232,7 @@ def make_inputs(out: Path) -> None:
 
 def main(out: Path, chosen: str = "") -> None:
     """Measure all cases, or those whose name holds a text; print the table and write ranks.md."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
     out.mkdir(parents=True, exist_ok=True)
     make_inputs(out)
     head = ("", "ranks", "ended after, s", "said", "kept; parts of files", "resumed, difference")

@@ -12,6 +12,8 @@ from gsedit.scene.shapes import Bool
 from gsedit.storage.atomic import atomic_path
 from gsedit.storage.inputs import existing_file
 
+MAGIC = b"\x93NUMPY\x01\x00"
+
 
 def read_flags(path: Path | str, count: int) -> Bool[np.ndarray, " n"]:
     """The flags of a .npy file, booleans or numbers (0: outside) for `count` Gaussians.
@@ -19,12 +21,12 @@ def read_flags(path: Path | str, count: int) -> Bool[np.ndarray, " n"]:
     Raises InputError for a file that is missing, damaged, or of another number of Gaussians.
     """
     try:
-        flags = np.load(existing_file(path), mmap_mode="r", allow_pickle=False)
+        flags = mapped_array(existing_file(path))
     except (ValueError, EOFError, OSError, OverflowError, SyntaxError, TokenError) as error:
         raise InputError(
             f"{path} is no readable .npy file ({error}): save one flag a Gaussian with numpy.save"
         ) from None
-    if not isinstance(flags, np.ndarray) or flags.dtype.kind not in "biuf":
+    if flags.dtype.kind not in "biuf":
         raise InputError(f"{path} holds no flags: save one boolean a Gaussian with numpy.save")
     if flags.shape != (count,):
         raise InputError(
@@ -32,6 +34,18 @@ def read_flags(path: Path | str, count: int) -> Bool[np.ndarray, " n"]:
             "region belongs to the scene that it was made for"
         )
     return np.asarray(flags != 0)
+
+
+def mapped_array(path: Path) -> np.ndarray:
+    """The array of a .npy file, whose values are read when they are used.
+
+    Raises what numpy.load raises, and ValueError for another version than 1.0: the header of a
+    later one, which simple arrays do not need, may claim gigabytes.
+    """
+    with path.open("rb") as file:
+        if file.read(len(MAGIC)) != MAGIC:
+            raise ValueError("it does not begin as a .npy file of version 1.0")
+    return np.load(path, mmap_mode="r", allow_pickle=False)
 
 
 def write_flags(flags: np.ndarray, path: Path | str, *, overwrite: bool = False) -> None:

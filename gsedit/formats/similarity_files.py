@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from gsedit.errors import InputError
+from gsedit.formats.flags import mapped_array
 from gsedit.scene.quaternions import quaternion_of
 from gsedit.scene.similarity import Similarity, similarity_of
 from gsedit.storage.atomic import atomic_path
@@ -45,7 +46,7 @@ def read_similarity(path: Path) -> Similarity:
             record = read_json(path)
             matrix = record["matrix"] if isinstance(record, dict) else record
         elif path.suffix == ".npy":
-            matrix = np.load(path, mmap_mode="r", allow_pickle=False)
+            matrix = mapped_array(path)
         else:
             matrix = np.loadtxt(path, ndmin=2)
         return similarity_of(np.array(matrix, np.float64))
