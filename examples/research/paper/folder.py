@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import multiprocessing
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import partial
@@ -11,12 +12,14 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from PIL import Image
 
 from gsedit.bench.results import write_text
 from gsedit.errors import InputError
 from gsedit.runs.events import Event
 from gsedit.runs.json_lines import plain
 from gsedit.runs.stopwatch import Stopwatch
+from gsedit.storage.atomic import atomic_path
 from gsedit.storage.json_files import object_of, read_json
 from research.paper import pictures, plots
 from research.paper.claims import claims_table
@@ -131,7 +134,8 @@ def all_tables(summary: Mapping[str, Any]) -> dict[str, str]:
 
 
 def write_docs(page: Path, folder: Path) -> None:
-    """Replace the tables of the page, between its markers, by those of the folder's summary.json.
+    """Replace the tables of the page, between its markers, by those of the folder's summary.json,
+    and the pictures ../images/paper_NAME that it shows by the folder's.
 
     Raises InputError.
     """
@@ -142,6 +146,12 @@ def write_docs(page: Path, folder: Path) -> None:
     advice = "run python -m research.paper first"
     summary = read_json(folder / SUMMARY, object_of({}), advice=advice)
     write_text(page, write_tables(text, all_tables(summary)))
+    for name, ending in re.findall(r"\(\.\./images/paper_(\w+)\.(png|jpg)\)", text):
+        if (drawn := folder / f"{name}.png").exists():
+            shown = page.parent.parent / "images" / f"paper_{name}.{ending}"
+            with atomic_path(shown, overwrite=True) as temporary, Image.open(drawn) as picture:
+                kind = {"jpg": "JPEG", "png": "PNG"}[ending]
+                picture.convert("RGB").save(temporary, format=kind, optimize=True)
 
 
 def _draw(

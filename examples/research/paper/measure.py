@@ -151,7 +151,7 @@ def settings_of(run: Run) -> EditSettings:
         region="all",
         coverage=1.0,
     )
-    averaged = PAPER_T_END if run.arm.preset == PAPER and run.arm.strategy != "iterative" else None
+    averaged = PAPER_T_END if run.arm.preset == PAPER else None
     for name, value in run.arm.settings.items():
         record, _, inner = name.rpartition(".")
         update = {each.name: getattr(base.update, each.name) for each in fields(base.update)}
@@ -166,9 +166,9 @@ def settings_of(run: Run) -> EditSettings:
                 base = replace(base, **{record: replace(getattr(base, record), **{inner: value})})
             case _:
                 base = replace(base, **{inner: value})
-    return (
-        base if averaged is None else replace(base, sampler=_averaged(base, run.editor, averaged))
-    )
+    if averaged is None or run.arm.strategy.startswith("iterative"):
+        return base
+    return replace(base, sampler=_averaged(base, run.editor, averaged))
 
 
 def _averaged(settings: EditSettings, editor: str, steps: int) -> Any:
@@ -208,7 +208,6 @@ def _record(observer: Watching, session: Session, result: EditResult) -> Record:
         residual=rmse_of(result.metrics.psnr_to_targets),
         target_sharpness=energy(targets) / energy(expected) if targets else 0.0,
         sharpness=energy(finals) / energy(truth),
-        strength=result.metrics.rmse_to_unedited or 0.0,
         similarity=tuple(observer.similarity),
         cpu=0.0,
         **vars(provenance()),

@@ -166,7 +166,7 @@ def _mark_costs(axes: Any, summary: Mapping[str, Any], editor: str) -> None:
 
 
 def changes(summary: Mapping[str, Any], preset: str, path: Path) -> None:
-    """The effect of one change on each metric, with intervals: a row a change, a color an editor."""
+    """The effect of one change on each metric: a row a change, a color an editor."""
     arms = dict.fromkeys(row["arm"] for row in summary["rows"])
     t_end = [t_end_label(steps) for steps in T_END_STEPS]
     labels = [a for a in arms if a.startswith(f"{preset}: ") and a not in t_end]

@@ -90,8 +90,6 @@ class Record:
     """Gradient energy of the edited pictures, over that of the exact edit (else the unedited)."""
     sharpness: float
     """Gradient energy of the edited scene at held-out cameras, over that of the reference."""
-    strength: float
-    """RMSE between renders of the unedited and of the edited scene."""
     similarity: tuple[float, ...]
     """CLIP's similarity to the text of the result at each point of the curve; empty without it."""
     cpu: float

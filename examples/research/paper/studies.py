@@ -46,7 +46,7 @@ class Size:
 
 
 QUICK = Size("quick", 2, 2, 2, 64, 1000, 16, 60, 20, 20)
-FULL = Size("full", 5, SEEDS, REPEATS, 256, 50_000, 32, 1500, 400)
+FULL = Size("full", 5, SEEDS, REPEATS, 256, 50_000, 32, 1000, 270)
 
 
 @dataclass(frozen=True)
@@ -54,9 +54,6 @@ class Study:
     """Runs that are compared with each other."""
 
     name: str
-    title: str
-    place: str
-    """Figure or section of the paper."""
     runs: tuple[Run, ...]
 
 
@@ -78,7 +75,7 @@ def studies(size: Size, captures: Sequence[Case] = ()) -> tuple[Study, ...]:
             for arm in arms
         )
 
-    closed, varied, small = (CLOSED_FORM, made, 1), (VARIED, every, 2), (SMALL, real, 3)
+    closed, varied, small = (CLOSED_FORM, made[:3], 1), (VARIED, every, 2), (SMALL, real, 3)
     baselines = baseline_arms(size.iterative_steps, size.further_steps)
     printed = list(preset_arms(PAPER))
     again = tuple(
@@ -87,18 +84,15 @@ def studies(size: Size, captures: Sequence[Case] = ()) -> tuple[Study, ...]:
         for run in runs((printed[0], baselines[0]), (VARIED, made[:1], 1))
     )
     return (
-        Study("paper", "The method as printed, and one change each", "Sections 4.1 to 4.3",
-              runs(printed, closed, varied, small)),
-        Study("default", "gsedit's default, and one change each", "not in the paper",
-              runs(preset_arms(DEFAULT), closed, varied, (SMALL, real, 5))),
-        Study("strategies", "Strategies", "Figures 2, 7 to 10; sections 4.3, 5.1",
-              runs(baselines, closed, (VARIED, every, 1), small)),
-        Study("t-end", "Steps with averaging", "Figures 5, 6; section 4.2",
-              runs(t_end_arms(), (VARIED, every, 1), small)),
-        Study("repeats", "Ten repetitions", "Figure 9", again),
-        Study("factorial", "Parts of the default, in all combinations", "not in the paper",
-              runs(factorial_arms(), (SMALL, real, 5))),
-    )  # fmt: skip
+        Study("paper", runs(printed, closed, varied, small)),
+        Study(
+            "default", runs(preset_arms(DEFAULT), (CLOSED_FORM, made, 1), varied, (SMALL, real, 5))
+        ),
+        Study("strategies", runs(baselines, closed, (VARIED, every, 1), small)),
+        Study("t-end", runs(t_end_arms(), (VARIED, every, 1), small)),
+        Study("repeats", again),  # the paper's figure 9
+        Study("factorial", runs(factorial_arms(), (SMALL, real, 5))),
+    )
 
 
 def _shortened(arm: Arm, size: Size) -> Arm:
@@ -114,8 +108,9 @@ def distinct(found: Iterable[Study]) -> dict[str, Run]:
     return dict(sorted(runs.items(), key=lambda item: (item[1].case.name, item[1].editor)))
 
 
-EVALUATION_S = {CLOSED_FORM: 0.0083, VARIED: 0.012, SMALL: 0.02}
-"""Processor seconds an evaluation for a view of 256 pixels, one thread of a Xeon."""
+EVALUATION_S, VIEW_S = {CLOSED_FORM: 0.0072, VARIED: 0.0035, SMALL: 0.015}, 0.1
+"""Processor seconds of an evaluation for a view of 256 pixels, and of the rest of editing it; one
+thread of a Xeon."""
 STEP_S, SOLVE_S, FIXED_S = 0.014, 1.5, 5.0
 """Processor seconds of a fitting step on two crops of 64 pixels, of a solve, and of everything
 else in a run: survey, matching, measurements."""
@@ -126,20 +121,21 @@ def estimated_seconds(run: Run) -> float:
     """Processor seconds of a run, from what its parts took."""
     printed, arm = run.arm.preset == PAPER, run.arm
     denoising = 50 if printed else 10 if run.editor == SMALL else 20
-    steps, views = (600 if printed else 0), 12
-    solves = not printed or "solved" in arm.label
-    if arm.settings.get("update.stepped") or arm.label.endswith("Gram"):
-        steps, solves = steps or 400, False
+    views, each = 12, arm.options.get("update_steps", 200 if printed else 100)
+    stepped = arm.settings.get("update.stepped") or arm.label.endswith("Gram")
+    solves = not stepped and (not printed or "solved" in arm.label)
+    steps = 0 if solves else each * (3 if printed else 4)
     if arm.strategy.startswith(ITERATIVE):
         steps = arm.options["total_steps"]
-        denoising, views = 20 * 0.5, steps / 10  # from half of the noise on average
+        denoising, views = 20, steps / 10
     evaluations = views * denoising * BRANCHES[run.editor]
     if arm.strategy == COMBINED:
         further = arm.options["further_steps"]
-        evaluations, steps = evaluations + further / 10 * 25 * BRANCHES[run.editor], steps + further
+        evaluations, steps = evaluations + further / 10 * 50 * BRANCHES[run.editor], steps + further
     scale = (run.case.size / 256) ** 2
-    sampled = evaluations * EVALUATION_S[run.editor] * scale
-    return sampled + STEP_S * (0 if solves else steps) + SOLVE_S * solves + FIXED_S * scale
+    sampled = (evaluations * EVALUATION_S[run.editor] + views * VIEW_S) * scale
+    steps *= 2 if run.case.scene else 1  # captures have more Gaussians
+    return sampled + STEP_S * steps + SOLVE_S * solves + FIXED_S * scale
 
 
 def estimate(found: Sequence[Study], records: Mapping[str, Record]) -> str:

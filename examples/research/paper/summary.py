@@ -11,7 +11,7 @@ from research.paper.arms import ITERATIVE, PAPER
 from research.paper.costs import PAPER_EVALUATION, PAPER_STEP, Costs, regimes
 from research.paper.runs import Record, Run
 from research.paper.statistics import AS_GOOD, Race, final_error, race
-from research.paper.studies import Size, Study, distinct
+from research.paper.studies import Size, Study, distinct, estimate
 
 Records = Mapping[str, Record]
 """By the key of the run."""
@@ -69,6 +69,7 @@ def summarise(
             "paper_evaluation_seconds": PAPER_EVALUATION,
             "as_good_factor": AS_GOOD,
         },
+        "plan": estimate(studies, records),
         "rows": [row for study in studies for row in _rows(study, records)],
         "races": list(_races(studies, records, regimes(real))),
     }

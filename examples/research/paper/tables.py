@@ -49,6 +49,7 @@ def tables(summary: Numbers) -> dict[str, str]:
     }
     found = {
         "conditions": conditions(summary),
+        "plan": summary["plan"],
         "paper-arms": changes_table(summary, changed["paper"]),
         "default-arms": changes_table(summary, changed["default"]),
         "strategies": arms_table(summary, [PAPER, "default", ITERATIVE, *_baselines(labels)]),

@@ -16,7 +16,7 @@ Verdict = Literal["reproduced", "direction only", "no effect seen", "opposite"]
 Effects = Mapping[str, Mapping[str, Sequence[float]]]
 """scene -> editor -> an effect a seed."""
 Center = Callable[[Sequence[float]], float]
-RESAMPLES = 4000
+RESAMPLES = 2000
 T_QUANTILES = (12.71, 4.30, 3.18, 2.78, 2.57, 2.45, 2.36, 2.31, 2.26)
 """97.5 % quantiles of Student's t with 1, 2, ... degrees of freedom."""
 
