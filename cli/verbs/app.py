@@ -66,12 +66,14 @@ def run_page(
     path: Path | None, allowed: list[Path], host: str, port: int, *, browser: bool, as_json: bool
 ) -> None:
     """Serve the page until Ctrl-C."""
+    from gsedit.app.memory import share_heaps
     from gsedit.app.opening import open_path
     from gsedit.app.page import Page
     from gsedit.app.places import Places
     from gsedit.app.server import serve
     from gsedit.app.worker import Worker, program_of
 
+    share_heaps()
     given = Path.cwd() if path is None else path.resolve().parent
     places = Places(tuple(each.resolve() for each in (given, *allowed)))
     page = Page(Worker(program_of("gsedit_cli.core.warm")), places)

@@ -55,7 +55,7 @@ class Loaded:
         if file is None:
             return ()
         views = viewpoints_near(same_size(read_cameras(file), VIEW_PIXELS), self.scene)
-        return views if that_see(thinned(views, 16), self.scene) else ()
+        return views if any(that_see((each,), self.scene) for each in thinned(views, 16)) else ()
 
     @cached_property
     def selector(self) -> Selector:

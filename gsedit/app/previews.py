@@ -15,6 +15,7 @@ from jaxtyping import UInt8
 
 from gsedit.app.frames import SMALL_SCENE
 from gsedit.app.loaded import Loaded
+from gsedit.app.memory import give_back
 from gsedit.app.reading import Reading, editor_2d, read
 from gsedit.editing.preview import SHOWN_PIXELS, preview_edited
 from gsedit.editing.routes.apply import Routed, is_exact
@@ -92,6 +93,7 @@ class Previewer:
             with suppress(GseditError):
                 if wanted():
                     self.scene(read(sentence), self.loaded.first_camera())
+        give_back()
 
     def rename(self) -> None:
         """Hear the names that are saved beside the scene now."""

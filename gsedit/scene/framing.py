@@ -45,15 +45,18 @@ def bounds(scene: Gaussians, *, alone: bool = False) -> Bounds:
     if not len(scene):
         raise UsageError("the scene has no Gaussians: there is nothing to frame")
     opacities = scene.opacities.detach()
-    opaque = scene[opacities >= opacities.median()].detach().to(torch.float64)
-    center = opaque.means.median(0).values
-    extent, half, most = _distances(opaque.means, center)
+    opaque = (opacities >= opacities.median()).nonzero().squeeze(-1)
+    means = scene.means.detach()[opaque].double()
+    center = means.median(0).values
+    extent, half, most = _distances(means, center)
     if alone or most <= 3 * half:  # an object alone, not a capture, most of which is surroundings
-        low, high = (opaque.means.sort(0).values[int(f * (len(opaque) - 1))] for f in (0.03, 0.97))
+        ordered = means.sort(0).values
+        low, high = (ordered[int(f * (len(means) - 1))] for f in (0.03, 0.97))
         center = (low + high) / 2
-        extent = 1.15 * _distances(opaque.means, center)[2]  # includes the parts that stand out
+        extent = 1.15 * _distances(means, center)[2]  # includes the parts that stand out
     x, y, z = center.tolist()
-    splat = 3 * float(opaque.scales.amax(-1).median())  # splats reach beyond their centers
+    longest = scene.log_scales.detach()[opaque].amax(-1).median().double().exp()
+    splat = 3 * float(longest)  # splats reach beyond their centers
     return Bounds((x, y, z), extent + splat or 1.0)  # points at one place have no size
 
 
