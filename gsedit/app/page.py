@@ -203,12 +203,19 @@ class Page(Audience):
                 self.save()
 
     def undo(self) -> None:
-        """Go a step back."""
-        self.go_to(self.document.position - 1)
+        """Go a step back. Raises UsageError at the first."""
+        self._move(-1, "there is nothing to undo: this is the first step")
 
     def redo(self) -> None:
-        """Go a step forth again."""
-        self.go_to(self.document.position + 1)
+        """Go a step forth again. Raises UsageError at the last."""
+        self._move(1, "there is nothing to redo: this is the last step")
+
+    def _move(self, steps: int, nowhere: str) -> None:
+        self._works.check_idle()
+        position = self.document.position + steps
+        if not 0 <= position < len(self.document.steps):
+            raise UsageError(nowhere)
+        self.go_to(position)
 
     def go_to(self, position: int) -> None:
         """Show the scene of a step of the history, the nearest that there is."""

@@ -279,10 +279,11 @@ def test_a_worker_hands_over_events_and_ends_with_its_page():
         worker.run(["clean"], print)
 
 
-def test_the_warm_program_runs_a_command_of_gsedit(scene):
+def test_the_warm_program_runs_a_command_of_gsedit(scene, monkeypatch):
     worker = Worker((sys.executable, "-m", "gsedit_cli.core.warm"))
+    worker.warm()
+    monkeypatch.setattr(worker, "warm", lambda: None)  # no process for a next command
     record = worker.run(["info", str(scene), "--json"], print)
-    worker.close()
     assert record["gaussians"] == 600
 
 
@@ -300,8 +301,11 @@ def test_undone_steps_can_be_deleted_and_no_others(opened, tmp_path):
     assert names == ["001-one", "004-other"]
     assert [each.title for each in opened.document.steps] == ["bear.ply", "one", "other"]
     assert not opened.undone().folders
-    opened.redo()
+    with pytest.raises(UsageError, match="last step"):
+        opened.redo()
     opened.go_to(0)
+    with pytest.raises(UsageError, match="first step"):
+        opened.undo()
     assert [each.name for each in opened.undone().folders] == ["001-one", "004-other"]
     opened.go_to(2)
     assert len(opened.scene) == 600

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from gsedit.errors import UsageError
+
 if TYPE_CHECKING:
     from gsedit.app.page import Page
     from gsedit.app.tab import Tab
@@ -81,6 +83,8 @@ def add_comparison(page: Page, tab: Tab) -> None:
     def compare() -> None:
         if ways.value == ONE:
             return tab.compare(None)
+        if len(page.document.steps) < 2:
+            raise UsageError("there is nothing to compare with: say a change first, and apply it")
         position = page.document.position - 1
         if other.value != BEFORE:
             position = number_of(other.value)
