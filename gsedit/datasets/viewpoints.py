@@ -77,12 +77,19 @@ def framed(camera: Camera, width: int, height: int) -> Camera:
 
 
 def same_size(viewpoints: Sequence[Viewpoint], size: int) -> tuple[Viewpoint, ...]:
-    """All on pictures whose longer side is `size` pixels, in the most frequent proportions."""
+    """All on pictures whose longer side is `size` pixels, in the most frequent proportions; those
+    that have them keep their principal point, so that they show what their photo shows."""
     shapes = Counter((v.camera.width, v.camera.height) for v in viewpoints)
-    (width, height), _ = shapes.most_common(1)[0]
-    scale = size / max(width, height)
-    width, height = max(1, round(width * scale)), max(1, round(height * scale))
-    return tuple(replace(v, camera=framed(v.camera, width, height)) for v in viewpoints)
+    common, _ = shapes.most_common(1)[0]
+    scale = size / max(common)
+    width, height = (max(1, round(side * scale)) for side in common)
+    cameras = (
+        camera.resized(width, height)
+        if (camera.width, camera.height) == common
+        else framed(camera, width, height)
+        for camera in (viewpoint.camera for viewpoint in viewpoints)
+    )
+    return tuple(replace(v, camera=camera) for v, camera in zip(viewpoints, cameras))
 
 
 def thinned(viewpoints: Sequence[Viewpoint], at_most: int = AT_MOST) -> tuple[Viewpoint, ...]:

@@ -1,8 +1,10 @@
 """Views are found by name, by the end of a name, or by number."""
 
+from dataclasses import replace
+
 import pytest
 
-from gsedit.datasets.viewpoints import Viewpoint, view_named
+from gsedit.datasets.viewpoints import Viewpoint, same_size, view_named
 from gsedit.errors import UsageError
 from gsedit.synthetic.gallery import globe
 from gsedit.synthetic.splats import ring_cameras
@@ -33,3 +35,14 @@ def test_a_name_of_none_or_several_is_refused(views, said, told):
 def test_without_cameras_the_next_move_is_told():
     with pytest.raises(UsageError, match="--data"):
         view_named([], "0")
+
+
+def test_pictures_of_one_size_show_what_their_photos_show():
+    """The principal point stays; only pictures of other proportions are centered."""
+    first, second = ring_cameras(globe(), 2, 64)
+    shifted = replace(first, cx=30.0, cy=35.0)
+    wide = replace(second.resized(96, 64), cx=40.0)
+    views = same_size([Viewpoint(n, c) for n, c in zip("abc", (shifted, shifted, wide))], 32)
+    kept, _, centered = (view.camera for view in views)
+    assert (kept.cx, kept.cy, kept.width) == (15.0, 17.5, 32)
+    assert (centered.cx, centered.cy, centered.width, centered.height) == (16.0, 16.0, 32, 32)
