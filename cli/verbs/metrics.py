@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from gsedit.datasets.view_list_files import ViewList
     from gsedit.measures.against import Reference
     from gsedit.measures.agreement import Pictures
-    from gsedit.measures.evaluation_input import EvaluationInput
+    from gsedit.measures.evaluation_input import EvaluationInput, Texts
     from gsedit.regions.region import Region
     from rasterizer.scene import Gaussians
 
@@ -87,6 +87,13 @@ class WordOptions:
     source_caption: str | None = option(None, 'What the unedited scene shows: "a photo of a bear".')
     target_caption: str | None = option(None, 'What it should show: "a photo of a bronze bear".')
 
+    def texts(self, against: Reference) -> Texts:
+        """The texts, with an edit's own instruction where none is given."""
+        from gsedit.measures.evaluation_input import Texts
+
+        wanted = self.instruction or against.instruction
+        return Texts(wanted, self.source_caption, self.target_caption)
+
 
 @dataclass(frozen=True)
 class MetricsOptions:
@@ -105,11 +112,17 @@ class MetricsOptions:
         "REGION",
         show_default="the edit's",
     )
+    subject_masks: Path | None = option(
+        None,
+        "Masks that the edit did not know, to measure outside of: a PNG named after each view that "
+        "has one, white where the edit belongs.",
+        "FOLDER",
+    )
 
 
 @shows(
-    "--output", "--against", "--region", "--data", "--views", "--save-views", "--size",
-    "--picture", "--clip", "--instruction", "--force",
+    "--output", "--against", "--region", "--subject-masks", "--data", "--views", "--save-views",
+    "--size", "--picture", "--clip", "--instruction", "--force",
 )  # fmt: skip
 def metrics(
     scene: Scene,
@@ -126,7 +139,7 @@ def metrics(
 
     gsedit metrics out/bronze
 
-    gsedit metrics edited.ply --against bear.ply --views views.json --json
+    gsedit metrics out/bronze --subject-masks drawn/ --json
 
     gsedit metrics bear.ply --against photos/ --save-views views.json
 
@@ -145,12 +158,13 @@ def metrics(
     found = resolve_reference(reference)
     check_views(found, listed)
     execution = with_values(Execution(), values)
-    subject = gather(scene, found, own.region, listed, words, drop_invalid, execution)
+    subject = gather(scene, found, own, listed, words, drop_invalid, execution)
     if listed.save_views is not None:
         write_view_list(subject.views, listed.save_views, overwrite=outputs.force)
         print_message(f"the list of views is {listed.save_views}")
     request = {
         "scene": scene, "against": found.path, "against_is": found.kind, "region": own.region,
+        "subject_masks": own.subject_masks,
         "listed_views": listed.views, "size": listed.size, "texts": subject.texts,
         "clip": words.clip,
     }  # fmt: skip
@@ -224,39 +238,51 @@ def check_views(against: Reference, listed: ListedViews) -> None:
 def gather(
     path: Path,
     against: Reference,
-    region: str | None,
+    own: MetricsOptions,
     listed: ListedViews,
     words: WordOptions,
     drop_invalid: bool,
     execution: Execution,
 ) -> EvaluationInput:
     """Read everything that is measured."""
+    from gsedit.capture.matches import match_pictures
+    from gsedit.measures.against import find_alone
     from gsedit.measures.clip import load_clip
-    from gsedit.measures.evaluation_input import EvaluationInput, Texts
+    from gsedit.measures.evaluation_input import REGION_IS, EvaluationInput
 
     clip = None if words.clip is None else load_clip(words.clip)
     scene = load_scene(path, drop_invalid=drop_invalid)
     unedited = None
     if against.unedited is not None:
         unedited = load_scene(against.unedited, drop_invalid=drop_invalid or against.drop_invalid)
-    known, after = regions_of(against, region, unedited, scene)
+    known, after = regions_of(against, own.region, unedited, scene)
     say_kernel(execution)
     views, targets, masks = place_views(path, scene, against, unedited, listed, execution)
-    if region is not None and unedited is None:
-        print_message("--region needs the unedited scene to compare with: it is not used")
     return EvaluationInput(
         scene,
         views,
         targets,
         against.why_no_pictures,
-        unedited,
-        known,
-        after,
-        Texts(words.instruction or against.instruction, words.source_caption, words.target_caption),
-        clip,
-        execution,
-        masks,
+        targets_are=against.pictures_are,
+        edits_alone=find_alone(against, views),
+        unedited=unedited,
+        region=known,
+        region_is=REGION_IS if own.region is None else "the region that was given",
+        subject_masks=drawn_masks(own.subject_masks, views),
+        matcher=match_pictures,
+        edited_region=after,
+        texts=words.texts(against),
+        clip=clip,
+        execution=execution,
+        masks=masks,
     )
+
+
+def drawn_masks(folder: Path | None, views: ViewList) -> dict[int, Tensor]:
+    """The masks in a folder, by the index of the view. Raises InputError as `read_masks` does."""
+    from gsedit.regions.masks import read_masks
+
+    return {} if folder is None else read_masks(folder, views.viewpoints)
 
 
 def regions_of(
@@ -268,6 +294,8 @@ def regions_of(
     from gsedit.regions.region import Region, read_flags
 
     before, after = against.region, against.edited_region
+    if unedited is None and named is not None:
+        print_message("--region needs the unedited scene to compare with: it is not used")
     if unedited is None or (named is None and before is None):
         return None, None
     if named is not None or before is None or after is None:

@@ -2,8 +2,8 @@
 
 python -m research.measure_regions bear.ply ../shared/data
 
-The outlines are in outlines.json: polygons in pixels of 512-pixel pictures, the bear's drawn on
-photos, the robot's on renders. `h w` pixels.
+The outlines are in tests/data/outlines.json: polygons in pixels of 512-pixel pictures, the bear's
+drawn on photos, the robot's on renders. `h w` pixels.
 """
 
 from __future__ import annotations
@@ -42,6 +42,7 @@ from research.labelled import Labelled, demo_bear, statue
 
 SIZE = 256
 """Longer side of the compared pictures."""
+OUTLINES = Path(__file__).parents[2] / "tests" / "data" / "outlines.json"
 DRAWN_SIZE = 512
 """Side of the pictures on which outlines were drawn."""
 RIM_PIXELS = 3.0
@@ -118,7 +119,7 @@ def drawn(outlines: Sequence[Sequence[float]], size: int) -> Float[Tensor, "{siz
 
 def outlines_of(name: str) -> list[dict]:
     """The views of a scene with outlines."""
-    return json.loads(Path(__file__).with_name("outlines.json").read_text())[name]
+    return json.loads(OUTLINES.read_text())[name]
 
 
 def bear_case(scene: Path, photos: Path) -> Case:

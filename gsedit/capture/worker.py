@@ -108,6 +108,24 @@ def survey(database: str) -> dict[str, Any]:
     return {"features": counts, "pairs": pairs}
 
 
+def points(say: Say, database: str, images: str, groups: list[dict], features: int, peak: float,
+           size: int, pairs: str, threads: int) -> dict[str, Any]:  # fmt: skip
+    """Positions of the verified matches of a list of pairs, in both photos of each."""
+    extract(say, database, images, groups, features, peak, False, size, threads)
+    match(say, database, pairs, False, 0, threads)
+    with pycolmap.Database.open(database) as opened:
+        names = {image.image_id: image.name for image in opened.read_all_images()}
+        keypoints = {i: opened.read_keypoints(i)[:, :2] for i in names}
+        found = []
+        for pair, geometry in zip(*opened.read_two_view_geometries()):
+            ids, inliers = pycolmap.pair_id_to_image_pair(pair), geometry.inlier_matches
+            if len(inliers):
+                first, second = (keypoints[i][inliers[:, k]] for k, i in enumerate(ids))
+                both = [names[i] for i in ids]
+                found.append({"names": both, "first": first.tolist(), "second": second.tolist()})
+    return {"pairs": found}
+
+
 _FLAT = {
     int(pycolmap.TwoViewGeometryConfiguration.__members__[name])
     for name in ("PLANAR", "PANORAMIC", "PLANAR_OR_PANORAMIC")
@@ -273,6 +291,7 @@ def undistort(say: Say, model: str, images: str, output: str, rotation: list[lis
 TASKS = {
     "features": extract,
     "matches": match,
+    "points": points,
     "incremental mapping": map_incrementally,
     "global mapping": map_globally,
     "refinement": refine,

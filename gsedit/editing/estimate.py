@@ -24,7 +24,8 @@ class Estimate:
     views: int
     """Views that are edited, at most."""
     held_out: int
-    """Views that the editor is asked for at the end, to compare the scene with."""
+    """Pictures that the editor is asked for at the end, to compare the scene with: of each view
+    two."""
     cost: Cost
     cheaper: str
     """A setting with which it takes half as long or less; empty where none is known."""
@@ -65,7 +66,7 @@ def estimate_edit(session: Session) -> Estimate | None:
         return None
     plan = session.surveyed.plan
     cost = measure(batch_of(session, plan.batches[0]), request.settings.sampler)
-    held_out = min(request.settings.held_out_edits, len(request.evaluation_views))
+    held_out = 2 * min(request.settings.held_out_edits, len(request.evaluation_views))
     return Estimate(len(plan.views), held_out, cost, cheaper(cost))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -16,14 +17,16 @@ from gsedit.errors import InputError
 from gsedit.formats.edit_records import read_edit_record
 from gsedit.formats.pictures import fitted_size
 from gsedit.measures.agreement import Pictures
-from gsedit.measures.evaluation_input import NO_TARGETS
+from gsedit.measures.evaluation_input import GIVEN, NO_TARGETS
 from gsedit.storage.inputs import existing_file
 from gsedit.storage.json_files import object_of, read_json
 
 Kind = Literal["scene", "edit", "photos", "pictures"]
-TARGETS, HELD_OUT = "targets", "held_out"
+TARGETS, HELD_OUT, ALONE = "targets", "held_out", "held_out_alone"
 """Folders of pictures in the folder of an edit: what the scene was fitted to, and what the 2D
-editor makes of held-out views."""
+editor makes of held-out views, tied to the targets and alone."""
+TARGETS_ARE = ("the edits that the scene was fitted to", "edits tied to the targets by anchors")
+"""The source of an edit's pictures, of edited and of held-out views."""
 UNFINISHED = "metrics.unfinished.jsonl"
 """File of the events so far, in the folder of an edit that has no result yet."""
 
@@ -44,6 +47,8 @@ class Reference:
     """Flags of the edited scene's Gaussians, where an edit removed, moved or added objects."""
     pictures: tuple[Path, ...] = ()
     """Folders of pictures that the scene should show."""
+    alone: Path | None = None
+    """Folder of edited pictures of held-out views that were made without the targets."""
     views: ViewList | None = None
     """The views of an edit."""
     instruction: str | None = None
@@ -68,6 +73,13 @@ class Reference:
     def fitted(self) -> str:
         """Name of the scene's views that are not held out, for a person."""
         return "fitted" if self.kind == "photos" else "edited"
+
+    @property
+    def pictures_are(self) -> tuple[str, str]:
+        """The source of its pictures, of fitted and of held-out views, for a record."""
+        if self.kind == "edit":
+            return TARGETS_ARE
+        return ("photos", "photos") if self.kind == "photos" else GIVEN
 
     @property
     def targets(self) -> str:
@@ -119,6 +131,15 @@ def find_pictures(against: Reference, views: ViewList) -> Pictures:
     return found
 
 
+def find_alone(against: Reference, views: ViewList) -> Pictures:
+    """The pictures of an edit that were made without its targets, by the index of the view."""
+    if against.alone is None:
+        return {}
+    with suppress(NoPicturesError):  # of another list of views
+        return read_view_pictures(against.alone, views.viewpoints)
+    return {}
+
+
 def resized(views: ViewList, size: int | None) -> ViewList:
     """Resize views so that the longer side has at most `size` pixels (None: as they are)."""
     viewpoints = []
@@ -145,6 +166,7 @@ def _edit(folder: Path) -> Reference:
         region=before if moved else region if region.is_file() else None,
         edited_region=region if moved and region.is_file() else None,
         pictures=tuple(each for each in folders if each.is_dir() and any(each.rglob("*.png"))),
+        alone=folder / ALONE if any((folder / ALONE).rglob("*.png")) else None,
         views=_views(record, folder),
         instruction=instruction if isinstance(instruction, str) else None,
         cost=_cost(record),

@@ -11,12 +11,14 @@ from dataclasses import dataclass
 from math import copysign, sqrt
 from typing import Literal
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.consistency.warp import warp
 from gsedit.datasets.dataset import evenly_spaced
+from gsedit.measures.interval import Interval, interval
 from rasterizer.camera import Camera
 from rasterizer.render import Rendering
 
@@ -28,6 +30,8 @@ COMPARED = 0.01
 """Least share of a picture's pixels that a pair must both see: an error over fewer means little."""
 
 Range = Literal["short", "long"]
+PicturesOf = Literal["targets", "renders"]
+"""The edited 2D pictures, or renders of the edited scene."""
 Pairs = Sequence[tuple[int, int]]
 Pictures = Mapping[int, Float[Tensor, "h w 3"]]
 """By the index of the view."""
@@ -38,8 +42,7 @@ class WarpComparison:
     """Warp error of one set of pictures: the RMSE of color (mean over channels) between a view and
     another one warped into it by the unedited scene's depth, over all pixels that both see."""
 
-    pictures: Literal["targets", "renders"]
-    """The edited 2D pictures, or renders of the edited scene."""
+    pictures: PicturesOf
     range: Range
     """short: a view and the camera nearest to it. long: for targets every other pair that shares
     1 % of the pixels; for renders a held-out view and the nearest other one, which in a capture
@@ -51,13 +54,14 @@ class WarpComparison:
     """Warp error of renders of the unedited scene, on the same pixels: shading, resampling and what
     its depth gets wrong."""
     edited: float
+    interval: Interval | None = None
+    """The interval of the excess over views."""
 
     @property
     def excess(self) -> float:
         """Error that the edit added, in quadrature; below 0 where the edited pictures agree
         better."""
-        square = self.edited**2 - self.unedited**2
-        return copysign(sqrt(abs(square)), square)
+        return added(self.edited, self.unedited)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,13 +128,13 @@ def compare_renders(
 def compare_pairs(
     views: UneditedViews,
     images: Pictures,
-    pictures: Literal["targets", "renders"],
+    pictures: PicturesOf,
     range_: Range,
     pairs: Pairs,
 ) -> WarpComparison | None:
     """Both errors over the same pixels, from one warp of both pictures a pair; None where no pair
     shares 1 % of its pixels."""
-    shares, squares = [], []
+    shares, squares, members = [], [], []
     for a, b in pairs:
         here, there = (views.rendering(i) for i in (a, b))
         both_a, both_b = (
@@ -144,12 +148,33 @@ def compare_pairs(
             error = (warped - both_a)[valid].double().square().mean(0)
             shares.append(share)
             squares.append(share * error.reshape(2, 3).mean(1))
+            members.append((a, b))
     if not shares:
         return None
     unedited, edited = (torch.stack(squares).sum(0) / sum(shares)).sqrt().tolist()
+    sums = [(*square.tolist(), share) for square, share in zip(squares, shares)]
     return WarpComparison(
-        pictures, range_, len(shares), sum(shares) / len(shares), unedited, edited
-    )
+        pictures, range_, len(shares), sum(shares) / len(shares), unedited, edited,
+        excess_interval(sums, members),
+    )  # fmt: skip
+
+
+def added(edited: float, unedited: float) -> float:
+    """The error that an edit added to one that was there, in quadrature; below 0 where it took
+    away."""
+    square = edited**2 - unedited**2
+    return copysign(sqrt(abs(square)), square)
+
+
+def excess_interval(sums: Sequence[Sequence[float]], pairs: Pairs) -> Interval | None:
+    """The interval of an excess, from the squared error before, the one after, and the weight of
+    each pair of views."""
+
+    def excess(columns: Float[np.ndarray, "3 d"]) -> Float[np.ndarray, " d"]:
+        square = (columns[1] - columns[0]) / columns[2]
+        return np.copysign(np.sqrt(np.abs(square)), square)
+
+    return interval(sums, pairs, excess)
 
 
 def _surface(rendering: Rendering) -> tuple[Float[Tensor, "h w"], Float[Tensor, "h w"]]:

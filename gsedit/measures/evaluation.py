@@ -7,39 +7,49 @@ A metric that cannot be measured has no value, and a reason with the next move i
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
+from math import sqrt
+from typing import Any
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.datasets.dataset import evenly_spaced
-from gsedit.datasets.view_list_files import Role
 from gsedit.measures import clip as clip_measures
 from gsedit.measures.agreement import (
     COMPARED_VIEWS,
+    Pairs,
+    PicturesOf,
     UneditedViews,
     WarpComparison,
     compare_renders,
     compare_targets,
     spread,
 )
-from gsedit.measures.decibels import psnr_from_rmse
 from gsedit.measures.evaluation_input import Evaluation, EvaluationInput, Mean, ViewMeasures
+from gsedit.measures.interval import mean_interval
+from gsedit.measures.meters import measured_against
 from gsedit.measures.metrics import (
-    NEAREST,
+    INSIDE,
     Fidelity,
     SquaredError,
     fidelity,
-    pooled_rmse,
     rmse,
     squared_error,
 )
 from gsedit.measures.missing import MEASURED_ROLES, find_missing
 from gsedit.measures.names import GROUND_TRUTH, METRICS
-from gsedit.measures.outside import pixels_outside
+from gsedit.measures.outside import outside_means, pixels_outside
+from gsedit.measures.points import (
+    MATCHED_PIXELS,
+    PointComparison,
+    compare_points,
+    matchable,
+)
 from gsedit.scene.picture import render_picture
+from rasterizer.camera import Camera
 from rasterizer.render import Rendering, render
 from rasterizer.scene import Gaussians
 
@@ -66,20 +76,25 @@ def evaluate(subject: EvaluationInput, progress: Progress = lambda done, total: 
     for done, i in enumerate(chosen, 1):
         of_views[i] = _measure_view(subject, i, words, perceptual)
         progress(done, len(chosen))
-    warp = _warp(subject)
-    measured: dict[str, dict[Role, Mean]] = {name: {} for name in (*METRICS, *GROUND_TRUTH)}
+    warp, points = _warp(subject), _points(subject)
+    measured: dict[str, dict[Any, Mean]] = {name: {} for name in (*METRICS, *GROUND_TRUTH)}
     for role in MEASURED_ROLES:
         for name, value in _means([of_views[i] for i in views.having(role)]).items():
-            measured[name][role] = value
+            against = measured_against(name, role, subject)
+            measured[name][role] = replace(value, against=against)
+    for name, value in _outside_masks(subject).items():
+        measured[name]["all"] = value
     measured = {name: by_role for name, by_role in measured.items() if by_role}
+    compared = tuple(each for each in points.values() if isinstance(each, PointComparison))
     return Evaluation(
         measured,
         warp,
-        find_missing(subject, measured, warp),
+        find_missing(subject, measured, warp, points),
         tuple(
             ViewMeasures(views.viewpoints[i].name, views.roles[i], of_views[i].values)
             for i in chosen
         ),
+        compared,
     )
 
 
@@ -101,6 +116,8 @@ def _measure_view(
 
     if i in subject.targets and (mask is None or mask.any()):
         compare(subject.targets[i], "targets", mask)
+    if i in subject.edits_alone:
+        compare(subject.edits_alone[i], "edits_alone")
     if i in subject.ground_truth:
         compare(subject.ground_truth[i], "ground_truth")
     outside, vectors = None, {}
@@ -109,15 +126,9 @@ def _measure_view(
         unedited = _unedited(subject, subject.unedited, i)
         compare(unedited, "unedited")
         values["rmse_to_unedited"] = rmse(final, unedited)
-        if subject.region is not None and not subject.region.is_all:
-            camera = subject.views.viewpoints[i].camera
-            parts = [(subject.region, subject.unedited)]
-            if subject.edited_region is not None:
-                parts.append((subject.edited_region, subject.scene))
-            where = pixels_outside(parts, camera, subject.execution)
-            outside = squared_error(unedited, final, where)
-            if (error := pooled_rmse([outside])) is not None:
-                values["rmse_outside_region"] = error
+        outside = _outside_region(subject, subject.unedited, i, unedited, final)
+        if outside is not None:
+            values["rmse_outside_region"] = sqrt(outside.total / outside.values)
     if subject.clip is not None:
         vectors = {"edited": subject.clip.images(final[None])[0]}
         if unedited is not None:
@@ -126,10 +137,30 @@ def _measure_view(
     return _Measured(values, outside, vectors)
 
 
+def _outside_region(
+    subject: EvaluationInput,
+    scene: Gaussians,
+    i: int,
+    unedited: Float[Tensor, "h w 3"],
+    final: Float[Tensor, "h w 3"],
+) -> SquaredError | None:
+    """The change of view i outside the region; None where nothing is outside."""
+    if subject.region is None or subject.region.is_all:
+        return None
+    parts = [(subject.region, scene)]
+    if subject.edited_region is not None:
+        parts.append((subject.edited_region, subject.scene))
+    where = pixels_outside(parts, subject.views.viewpoints[i].camera, subject.execution)
+    return squared_error(unedited, final, where) if where.any() else None
+
+
 def _perceptual_views(subject: EvaluationInput) -> set[tuple[str, int]]:
     """The comparisons, by name and view, that have a perceptual distance."""
     every = range(len(subject.views))
-    known = {"targets": subject.targets, "ground_truth": subject.ground_truth, "unedited": every}
+    known = {
+        "targets": subject.targets, "edits_alone": subject.edits_alone,
+        "ground_truth": subject.ground_truth, "unedited": every,
+    }  # fmt: skip
     chosen: set[tuple[str, int]] = set()
     for role in MEASURED_ROLES:
         for to, indices in known.items():
@@ -179,12 +210,8 @@ def _means(of_views: Sequence[_Measured]) -> dict[str, Mean]:
         name: _mean([view.values[name] for view in of_views if name in view.values])
         for name in names
     }
-    if "rmse_outside_region" in means:
-        error = pooled_rmse(view.outside for view in of_views if view.outside is not None)
-        assert error is not None
-        views = means["rmse_outside_region"].views
-        means["rmse_outside_region"] = Mean(error, views)
-        means["psnr_outside_region"] = Mean(min(psnr_from_rmse(error), NEAREST), views)
+    outside = [view.outside for view in of_views if view.outside is not None]
+    means |= outside_means(outside, "region", "")
     frames = [view.vectors for view in of_views if "unedited" in view.vectors]
     if len(frames) > 1:
         edited, unedited = (
@@ -196,7 +223,19 @@ def _means(of_views: Sequence[_Measured]) -> dict[str, Mean]:
 
 
 def _mean(values: Sequence[float]) -> Mean:
-    return Mean(sum(values) / len(values), len(values))
+    return Mean(sum(values) / len(values), len(values), mean_interval(values))
+
+
+@torch.no_grad()
+def _outside_masks(subject: EvaluationInput) -> dict[str, Mean]:
+    """Errors outside the given masks, over views of any role."""
+    if subject.unedited is None:
+        return {}
+    errors = [
+        squared_error(_unedited(subject, subject.unedited, i), _final(subject, i), mask < INSIDE)
+        for i, mask in subject.subject_masks.items()
+    ]
+    return outside_means([each for each in errors if each.values], "masks", "masks that were given")
 
 
 def _final(subject: EvaluationInput, i: int) -> Float[Tensor, "h w 3"]:
@@ -237,3 +276,40 @@ def _warp(subject: EvaluationInput) -> tuple[WarpComparison, ...]:
             views, compared, held_out, lambda indices: {i: _final(subject, i) for i in indices}
         ),
     )
+
+
+@torch.no_grad()
+def _points(subject: EvaluationInput) -> dict[PicturesOf, PointComparison | str]:
+    """Differences at matched points of the targets, and of renders at held-out views; or the reason
+    why there are too few points. None without a matcher, or views that look alike."""
+    scene, views = subject.unedited, subject.views
+    if scene is None or subject.matcher is None:
+        return {}
+    cameras = [viewpoint.camera for viewpoint in views.viewpoints]
+    targets = [i for i in views.having("edited") if i in subject.targets]
+    pairs: dict[PicturesOf, Pairs] = {
+        "targets": matchable(targets, cameras),
+        "renders": matchable(views.having("held_out"), cameras),
+    }
+    every = sorted({pair for each in pairs.values() for pair in each})
+    chosen = sorted({i for pair in every for i in pair})
+    large = {i: _at_least(cameras[i], MATCHED_PIXELS) for i in chosen}
+    pictures = {i: render_picture(scene, large[i], subject.execution) for i in chosen}
+    matches = subject.matcher(pictures, large, every) if every else {}
+    before = {i: _unedited(subject, scene, i) for i in chosen}
+    after = {"targets": subject.targets, "renders": {i: _final(subject, i) for i in chosen}}
+    sizes = {i: (camera.width, camera.height) for i, camera in large.items()}
+    return {
+        kind: compare_points(
+            {pair: matches[pair] for pair in pairs[kind] if pair in matches},
+            before, after[kind], sizes, kind,
+        )
+        for kind in pairs
+        if pairs[kind]
+    }  # fmt: skip
+
+
+def _at_least(camera: Camera, size: int) -> Camera:
+    """The camera with `size` pixels on its longer side, if it has fewer."""
+    scale = max(1.0, size / max(camera.width, camera.height))
+    return camera.resized(round(camera.width * scale), round(camera.height * scale))

@@ -4,21 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.datasets.view_list_files import Role, ViewList
 from gsedit.measures.agreement import Pictures, WarpComparison
 from gsedit.measures.clip import Clip
-from gsedit.measures.names import WARP
+from gsedit.measures.interval import Interval
+from gsedit.measures.names import POINTS, WARP
+from gsedit.measures.points import Matcher, PointComparison
 from gsedit.regions.region import Region
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import Rendering
 from rasterizer.scene import Gaussians
 
 NO_TARGETS = "there are no edited pictures: add --against with a folder of them, or of an edit"
+
+GIVEN = ("pictures that were given", "pictures that were given")
+REGION_IS = "the edit's own region"
 
 
 @dataclass(frozen=True)
@@ -48,9 +53,20 @@ class EvaluationInput:
     """Pictures that the scene should show, by the index of the view: edited ones, or photos."""
     no_targets: str = NO_TARGETS
     """The reason why there are no targets, where there are none, and what to do."""
+    targets_are: tuple[str, str] = GIVEN
+    """The source of the targets, at edited and at held-out views, as the record tells it."""
+    edits_alone: Pictures = field(default_factory=dict)
+    """Edited pictures of held-out views that were made without the targets."""
     unedited: Gaussians | None = None
     region: Region | None = None
     """The region that the edit could change, of the unedited scene's Gaussians."""
+    region_is: str = REGION_IS
+    """The source of the region, as the record tells it."""
+    subject_masks: Mapping[int, Float[Tensor, "h w"]] = field(default_factory=dict)
+    """Masks that the edit did not know, by the index of the view: 1 where it belongs, 0 outside."""
+    matcher: Matcher | None = None
+    """Finds points that unedited renders have in common; None: no difference at points is
+    measured."""
     edited_region: Region | None = None
     """The Gaussians of `scene` that the edit made or changed, where objects were removed, moved or
     added; None where its Gaussians are those of the unedited scene, recolored."""
@@ -77,10 +93,15 @@ class Mean:
     value: float
     views: int
     """The number of views that have a value."""
+    interval: Interval | None = None
+    """Where the value would lie with other views; None of fewer than four."""
+    against: str = ""
+    """The pictures, region or masks that it was measured by."""
 
 
-Means = Mapping[str, Mapping[Role, Mean]]
-"""By the name of the metric (gsedit.measures.names) and the role of the views."""
+Means = Mapping[str, Mapping[Role | Literal["all"], Mean]]
+"""By the name of the metric (gsedit.measures.names) and the role of the views; all: views of any
+role that have a given mask."""
 
 
 @dataclass(frozen=True)
@@ -104,6 +125,8 @@ class Evaluation:
     "psnr_to_targets at held_out views" where only the views of one role have no value."""
     views: tuple[ViewMeasures, ...]
     """Those that were measured at, in the order of the list."""
+    points: tuple[PointComparison, ...] = ()
+    """Differences at matched points, of targets and of renders."""
 
     def number(self, role: Role) -> int:
         """The number of views of that role that were measured at."""
@@ -115,15 +138,31 @@ class Evaluation:
         return None if mean is None else mean.value
 
     def record(self) -> dict[str, Any]:
-        """All values as JSON has them: means by role, and a row for each kind of warp error."""
-        rows = {
-            WARP[row.pictures, row.range]: {
-                "unedited": row.unedited,
-                "edited": row.edited,
-                "excess": row.excess,
-                "pairs": row.pairs,
-                "compared": row.compared,
-            }
+        """All values as JSON has them: means by role, and a row for each kind of warp error and of
+        difference at points."""
+        rows: dict[str, Any] = {
+            WARP[row.pictures, row.range]: {**_row(row, BY_WARP), "compared": row.compared}
             for row in self.warp
         }
+        rows |= {
+            POINTS[row.pictures]: {
+                **_row(row, BY_POINTS), "points": row.points, "matched": row.matched
+            }
+            for row in self.points
+        }  # fmt: skip
         return {**self.measured, **rows}
+
+
+BY_WARP = "a warp by the unedited scene's depth, which the method uses too"
+BY_POINTS = "SIFT matches of the unedited renders"
+
+
+def _row(row: WarpComparison | PointComparison, against: str) -> dict[str, Any]:
+    return {
+        "unedited": row.unedited,
+        "edited": row.edited,
+        "excess": row.excess,
+        "excess_interval": row.interval,
+        "pairs": row.pairs,
+        "against": against,
+    }

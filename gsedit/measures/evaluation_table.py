@@ -7,10 +7,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from gsedit.measures.against import Reference
-from gsedit.measures.agreement import WarpComparison
+from gsedit.measures.agreement import PicturesOf, WarpComparison
 from gsedit.measures.evaluation_input import Evaluation, Mean
 from gsedit.measures.missing import MEASURED_ROLES
-from gsedit.measures.names import COST, METRICS, WARP
+from gsedit.measures.names import COST, METRICS, POINTS, WARP
+from gsedit.measures.points import PointComparison
 from gsedit.runs.environment import environment
 
 COLUMNS = 80
@@ -52,12 +53,18 @@ def evaluation_table(evaluation: Evaluation, against: Reference) -> str:
     lines = [_line("metric", *heads, "better")]
     for name, metric in METRICS.items():
         if by_role := evaluation.measured.get(name):
-            cells = [_cell(by_role.get(role), metric.decimals) for role in MEASURED_ROLES]
-            better = "" if metric.better == "neither" else metric.better
-            lines.append(_line(metric.label.format(targets=targets), *cells, better))
+            label = metric.label.format(targets=targets)
+            if "all" in by_role:
+                cells = [_cell(by_role["all"], metric.decimals), f"{by_role['all'].views} views"]
+            else:
+                cells = [_cell(by_role.get(role), metric.decimals) for role in MEASURED_ROLES]
+            lines.append(_line(label, *cells, "" if metric.better == "neither" else metric.better))
     if evaluation.warp:
         lines += ["", _line("warp error (RMSE)", "unedited", "edited", "excess")]
         lines += [_warp_line(row, targets) for row in evaluation.warp]
+    if evaluation.points:
+        lines += ["", _line("difference at SIFT matches (RMSE)", "unedited", "edited", "excess")]
+        lines += [_point_line(row, targets) for row in evaluation.points]
     if cost:
         lines += ["", *(f"{COST_LABELS[name]:<{LABEL}}{cost[name]:>{NUMBER}.0f}" for name in cost)]
     lines += _notes(evaluation, targets)
@@ -76,9 +83,17 @@ def _cell(mean: Mean | None, decimals: int) -> str:
     return "-" if mean is None else f"{mean.value:.{decimals}f}"
 
 
+def _point_line(row: PointComparison, targets: str) -> str:
+    label = f"{_kind(row.pictures, targets)} ({row.points} points)"
+    return _line(label, *(f"{value:.4f}" for value in (row.unedited, row.edited, row.excess)))
+
+
+def _kind(pictures: PicturesOf, targets: str) -> str:
+    return targets if pictures == "targets" else "renders, held out"
+
+
 def _warp_line(row: WarpComparison, targets: str) -> str:
-    kind = {"targets": targets, "renders": "renders, held out"}[row.pictures]
-    label = f"{kind}, {row.range} range ({row.pairs} pairs)"
+    label = f"{_kind(row.pictures, targets)}, {row.range} range ({row.pairs} pairs)"
     return _line(label, *(f"{value:.4f}" for value in (row.unedited, row.edited, row.excess)))
 
 
@@ -87,7 +102,7 @@ def _notes(evaluation: Evaluation, targets: str) -> list[str]:
     fewer: dict[str, list[str]] = {}
     for name, by_role in evaluation.measured.items():
         for role, mean in by_role.items():
-            if mean.views < (of := evaluation.number(role)):
+            if role != "all" and mean.views < (of := evaluation.number(role)):
                 note = f"over {mean.views} of {of} {role.replace('_', '-')} views"
                 fewer.setdefault(note, []).append(METRICS[name].label.format(targets=targets))
     return _folded({f"{note}:": "; ".join(labels) for note, labels in fewer.items()})
@@ -115,6 +130,9 @@ def _label(name: str, targets: str) -> str:
 def _other_label(name: str, targets: str) -> str:
     if name in COST_LABELS:
         return COST_LABELS[name]
+    for kind, each in POINTS.items():
+        if each == name:
+            return f"difference at SIFT matches of {targets if kind == 'targets' else kind}"
     pictures, range_ = next(key for key, each in WARP.items() if each == name)
     kind = targets if pictures == "targets" else pictures
     return f"warp error of {kind}, {range_} range"

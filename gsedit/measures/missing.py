@@ -2,23 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from gsedit.datasets.view_list_files import Role
 from gsedit.measures import perceptual
-from gsedit.measures.agreement import WarpComparison
+from gsedit.measures.agreement import PicturesOf, WarpComparison
 from gsedit.measures.evaluation_input import EvaluationInput, Means
-from gsedit.measures.names import METRICS, WARP
+from gsedit.measures.names import METRICS, POINTS, WARP
+from gsedit.measures.points import PointComparison
 
 MEASURED_ROLES: tuple[Role, ...] = ("edited", "held_out")
 NO_UNEDITED = "the unedited scene is not known: add --against SCENE, or the folder of an edit"
 NO_TEXT = "no text was given: add --target-caption, or --instruction"
 NO_CLIP = "CLIP's weights are not given: add --clip DIR, a CLIPModel folder of transformers"
+NO_EDITS_ALONE = (
+    "no held-out view was edited alone: only an edit by a 2D editor that is a diffusion model has "
+    "such pictures, in held_out_alone/ of its folder"
+)
+NO_MASKS = "no masks were given: add --subject-masks FOLDER, a mask for each of some views"
+NO_MATCHER = "points are matched by gsedit metrics, not during an edit: run it on the folder"
+HELD_OUT_ONLY = ("psnr_to_edits_alone", "ssim_to_edits_alone", "perceptual_to_edits_alone")
 NO_CAPTIONS = "both captions are needed: add --source-caption and --target-caption"
 
 
 def find_missing(
-    subject: EvaluationInput, measured: Means, warp: Sequence[WarpComparison]
+    subject: EvaluationInput,
+    measured: Means,
+    warp: Sequence[WarpComparison],
+    points: Mapping[PicturesOf, PointComparison | str],
 ) -> dict[str, str]:
     """By the name of the metric, or of the metric and the role of views that have no value."""
     found: dict[str, str] = {}
@@ -28,10 +39,14 @@ def find_missing(
             found[name] = _reason(name, subject)
             continue
         for role in MEASURED_ROLES:
-            if role not in by_role:
+            if role not in by_role and "all" not in by_role and name not in HELD_OUT_ONLY:
                 found[f"{name} at {role} views"] = _reason_of_role(name, role, subject)
     rows = {WARP[row.pictures, row.range] for row in warp}
-    return found | {name: _warp_reason(name, subject) for name in WARP.values() if name not in rows}
+    found |= {name: _warp_reason(name, subject) for name in WARP.values() if name not in rows}
+    for kind, name in POINTS.items():
+        if not isinstance(row := points.get(kind), PointComparison):
+            found[name] = row or _points_reason(kind, subject)
+    return found
 
 
 def _reason(name: str, subject: EvaluationInput) -> str:
@@ -41,6 +56,10 @@ def _reason(name: str, subject: EvaluationInput) -> str:
         return "no view of the list is edited or held out: give some of them such a role"
     if to == "targets" and not subject.targets:
         return subject.no_targets
+    if to == "edits_alone" and not subject.edits_alone:
+        return NO_EDITS_ALONE
+    if name.endswith("_outside_masks") and not subject.subject_masks:
+        return NO_MASKS
     if (to == "unedited" or "_outside_" in name) and subject.unedited is None:
         return NO_UNEDITED
     if kind == "perceptual":
@@ -100,3 +119,15 @@ def _warp_reason(name: str, subject: EvaluationInput) -> str:
     if name == "warp_renders_short" and not subject.views.having("held_out"):
         return "a held-out view is needed: add one to the list"
     return "no two views share 1 % of their pixels: add views that see each other"
+
+
+def _points_reason(kind: PicturesOf, subject: EvaluationInput) -> str:
+    """Why no points were looked for."""
+    if subject.unedited is None:
+        return NO_UNEDITED
+    if kind == "targets" and not subject.targets:
+        return subject.no_targets
+    if subject.matcher is None:
+        return NO_MATCHER
+    which = "edited views with a picture" if kind == "targets" else "held-out views"
+    return f"two {which} that look in similar directions are needed: add views to the list"

@@ -7,6 +7,7 @@ import json
 import pytest
 import torch
 from command_line import gsedit, one_line
+from PIL import Image
 
 import gsedit as library
 from gsedit.datasets.cameras_json import write_cameras
@@ -53,11 +54,29 @@ def test_the_folder_of_an_edit_gives_the_numbers_of_its_record(folder):
             assert mean["views"] == own[name][role]["views"]
     for range_ in ("short", "long"):
         row = f"warp_renders_{range_}"
-        assert measured[row] == pytest.approx(own[row], abs=1e-3)
+        for name in ("unedited", "edited", "excess", "compared"):
+            assert measured[row][name] == pytest.approx(own[row][name], abs=1e-3)
+    for kinds in (measured, own):
+        by = {role: mean["against"] for role, mean in kinds["psnr_to_targets"].items()}
+        assert by["edited"] == "the edits that the scene was fitted to"
     assert measured["seconds"] == edit["timings"]["total"]
     assert measured["evaluations"] == edit["work"]["network_evaluations"] > 0
     assert record["texts"]["instruction"] == "as bronze"
     assert "clip_direction" in record["not_measured"]
+
+
+def test_masks_that_the_edit_did_not_know(folder, tmp_path):
+    names = [each.name for each in read_view_list(folder / "out" / "views.json").viewpoints]
+    for name in names[1:6]:
+        Image.new("L", (32, 32)).save(tmp_path / name)  # the subject is nowhere
+    record = record_of(folder / "out", "--subject-masks", tmp_path)
+    outside = record["measured"]["rmse_outside_masks"]["all"]
+    assert outside["views"] == 5
+    assert outside["value"] > record["measured"].get("rmse_outside_region", outside)["value"] / 2
+    Image.new("L", (32, 32)).save(tmp_path / "other.png")
+    done = gsedit("metrics", folder / "out", "--subject-masks", tmp_path)
+    assert done.exit_code == 3
+    assert "other.png belongs to no view" in done.stderr
 
 
 def test_two_people_measure_the_same(folder, tmp_path):

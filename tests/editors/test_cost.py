@@ -47,7 +47,7 @@ def test_an_edit_says_first_what_it_will_take_and_shows_what_becomes(model):
     stages = [event.stage for event in events]
     assert stages.index("estimate") < stages.index("sample")
     (note,) = (event.note for event in events if event.stage == "estimate")
-    assert "5 views (1 of them to compare with), 3 steps of 3 branches" in note
+    assert "6 views (2 of them to compare with), 3 steps of 3 branches" in note
     shown = [event.picture for event in events if event.picture is not None]
     assert shown[0].shape == (2, 32, 32, 3)  # views, latent cells
     assert all(each.min() >= 0 and each.max() <= 1 for each in shown)

@@ -13,8 +13,8 @@ from gsedit.measures.evaluation import evaluate
 from gsedit.measures.evaluation_input import EvaluationInput, Texts
 from gsedit.measures.metrics import psnr
 from gsedit.measures.missing import NO_CLIP, NO_TEXT, NO_UNEDITED
-from gsedit.measures.names import METRICS, WARP
-from gsedit.regions.region import Region
+from gsedit.measures.names import METRICS, POINTS, WARP
+from gsedit.regions.region import Region, coverage
 from gsedit.scene.picture import render_picture
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 from rasterizer.numerics import SH_DC
@@ -70,6 +70,56 @@ def test_a_known_change_has_its_strength_and_leaks_nothing(scene, views):
     assert everywhere.measured["rmse_outside_region"]["edited"].value > 3 * leak
 
 
+def test_a_region_that_is_too_large_hides_what_given_masks_show(scene, views):
+    """The edit's own region says that all is well; masks that it did not know do not."""
+    upper = Region(scene.means[:, 2] > scene.means[:, 2].median())
+    edited = brighter(scene, upper.inside, 0.2)
+    subject = Region(scene.means[:, 2] > scene.means[:, 2].quantile(0.8))
+    masks = {i: coverage(subject, scene, views.viewpoints[i].camera) for i in (0, 3, 5, 6)}
+    found = evaluate(
+        EvaluationInput(edited, views, unedited=scene, region=upper, subject_masks=masks)
+    )
+    own = found.measured["psnr_outside_region"]["held_out"]
+    given = found.measured["psnr_outside_masks"]["all"]
+    assert own.value > given.value + 5
+    assert given.views == 4  # views of any role
+    assert given.interval is not None
+    assert given.interval[0] <= given.value <= given.interval[1]
+    assert own.interval is None  # of two views
+    assert (own.against, given.against) == ("the edit's own region", "masks that were given")
+    exact = evaluate(
+        EvaluationInput(
+            brighter(scene, subject.inside, 0.2), views, unedited=scene, subject_masks=masks
+        )
+    )
+    assert exact.measured["psnr_outside_masks"]["all"].value > given.value + 5
+
+
+def test_points_are_compared_where_a_matcher_finds_them(scene, views):
+    """Targets that jump from view to view differ at points; those of one edited scene do not."""
+    cameras = [each.camera for each in views.viewpoints]
+    edited, places = brighter(scene, by=0.2), scene.means[::5].double()
+
+    def matcher(pictures, sizes, pairs):
+        assert {max(picture.shape[:2]) for picture in pictures.values()} == {512}
+        return {(a, b): tuple(sizes[i].project(places)[0].float() for i in (a, b))
+                for a, b in pairs}  # fmt: skip
+
+    agreeing = {i: render_picture(edited, cameras[i]) for i in (1, 2, 5)}
+    jumping = {i: (image + 0.1 * (i - 2)).clamp(0, 1) for i, image in agreeing.items()}
+    excess = []
+    for targets in (agreeing, jumping):
+        given = EvaluationInput(edited, views, targets, unedited=scene, matcher=matcher)
+        found = evaluate(given)
+        rows = {row.pictures: row for row in found.points}
+        assert set(rows) == {"targets", "renders"}
+        assert found.record()["points_targets"]["against"].startswith("SIFT")
+        excess.append(rows["targets"].excess)
+    assert excess[1] > excess[0] + 0.05
+    nothing = EvaluationInput(scene, views, unedited=scene, matcher=matcher)
+    assert "where the edit changed" in evaluate(nothing).not_measured["points_renders"]
+
+
 def test_targets_are_compared_view_by_view(scene, views):
     edited = brighter(scene)
     cameras = [each.camera for each in views.viewpoints]
@@ -109,7 +159,7 @@ def test_colors_that_jump_between_views_are_an_excess(scene, views):
 def test_nothing_is_missing_without_a_word(scene, views):
     found = evaluate(EvaluationInput(scene, views))
     assert not found.measured
-    assert set(found.not_measured) == {*METRICS, *WARP.values()}
+    assert set(found.not_measured) == {*METRICS, *WARP.values(), *POINTS.values()}
     assert found.not_measured["rmse_to_unedited"] == NO_UNEDITED
     assert found.not_measured["clip_direction"] == NO_CLIP
     assert all("add " in reason or ": " in reason for reason in found.not_measured.values())

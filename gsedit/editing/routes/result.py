@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 from jaxtyping import Bool
 from torch import Tensor
 
 from gsedit.datasets.dataset import View, capture, evenly_spaced
-from gsedit.datasets.view_list_files import HELD_OUT_EVERY, Role
+from gsedit.datasets.view_list_files import HELD_OUT_EVERY
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.editing.routes.apply import Routed, apply_instruction
 from gsedit.editing.routes.finder import Finder
@@ -20,10 +21,11 @@ from gsedit.editing.session.progress import Work
 from gsedit.editing.session.result import EditMetrics, EditResult, HeldOutViews
 from gsedit.editing.session.settings import EditSettings
 from gsedit.editing.view_plan import ViewPlan
-from gsedit.measures.decibels import psnr_from_rmse
-from gsedit.measures.evaluation_input import Evaluation, Mean
-from gsedit.measures.metrics import NEAREST, pooled_rmse, rmse, squared_error
-from gsedit.measures.outside import pixels_outside
+from gsedit.measures.evaluation_input import REGION_IS, Evaluation, Mean
+from gsedit.measures.interval import mean_interval
+from gsedit.measures.meters import BY_TO
+from gsedit.measures.metrics import rmse, squared_error
+from gsedit.measures.outside import outside_means, pixels_outside
 from gsedit.runs.stopwatch import Stopwatch
 from gsedit.words.instruction import Change, Instruction
 from rasterizer.numerics import AUTO, Execution
@@ -163,14 +165,14 @@ def measured(
     if routed.before is not None:
         parts = [(routed.before, scene), (routed.region, routed.scene)]
     number = len(before)
-    changed = sum(rmse(new.image, old.image) for new, old in zip(after, before)) / number
-    found: dict[str, dict[Role, Mean]] = {"rmse_to_unedited": {"held_out": Mean(changed, number)}}
+    changed = [rmse(new.image, old.image) for new, old in zip(after, before)]
+    of_all = Mean(sum(changed) / number, number, mean_interval(changed), BY_TO["unedited"])
+    found: dict[str, dict[Any, Mean]] = {"rmse_to_unedited": {"held_out": of_all}}
     if not region.is_all:
-        error = pooled_rmse(
+        errors = [
             squared_error(old.image, new.image, pixels_outside(parts, old.camera, execution))
             for old, new in zip(before, after)
-        )
-        if error is not None:
-            kept = min(psnr_from_rmse(error), NEAREST)
-            found["psnr_outside_region"] = {"held_out": Mean(kept, number)}
+        ]
+        kept = outside_means([each for each in errors if each.values], "region", REGION_IS)
+        found |= {name: {"held_out": mean} for name, mean in kept.items()}
     return EditMetrics(Evaluation(found, (), {}, ()))

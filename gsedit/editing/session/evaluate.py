@@ -22,6 +22,7 @@ from gsedit.editing.session.measure_progress import (
 )
 from gsedit.editing.session.result import SHEET_HELD_OUT_VIEWS, EditMetrics, HeldOutViews
 from gsedit.editing.session.session import Session
+from gsedit.measures.against import TARGETS_ARE
 from gsedit.measures.agreement import Pictures, UneditedViews, spread
 from gsedit.measures.evaluation import evaluate
 from gsedit.measures.evaluation_input import EvaluationInput
@@ -59,7 +60,8 @@ def evaluate_edit(session: Session) -> Generator[Event, None, EvaluatedEdit]:
     asked = request.settings.held_out_edits
     held_out = spread(request.held_out_indices, max(SHEET_HELD_OUT_VIEWS, asked))
     answers = yield from _edit_held_out(session, held_out[:asked])
-    given = _evaluation_input(session, shown, held_out, answers)
+    alone = yield from _edit_alone(session, tuple(answers))
+    given = replace(_evaluation_input(session, shown, held_out, answers), edits_alone=alone)
     metrics = EditMetrics(evaluate(given), tuple(session.progress.edited.pairs))
     final = to_targets(metrics.psnr_to_targets)
     if given.ground_truth:
@@ -74,6 +76,7 @@ def evaluate_edit(session: Session) -> Generator[Event, None, EvaluatedEdit]:
             _with_pictures(views, originals, held_out),
             _with_pictures(views, answers, answers),
             _with_pictures(views, given.finals, held_out),
+            _with_pictures(views, alone, alone),
         ),
         metrics,
         final,
@@ -96,6 +99,7 @@ def _evaluation_input(
         scene,
         _view_list(views, shown, measured),
         {**targets, **answers},
+        targets_are=TARGETS_ARE,
         unedited=request.whole,
         region=region,
         execution=execution,
@@ -149,4 +153,17 @@ def _edit_held_out(
         start={i: session.unedited.picture(i) for i in views},
         stage=MEASURE,
     )
+    return {i: session.within_region(i, image) for i, image in zip(views, images)}
+
+
+def _edit_alone(
+    session: Session, views: tuple[int, ...]
+) -> Generator[Event, None, Mapping[int, Float[Tensor, "h w 3"]]]:
+    """Ask the editor for each of these views on its own, with noise of its own: no anchor, nothing
+    shared, not harmonised. What the targets agree on does not help these pictures."""
+    if not views:
+        return {}
+    start = {i: session.unedited.picture(i) for i in views}
+    sampler = session.request.settings.sampler
+    images = yield from sample_views(session, views, (), None, sampler, start, MEASURE)
     return {i: session.within_region(i, image) for i, image in zip(views, images)}

@@ -13,7 +13,7 @@ from gsedit.editing.session.result import SHEET_HELD_OUT_VIEWS, EditResult
 from gsedit.errors import InputError
 from gsedit.formats.edit_records import read_edit_record
 from gsedit.formats.scenes import save
-from gsedit.measures.against import HELD_OUT, TARGETS, UNFINISHED
+from gsedit.measures.against import ALONE, HELD_OUT, TARGETS, UNFINISHED
 from gsedit.regions.region import save_region
 from gsedit.runs.environment import environment
 from gsedit.runs.journal import as_record
@@ -39,7 +39,7 @@ def write_edit(
 
     Where objects went, also region_before.npy (flags of the unedited scene's Gaussians); where a 2D
     editor was asked, also metrics.jsonl, error_vs_time.png, targets/ (what the scene was fitted to)
-    and held_out/ (the 2D edits of held-out views).
+    held_out/ (the 2D edits of held-out views) and held_out_alone/ (those made without the targets).
 
     `request` is added to edit.json: how the result was made. Each file is whole or not there, and
     edit.json is last: with it the folder is complete. With `overwrite`, pictures that the edit.json
@@ -67,7 +67,11 @@ def write_edit(
     _write_pictures(folder, result, overwrite=overwrite)
     pictures = {
         name: write_view_pictures(folder / name, views, overwrite=overwrite)
-        for name, views in ((TARGETS, result.targets), (HELD_OUT, result.held_out.edited))
+        for name, views in (
+            (TARGETS, result.targets),
+            (HELD_OUT, result.held_out.edited),
+            (ALONE, result.held_out.alone),
+        )
     }
     record = {"instruction": result.prompt, **(request or {}), **edit_record(result)}
     write_record({**record, "pictures": pictures}, folder / "edit.json", overwrite=overwrite)
@@ -84,8 +88,8 @@ def remove_earlier(folder: Path) -> None:
         listed = json.loads(file.read_bytes())["pictures"]
         pictures = [
             file_inside(folder / name, safe_name(picture, str(file)), str(file))
-            for name in (TARGETS, HELD_OUT)
-            for picture in listed[name]
+            for name in (TARGETS, HELD_OUT, ALONE)
+            for picture in listed.get(name, ())  # earlier versions wrote none alone
         ]
     except (OSError, ValueError, RecursionError, KeyError, TypeError, AttributeError, InputError):
         pictures = []

@@ -60,6 +60,11 @@ class EditMetrics:
         return self.evaluation.value("psnr_to_targets", "held_out")
 
     @property
+    def psnr_to_edits_alone(self) -> float | None:
+        """Mean PSNR to pictures of the same views that were made without the targets, dB."""
+        return self.evaluation.value("psnr_to_edits_alone", "held_out")
+
+    @property
     def psnr_to_ground_truth(self) -> float | None:
         """Mean PSNR to the true edit at the held-out cameras, dB."""
         return self.evaluation.value("psnr_to_ground_truth", "held_out")
@@ -90,6 +95,8 @@ class EditMetrics:
             parts.insert(0, f"changed by {self.rmse_to_unedited:.3f} RMSE (0 is no edit)")
         if self.psnr_to_held_out_edits is not None:
             parts.append(f"{self.psnr_to_held_out_edits:.1f} dB to edits of held-out views")
+        if self.psnr_to_edits_alone is not None:
+            parts[-1] += f", {self.psnr_to_edits_alone:.1f} dB to such edits made alone"
         if self.psnr_outside_region is not None:
             edited = self.rmse_outside_region
             parts.append(
@@ -113,6 +120,8 @@ class HeldOutViews:
     """Pictures that the 2D editor makes of the first ones; none where it was not asked."""
     finals: tuple[View, ...] = ()
     """Renders of the edited scene."""
+    alone: tuple[View, ...] = ()
+    """Pictures of the views of `edited` that the 2D editor makes without the targets."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,5 +196,6 @@ class EditResult:
             "seconds": f"{self.timings['total']:.0f}" if "total" in self.timings else "",
             "PSNR to the 2D targets": decibels(metrics.psnr_to_targets),
             "PSNR to edits of held-out views": decibels(metrics.psnr_to_held_out_edits),
+            "PSNR to such edits made alone": decibels(metrics.psnr_to_edits_alone),
             "PSNR outside the region": decibels(metrics.psnr_outside_region),
         }

@@ -49,8 +49,9 @@ class EditSettings:
     condition: Literal["render", "photo"] = "render"
     """The unedited picture that the editor is shown: a render of the scene, or the photo."""
     held_out_edits: int = 2
-    """Held-out views that the 2D editor is asked for at the end, to compare the scene with: each
-    costs as much as a view that is edited. 0 for none."""
+    """Held-out views that the 2D editor is asked for at the end, to compare the scene with: tied to
+    the targets, and once more alone, so each costs as much as two views that are edited. 0 for
+    none."""
     edit_size: int | None = None
     """Longer side, pixels, of the pictures that the editor is given: of larger views it edits small
     ones, and the change is carried to full size; a network of --editor diffusers also edits large
