@@ -55,13 +55,14 @@ def test_gsedit_edit_is_the_function_in_any_order_of_imports():
     done = in_turn(
         [
             "",
-            "import gsedit.editing.edit",
+            "import gsedit.editing.edit, gsedit.fitting.fit",
             "from gsedit.editing.edit import EditSettings",
             "from importlib import import_module; import_module('gsedit.editing.edit')",
             "from gsedit import edit; import gsedit.editing.edit",
             "from gsedit import EditSettings",
         ],
         "import sys, types, gsedit\n"
+        "assert not {'open3d', 'pyvista', 'vtk'} & set(sys.modules)\n"
         "from gsedit import edit\n"
         "assert isinstance(edit, types.FunctionType), edit\n"
         "assert gsedit.edit is edit\n"

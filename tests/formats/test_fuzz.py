@@ -10,7 +10,7 @@ from fuzz_inputs import INPUTS, Input, fuzz_input
 from fuzz_subjects import SUBJECTS, Subject
 from fuzzing import fuzz
 
-TIMES, TIMES_OF_INPUTS = 100, 30
+TIMES, TIMES_OF_INPUTS = 50, 15  # make fuzz: 2,000
 
 
 @pytest.fixture(autouse=True)
