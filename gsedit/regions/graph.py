@@ -69,19 +69,19 @@ def neighbors(
     if n < 2:
         return Neighbors(csr_matrix((n, n)))
     distance, index = nearest_of(scene) if near is None else near
-    k = index.shape[1]
     typical = np.maximum(np.median(distance, axis=1), 1e-12)
-    rows, columns = np.repeat(np.arange(n), k), index.reshape(-1)
-    close = distance.reshape(-1) <= MAX_DISTANCE_RATIO * np.sqrt(typical[rows] * typical[columns])
     colors = sh_to_color(scene.sh[:, 0].detach().double()).clamp(0, 1).numpy()
-    square = np.square(colors[rows] - colors[columns]).mean(1)
-    unlike = square / (2 * SURFACE_COLOR_RMS**2)
-    if normals is not None:
-        facing = normals.detach().double().numpy()
-        cosine = (facing[rows] * facing[columns]).sum(1).clip(-1, 1)
-        unlike += (1 - cosine) / (1 - cos(radians(SURFACE_ANGLE))) / 2
-    alike = np.exp(-unlike) * close
-    matrix = csr_matrix((alike, (rows, columns)), shape=(n, n))
+    facing = None if normals is None else normals.detach().double().numpy()
+    alike = np.empty(index.shape)
+    for j, near_by in enumerate(index.T):  # all at once would be 24 numbers each in double
+        unlike = np.square(colors - colors[near_by]).mean(1) / (2 * SURFACE_COLOR_RMS**2)
+        if facing is not None:
+            cosine = (facing * facing[near_by]).sum(1).clip(-1, 1)
+            unlike += (1 - cosine) / (1 - cos(radians(SURFACE_ANGLE))) / 2
+        close = distance[:, j] <= MAX_DISTANCE_RATIO * np.sqrt(typical * typical[near_by])
+        alike[:, j] = np.exp(-unlike) * close
+    starts = np.arange(n + 1) * index.shape[1]
+    matrix = csr_matrix((alike.reshape(-1), index.reshape(-1), starts), shape=(n, n))
     return Neighbors(matrix.maximum(matrix.T).tocsr())
 
 
