@@ -7,6 +7,7 @@ exact minimum in float64, and commands on scenes of one Gaussian, of equal rows,
 from __future__ import annotations
 
 import contextlib
+import csv
 import importlib
 import io
 import math
@@ -37,6 +38,7 @@ from rasterizer.project import view_directions
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
+HEAD = ("scene", "command", "outcome", "s", "said")
 SIZE, VIEWS = 24, 3
 """Pixels and number of the views of a solve: columns of its matrix are rendered one by one."""
 
@@ -212,6 +214,10 @@ EDITS = {
 }
 
 
+TOLD = ("hardly anything changed",)
+"""Beginnings of lines that a command which succeeds may print about its scene."""
+
+
 def commands(folder: Path) -> dict[str, tuple[list[str], Path]]:
     """The words of each command on the scene of a folder, and what it writes."""
     scene, made = str(folder / "scene.ply"), {}
@@ -246,8 +252,8 @@ def command_row(scene: str, name: str, words: list[str], out: Path) -> list[str]
     seconds = time.perf_counter() - began
     lines = [line for line in said.getvalue().splitlines() if line.strip()]
     told = next((line for line in reversed(lines) if line.startswith("gsedit: ")), "")
-    if code in (0, 1):
-        told = told or (lines[-1] if code else "")
+    if code not in (2, 3):
+        told = next((line for line in lines if line.startswith(TOLD)), told) or lines[-1] * code
     outcome = "refused" if code in (2, 3) else f"FAILED ({code})" if code else _finite(out)
     return [scene, name, outcome, f"{seconds:.1f}", told.removeprefix("gsedit: ")]
 
@@ -266,7 +272,8 @@ def _finite(out: Path) -> str:
 
 
 def main(out: Path, chosen: str = "") -> None:
-    """Measure all, or rows whose scene or command holds a text; print and write degenerate.md."""
+    """Measure all, or rows whose scene or command holds a text; print and write degenerate.md
+    and degenerate.csv."""
     out.mkdir(parents=True, exist_ok=True)
     solves = [solve_row(name) for name in SOLVES if chosen in f"solve {name}"]
     rows = []
@@ -285,10 +292,29 @@ def main(out: Path, chosen: str = "") -> None:
             if chosen in f"{scene}: {name}":
                 rows.append(command_row(scene, name, words, result))
                 print(rows[-1], flush=True)  # noqa: T201
-    head = ("scene", "command", "outcome", "s", "said")
-    text = "\n\n".join((markdown_table(SOLVE_HEAD, solves), markdown_table(head, rows)))
-    write_text(out / "degenerate.md", text + "\n")
+    with (out / "degenerate.csv").open("w") as file:
+        csv.writer(file, lineterminator="\n").writerows([HEAD, *rows])
+    write_text(out / "degenerate.md", (text := tables(solves, rows)) + "\n")
     print(text)  # noqa: T201
+
+
+def tables(solves: list[list[str]], rows: list[list[str]]) -> str:
+    """The solves; seconds of each command on each scene, in brackets where it was refused; and the
+    refusals."""
+    names = list(dict.fromkeys(row[1] for row in rows))
+    ended = {(row[0], row[1]): row for row in rows}
+    lines = []
+    for scene in dict.fromkeys(row[0] for row in rows):
+        own = [ended[scene, name] for name in names]
+        cells = {"finite": "{}", "refused": "({})"}
+        shown = (cells.get(r[2].split(",")[0], f"**{r[2]}**").format(r[3]) for r in own)
+        lines.append([scene, *shown])
+    said = {}
+    for row in rows:
+        if row[2] == "refused":
+            said.setdefault(row[4].partition(":")[0][:60], f"- {row[1]}, as of {row[0]}: {row[4]}")
+    parts = (markdown_table(SOLVE_HEAD, solves), markdown_table(["", *names], lines))
+    return "\n\n".join((*parts, "\n".join(said.values())))
 
 
 if __name__ == "__main__":

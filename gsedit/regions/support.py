@@ -103,7 +103,7 @@ def _best_plane(
     tolerance = TOLERANCE * extent
     a, b, c = voters[random.integers(len(voters), size=(3, TRIPLES))]
     normals, offsets = planes_through(a, b, c)
-    side = np.sign(np.median(body @ normals.T - offsets, axis=0))
+    side = np.copysign(1.0, np.median(body @ normals.T - offsets, axis=0))
     normals, offsets = normals * side[:, None], offsets * side
     lowest = np.quantile(body @ normals.T - offsets, 1 - ABOVE, axis=0)
     votes = (np.abs(voters @ normals.T - offsets) < tolerance).mean(0)

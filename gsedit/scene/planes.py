@@ -34,6 +34,6 @@ def refined_plane(
         on = points[np.abs(points @ normal - offset) < tolerance]
         middle = on.mean(0)
         fitted = np.linalg.svd(on - middle, full_matrices=False)[2][2]
-        normal = fitted * np.sign(fitted @ normal)
+        normal = fitted * np.copysign(1.0, fitted @ normal)  # points in a line: also across it
         offset = float(normal @ middle)
     return normal, offset
