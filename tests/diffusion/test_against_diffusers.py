@@ -24,7 +24,7 @@ SD = {
     "steps_offset": 1,
 }
 DDIM = {**SD, "clip_sample": False, "set_alpha_to_one": False}
-STEPS = 6
+STEPS = 4
 STABLE_DIFFUSION = Schedule.scaled_linear()
 
 
