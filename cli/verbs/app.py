@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import sys
 import webbrowser
 from collections.abc import Callable
 from pathlib import Path
@@ -91,6 +93,15 @@ def run_page(
             wait()
     finally:
         page.close()
+    end()
+
+
+def end() -> None:
+    """End the process: threads that still draw or prepare are not waited for, and the interpreter
+    would end them inside C++, which aborts it."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(0)
 
 
 def start_later(work: Callable[[], None]) -> None:
@@ -101,9 +112,9 @@ def start_later(work: Callable[[], None]) -> None:
 
 
 def wait() -> None:
-    """Return at Ctrl-C, and at SIGTERM."""
+    """Return at Ctrl-C, and at SIGTERM; end the process at a second one."""
     ended = Event()
     for each in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(each, lambda *_: ended.set())
+        signal.signal(each, lambda *_: end() if ended.is_set() else ended.set())
     while not ended.wait(3600):
         pass

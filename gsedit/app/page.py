@@ -63,6 +63,7 @@ class Page(Audience):
         self._kept = Kept()
         self._lock = RLock()
         self._session = ExitStack()
+        self._closed = False
 
     # -- the scene
 
@@ -358,6 +359,8 @@ class Page(Audience):
         return ended
 
     def _failed(self, error: Exception) -> None:
+        if self._closed:
+            return  # what was in hand can go on when the session is opened again
         self._grow(None)
         with self._lock:
             self.document = replace(self.document, pending=None)
@@ -386,6 +389,7 @@ class Page(Audience):
 
     def close(self) -> None:
         """End the work and leave the session, which can be opened again where it is."""
+        self._closed = True
         self._works.worker.close()
         self.save()
         self._session.close()
