@@ -17,6 +17,7 @@ from gsedit.measures.names import METRICS, POINTS, WARP
 from gsedit.regions.region import Region, coverage
 from gsedit.scene.picture import render_picture
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
+from gsedit.synthetic.staged import stages
 from rasterizer.numerics import SH_DC
 
 SIZE = 40
@@ -198,3 +199,28 @@ def test_measures_with_words(scene, views, tmp_path):
     assert wordless.not_measured["clip_similarity"] == NO_TEXT
     assert "captions" in wordless.not_measured["clip_direction"]
     assert "clip_preservation" in wordless.measured
+
+
+def test_exact_masks_of_a_staged_scene_tell_a_right_edit_from_one_that_spills():
+    """The thing's own rays say where it is: neither Gaussians nor a region are asked."""
+    stage = stages()[0]
+    labelled, cameras = stage.gaussians(3000), stage.training(48)[:4]
+    thing = stage.things[0]
+    number = [each.name for each in stage.everything].index(thing.name)
+    viewpoints = tuple(Viewpoint(f"{i}.png", camera) for i, camera in enumerate(cameras))
+    masks = {i: (stage.label_map(c) == number).float() for i, c in enumerate(cameras)}
+    own = labelled.of(thing.name)
+    kept = [
+        evaluate(
+            EvaluationInput(
+                brighter(labelled.scene, where, 0.3),
+                ViewList(viewpoints, ("other",) * 4),
+                unedited=labelled.scene,
+                subject_masks=masks,
+                max_perceptual_views=1,
+            )
+        ).measured["psnr_outside_masks"]["all"]
+        for where in (own, torch.ones_like(own))
+    ]
+    assert kept[0].value > kept[1].value + 6
+    assert kept[0].interval[0] > kept[1].interval[1]

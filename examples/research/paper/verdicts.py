@@ -8,17 +8,17 @@ from __future__ import annotations
 import statistics
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import inf, sqrt
+from math import inf
 from random import Random
 from typing import Literal
+
+from gsedit.measures.interval import tail_of
 
 Verdict = Literal["reproduced", "direction only", "no effect seen", "opposite"]
 Effects = Mapping[str, Mapping[str, Sequence[float]]]
 """scene -> editor -> an effect a seed."""
 Center = Callable[[Sequence[float]], float]
 RESAMPLES = 2000
-T_QUANTILES = (12.71, 4.30, 3.18, 2.78, 2.57, 2.45, 2.36, 2.31, 2.26)
-"""97.5 % quantiles of Student's t with 1, 2, ... degrees of freedom."""
 
 
 @dataclass(frozen=True)
@@ -39,8 +39,8 @@ def judge(effects: Effects, half: float, center: Center = statistics.fmean) -> J
 
     `half`: half of the size that is claimed. `center` is taken over the seeds of a scene, then over
     the scenes of an editor; editors count alike. The interval is a bootstrap over scenes, and over
-    the seeds of each. On one scene an effect is never more than `direction only`, and a single run
-    shows none: nothing tells how it varies.
+    the seeds of each. On one scene an effect is never more than `direction only`, and one seed
+    there shows none: nothing tells how it varies.
     """
     found = {s: {e: v for e, v in editors.items() if v} for s, editors in effects.items()}
     found = {scene: editors for scene, editors in found.items() if editors}
@@ -50,7 +50,8 @@ def judge(effects: Effects, half: float, center: Center = statistics.fmean) -> J
     scenes = list(found)
     effect = _pooled([found[scene] for scene in scenes], center)
     low, high = -inf, inf
-    if runs > 1:
+    repeated = max(len(values) for editors in found.values() for values in editors.values()) > 1
+    if len(found) > 1 or repeated:
         low, high = _interval(found, center)
     verdict = verdict_of(effect, low, high, half if len(scenes) > 1 else inf)
     return Judgement(effect, low, high, len(scenes), runs, verdict)
@@ -64,8 +65,7 @@ def verdict_of(effect: float, low: float, high: float, half: float) -> Verdict:
 
 
 def _interval(found: Effects, center: Center) -> tuple[float, float]:
-    """Expanded percentiles of the bootstrap (Hesterberg 2015): plain ones of few scenes are too
-    narrow, by sqrt((n - 1) / n) and as the normal distribution is to Student's t."""
+    """Expanded percentiles of the bootstrap over scenes and seeds, see `tail_of`."""
     random, scenes = Random(0), list(found)
     clusters = len(scenes)
     if clusters == 1:
@@ -76,10 +76,7 @@ def _interval(found: Effects, center: Center) -> tuple[float, float]:
         resampled = [{e: random.choices(v, k=len(v)) for e, v in each.items()} for each in chosen]
         drawn.append(_pooled(resampled, center))
     drawn.sort()
-    freedom = min(max(clusters - 1, 1), len(T_QUANTILES))
-    wide = sqrt(clusters / max(clusters - 1, 1)) * T_QUANTILES[freedom - 1]
-    tail = statistics.NormalDist().cdf(-wide)
-    rank = int(tail * RESAMPLES)
+    rank = int(tail_of(max(clusters, 2)) * RESAMPLES)
     return drawn[rank], drawn[-1 - rank]
 
 
