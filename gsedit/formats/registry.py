@@ -52,7 +52,7 @@ FORMATS = (
     Format(".splat", "splat", max_degree=0),
     Format(".ksplat", "ksplat", writes=False),
     Format(".rad", "rad", writes=False),
-    Format(".glb", "gltf.file"),
+    Format(".glb", "gltf.file", keeps=frozenset(("comments", "antialiased"))),
     Format(".gltf", "gltf.file", writes=False),
     *(
         Format(suffix, "usd.file", max_degree=4, keeps=frozenset(("comments", "antialiased")))

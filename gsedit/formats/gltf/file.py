@@ -34,6 +34,7 @@ from gsedit.formats.gltf.document import (
 from gsedit.formats.quantised import log_scales_of, logits_of
 from gsedit.formats.streams import (
     AT_ONCE,
+    PROGRAM,
     Blocks,
     ReadOptions,
     SceneHeader,
@@ -106,11 +107,29 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
     return SceneSource(
         path,
         f"glTF {EXTENSION}",
-        SceneHeader(max(part.degree for part in parts)),
+        _header(document, max(part.degree for part in parts)),
         sum(part.count for part in parts),
         partial(_blocks, parts),
         tuple(notes),
     )
+
+
+def _header(document: Document, degree: int) -> SceneHeader:
+    """With what gsedit notes beside the splats: comments, as of units and frames, and the mark of
+    antialiased scenes."""
+    extras = document.json["asset"].get("extras")
+    noted = extras if isinstance(extras, dict) else {}
+    told = noted.get("comments")
+    comments = tuple(c for c in told if isinstance(c, str)) if isinstance(told, list) else ()
+    return SceneHeader(degree, comments=comments, antialiased=noted.get("antialiased") is True)
+
+
+def _noted(header: SceneHeader) -> dict[str, Any]:
+    """The asset of a scene with this header."""
+    comments = [c for c in header.comments if not c.startswith(PROGRAM)]
+    extras = {"comments": comments} if comments else {}
+    extras |= {"antialiased": True} if header.antialiased else {}
+    return _SCENE["asset"] | ({"extras": extras} if extras else {})
 
 
 def _is_splats(primitive: Any) -> bool:
@@ -259,7 +278,7 @@ def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions
                     bounds[1] = np.fmax(bounds[1], np.fmax.reduce(values))
             count += len(block)
         if count:
-            _assemble(path, files, count, bounds)
+            _assemble(path, files, count, bounds, _noted(header))
     return count
 
 
@@ -285,7 +304,11 @@ def _attributes(table: SplatTable) -> dict[str, np.ndarray]:
 
 
 def _assemble(
-    path: Path, files: dict[str, IO[bytes]], count: int, bounds: Float32[np.ndarray, "2 3"]
+    path: Path,
+    files: dict[str, IO[bytes]],
+    count: int,
+    bounds: Float32[np.ndarray, "2 3"],
+    asset: dict[str, Any],
 ) -> None:
     """The JSON, then each attribute's bytes, which are multiples of four."""
     views, accessors, at = [], [], 0
@@ -306,8 +329,9 @@ def _assemble(
         "mode": _POINTS,
         "extensions": {EXTENSION: _ABOUT},
     }
-    scene = _SCENE | {"meshes": [{"primitives": [primitive]}], "buffers": [{"byteLength": at}]}
-    text = json.dumps(scene | {"bufferViews": views, "accessors": accessors}).encode()
+    scene = _SCENE | {"asset": asset, "meshes": [{"primitives": [primitive]}]}
+    scene |= {"buffers": [{"byteLength": at}], "bufferViews": views, "accessors": accessors}
+    text = json.dumps(scene).encode()
     text += b" " * (-len(text) % 4)
     length = GLB_HEADER.size + 2 * GLB_CHUNK.size + len(text) + at
     if length > _LONGEST:
