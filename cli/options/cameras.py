@@ -181,18 +181,29 @@ def resolve_cameras(
 ) -> ResolvedCameras:
     """Return the cameras of --data, or those recorded beside the scene, or else `count` found."""
     from gsedit.cameras.around import find_viewpoints
-    from gsedit.datasets.viewpoints import thinned, viewpoints_of
+    from gsedit.datasets.viewpoints import thinned
+
+    known = known_cameras(path, scene, options)
+    if known is not None:
+        return known
+    print_message("searching the scene for views; a cameras.json beside it saves this")
+    found = find_viewpoints(scene, count, options.pixels, wish=options.wish(), execution=execution)
+    say_if_empty(thinned(found, CHECKED_FOUND_VIEWS), scene, execution)
+    return ResolvedCameras(found, found=True)
+
+
+def known_cameras(
+    path: Path | None, scene: Gaussians, options: ViewOptions
+) -> ResolvedCameras | None:
+    """Return the cameras of --data, or those recorded beside the scene; None without any."""
+    from gsedit.datasets.viewpoints import viewpoints_of
 
     if options.data is not None:
         photos = load_photos(options.data, options.pixels, path)
         say_if_smaller(photos, options.pixels)
         return ResolvedCameras(viewpoints_of(photos), photos)
-    if not options.placed and (recorded := recorded_viewpoints(path, scene, options.pixels)):
-        return ResolvedCameras(recorded)
-    print_message("searching the scene for views; a cameras.json beside it saves this")
-    found = find_viewpoints(scene, count, options.pixels, wish=options.wish(), execution=execution)
-    say_if_empty(thinned(found, CHECKED_FOUND_VIEWS), scene, execution)
-    return ResolvedCameras(found, found=True)
+    recorded = () if options.placed else recorded_viewpoints(path, scene, options.pixels)
+    return ResolvedCameras(recorded) if recorded else None
 
 
 def say_if_empty(viewpoints: Sequence[Viewpoint], scene: Gaussians, execution: Execution) -> None:

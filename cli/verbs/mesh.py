@@ -10,7 +10,7 @@ from gsedit.errors import UsageError
 from ..core.command import option, output, shows
 from ..core.console import print_message, print_result
 from ..core.outputs import check_file
-from ..options.cameras import ViewOptions, resolve_cameras
+from ..options.cameras import ViewOptions, known_cameras
 from ..options.common import Common, DropInvalid, Force, Scene, load_scene
 from ..options.selection import SelectionOptions
 
@@ -54,17 +54,16 @@ def mesh(
 
     import torch
 
-    from gsedit.cameras.around import FOUND_VIEWS
     from gsedit.meshing import mesh as mesh_of
     from gsedit.meshing import save_mesh
     from gsedit.scene.table import table_of
-    from rasterizer.numerics import AUTO
 
     gaussians = load_scene(scene, drop_invalid=drop_invalid).detach()
     inside = None if chosen is None else torch.tensor(chosen.mask(table_of(gaussians)))
-    options = ViewOptions(data=selection.data)
-    views = resolve_cameras(scene, gaussians, options, FOUND_VIEWS, AUTO).viewpoints
-    cameras = [each.camera for each in views]
+    known = known_cameras(scene, gaussians, ViewOptions(data=selection.data))
+    if known is None:
+        print_message("searching the scene for views; cameras beside it, or of --data, are better")
+    cameras = [] if known is None else [each.camera for each in known.viewpoints]
     found = mesh_of(gaussians, cameras, inside=inside, faces=own.faces, watertight=own.watertight)
     save_mesh(found, own.out, overwrite=force)
     closed = found.is_closed

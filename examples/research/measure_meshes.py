@@ -41,6 +41,15 @@ RINGS = ((15.0, 16, -90.0), (45.0, 12, -80.0), (-15.0, 8, -70.0))
 """Elevation, number and first azimuth of the views."""
 
 
+def ring_views(scene: SyntheticScene) -> list[Camera]:
+    """36 views of 256x256 pixels around a scene, from above and from below."""
+    return [
+        camera
+        for elevation, count, start in RINGS
+        for camera in ring_cameras(scene, count, 256, elevation=elevation, start=start)
+    ]
+
+
 def errors(found: Mesh, scene: SyntheticScene, seen: Tensor) -> tuple[float, float, float]:
     """(Chamfer distance, 95th percentile of the mesh's distances from the surface, both in percent
     of the diameter, mean error of the normals in degrees); `seen` are points of the surface."""
@@ -98,11 +107,7 @@ def main(
     for scene in (scenes()[1], demo_scene()):
         if name not in ("", scene.name):
             continue
-        cameras = [
-            camera
-            for elevation, count, start in RINGS
-            for camera in ring_cameras(scene, count, 256, elevation=elevation, start=start)
-        ]
+        cameras = ring_views(scene)
         if fitted is not None:
             for line in rows(f"{scene.name}, fitted", load(fitted).detach(), scene, cameras):
                 print_result(line)

@@ -8,6 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.cameras.choose import find_views, view_names
+from gsedit.cameras.orbit import ELEVATION
 from gsedit.cameras.search import ViewConstraints
 from gsedit.datasets.dataset import Dataset
 from gsedit.datasets.viewpoints import Viewpoint, rendered
@@ -51,18 +52,20 @@ def find_viewpoints(
     size: int,
     *,
     wish: ViewConstraints | None = None,
+    rings: Sequence[float] = (ELEVATION,),
     execution: Execution = AUTO,
 ) -> tuple[Viewpoint, ...]:
     """Find at most `count` viewpoints from which the scene looks as if it was captured.
 
     Pictures are `size` pixels square. A merged copy of a large scene is searched instead of it.
+    Around an object alone they have the elevations `rings`, degrees.
     Raises UsageError for an empty scene.
     """
     if not len(scene):
         raise UsageError("the scene is empty: there is nothing to see")
     merged = coarsen(scene)
     searched = scene if merged is None else merged.scene
-    cameras = find_views(searched, count, size, wish=wish, execution=execution)
+    cameras = find_views(searched, count, size, wish=wish, rings=rings, execution=execution)
     return tuple(map(Viewpoint, view_names(len(cameras)), cameras))
 
 

@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.cameras.orbit import orbit, perpendicular
+from gsedit.cameras.orbit import ELEVATION, orbit, perpendicular
 from gsedit.cameras.panorama import BLURRED, draw_sample
 from gsedit.cameras.search import (
     BLUR,
@@ -123,14 +123,15 @@ def find_views(
     size: int,
     *,
     wish: ViewConstraints | None = None,
+    rings: Sequence[float] = (ELEVATION,),
     execution: Execution = AUTO,
     effort: SearchEffort = EFFORT,
 ) -> tuple[Camera, ...]:
     """At most `count` views of `size`^2 pixels from where a scene looks as if it was captured.
 
     They differ, are level, and show well what good views show, once or more; around an object
-    without surroundings they are an `orbit`. The same scene gives the same views. Raises UsageError
-    for an eye that is the point to look at.
+    without surroundings they are an `orbit` at each of the elevations `rings` (degrees). The same
+    scene gives the same views. Raises UsageError for an eye that is the point to look at.
     """
     generator, wish = torch.Generator().manual_seed(0), wish or ViewConstraints()
     if wish.eye is not None and wish.look_at is not None and not (wish.eye - wish.look_at).any():
@@ -138,10 +139,10 @@ def find_views(
     scene = scene.detach()
     free, ball = wish.eye is None and wish.look_at is None, bounds(scene)
     if free and _is_one_place(scene):
-        return orbit(scene, count, size, up=wish.up, alone=True)
+        return _orbits(scene, count, size, wish.up, rings)
     places = find_places(draw_sample(scene, generator), wish, generator, effort)
     if free and places.enclosed < SURROUNDED:
-        return orbit(scene, count, size, up=wish.up, alone=True)
+        return _orbits(scene, count, size, wish.up, rings)
     judged = _judged(scene, places, count, wish, generator, execution, ball.near, effort)
     up = _up(scene, judged) if wish.up is None else wish.up
     chosen = [upright(judged[i].camera, up) for i in cover(judged, count)]
@@ -149,6 +150,15 @@ def find_views(
         exact = look_at(wish.eye, wish.look_at, perpendicular(wish.look_at - wish.eye), FOV, 1, 1)
         chosen = [upright(exact, up), *chosen[1:]]
     return tuple(replace(camera.resized(size, size), near=ball.near) for camera in chosen)
+
+
+def _orbits(
+    scene: Gaussians, count: int, size: int, up: Float[Tensor, "3"] | None, rings: Sequence[float]
+) -> tuple[Camera, ...]:
+    """An orbit at each elevation, `count` cameras in all."""
+    each = max(1, count // len(rings))
+    around = (orbit(scene, each, size, up=up, elevation=e, alone=True) for e in rings)
+    return tuple(camera for ring in around for camera in ring)
 
 
 def _is_one_place(scene: Gaussians) -> bool:

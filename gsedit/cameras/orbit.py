@@ -14,6 +14,9 @@ from gsedit.scene.framing import bounds, guess_up
 from rasterizer.camera import Camera, look_at
 from rasterizer.scene import Gaussians
 
+ELEVATION = 20.0
+"""Degrees above the horizon of views around an object."""
+
 
 def perpendicular(vectors: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n 3"]:
     """A unit vector across each (which must not be zero): its cross product with the coordinate
@@ -64,7 +67,7 @@ def orbit(
     size: int,
     *,
     up: Float[Tensor, "3"] | None = None,
-    elevation: float = 20.0,
+    elevation: float = ELEVATION,
     fov: float = 50.0,
     alone: bool = False,
 ) -> tuple[Camera, ...]:

@@ -3,30 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.cameras.around import cameras_of
+from gsedit.cameras.around import FOUND_SIZE_PIXELS, find_viewpoints
 from gsedit.cameras.paths import common_point
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.errors import UsageError
+from gsedit.meshing.backdrop import backdrop_color, before_backdrop
 from gsedit.meshing.close import closed
 from gsedit.meshing.fuse import Ball, fuse
 from gsedit.meshing.paint import painted
 from gsedit.meshing.tidy import decimated, smoothed, without_crumbs
 from gsedit.meshing.triangles import Mesh
-from gsedit.surface.depth import seen_surface
+from gsedit.surface.depth import SeenSurface, seen_surface
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
 FACES = 200_000
 """Faces of a mesh: what a browser or a game shows at ease."""
-VIEWS = 64
-"""Most views that are fused; more cost time, and agree."""
+VIEWS, FOUND = 64, 36
+"""Most views that are fused, and those that are found; more cost time, and agree."""
+RINGS = (20.0, 55.0, -25.0)
+"""Elevations, degrees, of the views around an object without cameras: it has an underside."""
 SURVEY_PIXELS = 192
 """Longer side of the pictures that tell how large and how fine the surface is."""
 MOST_PIXELS = 800
@@ -59,17 +62,16 @@ def mesh(
     """
     if faces < 4:
         raise UsageError(f"a mesh has 4 faces or more, not {faces}")
-    looking = cameras_of(scene, cameras)
-    if any(camera.model != "pinhole" for camera in looking):
+    if any(camera.model != "pinhole" for camera in cameras):
         raise UsageError("a mesh is made from pinhole cameras: leave the parallel ones out")
-    chosen = [looking[i] for i in evenly_spaced(len(looking), VIEWS)]
     alone = scene if inside is None else scene[inside]
     if not len(alone):
         raise UsageError("nothing is selected: there is no surface to make a mesh of")
-    ball, voxel, pixel = _survey(alone, chosen, inside is not None, execution)
-    larger = pixel / voxel
-    views = [_scaled(camera, larger) for camera in chosen]
-    surfaces = [seen_surface(alone, camera, execution) for camera in views]
+    chosen = _views(alone, cameras, execution)
+    survey = _survey(alone, chosen, inside is not None, execution)
+    ball, voxel = survey.ball, survey.voxel
+    views = [_scaled(camera, survey.pixel / voxel) for camera in chosen]
+    surfaces = [survey.of(seen_surface(alone, camera, execution)) for camera in views]
     found, voxel = fuse(surfaces, ball, voxel)
     found = without_crumbs(found)
     if not len(found.faces):
@@ -79,34 +81,72 @@ def mesh(
     return replace(found, colors=painted(found, surfaces, voxel))
 
 
+def _views(scene: Gaussians, cameras: Sequence[Camera], execution: Execution) -> Sequence[Camera]:
+    """The views that are fused: some of the cameras, or found ones."""
+    if cameras:
+        return [cameras[i] for i in evenly_spaced(len(cameras), VIEWS)]
+    found = find_viewpoints(scene, FOUND, FOUND_SIZE_PIXELS, rings=RINGS, execution=execution)
+    return [each.camera for each in found]
+
+
+@dataclass(frozen=True, eq=False)
+class _Survey:
+    """Facts that small pictures tell."""
+
+    ball: Ball
+    """Part of the world to make a mesh of."""
+    voxel: float
+    """Side of the voxels, world units."""
+    pixel: float
+    """The side of a pixel of the cameras, on the surface."""
+    backdrop: Float[Tensor, "3"] | None
+    """Its color, where it has one."""
+
+    def of(self, surface: SeenSurface) -> SeenSurface:
+        """The surface without the backdrop; its pictures in half precision, for there are many."""
+        if self.backdrop is not None:
+            surface = before_backdrop(surface, self.backdrop, self.ball)
+        return replace(surface, color=surface.color.half(), alpha=surface.alpha.half())
+
+
 def _survey(
     scene: Gaussians, cameras: Sequence[Camera], whole: bool, execution: Execution
-) -> tuple[Ball, float, float]:
-    """(the ball to make a mesh of, the voxels' side, the side of a pixel of the cameras there).
-
-    All that is seen is taken if `whole`, else what the cameras look at.
-    """
+) -> _Survey:
+    """Survey what is seen: all of it if `whole`, else what the cameras look at."""
     seen = [seen_surface(scene, camera.fitted(SURVEY_PIXELS), execution) for camera in cameras]
+    ball = _ball(seen, cameras, whole)
+    backdrop = backdrop_color(seen, ball)
+    if backdrop is not None:
+        seen = [before_backdrop(surface, backdrop, ball) for surface in seen]
+        ball = _ball(seen, cameras, whole, usual=torch.inf)
+    points, spread, sides = _pixels(seen, cameras)
+    held = ball.holds(points, spread)
+    if not held.any():
+        raise UsageError("the views show haze and no surface: add --region")
+    pixel = float(sides[held].median())
+    longest = max(max(camera.width, camera.height) for camera in cameras)
+    voxel = max(FINENESS * float(spread[held].median()), pixel * longest / MOST_PIXELS)
+    return _Survey(ball, voxel, pixel, backdrop)
+
+
+def _pixels(
+    seen: Sequence[SeenSurface], cameras: Sequence[Camera]
+) -> tuple[Float[Tensor, "p 3"], Float[Tensor, " p"], Float[Tensor, " p"]]:
+    """(places, standard deviations of Gaussians, sides of the cameras' pixels) of what is seen."""
     shown = [surface.seen for surface in seen]
     points = torch.cat([surface.points[h] for surface, h in zip(seen, shown)])
     spread = torch.cat([surface.spread[h] for surface, h in zip(seen, shown)])
     sides = [s.depth[h] / c.fx for s, h, c in zip(seen, shown, cameras)]
     if not len(points):
         raise UsageError("the views show no surface: name cameras by --data, or add --region")
-    ball = _ball(points, spread, cameras, whole)
-    held = ball.holds(points, spread)
-    if not held.any():
-        raise UsageError("the views show haze and no surface: add --region")
-    return ball, FINENESS * float(spread[held].median()), float(torch.cat(sides)[held].median())
+    return points, spread, torch.cat(sides)
 
 
 def _ball(
-    points: Float[Tensor, "p 3"],
-    spread: Float[Tensor, " p"],
-    cameras: Sequence[Camera],
-    whole: bool,
+    seen: Sequence[SeenSurface], cameras: Sequence[Camera], whole: bool, usual: float = 0.0
 ) -> Ball:
     """The ball that holds nearly all of the surface, or what of it the cameras look at."""
+    points, spread, _ = _pixels(seen, cameras)
     target = None if whole else common_point(cameras)
     center = points.median(0).values if target is None else target
     most = torch.inf
@@ -115,7 +155,7 @@ def _ball(
         most = float((eyes - center).norm(dim=-1).median())
     away = (points - center).norm(dim=-1)
     radius = min(most, float(away.max()) * MARGIN)
-    near, first, usual = away < radius, Ball(center, radius), 0.0
+    near, first = away < radius, Ball(center, radius, usual)
     if float(first.holds(points, spread).sum()) < FEW * float(near.sum()):
         usual = COARSE * float(spread[near].median())
         first = Ball(center, radius, usual)

@@ -6,7 +6,7 @@ a few voxels, also what it sees to be free. So what only some views see in the a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import sqrt
 from typing import Any
@@ -56,19 +56,19 @@ class Ball:
 def fuse(surfaces: Sequence[SeenSurface], ball: Ball, voxel: float) -> tuple[Mesh, float]:
     """(the surface inside a ball, the voxels' side): `voxel`, or more where memory asks for it."""
     far = BEYOND * max(float(s.depth.max()) for s in surfaces) + ball.radius
-    frames = [_Frame.of(surface, ball, far) for surface in surfaces]
     while True:
         grid = _grid(voxel)
-        blocks = _blocks(grid, frames, far)
+        blocks = _blocks(grid, (_Frame.of(surface, ball, far) for surface in surfaces), far)
         if len(blocks) <= MOST_BLOCKS:
             break
         voxel *= 1.02 * sqrt(len(blocks) / MOST_BLOCKS)  # a surface has a square of them
     if not len(blocks):
         return Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int64)), voxel
     whole = _tensor(blocks, np.int32)
-    for frame in frames:
+    for surface in surfaces:  # one at a time: they take the memory of the depths again, twice
+        frame = _Frame.of(surface, ball, far)
         grid.integrate(whole, frame.free, frame.lens, frame.pose, 1.0, far, CUT_VOXELS)
-    views = min(LEAST_VIEWS, len(frames))
+    views = min(LEAST_VIEWS, len(surfaces))
     found = from_open3d(grid.extract_triangle_mesh(views - 0.5).to_legacy())
     return Mesh(found.vertices + ball.center.numpy(), found.faces), voxel
 
@@ -99,7 +99,7 @@ class _Frame:
         )  # fmt: skip
 
 
-def _blocks(grid: Any, frames: Sequence[_Frame], far: float) -> Int[np.ndarray, "b 3"]:
+def _blocks(grid: Any, frames: Iterable[_Frame], far: float) -> Int[np.ndarray, "b 3"]:
     """The blocks near a surface that any view sees inside the ball."""
     found = [_touched(grid, frame, far) for frame in frames]
     return np.unique(np.concatenate(found), axis=0)

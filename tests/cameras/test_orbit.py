@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
 from point_clouds import ball
 
 from gsedit import orbit
+from gsedit.cameras.choose import find_views
 from gsedit.cameras.orbit import circle, perpendicular
+from gsedit.cameras.search import ViewConstraints
 from gsedit.errors import UsageError
 from gsedit.scene import framing
 from rasterizer import render
@@ -64,3 +67,11 @@ def test_up_may_be_in_any_precision_and_of_any_length():
 def test_what_is_no_direction_is_refused_as_up(up):
     with pytest.raises(UsageError, match=r"is no direction: three finite numbers, not all 0"):
         orbit(ball(50), 2, 32, up=torch.tensor(up))
+
+
+def test_an_object_in_one_place_is_seen_from_each_elevation():
+    lone = ball(3)
+    huge = replace(lone, log_scales=torch.full_like(lone.log_scales, 3.0))
+    up = framing.up_vector("z")
+    found = find_views(huge, 6, 32, wish=ViewConstraints(up), rings=(20.0, -25.0))
+    assert [float(c.forward @ up) < 0 for c in found] == [True] * 3 + [False] * 3

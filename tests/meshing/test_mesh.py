@@ -60,6 +60,37 @@ def test_floaters_become_no_triangles(ball):
     assert np.linalg.norm(found.vertices, axis=1).max() < 1.1
 
 
+def before_a_wall(scene: Gaussians, color: float) -> Gaussians:
+    """The scene in a far shell of one color, of which some is a skirt around it."""
+    random = torch.Generator().manual_seed(2)
+    away = torch.nn.functional.normalize(torch.randn(600, 3, generator=random), dim=-1)
+    angle = torch.linspace(0, 1, 400)
+    rim = torch.stack((angle.cos(), angle.sin(), torch.zeros(400)), -1)
+    rim = rim * torch.linspace(1.0, 1.4, 20).repeat(20)[:, None]
+    some = scene[torch.arange(1000)]
+    size = torch.cat((torch.full((600, 3), log(1.5)), torch.full((400, 3), log(0.05))))
+    sh = torch.full_like(some.sh, (color - 0.5) / 0.28209479)
+    wall = replace(some, means=torch.cat((8 * away, rim)), log_scales=size, sh=sh)
+    return concatenate(scene, wall)
+
+
+def test_a_backdrop_of_one_color_becomes_no_triangles(ball, fused):
+    discs, cameras = ball
+    found = mesh(before_a_wall(discs, 0.97), cameras, faces=4000)
+    assert np.linalg.norm(found.vertices, axis=1).max() < 1.1
+    assert found.areas.sum() == pytest.approx(fused.areas.sum(), rel=0.08)
+
+
+def test_what_has_the_color_of_the_backdrop_inside_the_object_stays(ball):
+    discs, cameras = ball
+    cap = discs.means[:, 2] > 0.97  # not at the outline of views from above
+    sh = torch.where(cap[:, None, None], (0.97 - 0.5) / 0.28209479, discs.sh)
+    found = mesh(before_a_wall(replace(discs, sh=sh), 0.97), cameras, faces=4000)
+    middles = found.corners.mean(1)
+    covered = found.areas[middles[:, 2] > 0.9].sum()
+    assert covered == pytest.approx(2 * pi * 0.1, rel=0.2)  # 0.3 of it is the patch
+
+
 def test_a_watertight_mesh_is_closed_and_has_the_volume(ball):
     discs, cameras = ball
     above = [camera for camera in cameras if float(camera.center[2]) > -1]
