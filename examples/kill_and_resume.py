@@ -40,7 +40,7 @@ class Command:
 
     words: str
     output: str
-    """What it writes, in {out}."""
+    """Its result, in {out}."""
     again: str = ""
     """Words by which it continues; "": the same command begins again, or continues by itself."""
 

@@ -255,7 +255,8 @@ def command_row(scene: str, name: str, words: list[str], out: Path) -> list[str]
     if code not in (2, 3):
         told = next((line for line in lines if line.startswith(TOLD)), told) or lines[-1] * code
     outcome = "refused" if code in (2, 3) else f"FAILED ({code})" if code else _finite(out)
-    return [scene, name, outcome, f"{seconds:.1f}", told.removeprefix("gsedit: ")]
+    told = told.removeprefix("gsedit: ").replace(f"{Path(words[1]).parent}/", "")
+    return [scene, name, outcome, f"{seconds:.1f}", told]
 
 
 def _finite(out: Path) -> str:
@@ -312,7 +313,7 @@ def tables(solves: list[list[str]], rows: list[list[str]]) -> str:
     said = {}
     for row in rows:
         if row[2] == "refused":
-            said.setdefault(row[4].partition(":")[0][:60], f"- {row[1]}, as of {row[0]}: {row[4]}")
+            said.setdefault(row[1], f"- {row[1]}, as of {row[0]}: {row[4]}")
     parts = (markdown_table(SOLVE_HEAD, solves), markdown_table(["", *names], lines))
     return "\n\n".join((*parts, "\n".join(said.values())))
 
