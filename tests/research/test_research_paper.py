@@ -60,6 +60,7 @@ def effects(*scenes, editor="small"):
         (effects([2.0, -2.0], [1.9, -1.8], [-2.2, 2.0], [0.0]), "no effect seen"),
         (effects([1.0, 1.1, 1.2, 1.0, 1.1]), "direction only"),  # one scene is never more
         (effects([1.0]), "no effect seen"),  # nor one run anything
+        ({"a": {"small": [1.0], "varied": [1.1]}}, "no effect seen"),  # nor one seed
     ],
 )
 def test_every_kind_of_result_has_its_verdict(found, verdict):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import statistics
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import exp, log
+from math import exp, isinf, log
 from typing import Any
 
 from gsedit.bench.results import markdown_table
@@ -192,8 +192,8 @@ def claims_table(summary: Summary) -> str:
 
 def in_words(found: Judgement, shown: Callable[[float], str]) -> str:
     """An effect with its interval."""
-    if found.runs < 2:
-        return f"{shown(found.effect)} (one run)"
+    if isinf(found.low):
+        return f"{shown(found.effect)} (one seed)"
     return f"{shown(found.effect)} ({shown(found.low)} to {shown(found.high)})"
 
 

@@ -31,8 +31,10 @@ class Cell:
 
 def grid(rows: Sequence[tuple[str, Sequence[Cell]]], runs: Path, path: Path) -> bool:
     """A PNG of labelled rows of pictures; False, and no file, where there is none."""
-    pictures = [[_cut(cell, runs) for cell in cells] for _, cells in rows]
-    if not any(picture for line in pictures for picture in line):
+    cut = [[_cut(cell, runs) for cell in cells] for _, cells in rows]
+    rows = [row for row, line in zip(rows, cut) if any(line)]
+    pictures = [line for line in cut if any(line)]
+    if not rows:
         return False
     columns = max(map(len, pictures))
     size = (SIDE + columns * (CELL + GAP), len(rows) * (CELL + LABEL + GAP))

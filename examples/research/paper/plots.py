@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from math import isfinite
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -22,7 +23,7 @@ from research.paper.arms import (
 from research.paper.costs import PAPER_EVALUATION, PAPER_STEP, regimes
 from research.paper.runs import Run
 from research.paper.statistics import spread
-from research.paper.studies import Study
+from research.paper.studies import CLOSED_FORM, SMALL, VARIED, Study
 from research.paper.summary import RATIOS, Records
 from research.paper.tables import COLUMNS, change, factorial_effects
 
@@ -34,7 +35,7 @@ STYLES = {
     COMBINED: ("#CC79A7", "D"),
 }
 """Okabe and Ito's colors, which color-blind readers tell apart, and a marker each."""
-EDITORS = (("#0072B2", "o"), ("#D55E00", "s"), ("#009E73", "^"))
+EDITORS = {CLOSED_FORM: ("#0072B2", "o"), VARIED: ("#D55E00", "s"), SMALL: ("#009E73", "^")}
 NOT_REACHED = 0.2
 """Height at which a speed-up of 0 is drawn."""
 SAMPLES = 60
@@ -180,7 +181,7 @@ def changes(summary: Mapping[str, Any], preset: str, path: Path) -> None:
          for e in editors]
         for metric in SHOWN
     ]  # fmt: skip
-    _forest(found, names, editors, f"One change of {preset}, intervals of 95 %", path)
+    _forest(found, names, editors, f"{preset}, with one change each; intervals of 95 %", path)
 
 
 def factorial(summary: Mapping[str, Any], path: Path) -> None:
@@ -189,7 +190,8 @@ def factorial(summary: Mapping[str, Any], path: Path) -> None:
     labels = list(effects["final_db"])
     found = [[[effects[metric].get(label) for label in labels]] for metric in SHOWN]
     names = [label.replace(" and ", " x ") for label in labels]
-    _forest(found, names, [""], "With less without, mean over all combinations, 95 %", path)
+    title = "Each part of the default: with it, less without; intervals of 95 % (x: two together)"
+    _forest(found, names, [SMALL], title, path)
 
 
 def _forest(
@@ -205,20 +207,21 @@ def _forest(
         frame(axes, "", 9)
         axes.axvline(0, color="#666666", linewidth=0.9)
         for k, (group, judged) in enumerate(zip(groups, of_groups)):
-            color, marker = EDITORS[k % len(EDITORS)]
+            color, marker = EDITORS[group]
             for row, each in enumerate(judged):
                 if each is None:
                     continue
                 y = row + 0.22 * (k - (len(groups) - 1) / 2)
-                if each.runs > 1:
+                if isfinite(each.low):
                     axes.plot([each.low, each.high], [y, y], color=color, linewidth=1.3)
                 (dot,) = axes.plot([each.effect], [y], marker, color=color, markersize=4)
                 handles[group] = dot
         axes.set_title(_title(metric), fontsize=8, loc="left")
         axes.set_yticks(range(len(names)), names, fontsize=8)
         axes.set_ylim(len(names) - 0.4, -0.6)
+        axes.locator_params(axis="x", nbins=5)
         axes.tick_params(labelsize=8)
-    _save(figure, title, {k: v for k, v in handles.items() if k}, path)
+    _save(figure, title, handles, path)
 
 
 def t_end_curves(summary: Mapping[str, Any], path: Path) -> None:
@@ -232,7 +235,8 @@ def t_end_curves(summary: Mapping[str, Any], path: Path) -> None:
     editors = dict.fromkeys(row["editor"] for row in rows)
     for axes, name in zip(panels[0], names):
         frame(axes, _title(name), 8)
-        for editor, (color, marker) in zip(editors, EDITORS):
+        for editor in editors:
+            color, marker = EDITORS[editor]
             by_steps = [
                 spread(r[name] for r in rows
                        if (r["arm"], r["editor"]) == (t_end_label(steps), editor))
