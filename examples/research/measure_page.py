@@ -11,17 +11,30 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from math import cos, sin
 from pathlib import Path
 from shutil import copy
+from threading import Thread
 from typing import Annotated
 
 import numpy as np
 import typer
 
+from gsedit.app.loaded import read
+from gsedit.app.previews import Previewer
+from gsedit.app.reading import read as understand
+from gsedit.app.shown import Shown, picture
+from rasterizer.camera import Camera
 from research.page_client import PageClient
 
+SENTENCES = (
+    "make it brighter", "paint it glossy red", "turn it into bronze", "make it night",
+    "make it snow", "a thick layer of snow on it", "remove it", "make it half the size",
+)  # fmt: skip
+SIDE = 640
+"""Longer side of the view of a preview, pixels."""
 CAMERAS_A_SECOND = 60
 """Camera messages a second, as a browser sends them while one drags."""
 
@@ -119,13 +132,45 @@ def children(process: int) -> list[int]:
     return [int(each) for each in told.read_text().split()] if told.exists() else []
 
 
+def measure_previews(scene: Path) -> Iterator[str]:
+    """Rows of a table: a sentence, and the seconds by the clock and of all cores from asking for
+    its preview to its picture; where only the subject was found before, and where all that previews
+    need was prepared."""
+    loaded = read(scene)
+    previewer, camera = Previewer(loaded, None), loaded.first_camera().fitted(SIDE)
+    _ = previewer.finder.subject
+    yield "| sentence | not prepared | prepared |\n|---|---:|---:|"
+    behind = Thread(target=previewer.prepare)  # of its own: it takes a low priority
+    behind.start()
+    behind.join()
+    for sentence in SENTENCES:
+        prepared = timed(previewer, sentence, camera)
+        kept = loaded.__dict__.pop("kept")
+        fresh = timed(previewer, sentence, camera)
+        loaded.__dict__["kept"] = kept
+        yield f"| {sentence} | {fresh} | {prepared} |"
+
+
+def timed(previewer: Previewer, sentence: str, camera: Camera) -> str:
+    """Seconds by the clock, and of all cores, of one preview in one view."""
+    clock, cpu, reading = time.perf_counter(), time.process_time(), understand(sentence)
+    one_view = camera if previewer.is_partial(reading) else None
+    picture(Shown(previewer.scene(reading, one_view).scene), camera)
+    return f"{time.perf_counter() - clock:.2f} ({time.process_time() - cpu:.2f})"
+
+
 def main(
     scene: Annotated[Path, typer.Argument(show_default=False, help="A scene (.ply).")],
     seconds: Annotated[float, typer.Option(help="Seconds of movement.")] = 10.0,
     width: int = 640,
     height: int = 480,
+    previews: Annotated[bool, typer.Option(help="Time previews of sentences instead.")] = False,
 ) -> None:
-    """Measure the page on one scene; prints JSON."""
+    """Measure the page on one scene; prints JSON, or a table of previews."""
+    if previews:
+        for row in measure_previews(scene):
+            typer.echo(row)
+        return
     typer.echo(json.dumps(asdict(measure(scene, seconds, (width, height))), indent=2))
 
 
