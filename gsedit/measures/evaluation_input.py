@@ -94,7 +94,7 @@ class Mean:
     views: int
     """The number of views that have a value."""
     interval: Interval | None = None
-    """Where the value would lie with other views; None of fewer than four."""
+    """The range in which the value would lie with other views; None of fewer than four."""
     against: str = ""
     """The pictures, region or masks that it was measured by."""
 

@@ -13,7 +13,7 @@ BY_TO = {
 
 
 def measured_against(name: str, role: Role, subject: EvaluationInput) -> str:
-    """What a metric of views of that role was measured by, for its record."""
+    """The meter of a metric of views of that role, as its record tells it."""
     _, _, to = name.partition("_to_")
     if to == "targets":
         return subject.targets_are[role != "edited"]
