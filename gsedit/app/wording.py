@@ -29,7 +29,7 @@ WORDS = tuple(
         (r"go on with the same command", "make the scene again: it goes on"),
     )
 )  # fmt: skip
-"""What the command line says, and what the page says in its place."""
+"""Pairs: what the command line says, and what the page says in its place."""
 
 
 def on_page(text: str) -> str:
