@@ -101,7 +101,7 @@ def go_on(journey: Journey) -> None:
 
 
 def edit(journey: Journey, sentence: str) -> None:
-    """Say a sentence: preview, apply, undo, redo; then export."""
+    """Say a sentence: preview, apply, undo, redo."""
     with journey.page() as (_, window):
         with journey.step(window, "open the session"):
             window.press("Go on with", begins=True)
@@ -109,10 +109,10 @@ def edit(journey: Journey, sentence: str) -> None:
         with journey.step(window, "type the sentence"):
             window.press("Say")
             window.type("say", sentence)
-            window.wait(lambda: "about" in window.text())
+            window.wait(lambda: "about" in window.text(), LONGEST)
         with journey.step(window, "preview"):
             window.press("Preview")
-            window.wait(lambda: "End the preview" in window.text())
+            window.wait(lambda: "End the preview" in window.text(), 60)
             window.wait(lambda: "Working on" not in window.text(), LONGEST)
         with journey.step(window, "apply"):
             window.press("Apply")
@@ -123,6 +123,14 @@ def edit(journey: Journey, sentence: str) -> None:
         with journey.step(window, "redo"):
             window.key("y", CTRL)
             window.wait(lambda: f"{sentence} ·" in window.text())
+        assert not window.errors, window.errors
+
+
+def export(journey: Journey) -> None:
+    """Export what was made, in each of FORMATS."""
+    with journey.page() as (_, window):
+        window.press("Go on with", begins=True)
+        window.wait(lambda: "Gaussians" in window.text(), 60)
         window.press("File")
         for choice, suffix in FORMATS.items():
             with journey.step(window, f"export {suffix}"):
@@ -142,7 +150,7 @@ def main(
     every: Annotated[int, typer.Option(help="Take every so many of the photos.")] = 1,
     kill_in: Annotated[str, typer.Option(help="capture or fit.")] = "fit",
     sentence: str = "turn it into bronze",
-    part: Annotated[int, typer.Option(help="1, 2 or 3; 0: all.")] = 0,
+    part: Annotated[int, typer.Option(help="1 to 4; 0: all.")] = 0,
 ) -> None:
     """Make the journey; prints the seconds of its steps."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # ends the page and the browser too
@@ -157,6 +165,8 @@ def main(
         go_on(journey)
     if part in (0, 3):
         edit(journey, sentence)
+    if part in (0, 4):
+        export(journey)
     typer.echo(json.dumps({**journey.seconds, "minutes": round(total(journey), 1)}, indent=1))
 
 
