@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -165,3 +166,17 @@ def test_a_pulse_finds_a_rank_that_is_gone(monkeypatch, what):
     assert here.is_store_lost == (what == "cut")
     for each in (here, other):
         each.stop() if each.is_alive() else None
+
+
+def test_a_pulse_that_hangs_in_a_question_to_the_store_counts_as_cut_off(monkeypatch):
+    monkeypatch.setattr(pulse, "TICK_SECONDS", 0.001)
+    store, hangs = Store(), threading.Event()
+    store.check = lambda keys: hangs.wait(60)
+    here = pulse.Pulse(store, 0, 2)
+    here.start()
+    looks = [here.look() for _ in range(pulse.MISSED_MOST * pulse.BEAT_TICKS + 3)]
+    hangs.set()
+    here.stop()
+    assert looks[0] == ""
+    assert looks[-1].startswith("torchrun does not answer")
+    assert here.is_store_lost

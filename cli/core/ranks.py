@@ -81,8 +81,12 @@ def cause(error: Exception) -> Exception:
     if not joined():
         return error
     here, own = ranks(), not isinstance(error, (Interrupted, LostRankError))
+    if here.pulse and here.pulse.is_store_lost:  # nobody can be asked: each machine says it
+        if here.rank and os.environ.get("LOCAL_RANK") == "0":
+            sys.stderr.write(f"gsedit: rank {here.rank} of {here.size}: {error}\n")
+        return error
     here.say_end(explain(error)[0] if own else INTERRUPTED * isinstance(error, Interrupted))
-    if own or _is_by_user(error) or (here.pulse and here.pulse.is_store_lost):
+    if own or _is_by_user(error):
         return error
     said = here.ends()
     silent = [rank for rank, reason in said.items() if reason is None]

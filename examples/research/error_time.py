@@ -34,7 +34,7 @@ from rasterizer.camera import Camera
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 from research.curves import slope
-from research.figures import frame, save_png
+from research.figures import frame, plain_ticks, save_png
 from research.fit.captures import room
 from research.measure_meshes import errors, ring_views, seen_points
 from research.sampler.solver_study import solver_study
@@ -165,15 +165,16 @@ def removing() -> Iterator[Row]:
 
 
 def meshing() -> Iterator[Row]:
-    """Pixels of the views that a mesh is made of, against the exact surface."""
+    """Gaussians that a mesh is made of, against the exact surface."""
     solid = demo_scene()
-    scene, cameras = splats(solid, 20_000), ring_views(solid)
+    cameras = ring_views(solid)[::3]
     seen = seen_points(solid, cameras)
-    for size in (32, 64, 128, 256):
-        views = [camera.fitted(size) for camera in cameras]
-        seconds, found = timed(lambda views=views: mesh(scene, views))
+    mesh(splats(solid, 500), cameras)  # the first loads libraries
+    for count in (500, 2000, 8000):
+        scene = splats(solid, count)
+        seconds, found = timed(lambda scene=scene: mesh(scene, cameras))
         error = errors(found, solid, seen)[0] / 100
-        yield Row("mesh", "pixels of a view", str(size), seconds, error, "Chamfer, diameters")
+        yield Row("mesh", "Gaussians", f"{count:,}", seconds, error, "Chamfer, diameters")
 
 
 def converting() -> Iterator[Row]:
@@ -182,7 +183,7 @@ def converting() -> Iterator[Row]:
     cameras = ring_cameras(demo_scene(), 4, SIZE)
     truth = pictures(scene, cameras)
     with tempfile.TemporaryDirectory() as folder:
-        for suffix in (".splat", ".compressed.ply", ".spz", ".sog", ".npz"):
+        for suffix in (".splat", ".compressed.ply", ".spz", ".sog"):
             path = Path(folder) / f"a{suffix}"
             seconds, _ = timed(lambda path=path: gsedit.save(scene, path))
             more, found = timed(lambda path=path: gsedit.load(path))
@@ -202,6 +203,7 @@ def plot(rows: list[Row], path: Path) -> None:
 
     mpl.use("agg")
     import matplotlib.pyplot as plt
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     figure, panels = plt.subplots(2, 4, figsize=(13, 6.2), layout="constrained")
     for stage, axes in zip(STAGES, panels.flat):
@@ -209,20 +211,24 @@ def plot(rows: list[Row], path: Path) -> None:
         if not own:
             axes.set_visible(False)
             continue
-        x, y = [row.seconds for row in own], [max(row.error, 1e-9) for row in own]
-        line = "" if stage == "convert" else "-"
-        axes.loglog(x, y, f"o{line}", color="#1f6f8b", markersize=5)
-        for row, a, b in zip(own, x, y):
-            axes.annotate(
-                row.setting, (a, b), xytext=(5, 5), textcoords="offset points", fontsize=8
-            )
-        power = "" if stage == "convert" else f", error ~ time^{slope(list(zip(x, y))):.1f}"
-        frame(axes, f"{stage}: {own[0].knob}{power}", 10)
-        axes.set_ylabel(own[0].unit, fontsize=8)
+        own = [row for row in own if row.error]  # of an exact format there is none
+        x, y = [row.seconds for row in own], [row.error for row in own]
+        axes.loglog(x, y, "o" if stage == "convert" else "o-", color="#1f6f8b", markersize=5)
+        for number, (row, a, b) in enumerate(zip(own, x, y)):
+            below = stage == "convert" and number % 2
+            place = (0, -14) if below else (5, 5)
+            axes.annotate(row.setting, (a, b), place, textcoords="offset points", fontsize=8)
         axes.margins(x=0.25, y=0.2)
-        axes.tick_params(labelsize=8, which="both")
-    for axes in panels[-1]:
-        axes.set_xlabel("CPU seconds, one thread", fontsize=8)
+        power = "" if stage == "convert" else f"; slope {slope(list(zip(x, y))):.1f}"
+        frame(axes, stage, 11)
+        axes.set_xlabel(f"CPU seconds (points: {own[0].knob}{power})", fontsize=8)
+        axes.set_ylabel(own[0].unit, fontsize=8)
+        axes.tick_params(labelsize=8)
+        plain_ticks(axes)
+        low, high = axes.get_ylim()
+        axes.yaxis.set_major_locator(LogLocator(subs=(1,) if high / low > 300 else (1, 2, 5)))
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.yaxis.set_minor_formatter(NullFormatter())
     save_png(figure, path, overwrite=True)
     plt.close(figure)
 

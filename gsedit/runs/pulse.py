@@ -32,6 +32,18 @@ class Pulse(threading.Thread):
         self._beats: dict[int, bytes] = {other: b"" for other in range(size) if other != rank}
         self._missed = dict.fromkeys(self._beats, 0)
         self._done = threading.Event()
+        self._ticks = self._seen = self._hung = 0
+
+    def look(self) -> str:
+        """Say why the work cannot go on, "" while it can; to be called once a tick by who waits.
+
+        A store that is cut off lets this thread hang in its last question.
+        """
+        self._hung = self._hung + 1 if self._ticks == self._seen else 0
+        self._seen = self._ticks
+        if self._hung > MISSED_MOST * BEAT_TICKS and not self.lost:
+            self._lose_store()
+        return self.lost
 
     def stop(self) -> None:
         """End the thread: the ranks part."""
@@ -39,17 +51,20 @@ class Pulse(threading.Thread):
         self.join(2 * TICK_SECONDS)
 
     def run(self) -> None:
-        tick = 0
         while not self.lost and not self._done.wait(TICK_SECONDS):
             try:
                 if self._store.check([ENDED]):
                     self.lost = "another rank ended"
-                elif tick % BEAT_TICKS == 0:
-                    self._beat(tick)
+                elif self._ticks % BEAT_TICKS == 0:
+                    self._beat(self._ticks)
             except RuntimeError:
-                self.is_store_lost = not self._done.is_set()
-                self.lost = "torchrun does not answer: it was killed, or its machine is cut off"
-            tick += 1
+                if not self._done.is_set():
+                    self._lose_store()
+            self._ticks += 1
+
+    def _lose_store(self) -> None:
+        self.is_store_lost = True
+        self.lost = "torchrun does not answer: it was killed, or its machine is cut off"
 
     def _beat(self, tick: int) -> None:
         self._store.set(f"beat/{self._rank}", str(tick))

@@ -32,8 +32,6 @@ SLICE = timedelta(seconds=0.5)
 """Waits are cut into slices: between two of them Python sees Ctrl-C and SIGTERM."""
 ANSWER_SECONDS = 2.0
 """How long the other ranks have at least to say why they end."""
-ANSWER = timedelta(seconds=20)
-"""How long a rank waits for torchrun's store."""
 LONGEST_ANSWER = 20.0
 """How long they have while more than one is silent: some may still be at work, and find out later.
 torchrun kills what is left after 30 s."""
@@ -224,8 +222,8 @@ class Ranks:
                 except RuntimeError:  # the slice is over, or the message failed
                     if work.is_completed():
                         raise
-                if self.pulse is not None and self.pulse.lost:
-                    raise LostRankError(self.pulse.lost)
+                if self.pulse is not None and (why := self.pulse.look()):
+                    raise LostRankError(why)
             work.wait()
         except RuntimeError as error:
             raise LostRankError("another rank ended, or did not answer in time") from error
@@ -281,7 +279,6 @@ def join() -> Ranks:
         raise LostRankError(f"the ranks cannot meet: {error}") from error
     local = int(os.environ.get("LOCAL_WORLD_SIZE", "1"))
     ends = PrefixStore("gsedit-ends", store)
-    ends.set_timeout(ANSWER)  # a store that is cut off is waited for no longer
     pulse = Pulse(ends, rank, size)
     pulse.start()
     return Ranks(rank, size, local, ends, pulse)
