@@ -51,9 +51,9 @@ class Run:
     log: Path
     size: int
 
-    def pids(self) -> dict[int, int]:
-        """Process ids by rank, of those that live."""
-        parents = {launcher.pid for launcher in self.launchers}
+    def pids(self, parents: set[int] | None = None) -> dict[int, int]:
+        """Process ids by rank, of those that live; of some torchruns alone."""
+        parents = parents or {launcher.pid for launcher in self.launchers}
         found = {}
         for folder in Path("/proc").iterdir():
             with suppress(OSError, ValueError, IndexError, StopIteration):
@@ -70,7 +70,10 @@ class Run:
 
     def signal_machine(self, machine: int, number: int) -> None:
         """Send a signal to all processes of a machine, as Ctrl-C in its terminal does."""
-        os.killpg(self.launchers[machine].pid, number)
+        parent = self.launchers[machine].pid
+        for rank in self.pids({parent}).values() if number == signal.SIGKILL else ():
+            os.kill(rank, number)  # torchrun does not hand this one on
+        os.killpg(parent, number)
 
     def kill(self) -> None:
         """End what still runs, where the measurement itself is interrupted."""
@@ -79,18 +82,27 @@ class Run:
                 os.killpg(launcher.pid, signal.SIGKILL)
 
     def seconds_to_end(self, ranks: dict[int, int]) -> float:
-        """Wait for the torchruns and the ranks; infinite for those that had to be killed."""
+        """Wait for the ranks, or without them for torchrun; infinite where one had to be killed.
+
+        A torchrun that is cut off waits for the other a minute and longer: it is killed then.
+        """
         began = time.monotonic()
-        pids = [each.pid for each in self.launchers] + list(ranks.values())
+        pids = list(ranks.values()) or [each.pid for each in self.launchers]
         while any(map(_lives, pids)):
             for launcher in self.launchers:
                 launcher.poll()
             if time.monotonic() - began > LONGEST:
+                self.kill()
                 for pid in filter(_lives, pids):
                     os.kill(pid, signal.SIGKILL)
                 return float("inf")
             time.sleep(0.05)
-        return time.monotonic() - began
+        seconds = time.monotonic() - began
+        time.sleep(5.0 if ranks else 0.0)
+        self.kill()
+        for launcher in self.launchers:
+            launcher.wait()
+        return seconds
 
     def said(self) -> list[str]:
         """Lines that gsedit printed, without those of torchrun."""

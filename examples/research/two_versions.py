@@ -30,7 +30,7 @@ COMMANDS = {
     "bronze": "edit {scene} turn+the+bear+into+bronze --data {photos} -o {out}",
     "snow": "edit {scene} make+it+snow --data {photos} -o {out}",
     "night": "edit {scene} at+night --data {photos} -o {out}",
-    "small": "edit {scene} an+oil+painting --editor small --data {photos} -o {out}",
+    "small": "edit {scene} as+a+watercolor --editor small --data {photos} -o {out}",
     "remove": "edit {scene} remove+the+bear --data {photos} -o {out}",
     "fit": "fit {photos} -o {out}/scene.ply --minutes 0.5",
     "render": "render {scene} -o {out}",
