@@ -4,6 +4,7 @@ seconds, also where its machine or the network fails without a word, as sockets 
 from __future__ import annotations
 
 import threading
+import time
 from typing import Any
 
 TICK_SECONDS = 0.5
@@ -33,15 +34,18 @@ class Pulse(threading.Thread):
         self._missed = dict.fromkeys(self._beats, 0)
         self._done = threading.Event()
         self._ticks = self._seen = self._hung = 0
+        self._looked = time.monotonic()
 
     def look(self) -> str:
-        """Say why the work cannot go on, "" while it can; to be called once a tick by who waits.
+        """Say why the work cannot go on, "" while it can; for who waits, to call again and again.
 
         A store that is cut off lets this thread hang in its last question.
         """
+        if (now := time.monotonic()) - self._looked < 2 * TICK_SECONDS:
+            return self.lost
         self._hung = self._hung + 1 if self._ticks == self._seen else 0
-        self._seen = self._ticks
-        if self._hung > MISSED_MOST * BEAT_TICKS and not self.lost:
+        self._looked, self._seen = now, self._ticks
+        if self._hung > MISSED_MOST * BEAT_TICKS / 2 and not self.lost:
             self._lose_store()
         return self.lost
 
@@ -54,7 +58,7 @@ class Pulse(threading.Thread):
         while not self.lost and not self._done.wait(TICK_SECONDS):
             try:
                 if self._store.check([ENDED]):
-                    self.lost = "another rank ended"
+                    self.lost = self.lost or "another rank ended"
                 elif self._ticks % BEAT_TICKS == 0:
                     self._beat(self._ticks)
             except RuntimeError:
