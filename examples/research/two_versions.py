@@ -87,7 +87,7 @@ def table(rows: list[dict[str, Any]]) -> str:
                 worse.append(f"{what} x {ratio:.2f}")
         quality = [[e["dB"] for e in each if e["dB"] is not None] for each in (old, new)]
         line.append(" to ".join(f"{median(each):.2f}" for each in quality if each))
-        if all(quality) and max(quality[1]) < min(quality[0]) - 0.05:
+        if all(len(each) > 2 for each in quality) and max(quality[1]) < min(quality[0]) - 0.05:
             worse.append("dB")
         lines.append([*line, "**worse**: " + ", ".join(worse) if worse else ""])
     head = ("", "s old", "new", "ratio", "CPU s old", "new", "ratio", "dB", "")
