@@ -94,16 +94,6 @@ def moved(document: Document, position: int) -> Document:
     )
 
 
-def undone(document: Document) -> Document:
-    """The document a step earlier; the same at the first."""
-    return moved(document, document.position - 1)
-
-
-def redone(document: Document) -> Document:
-    """The document a step later; the same at the last."""
-    return moved(document, document.position + 1)
-
-
 def session_folder(source: Path) -> Path:
     """The folder of the session of a scene, of photos or of an edit: beside it, and not that of
     something else which is called nearly the same, as bear.spz is beside bear.ply.

@@ -15,10 +15,10 @@ from torch import Tensor
 from gsedit.app import document as documents
 from gsedit.app import undone
 from gsedit.app.document import Document, Eye, Pending, Step
-from gsedit.app.kept import Kept
 from gsedit.app.listeners import Audience
 from gsedit.app.loaded import Loaded
 from gsedit.app.places import Places
+from gsedit.app.scenes import Scenes
 from gsedit.app.steps import (
     CHECKPOINT,
     bring_along,
@@ -60,7 +60,7 @@ class Page(Audience):
         self.growing: Loaded | None = None
         """The scene that the command in hand has made so far, where it tells."""
         self._works = Works(worker, lambda: self.notify("busy"))
-        self._kept = Kept()
+        self._scenes = Scenes()
         self._lock = RLock()
         self._session = ExitStack()
         self._closed = False
@@ -100,7 +100,7 @@ class Page(Audience):
 
     def load(self, file: Path) -> Loaded:
         """A scene of the history, read once and kept while there is room."""
-        return self._kept.load(file)
+        return self._scenes.load(file)
 
     def distance(self, camera: Camera) -> float:
         """Distance before a camera about which its view turns: that of the scene's middle."""
@@ -236,7 +236,7 @@ class Page(Audience):
         found = self.undone()
         self.change(undone.without(self.document))  # first: no step names a scene that is gone
         for each in found.folders:
-            self._kept.forget(each)
+            self._scenes.forget(each)
         undone.remove(found)
         self.notify("document")
 
@@ -309,8 +309,7 @@ class Page(Audience):
         While it runs, the scene of its `checkpoint` is shown; where it is killed, the document has
         `pending` to go on with. Raises UsageError where a command is in hand.
         """
-        ended = self._ended(done or (lambda record: None))
-        self._start(pending or self.document.pending, command, title, ended)
+        self._start(pending, command, title, self._ended(done or (lambda record: None)))
         if checkpoint is not None:
             self._watch(checkpoint)
 
@@ -326,13 +325,14 @@ class Page(Audience):
     def _start(
         self, pending: Pending | None, command: Sequence[str], title: str, done: Done
     ) -> None:
-        """Begin a command, and note in the document what goes on where it is killed."""
+        """Begin a command, and note in the document what goes on where it is killed, until it
+        fails. None: what waits there goes on to wait."""
         with self._lock:
             self._works.check_idle()
-            if pending != self.document.pending:
+            if pending not in (None, self.document.pending):
                 self.document = replace(self.document, pending=pending)
                 self.save()
-            self._works.begin(command, title, done, self._failed)
+            self._works.begin(command, title, done, partial(self._failed, pending))
 
     def _watch(self, checkpoint: Path) -> None:
         """Show the scene of a checkpoint while the command in hand lasts."""
@@ -358,13 +358,14 @@ class Page(Audience):
 
         return ended
 
-    def _failed(self, error: Exception) -> None:
+    def _failed(self, pending: Pending | None, error: Exception) -> None:
         if self._closed:
             return  # what was in hand can go on when the session is opened again
         self._grow(None)
-        with self._lock:
-            self.document = replace(self.document, pending=None)
-            self.save()
+        if pending is not None:
+            with self._lock:
+                self.document = replace(self.document, pending=None)
+                self.save()
         if isinstance(error, Cancelled):
             self.say("cancelled: nothing has changed")
         else:

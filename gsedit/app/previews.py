@@ -32,8 +32,6 @@ EDITED_PIXELS = 256
 """Longer side of the view that a 2D editor is given for a preview, as `gsedit edit` gives it."""
 SLOW_ROUTES = ("paint", "material")
 """Routes that are quicker where only the Gaussians of one view get their reflections."""
-
-
 PREPARED = ("make it night", "make it half the size", "paint it glossy red",
             "a thick layer of snow on it")  # fmt: skip
 """Sentences whose previews are made before anyone asks: they need all that is kept of a scene."""

@@ -28,8 +28,9 @@ def receive(page: Page, file: Any) -> None:
     name = safe_name(file.name, "the dropped file")
     place = page.places.folders[0] / DROPPED
     if "/" in name and file.name.endswith("/"):
-        (place / name).mkdir(parents=True, exist_ok=True)
-        return open_path(page, page.places.check(place / name))
+        folder = page.places.check(place / name)
+        folder.mkdir(parents=True, exist_ok=True)
+        return open_path(page, folder)
     if "/" in name:
         return keep(page.places.check(place / name), file.content)
     if name.lower().endswith(PICTURES):

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gsedit.app.document import STEPS, Document
-from gsedit.app.steps import folder_of_step
 
 
 @dataclass(frozen=True)
@@ -24,10 +23,9 @@ def undone(document: Document, session: Path | None) -> Undone:
     if session is None or not (session / STEPS).is_dir():
         return Undone()
     done = document.steps[: document.position + 1]
-    named = [each.scene for each in done] + [part for each in done for part in each.command]
-    kept = [(session / each).resolve() for each in named]
-    if document.pending is not None:
-        kept.append(folder_of_step(document.pending).resolve())
+    waiting = () if document.pending is None else document.pending.command
+    named = [part for each in done for part in (each.scene, *each.command)]
+    kept = [(session / each).resolve() for each in (*named, *waiting)]
     folders = [
         each
         for each in sorted((session / STEPS).resolve().iterdir())

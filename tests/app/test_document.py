@@ -18,12 +18,10 @@ from gsedit.app.document import (
     load,
     moved,
     opened,
-    redone,
     save,
     scene_file,
     session_folder,
     step_folder,
-    undone,
 )
 from gsedit.errors import InputError
 
@@ -37,12 +35,12 @@ def document() -> Document:
 
 
 def test_undo_and_redo_go_back_and_forth_and_stop_at_the_ends(document):
-    assert undone(document).current == BRONZE
-    assert redone(undone(document)) == document == redone(document)
-    first = undone(undone(undone(document)))
+    assert moved(document, 1).current == BRONZE
+    assert moved(moved(document, 1), 2) == document == moved(document, 3)
+    first = moved(document, -1)
     assert first.position == 0
     assert first.steps == document.steps
-    assert undone(Document()).position == -1
+    assert moved(Document(), -2).position == -1
 
 
 def test_a_step_after_an_undo_forgets_what_was_undone(document):
@@ -53,7 +51,7 @@ def test_a_step_after_an_undo_forgets_what_was_undone(document):
 
 def test_a_document_is_read_as_it_was_written(document, tmp_path):
     eye = Eye((0.0, 1.0, 2.5), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.9)
-    whole = replace(undone(document), eye=eye, pending=Pending("rust", ("edit", "a.ply", "rust")))
+    whole = replace(moved(document, 1), eye=eye, pending=Pending("rust", ("edit", "a.ply", "rust")))
     for each in (whole, document, Document()):
         save(each, tmp_path)
         assert load(tmp_path) == each

@@ -263,10 +263,10 @@ def test_what_is_no_scene_is_refused_with_the_next_move(page, tmp_path):
 
 
 def test_scenes_in_memory_are_bounded(opened, monkeypatch):
-    monkeypatch.setattr("gsedit.app.kept.KEPT_GAUSSIANS", 700)
+    monkeypatch.setattr("gsedit.app.scenes.KEPT_GAUSSIANS", 700)
     for title in ("a", "b", "c"):
         step(opened, title)
-    assert len(opened._kept) == 2
+    assert len(opened._scenes) == 2
 
 
 def test_a_worker_hands_over_events_and_ends_with_its_page():
@@ -309,6 +309,25 @@ def test_undone_steps_can_be_deleted_and_no_others(opened, tmp_path):
     assert [each.name for each in opened.undone().folders] == ["001-one", "004-other"]
     opened.go_to(2)
     assert len(opened.scene) == 600
+
+
+def test_what_an_interrupted_step_goes_on_from_is_not_deleted(opened):
+    step(opened, "one")
+    out = opened.folder / "steps" / "002-slow" / "scene.ply"
+    out.parent.mkdir()
+    waits = Pending("slow", ("clean", str(opened.scene_file), "-o", str(out)))
+    opened.change(replace(opened.document, pending=waits))
+    opened.undo()
+    assert not opened.undone().folders
+
+
+def test_a_command_beside_an_interrupted_step_that_fails_leaves_it_to_go_on_with(opened):
+    waits = Pending("slow", ("clean", "a.ply", "-o", "steps/001-slow/scene.ply"))
+    opened.change(replace(opened.document, pending=waits))
+    ear = Ear(opened)
+    opened.run(("convert", str(opened.scene_file), "--fail", "-o", "b.ply"), "export")
+    until(lambda: ear.told)
+    assert opened.document.pending == waits
 
 
 def test_an_interrupted_capture_goes_on_to_its_scene(page, tmp_path, scene):

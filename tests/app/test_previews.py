@@ -1,12 +1,17 @@
 """Previews: what a sentence makes of the scene on the page, found once."""
 
+import shutil
 from pathlib import Path
+from unittest.mock import MagicMock
 
 import pytest
 import torch
 from selecting.playroom import playroom
 
+from gsedit.app.document import Step, applied
 from gsedit.app.loaded import Loaded
+from gsedit.app.opening import open_path
+from gsedit.app.panels.say import Say
 from gsedit.app.previews import Previewer
 from gsedit.app.reading import read
 from gsedit.app.selections import Clicks, grown
@@ -59,6 +64,28 @@ def test_what_was_found_for_one_preview_is_kept_for_the_next(room, monkeypatch):
     monkeypatch.setattr("gsedit.objects.segment", None)
     again = previewer.scene(read("make the red one 40 % darker"))
     assert torch.equal(first.region.inside, again.region.inside)
+
+
+def test_no_preview_is_made_or_shown_of_a_scene_that_was_left(page, scene, monkeypatch):
+    monkeypatch.setattr(Previewer, "prepare", lambda self, wanted: None)
+    open_path(page, scene)
+    tab, asked = MagicMock(closed=False), []
+    tab.soon = lambda key, work, then: asked.append((work, then))
+    say = Say(page, tab)
+    left = say.previewer()
+    say.text.value = "make it night"
+    say.preview()
+    work, then = asked[-1]
+    made = work()
+    other = shutil.copy(scene, scene.with_name("b.ply"))
+    page.change(applied(page.document, Step("more", str(other))))
+    key = left.loaded.file, None
+    say.previewers[key] = left  # as a thread does that began before
+    assert say.previewer().loaded is page.loaded
+    assert not say.keeps(key, left)
+    tab.preview.reset_mock()
+    then(made)
+    tab.preview.assert_called_once_with(None)
 
 
 def test_a_first_click_outside_is_told(room):

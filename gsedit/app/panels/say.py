@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from threading import RLock, Thread
 from typing import TYPE_CHECKING, Any
 
@@ -41,9 +42,9 @@ class Say:
         """Add the controls to the tab."""
         self.page, self.tab, gui = page, tab, tab.gui
         self.reading: Reading | None = None
-        self.reads = RLock()
-        self.previewers: dict[bool, Previewer] = {}
-        """Whether something is selected, and the previews then."""
+        self.reads, self.makes = RLock(), RLock()
+        self.previewers: dict[tuple[Path, Path | None], Previewer] = {}
+        """Previews by the files of the scene and of what is selected; None: nothing."""
         self.knobs: tuple[Knob, ...] = ()
         self.handles: list[Any] = []
         self.text = gui.add_text("say", "", hint="What should change, as in “turn it into bronze”.")
@@ -159,9 +160,11 @@ class Say:
 
     def selected(self) -> None:
         """Speak of what is selected now, and hear the names that are saved now."""
-        self.previewers.pop(True, None)
-        for each in self.previewers.values():
-            each.rename()
+        for key in list(self.previewers):
+            if key[1] is not None:
+                self.previewers.pop(key, None)
+            elif key in self.previewers:
+                self.previewers[key].rename()
         if self.page.has_scene:
             self.tab.soon("prepare", self.previewer, lambda _: None)
         if self.reading is not None:
@@ -169,17 +172,38 @@ class Say:
 
     def previewer(self) -> Previewer:
         """Previews of the selection, or of what a sentence speaks of."""
-        file = self.page.selection_file()
-        key = file is not None
-        if key not in self.previewers:
-            self.previewers[key] = made = Previewer(self.page.loaded, file)
-            wanted = partial(self.keeps, key, made)
-            Thread(target=made.prepare, args=(wanted,), daemon=True, name="prepare").start()
-        return self.previewers[key]
+        loaded, file = self.page.loaded, self.page.selection_file()
+        key = loaded.file, file
+        with self.makes:
+            if key in self.previewers:
+                return self.previewers[key]
+            self.previewers[key] = made = Previewer(loaded, file)
+        wanted = partial(self.keeps, key, made)
+        Thread(target=made.prepare, args=(wanted,), daemon=True, name="prepare").start()
+        return made
 
-    def keeps(self, key: bool, previewer: Previewer) -> bool:
+    def keeps(self, key: tuple[Path, Path | None], previewer: Previewer) -> bool:
         """Whether these previews may still be asked for."""
-        return self.previewers.get(key) is previewer and not self.tab.closed
+        same = self.previewers.get(key) is previewer and self.is_of_scene(previewer)
+        return same and not self.tab.closed
+
+    def is_of_scene(self, previewer: Previewer) -> bool:
+        """Whether these previews are of the scene that is shown."""
+        return self.page.has_scene and previewer.loaded.file == self.page.scene_file
+
+    def while_shown(
+        self, previewer: Previewer, then: Callable[[Any], None]
+    ) -> Callable[[Any], None]:
+        """Show a result unless another scene has come meanwhile, which tells no tab again."""
+
+        def called(result: Any) -> None:
+            if self.is_of_scene(previewer):
+                then(result)
+            if not self.is_of_scene(previewer):  # it came while this was shown, too
+                self.tab.preview(None)
+                self.back.visible = False
+
+        return called
 
     def pressed(self, _: Any) -> None:
         """Preview or apply, by the button."""
@@ -202,19 +226,21 @@ class Say:
         self.waits.visible = self.back.visible = True
         if not previewer.is_exact(reading):
             picture = self.waited(lambda: previewer.picture(reading, camera))
-            return tab.soon(PREVIEW, picture, self.drawn)
+            return tab.soon(PREVIEW, picture, self.while_shown(previewer, self.drawn))
         one_view = camera if previewer.is_partial(reading) else None
 
         def show(routed: Any) -> None:
             self.shown(routed.scene, routed.notes if one_view is None else ())
             if one_view is not None:
                 self.waits.visible = True
-                tab.soon(PREVIEW, self.waited(lambda: previewer.scene(reading)), whole)
+                work = self.waited(lambda: previewer.scene(reading))
+                tab.soon(PREVIEW, work, self.while_shown(previewer, whole))
 
         def whole(routed: Any) -> None:
             self.shown(routed.scene, routed.notes)
 
-        tab.soon(PREVIEW, self.waited(lambda: previewer.scene(reading, one_view)), show)
+        work = self.waited(lambda: previewer.scene(reading, one_view))
+        tab.soon(PREVIEW, work, self.while_shown(previewer, show))
 
     def waited(self, work: Callable[[], Any]) -> Callable[[], Any]:
         """Work at whose end, or error, nothing is said to be worked on any more."""

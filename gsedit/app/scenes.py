@@ -12,7 +12,7 @@ KEPT_GAUSSIANS = 1_200_000
 between them reads nothing again."""
 
 
-class Kept:
+class Scenes:
     """Scenes by their files, each read once while there is room."""
 
     def __init__(self) -> None:
@@ -29,8 +29,8 @@ class Kept:
         with self._lock:
             found = self._scenes.pop(file, None) or read(file)
             self._scenes[file] = found
-            earlier = lambda: [*self._scenes.values()][:-1]  # noqa: E731
-            while sum(len(each.scene) for each in earlier()) > KEPT_GAUSSIANS:
+            most = KEPT_GAUSSIANS + len(found.scene)
+            while sum(len(each.scene) for each in self._scenes.values()) > most:
                 self._scenes.pop(next(iter(self._scenes)))
             return found
 
