@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -29,7 +28,7 @@ from gsedit.errors import UsageError
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.measures.agreement import spread
 from gsedit.measures.decibels import psnr_from_rmse
-from gsedit.runs.events import Event
+from gsedit.runs.events import Event, returned
 from gsedit.runs.stopwatch import Stopwatch
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 
@@ -161,20 +160,8 @@ def _asked(session: Session, views: Sequence[int]) -> Float[Tensor, "v h w 3"]:
             progress=replace(session.progress, stopwatch=Stopwatch(), work=Work()),
         )
         steps = sample_views(aside, views, (), None, sampler, start=start, stage=MEASURE)
-        total = total + torch.stack(_returned(steps))
+        total = total + torch.stack(returned(steps))
     return total / REFERENCE_DRAWS
-
-
-def _returned(steps: Any) -> Any:
-    """Return a generator's return value."""
-    value = None
-
-    def run() -> Iterator[Any]:
-        nonlocal value
-        value = yield from steps
-
-    deque(run(), maxlen=0)
-    return value
 
 
 @dataclass(frozen=True)

@@ -85,16 +85,6 @@ def run(
             process.stdin.close()
 
 
-def answer(task: str, request: Mapping[str, Any], log: Path) -> dict[str, Any]:
-    """The answer of a task that takes seconds. Raises GseditError as `run` does."""
-    steps = run(task, request, log)
-    while True:
-        try:
-            next(steps)
-        except StopIteration as end:
-            return end.value
-
-
 def _lines(stream: Iterable[str]) -> Iterator[str]:
     """The lines of a stream; "" where none came for POLL seconds. Ctrl-C is heard meanwhile."""
     lines: queue.Queue[str | None] = queue.Queue()

@@ -18,6 +18,7 @@ from gsedit.capture.settings import Attempt
 from gsedit.capture.stages import LOG
 from gsedit.errors import UsageError
 from gsedit.formats.pictures import as_picture, save_picture
+from gsedit.runs.events import returned
 from rasterizer.camera import Camera
 
 FEATURES = 4096
@@ -57,7 +58,7 @@ def match_pictures(
             "size": max(max(picture.shape[:2]) for picture in pictures.values()),
             "features": FEATURES, "peak": rough.peak, "threads": THREADS,
         }  # fmt: skip
-        found = child.answer("points", request, folder / LOG)["pairs"]
+        found = returned(child.run("points", request, folder / LOG))["pairs"]
     matches = {}
     for each in found:
         a, b = (int(Path(name).stem) for name in each["names"])

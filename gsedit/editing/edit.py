@@ -38,7 +38,7 @@ from gsedit.editing.view_plan import ViewPlan
 from gsedit.editor_protocol import Editor
 from gsedit.editors import make_editor
 from gsedit.measures.features import FeatureExtractor
-from gsedit.runs.events import Checkpoint, Event, events_of
+from gsedit.runs.events import Checkpoint, Event, events_of, returned
 from gsedit.runs.journal import as_record
 from gsedit.runs.json_lines import plain
 from gsedit.runs.ranks import ALONE, Ranks
@@ -112,7 +112,7 @@ def plan_edit(
         scene, prompt, editor or make_editor(), generator or torch.Generator().manual_seed(0),
         strategy or SinglePass(), dataset=dataset, settings=settings, features=features,
     )  # fmt: skip
-    session = result_of(start_session(request))
+    session = returned(start_session(request))
     return EditPlan(explain_skips(session), estimate_edit(session))
 
 
@@ -191,18 +191,9 @@ def start_session(request: Request) -> Generator[Event, None, Session]:
 def resume_session(request: Request, state: State) -> Session:
     """The session of an interrupted edit, which goes on from the state."""
     watch, noise_seed = stopwatch_of(state), state.record["noise_seed"]
-    session = result_of(_session(request, watch, noise_seed, view_plan_of(state)))
+    session = returned(_session(request, watch, noise_seed, view_plan_of(state)))
     restore(session, state)
     return session
-
-
-def result_of(steps: Generator[Event, None, Session]) -> Session:
-    """The session that these steps return; their events are dropped."""
-    while True:
-        try:
-            next(steps)
-        except StopIteration as end:
-            return end.value
 
 
 def _session(

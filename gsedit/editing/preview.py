@@ -68,15 +68,9 @@ def preview_routed(
     fewer would find other objects. For looks the subject is searched in few views. Raises
     UsageError as `change_scene`.
     """
-    settings, camera, some, shown = (
-        settings or EditSettings(),
-        viewpoints[0].camera,
-        viewpoints,
-        None,
-    )
-    if not any(
-        each.route == "object" or each.phrase not in ("", IT) for each in instruction.changes
-    ):
+    settings, camera = settings or EditSettings(), viewpoints[0].camera
+    some, shown, changes = viewpoints, None, instruction.changes
+    if not any(each.route == "object" or each.phrase not in ("", IT) for each in changes):
         some = [viewpoints[i] for i in evenly_spaced(len(viewpoints), SEARCHED_VIEWS + 1)]
         ones = torch.ones(camera.height, camera.width)
         shown = lift(scene, [camera], [ones], settings.execution).weight > SHOWN_PIXELS

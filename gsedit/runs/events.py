@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 from gsedit.runs.state import State, restoring
 from rasterizer.scene import Gaussians
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -52,3 +54,12 @@ def events_of(state: State) -> list[Event]:
     """The events that the record of a state holds. Raises InputError for a damaged one."""
     with restoring(state):
         return [Event(**each) for each in state.record["events"]]
+
+
+def returned(steps: Generator[Any, None, T]) -> T:
+    """The value that long work returns; what it yields is dropped."""
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            return end.value

@@ -20,7 +20,12 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor
 
+from gsedit.editing.session.session import Session
+from gsedit.editing.strategies._random_views import RandomViews
+from gsedit.formats.pictures import fitted_size
 from gsedit.measures.clip import Clip, direction
+from gsedit.scene.picture import render_picture
+from rasterizer.camera import Camera
 
 TEMPERATURE = 0.07
 """tau of the contrastive loss, as in NeRF-Art."""
@@ -93,3 +98,28 @@ def clip_losses(
     return ClipLosses(
         clip, vectors[0], vectors[1], vectors[1:], global_weight, local_weight, patches
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Descend(RandomViews):
+    """Steps down CLIP's losses."""
+
+    losses: ClipLosses
+    unedited: dict[int, Float[Tensor, " d"]]
+    """CLIP's vectors of the unedited scene by view, made when they are needed."""
+
+    def camera(self, session: Session, view: int) -> Camera:
+        """The view's camera at up to twice CLIP's size: patches are half as wide as a picture."""
+        camera = session.request.every_view[view].camera
+        return camera.resized(*fitted_size(camera.width, camera.height, 2 * self.losses.clip.size))
+
+    def loss(
+        self, session: Session, view: int, image: Float[Tensor, "h w 3"]
+    ) -> tuple[Float[Tensor, ""], float]:
+        """The sum of the losses, beside the unedited scene at the same view."""
+        if view not in self.unedited:
+            request, camera = session.request, self.camera(session, view)
+            before = render_picture(request.scene, camera, request.settings.execution)
+            self.unedited[view] = self.losses.clip.images(before[None])[0].detach()
+        loss = self.losses(image.clamp(0, 1), self.unedited[view], session.request.generator)
+        return loss, float(loss.detach())

@@ -72,9 +72,8 @@ class Clip:
     def schedule(self, session: Session) -> Iterator[Action]:
         """A few steps at a time."""
         from gsedit.editing.session.actions import MAX_STEPS_AT_ONCE
-        from gsedit.editing.strategies._clip_losses import clip_losses
+        from gsedit.editing.strategies._clip_losses import Descend, clip_losses
         from gsedit.editing.strategies._dataset import dataset_views
-        from gsedit.editing.strategies._descend import Descend, UneditedVectors
         from gsedit.measures.clip import load_clip
 
         if self.clip is None:
@@ -88,7 +87,8 @@ class Clip:
             local_weight=self.local_weight,
             patches=self.local_patches,
         )
-        views, unedited = dataset_views(session, self.dataset_views), UneditedVectors(losses)
+        views, structure = dataset_views(session, self.dataset_views), self.structure_weight
+        unedited = {}
         for first in range(0, self.total_steps, MAX_STEPS_AT_ONCE):
             last = min(first + MAX_STEPS_AT_ONCE, self.total_steps)
-            yield Descend(views, first, last, self.total_steps, self.structure_weight, unedited)
+            yield Descend(views, first, last, self.total_steps, structure, losses, unedited)
