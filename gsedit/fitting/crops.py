@@ -16,6 +16,7 @@ from torch.nn.functional import logsigmoid
 
 from gsedit.datasets.dataset import View
 from gsedit.fitting.optimizer import SceneOptimizer
+from rasterizer.blending.choose import is_compiled
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution, Numerics
 from rasterizer.pixel_lists import MIN_LISTED_WEIGHT, PixelLists, blend, pixel_lists, shown_rows
@@ -196,3 +197,14 @@ class ListedCrops(ExactCrops):
 
 def _key(view: View) -> tuple[str, int, int]:
     return view.name, view.camera.width, view.camera.height
+
+
+def color_crops(
+    start: Gaussians, unedited: Picture | None, execution: Execution, *, is_coarse: bool
+) -> ExactCrops:
+    """Crops of a scene of which only colors and opacities move, from lists or rendered, whichever
+    is faster; the arguments are those of `ListedCrops`."""
+    few = len(start) < (MIN_LISTED_GROUPS if is_coarse else MIN_LISTED_GAUSSIANS)
+    if few and is_compiled(execution):
+        return ExactCrops(execution)
+    return ListedCrops(start, unedited, execution, is_coarse=is_coarse)

@@ -13,7 +13,7 @@ from gsedit.editing.session.request import Request
 from gsedit.editing.session.survey import SurveyedViews
 from gsedit.editing.session.unedited import UneditedRenders
 from gsedit.editor_protocol import GroundTruth
-from gsedit.fitting.crops import MIN_LISTED_GAUSSIANS, MIN_LISTED_GROUPS, ExactCrops, ListedCrops
+from gsedit.fitting.crops import ExactCrops, color_crops
 from gsedit.fitting.optimizer import SceneOptimizer
 from gsedit.fitting.update import Target, rates
 from gsedit.regions.region import Region
@@ -95,10 +95,9 @@ def start_progress(
 
 def _crops(request: Request, surveyed: SurveyedViews, unedited: UneditedRenders) -> ExactCrops:
     """Crops from lists of what each pixel shows, or rendered where that is faster or needed."""
-    settings, scene, is_coarse = request.settings, request.scene, request.coarse is not None
-    few = len(scene) < (MIN_LISTED_GROUPS if is_coarse else MIN_LISTED_GAUSSIANS)
-    if settings.geometry == "full" or (few and is_compiled(settings.execution)):
+    settings, scene = request.settings, request.scene
+    if settings.geometry == "full":
         return ExactCrops(settings.execution)
     transparent = scene.logit_opacities.masked_fill(surveyed.faint, -torch.inf)
-    start = replace(scene, logit_opacities=transparent)
-    return ListedCrops(start, unedited.color_at, settings.execution, is_coarse=is_coarse)
+    start, is_coarse = replace(scene, logit_opacities=transparent), request.coarse is not None
+    return color_crops(start, unedited.color_at, settings.execution, is_coarse=is_coarse)

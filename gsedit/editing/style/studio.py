@@ -18,7 +18,7 @@ from gsedit.datasets.dataset import View
 from gsedit.datasets.image_ops import downscale
 from gsedit.editing.style.settings import StyleSettings
 from gsedit.errors import UsageError
-from gsedit.fitting.crops import MIN_LISTED_GAUSSIANS, MIN_LISTED_GROUPS, ExactCrops, ListedCrops
+from gsedit.fitting.crops import color_crops
 from gsedit.fitting.optimizer import SceneOptimizer
 from gsedit.formats.pictures import fitted_size
 from gsedit.measures.features import FeatureExtractor, FilterBank
@@ -31,7 +31,6 @@ from gsedit.scene.table import gaussians_of, table_of
 from gsedit.toolkit.color_maps import as_table
 from gsedit.toolkit.color_transfer import color_transport, sliced_distance
 from gsedit.toolkit.recolor import recolored
-from rasterizer.blending.choose import is_compiled
 from rasterizer.camera import Camera
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
@@ -211,7 +210,9 @@ class Studio:
         masks = [self.coverage(scene, camera) for camera in self.cameras]
         optimizer = SceneOptimizer(small, {"sh": settings.rate})
         optimizer.raise_negative_colors(moving)
-        crops, threads = self._crops(scene, small), StepThreads()
+        execution, threads = settings.execution, StepThreads()
+        whole = lambda camera: render(scene, camera, execution=execution).color  # noqa: E731
+        crops = color_crops(small, whole, execution, is_coarse=coarse is not None)
         views = [View(str(i), c, s) for i, (c, s) in enumerate(zip(self.cameras, before))]
         for step in range(settings.steps):
             i = int(torch.randint(len(views), (), generator=generator))
@@ -229,21 +230,6 @@ class Studio:
             sh = torch.where(self.inside[:, None, None], styled.sh, scene.sh)
             styled = replace(styled, sh=sh)
         yield styled
-
-    def _crops(self, scene: Gaussians, small: Gaussians) -> ExactCrops:
-        """Draws the scene that is fitted, of which only colors move."""
-        execution = self.settings.execution
-        least = MIN_LISTED_GAUSSIANS if small is scene else MIN_LISTED_GROUPS
-        if is_compiled(execution) and len(small) < least:
-            return ExactCrops(execution)
-        if small is scene:
-            return ListedCrops(scene, None, execution)
-        return ListedCrops(
-            small,
-            lambda camera: render(scene, camera, execution=execution).color,
-            execution,
-            is_coarse=True,
-        )
 
 
 def sized(picture: Float[Tensor, "h w 3"], camera: Camera) -> Float[Tensor, "y x 3"]:
