@@ -169,12 +169,12 @@ FEATURES: dict[str, tuple[Broken, ...]] = {
     ),
     "image from a camera": (
         Broken("rasterizer.render:_composed", "features = 0 * features"),
-        Broken("gsedit.formats.exr:write_exr", "return"),
+        Broken("gsedit.pictures.exr:write_exr", "return"),
     ),
     "depth, normals, alpha": (
         Broken("gsedit.pictures.maps:_facing", "return torch.eye(3)[2].expand(len(scene), 3)"),
         Broken("gsedit.pictures.maps:normal_map"),
-        Broken("gsedit.formats.exr:write_exr", "return"),
+        Broken("gsedit.pictures.exr:write_exr", "return"),
     ),
     "camera paths, video": (
         Broken("gsedit.pictures.animations:write_gif", "return"),

@@ -23,12 +23,12 @@ from gsedit.datasets.view_list_files import by_capture, read_view_list, write_vi
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.editing.session.folder import history_of
 from gsedit.formats.flags import read_flags, write_flags
-from gsedit.formats.similarity_files import read_similarity, write_similarity
 from gsedit.measures.against import resolve_reference
 from gsedit.regions.saved import read_named, save_named
 from gsedit.runs.journal import read_events
 from gsedit.runs.state import State, load_state, save_state
 from gsedit.scene.similarity import Similarity
+from gsedit.toolkit.similarity_files import read_similarity, write_similarity
 
 BYTES_MOST = 256 << 20
 """Python's memory for one of these inputs: they are a few kB."""

@@ -138,7 +138,7 @@ def companions(path: Path, output: Output, operations: list[Operation]) -> Calla
         if output.dry_run:
             return
         for each in saving:
-            from gsedit.formats.similarity_files import write_similarity
+            from gsedit.toolkit.similarity_files import write_similarity
 
             write_similarity(each.moved, each.save, overwrite=output.force)  # pyright: ignore[reportAttributeAccessIssue]
             print_message(f"the similarity: {each.save}")  # pyright: ignore[reportAttributeAccessIssue]

@@ -13,9 +13,9 @@ from PIL import Image
 from torch import Tensor
 
 from gsedit.errors import UsageError
-from gsedit.formats.exr import write_exr
 from gsedit.formats.pictures import as_picture, eight_bits, save_picture
 from gsedit.pictures.depth_pictures import depth_picture
+from gsedit.pictures.exr import write_exr
 from gsedit.pictures.frames import normal_colors, panels
 from gsedit.pictures.maps import MapName, Maps, render_maps
 from gsedit.scene.color_space import linear_of_srgb

@@ -60,8 +60,10 @@ def edit_views(
     members = (*batch, *tied)
     with stopwatch.stage("correspond"):
         matches = match_views(session, members)
-    edited.pairs += _named_pairs(matches, [session.request.every_view[i].name for i in members])
-    yield Event("correspond", stopwatch.seconds, step, steps, note=_describe(matches))
+    pairs = _named_pairs(matches, [session.request.every_view[i].name for i in members])
+    edited.pairs += pairs
+    note = _describe(matches, [share for *_, share in pairs])
+    yield Event("correspond", stopwatch.seconds, step, steps, note=note)
     with stopwatch.stage("sample"):
         images = yield from sample_views(session, members, tied, matches, sampler)
     yield from _accept(session, dict(zip(batch, images)), step, steps)
@@ -281,10 +283,8 @@ def _named_pairs(matches: Correspondences, names: Sequence[str]) -> list[tuple[s
     return [(names[a], names[b], float(matches.matched[a, b])) for a, b in pairs]
 
 
-def _describe(matches: Correspondences) -> str:
-    """A sentence on how much the views of a batch have in common."""
-    pairs = itertools.combinations(range(len(matches.matched)), 2)
-    shares = [float(matches.matched[a, b]) for a, b in pairs]
+def _describe(matches: Correspondences, shares: Sequence[float]) -> str:
+    """A sentence on how much the views of a batch have in common, with the `shares` of pairs."""
     if not shares:
         return "one view: there is no other to agree with"
     mean = sum(shares) / len(shares)

@@ -15,8 +15,8 @@ from torch import Tensor
 
 from gsedit.light.color_change import step
 from gsedit.objects.growth.layer import Patch
-from gsedit.objects.relief import Relief
 from gsedit.scene.neighbors import k_nearest
+from gsedit.surface.relief import Relief
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.project import rotation_matrices
 from rasterizer.render import backproject

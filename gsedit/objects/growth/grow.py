@@ -24,8 +24,8 @@ from gsedit.objects.growth.veil import unveiled
 from gsedit.objects.outcome import NEW, Outcome, check_finite
 from gsedit.objects.placing.stance import stance_of
 from gsedit.objects.placing.sun import Sun, sun_of
-from gsedit.objects.relief import relief_of
 from gsedit.scenery.setting import Setting
+from gsedit.surface.relief import relief_of
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians, concatenate

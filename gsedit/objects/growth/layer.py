@@ -13,7 +13,7 @@ from torch import Tensor
 
 from gsedit.cameras.orbit import perpendicular
 from gsedit.objects.growth.spots import Site, Spots
-from gsedit.objects.relief import Relief, without_specks
+from gsedit.surface.relief import Relief, without_specks
 from rasterizer.numerics import color_to_sh
 from rasterizer.scene import Gaussians
 

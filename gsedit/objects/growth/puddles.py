@@ -19,12 +19,12 @@ from gsedit.cameras.around import cameras_of
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.objects.growth.layer import Patch, discs
 from gsedit.objects.growth.table import Growth
-from gsedit.objects.relief import FEWEST, without_specks
 from gsedit.scene.color_space import srgb_of_linear
 from gsedit.scene.planes import refined_plane
 from gsedit.scene.similarity import Similarity
 from gsedit.scene.table import gaussians_of, table_of
 from gsedit.surface.directions import look_up
+from gsedit.surface.relief import FEWEST, without_specks
 from gsedit.surface.surroundings import Surroundings, surroundings_at
 from rasterizer.camera import Camera
 from rasterizer.harmonics import basis

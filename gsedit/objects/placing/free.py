@@ -16,7 +16,7 @@ from gsedit.datasets.dataset import evenly_spaced
 from gsedit.light.place import Place
 from gsedit.objects.placing.heights import heights_from_above
 from gsedit.objects.placing.stance import BASE, Stance, size_of
-from gsedit.objects.relief import Relief
+from gsedit.surface.relief import Relief
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import render

@@ -14,8 +14,8 @@ from torch import Tensor
 from gsedit.cameras.orbit import perpendicular
 from gsedit.light.place import Place
 from gsedit.light.shadows import parallel_map
-from gsedit.objects.relief import Relief
 from gsedit.scene.quantiles import weighted_quantile
+from gsedit.surface.relief import Relief
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 

@@ -16,7 +16,7 @@ from gsedit.objects.placing.free import RANK, Ground, free_point
 from gsedit.objects.placing.heights import heights_from_above
 from gsedit.objects.placing.placement import Beside
 from gsedit.objects.placing.stance import BASE, STEP, Stance, carrier, map_around, size_of
-from gsedit.objects.relief import Relief
+from gsedit.surface.relief import Relief
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 

@@ -11,8 +11,8 @@ from torch import Tensor
 
 from gsedit.cameras.orbit import perpendicular
 from gsedit.objects.placing.heights import heights_from_above, reach
-from gsedit.objects.relief import Relief
 from gsedit.regions.support import Support, find_support
+from gsedit.surface.relief import Relief
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
