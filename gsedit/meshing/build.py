@@ -117,8 +117,11 @@ def _survey(
     ball = _ball(seen, cameras, whole)
     backdrop = backdrop_color(seen, ball)
     if backdrop is not None:
-        seen = [before_backdrop(surface, backdrop, ball) for surface in seen]
-        ball = _ball(seen, cameras, whole, usual=torch.inf)
+        rest = [before_backdrop(surface, backdrop, ball) for surface in seen]
+        if any(bool(surface.seen.any()) for surface in rest):
+            seen, ball = rest, _ball(rest, cameras, whole, usual=torch.inf)
+        else:  # all has its color: it tells nothing apart
+            backdrop = None
     points, spread, sides = _pixels(seen, cameras)
     held = ball.holds(points, spread)
     if not held.any():

@@ -91,6 +91,12 @@ def test_what_has_the_color_of_the_backdrop_inside_the_object_stays(ball):
     assert covered == pytest.approx(2 * pi * 0.1, rel=0.2)  # 0.3 of it is the patch
 
 
+def test_an_object_of_the_color_of_its_backdrop_is_not_lost(ball):
+    discs, cameras = ball
+    plain = replace(discs, sh=torch.full_like(discs.sh, (0.97 - 0.5) / 0.28209479))
+    assert len(mesh(before_a_wall(plain, 0.97), cameras, faces=4000).faces)
+
+
 def test_a_watertight_mesh_is_closed_and_has_the_volume(ball):
     discs, cameras = ball
     above = [camera for camera in cameras if float(camera.center[2]) > -1]
