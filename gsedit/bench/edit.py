@@ -93,8 +93,8 @@ class Observer:
     views: tuple[int, ...] = ()
     session: Session | None = None
     own: Float[Tensor, "1 v h w 3"] | None = None
-    """The editor's own pictures at these views, where an earlier observer of the same edit made
-    them."""
+    """The editor's own pictures at these views: given, where an earlier observer of the same edit
+    made them."""
     _next: float = 0.0
     _seconds: float = 0.0
     _cpu: float = 0.0
@@ -114,8 +114,8 @@ class Observer:
         if session.request.editor.capabilities.find_ground_truth is not None:
             right = parse(session.request.prompt).variants(unedited)
         else:
-            self.kind = OWN
             right = _asked(session, self.views)[None] if self.own is None else self.own
+            self.kind, self.own = OWN, right
         # where nothing is shown no Gaussian can follow an edit of the background
         shown = torch.stack([r.alpha for r in renderings])[..., None]
         self.truths = torch.lerp(unedited.expand_as(right), right, shown.expand_as(right))
@@ -147,7 +147,7 @@ class Observer:
 def _asked(session: Session, views: Sequence[int]) -> Float[Tensor, "v h w 3"]:
     """The editor's pictures of these views of the unedited scene, on average over some draws.
 
-    Each view is asked for alone, with noise of its own: the reference favours no way of making
+    Each view is asked for alone, with noise of its own: the reference favors no way of making
     views agree. The edit goes on as if nothing had been asked.
     """
     sampler = SamplerSettings(precision="float32", consensus=False, noise="independent")

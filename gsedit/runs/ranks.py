@@ -216,14 +216,14 @@ class Ranks:
     def _wait(self, work: Any) -> None:
         """Until a message has arrived. Raises LostRankError."""
         try:
-            while not work.is_completed():
+            while not work.is_completed():  # else it is well, though its sender may be gone
+                if self.pulse is not None and (why := self.pulse.look()):
+                    raise LostRankError(why)
                 try:
                     work.wait(SLICE)
                 except RuntimeError:  # the slice is over, or the message failed
                     if work.is_completed():
                         raise
-                if self.pulse is not None and (why := self.pulse.look()):
-                    raise LostRankError(why)
             work.wait()
         except RuntimeError as error:
             raise LostRankError("another rank ended, or did not answer in time") from error

@@ -74,8 +74,8 @@ def measure_run(run: Run, clip: Path | None = None) -> tuple[Record, list[Float[
     assert isinstance(result, EditResult)
     session = observer.session
     assert session is not None
-    if observer.kind != EXACT:
-        _OWN[run.case, run.editor] = observer.truths
+    if observer.own is not None:
+        _OWN[run.case, run.editor] = observer.own
     elif run.editor == Varied.name:  # its true edit is the first variant, whatever is nearer
         observer.points = [replace(p, errors=p.errors[:1]) for p in observer.points]
     record = _record(observer, session, result)
