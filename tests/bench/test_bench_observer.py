@@ -38,4 +38,5 @@ def test_own_pictures_that_are_given_are_those_that_were_made():
     second = observed(first.own)
     assert first.kind == second.kind == OWN
     assert torch.equal(first.truths, second.truths)
+    assert first.own is not None
     assert not torch.equal(first.own, first.truths)  # where nothing is shown nothing can follow
