@@ -28,9 +28,9 @@ BOX_MARGIN = 0.25
 """Width of the surroundings around the box, of its diagonal."""
 SUPPORTED_SHARE = 0.35
 """Share of the threshold that is enough above the support, where no ground can be taken for it."""
-MOST_GROWTH = 1.5
-"""Largest gain of pixels by what is only likely: beyond, rough ground is taken for feet. Two fits of
-a bear's paws gain 1.23 and 1.33."""
+MOST_GROWTH = 2.0
+"""Largest gain of pixels by what is only likely: beyond, rough ground is taken for feet. Three fits
+of a bear gain 1.23, 1.33 and 1.60 by its paws."""
 LOOSE_MEAN = 0.7
 """Least mean probability of a part that is not connected with the rest of the subject."""
 LOOSE_DISTANCE = 0.25
