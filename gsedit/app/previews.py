@@ -7,7 +7,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
-from threading import get_native_id
+from threading import Thread, get_native_id
 
 import numpy as np
 import torch
@@ -79,11 +79,8 @@ class Previewer:
         return (found.after[0].image.clamp(0, 1) * 255 + 0.5).byte().numpy()
 
     def prepare(self, wanted: Callable[[], bool] = lambda: True) -> None:
-        """Find out, behind all other work, what previews will ask for: the subject, and of a scene
-        that is not large what the sentences PREPARED need, as long as that is `wanted`."""
-        if hasattr(os, "setpriority"):
-            with suppress(OSError):
-                os.setpriority(os.PRIO_PROCESS, get_native_id(), BEHIND)
+        """Find out what previews will ask for: the subject, and of a scene that is not large what
+        the sentences PREPARED need, as long as that is `wanted`."""
         with suppress(GseditError):  # the preview that needs it will tell
             _ = self.finder.subject
         small = len(self.loaded.scene) <= SMALL_SCENE
@@ -92,6 +89,17 @@ class Previewer:
                 if wanted():
                     self.scene(read(sentence), self.loaded.first_camera())
         give_back()
+
+    def prepare_behind(self, wanted: Callable[[], bool]) -> None:
+        """Prepare in a thread, behind all other work."""
+
+        def work() -> None:
+            if hasattr(os, "setpriority"):
+                with suppress(OSError):
+                    os.setpriority(os.PRIO_PROCESS, get_native_id(), BEHIND)
+            self.prepare(wanted)
+
+        Thread(target=work, daemon=True, name="prepare").start()
 
     def rename(self) -> None:
         """Hear the names that are saved beside the scene now."""

@@ -86,14 +86,15 @@ class Worker:
             raise GseditError(_sentence(lines, running.process.returncode))
         return record
 
-    def cancel(self) -> None:
-        """End the command that runs, if any; it may write a checkpoint first."""
+    def cancel(self) -> bool:
+        """End the command that runs, if any; it may write a checkpoint first. Whether one ran."""
         with self._lock:
             running = self._running
             if running is None:
-                return
+                return False
             running.cancelled = True
         _end(running.process)
+        return True
 
     def close(self) -> None:
         """End all processes of the worker."""

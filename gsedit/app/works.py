@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from threading import RLock, Thread
@@ -14,6 +15,8 @@ from gsedit.runs.stopwatch import Stopwatch
 
 BETWEEN_NOTICES = 0.2
 """Seconds between two notices of progress."""
+BETWEEN_TRIES = 0.02
+"""Seconds between two tries to cancel a command that is being started."""
 Done = Callable[[dict[str, Any]], None]
 Failed = Callable[[Exception], None]
 
@@ -68,8 +71,12 @@ class Works:
         Thread(target=self._run, args=(work, done, failed), daemon=True, name="work").start()
 
     def cancel(self) -> None:
-        """End the command in hand, if any."""
-        self.worker.cancel()
+        """End the command in hand, if any, also one whose process is only being started."""
+        work = self.busy
+        while work is not None and (now := self.busy) is not None and now.watch is work.watch:
+            if self.worker.cancel():
+                return
+            time.sleep(BETWEEN_TRIES)
 
     def _run(self, work: Work, done: Done, failed: Failed) -> None:
         try:

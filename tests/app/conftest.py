@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 from shutil import copytree
+from threading import enumerate as threads
 
 import pytest
 import torch
@@ -15,6 +16,15 @@ from gsedit.datasets.cameras_json import write_cameras
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.formats.scenes import save
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
+
+
+@pytest.fixture(scope="session", autouse=True)
+def ended() -> Iterator[None]:
+    """Wait for what tabs that are closed still prepare: the interpreter cannot end inside C++."""
+    yield
+    for each in threads():
+        if each.name in ("prepare", "soon"):
+            each.join(20)
 
 
 @pytest.fixture(scope="session")

@@ -102,6 +102,16 @@ def test_one_command_at_a_time_which_can_be_cancelled(opened):
     assert opened.document.current.title == "after it"
 
 
+def test_a_command_is_cancelled_while_its_process_is_being_started(opened, monkeypatch):
+    ear, worker = Ear(opened), opened._works.worker
+    warm = worker.warm
+    monkeypatch.setattr(worker, "warm", lambda: (time.sleep(0.3), warm()))
+    opened.step("clean", "--seconds", "30", title="slow")
+    opened.cancel()
+    until(lambda: ear.told)
+    assert "cancelled" in ear.told[0]
+
+
 def test_a_killed_page_is_reopened_where_it_was(opened, scene, tmp_path):
     step(opened, "snow")
     step(opened, "more")

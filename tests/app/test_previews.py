@@ -67,7 +67,7 @@ def test_what_was_found_for_one_preview_is_kept_for_the_next(room, monkeypatch):
 
 
 def test_no_preview_is_made_or_shown_of_a_scene_that_was_left(page, scene, monkeypatch):
-    monkeypatch.setattr(Previewer, "prepare", lambda self, wanted: None)
+    monkeypatch.setattr(Previewer, "prepare_behind", lambda self, wanted: None)
     open_path(page, scene)
     tab, asked = MagicMock(closed=False), []
     tab.soon = lambda key, work, then: asked.append((work, then))
@@ -129,6 +129,20 @@ def test_what_is_known_of_a_scene_is_kept_for_the_next_preview_and_dropped_with_
     with pytest.raises(AttributeError):  # there is no surface: the survey is made anew
         previewer.scene(read("make it night"))
     assert len(asked) == 1
+
+
+def test_what_is_found_by_names_of_before_is_not_kept(room, monkeypatch):
+    finder = Previewer(room, None).finder
+    old, new = (Region(playroom().of("red ball"), note) for note in ("old", "new"))
+
+    def renamed_meanwhile(phrase):
+        finder.rename(finder.names)
+        return old
+
+    monkeypatch.setattr(finder, "_find", renamed_meanwhile)
+    assert finder.named("the paw") is old
+    monkeypatch.setattr(finder, "_find", lambda phrase: new)
+    assert finder.named("the paw") is new
 
 
 def test_what_is_no_longer_wanted_is_not_prepared(room, monkeypatch):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from threading import RLock, Thread
+from threading import RLock
 from typing import TYPE_CHECKING, Any
 
 from gsedit.app.knobs import LEAST, Knob, knobs_of, turned
@@ -178,8 +178,7 @@ class Say:
             if key in self.previewers:
                 return self.previewers[key]
             self.previewers[key] = made = Previewer(loaded, file)
-        wanted = partial(self.keeps, key, made)
-        Thread(target=made.prepare, args=(wanted,), daemon=True, name="prepare").start()
+        made.prepare_behind(partial(self.keeps, key, made))
         return made
 
     def keeps(self, key: tuple[Path, Path | None], previewer: Previewer) -> bool:

@@ -55,17 +55,17 @@ class Finder:
 
     def rename(self, names: Names) -> None:
         """Take other saved selections and masks; the subject and the objects stay found."""
-        self.names = names
-        self._named.clear()
+        self.names, self._named = names, {}  # what is searched for now by the old names is not kept
 
     def named(self, phrase: str) -> Region:
         """Gaussians that a phrase names: a saved selection, the support of things, or an object.
 
         Raises UsageError and InputError as `find_phrase` and `read_named`.
         """
-        if phrase not in self._named:
-            self._named[phrase] = self._find(phrase)
-        return self._named[phrase]
+        known = self._named
+        if phrase not in known:
+            known[phrase] = self._find(phrase)
+        return known[phrase]
 
     def _find(self, phrase: str) -> Region:
         names = self.names
