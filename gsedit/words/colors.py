@@ -7,7 +7,9 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float64
 
+from gsedit.errors import UsageError
 from gsedit.scene.color_space import lab_of_srgb, srgb_of_hex, srgb_of_lab
 from gsedit.words.lexicon import shades
 
@@ -54,6 +56,13 @@ def hexadecimal(text: str) -> str | None:
         values = [int(each) for each in match.groups()]
         return "#{:02x}{:02x}{:02x}".format(*values) if max(values) < 256 else None
     return None
+
+
+def parse_hex(text: str | None) -> Float64[np.ndarray, "3"]:
+    """The display color in [0, 1] of "#rrggbb". Raises UsageError for another text."""
+    if text is None or not re.fullmatch(r"#[0-9a-fA-F]{6}", text):
+        raise UsageError(f"color {text}: give six hexadecimal digits, as in #008080")
+    return srgb_of_hex(text)
 
 
 def modified(color: str, modifier: str, times: float = 1.0) -> str:

@@ -10,7 +10,6 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from gsedit.datasets.dataset import evenly_spaced
-from gsedit.editing.routes.colors import parse_hex
 from gsedit.editing.routes.named import FindNamed, FindRegion, Names, regions_of
 from gsedit.editing.routes.objects import act, followed, key_of, runs
 from gsedit.editing.routes.tone import toned
@@ -27,6 +26,7 @@ from gsedit.regions.region import Region
 from gsedit.scene.kept import kept
 from gsedit.scene.table import table_of
 from gsedit.scenery.named import SCENERIES, in_scenery
+from gsedit.words.colors import parse_hex
 from gsedit.words.instruction import Change, Instruction
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution

@@ -9,11 +9,11 @@ import torch
 
 from gsedit import objects
 from gsedit.datasets.viewpoints import Viewpoint
-from gsedit.editing.routes.carrier import carrier
 from gsedit.editing.routes.named import Names
 from gsedit.editing.routes.subject import find_part
 from gsedit.regions.region import Region
 from gsedit.regions.saved import read_named
+from gsedit.selecting.carrier import carrier
 from gsedit.selecting.segment import Segments
 from gsedit.words.phrases import CARRIERS
 from rasterizer.numerics import AUTO, Execution

@@ -10,13 +10,13 @@ from math import isfinite, log2
 import numpy as np
 from jaxtyping import Bool
 
-from gsedit.editing.routes.colors import parse_hex
 from gsedit.errors import UsageError
 from gsedit.scene.color_space import LUMINANCE
 from gsedit.scene.table import SplatTable
 from gsedit.toolkit.color_maps import Affine
 from gsedit.toolkit.grade import COLDEST, GAMMA, HOTTEST, NEUTRAL, Grade
 from gsedit.toolkit.recolor import recolored
+from gsedit.words.colors import parse_hex
 from gsedit.words.instruction import MOST
 
 DEFAULT_SHARE = 0.3
