@@ -45,7 +45,8 @@ async function sendFolder(entry) {
   const files = await filesBelow(entry, entry.name);
   let key = 7; // of what is in it: the same folder, dropped again, goes on where it was
   for (const [path, file] of files) {
-    for (const letter of `${path}:${file.size}`) key = (key * 31 + letter.codePointAt(0)) >>> 0;
+    const known = `${path}:${file.size}:${file.lastModified}`;
+    for (const letter of known) key = (key * 31 + letter.codePointAt(0)) >>> 0;
   }
   const place = key.toString(16).padStart(8, "0");
   for (const [path, file] of files) await send(new File([file], `${place}/${path}`));
