@@ -105,5 +105,6 @@ def test_a_shadow_of_what_else_stands_there_stays():
     light = 1 - 0.5 * np.clip(1 - away / 11, 0, 1)
     picture = pattern("checker") * light[..., None]
     shade = find_shade(picture, everywhere, ~everywhere, caster, other, 40.0).light.mean(-1)
-    assert shade[26, 20] < 0.95
+    ring = (away > 5) & (away < 9) & (COLUMNS < 26)
+    assert shade[ring].mean() < 0.9  # a mean: made-up texture of single cells is a draw of equals
     assert (shade[:, 44:] == 1).all()

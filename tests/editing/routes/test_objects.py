@@ -131,7 +131,9 @@ def test_new_background_is_background_and_a_copy_is_not():
     assert after["scene"].all()
 
 
-@pytest.mark.parametrize(("inside", "words"), [(slice(0), "nothing of it"), (slice(None), "rest")])
+@pytest.mark.parametrize(
+    ("inside", "words"), [(slice(0), "nothing of it"), (slice(None), "whole scene")]
+)
 def test_what_is_empty_or_all_is_no_object(inside, words):
     change = Change("subject", "object", "remove", None, None, "object", "it")
     with pytest.raises(UsageError, match=words):
