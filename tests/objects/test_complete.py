@@ -106,5 +106,5 @@ def test_a_shadow_of_what_else_stands_there_stays():
     picture = pattern("checker") * light[..., None]
     shade = find_shade(picture, everywhere, ~everywhere, caster, other, 40.0).light.mean(-1)
     ring = (away > 5) & (away < 9) & (COLUMNS < 26)
-    assert shade[ring].mean() < 0.9  # a mean: made-up texture of single cells is a draw of equals
+    assert shade[ring].mean() < 0.95  # a mean: of equal textures any one may be made up
     assert (shade[:, 44:] == 1).all()
