@@ -8,7 +8,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from math import copysign, sqrt
 from typing import Literal
 
 import numpy as np
@@ -162,19 +161,18 @@ def compare_pairs(
 def added(edited: float, unedited: float) -> float:
     """The error that an edit added to one that was there, in quadrature; below 0 where it took
     away."""
-    square = edited**2 - unedited**2
-    return copysign(sqrt(abs(square)), square)
+    return float(signed_root(np.array([edited**2 - unedited**2]))[0])
+
+
+def signed_root(square: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """The roots of differences of squares, with the signs of the differences."""
+    return np.copysign(np.sqrt(np.abs(square)), square)
 
 
 def excess_interval(sums: Sequence[Sequence[float]], pairs: Pairs) -> Interval | None:
     """The interval of an excess, from the squared error before, the one after, and the weight of
     each pair of views."""
-
-    def excess(columns: Float[np.ndarray, "3 d"]) -> Float[np.ndarray, " d"]:
-        square = (columns[1] - columns[0]) / columns[2]
-        return np.copysign(np.sqrt(np.abs(square)), square)
-
-    return interval(sums, pairs, excess)
+    return interval(sums, pairs, lambda sums: signed_root((sums[1] - sums[0]) / sums[2]))
 
 
 def _surface(rendering: Rendering) -> tuple[Float[Tensor, "h w"], Float[Tensor, "h w"]]:

@@ -55,7 +55,7 @@ class Finder:
 
     def rename(self, names: Names) -> None:
         """Take other saved selections and masks; the subject and the objects stay found."""
-        self.names, self._named = names, {}  # what is searched for now by the old names is not kept
+        self.names, self._named = names, {}  # a search that runs keeps its result in the old ones
 
     def named(self, phrase: str) -> Region:
         """Gaussians that a phrase names: a saved selection, the support of things, or an object.
