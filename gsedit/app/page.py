@@ -17,7 +17,7 @@ from gsedit.app import undone
 from gsedit.app.document import Document, Eye, Pending, Step
 from gsedit.app.listeners import Audience
 from gsedit.app.loaded import Loaded
-from gsedit.app.places import Places
+from gsedit.app.places import Places, free
 from gsedit.app.scenes import Scenes
 from gsedit.app.steps import (
     CHECKPOINT,
@@ -244,13 +244,7 @@ class Page(Audience):
         """A path in the session's exports that is free."""
         if self.folder is None:
             raise UsageError(NOTHING_OPEN)
-        wanted = self.folder / "exports" / Path(name).name
-        suffix = "".join(wanted.suffixes)
-        stem, number = wanted.name.removesuffix(suffix), 1
-        while wanted.exists():
-            number += 1
-            wanted = wanted.with_name(f"{stem}-{number}{suffix}")
-        return wanted
+        return free(self.folder / "exports" / Path(name).name)
 
     def _enter(self, folder: Path) -> None:
         """Leave the session, and take another's folder for this process alone."""

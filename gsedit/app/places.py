@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gsedit.errors import UsageError
+from gsedit.formats.registry import READABLE
 
 SHOWN = 80
 """Characters of a wrong path that are told."""
@@ -39,3 +40,14 @@ class Places:
                 "at the start (gsedit app --allow FOLDER, gsedit mcp FOLDER)"
             )
         return resolved
+
+
+def free(path: Path) -> Path:
+    """A path that is free: this one, or one with a number."""
+    known = (each for each in READABLE if each[0] == "." and path.name.lower().endswith(each))
+    suffix = max(known, key=len, default=path.suffix)
+    stem, number, found = path.name[: -len(suffix)] if suffix else path.name, 1, path
+    while found.exists():
+        number += 1
+        found = path.with_name(f"{stem}-{number}{suffix}")
+    return found

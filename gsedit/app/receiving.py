@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gsedit.app.opening import DROPPED, open_path, waits
+from gsedit.app.places import free
 from gsedit.capture.folder import PICTURES
 from gsedit.capture.frames import SUFFIXES, is_video
 from gsedit.errors import GseditError, UsageError
@@ -66,13 +67,3 @@ def keep(target: Path, content: bytes) -> None:
     """Write a file, in folders that may not be there yet."""
     target.parent.mkdir(parents=True, exist_ok=True)
     target.write_bytes(content)
-
-
-def free(path: Path) -> Path:
-    """A path that is free: this one, or one with a number."""
-    suffix = next((each for each in READABLE if path.name.lower().endswith(each)), path.suffix)
-    stem, number, found = path.name[: -len(suffix)] if suffix else path.name, 1, path
-    while found.exists():
-        number += 1
-        found = path.with_name(f"{stem}-{number}{suffix}")
-    return found

@@ -6,7 +6,7 @@ import pytest
 from websockets.datastructures import Headers
 
 from gsedit.app.guard import Guard
-from gsedit.app.places import Places
+from gsedit.app.places import Places, free
 from gsedit.app.reading import read
 from gsedit.errors import UsageError
 
@@ -89,3 +89,17 @@ def test_a_sentence_names_no_file_elsewhere(tmp_path):
     places = Places((tmp_path.resolve(),))
     assert read(f"put '{tmp_path}/hat.ply' on the bear", (), places).steps
     assert "is outside of" in read("put /elsewhere/hat.ply on the bear", (), places).refusal
+
+
+@pytest.mark.parametrize(
+    ("name", "next_one"),
+    [
+        ("a.compressed.ply", "a-2.compressed.ply"),
+        ("v1.2.ply", "v1.2-2.ply"),
+        ("p.html", "p-2.html"),
+    ],
+)
+def test_a_name_that_is_taken_gets_a_number_before_its_whole_ending(tmp_path, name, next_one):
+    assert free(tmp_path / name) == tmp_path / name
+    (tmp_path / name).touch()
+    assert free(tmp_path / name) == tmp_path / next_one
