@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -12,10 +13,11 @@ from pathlib import Path
 import pytest
 import rank_worker
 import torch
+from gsedit_cli.core import ranks as command
 
 from gsedit.datasets.cameras_json import write_beside
 from gsedit.formats.scenes import save
-from gsedit.runs import pulse
+from gsedit.runs import pulse, ranks
 from gsedit.runs.ranks import ALONE, join, variables_of
 from gsedit.runs.state import load_state
 
@@ -101,17 +103,17 @@ if os.environ.get("RANK") == "1":
 
 
 @pytest.mark.parametrize(
-    ("signal", "said"),
+    ("killed_by", "said"),
     [("SIGKILL", "rank 1 of 2 ended without a word"), ("SIGINT", "rank 1 of 2 was interrupted")],
 )
-def test_a_rank_that_ends_ends_the_edit_with_its_name_and_the_checkpoint(tmp_path, signal, said):
+def test_a_rank_that_ends_ends_the_edit_with_its_name_and_the_checkpoint(tmp_path, killed_by, said):
     scene, data = rank_worker.captured()
     save(scene, tmp_path / "scene.ply")
     write_beside(tmp_path / "scene.ply", data.views)
     out = tmp_path / "out"
     checkpoint = out / "checkpoint.safetensors"
     (tmp_path / "sitecustomize.py").write_text(
-        DIES.format(checkpoint=str(checkpoint), signal=signal)
+        DIES.format(checkpoint=str(checkpoint), signal=killed_by)
     )
     torchrun = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"]
     edit = f"-m gsedit_cli edit {tmp_path / 'scene.ply'} gold --region all --size 32 -o {out}"
@@ -147,6 +149,23 @@ class Store(dict):
 
     def get(self, key):
         return self[key]
+
+
+def test_torchrun_may_ask_a_rank_to_end_that_is_about_to(monkeypatch):
+    class Asked(Store):
+        def set(self, key, value):
+            os.kill(os.getpid(), signal.SIGTERM)
+            super().set(key, value)
+
+    monkeypatch.setattr(ranks, "ANSWER_SECONDS", 0.1)
+    monkeypatch.setattr(command, "joined", lambda: True)
+    monkeypatch.setattr(command, "ranks", lambda: ranks.Ranks(0, 2, store=Asked()))
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        ends = command.cause(ranks.LostRankError("another rank ended"))
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert str(ends) == "rank 1 of 2 ended without a word: killed, out of memory, or cut off"
 
 
 @pytest.mark.parametrize("what", ["nothing", "silent", "ended", "cut"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -80,6 +81,7 @@ def cause(error: Exception) -> Exception:
     """
     if not joined():
         return error
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # torchrun asks a rank to end that is about to
     here, own = ranks(), not isinstance(error, (Interrupted, LostRankError))
     if here.pulse and here.pulse.is_store_lost:  # nobody can be asked: each machine says it
         if here.rank and os.environ.get("LOCAL_RANK") == "0":

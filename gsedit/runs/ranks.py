@@ -198,7 +198,7 @@ class Ranks:
                 for rank in silent:
                     if self.store.check([f"end/{rank}"]):
                         said[rank] = self.store.get(f"end/{rank}").decode()
-            except KeyboardInterrupt:  # torchrun asks a rank to end that is about to
+            except KeyboardInterrupt:  # the rank is about to end
                 continue
             except RuntimeError:  # the store is gone, with torchrun
                 break
