@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import random
+import shlex
 import shutil
 import subprocess
 import sys
@@ -57,7 +58,7 @@ COMMANDS = {
     ),
     "make": Command("make {given}/photos gold -o {out}/make --minutes 0.05", "make/edit/scene.ply"),
     "removal": Command(
-        "edit {given}/scene.ply remove+it -o {out}/removal --region box:0.2,-1,-1,1,1,1",
+        "edit {given}/scene.ply 'remove it' -o {out}/removal --region box:0.2,-1,-1,1,1,1",
         "removal/scene.ply",
     ),
     "mesh": Command("mesh {given}/scene.ply -o {out}/mesh.glb", "mesh.glb"),
@@ -71,8 +72,7 @@ COMMANDS = {
 
 def start(command: Command, places: dict[str, Path], more: str = "") -> subprocess.Popen[bytes]:
     """Start a command; the log of its last run is beside its output."""
-    words = [word.format(**places).replace("+", " ") for word in command.words.split()]
-    words = ["mse+gram" if word == "mse gram" else word for word in words]
+    words = [word.format(**places) for word in shlex.split(command.words)]
     places["out"].mkdir(parents=True, exist_ok=True)
     with (places["out"] / "log.txt").open("wb") as log:
         own = [sys.executable, "-m", "gsedit_cli", *words, *more.split()]

@@ -1,8 +1,7 @@
-"""Measure edits of a scene with more and more Gaussians: `python -m research.scale`."""
+"""Measure edits of a large scene, and of copies of it: `python -m research.scale`."""
 
 from __future__ import annotations
 
-import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -12,6 +11,9 @@ from gsedit.errors import UsageError
 from research.command import Data, Output, collect, print_result, require_new, run
 from research.scale import measure
 
+EDITS = ("'turn it into a bronze statue' --editor small", "'make it gold'", "'remove the bear'")
+"""A look that `small` paints, a material, and a removal."""
+
 
 def scale(
     scene: Annotated[
@@ -19,30 +21,31 @@ def scale(
     ],
     data: Data = None,
     out: Output = Path("out/scale"),
-    gaussians: Annotated[
-        str,
-        typer.Option(metavar="N,N,...", help="About how many Gaussians: each is divided."),
-    ] = "130000,1920000",
-    degree: Annotated[
-        int, typer.Option("--sh-degree", min=0, max=3, help="SH degree of the scenes made.")
-    ] = 3,
-    instruction: Annotated[str, typer.Option(help="Instruction.")] = "turn it into a bronze statue",
-    options: Annotated[str, typer.Option(help="Further options of gsedit edit, in quotes.")] = "",
+    copies: Annotated[
+        str, typer.Option(metavar="N,N,...", help="How many of the scene stand side by side.")
+    ] = "1,4",
+    edits: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--edit",
+            metavar="WORDS",
+            show_default=False,
+            help="Words of gsedit edit behind the scene; repeatable.",
+        ),
+    ] = None,
 ) -> None:
-    """Measure seconds, memory and error of edits against the number of Gaussians.
+    """Measure seconds, memory and error of edits of a scene, and of copies of it side by side.
 
-    Writes scale.jsonl, scale.md and the edits. The edits run one after the other, each in a process
-    of its own; the scenes are removed.
+    Writes scale.jsonl, scale.md, the scenes and the edits. The edits run one after the other, each
+    in a process of its own.
     """
     require_new(out)
     if data is None:
         raise UsageError("the edits are of captured views: name their folder with --data")
-    if not all(number.strip().isdigit() for number in gaussians.split(",")):
-        raise UsageError(f"--gaussians {gaussians} is no list of numbers, as in 130000,1920000")
-    sizes = tuple(int(number) for number in gaussians.split(","))
-    settings = measure.ScaleSettings(
-        scene, data, instruction, sizes, degree, options=tuple(shlex.split(options))
-    )
+    if not all(number.strip().isdigit() for number in copies.split(",")):
+        raise UsageError(f"--copies {copies} is no list of numbers, as in 1,4")
+    numbers = tuple(int(number) for number in copies.split(","))
+    settings = measure.ScaleSettings(scene, data, tuple(edits or EDITS), numbers)
     print_result(measure.table(collect(measure.scale_to_folder(out, settings))))
 
 

@@ -1,8 +1,9 @@
-"""An edit of the same scene with more and more Gaussians: seconds, memory, and what it costs."""
+"""Edits of a scene, and of copies of it side by side: seconds, memory, and what they cost."""
 
 from __future__ import annotations
 
 import os
+import shlex
 import subprocess
 import sys
 import time
@@ -25,36 +26,32 @@ from gsedit.measures.metrics import psnr
 from gsedit.runs.events import Event
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
-from research.scale.divide import divide
+from research.scale.copies import side_by_side
 
 ROWS, TABLE = "scale.jsonl", "scale.md"
 COMPARED = 4
 """Held-out views at which edits are compared."""
-SEED = 0
 
 
 @dataclass(frozen=True)
 class ScaleSettings:
-    """Scene, instruction and sizes of the edits."""
+    """A scene, its edits, and numbers of its copies."""
 
     scene: Path
     data: Path
-    instruction: str
-    gaussians: tuple[int, ...]
-    """Approximate sizes of the scenes made: each Gaussian is divided in equal parts. Numbers up to
-    the scene's own leave it as it is."""
-    degree: int
-    """SH degree of the scenes that are made."""
+    edits: tuple[str, ...]
+    """Words of `gsedit edit` behind the scene, as a shell takes them."""
+    copies: tuple[int, ...]
+    """How many of the scene stand side by side: 1 and more."""
     size: int = 256
     """Longer side of the views, pixels."""
-    options: tuple[str, ...] = ()
-    """Further options of `gsedit edit`."""
 
 
 @dataclass(frozen=True)
 class ScaleMeasurement:
     """One edit, in a process of its own: from reading files to writing them."""
 
+    edit: str
     gaussians: int
     degree: int
     seconds: float
@@ -64,18 +61,16 @@ class ScaleMeasurement:
     """Largest resident memory, 1e9 bytes."""
     psnr_to_held_out_edits: float | None
     kept: float | None
-    psnr_of_scenes: float
-    """PSNR of the unedited scene to the one that was divided, at held-out views, dB."""
-    psnr_of_edits: float
-    """PSNR of the edit to the edit of the scene that was divided, at held-out views, dB."""
+    psnr_of_edits: float | None
+    """PSNR of the photographed copy, alone, to the edit of the scene without others, at held-out
+    views, dB. None where rows were removed or added, so that the copy cannot be told by them."""
 
 
 def measure_scale(settings: ScaleSettings, folder: Path) -> Iterator[Event | ScaleMeasurement]:
-    """One measurement a number of Gaussians, after the one of the scene itself.
+    """One measurement a number of copies and edit.
 
     Raises GseditError where an edit fails, with its last line.
     """
-    given = load(settings.scene)
     views = load_dataset(settings.data, size=settings.size).split()[1]
     cameras = [views[i].camera for i in evenly_spaced(len(views), COMPARED)]
 
@@ -84,34 +79,35 @@ def measure_scale(settings: ScaleSettings, folder: Path) -> Iterator[Event | Sca
             drawn = (render(scene, camera).color for camera in cameras)
             return [picture.clamp(0, 1) for picture in drawn]
 
-    before, after = pictures(given), None
-    parts = sorted({max(1, round(number / len(given))) for number in (0, *settings.gaussians)})
-    for index, number in enumerate(parts):
-        yield Event("scale", 0.0, index, len(parts), note=f"{number * len(given):,} Gaussians")
-        path, out = settings.scene, folder / f"edit_{number * len(given)}"
-        if number > 1:
-            path = folder / f"scene_{number * len(given)}.ply"
-            generator = torch.Generator().manual_seed(SEED)
-            save(divide(given, number, settings.degree, generator), path, overwrite=True)
-        seconds, peak = _edit(settings, path, out)
-        scene, edited = load(path), load(out / "scene.ply")
-        record = read_edit_record(out / "edit.json")
-        unedited, finals = pictures(scene), pictures(edited)
-        after = after or finals
+    rows = len(load(settings.scene))
+    first: dict[str, list[Float[Tensor, "h w 3"]]] = {}
+    tasks = [
+        (copies, words) for copies in sorted({1, *settings.copies}) for words in settings.edits
+    ]
+    for index, (copies, words) in enumerate(tasks):
+        yield Event("scale", 0.0, index, len(tasks), note=f"{copies * rows:,} Gaussians: {words}")
+        path = settings.scene
+        if copies > 1:
+            path = folder / f"scene_{copies}.ply"
+            if not path.exists():
+                save(side_by_side(load(settings.scene), copies), path)
+        out = folder / f"edit_{copies}_{settings.edits.index(words)}"
+        seconds, peak = _edit(settings, words, path, out)
+        edited, record = load(out / "scene.ply"), read_edit_record(out / "edit.json")
+        own = pictures(edited[:rows]) if len(edited) == copies * rows else None
+        if own is not None:
+            first.setdefault(words, own)
         yield ScaleMeasurement(
-            gaussians=len(scene),
-            degree=scene.degree,
+            edit=words,
+            gaussians=copies * rows,
+            degree=edited.degree,
             seconds=seconds,
             stages=record["timings"],
             peak_gb=peak,
             psnr_to_held_out_edits=_held_out(record, "psnr_to_targets"),
             kept=_held_out(record, "psnr_outside_region"),
-            psnr_of_scenes=_mean_psnr(unedited, before),
-            psnr_of_edits=_mean_psnr(finals, after),
+            psnr_of_edits=None if own is None else _mean_psnr(own, first[words]),
         )
-        del scene, edited
-        if number > 1:
-            path.unlink()
 
 
 def _held_out(record: dict[str, Any], name: str) -> float | None:
@@ -131,12 +127,13 @@ def scale_to_folder(folder: Path, settings: ScaleSettings) -> Iterator[Event | S
 def table(rows: Sequence[ScaleMeasurement]) -> str:
     """The measurements for people."""
     stages = list(dict.fromkeys(name for row in rows for name in row.stages if name != "total"))
-    head = ("Gaussians", "SH", "seconds", *stages, "peak GB", "held-out edits dB", "kept dB",
-            "scenes dB", "edits dB")  # fmt: skip
+    head = ("edit", "Gaussians", "SH", "seconds", *stages, "peak GB", "held-out edits dB",
+            "kept dB", "to the edit of one, dB")  # fmt: skip
     return markdown_table(
         head,
         [
             (
+                row.edit,
                 f"{row.gaussians:,}",
                 str(row.degree),
                 f"{row.seconds:.0f}",
@@ -144,22 +141,20 @@ def table(rows: Sequence[ScaleMeasurement]) -> str:
                 f"{row.peak_gb:.2f}",
                 *(
                     "-" if value is None or value > 99 else f"{value:.2f}"
-                    for value in (row.psnr_to_held_out_edits, row.kept,
-                                  row.psnr_of_scenes, row.psnr_of_edits)
+                    for value in (row.psnr_to_held_out_edits, row.kept, row.psnr_of_edits)
                 ),
             )
             for row in rows
         ],
-    )  # fmt: skip
+    )
 
 
-def _edit(settings: ScaleSettings, scene: Path, out: Path) -> tuple[float, float]:
+def _edit(settings: ScaleSettings, words: str, scene: Path, out: Path) -> tuple[float, float]:
     """Seconds and gigabytes of `gsedit edit`. Raises GseditError where it fails."""
     run = "from gsedit_cli.main import main; main()"
     command = [
-        sys.executable, "-c", run, "edit", str(scene), settings.instruction, "--data",
+        sys.executable, "-c", run, "edit", str(scene), *shlex.split(words), "--data",
         str(settings.data), "--size", str(settings.size), "-o", str(out), "--force",
-        *settings.options,
     ]  # fmt: skip
     out.parent.mkdir(parents=True, exist_ok=True)
     begin, log = time.perf_counter(), out.parent / "edit.log"

@@ -8,7 +8,7 @@ from functools import partial
 import pytest
 import tiny_edits
 import torch
-from research.scale.divide import divide
+from divide import divide
 
 from gsedit import edit
 from gsedit.editing.session import request
