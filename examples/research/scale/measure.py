@@ -85,7 +85,7 @@ def measure_scale(settings: ScaleSettings, folder: Path) -> Iterator[Event | Sca
         (copies, words) for copies in sorted({1, *settings.copies}) for words in settings.edits
     ]
     for index, (copies, words) in enumerate(tasks):
-        yield Event("scale", 0.0, index, len(tasks), note=f"{copies * rows:,} Gaussians: {words}")
+        yield Event("scale", 0.0, index, len(tasks), note=f"{copies} copies: {words}")
         path = settings.scene
         if copies > 1:
             path = folder / f"scene_{copies}.ply"
@@ -94,12 +94,13 @@ def measure_scale(settings: ScaleSettings, folder: Path) -> Iterator[Event | Sca
         out = folder / f"edit_{copies}_{settings.edits.index(words)}"
         seconds, peak = _edit(settings, words, path, out)
         edited, record = load(out / "scene.ply"), read_edit_record(out / "edit.json")
-        own = pictures(edited[:rows]) if len(edited) == copies * rows else None
+        count = len(load(path))
+        own = pictures(edited[:rows]) if len(edited) == count else None
         if own is not None:
             first.setdefault(words, own)
         yield ScaleMeasurement(
             edit=words,
-            gaussians=copies * rows,
+            gaussians=count,
             degree=edited.degree,
             seconds=seconds,
             stages=record["timings"],
