@@ -22,9 +22,12 @@ WORDS = tuple(
         (r" \(--no-retries: not\)", ""),
         (r", or compare every pair with --matching exhaustive", ""),
         (r"name it with --focal \(.*?\), or use the camera's own files", _PHOTOS),
-        (r"try a smaller --size(, \S+), and run the command again", r"close other programs\1, and "
-         "make the scene again"),
-        (r"; leave --resume out and add -f to start again", ""),
+        (r"try a smaller --size, and run the command again to go on",
+         "close other programs, and make the scene again: it goes on"),
+        (r"go on with that version, or leave --resume out and add -f to start again",
+         "say the sentence again"),
+        (r"Repeat that command with --resume, or leave --resume out and add -f to start again",
+         "Say the sentence again"),
         (r"; rerun with --debug and report what it shows", "; what was done before is kept"),
         (r"go on with the same command", "make the scene again: it goes on"),
     )

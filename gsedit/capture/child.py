@@ -136,5 +136,9 @@ def _died(task: str, code: int, log: Path) -> str:
     how = f"exit code {code}"
     if code < 0:
         how = signal.Signals(-code).name
-    hint = "perhaps the memory ran out: try a smaller --size" if code == -9 else "see its log"
-    return f"COLMAP ended during {task} ({how}); {hint}, {log}, and run the command again to go on"
+    hint = "see its log, and run the command again to go on"
+    if code == -9:
+        hint = (
+            "perhaps the memory ran out: try a smaller --size, and run the command again to go on"
+        )
+    return f"COLMAP ended during {task} ({how}); {hint}: {log}"
