@@ -222,13 +222,16 @@ ROWS: dict[str, Callable[[Places], Row]] = {
     **{f"make {target}": make(target) for target in ("demo", "test")},
 }
 
+SHOWN = ("capture", "fit draft", "fit normal", *EDITS, "render", "convert")
+"""The rows of README.md."""
+
 
 def table(rows: Sequence[Row], *, links: bool) -> str:
     """The rows for people; with links, as README.md has them."""
     head = ("what", "result", "seconds", *(() if links else ("CPU s",)), "command")
     lines = []
     for each in rows:
-        page = f" ([page](docs/measurements/{each.page}.md))" if links and each.page else ""
+        page = f" ([page](docs/measurements/{each.page}.md))" if links else ""
         spent = (each.seconds,) if links else (each.seconds, each.cpu)
         cells = ("" if value is None else f"{value:.{int(value < 100)}f}" for value in spent)
         lines.append((each.what, each.result, *cells, f"`{each.command}`{page}"))
@@ -266,7 +269,8 @@ def main(
     if docs:
         write_text(PAGE, write_tables(PAGE.read_text(), found))
         readme = ROOT / "README.md"
-        front = {"measured": table([each for each in rows if each.page], links=True)}
+        shown = [Row(**kept[name]) for name in SHOWN if name in kept]
+        front = {"measured": table(shown, links=True)}
         write_text(readme, write_tables(readme.read_text(), front))
     print_result(found["front-page"])
 
