@@ -57,6 +57,9 @@ class Rate:
 class Painter:
     """A thread that draws what a tab sees, and sends it."""
 
+    camera: Callable[[], Camera]
+    """Returns where the tab looks from now, of the canvas's size. It is asked before each picture,
+    after the last word of a move: what a browser tells in pieces may be mixed before."""
     draw: Callable[[Camera], np.ndarray]
     """Returns the picture (h, w, 3), uint8, of a camera; called in the thread."""
     send: Callable[[np.ndarray, int], None]
@@ -66,9 +69,8 @@ class Painter:
     fail: Callable[[Exception], None]
     """Takes what drawing raised; the next request is drawn again."""
     rate: Rate = field(default_factory=Rate)
-    _camera: Camera | None = None
     _moved: float = 0.0
-    """When the newest camera came."""
+    """When the camera moved last."""
     _drawn: tuple[int, bool] = (0, False)
     """The newest request that was drawn, and whether in full."""
     _newest: int = 0
@@ -80,10 +82,10 @@ class Painter:
         Thread(target=self._run, daemon=True, name="painter").start()
         return self
 
-    def look(self, camera: Camera) -> None:
-        """Take a new camera, of the canvas's size; the picture before it may never be drawn."""
+    def look(self) -> None:
+        """Draw from where the camera is now; where it was before may never be drawn."""
         with self._changed:
-            self._camera, self._moved = camera, time.monotonic()
+            self._moved = time.monotonic()
             self._newest += 1
             self._changed.notify()
 
@@ -106,11 +108,9 @@ class Painter:
                     self._changed.wait(self._patience())
                 if self._ended:
                     return
-                camera, number = self._camera, self._newest
-                full = time.monotonic() - self._moved >= REST
-            assert camera is not None
+                number, full = self._newest, time.monotonic() - self._moved >= REST
             try:
-                self._paint(camera, full)
+                self._paint(self.camera(), full)
             except Exception as error:
                 self.fail(error)
             with self._changed:
@@ -118,16 +118,14 @@ class Painter:
 
     def _due(self) -> bool:
         """Whether a picture is to be drawn now."""
-        if self._camera is None:
-            return False
         number, full = self._drawn
         if number < self._newest:
             return True
-        return not full and time.monotonic() - self._moved >= REST
+        return number > 0 and not full and time.monotonic() - self._moved >= REST
 
     def _patience(self) -> float | None:
         """Seconds until a camera that has not moved since rests; None where that is drawn."""
-        if self._camera is None or self._drawn == (self._newest, True):
+        if self._drawn[0] == 0 or self._drawn == (self._newest, True):
             return None
         return max(self._moved + REST - time.monotonic(), 0.01)
 

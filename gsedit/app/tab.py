@@ -76,14 +76,14 @@ class Tab:
         """Called by what has had the pointer: clicks select again, if they did."""
         self._pointers: list[tuple[str, Callable[[Any], None]]] = []
         self._soon = Soon(self.fail)
-        self._painter = Painter(self.draw, self._send, self._count, self.fail).start()
+        self._painter = Painter(self.camera, self.draw, self._send, self._count, self.fail).start()
         self._notice: Any = None
 
     def start(self) -> None:
         """Show the page's scene, from where a person last looked at it, and begin to draw."""
         self.refresh()
-        self.client.camera.on_update(lambda _: self._painter.look(self.camera()))
-        self._painter.look(self.camera())
+        self.client.camera.on_update(lambda _: self._painter.look())
+        self._painter.look()
 
     # -- camera
 

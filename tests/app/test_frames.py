@@ -54,11 +54,15 @@ def test_a_painter_draws_the_newest_camera_and_rests_in_full(camera):
         return np.zeros((asked.height, asked.width, 3), np.uint8)
 
     large = camera.resized(800, 640)
-    painter = Painter(draw, lambda _, quality: sent.append(quality), lambda: 10, errors.append)
+    seen = [large]
+    painter = Painter(
+        lambda: seen[-1], draw, lambda _, quality: sent.append(quality), lambda: 10, errors.append
+    )
     painter.start()
     painter.rate = replace(painter.rate, side=400.0)
     for shift in range(5):
-        painter.look(replace(large, cx=large.cx + shift))
+        seen.append(replace(large, cx=large.cx + shift))
+        painter.look()
         time.sleep(0.02)  # the first is being drawn meanwhile
     gate.set()
     while len(drawn) < 3:
@@ -76,8 +80,10 @@ def test_a_painter_draws_the_newest_camera_and_rests_in_full(camera):
 def test_a_painter_goes_on_after_an_error(camera):
     errors, sent = [], []
     pictures = iter([np.zeros((64, 80, 3), np.uint8)])
-    painter = Painter(lambda _: next(pictures), lambda *_: sent.append(1), int, errors.append)
-    painter.start().look(camera)
+    painter = Painter(
+        lambda: camera, lambda _: next(pictures), lambda *_: sent.append(1), int, errors.append
+    )
+    painter.start().look()
     while not errors:
         time.sleep(0.01)
     pictures = iter([np.zeros((64, 80, 3), np.uint8)])
