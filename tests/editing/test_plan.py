@@ -7,7 +7,15 @@ import torch
 from captures import around, facade, room, statue, statue_with_close_ups
 
 from gsedit import EditSettings, orbit
-from gsedit.editing.view_plan import ViewPlan, plan_views, survey, view_overlap, wholeness
+from gsedit.editing import view_plan
+from gsedit.editing.view_plan import (
+    MOST_LEFT,
+    ViewPlan,
+    plan_views,
+    survey,
+    view_overlap,
+    wholeness,
+)
 from gsedit.synthetic import ring_cameras, scenes, surface_gaussians
 from rasterizer import contributions
 
@@ -71,6 +79,16 @@ def test_more_overlap_is_bought_with_coverage_never_the_other_way_round(overlap)
     )
     assert shared_in_batches(weights, more) >= shared_in_batches(weights, less)
     assert more.coverage[-1] <= less.coverage[-1]
+
+
+def test_overlap_is_not_bought_with_much_coverage(monkeypatch):
+    private = torch.eye(36).repeat_interleave(10, 1)  # what one view alone sees, as of an overfit
+    weights = torch.cat((arcs(36, 360, 60), 0.5 * private), 1)
+    plan = plan_views(weights, 3, 4, 0.9, overlap=0.5)
+    assert plan.coverage[-1] >= 0.9 - MOST_LEFT
+    monkeypatch.setattr(view_plan, "GOALS", (1.0,))
+    tied = plan_views(weights, 3, 4, 0.9, overlap=0.5)
+    assert tied.coverage[-1] < plan.coverage[-1] - MOST_LEFT
 
 
 def test_planning_stops_when_enough_is_covered():

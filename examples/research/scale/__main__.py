@@ -30,7 +30,7 @@ def scale(
             "--edit",
             metavar="WORDS",
             show_default=False,
-            help="Words of gsedit edit behind the scene; repeatable.",
+            help="Words of gsedit edit behind the scene; unmerged before them; repeatable.",
         ),
     ] = None,
 ) -> None:

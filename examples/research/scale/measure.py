@@ -29,6 +29,10 @@ from rasterizer.scene import Gaussians
 from research.scale.copies import side_by_side
 
 ROWS, TABLE = "scale.jsonl", "scale.md"
+UNMERGED = "unmerged "
+"""Before the words of an edit: it surveys and fits every Gaussian alone, and is compared with the
+same words before it, where neighbors are one."""
+WITHOUT = "from gsedit.editing.session import request; request.coarsen = lambda scene: None; "
 COMPARED = 4
 """Held-out views at which edits are compared."""
 
@@ -96,8 +100,9 @@ def measure_scale(settings: ScaleSettings, folder: Path) -> Iterator[Event | Sca
         edited, record = load(out / "scene.ply"), read_edit_record(out / "edit.json")
         count = len(load(path))
         own = pictures(edited[:rows]) if len(edited) == count else None
+        merged = words.removeprefix(UNMERGED)
         if own is not None:
-            first.setdefault(words, own)
+            first.setdefault(merged, own)
         yield ScaleMeasurement(
             edit=words,
             gaussians=count,
@@ -107,7 +112,7 @@ def measure_scale(settings: ScaleSettings, folder: Path) -> Iterator[Event | Sca
             peak_gb=peak,
             psnr_to_held_out_edits=_held_out(record, "psnr_to_targets"),
             kept=_held_out(record, "psnr_outside_region"),
-            psnr_of_edits=None if own is None else _mean_psnr(own, first[words]),
+            psnr_of_edits=None if own is None else _mean_psnr(own, first[merged]),
         )
 
 
@@ -152,9 +157,9 @@ def table(rows: Sequence[ScaleMeasurement]) -> str:
 
 def _edit(settings: ScaleSettings, words: str, scene: Path, out: Path) -> tuple[float, float]:
     """Seconds and gigabytes of `gsedit edit`. Raises GseditError where it fails."""
-    run = "from gsedit_cli.main import main; main()"
+    run = f"{WITHOUT if words.startswith(UNMERGED) else ''}from gsedit_cli.main import main; main()"
     command = [
-        sys.executable, "-c", run, "edit", str(scene), *shlex.split(words), "--data",
+        sys.executable, "-c", run, "edit", str(scene), *shlex.split(words.removeprefix(UNMERGED)), "--data",
         str(settings.data), "--size", str(settings.size), "-o", str(out), "--force",
     ]  # fmt: skip
     out.parent.mkdir(parents=True, exist_ok=True)
