@@ -11,7 +11,8 @@ from gsedit.errors import UsageError
 from research.command import Data, Output, collect, print_result, require_new, run
 from research.scale import measure
 
-EDITS = ("'turn it into a bronze statue' --editor small", "'make it gold'", "'remove the bear'")
+SMALL = "'turn it into a bronze statue' --editor small"
+EDITS = (SMALL, f"{SMALL} --disable merging", "'make it gold'", "'remove the bear'")
 """A look that `small` paints, a material, and a removal."""
 
 
@@ -30,7 +31,7 @@ def scale(
             "--edit",
             metavar="WORDS",
             show_default=False,
-            help="Words of gsedit edit behind the scene; unmerged before them; repeatable.",
+            help="Words of gsedit edit behind the scene; repeatable.",
         ),
     ] = None,
 ) -> None:

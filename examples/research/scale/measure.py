@@ -29,10 +29,8 @@ from rasterizer.scene import Gaussians
 from research.scale.copies import side_by_side
 
 ROWS, TABLE = "scale.jsonl", "scale.md"
-UNMERGED = "unmerged "
-"""Before the words of an edit: it surveys and fits every Gaussian alone, and is compared with the
-same words before it, where neighbors are one."""
-WITHOUT = "from gsedit.editing.session import request; request.coarsen = lambda scene: None; "
+WHOLE = " --disable merging"
+"""At the end of the words of an edit: it is compared with the edit of the same words before it."""
 COMPARED = 4
 """Held-out views at which edits are compared."""
 
@@ -100,7 +98,7 @@ def measure_scale(settings: ScaleSettings, folder: Path) -> Iterator[Event | Sca
         edited, record = load(out / "scene.ply"), read_edit_record(out / "edit.json")
         count = len(load(path))
         own = pictures(edited[:rows]) if len(edited) == count else None
-        merged = words.removeprefix(UNMERGED)
+        merged = words.removesuffix(WHOLE)
         if own is not None:
             first.setdefault(merged, own)
         yield ScaleMeasurement(
@@ -157,9 +155,9 @@ def table(rows: Sequence[ScaleMeasurement]) -> str:
 
 def _edit(settings: ScaleSettings, words: str, scene: Path, out: Path) -> tuple[float, float]:
     """Seconds and gigabytes of `gsedit edit`. Raises GseditError where it fails."""
-    run = f"{WITHOUT if words.startswith(UNMERGED) else ''}from gsedit_cli.main import main; main()"
+    run = "from gsedit_cli.main import main; main()"
     command = [
-        sys.executable, "-c", run, "edit", str(scene), *shlex.split(words.removeprefix(UNMERGED)), "--data",
+        sys.executable, "-c", run, "edit", str(scene), *shlex.split(words), "--data",
         str(settings.data), "--size", str(settings.size), "-o", str(out), "--force",
     ]  # fmt: skip
     out.parent.mkdir(parents=True, exist_ok=True)
