@@ -13,7 +13,7 @@ from research.scale import measure
 
 SMALL = "'turn it into a bronze statue' --editor small"
 EDITS = (SMALL, f"{SMALL} --disable merging", "'make it gold'", "'remove the bear'")
-"""A look that `small` paints, a material, and a removal."""
+"""A look that `small` paints, and again with every Gaussian alone; a material; a removal."""
 
 
 def scale(
