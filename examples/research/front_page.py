@@ -113,7 +113,7 @@ def fit(quality: str) -> Callable[[Places], Row]:
     def measure(places: Places) -> Row:
         scene = places.bear if quality == "draft" else places.out / f"{quality}.ply"
         spent = gsedit("fit", places.photos, "-o", scene, "--quality", quality, "-f")
-        decibels = re.findall(r"(\d+\.\d) dB", spent[0])[-1]
+        decibels = re.findall(r"(\d+\.\d+) dB", spent[0])[-1]
         result, words = f"{decibels} dB at held-out photos", f"gsedit fit --quality {quality}"
         return row(f"fit of the bear, `{quality}`", result, spent, words, "fitting")
 
