@@ -33,8 +33,6 @@ WITH_UNIT = re.compile(
 WITH_EXPONENT = re.compile(r"(?<![\w.,])(\d+(?:\.\d+)?e-?\d+)()")
 LINK = re.compile(r"\]\(docs/measurements/([\w-]+\.md)")
 EXEMPT = {
-    "40 seconds": "the demo's, of make demo: no results page holds it yet",
-    "five minutes": "the tests', of make test: no results page holds it yet",
     "99 materials": "not measured: counted in the code, see below",
     "three minutes": "the name of a page",
 }
@@ -90,7 +88,7 @@ def unproved(text: str) -> list[str]:
 
 def test_every_number_stands_in_the_page_that_it_links_to():
     text = (ROOT / "README.md").read_text()
-    assert len([each for block in blocks(text) for each in numbers(block)]) > 20
+    assert len([each for block in blocks(text) for each in numbers(block)]) > 15
     assert unproved(text) == []
 
 

@@ -222,7 +222,7 @@ ROWS: dict[str, Callable[[Places], Row]] = {
     **{f"make {target}": make(target) for target in ("demo", "test")},
 }
 
-SHOWN = ("capture", "fit draft", "fit normal", *EDITS, "render", "convert")
+SHOWN = ("capture", "fit draft", "material", "small", "render", "convert")
 """The rows of README.md."""
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 import torch
-from research.scale.divide import divide
+from divide import divide
 
 from gsedit.measures.metrics import psnr
 from gsedit.scene.merging.groups import coarsen
