@@ -12,6 +12,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PAGES = ROOT / "docs" / "measurements"
+ALWAYS = (PAGES / "front-page.md", PAGES / "index.md")
 NAMES = ("two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 WORDS = {name: value for value, name in enumerate(NAMES, 2)}
 """Numbers that prose writes in letters."""
@@ -70,10 +71,11 @@ def stands(number: str, unit: str, text: str) -> bool:
 
 
 def results_of(block: str) -> str:
-    """All results files that a block links to, and the page that describes machines and scenes."""
+    """All results files that a block links to, the page of the README's own table, and the page
+    that describes machines and scenes."""
     pages = [PAGES / name for name in LINK.findall(block)]
     tables = [each for page in pages for each in (PAGES / "data").glob(f"{page.stem}-*.csv")]
-    return "\n".join(each.read_text() for each in (*pages, *tables, PAGES / "index.md"))
+    return "\n".join(each.read_text() for each in (*pages, *tables, *ALWAYS))
 
 
 def unproved(text: str) -> list[str]:
