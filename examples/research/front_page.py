@@ -1,4 +1,4 @@
-"""What README.md shows as measured, from one commit: `python -m research.front_page PHOTOS -o OUT`.
+"""The measured rows of README.md, by one script: `python -m research.front_page PHOTOS -o OUT`.
 
 Each row is one command in a process of its own: its seconds and its errors. Rows are kept in OUT: a
 row that is there is not measured again. With --write-docs, the tables of the pages are replaced
@@ -60,7 +60,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Places:
-    """Where the inputs are, and where the results go."""
+    """The inputs, and the folder of the results."""
 
     photos: Path
     garden: Path | None
@@ -72,7 +72,7 @@ class Places:
 
 
 def clocked(*words: object) -> tuple[str, float, float]:
-    """What a command printed on stderr, its seconds and CPU seconds. Raises SystemExit with its
+    """The output of a command, its seconds and CPU seconds. Raises SystemExit with its
     last line where it fails."""
     before, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
     done = subprocess.run([*map(str, words)], capture_output=True, text=True, check=False)
@@ -84,7 +84,7 @@ def clocked(*words: object) -> tuple[str, float, float]:
 
 
 def gsedit(*words: object) -> tuple[str, float, float]:
-    """See `clocked`."""
+    """A command of gsedit, clocked (see `clocked`)."""
     return clocked(sys.executable, "-m", "gsedit_cli", *words)
 
 
