@@ -33,11 +33,11 @@ ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "measurements" / "front-page.md"
 STATUE = "turn the bear into a bronze statue"
 EDITS = {
-    "material": ("bronze as a material", STATUE),
-    "small": ("bronze by `small`", f"{STATUE}|--editor|small"),
-    "removal": ("the bear removed", "remove the bear"),
+    "material": ("bronze as a material", (STATUE,)),
+    "small": ("bronze by `small`", (STATUE, "--editor", "small")),
+    "removal": ("the bear removed", ("remove the bear",)),
 }
-"""By name: what it is called, and words of `gsedit edit` between bars."""
+"""By name: what it is called, and words of `gsedit edit`."""
 APART = ("--no-consensus", "--noise", "independent")
 MILLIONS = 10
 
@@ -132,11 +132,8 @@ def edit(name: str) -> Callable[[Places], Row]:
     """An edit of the bear; what is outside is told by outlines drawn by hand."""
 
     def measure(places: Places) -> Row:
-        (what, words), folder, record = EDITS[name], places.out / name, places.out / f"{name}.json"
-        said = words.split("|")
-        spent = gsedit(
-            "edit", places.bear, *said, "--data", places.photos, "-o", folder, "-f"
-        )  # fmt: skip
+        (what, said), folder, record = EDITS[name], places.out / name, places.out / f"{name}.json"
+        spent = gsedit("edit", places.bear, *said, "--data", places.photos, "-o", folder, "-f")
         write_masks(places.out / "masks")
         gsedit("metrics", folder, "--subject-masks", places.out / "masks", "-o", record, "-f")
         result = (
@@ -228,12 +225,12 @@ SHOWN = ("capture", "fit draft", "material", "small", "render", "convert")
 
 def table(rows: Sequence[Row], *, links: bool) -> str:
     """The rows for people; with links, as README.md has them."""
-    head = ("what", "result", "seconds", *(() if links else ("CPU s",)), "command")
+    head = ("what", "result", "time", *(() if links else ("CPU time",)), "command")
     lines = []
     for each in rows:
         page = f" ([page](docs/measurements/{each.page}.md))" if links else ""
         spent = (each.seconds,) if links else (each.seconds, each.cpu)
-        cells = ("" if value is None else f"{value:.{int(value < 100)}f}" for value in spent)
+        cells = ("" if value is None else f"{value:.{int(value < 100)}f} s" for value in spent)
         lines.append((each.what, each.result, *cells, f"`{each.command}`{page}"))
     return markdown_table(head, lines)
 

@@ -70,7 +70,7 @@ class Painter:
     """Takes what drawing raised; the next request is drawn again."""
     rate: Rate = field(default_factory=Rate)
     _moved: float = 0.0
-    """When the camera moved last."""
+    """When the camera moved last; 0 before the first `look`, until which nothing is drawn."""
     _drawn: tuple[int, bool] = (0, False)
     """The newest request that was drawn, and whether in full."""
     _newest: int = 0
@@ -118,14 +118,16 @@ class Painter:
 
     def _due(self) -> bool:
         """Whether a picture is to be drawn now."""
+        if not self._moved:
+            return False
         number, full = self._drawn
         if number < self._newest:
             return True
-        return number > 0 and not full and time.monotonic() - self._moved >= REST
+        return not full and time.monotonic() - self._moved >= REST
 
     def _patience(self) -> float | None:
         """Seconds until a camera that has not moved since rests; None where that is drawn."""
-        if self._drawn[0] == 0 or self._drawn == (self._newest, True):
+        if not self._moved or self._drawn == (self._newest, True):
             return None
         return max(self._moved + REST - time.monotonic(), 0.01)
 

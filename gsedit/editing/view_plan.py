@@ -104,7 +104,7 @@ def plan_views(
     Stops after `most` batches, when a batch reaches `coverage`, or when no view is left. Less
     overlap is asked for where much would stay unseen for it, and can be seen (`GOALS`).
     """
-    planner = _Planner(weights, overlap, torch.ones(len(weights)) if whole is None else whole)
+    planner = _Planner(weights, torch.ones(len(weights)) if whole is None else whole)
     plans: list[ViewPlan] = []
     for share in GOALS if overlap else GOALS[:1]:
         planner.goal = share * overlap
@@ -137,21 +137,19 @@ def random_plan(weights: Float[Tensor, "v n"], size: int, most: int, seed: int) 
     count = min(most, -(-views // size))
     ends = [min(size * (k + 1), views) for k in range(count)]
     batches = tuple(tuple(drawn[size * k : end].tolist()) for k, end in enumerate(ends))
-    planner = _Planner(weights, 0.0, torch.ones(views))
+    planner = _Planner(weights, torch.ones(views))
     return ViewPlan(batches, tuple(planner.coverage(drawn[:end].tolist()) for end in ends))
 
 
 class _Planner:
     """Record of what views cover, share and show whole; finds the next batch."""
 
-    def __init__(
-        self, weights: Float[Tensor, "v n"], overlap: float, whole: Float[Tensor, " v"]
-    ) -> None:
+    def __init__(self, weights: Float[Tensor, "v n"], whole: Float[Tensor, " v"]) -> None:
         weights = weights[:, :: 1 + weights.shape[1] // MAX_PLANNED_GAUSSIANS].float()
         self.covers = covers(weights).float()
         self.worth = weights.sum(0) / weights.sum().clamp_min(1e-9)
         self.shared = view_overlap(weights, weights)
-        self.goal = overlap
+        self.goal = 0.0
         self.cut_off = 1 - whole.float()
 
     def coverage(self, views: Sequence[int]) -> float:

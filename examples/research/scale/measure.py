@@ -83,20 +83,21 @@ def measure_scale(settings: ScaleSettings, folder: Path) -> Iterator[Event | Sca
 
     rows = len(load(settings.scene))
     first: dict[str, list[Float[Tensor, "h w 3"]]] = {}
+    sizes = {1: (settings.scene, rows)}
     tasks = [
         (copies, words) for copies in sorted({1, *settings.copies}) for words in settings.edits
     ]
     for index, (copies, words) in enumerate(tasks):
         yield Event("scale", 0.0, index, len(tasks), note=f"{copies} copies: {words}")
-        path = settings.scene
-        if copies > 1:
-            path = folder / f"scene_{copies}.ply"
-            if not path.exists():
-                save(side_by_side(load(settings.scene), copies), path)
+        if copies not in sizes:
+            many = side_by_side(load(settings.scene), copies)
+            sizes[copies] = folder / f"scene_{copies}.ply", len(many)
+            save(many, sizes[copies][0], overwrite=True)
+            del many
+        path, count = sizes[copies]
         out = folder / f"edit_{copies}_{settings.edits.index(words)}"
         seconds, peak = _edit(settings, words, path, out)
         edited, record = load(out / "scene.ply"), read_edit_record(out / "edit.json")
-        count = len(load(path))
         own = pictures(edited[:rows]) if len(edited) == count else None
         merged = words.removesuffix(WHOLE)
         if own is not None:
