@@ -90,10 +90,7 @@ def measure_scale(settings: ScaleSettings, folder: Path) -> Iterator[Event | Sca
     for index, (copies, words) in enumerate(tasks):
         yield Event("scale", 0.0, index, len(tasks), note=f"{copies} copies: {words}")
         if copies not in sizes:
-            many = side_by_side(load(settings.scene), copies)
-            sizes[copies] = folder / f"scene_{copies}.ply", len(many)
-            save(many, sizes[copies][0], overwrite=True)
-            del many
+            sizes[copies] = _save_copies(settings.scene, copies, folder)
         path, count = sizes[copies]
         out = folder / f"edit_{copies}_{settings.edits.index(words)}"
         seconds, peak = _edit(settings, words, path, out)
@@ -113,6 +110,13 @@ def measure_scale(settings: ScaleSettings, folder: Path) -> Iterator[Event | Sca
             kept=_held_out(record, "psnr_outside_region"),
             psnr_of_edits=None if own is None else _mean_psnr(own, first[merged]),
         )
+
+
+def _save_copies(scene: Path, copies: int, folder: Path) -> tuple[Path, int]:
+    """The file of so many copies side by side, and its number of Gaussians."""
+    many, path = side_by_side(load(scene), copies), folder / f"scene_{copies}.ply"
+    save(many, path, overwrite=True)
+    return path, len(many)
 
 
 def _held_out(record: dict[str, Any], name: str) -> float | None:
