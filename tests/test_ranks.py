@@ -168,6 +168,27 @@ def test_torchrun_may_ask_a_rank_to_end_that_is_about_to(monkeypatch):
     assert str(ends) == "rank 1 of 2 ended without a word: killed, out of memory, or cut off"
 
 
+@pytest.mark.parametrize(
+    ("said", "blamed"),
+    [
+        ({0: "", 1: "asked to end", 3: "interrupted"}, "rank 3 of 4 was interrupted"),
+        ({0: "", 1: "asked to end", 3: "asked to end"}, "rank 1 of 4 was asked to end"),
+        ({1: "interrupted", 2: "no memory", 3: ""}, "rank 2 of 4 failed: no memory"),
+        ({1: "no memory", 3: None}, "rank 3 of 4 ended without a word"),
+        ({0: "", 1: ""}, ""),
+    ],
+)
+def test_the_rank_that_ended_the_others_is_named(monkeypatch, said, blamed):
+    monkeypatch.setattr(command, "joined", lambda: True)
+    monkeypatch.setattr(ranks.Ranks, "ends", lambda here: said)
+    monkeypatch.setattr(command, "ranks", lambda: ranks.Ranks(2, 4, store=Store()))
+    before = signal.getsignal(signal.SIGTERM)
+    lost = ranks.LostRankError("another rank ended")
+    ends = command.cause(lost)
+    signal.signal(signal.SIGTERM, before)
+    assert ends is lost if not blamed else str(ends).startswith(blamed)
+
+
 @pytest.mark.parametrize("what", ["nothing", "silent", "ended", "cut"])
 def test_a_pulse_finds_a_rank_that_is_gone(monkeypatch, what):
     monkeypatch.setattr(pulse, "TICK_SECONDS", 0.002)

@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -21,8 +21,9 @@ if TYPE_CHECKING:
 
 VERBS = ("edit", "fit")
 """Those that share out their work."""
-INTERRUPTED = "interrupted"
-"""Word for the others of a rank that Ctrl-C or SIGTERM ended."""
+INTERRUPTED, ASKED = "interrupted", "asked to end"
+"""Words for the others of a rank that Ctrl-C ended, and of one that SIGTERM ended: by torchrun,
+because of another rank, or by `kill`."""
 
 
 def is_first() -> bool:
@@ -87,27 +88,37 @@ def cause(error: Exception) -> Exception:
         if here.rank and os.environ.get("LOCAL_RANK") == "0":
             sys.stderr.write(f"gsedit: rank {here.rank} of {here.size}: {error}\n")
         return error
-    here.say_end(explain(error)[0] if own else INTERRUPTED * isinstance(error, Interrupted))
-    if own or _is_by_user(error):
+    by_user = _is_by_user(error)
+    word = INTERRUPTED if by_user else ASKED * isinstance(error, Interrupted)
+    here.say_end(explain(error)[0] if own else word)
+    if own or by_user:
         return error
     said = here.ends()
     silent = [rank for rank, reason in said.items() if reason is None]
-    failed = {rank: reason for rank, reason in said.items() if reason not in ("", None)}
-    real = {rank: reason for rank, reason in failed.items() if reason != INTERRUPTED}
-    if silent:
-        what = f"{_named(silent, here.size)}: killed, out of memory, or cut off"
-    elif real:
-        what = "; ".join(f"rank {rank} of {here.size} failed: {real[rank]}" for rank in real)
-    elif failed and not isinstance(error, Interrupted):
-        return Interrupted(f"rank {min(failed)} of {here.size} was {INTERRUPTED}")
-    else:
+    word, what = _blame(said, here.size)
+    is_asked = isinstance(error, Interrupted)
+    if not what or (is_asked and word == ASKED):
         return error
-    rest = f"; {error}" if isinstance(error, Interrupted) else ""
+    rest = f"; {error}" if is_asked else ""
     if 0 in silent:  # it wrote the checkpoints, and the first of the others speaks for it
         rest = "; what rank 0 kept is in the folder of its output"
         if here.rank == min({here.rank, *said} - set(silent)):
             sys.stderr.write(f"gsedit: {what}{rest}\n")
-    return GseditError(f"{what}{rest}")
+    return (Interrupted if word else GseditError)(f"{what}{rest}")
+
+
+def _blame(said: Mapping[int, str | None], size: int) -> tuple[str, str]:
+    """The ranks that ended the run, by what each says of its end: INTERRUPTED, ASKED or "" for a
+    fault, and a sentence, "" where no rank says anything."""
+    failed = {rank: reason for rank, reason in said.items() if reason}
+    if silent := [rank for rank, reason in said.items() if reason is None]:
+        return "", f"{_named(silent, size)}: killed, out of memory, or cut off"
+    if real := {rank: word for rank, word in failed.items() if word not in (INTERRUPTED, ASKED)}:
+        return "", "; ".join(f"rank {rank} of {size} failed: {real[rank]}" for rank in real)
+    for word in (INTERRUPTED, ASKED):  # torchrun asks the others of one that Ctrl-C ended
+        if rank := next((str(rank) for rank, said in failed.items() if said == word), ""):
+            return word, f"rank {rank} of {size} was {word}"
+    return "", ""
 
 
 def _is_by_user(error: Exception) -> bool:
