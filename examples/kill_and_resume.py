@@ -4,7 +4,7 @@ python examples/kill_and_resume.py out/kills 10 [--photos FOLDER] [--only TEXT]
 
 Prints a row a command: of so many kills, how many came while it worked; how many left nothing under
 the output's name, a whole output, a broken one; and how many of the second runs ended well, with
-which largest difference from a run that nobody killed. With --photos, capture is among the commands.
+which largest difference from a run that nobody killed. With --photos, capture is one of them.
 """
 
 from __future__ import annotations
