@@ -189,6 +189,20 @@ def test_the_rank_that_ended_the_others_is_named(monkeypatch, said, blamed):
     assert ends is lost if not blamed else str(ends).startswith(blamed)
 
 
+@pytest.mark.parametrize("rank", [0, 1])
+def test_where_torchrun_is_gone_no_rank_is_blamed(monkeypatch, capsys, rank):
+    store = Store()
+    store.cut = True
+    monkeypatch.setattr(command, "joined", lambda: True)
+    monkeypatch.setattr(command, "ranks", lambda: ranks.Ranks(rank, 4, store=store))
+    monkeypatch.setenv("LOCAL_RANK", "0")
+    before = signal.getsignal(signal.SIGTERM)
+    ends = command.cause(ranks.LostRankError("another rank ended"))
+    signal.signal(signal.SIGTERM, before)
+    assert str(ends).startswith("torchrun does not answer")
+    assert ("rank 1 of 4: torchrun" in capsys.readouterr().err) == bool(rank)
+
+
 @pytest.mark.parametrize("what", ["nothing", "silent", "ended", "cut"])
 def test_a_pulse_finds_a_rank_that_is_gone(monkeypatch, what):
     monkeypatch.setattr(pulse, "TICK_SECONDS", 0.002)

@@ -84,16 +84,17 @@ def cause(error: Exception) -> Exception:
         return error
     signal.signal(signal.SIGTERM, signal.SIG_IGN)  # torchrun asks a rank to end that is about to
     here, own = ranks(), not isinstance(error, (Interrupted, LostRankError))
-    if here.pulse and here.pulse.is_store_lost:  # nobody can be asked: each machine says it
-        if here.rank and os.environ.get("LOCAL_RANK") == "0":
-            sys.stderr.write(f"gsedit: rank {here.rank} of {here.size}: {error}\n")
-        return error
     by_user = _is_by_user(error)
     word = INTERRUPTED if by_user else ASKED * isinstance(error, Interrupted)
     here.say_end(explain(error)[0] if own else word)
     if own or by_user:
         return error
-    said = here.ends()
+    try:
+        said = here.ends()
+    except LostRankError as lost:  # nobody can be asked: each machine says it
+        if here.rank and os.environ.get("LOCAL_RANK") == "0":
+            sys.stderr.write(f"gsedit: rank {here.rank} of {here.size}: {lost}\n")
+        return type(error)(f"{lost}; {error}") if isinstance(error, Interrupted) else lost
     silent = [rank for rank, reason in said.items() if reason is None]
     word, what = _blame(said, here.size)
     is_asked = isinstance(error, Interrupted)

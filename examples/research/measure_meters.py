@@ -193,8 +193,7 @@ def main(
         for editor, (_, seeds) in EDITS.items()
     }
     tables = {f"meters-{editor}": table(records, editor) for editor in EDITS}
-    made = provenance()
-    where = f"{made.date}, commit {made.commit}, {made.machine}, threads {made.threads}."
+    where = str(provenance())
     print_result("\n\n".join([where, *tables.values()]))
     if docs:
         found = {"meters-conditions": where, **tables}

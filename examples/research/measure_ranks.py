@@ -1,9 +1,11 @@
 """Edits and fits on several ranks and on two machines, ended from outside, and resumed.
 
-`python -m research.measure_ranks FOLDER` prints a table: seconds from the event until every process
-has ended, the line that the user reads, and what `--resume` makes of it. The two machines are
-network namespaces of this one, joined by a virtual cable (Linux, root, `ip`); without them the two
-torchruns meet on the loopback.
+python -m research.measure_ranks -o out/ranks --write-docs
+
+A table: seconds from the event until every process has ended, the line that the user reads, and
+what `--resume` makes of it; `--only fit` measures a part. The two machines are network namespaces
+of this one, joined by a virtual cable (Linux, root, `ip`); without them the two torchruns meet on
+the loopback.
 """
 
 from __future__ import annotations
@@ -19,17 +21,23 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import torch
+import typer
 
 import gsedit
+from gsedit.bench.provenance import provenance
 from gsedit.bench.results import markdown_table, write_text
 from gsedit.datasets.cameras_json import write_cameras
 from gsedit.datasets.dataset import Dataset, capture
 from gsedit.runs.state import load_state
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
+from research.command import Output, print_message, print_result, run
 from research.fit.captures import write_dataset
+from research.paper.tables import write_tables
 
+PAGE = Path(__file__).parents[2] / "docs" / "measurements" / "ranks.md"
 EDIT = (
     "edit {scene} gold --region all --size 64 --views 2 --batches 2 --steps 2 --loss mse+gram "
     "--update-steps 60 --checkpoint-every 0.3 -f -o {out}"
@@ -242,19 +250,16 @@ def make_inputs(out: Path) -> None:
     write_dataset(Dataset(views, scene.means.double(), colors), out / "photos")
 
 
-def main(out: Path, chosen: str = "") -> None:
-    """Measure all cases, or those whose name holds a text; print the table and write ranks.md."""
+def main(
+    out: Output,
+    chosen: Annotated[str, typer.Option("--only", help="A part of the cases' names.")] = "",
+    docs: Annotated[bool, typer.Option("--write-docs", help="Write the page.")] = False,
+) -> None:
+    """Measure all cases, or those whose name holds a text, and print the table."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
     out.mkdir(parents=True, exist_ok=True)
     make_inputs(out)
-    head = (
-        "",
-        "ranks",
-        "ended after, s",
-        "said",
-        "kept; parts",
-        "resumed, difference",
-    )
+    head = ("", "ranks", "ended after, s", "said", "kept; parts", "resumed, difference")
     rows: list[list[str]] = []
     wholes: dict[tuple[str, tuple[int, ...]], Path] = {}
     asked = [case for case in CASES if chosen in f"{case[0]} {case[1]} {case[2]}"]
@@ -275,10 +280,12 @@ def main(out: Path, chosen: str = "") -> None:
             command = text.format(**places, out=folder)
             cells = measure(command, folder, ranks, act, wholes[verb, ranks])
             rows.append([f"{verb}, {name}", shown, *cells])
-            print(rows[-1], flush=True)  # noqa: T201
-    write_text(out / "ranks.md", (table := markdown_table(head, rows)) + "\n")
-    print(table)  # noqa: T201
+            print_message(" | ".join(rows[-1]))
+    print_result(table := markdown_table(head, rows))
+    if docs:
+        found = {"ranks-conditions": str(provenance()), "ranks": table}
+        write_text(PAGE, write_tables(PAGE.read_text(), found))
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), *sys.argv[2:3])
+    run(main)

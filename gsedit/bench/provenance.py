@@ -26,6 +26,9 @@ class Provenance:
     date: str
     """Date and time, ISO 8601, UTC."""
 
+    def __str__(self) -> str:
+        return f"{self.date}, commit {self.commit}, {self.machine}, {self.threads} threads."
+
 
 def provenance() -> Provenance:
     """Provenance of a measurement that is taken now."""

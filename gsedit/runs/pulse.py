@@ -15,6 +15,8 @@ MISSED_MOST = 10
 """Signs of life that may be missing before a rank counts as gone, 30 s: a busy machine swaps."""
 ENDED = "ended"
 """Key that is set when any rank ends early."""
+STORE_LOST = "torchrun does not answer: it was killed, or its machine is cut off"
+"""Why ranks cannot go on whose store is gone: torchrun holds it."""
 
 
 class Pulse(threading.Thread):
@@ -68,7 +70,7 @@ class Pulse(threading.Thread):
 
     def _lose_store(self) -> None:
         self.is_store_lost = True
-        self.lost = "torchrun does not answer: it was killed, or its machine is cut off"
+        self.lost = STORE_LOST
 
     def _beat(self, tick: int) -> None:
         self._store.set(f"beat/{self._rank}", str(tick))

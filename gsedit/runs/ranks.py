@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from gsedit.errors import GseditError
-from gsedit.runs.pulse import ENDED, Pulse
+from gsedit.runs.pulse import ENDED, STORE_LOST, Pulse
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -182,15 +182,27 @@ class Ranks:
 
     def say_end(self, reason: str) -> None:
         """Leave word of why this rank ends; "" where another caused it."""
+        if self._is_cut_off:
+            return
         with suppress(RuntimeError):  # the store is gone, with torchrun
             self.store.set(f"end/{self.rank}", reason)
             self.store.set(ENDED, "")
 
+    @property
+    def _is_cut_off(self) -> bool:
+        """Whether a question to the store would hang."""
+        return self.pulse is not None and self.pulse.is_store_lost
+
     def ends(self) -> dict[int, str | None]:
-        """Why the other ranks end (see `say_end`); None of those that say nothing in time."""
+        """Why the other ranks end (see `say_end`); None of those that say nothing in time.
+
+        Raises LostRankError where the store does not answer: nobody can be asked.
+        """
         said: dict[int, str | None] = dict.fromkeys(set(range(self.size)) - {self.rank})
         began = time.monotonic()
         while silent := [rank for rank, reason in said.items() if reason is None]:
+            if self._is_cut_off:
+                raise LostRankError(STORE_LOST)
             if time.monotonic() - began > (ANSWER_SECONDS if len(silent) == 1 else LONGEST_ANSWER):
                 break
             try:
@@ -200,8 +212,8 @@ class Ranks:
                         said[rank] = self.store.get(f"end/{rank}").decode()
             except KeyboardInterrupt:  # the rank is about to end
                 continue
-            except RuntimeError:  # the store is gone, with torchrun
-                break
+            except RuntimeError as error:
+                raise LostRankError(STORE_LOST) from error
         return said
 
     def _gathered(self, tensor: Tensor) -> list[Tensor]:
