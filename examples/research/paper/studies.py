@@ -46,7 +46,7 @@ class Size:
 
 
 QUICK = Size("quick", 2, 2, 2, 64, 1000, 16, 60, 20, 20)
-FULL = Size("full", 5, SEEDS, REPEATS, 256, 50_000, 32, 1000, 270)
+FULL = Size("full", 5, SEEDS, REPEATS, 256, 50_000, 32, 3000, 800)
 
 
 @dataclass(frozen=True)
