@@ -18,6 +18,9 @@ PAPER_STEP, PAPER_EVALUATION = 0.15, 30 / (4 * 3 * 50)
 """Seconds on the paper's A100: a step of fitting, and an evaluation, from its 30 s a batch of four
 views in 50 steps under three conditions."""
 
+CONDITIONS = 3
+"""Evaluations of InstructPix2Pix a denoising step: with words and picture, with one, with none."""
+
 
 @dataclass(frozen=True)
 class Costs:
@@ -38,12 +41,16 @@ class Costs:
         return editing + rest
 
 
-def regimes(real: float) -> dict[str, Costs]:
-    """As measured; with a real editor of so many seconds an evaluation; and the paper's."""
+def regimes(real: float, branches: int = CONDITIONS) -> dict[str, Costs]:
+    """As measured; with a real editor of so many seconds an evaluation; and the paper's.
+
+    `branches`: evaluations a step of the editor that ran in the real one's place, which has three.
+    """
+    times = CONDITIONS / branches
     return {
         "measured": Costs("this editor, as measured"),
-        "real": Costs("InstructPix2Pix here", real),
-        "paper": Costs("the paper's costs on an A100", PAPER_EVALUATION, PAPER_STEP),
+        "real": Costs("InstructPix2Pix here", times * real),
+        "paper": Costs("the paper's costs on an A100", times * PAPER_EVALUATION, PAPER_STEP),
     }
 
 

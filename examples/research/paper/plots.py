@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from math import isfinite
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -20,10 +19,10 @@ from research.paper.arms import (
     base_of,
     t_end_label,
 )
-from research.paper.costs import PAPER_EVALUATION, PAPER_STEP, regimes
+from research.paper.costs import CONDITIONS, PAPER_EVALUATION, PAPER_STEP, regimes
 from research.paper.runs import Run
 from research.paper.statistics import spread
-from research.paper.studies import CLOSED_FORM, SMALL, VARIED, Study
+from research.paper.studies import BRANCHES, CLOSED_FORM, SMALL, VARIED, Study
 from research.paper.summary import RATIOS, Records
 from research.paper.tables import COLUMNS, change, factorial_effects
 
@@ -53,16 +52,17 @@ def error_curves(studies: Sequence[Study], records: Records, real: float, path: 
             groups.setdefault(f"{run.editor}, {where}", {})[run.key] = run
     figure, panels = _figure(len(groups), 3)
     handles: dict[str, Any] = {}
-    at = regimes(real)
-    columns = (
-        ("processor seconds, as measured", at["measured"].seconds),
-        ("hours, InstructPix2Pix here", lambda p: at["real"].seconds(p) / 3600),
-        ("views that the editor was asked for", lambda p: float(p.calls)),
-    )
     for line, (name, runs) in zip(panels, groups.items()):
+        own = list(runs.values())
+        at = regimes(real, BRANCHES[own[0].editor])
+        columns = (
+            ("processor seconds, as measured", at["measured"].seconds),
+            ("hours, InstructPix2Pix here", lambda p, at=at: at["real"].seconds(p) / 3600),
+            ("views that the editor was asked for", lambda p: float(p.calls)),
+        )
         for axes, (label, cost) in zip(line, columns):
             frame(axes, name, 9)
-            handles |= _curves(axes, list(runs.values()), records, cost)
+            handles |= _curves(axes, own, records, cost)
             axes.set_xscale("log")
             axes.set_xlabel(label, fontsize=8)
             axes.tick_params(labelsize=8)
@@ -89,7 +89,8 @@ def _curves(
     axes: Any, runs: Sequence[Run], records: Records, cost: Callable[[Any], float],
     *, similar: bool = False,
 ) -> dict[str, Any]:  # fmt: skip
-    """A line an arm: the mean over scenes and seeds, and one standard deviation."""
+    """A line an arm: the mean over scenes and seeds, and one standard deviation. A run that has
+    ended stays as it is until the last one has."""
     import numpy as np
 
     handles = {}
@@ -100,7 +101,7 @@ def _curves(
         firsts = [x for c in costs for x in c if x > 0]
         if not ends:
             continue
-        grid = np.geomspace(max(min(firsts), min(ends) / 300), min(ends), SAMPLES).tolist()
+        grid = np.geomspace(max(min(firsts), min(ends) / 300), max(ends), SAMPLES).tolist()
         values = [
             list(r.similarity) if similar else [psnr_from_rmse(e) for e in r.errors] for r in group
         ]
@@ -155,8 +156,9 @@ def _mark_costs(axes: Any, summary: Mapping[str, Any], editor: str) -> None:
         median(race[name] for race in summary["races"] if race["editor"] == editor)
         for name in ("step_s", "evaluation_s")
     )
-    real = summary["costs"]["real_evaluation_seconds"]
-    marks = {"paper, A100": PAPER_EVALUATION / PAPER_STEP}
+    times = CONDITIONS / BRANCHES[editor]
+    real = times * summary["costs"]["real_evaluation_seconds"]
+    marks = {"paper, A100": times * PAPER_EVALUATION / PAPER_STEP}
     marks |= {"InstructPix2Pix here": real / step, "measured": evaluation / step}
     for name, x in marks.items():
         axes.axvline(x, color="#999999", linewidth=0.9, linestyle=":")
@@ -212,7 +214,7 @@ def _forest(
                 if each is None:
                     continue
                 y = row + 0.22 * (k - (len(groups) - 1) / 2)
-                if isfinite(each.low):
+                if each.has_interval:
                     axes.plot([each.low, each.high], [y, y], color=color, linewidth=1.3)
                 (dot,) = axes.plot([each.effect], [y], marker, color=color, markersize=4)
                 handles[group] = dot

@@ -5,7 +5,6 @@ from __future__ import annotations
 import statistics
 from collections.abc import Iterable
 from dataclasses import dataclass
-from math import log
 from typing import NamedTuple
 
 from gsedit.bench.edit import Point
@@ -17,8 +16,6 @@ AS_GOOD = 1.05
 LAST = 0.1
 """The final error is the mean over this last share of the steps: single points of iterative
 fluctuate."""
-NOT_REACHED = 0.1
-"""The factor that counts for an error that is not reached: ten times later."""
 
 
 class Spread(NamedTuple):
@@ -69,15 +66,14 @@ class Race:
         return costs.seconds(self.iterative) / max(costs.seconds(self.own), 1e-9)
 
 
-def race(record: Record, iterative: Record) -> Race:
-    """To an error up to AS_GOOD times iterative's final one, or to its best where that is more."""
+def race(record: Record, iterative: Record, share: float = 1.0) -> Race:
+    """To an error up to AS_GOOD times iterative's final one, or to its best where that is more.
+
+    `share`: of the decibels from the unedited scene's error to that; a half: half of the way.
+    """
     best = min(e for point, e in zip(iterative.curve, iterative.errors) if point.steps)
     goal = max(AS_GOOD * final_error(iterative), best)
+    goal *= (iterative.errors[0] / goal) ** (1 - share)
     theirs = reached(iterative, goal)
     assert theirs is not None
     return Race(reached(record, goal), theirs)
-
-
-def log_factor(factor: float) -> float:
-    """Logarithm of a speed-up; 0, which is one that is not reached, counts as NOT_REACHED."""
-    return log(max(factor, NOT_REACHED))

@@ -115,6 +115,7 @@ STEP_S, SOLVE_S, FIXED_S = 0.014, 1.5, 5.0
 """Processor seconds of a fitting step on two crops of 64 pixels, of a solve, and of everything
 else in a run: survey, matching, measurements."""
 BRANCHES = {CLOSED_FORM: 3, VARIED: 1, SMALL: 2}
+"""Evaluations of an editor a denoising step."""
 
 
 def estimated_seconds(run: Run) -> float:

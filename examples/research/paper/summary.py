@@ -11,7 +11,7 @@ from research.paper.arms import ITERATIVE, PAPER
 from research.paper.costs import PAPER_EVALUATION, PAPER_STEP, Costs, regimes
 from research.paper.runs import Record, Run
 from research.paper.statistics import AS_GOOD, Race, final_error, race
-from research.paper.studies import Size, Study, distinct, estimate
+from research.paper.studies import BRANCHES, Size, Study, distinct, estimate
 
 Records = Mapping[str, Record]
 """By the key of the run."""
@@ -71,7 +71,7 @@ def summarise(
         },
         "plan": estimate(studies, records),
         "rows": [row for study in studies for row in _rows(study, records)],
-        "races": list(_races(studies, records, regimes(real))),
+        "races": list(_races(studies, records, real)),
     }
 
 
@@ -90,9 +90,7 @@ def _rows(study: Study, records: Records) -> Iterator[dict[str, Any]]:
             }  # fmt: skip
 
 
-def _races(
-    studies: Sequence[Study], records: Records, costs: Mapping[str, Costs]
-) -> Iterator[dict[str, Any]]:
+def _races(studies: Sequence[Study], records: Records, real: float) -> Iterator[dict[str, Any]]:
     """Every arm's race against iterative on its scene, editor and seed, and the processor seconds
     of an evaluation and of a step there."""
     runs = [run for study in studies for run in study.runs if run.key in records]
@@ -102,13 +100,17 @@ def _races(
         if against is None or record is against:
             continue
         found, alone = race(record, against), of.get((PAPER, case, editor, seed))
+        half = race(record, against, share=0.5)
         begun, end = alone.curve[-1].steps if alone else None, against.curve[-1]
+        costs = regimes(real, BRANCHES[editor])
         yield {
             "arm": label, "editor": editor, "scene": case.name, "seed": seed,
             **{name: found.speed_up(each) for name, each in costs.items()},
+            **{f"half_{name}": half.speed_up(each) for name, each in costs.items()},
             "by_ratio": [found.speed_up(Costs("", ratio, 1.0)) for ratio in RATIOS],
             "steps_from_scratch": found.iterative.steps,
             "further_steps": _further(found, begun),
+            "further_most": None if begun is None else record.curve[-1].steps - begun,
             "evaluation_s": end.editing_cpu / max(end.evaluations, 1),
             "step_s": (end.cpu - end.editing_cpu) / max(end.steps, 1),
         }  # fmt: skip

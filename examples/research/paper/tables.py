@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import combinations, product
+from itertools import chain, combinations, product
+from statistics import fmean, median_low
 from typing import Any
 
 from gsedit.bench.results import markdown_table
 from research.paper.arms import (
     COMBINED,
+    DEFAULT,
     FACTORS,
     ITERATIVE,
     PAPER,
@@ -17,7 +19,7 @@ from research.paper.arms import (
     corner_label,
     t_end_label,
 )
-from research.paper.claims import difference, gathered, in_words
+from research.paper.claims import difference, gathered, in_words, of_editor
 from research.paper.statistics import spread
 from research.paper.summary import Row
 from research.paper.verdicts import Judgement, judge
@@ -35,6 +37,7 @@ COLUMNS: dict[str, tuple[str, int]] = {
 }
 """Title and digits of the columns of arms."""
 NOT_RUN = "Not run."
+WITH_OTHERS = ", the others there"
 EFFECTS = ("final_db", "residual_db", "disagreement", "sharpness")
 """Metrics whose change by each arm is shown."""
 
@@ -52,12 +55,17 @@ def tables(summary: Numbers) -> dict[str, str]:
         "plan": summary["plan"],
         "paper-arms": changes_table(summary, changed["paper"]),
         "default-arms": changes_table(summary, changed["default"]),
-        "strategies": arms_table(summary, [PAPER, "default", ITERATIVE, *_baselines(labels)]),
+        "strategies": arms_table(summary, [PAPER, DEFAULT, ITERATIVE, *_baselines(labels)]),
+        "repeats": arms_table(_of_study(summary, "repeats"), [PAPER, ITERATIVE]),
         "speed-up": speed_up_table(summary),
         "t-end": arms_table(summary, t_end),
         "factorial": factorial_table(summary),
     }
     return {name: text or NOT_RUN for name, text in found.items()}
+
+
+def _of_study(summary: Numbers, study: str) -> Numbers:
+    return {**summary, "rows": [row for row in summary["rows"] if row["study"] == study]}
 
 
 def _baselines(labels: Sequence[str]) -> list[str]:
@@ -88,14 +96,22 @@ def conditions(summary: Numbers) -> str:
 
 
 def arms_table(summary: Numbers, labels: Sequence[str]) -> str:
-    """A row an editor and arm: means and deviations over scenes and seeds."""
+    """A row an editor and arm, of the scenes and seeds that all these arms of the editor have."""
     rows = []
-    for editor, label in product(_editors(summary), dict.fromkeys(labels)):
-        group = _distinct(r for r in summary["rows"] if (r["editor"], r["arm"]) == (editor, label))
-        if group:
-            cells = (_spread([r[name] for r in group], COLUMNS[name][1]) for name in COLUMNS)
-            rows.append((f"{editor}: {label}", str(len(group)), *cells))
-    head = ("editor: arm", "runs", *(title for title, _ in COLUMNS.values()))
+    for editor in _editors(summary):
+        own = {
+            label: {(r["scene"], r["seed"]): r for r in summary["rows"]
+                    if (r["editor"], r["arm"]) == (editor, label)}
+            for label in dict.fromkeys(labels)
+        }  # fmt: skip
+        made = {label: places for label, places in own.items() if places}
+        shared = set.intersection(*map(set, made.values())) if len(made) > 1 else set()
+        for label, places in made.items() if shared else ():
+            group = [places[place] for place in sorted(shared)]
+            cells = (_spread(group, name, COLUMNS[name][1]) for name in COLUMNS)
+            scenes = len({scene for scene, _ in shared})
+            rows.append((f"{editor}: {label}", f"{scenes}, {len(shared)}", *cells))
+    head = ("editor: arm", "scenes, runs", *(title for title, _ in COLUMNS.values()))
     return markdown_table(head, rows) if rows else ""
 
 
@@ -105,31 +121,25 @@ def changes_table(summary: Numbers, labels: Sequence[str]) -> str:
     for label in labels:
         base = base_of(label)
         for editor in _editors(summary) if base else ():
-            cells = [_change(summary, label, base, editor, name) for name in EFFECTS]
-            if any(cells):
-                rows.append((f"{label}, from {base}: {editor}", *cells))
-    head = ("one change", *(COLUMNS[name][0] for name in EFFECTS))
+            found = [change(summary, label, base or "", editor, name) for name in EFFECTS]
+            if known := next((each for each in found if each), None):
+                cells = (in_words(f, _digits(n)) if f else "" for n, f in zip(EFFECTS, found))
+                counts = f"{known.scenes}, {known.runs}"
+                rows.append((f"{label}, from {base}: {editor}", counts, *cells))
+    head = ("one change", "scenes, pairs", *(COLUMNS[name][0] for name in EFFECTS))
     return markdown_table(head, rows) if rows else ""
-
-
-def _change(summary: Numbers, label: str, base: str | None, editor: str, name: str) -> str:
-    found = change(summary, label, base or "", editor, name)
-    digits = COLUMNS[name][1] + 1
-    return "" if found is None else in_words(found, lambda x: f"{x:+.{digits}f}")
 
 
 def change(summary: Numbers, label: str, base: str, editor: str, name: str) -> Judgement | None:
     """The difference of a metric between two arms, with one editor."""
-    effects = difference(label, base, name)(summary)
-    own = {scene: {editor: each[editor]} for scene, each in effects.items() if editor in each}
-    return judge(own, 0.0)
+    return judge(of_editor(difference(label, base, name)(summary), editor), 0.0)
 
 
 def factorial_effects(summary: Numbers, name: str) -> dict[str, Judgement]:
-    """The effect on a metric of each factor, and of each two together beyond both alone.
+    """The effect on a metric of each factor: on average over all combinations of the others, with
+    all the others there, and of each two together beyond both alone.
 
-    Main effects are means over all combinations of the other factors; only scenes and seeds that
-    have every combination count.
+    Only scenes and seeds that have every combination count.
     """
     corners = list(product((True, False), repeat=len(FACTORS)))
     labels = {corner_label(on): on for on in corners}
@@ -140,19 +150,29 @@ def factorial_effects(summary: Numbers, name: str) -> dict[str, Judgement]:
             places.setdefault(place, {})[labels[row["arm"]]] = row[name]
     whole = {place: found for place, found in places.items() if len(found) == len(corners)}
     factors = list(FACTORS)
-    sets = [(k,) for k in range(len(factors))] + list(combinations(range(len(factors)), 2))
-    named = {" and ".join(factors[k] for k in each): each for each in sets}
-    judged = {
-        effect: judge(gathered(_contrasts(whole, each)), 0.0) for effect, each in named.items()
+    named = {factor: _contrasts(whole, [k]) for k, factor in enumerate(factors)}
+    named |= {f"{factor}{WITH_OTHERS}": _simple(whole, k) for k, factor in enumerate(factors)}
+    named |= {
+        f"{factors[i]} and {factors[k]}": _contrasts(whole, [i, k])
+        for i, k in combinations(range(len(factors)), 2)
     }
+    judged = {effect: judge(gathered(found), 0.0) for effect, found in named.items()}
     return {effect: found for effect, found in judged.items() if found}
 
 
 def _contrasts(places: Mapping[Any, Any], factors: Sequence[int]) -> Iterator[Any]:
-    """(scene, editor, contrast): the mean of the corners, with the sign of the factors' product."""
+    """(scene, editor, contrast): the mean of the corners, with the sign of the factors' product,
+    times 2 a factor."""
     for (scene, editor, _), corners in places.items():
         signed = [value * (-1) ** sum(not on[k] for k in factors) for on, value in corners.items()]
-        yield scene, editor, 2 * sum(signed) / len(signed)
+        yield scene, editor, 2 ** len(factors) * sum(signed) / len(signed)
+
+
+def _simple(places: Mapping[Any, Any], factor: int) -> Iterator[Any]:
+    """(scene, editor, effect of the factor where all the others are there)."""
+    for (scene, editor, _), corners in places.items():
+        rest = tuple(k != factor for k in range(len(FACTORS)))
+        yield scene, editor, corners[(True,) * len(FACTORS)] - corners[rest]
 
 
 def factorial_table(summary: Numbers) -> str:
@@ -171,23 +191,30 @@ def _digits(name: str) -> Callable[[float], str]:
 
 
 def speed_up_table(summary: Numbers) -> str:
-    """How much sooner each arm reaches iterative's final error; a row an editor and arm."""
+    """How much sooner each arm reaches iterative's errors; a row an editor and arm."""
     rows = []
-    shown = (PAPER, "default", COMBINED, f"{ITERATIVE}, shared noise")
+    shown = (PAPER, DEFAULT, COMBINED, f"{ITERATIVE}, shared noise")
     for editor, label in product(_editors(summary), shown):
         group = [r for r in summary["races"] if (r["editor"], r["arm"]) == (editor, label)]
         if group:
-            reached = sum(race["measured"] > 0 for race in group)
-            factors = [_times([race[r] for race in group]) for r in ("measured", "real", "paper")]
-            rows.append((f"{editor}: {label}", *factors, f"{reached} of {len(group)}"))
-    head = ("editor: arm", "as measured", "InstructPix2Pix here", "paper's costs", "reached")
+            cells = []
+            for names in (("half_real",), ("real", "measured", "paper")):
+                reached = sum(race[names[0]] > 0 for race in group)
+                cells += [f"{reached} of {len(group)}", *(_times(group, name) for name in names)]
+            rows.append((f"{editor}: {label}", *cells))
+    head = ("editor: arm", "half of the way: reached", "InstructPix2Pix here", "all: reached",
+            "InstructPix2Pix here", "as measured", "paper's costs")  # fmt: skip
     return markdown_table(head, rows) if rows else ""
 
 
-def _times(factors: Sequence[float]) -> str:
-    """Median (lowest to highest); 0 is an error that is not reached."""
-    found = spread(factors)
-    words = [f"{x:.2g}x" if x else "not" for x in found[2:]] if found else [""] * 3
+def _times(races: Sequence[Row], name: str) -> str:
+    """Median (lowest to highest) over scenes of the median over seeds; 0 is not reached."""
+    by_scene: dict[str, list[float]] = {}
+    for race in races:
+        by_scene.setdefault(race["scene"], []).append(race[name])
+    scenes = list(by_scene.values())
+    found = sorted(map(median_low, scenes) if len(scenes) > 1 else scenes[0])
+    words = [f"{x:.2g}x" if x else "not" for x in (median_low(found), found[0], found[-1])]
     return f"{words[0]} ({words[1]} to {words[2]})"
 
 
@@ -195,14 +222,14 @@ def _editors(summary: Numbers) -> list[str]:
     return list(dict.fromkeys(row["editor"] for row in summary["rows"]))
 
 
-def _distinct(rows: Iterator[Row]) -> list[Row]:
-    """One row a scene and seed: studies share runs."""
-    return list({(row["scene"], row["seed"]): row for row in rows}.values())
-
-
-def _spread(values: Sequence[float | None], digits: int) -> str:
-    """Mean ± standard deviation."""
-    if not (numbers := spread(values)):
+def _spread(rows: Sequence[Row], name: str, digits: int) -> str:
+    """Mean ± standard deviation over the means of scenes, or over the seeds of a single one."""
+    by_scene: dict[str, list[float]] = {}
+    for row in rows:
+        if row[name] is not None:
+            by_scene.setdefault(row["scene"], []).append(row[name])
+    scenes = list(by_scene.values())
+    if not (numbers := spread(map(fmean, scenes) if len(scenes) > 1 else chain(*scenes))):
         return ""
     text = f"{numbers.mean:.{digits}f}"
     return f"{text} ± {numbers.deviation:.{digits}f}" if numbers.deviation and digits else text

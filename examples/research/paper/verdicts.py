@@ -6,19 +6,20 @@ An effect is a number a run, positive in the direction that is claimed, 0 where 
 from __future__ import annotations
 
 import statistics
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import inf
-from random import Random
-from typing import Literal
+from itertools import chain
+from math import inf, sqrt
+from typing import Literal, NamedTuple
 
-from gsedit.measures.interval import tail_of
-
-Verdict = Literal["reproduced", "direction only", "no effect seen", "opposite"]
+Verdict = Literal[
+    "reproduced", "direction only", "less than half", "not decided", "opposite direction only",
+    "opposite",
+]  # fmt: skip
 Effects = Mapping[str, Mapping[str, Sequence[float]]]
 """scene -> editor -> an effect a seed."""
-Center = Callable[[Sequence[float]], float]
-RESAMPLES = 2000
+TAIL = 0.025
+"""Share of either side of an interval of 95 %."""
 
 
 @dataclass(frozen=True)
@@ -28,61 +29,115 @@ class Judgement:
     effect: float
     low: float
     high: float
-    """Ends of the interval of 95 %."""
+    """Ends of the interval of 95 %; -inf and inf where the runs tell none."""
     scenes: int
     runs: int
     verdict: Verdict
 
+    @property
+    def has_interval(self) -> bool:
+        """Whether the runs tell how the effect varies."""
+        return (self.low, self.high) != (-inf, inf)
 
-def judge(effects: Effects, half: float, center: Center = statistics.fmean) -> Judgement | None:
-    """Judge effects by all their runs; None where there is none.
 
-    `half`: half of the size that is claimed. `center` is taken over the seeds of a scene, then over
-    the scenes of an editor; editors count alike. The interval is a bootstrap over scenes, and over
-    the seeds of each. On one scene an effect is never more than `direction only`, and one seed
-    there shows none: nothing tells how it varies.
+class _Mean(NamedTuple):
+    """An editor's mean effect, its squared standard error, and the error's degrees of freedom."""
+
+    effect: float
+    variance: float
+    freedom: int
+
+
+def judge(effects: Effects, half: float) -> Judgement | None:
+    """Judge differences by all their runs; None where there is none.
+
+    `half`: half of the size that is claimed. The effect is the mean over the seeds of a scene, then
+    over the scenes of an editor, then over the editors, which are not a sample of others. The
+    interval is Student's, of an editor over its scenes, or over the seeds where it has one scene;
+    of several editors by Welch's and Satterthwaite's rule, as if they varied apart.
     """
-    found = {s: {e: v for e, v in editors.items() if v} for s, editors in effects.items()}
-    found = {scene: editors for scene, editors in found.items() if editors}
-    runs = sum(len(values) for editors in found.values() for values in editors.values())
-    if not runs:
+    means = [_mean(scenes) for scenes in by_editor(effects).values()]
+    if not means:
         return None
-    scenes = list(found)
-    effect = _pooled([found[scene] for scene in scenes], center)
+    effect, count = statistics.fmean(each.effect for each in means), len(means)
     low, high = -inf, inf
-    repeated = max(len(values) for editors in found.values() for values in editors.values()) > 1
-    if len(found) > 1 or repeated:
-        low, high = _interval(found, center)
-    verdict = verdict_of(effect, low, high, half if len(scenes) > 1 else inf)
-    return Judgement(effect, low, high, len(scenes), runs, verdict)
+    if all(each.freedom for each in means):
+        width = _student(means) * sqrt(sum(each.variance for each in means)) / count
+        low, high = effect - width, effect + width
+    return _judged(effects, effect, (low, high), half)
+
+
+def judge_factors(effects: Effects, half: float, most: Effects | None = None) -> Judgement | None:
+    """Judge logarithms of factors, -inf of a run that does not get there; None without runs.
+
+    The effect is the median over an editor's and scene's seeds, then over all editors and scenes.
+    The interval is of order statistics, so it asks only which are larger; fewer than six tell none.
+    `most`: upper bounds of the same runs, where a run was stopped before it could tell.
+    """
+    found = _medians(effects)
+    if not found:
+        return None
+    rank = _rank(len(found))
+    ends = (found[rank - 1], _medians(most or effects)[-rank]) if rank else (-inf, inf)
+    return _judged(effects, statistics.median_low(found), ends, half)
+
+
+def by_editor(effects: Effects) -> dict[str, list[Sequence[float]]]:
+    """The scenes' effects of each editor, without scenes that have none."""
+    found: dict[str, list[Sequence[float]]] = {}
+    for editors in effects.values():
+        for editor, values in editors.items():
+            if values:
+                found.setdefault(editor, []).append(values)
+    return found
 
 
 def verdict_of(effect: float, low: float, high: float, half: float) -> Verdict:
-    """The rule: an interval without 0 shows a direction, half of the size reproduces the claim."""
+    """The rule: an interval without 0 shows a direction, half of the size reproduces the claim; one
+    with 0 excludes half of the size or decides nothing."""
     if low > 0:
         return "reproduced" if effect >= half else "direction only"
-    return "opposite" if high < 0 else "no effect seen"
+    if high < 0:
+        return "opposite" if effect <= -half else "opposite direction only"
+    return "less than half" if high < half else "not decided"
 
 
-def _interval(found: Effects, center: Center) -> tuple[float, float]:
-    """Expanded percentiles of the bootstrap over scenes and seeds, see `tail_of`."""
-    random, scenes = Random(0), list(found)
-    clusters = len(scenes)
-    if clusters == 1:
-        clusters = max(len(values) for values in found[scenes[0]].values())
-    drawn = []
-    for _ in range(RESAMPLES):
-        chosen = [found[scene] for scene in random.choices(scenes, k=len(scenes))]
-        resampled = [{e: random.choices(v, k=len(v)) for e, v in each.items()} for each in chosen]
-        drawn.append(_pooled(resampled, center))
-    drawn.sort()
-    rank = int(tail_of(max(clusters, 2)) * RESAMPLES)
-    return drawn[rank], drawn[-1 - rank]
+def _judged(effects: Effects, effect: float, ends: tuple[float, float], half: float) -> Judgement:
+    """On one scene an effect is never more than a direction."""
+    counts = {scene: sum(map(len, editors.values())) for scene, editors in effects.items()}
+    scenes = sum(count > 0 for count in counts.values())
+    verdict = verdict_of(effect, *ends, half)
+    if scenes == 1 and verdict in ("reproduced", "opposite"):
+        verdict = "direction only" if verdict == "reproduced" else "opposite direction only"
+    return Judgement(effect, *ends, scenes, sum(counts.values()), verdict)
 
 
-def _pooled(scenes: Sequence[Mapping[str, Sequence[float]]], center: Center) -> float:
-    """The mean over editors of their centers."""
-    editors = dict.fromkeys(editor for scene in scenes for editor in scene)
-    return statistics.fmean(
-        center([center(scene[editor]) for scene in scenes if editor in scene]) for editor in editors
-    )
+def _mean(scenes: Sequence[Sequence[float]]) -> _Mean:
+    means = [statistics.fmean(values) for values in scenes]
+    units = means if len(means) > 1 else scenes[0]
+    variance = statistics.variance(units) / len(units) if len(units) > 1 else inf
+    return _Mean(statistics.fmean(means), variance, len(units) - 1)
+
+
+def _student(means: Sequence[_Mean]) -> float:
+    """Student's quantile at the degrees of freedom of the sum of the means."""
+    from scipy.stats import t
+
+    total = sum(each.variance for each in means)
+    if not total:
+        return 0.0
+    freedom = total**2 / sum(each.variance**2 / each.freedom for each in means)
+    return float(t.ppf(1 - TAIL, freedom))
+
+
+def _medians(effects: Effects) -> list[float]:
+    """Of the seeds of an editor's scene, or where there is one such, its seeds; ascending."""
+    scenes = [values for each in by_editor(effects).values() for values in each]
+    return sorted(map(statistics.median_low, scenes) if len(scenes) > 1 else chain(*scenes))
+
+
+def _rank(count: int) -> int:
+    """The largest r for which the r-th lowest and r-th highest of so many enclose the median; 0."""
+    from scipy.stats import binom
+
+    return int(sum(binom.cdf(r, count, 0.5) <= TAIL for r in range(count)))
