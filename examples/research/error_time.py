@@ -128,7 +128,7 @@ def solving() -> Iterator[Row]:
 
 def sampling() -> Iterator[Row]:
     """Steps of the default solver against the exact path of a mixture of Gaussians."""
-    for row in solver_study([0.1], [7.5], [5, 10, 20, 40, 80], runs=5):
+    for row in solver_study([0.1], [7.5], [10, 20, 40, 80], runs=21):
         if row.variant == "dpm++2m" and row.error is not None:
             error = float(row.error)
             yield Row("sampler", "steps", str(row.steps), row.seconds, error, "standard deviations")

@@ -92,6 +92,27 @@ def test_what_is_not_changed_stays_as_it_is(scenes):
     assert (edited.sh[~kept] != fine.sh[~kept]).any(-1).any(-1).float().mean() > 0.99
 
 
+def test_what_no_picture_shows_has_larger_groups(scenes):
+    whole, fine, _ = scenes
+    near = ring_cameras(demo_scene(), 4, 64)
+    means = fine.means.clone()
+    away = torch.arange(len(means)) % 2 == 0
+    means[away] += torch.tensor([0.0, 0.0, 500.0])  # far above: in none
+    apart = replace(fine, means=means)
+    one, other = coarsen(apart, 2 * len(whole)), coarsen(apart, 2 * len(whole), near)
+    groups = [[int(m.group[rows].unique().numel()) for rows in (away, ~away)] for m in (one, other)]
+    assert 0.8 < groups[0][0] / groups[0][1] < 1.25  # alike without cameras
+    assert groups[1][1] > 1.3 * groups[0][1]
+    assert groups[1][1] > 10 * groups[1][0]
+    assert len(other.scene) <= 2 * len(whole)
+
+
+def test_no_camera_that_sees_anything_is_none(scenes):
+    whole, fine, coarse = scenes
+    behind = [replace(camera, cx=1e9) for camera in ring_cameras(demo_scene(), 2, 64)]
+    assert torch.equal(coarsen(fine, 2 * len(whole), behind).group, coarse.group)
+
+
 def test_a_stray_does_not_put_all_others_into_one_group(scenes):
     whole, fine, coarse = scenes
     means = fine.means.clone()

@@ -113,7 +113,8 @@ def build_request(
     check_installed(settings.update)
     views, held_out = split_views(dataset or around(scene, execution=settings.execution))
     settings = _with_defaults(settings, editor, (views or held_out)[0].camera)
-    coarse = _merged(scene.detach(), settings, strategy)
+    cameras = [view.camera for view in (*views, *held_out)]
+    coarse = _merged(scene.detach(), settings, strategy, cameras)
     return Request(
         coarse.scene if coarse else scene.detach(), prompt, views, held_out, editor, settings,
         strategy, features or FilterBank(), generator, coarse, ranks,
@@ -152,10 +153,12 @@ def _with_defaults(settings: EditSettings, editor: Editor, camera: Camera) -> Ed
     return replace(settings, sampler=sampler, edit_size=size)
 
 
-def _merged(scene: Gaussians, settings: EditSettings, strategy: Any) -> MergedScene | None:
+def _merged(
+    scene: Gaussians, settings: EditSettings, strategy: Any, cameras: Sequence[Camera]
+) -> MergedScene | None:
     """The merged scene that a large one is edited by; None where its Gaussians are edited."""
     is_merged = settings.geometry == "appearance" and settings.skips("merging")
-    return coarsen(scene) if is_merged and fits_pictures(strategy) else None
+    return coarsen(scene, cameras=cameras) if is_merged and fits_pictures(strategy) else None
 
 
 def request_record(request: Request) -> dict[str, Any]:
