@@ -9,21 +9,19 @@ from __future__ import annotations
 
 import json
 import re
-import resource
-import subprocess
 import sys
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from gsedit.bench.provenance import commit, machine
 from gsedit.bench.renderer.speed import measure_speed
 from gsedit.bench.results import markdown_table, write_text
+from research.clocked import clocked, gsedit, must
 from research.command import Output, Points, print_message, print_result, run
 from research.measure_meters import write_masks
 from research.paper.tables import write_tables
@@ -71,40 +69,25 @@ class Places:
         return self.out / "bear.ply"
 
 
-def clocked(*words: object) -> tuple[str, float, float]:
-    """The output of a command, its seconds and CPU seconds. Raises SystemExit with its
-    last line where it fails."""
-    before, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
-    done = subprocess.run([*map(str, words)], capture_output=True, text=True, check=False)
-    seconds, after = time.monotonic() - began, resource.getrusage(resource.RUSAGE_CHILDREN)
-    if done.returncode:
-        raise SystemExit(f"{' '.join(map(str, words))}: {done.stderr.strip().splitlines()[-1:]}")
-    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return done.stderr + done.stdout, seconds, cpu
-
-
-def gsedit(*words: object) -> tuple[str, float, float]:
-    """A command of gsedit, clocked (see `clocked`)."""
-    return clocked(sys.executable, "-m", "gsedit_cli", *words)
-
-
-def row(what: str, result: str, spent: Sequence[Any], command: str, page: str) -> Row:
-    """A row of a command that is done; `spent` ends with its seconds and CPU seconds."""
+def row(
+    what: str, result: str, spent: tuple[float | None, float | None], command: str, page: str
+) -> Row:
+    """A row of a command that is done; `spent`: its seconds and CPU seconds."""
     now = datetime.now(timezone.utc).isoformat(timespec="minutes")
-    return Row(what, result, spent[-2], spent[-1], command, page, commit(), now)
+    return Row(what, result, *spent, command, page, commit(), now)
 
 
 def capture(places: Places) -> Row:
     """The poses of the bear's photos, against the published ones."""
     folder = places.out / "capture"
-    spent = gsedit("capture", places.photos / "images", "-o", folder, "-f")
+    ran = gsedit("capture", places.photos / "images", "-o", folder, "-f")
     error = pose_error(poses(folder), poses(places.photos))
     result = (
         f"{error.posed} of {error.photos} posed; {error.center:.2%} of the scene's size, "
         f"{error.degrees:.2f} degrees (median)"
     ).replace("%", " %")
     words = "gsedit capture photos/images"
-    return row("capture of the bear's photos, poses unknown", result, spent, words, "capture")
+    return row("capture of the bear's photos, poses unknown", result, ran.spent, words, "capture")
 
 
 def fit(quality: str) -> Callable[[Places], Row]:
@@ -112,10 +95,10 @@ def fit(quality: str) -> Callable[[Places], Row]:
 
     def measure(places: Places) -> Row:
         scene = places.bear if quality == "draft" else places.out / f"{quality}.ply"
-        spent = gsedit("fit", places.photos, "-o", scene, "--quality", quality, "-f")
-        decibels = re.findall(r"(\d+\.\d+) dB", spent[0])[-1]
+        ran = gsedit("fit", places.photos, "-o", scene, "--quality", quality, "-f")
+        decibels = re.findall(r"(\d+\.\d+) dB", ran.text)[-1]
         result, words = f"{decibels} dB at held-out photos", f"gsedit fit --quality {quality}"
-        return row(f"fit of the bear, `{quality}`", result, spent, words, "fitting")
+        return row(f"fit of the bear, `{quality}`", result, ran.spent, words, "fitting")
 
     return measure
 
@@ -133,7 +116,7 @@ def edit(name: str) -> Callable[[Places], Row]:
 
     def measure(places: Places) -> Row:
         (what, said), folder, record = EDITS[name], places.out / name, places.out / f"{name}.json"
-        spent = gsedit("edit", places.bear, *said, "--data", places.photos, "-o", folder, "-f")
+        ran = gsedit("edit", places.bear, *said, "--data", places.photos, "-o", folder, "-f")
         write_masks(places.out / "masks")
         gsedit("metrics", folder, "--subject-masks", places.out / "masks", "-o", record, "-f")
         result = (
@@ -143,7 +126,7 @@ def edit(name: str) -> Callable[[Places], Row]:
             edits = measured(record, "psnr_to_edits_alone", "held_out")
             result = f"{edits} to edits of held-out views made alone; {result}"
         more = " ".join(said[1:])
-        return row(what, result, spent, f'gsedit edit "{said[0]}" {more}'.strip(), "regions")
+        return row(what, result, ran.spent, f'gsedit edit "{said[0]}" {more}'.strip(), "regions")
 
     return measure
 
@@ -153,7 +136,7 @@ def truth(apart: bool) -> Callable[[Places], Row]:
 
     def measure(places: Places) -> Row:
         folder, more = places.out / f"closed_form_{apart}", APART if apart else ()
-        spent = gsedit(
+        ran = gsedit(
             "edit", places.bear, STATUE, "--editor", "closed-form", "--data", places.photos,
             "-o", folder, "-f", *more,
         )  # fmt: skip
@@ -162,7 +145,7 @@ def truth(apart: bool) -> Callable[[Places], Row]:
             "edit whose true result is known"
         )  # fmt: skip
         words = " ".join(("gsedit edit --editor closed-form", *more))
-        return row(what, f"{result} to it at held-out cameras", spent, words, "consensus")
+        return row(what, f"{result} to it at held-out cameras", ran.spent, words, "consensus")
 
     return measure
 
@@ -187,11 +170,12 @@ def render(places: Places) -> Row:
 
 def convert(places: Places) -> Row:
     """Ten million Gaussians of SH degree 3 from .ply to .ply."""
-    said, *_ = clocked(
+    ran = clocked(
         sys.executable, "-m", "research.streaming_bench", places.out / "large", "--count",
         MILLIONS * 1_000_000, "--degree", 3, "--only", "gsedit convert .ply",
     )  # fmt: skip
-    (line,) = [each for each in said.splitlines() if each.startswith("| gsedit convert")]
+    lines = must(ran, "research.streaming_bench").text.splitlines()
+    (line,) = [each for each in lines if each.startswith("| gsedit convert")]
     cells = [cell.strip() for cell in line.strip("| ").split("|")]
     result = f"{float(cells[2]) / 1000:.2f} GB at most"
     what = f"convert {MILLIONS} million synthetic Gaussians, .ply to .ply"
@@ -202,9 +186,10 @@ def make(target: str) -> Callable[[Places], Row]:
     """A command of the Makefile, in the environment that is there."""
 
     def measure(_: Places) -> Row:
-        said, *spent = clocked("make", "-C", ROOT, target)
-        passed = re.findall(r"(\d+ passed.*?) in ", said)
-        return row(f"make {target}", passed[-1] if passed else "done", spent, f"make {target}", "")
+        ran = must(clocked("make", "-C", ROOT, target), f"make {target}")
+        passed = re.findall(r"(\d+ passed.*?) in ", ran.text)
+        result = passed[-1] if passed else "done"
+        return row(f"make {target}", result, ran.spent, f"make {target}", "")
 
     return measure
 

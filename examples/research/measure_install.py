@@ -12,31 +12,18 @@ Prints a row of the table in docs/howto/install.md for each.
 from __future__ import annotations
 
 import os
-import resource
-import subprocess
-import sys
 import tempfile
-import time
 import venv
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import typer
 
+from research.clocked import Ran, clocked, must
 from research.command import print_result, run
 
 ROOT = Path(__file__).parents[2]
 INSTRUCTION = "paint it red"
-
-
-class Took(NamedTuple):
-    """Seconds of a command, by the clock and of its processors."""
-
-    wall: float
-    cpu: float
-
-    def __str__(self) -> str:
-        return f"{self.wall:.0f} s | {self.cpu:.1f} s"
 
 
 def measure(
@@ -52,32 +39,28 @@ def measure(
         alone = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
         target = f"{what.resolve()}[{extras}]" if extras else str(what.resolve())
         pip = [home / "bin/python", "-m", "pip", "install", "--quiet", "--no-cache-dir"]
-        took = timed([*pip, "--constraint", ROOT / "constraints.txt", target], alone)
-        listed = subprocess.run(
-            [home / "bin/python", "-m", "pip", "list", "--format=freeze"],
-            env=alone, capture_output=True, text=True, check=True,
-        )  # fmt: skip
-        size, count = (bytes_of(home) - before) / 1e6, len(listed.stdout.split()) - 2
+        words = [*pip, "--constraint", ROOT / "constraints.txt", target]
+        took = _spent(must(clocked(*words, environment=alone), "pip"))
+        freeze = [home / "bin/python", "-m", "pip", "list", "--format=freeze"]
+        listed = must(clocked(*freeze, environment=alone), "pip")
+        size, count = (bytes_of(home) - before) / 1e6, len(listed.text.split()) - 2
         print_result(f"| {what.name} | {extras or 'none'} | {count} | {size:,.0f} MB | {took} |")
         if scene is not None:
             for name in ("first", "second"):
-                print_result(f"| {name} run of an edit | {edit(home, scene.resolve(), name)} |")
+                print_result(
+                    f"| {name} run of an edit | {_spent(edit(home, scene.resolve(), name))} |"
+                )
 
 
-def edit(home: Path, scene: Path, name: str) -> Took:
+def edit(home: Path, scene: Path, name: str) -> Ran:
     """Edit a scene with the command of an environment, where no compiler can be found."""
     alone = {"PATH": str(home / "bin"), "HOME": str(home), "OMP_NUM_THREADS": "1"}
     words = [home / "bin/gsedit", "edit", scene, INSTRUCTION, "-o", home / f"out-{name}"]
-    return timed(words, alone)
+    return must(clocked(*words, environment=alone), "the edit")
 
 
-def timed(words: list[str | Path], environment: dict[str, str]) -> Took:
-    """Run a command to its end. Raises CalledProcessError."""
-    began, spent = time.monotonic(), resource.getrusage(resource.RUSAGE_CHILDREN)
-    subprocess.run([str(word) for word in words], env=environment, check=True, stdout=sys.stderr)
-    now = resource.getrusage(resource.RUSAGE_CHILDREN)
-    cpu = now.ru_utime + now.ru_stime - spent.ru_utime - spent.ru_stime
-    return Took(time.monotonic() - began, cpu)
+def _spent(ran: Ran) -> str:
+    return f"{ran.seconds:.0f} s | {ran.cpu:.1f} s"
 
 
 def bytes_of(folder: Path) -> int:

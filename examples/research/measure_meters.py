@@ -10,8 +10,6 @@ record of `gsedit metrics` of each. Edits and records that are there are not mad
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,6 +33,7 @@ from gsedit.measures.metrics import INSIDE, pooled_rmse, squared_error
 from gsedit.regions.masks import read_masks
 from gsedit.scene.picture import render_picture
 from rasterizer.numerics import sh_to_color
+from research.clocked import gsedit
 from research.command import Output, print_result, run
 from research.fit.captures import write_dataset
 from research.labelled import demo_bear, statue
@@ -116,11 +115,6 @@ def subjects(bear: Path, photos: Path, out: Path) -> Iterator[Subject]:
     made += [synthetic_case(f"statue {seed}", statue(seed, COUNT), 0.62) for seed in range(3)]
     for case in made:
         yield write_case(case, out / case.name.replace(", ", "_").replace(" ", "_"))
-
-
-def gsedit(*words: object) -> None:
-    """Run a command. Raises CalledProcessError where it fails."""
-    subprocess.run([sys.executable, "-m", "gsedit_cli", *map(str, words)], check=True)
 
 
 def measure(subject: Subject, out: Path, editor: str, seed: int) -> dict[str, Any]:

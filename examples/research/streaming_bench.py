@@ -10,10 +10,7 @@ deletes what it wrote:
 from __future__ import annotations
 
 import argparse
-import os
-import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -22,6 +19,7 @@ import numpy as np
 from gsedit.formats.registry import write_scene
 from gsedit.formats.streams import SceneHeader
 from gsedit.scene.table import SplatTable
+from research.clocked import clocked, must
 
 AT_ONCE = 1 << 18
 
@@ -39,18 +37,6 @@ def blocks(count: int, degree: int) -> Iterator[SplatTable]:
         means = normal(n, 3) * distance
         sh = normal(n, (degree + 1) ** 2, 3) / 4
         yield SplatTable(means, normal(n, 4), normal(n, 3) - 4, 2 * normal(n), sh)
-
-
-def measured(words: list[str]) -> tuple[float, float]:
-    """Seconds of a command, and megabytes of its largest process at its largest."""
-    start = time.perf_counter()
-    with open(os.devnull, "w") as sink:
-        process = subprocess.Popen(words, stdout=sink, stderr=subprocess.PIPE)
-        errors = process.stderr.read() if process.stderr else b""
-        _, status, usage = os.wait4(process.pid, 0)
-    if status:
-        raise SystemExit(f"{' '.join(words)}: {errors.decode()[-500:]}")
-    return time.perf_counter() - start, usage.ru_maxrss / 1000
 
 
 def jobs(scene: Path, folder: Path, splat_transform: str | None) -> list[tuple[str, list[str]]]:
@@ -89,8 +75,8 @@ def main() -> None:
     for _ in range(options.rounds):
         for name, words in jobs(scene, options.folder, options.splat_transform):
             if options.only in name:
-                seconds, megabytes = measured(words)
-                print(f"| {name} | {seconds:.1f} | {megabytes:.0f} |", flush=True)  # noqa: T201
+                ran = must(clocked(*words), name)
+                print(f"| {name} | {ran.seconds:.1f} | {1000 * ran.gigabytes:.0f} |", flush=True)  # noqa: T201
     for path in options.folder.glob("out.*"):
         path.unlink()
 

@@ -1,10 +1,10 @@
 """Two versions of gsedit side by side: seconds and errors of a list of commands, run in turns.
 
-    python -m research.two_versions OLD NEW SCENE PHOTOS FOLDER [RUNS] [NAME ...]
+    python -m research.two_versions OLD NEW SCENE PHOTOS -o out/versions --write-docs
 
 OLD and NEW are checkouts. Commands of both alternate, so that what else the machine does meets both
-alike. Prints medians and ratios, and marks what got worse by more than the spread of its own runs.
-Rows are kept in FOLDER: a later run adds to them.
+alike. A table has medians and ratios, and marks what got worse by more than the spread of its own
+runs. Rows are kept in the folder: a later run adds to them.
 """
 
 from __future__ import annotations
@@ -12,17 +12,23 @@ from __future__ import annotations
 import json
 import os
 import re
-import resource
 import shutil
-import subprocess
 import sys
-import time
 from collections import defaultdict
+from itertools import product
 from pathlib import Path
 from statistics import median
-from typing import Any
+from typing import Annotated, Any
 
-from gsedit.bench.results import markdown_table
+import typer
+
+from gsedit.bench.provenance import provenance
+from gsedit.bench.results import markdown_table, write_text
+from research.clocked import clocked, must
+from research.command import Output, print_result, run
+from research.paper.tables import write_tables
+
+PAGE = Path(__file__).parents[2] / "docs" / "measurements" / "error-time.md"
 
 COMMANDS = {
     "tone": "edit {scene} warmer --data {photos} -o {out}",
@@ -41,7 +47,7 @@ START = "from gsedit_cli.main import main; main()"
 PSNR = re.compile(r"(\d+\.\d+) dB")
 
 
-def run(tree: Path, words: list[str], out: Path) -> dict[str, Any]:
+def run_one(tree: Path, words: list[str], out: Path) -> dict[str, Any]:
     """Run a command of one version: seconds, CPU seconds, exit code, decibels that it printed."""
     shutil.rmtree(out, ignore_errors=True)
     out.parent.mkdir(parents=True, exist_ok=True)
@@ -52,18 +58,12 @@ def run(tree: Path, words: list[str], out: Path) -> dict[str, Any]:
     if not link.is_symlink():
         link.symlink_to(tree / "cli")
     environment = {**os.environ, "PYTHONPATH": f"{link.parent}:{tree}"}
-    before, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
-    done = subprocess.run(
-        [sys.executable, "-c", START, *words],
-        capture_output=True, text=True, env=environment, cwd=out.parent, check=False,
-    )  # fmt: skip
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    lines = done.stderr.splitlines()
+    ran = clocked(sys.executable, "-c", START, *words, environment=environment, folder=out.parent)
+    lines = ran.text.splitlines()
     found = [float(m[1]) for line in lines[-6:] for m in PSNR.finditer(line)]
     return {
-        "s": time.monotonic() - began, "CPU s": cpu, "code": done.returncode,
-        "dB": found[-1] if found else None, "said": lines[-1] if done.returncode else "",
+        "s": ran.seconds, "CPU s": ran.cpu, "GB": ran.gigabytes, "code": ran.code,
+        "dB": found[-1] if found else None, "said": lines[-1] if ran.code else "",
     }  # fmt: skip
 
 
@@ -76,13 +76,13 @@ def table(rows: list[dict[str, Any]]) -> str:
     for name, own in cells.items():
         old, new = (own.get(version, []) for version in ("old", "new"))
         if bad := [each["said"] for each in (*old, *new) if each["code"]]:
-            lines.append([name, *[""] * 7, bad[0]])
+            lines.append([name, *[""] * 10, bad[0]])
             continue
         line, worse = [name], []
-        for what in ("s", "CPU s"):
+        for what, digits in (("s", 1), ("CPU s", 1), ("GB", 2)):
             a, b = ([each[what] for each in each_] for each_ in (old, new))
             ratio = median(b) / median(a)
-            line += [f"{median(a):.1f}", f"{median(b):.1f}", f"{ratio:.2f}"]
+            line += [f"{median(a):.{digits}f}", f"{median(b):.{digits}f}", f"{ratio:.2f}"]
             if len(b) > 2 and min(b) > max(a):  # beyond the spread of the runs
                 worse.append(f"{what} x {ratio:.2f}")
         quality = [[e["dB"] for e in each if e["dB"] is not None] for each in (old, new)]
@@ -90,28 +90,46 @@ def table(rows: list[dict[str, Any]]) -> str:
         if all(len(each) > 2 for each in quality) and max(quality[1]) < min(quality[0]) - 0.05:
             worse.append("dB")
         lines.append([*line, "**worse**: " + ", ".join(worse) if worse else ""])
-    head = ("", "s old", "new", "ratio", "CPU s old", "new", "ratio", "dB", "")
+    head = ("", "s old", "new", "ratio", "CPU s old", "new", "ratio", "GB old", "new", "ratio",
+            "dB", "")  # fmt: skip
     return markdown_table(head, lines)
 
 
-def main(old: Path, new: Path, scene: Path, photos: Path, folder: Path, rest: list[str]) -> None:
+def main(
+    old: Annotated[Path, typer.Argument(help="Checkout of a version.")],
+    new: Annotated[Path, typer.Argument(help="Checkout of a later one.")],
+    scene: Annotated[Path, typer.Argument(help="A fitted scene (.ply).")],
+    photos: Annotated[Path, typer.Argument(help="Folder of its photos.")],
+    out: Output,
+    runs: Annotated[int, typer.Option("--runs", help="Runs of each command.")] = 3,
+    only: Annotated[list[str] | None, typer.Option("--only", help="Command; repeatable.")] = None,
+    docs: Annotated[bool, typer.Option("--write-docs", help="Write the page.")] = False,
+) -> None:
     """Run the commands in turns, and print the table of all runs in the folder."""
-    runs = int(rest.pop(0)) if rest and rest[0].isdigit() else 3
-    folder.mkdir(parents=True, exist_ok=True)
-    file = folder / "runs.jsonl"
-    for turn in range(runs):
-        for name in rest or COMMANDS:
-            order = {"old": old, "new": new}
-            for version in sorted(order, reverse=bool(turn % 2)):
-                out = folder / version / name
-                places = {"scene": scene, "photos": photos, "out": out}
-                words = [w.format(**places).replace("+", " ") for w in COMMANDS[name].split()]
-                row = {"name": name, "version": version, **run(order[version], words, out)}
-                with file.open("a") as text:
-                    text.write(json.dumps(row) + "\n")
-    rows = [json.loads(line) for line in file.read_text().splitlines()]
-    print(table(rows))  # noqa: T201
+    out.mkdir(parents=True, exist_ok=True)
+    file, order = out / "runs.jsonl", {"old": old.absolute(), "new": new.absolute()}
+    places = {"scene": scene.absolute(), "photos": photos.absolute()}
+    for turn, name in product(range(runs), only or COMMANDS):
+        for version in sorted(order, reverse=bool(turn % 2)):
+            result = out.absolute() / version / name
+            words = COMMANDS[name].format(**places, out=result).split()
+            words = [word.replace("+", " ") for word in words]
+            row = {"name": name, "version": version, **run_one(order[version], words, result)}
+            with file.open("a") as text:
+                text.write(json.dumps(row) + "\n")
+    found = table([json.loads(line) for line in file.read_text().splitlines()])
+    print_result(found)
+    if docs:
+        commits = " and ".join(f"{name} {commit_of(tree)}" for name, tree in order.items())
+        made = {"versions-conditions": f"{provenance()} Versions: {commits}.", "versions": found}
+        write_text(PAGE, write_tables(PAGE.read_text(), made))
+
+
+def commit_of(tree: Path) -> str:
+    """The commit of a checkout, with a + where files differ from it."""
+    words = ("git", "-C", tree, "describe", "--always", "--dirty=+", "--exclude=*")
+    return must(clocked(*words), "git").text.strip()
 
 
 if __name__ == "__main__":
-    main(*(Path(each).absolute() for each in sys.argv[1:6]), sys.argv[6:])  # pyright: ignore[reportCallIssue]
+    run(main)

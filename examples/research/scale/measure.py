@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import shlex
-import subprocess
-import sys
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,13 +15,13 @@ from torch import Tensor
 from gsedit.bench.results import markdown_table, write_measurements, write_text
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.datasets.load import load_dataset
-from gsedit.errors import GseditError
 from gsedit.formats.edit_records import read_edit_record
 from gsedit.formats.scenes import load, save
 from gsedit.measures.metrics import psnr
 from gsedit.runs.events import Event
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
+from research.clocked import gsedit
 from research.scale.copies import side_by_side
 
 ROWS, TABLE = "scale.jsonl", "scale.md"
@@ -160,21 +156,11 @@ def table(rows: Sequence[ScaleMeasurement]) -> str:
 
 def _edit(settings: ScaleSettings, words: str, scene: Path, out: Path) -> tuple[float, float]:
     """Seconds and gigabytes of `gsedit edit`. Raises GseditError where it fails."""
-    run = "from gsedit_cli.main import main; main()"
-    command = [
-        sys.executable, "-c", run, "edit", str(scene), *shlex.split(words), "--data",
-        str(settings.data), "--size", str(settings.size), "-o", str(out), "--force",
-    ]  # fmt: skip
-    out.parent.mkdir(parents=True, exist_ok=True)
-    begin, log = time.perf_counter(), out.parent / "edit.log"
-    with log.open("w", encoding="utf-8") as messages:
-        process = subprocess.Popen(command, stdout=messages, stderr=messages)
-        _, status, usage = os.wait4(process.pid, 0)
-    if status:
-        last = log.read_text(encoding="utf-8").strip().splitlines()[-1:]
-        raise GseditError(f"the edit of {scene} failed ({' '.join(last)}): see {log}")
-    seconds, unit = time.perf_counter() - begin, 1 if sys.platform == "darwin" else 1024
-    return seconds, usage.ru_maxrss * unit / 1e9
+    ran = gsedit(
+        "edit", scene, *shlex.split(words), "--data", settings.data, "--size", settings.size,
+        "-o", out, "--force",
+    )  # fmt: skip
+    return ran.seconds, ran.gigabytes
 
 
 def _mean_psnr(

@@ -1,0 +1,100 @@
+"""Verdicts of the paper's experiments: every kind of result has one, and intervals hold."""
+
+from __future__ import annotations
+
+from math import inf, log
+
+import pytest
+import torch
+from research.paper.verdicts import judge, judge_factors, verdict_of
+
+
+def test_a_verdict_is_decided_by_the_interval_and_half_of_the_size():
+    assert verdict_of(0.6, 0.1, 1.1, half=0.5) == "reproduced"
+    assert verdict_of(0.4, 0.1, 1.1, half=0.5) == "direction only"
+    assert verdict_of(0.1, -0.1, 0.3, half=0.5) == "less than half"
+    assert verdict_of(0.9, -0.1, 1.9, half=0.5) == "not decided"
+    assert verdict_of(-0.4, -0.7, -0.1, half=0.5) == "opposite direction only"
+    assert verdict_of(-0.6, -1.1, -0.1, half=0.5) == "opposite"
+
+
+def effects(*scenes, editor="small"):
+    return {f"scene {k}": {editor: list(values)} for k, values in enumerate(scenes)}
+
+
+@pytest.mark.parametrize(
+    ("found", "verdict"),
+    [
+        (effects([1.0, 1.1], [0.9, 1.0], [1.1, 1.2], [1.0]), "reproduced"),
+        (effects([0.2, 0.3], [0.2, 0.2], [0.3, 0.2], [0.2]), "direction only"),
+        (effects([0.2, -0.3], [0.0, 0.2], [0.1, -0.2], [0.0]), "less than half"),
+        (effects([-1.0, -1.1], [-0.9], [-1.1, -1.2], [-1.0]), "opposite"),
+        (effects([-0.2, -0.1], [-0.2], [-0.1, -0.2], [-0.2]), "opposite direction only"),
+        (effects([2.0, 2.1], [-1.9], [2.2, 2.0], [-1.0]), "not decided"),  # scenes contradict
+        (effects([1.0, 1.1, 1.2, 1.0, 1.1]), "direction only"),  # one scene is never more
+        (effects([-1.0, -1.1, -1.2]), "opposite direction only"),  # either way
+        (effects([1.0]), "not decided"),  # nor one run anything
+        ({"a": {"small": [1.0], "varied": [1.1]}}, "not decided"),  # nor one seed
+    ],
+)
+def test_every_kind_of_result_has_its_verdict(found, verdict):
+    judged = judge(found, half=0.5)
+    assert judged is not None
+    assert judged.verdict == verdict
+    assert judged.low <= judged.effect <= judged.high
+
+
+def test_no_data_is_no_verdict():
+    assert judge({}, half=0.5) is None
+    assert judge({"globe": {"small": []}}, half=0.5) is None
+    assert judge_factors({"globe": {"small": []}}, half=0.5) is None
+
+
+def test_scenes_and_editors_count_alike_whatever_their_runs():
+    found = {"a": {"small": [0.0] * 9, "varied": [1.0]}, "b": {"small": [1.0]}}
+    judged = judge(found, half=0.5)
+    assert judged is not None
+    assert judged.effect == pytest.approx((0.5 + 1) / 2)
+    assert (judged.scenes, judged.runs) == (2, 11)
+
+
+def test_an_interval_is_students():
+    judged = judge(effects([1.0], [2.0], [3.0]), 0.5)
+    width = 4.303 / 3**0.5
+    assert (judged.low, judged.high) == pytest.approx((2 - width, 2 + width), abs=1e-3)
+
+
+def test_the_interval_of_several_editors_covers_their_mean():
+    """An editor with a single scene keeps its weight: the interval is of one quantity."""
+    random = torch.Generator().manual_seed(0)
+    covered = 0
+    for _ in range(1000):
+        away = torch.randn(3, 6, generator=random).tolist()
+        found = {
+            f"scene {k}": {
+                "closed-form": [2.0 + away[0][k]] if k < 3 else [],
+                "varied": [0.0 + away[1][k]],
+                "small": [-1.0 + 0.1 * x for x in away[2]] if k == 0 else [],
+            }
+            for k in range(6)
+        }
+        judged = judge(found, 0.5)
+        covered += judged.low <= (2 + 0 - 1) / 3 <= judged.high
+    assert 920 < covered < 980
+
+
+def test_factors_are_judged_by_their_order_alone():
+    logs = [-inf, log(2), log(3), log(4), log(5), log(900)]
+    judged = judge_factors(effects(*[[x] for x in logs]), log(5))
+    assert (judged.effect, judged.low, judged.high) == (log(3), -inf, log(900))
+    assert judged.verdict == "not decided"
+    assert not judge_factors(effects(*[[x] for x in logs[1:]]), log(5)).has_interval  # five
+    ten = judge_factors(effects(*[[log(x)] for x in (1.1, 6, 6, 7, 7, 8, 8, 9, 9, 90)]), log(5))
+    assert (ten.low, ten.high, ten.verdict) == (log(6), log(9), "reproduced")
+
+
+def test_a_run_that_was_stopped_is_not_against_a_claim():
+    got, most = effects(*[[-inf]] * 8), effects(*[[log(3)]] * 8)
+    assert judge_factors(got, log(2)).verdict == "opposite"
+    assert judge_factors(got, log(2), most).verdict == "not decided"
+    assert judge_factors(got, log(4), most).verdict == "less than half"
