@@ -131,7 +131,7 @@ def _student(means: Sequence[_Mean]) -> float:
 
 
 def _medians(effects: Effects) -> list[float]:
-    """Of the seeds of an editor's scene, or where there is one such, its seeds; ascending."""
+    """Medians of an editor's and scene's seeds, or the seeds of a single one; ascending."""
     scenes = [values for each in by_editor(effects).values() for values in each]
     return sorted(map(statistics.median_low, scenes) if len(scenes) > 1 else chain(*scenes))
 
