@@ -156,8 +156,10 @@ def cell(records: list[dict[str, Any]], name: str, role: str | None) -> tuple[st
 
 
 def _spread(values: list[float], number: str) -> str:
-    ends = f" ({number} to {number})".format(min(values), max(values)) if len(values) > 1 else ""
-    return number.format(mean(values)) + ends
+    """The mean (lowest to highest); infinite decibels are of equal pictures."""
+    of = (mean(values), min(values), max(values))
+    words = [number.format(each).replace("inf", "equal") for each in of]
+    return words[0] if words[1] == words[2] else f"{words[0]} ({words[1]} to {words[2]})"
 
 
 def table(found: dict[tuple[str, str], list[dict[str, Any]]], editor: str) -> str:
@@ -181,13 +183,16 @@ def main(
     docs: Annotated[bool, typer.Option("--write-docs", help="Write the page.")] = False,
 ) -> None:
     """Print a table of each editor, with a row for each number."""
+    out.mkdir(parents=True, exist_ok=True)
+    if not (begun := out / "conditions.txt").exists():
+        write_text(begun, f"{provenance()}\n")
     records = {
         (subject.name, editor): [measure(subject, out, editor, seed) for seed in seeds]
         for subject in subjects(bear, photos, out)
         for editor, (_, seeds) in EDITS.items()
     }
     tables = {f"meters-{editor}": table(records, editor) for editor in EDITS}
-    where = str(provenance())
+    where = begun.read_text().strip()
     print_result("\n\n".join([where, *tables.values()]))
     if docs:
         found = {"meters-conditions": where, **tables}

@@ -36,7 +36,8 @@ TITLE = "Efficient-NeRF2NeRF, repeated on Gaussians"
 SECTIONS: Sequence[tuple[str, Sequence[str]]] = (
     ("What was found, claim by claim", (CLAIMS,)),
     ("What the result owes to each part", ("factorial.png", "factorial")),
-    ("How soon an edit is right (figures 7 to 9)", ("error.png", "similarity.png", "strategies")),
+    ("How soon an edit is right (figures 7 to 9)",
+     ("error.png", "similarity.png", "strategies", "repeats")),
     ("Times sooner than iterative (abstract, section 5)", ("speed_up.png", "speed-up")),
     ("Strategies side by side (figures 2, 7, 8)", ("strategies.png",)),
     ("The method as printed, with one change each (sections 4.1 to 4.3, figures 5, 11)",
@@ -166,9 +167,10 @@ def _draw(
     pictures.grid(pictures.t_end_rows(list(studies.values())), runs, folder / "t_end_pictures.png")
     for name in ("paper", "default"):
         plots.changes(summary, name, folder / f"{name}_arms.png")
-    for name, file in (("paper", "paper_pictures"), ("default", "default_pictures"),
-                       ("strategies", "strategies")):  # fmt: skip
         if name in studies:
-            pictures.grid(pictures.arm_rows(studies[name]), runs, folder / f"{file}.png")
+            shown = pictures.arm_rows(studies[name])
+            pictures.grid(shown, runs, folder / f"{name}_pictures.png")
+    if "strategies" in studies:
+        pictures.grid(pictures.strategy_rows(studies), runs, folder / "strategies.png")
     if "repeats" in studies:
         plots.similarity_curves(studies["repeats"], records, folder / "similarity.png")

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from PIL import Image, ImageDraw, ImageFont
 
 from gsedit.formats.pictures import save_picture
-from research.paper.arms import T_END_STEPS, t_end_label
+from research.paper.arms import DEFAULT, PAPER, T_END_STEPS, t_end_label
 from research.paper.runs import Run
 from research.paper.studies import Study
 
@@ -87,6 +87,21 @@ def arm_rows(study: Study) -> list[tuple[str, list[Cell]]]:
                 Cell(cells[0].run, "right", "the reference")])
         for name, cells in rows.items()
     ]  # fmt: skip
+
+
+def strategy_rows(studies: Mapping[str, Study]) -> list[tuple[str, list[Cell]]]:
+    """A held-out view of every scene after the method as printed, gsedit's, and the baselines."""
+    baselines = studies["strategies"].runs
+    places = {(run.case, run.editor, run.seed) for run in baselines}
+    others = {
+        run.arm.label: study for study in studies.values() for run in study.runs
+        if run.arm.label in (PAPER, DEFAULT)
+    }  # fmt: skip
+    presets = [
+        run for label, study in others.items() for run in study.runs
+        if run.arm.label == label and (run.case, run.editor, run.seed) in places
+    ]  # fmt: skip
+    return arm_rows(Study("strategies", (*presets, *baselines)))
 
 
 def t_end_rows(studies: Sequence[Study]) -> list[tuple[str, list[Cell]]]:
