@@ -104,10 +104,11 @@ def fit(quality: str) -> Callable[[Places], Row]:
 
 
 def measured(record: Path, name: str, role: str) -> str:
-    """A number of a record with its interval, dB."""
+    """A number of a record with its interval, or its number of views where these are too few, dB."""
     found = json.loads(record.read_text())["measured"][name][role]
     within = found["interval"]
-    ends = "" if within is None else " ({:.1f} to {:.1f})".format(*within)
+    views = f" ({found['views']} views)"
+    ends = views if within is None else " ({:.1f} to {:.1f})".format(*within)
     return f"{found['value']:.1f} dB{ends}"
 
 
