@@ -104,7 +104,7 @@ def fit(quality: str) -> Callable[[Places], Row]:
 
 
 def measured(record: Path, name: str, role: str) -> str:
-    """A number of a record with its interval, or its number of views where these are too few, dB."""
+    """A number of a record with its interval, dB; its number of views where these are too few."""
     found = json.loads(record.read_text())["measured"][name][role]
     within = found["interval"]
     views = f" ({found['views']} views)"
