@@ -172,9 +172,12 @@ def test_torchrun_may_ask_a_rank_to_end_that_is_about_to(monkeypatch):
     ("said", "blamed"),
     [
         ({0: "", 1: "asked to end", 3: "interrupted"}, "rank 3 of 4 was interrupted"),
-        ({0: "", 1: "asked to end", 3: "asked to end"}, "rank 1 of 4 was asked to end"),
+        ({0: "", 1: "asked to end", 3: "asked to end"}, "the ranks were asked to end"),
+        ({0: "", 1: "asked to end", 3: ""}, "rank 1 of 4 was asked to end"),
+        ({0: "", 1: "asked to end", 3: None}, "rank 3 of 4 ended without a word"),
         ({1: "interrupted", 2: "no memory", 3: ""}, "rank 2 of 4 failed: no memory"),
-        ({1: "no memory", 3: None}, "rank 3 of 4 ended without a word"),
+        ({1: "no memory", 3: None}, "rank 1 of 4 failed: no memory"),  # rank 3 may be busy
+        ({1: "interrupted", 3: None}, "rank 1 of 4 was interrupted"),
         ({0: "", 1: ""}, ""),
     ],
 )
@@ -190,17 +193,24 @@ def test_the_rank_that_ended_the_others_is_named(monkeypatch, said, blamed):
 
 
 @pytest.mark.parametrize("rank", [0, 1])
-def test_where_torchrun_is_gone_no_rank_is_blamed(monkeypatch, capsys, rank):
+@pytest.mark.parametrize("is_known", [True, False])
+@pytest.mark.parametrize("error", [ranks.LostRankError("another rank ended"), OSError("disk full")])
+def test_where_torchrun_is_gone_no_rank_is_blamed(monkeypatch, capsys, rank, is_known, error):
+    """Each machine says why it ends."""
     store = Store()
     store.cut = True
+    gone = pulse.Pulse(store, rank, 4)
+    gone.is_store_lost = is_known
     monkeypatch.setattr(command, "joined", lambda: True)
-    monkeypatch.setattr(command, "ranks", lambda: ranks.Ranks(rank, 4, store=store))
+    monkeypatch.setattr(command, "ranks", lambda: ranks.Ranks(rank, 4, store=store, pulse=gone))
     monkeypatch.setenv("LOCAL_RANK", "0")
     before = signal.getsignal(signal.SIGTERM)
-    ends = command.cause(ranks.LostRankError("another rank ended"))
+    ends = command.cause(error)
     signal.signal(signal.SIGTERM, before)
-    assert str(ends).startswith("torchrun does not answer")
-    assert ("rank 1 of 4: torchrun" in capsys.readouterr().err) == bool(rank)
+    why = "disk full" if isinstance(error, OSError) else "torchrun does not answer"
+    assert str(ends).startswith(why)
+    says = rank and (is_known or isinstance(error, ranks.LostRankError))  # else rank 0 may ask
+    assert (f"rank 1 of 4: {why}" in capsys.readouterr().err) == bool(says)
 
 
 @pytest.mark.parametrize("what", ["nothing", "silent", "ended", "cut"])

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 VERBS = ("edit", "fit")
 """Those that share out their work."""
-INTERRUPTED, ASKED = "interrupted", "asked to end"
+INTERRUPTED, ASKED = WORDS = "interrupted", "asked to end"
 """Words for the others of a rank that Ctrl-C ended, and of one that SIGTERM ended: by torchrun,
 because of another rank, or by `kill`."""
 
@@ -87,38 +87,46 @@ def cause(error: Exception) -> Exception:
     by_user = _is_by_user(error)
     word = INTERRUPTED if by_user else ASKED * isinstance(error, Interrupted)
     here.say_end(explain(error)[0] if own else word)
-    if own or by_user:
-        return error
+    said, is_gone = {}, here.is_cut_off
     try:
-        said = here.ends()
-    except LostRankError as lost:  # nobody can be asked: each machine says it
-        if here.rank and os.environ.get("LOCAL_RANK") == "0":
-            sys.stderr.write(f"gsedit: rank {here.rank} of {here.size}: {lost}\n")
-        return type(error)(f"{lost}; {error}") if isinstance(error, Interrupted) else lost
-    silent = [rank for rank, reason in said.items() if reason is None]
+        said = {} if own or by_user else here.ends()
+    except LostRankError as lost:
+        is_gone = True
+        error = type(error)(f"{lost}; {error}") if isinstance(error, Interrupted) else lost
+    if is_gone and here.rank and os.environ.get("LOCAL_RANK") == "0":
+        sys.stderr.write(f"gsedit: rank {here.rank} of {here.size}: {error}\n")  # for its machine
     word, what = _blame(said, here.size)
     is_asked = isinstance(error, Interrupted)
     if not what or (is_asked and word == ASKED):
         return error
     rest = f"; {error}" if is_asked else ""
+    silent = {rank for rank, reason in said.items() if reason is None}
     if 0 in silent:  # it wrote the checkpoints, and the first of the others speaks for it
         rest = "; what rank 0 kept is in the folder of its output"
-        if here.rank == min({here.rank, *said} - set(silent)):
+        if here.rank == min({here.rank, *said} - silent):
             sys.stderr.write(f"gsedit: {what}{rest}\n")
     return (Interrupted if word else GseditError)(f"{what}{rest}")
 
 
 def _blame(said: Mapping[int, str | None], size: int) -> tuple[str, str]:
     """The ranks that ended the run, by what each says of its end: INTERRUPTED, ASKED or "" for a
-    fault, and a sentence, "" where no rank says anything."""
-    failed = {rank: reason for rank, reason in said.items() if reason}
-    if silent := [rank for rank, reason in said.items() if reason is None]:
+    fault, and a sentence, "" where no rank says anything.
+
+    A rank that says nothing may be busy: it is named where no other gave a reason. torchrun asks
+    the others of one that ended.
+    """
+    real = [(rank, text) for rank, text in said.items() if text not in ("", None, *WORDS)]
+    silent = [rank for rank, reason in said.items() if reason is None]
+    stopped = {word: [rank for rank in said if said[rank] == word] for word in WORDS}
+    if real:
+        return "", "; ".join(f"rank {rank} of {size} failed: {text}" for rank, text in real)
+    if found := stopped[INTERRUPTED]:
+        return INTERRUPTED, f"rank {found[0]} of {size} was {INTERRUPTED}"
+    if silent:
         return "", f"{_named(silent, size)}: killed, out of memory, or cut off"
-    if real := {rank: word for rank, word in failed.items() if word not in (INTERRUPTED, ASKED)}:
-        return "", "; ".join(f"rank {rank} of {size} failed: {real[rank]}" for rank in real)
-    for word in (INTERRUPTED, ASKED):  # torchrun asks the others of one that Ctrl-C ended
-        if rank := next((str(rank) for rank, said in failed.items() if said == word), ""):
-            return word, f"rank {rank} of {size} was {word}"
+    if found := stopped[ASKED]:
+        who = f"rank {found[0]} of {size} was" if len(found) == 1 else "the ranks were"
+        return ASKED, f"{who} {ASKED}"
     return "", ""
 
 

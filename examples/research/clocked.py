@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
-import os
+import json
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 from gsedit.errors import GseditError
+
+WAITS = """
+import json, os, subprocess, sys, time
+began = time.monotonic()
+process = subprocess.Popen(sys.argv[2:])
+_, status, usage = os.wait4(process.pid, 0)
+spent = time.monotonic() - began, usage.ru_utime + usage.ru_stime, usage.ru_maxrss
+with open(sys.argv[1], "w") as file:
+    json.dump((*spent, os.waitstatus_to_exitcode(status)), file)
+"""
+"""A small program that starts another: Linux counts the memory of a program's parent as its own."""
 
 
 class Ran(NamedTuple):
@@ -36,19 +46,16 @@ def clocked(
     *words: object, environment: Mapping[str, str] | None = None, folder: Path | None = None
 ) -> Ran:
     """Run a program; `folder`: where it runs. It may fail: see `Ran.code`."""
-    began = time.monotonic()
-    with tempfile.TemporaryFile() as said:
-        process = subprocess.Popen(
-            [*map(str, words)], stdout=said, stderr=said, env=environment, cwd=folder
-        )
-        _, status, usage = os.wait4(process.pid, 0)
-        seconds = time.monotonic() - began
-        process.returncode = os.waitstatus_to_exitcode(status)
-        said.seek(0)
-        text = said.read().decode(errors="replace")
-    unit = 1 if sys.platform == "darwin" else 1024
-    cpu = usage.ru_utime + usage.ru_stime
-    return Ran(text, seconds, cpu, usage.ru_maxrss * unit / 1e9, process.returncode)
+    with tempfile.TemporaryDirectory() as place:
+        said, spent = Path(place, "said"), Path(place, "spent")
+        with said.open("wb") as file:
+            subprocess.run(
+                [sys.executable, "-S", "-c", WAITS, str(spent), *map(str, words)],
+                stdout=file, stderr=file, env=environment, cwd=folder, check=True,
+            )  # fmt: skip
+        seconds, cpu, peak, code = json.loads(spent.read_text())
+        text = said.read_text(errors="replace")
+    return Ran(text, seconds, cpu, peak * (1 if sys.platform == "darwin" else 1024) / 1e9, code)
 
 
 def must(ran: Ran, what: object) -> Ran:

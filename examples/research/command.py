@@ -9,7 +9,7 @@ from typing import Annotated, TypeVar
 
 import typer
 
-from gsedit.errors import InputError, UsageError
+from gsedit.errors import GseditError, InputError, UsageError
 from gsedit.runs.events import Event
 
 Output = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")]
@@ -29,14 +29,15 @@ Row = TypeVar("Row")
 
 
 def run(command: Callable[..., None]) -> None:
-    """Run a command with the process's arguments. Exits with 2 or 3 and one line on bad input."""
+    """Run a command with the process's arguments. Exits with one line and 2 or 3 on bad input, 1
+    where something fails."""
     app = typer.Typer(add_completion=False)
     app.command()(command)
     try:
         app()
-    except (UsageError, InputError) as error:
+    except GseditError as error:
         print_message(f"error: {error}")
-        sys.exit(2 if isinstance(error, UsageError) else 3)
+        sys.exit(2 if isinstance(error, UsageError) else 3 if isinstance(error, InputError) else 1)
 
 
 def collect(items: Iterator[Event | Row]) -> list[Row]:

@@ -43,7 +43,10 @@ def measure(
         took = _spent(must(clocked(*words, environment=alone), "pip"))
         freeze = [home / "bin/python", "-m", "pip", "list", "--format=freeze"]
         listed = must(clocked(*freeze, environment=alone), "pip")
-        size, count = (bytes_of(home) - before) / 1e6, len(listed.text.split()) - 2
+        size, count = (
+            (bytes_of(home) - before) / 1e6,
+            sum("==" in line or " @ " in line for line in listed.text.splitlines()) - 2,
+        )
         print_result(f"| {what.name} | {extras or 'none'} | {count} | {size:,.0f} MB | {took} |")
         if scene is not None:
             for name in ("first", "second"):

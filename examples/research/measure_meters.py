@@ -92,7 +92,7 @@ def write_case(case: Case, folder: Path) -> Subject:
     """Write a synthetic scene, pictures of it with their cameras, and its exact masks."""
     subject = Subject(
         case.name, folder / "scene.ply", folder / "photos", folder / "masks",
-        f"turn the {case.name.split()[0]} into bronze",
+        f"turn the {case.name.partition(' ')[0].rstrip(',')} into bronze",
     )  # fmt: skip
     if not subject.scene.exists():
         cameras = [viewpoint.camera for viewpoint in case.viewpoints]

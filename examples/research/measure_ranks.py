@@ -31,6 +31,7 @@ from gsedit.bench.provenance import provenance
 from gsedit.bench.results import markdown_table, write_text
 from gsedit.datasets.cameras_json import write_cameras
 from gsedit.datasets.dataset import Dataset, capture
+from gsedit.errors import UsageError
 from gsedit.runs.state import load_state
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 from research.command import Output, print_message, print_result, run
@@ -256,6 +257,8 @@ def main(
     docs: Annotated[bool, typer.Option("--write-docs", help="Write the page.")] = False,
 ) -> None:
     """Measure all cases, or those whose name holds a text, and print the table."""
+    if docs and chosen:
+        raise UsageError("--write-docs writes the whole table: leave out --only")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
     out.mkdir(parents=True, exist_ok=True)
     make_inputs(out)

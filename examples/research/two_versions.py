@@ -55,15 +55,15 @@ def run_one(tree: Path, words: list[str], out: Path) -> dict[str, Any]:
         out.mkdir()
     link = out.parent / "path" / "gsedit_cli"  # the package's name of the folder cli
     link.parent.mkdir(exist_ok=True)
-    if not link.is_symlink():
-        link.symlink_to(tree / "cli")
+    link.unlink(missing_ok=True)
+    link.symlink_to(tree / "cli")
     environment = {**os.environ, "PYTHONPATH": f"{link.parent}:{tree}"}
     ran = clocked(sys.executable, "-c", START, *words, environment=environment, folder=out.parent)
     lines = ran.text.splitlines()
     found = [float(m[1]) for line in lines[-6:] for m in PSNR.finditer(line)]
     return {
         "s": ran.seconds, "CPU s": ran.cpu, "GB": ran.gigabytes, "code": ran.code,
-        "dB": found[-1] if found else None, "said": lines[-1] if ran.code else "",
+        "dB": found[-1] if found else None, "said": " ".join(lines[-1:]) if ran.code else "",
     }  # fmt: skip
 
 
@@ -75,6 +75,8 @@ def table(rows: list[dict[str, Any]]) -> str:
     lines = []
     for name, own in cells.items():
         old, new = (own.get(version, []) for version in ("old", "new"))
+        if not (old and new):  # interrupted
+            continue
         if bad := [each["said"] for each in (*old, *new) if each["code"]]:
             lines.append([name, *[""] * 10, bad[0]])
             continue

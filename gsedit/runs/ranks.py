@@ -182,15 +182,15 @@ class Ranks:
 
     def say_end(self, reason: str) -> None:
         """Leave word of why this rank ends; "" where another caused it."""
-        if self._is_cut_off:
+        if self.is_cut_off:
             return
         with suppress(RuntimeError):  # the store is gone, with torchrun
             self.store.set(f"end/{self.rank}", reason)
             self.store.set(ENDED, "")
 
     @property
-    def _is_cut_off(self) -> bool:
-        """Whether a question to the store would hang."""
+    def is_cut_off(self) -> bool:
+        """Whether torchrun's store is gone, by which ranks tell each other: a question may hang."""
         return self.pulse is not None and self.pulse.is_store_lost
 
     def ends(self) -> dict[int, str | None]:
@@ -201,7 +201,7 @@ class Ranks:
         said: dict[int, str | None] = dict.fromkeys(set(range(self.size)) - {self.rank})
         began = time.monotonic()
         while silent := [rank for rank, reason in said.items() if reason is None]:
-            if self._is_cut_off:
+            if self.is_cut_off:
                 raise LostRankError(STORE_LOST)
             if time.monotonic() - began > (ANSWER_SECONDS if len(silent) == 1 else LONGEST_ANSWER):
                 break

@@ -151,7 +151,10 @@ def _further(*, is_stopped: bool) -> Callable[[Summary], Effects]:
         return log_factor(race["steps_from_scratch"] / max(steps, 1))
 
     def found(summary: Summary) -> Effects:
-        races = (race for race in summary["races"] if race["arm"] == COMBINED)
+        races = (
+            race for race in summary["races"]
+            if race["arm"] == COMBINED and race["further_most"] is not None
+        )  # fmt: skip
         return gathered((race["scene"], race["editor"], factor(race)) for race in races)
 
     return found

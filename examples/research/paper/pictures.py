@@ -93,15 +93,11 @@ def strategy_rows(studies: Mapping[str, Study]) -> list[tuple[str, list[Cell]]]:
     """A held-out view of every scene after the method as printed, gsedit's, and the baselines."""
     baselines = studies["strategies"].runs
     places = {(run.case, run.editor, run.seed) for run in baselines}
-    others = {
-        run.arm.label: study for study in studies.values() for run in study.runs
-        if run.arm.label in (PAPER, DEFAULT)
+    presets = {
+        run.key: run for study in studies.values() for run in study.runs
+        if run.arm.label in (PAPER, DEFAULT) and (run.case, run.editor, run.seed) in places
     }  # fmt: skip
-    presets = [
-        run for label, study in others.items() for run in study.runs
-        if run.arm.label == label and (run.case, run.editor, run.seed) in places
-    ]  # fmt: skip
-    return arm_rows(Study("strategies", (*presets, *baselines)))
+    return arm_rows(Study("strategies", (*presets.values(), *baselines)))
 
 
 def t_end_rows(studies: Sequence[Study]) -> list[tuple[str, list[Cell]]]:

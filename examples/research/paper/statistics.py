@@ -73,7 +73,7 @@ def race(record: Record, iterative: Record, share: float = 1.0) -> Race:
     """
     best = min(e for point, e in zip(iterative.curve, iterative.errors) if point.steps)
     goal = max(AS_GOOD * final_error(iterative), best)
-    goal *= (iterative.errors[0] / goal) ** (1 - share)
+    goal = max(goal * (iterative.errors[0] / goal) ** (1 - share), best)
     theirs = reached(iterative, goal)
     assert theirs is not None
     return Race(reached(record, goal), theirs)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import chain, combinations, product
-from statistics import fmean, median_low
+from math import exp, inf
+from statistics import fmean, median
 from typing import Any
 
 from gsedit.bench.results import markdown_table
@@ -19,7 +20,7 @@ from research.paper.arms import (
     corner_label,
     t_end_label,
 )
-from research.paper.claims import difference, gathered, in_words, of_editor
+from research.paper.claims import difference, gathered, in_words, log_factor, of_editor
 from research.paper.statistics import spread
 from research.paper.summary import Row
 from research.paper.verdicts import Judgement, judge
@@ -211,10 +212,10 @@ def _times(races: Sequence[Row], name: str) -> str:
     """Median (lowest to highest) over scenes of the median over seeds; 0 is not reached."""
     by_scene: dict[str, list[float]] = {}
     for race in races:
-        by_scene.setdefault(race["scene"], []).append(race[name])
+        by_scene.setdefault(race["scene"], []).append(log_factor(race[name]))
     scenes = list(by_scene.values())
-    found = sorted(map(median_low, scenes) if len(scenes) > 1 else scenes[0])
-    words = [f"{x:.2g}x" if x else "not" for x in (median_low(found), found[0], found[-1])]
+    found = sorted(map(median, scenes) if len(scenes) > 1 else scenes[0])
+    words = [f"{exp(x):.2g}x" if x > -inf else "not" for x in (median(found), found[0], found[-1])]
     return f"{words[0]} ({words[1]} to {words[2]})"
 
 

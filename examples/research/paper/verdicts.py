@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from math import inf, sqrt
 from typing import Literal, NamedTuple
@@ -77,9 +77,11 @@ def judge_factors(effects: Effects, half: float, most: Effects | None = None) ->
     found = _medians(effects)
     if not found:
         return None
-    rank = _rank(len(found))
-    ends = (found[rank - 1], _medians(most or effects)[-rank]) if rank else (-inf, inf)
-    return _judged(effects, statistics.median_low(found), ends, half)
+    rank, bounds = _rank(len(found)), _medians(most or effects)
+    ends = (found[rank - 1], bounds[-rank]) if rank else (-inf, inf)
+    judged = _judged(effects, statistics.median(found), ends, half)
+    against = _judged(effects, statistics.median(bounds), ends, half).verdict
+    return replace(judged, verdict=against) if judged.high < 0 else judged
 
 
 def by_editor(effects: Effects) -> dict[str, list[Sequence[float]]]:
@@ -133,7 +135,7 @@ def _student(means: Sequence[_Mean]) -> float:
 def _medians(effects: Effects) -> list[float]:
     """Medians of an editor's and scene's seeds, or the seeds of a single one; ascending."""
     scenes = [values for each in by_editor(effects).values() for values in each]
-    return sorted(map(statistics.median_low, scenes) if len(scenes) > 1 else chain(*scenes))
+    return sorted(map(statistics.median, scenes) if len(scenes) > 1 else chain(*scenes))
 
 
 def _rank(count: int) -> int:
