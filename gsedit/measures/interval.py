@@ -51,10 +51,10 @@ def tail_of(units: int) -> float:
     Expanded percentiles (Hesterberg 2015): plain ones of few units are too narrow, by
     sqrt((n - 1) / n) and as the normal distribution is to Student's t.
     """
-    from scipy.stats import norm, t
+    from scipy.special import ndtr, stdtrit  # scipy.stats takes 0.3 s and 45 MB to import
 
-    wide = np.sqrt(units / (units - 1)) * t.ppf((1 + LEVEL) / 2, units - 1)
-    return float(norm.cdf(-wide))
+    wide = np.sqrt(units / (units - 1)) * stdtrit(units - 1, (1 + LEVEL) / 2)
+    return float(ndtr(-wide))
 
 
 def mean_interval(values: Sequence[float]) -> Interval | None:

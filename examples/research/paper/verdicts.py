@@ -12,6 +12,8 @@ from itertools import chain
 from math import inf, sqrt
 from typing import Literal, NamedTuple
 
+from scipy.special import bdtr, stdtrit
+
 Verdict = Literal[
     "reproduced", "direction only", "less than half", "not decided", "opposite direction only",
     "opposite",
@@ -123,13 +125,11 @@ def _mean(scenes: Sequence[Sequence[float]]) -> _Mean:
 
 def _student(means: Sequence[_Mean]) -> float:
     """Student's quantile at the degrees of freedom of the sum of the means."""
-    from scipy.stats import t
-
     total = sum(each.variance for each in means)
     if not total:
         return 0.0
     freedom = total**2 / sum(each.variance**2 / each.freedom for each in means)
-    return float(t.ppf(1 - TAIL, freedom))
+    return float(stdtrit(freedom, 1 - TAIL))
 
 
 def _medians(effects: Effects) -> list[float]:
@@ -140,6 +140,4 @@ def _medians(effects: Effects) -> list[float]:
 
 def _rank(count: int) -> int:
     """The largest r for which the r-th lowest and r-th highest of so many enclose the median; 0."""
-    from scipy.stats import binom
-
-    return int(sum(binom.cdf(r, count, 0.5) <= TAIL for r in range(count)))
+    return int(sum(bdtr(r, count, 0.5) <= TAIL for r in range(count)))
