@@ -51,8 +51,8 @@ class Recipe:
     )
     quality: Literal["draft", "normal", "high"] = option(
         "normal",
-        "draft: 1.5 minutes, 120,000 Gaussians. normal: 5 minutes, 150,000. high: 15 minutes, "
-        "300,000, SH degree 2, photos of 512 pixels. Options that are given win.",
+        "draft: 1.5 minutes, 120,000 Gaussians. normal: 14,000 steps, at most 5 minutes, 150,000. "
+        "high: 15 minutes, 300,000, SH degree 2, photos of 512 pixels. Options that are given win.",
         "draft|normal|high",
     )
     minutes: float | None = option(
@@ -70,7 +70,8 @@ class Recipe:
         """
         budget = {}
         if self.minutes is not None or ("steps",) in values:
-            budget = {("seconds",): self.minutes and 60 * self.minutes}
+            seconds = self.minutes and 60 * self.minutes
+            budget = {("seconds",): seconds, ("steps",): values.get(("steps",))}
         return with_values(QUALITIES[self.quality].settings, {**values, **budget})
 
 

@@ -139,9 +139,12 @@ class Quality:
     settings: FitSettings
 
 
+NORMAL_STEPS = 14_000
+"""Steps after which the fit of `normal` overfits: of the bear's 84 photos, 14,000 in 214 s gave
+25.6 dB at others, as many as fit into 303 s gave 25.1."""
 QUALITIES = {
     "draft": Quality(256, FitSettings(seconds=90.0, max_gaussians=120_000)),
-    "normal": Quality(256, FitSettings()),
+    "normal": Quality(256, FitSettings(steps=NORMAL_STEPS)),
     "high": Quality(
         512,
         FitSettings(seconds=900.0, max_gaussians=300_000, sh_degree=2),

@@ -145,7 +145,8 @@ def test_quality_sets_budget_gaussians_degree_and_size_and_given_options_win(
         degree = settings.sh_degree
         return settings.seconds, settings.steps, settings.max_gaussians, degree, sizes.pop()
 
-    assert asked() == asked("--quality", "normal") == (300.0, None, 150_000, 1, 256)
+    assert asked() == asked("--quality", "normal") == (300.0, 14_000, 150_000, 1, 256)
+    assert asked("--minutes", 9) == (540.0, None, 150_000, 1, 256)  # time that is given is used
     assert asked("--quality", "draft") == (90.0, None, 120_000, 1, 256)
     assert asked("--quality", "high") == (900.0, None, 300_000, 2, 512)
     own = ("--minutes", 2, "--max-gaussians", 7, "--sh-degree", 0, "--size", 32)
