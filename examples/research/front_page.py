@@ -24,7 +24,7 @@ from gsedit.bench.results import markdown_table, write_text
 from research.clocked import clocked, gsedit, must
 from research.command import Output, Points, print_message, print_result, run
 from research.measure_meters import write_masks
-from research.paper.tables import write_tables
+from research.paper.tables import write_page
 from research.pose_error import pose_error, poses
 
 ROOT = Path(__file__).parents[2]
@@ -250,11 +250,11 @@ def main(
     rows = [Row(**kept[name]) for name in ROWS if name in kept]
     found = {"front-page": table(rows, links=False), "conditions": conditions(rows)}
     if docs:
-        write_text(PAGE, write_tables(PAGE.read_text(), found))
+        write_page(PAGE, found)
         readme = ROOT / "README.md"
         shown = [Row(**kept[name]) for name in SHOWN if name in kept]
         front = {"measured": table(shown, links=True)}
-        write_text(readme, write_tables(readme.read_text(), front))
+        write_page(readme, front)
     print_result(found["front-page"])
 
 

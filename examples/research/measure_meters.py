@@ -38,7 +38,7 @@ from research.command import Output, print_result, run
 from research.fit.captures import write_dataset
 from research.labelled import demo_bear, statue
 from research.measure_regions import DRAWN_SIZE, Case, drawn, outlines_of, synthetic_case
-from research.paper.tables import write_tables
+from research.paper.tables import write_page
 
 PAGE = Path(__file__).parents[2] / "docs" / "measurements" / "regions.md"
 EDITS = {
@@ -196,7 +196,7 @@ def main(
     print_result("\n\n".join([where, *tables.values()]))
     if docs:
         found = {"meters-conditions": where, **tables}
-        write_text(PAGE, write_tables(PAGE.read_text(), found))
+        write_page(PAGE, found)
 
 
 if __name__ == "__main__":

@@ -28,7 +28,7 @@ import typer
 
 import gsedit
 from gsedit.bench.provenance import provenance
-from gsedit.bench.results import markdown_table, write_text
+from gsedit.bench.results import markdown_table
 from gsedit.datasets.cameras_json import write_cameras
 from gsedit.datasets.dataset import Dataset, capture
 from gsedit.errors import UsageError
@@ -36,7 +36,7 @@ from gsedit.runs.state import load_state
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 from research.command import Output, print_message, print_result, run
 from research.fit.captures import write_dataset
-from research.paper.tables import write_tables
+from research.paper.tables import write_page
 
 PAGE = Path(__file__).parents[2] / "docs" / "measurements" / "ranks.md"
 EDIT = (
@@ -287,7 +287,7 @@ def main(
     print_result(table := markdown_table(head, rows))
     if docs:
         found = {"ranks-conditions": str(provenance()), "ranks": table}
-        write_text(PAGE, write_tables(PAGE.read_text(), found))
+        write_page(PAGE, found)
 
 
 if __name__ == "__main__":

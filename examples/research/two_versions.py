@@ -23,10 +23,10 @@ from typing import Annotated, Any
 import typer
 
 from gsedit.bench.provenance import provenance
-from gsedit.bench.results import markdown_table, write_text
+from gsedit.bench.results import markdown_table
 from research.clocked import clocked, must
 from research.command import Output, print_result, run
-from research.paper.tables import write_tables
+from research.paper.tables import write_page
 
 PAGE = Path(__file__).parents[2] / "docs" / "measurements" / "error-time.md"
 
@@ -124,7 +124,7 @@ def main(
     if docs:
         commits = " and ".join(f"{name} {commit_of(tree)}" for name, tree in order.items())
         made = {"versions-conditions": f"{provenance()} Versions: {commits}.", "versions": found}
-        write_text(PAGE, write_tables(PAGE.read_text(), made))
+        write_page(PAGE, made)
 
 
 def commit_of(tree: Path) -> str:

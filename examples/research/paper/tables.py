@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import chain, combinations, product
 from math import exp, inf
+from pathlib import Path
 from statistics import fmean, median
 from typing import Any
 
-from gsedit.bench.results import markdown_table
+from gsedit.bench.results import markdown_table, write_text
 from research.paper.arms import (
     COMBINED,
     DEFAULT,
@@ -244,6 +245,11 @@ def write_tables(text: str, found: Mapping[str, str]) -> str:
     for name, table in found.items():
         text = _replaced(text, name, table)
     return text
+
+
+def write_page(page: Path, found: Mapping[str, str]) -> None:
+    """Replace the tables of a page, as `write_tables` does."""
+    write_text(page, write_tables(page.read_text(encoding="utf-8"), found))
 
 
 def _replaced(text: str, name: str, table: str) -> str:
