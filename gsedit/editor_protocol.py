@@ -130,12 +130,9 @@ class Capabilities:
     ) = None
     """(prompt, edited views, their originals) -> the true edit that these views agreed on, or None;
     with it the error of an edit can be measured. None for editors without one."""
-    predict_subject: (
-        Callable[[str, Float[Tensor, "v h w 3"]], Float[Tensor, "v h w"] | None] | None
-    ) = None
-    """(prompt, unedited pictures) -> the probability that a pixel shows what the instruction is
-    about, or None where that is the whole picture: where an edit belongs. None for editors that
-    cannot say: then their edits tell."""
+    is_whole: Callable[[str], bool] | None = None
+    """Whether an instruction is about the whole scene, and not about its subject alone. None for
+    editors that cannot say: then the sentence tells, and where it does not, their edits."""
     with_subject: Callable[[Float[Tensor, "v h w"]], Denoiser] | None = None
     """Make this denoiser for pictures whose subject is where this probability says (as many views,
     in the same order). None where a denoiser cannot be told."""

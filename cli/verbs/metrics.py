@@ -290,8 +290,8 @@ def regions_of(
 ) -> tuple[Region | None, Region | None]:
     """The region that is named, else an edit's: before, and after where it moved objects; then one
     of them may be empty."""
-    from gsedit.regions.find import known_region
     from gsedit.regions.region import Region, read_flags
+    from gsedit.selecting.find import known_region
 
     before, after = against.region, against.edited_region
     if unedited is None and named is not None:

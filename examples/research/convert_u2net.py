@@ -13,9 +13,10 @@ from pathlib import Path
 
 import onnx
 import torch
-from gsedit.selecting.u2net import Block, U2Net
 from onnx import numpy_helper
 from safetensors.torch import save_file
+
+from gsedit.selecting.u2net import Block, U2Net
 
 
 def in_order(network: U2Net) -> list[torch.nn.Module]:

@@ -165,9 +165,7 @@ class ClosedForm:
     @property
     def capabilities(self) -> Capabilities:
         """It runs no network; its edits have a known ground truth, and are of the whole picture."""
-        return Capabilities(
-            find_ground_truth=self.find_ground_truth, predict_subject=lambda prompt, originals: None
-        )
+        return Capabilities(find_ground_truth=self.find_ground_truth, is_whole=lambda prompt: True)
 
     def check(self, prompt: str) -> None:
         """Raise UsageError if the instruction names no look."""

@@ -116,15 +116,3 @@ def parts(selected: Bool[Tensor, " n"], graph: Neighbors) -> Int[Tensor, " n"]:
         _, labels = connected_components(graph.affinity[at][:, at], directed=False)
         numbers[rows] = torch.from_numpy(labels.astype(np.int64))
     return numbers
-
-
-def connected_part(
-    selected: Bool[Tensor, " n"], score: Float[Tensor, " n"], graph: Neighbors
-) -> Bool[Tensor, " n"]:
-    """The connected part of the selected Gaussians with the greatest sum of scores."""
-    if not selected.any():
-        return selected
-    numbers = parts(selected, graph)
-    totals = torch.zeros(int(numbers.max()) + 1, dtype=torch.float64)
-    totals.index_add_(0, numbers[selected], score[selected].double())
-    return numbers == int(totals.argmax())

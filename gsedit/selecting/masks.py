@@ -16,10 +16,10 @@ from gsedit.cameras.around import cameras_of
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.errors import GseditError, UsageError
 from gsedit.mask_protocol import MaskProvider
+from gsedit.regions.drawn import MIN_SEEN_PIXELS, otsu, smoothed
 from gsedit.regions.graph import Neighbors, neighbors, parts
 from gsedit.regions.lift import Lifted, lift, within_silhouette
 from gsedit.regions.region import Region
-from gsedit.regions.subject import MIN_SEEN_PIXELS, otsu, smoothed
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import render

@@ -5,6 +5,7 @@ A noun like "chair" is not known; with a color or place beside it, those decide,
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -97,8 +98,14 @@ class _Finder:
         )
 
     def named(self) -> list[int]:
-        """The segment whose short name the phrase is, as "the gray 2"; nothing without one."""
+        """The segment that the phrase names by its number, as "object 2", or its short name, as
+        "the large red one"; nothing without one. Raises UsageError for a number of no segment."""
         said = self.phrase.lower().strip().removeprefix("the ").removesuffix(" one")
+        if numbered := re.fullmatch(r"(?:object|number) (\d+)", said):
+            number = int(numbered[1])
+            if number >= len(self.segments.rows):
+                raise self._refusal(f"the numbers are 0 to {len(self.segments.rows) - 1}")
+            return [number]
         return [i for i, name in enumerate(self.names) if name == said]
 
     def find(self, query: Query) -> list[Segment]:
@@ -268,8 +275,8 @@ class _Finder:
 
     def _nearest(self, rows: list[Segment], reference: Segment) -> list[Segment]:
         """The row that is clearly nearest to another; all where none is."""
-        rows = sorted(rows, key=lambda row: _gap(row, reference))
-        if len(rows) > 1 and _gap(rows[0], reference) > NEARER * _gap(rows[1], reference):
+        rows = sorted(rows, key=lambda row: gap(row, reference))
+        if len(rows) > 1 and gap(rows[0], reference) > NEARER * gap(rows[1], reference):
             return rows
         return rows[:1]
 
@@ -371,7 +378,7 @@ def _over(upper: Segment, lower: Segment) -> bool:
     return bool(upper.middle[2] > lower.middle[2] and (apart < half).all())
 
 
-def _gap(row: Segment, other: Segment) -> float:
+def gap(row: Segment, other: Segment) -> float:
     """The distance between two boxes along the ground and up, at least a small share of a size."""
     apart = np.maximum(np.subtract(row.low, other.high), np.subtract(other.low, row.high))
     return float(np.linalg.norm(apart.clip(min=0))) + 0.02 * other.size

@@ -13,15 +13,16 @@ import numpy as np
 from jaxtyping import Bool, Int
 
 from gsedit.scene.neighbors import linked
-from gsedit.selecting.layers import SKIRT, Patch, joints_of, level_patches, numbered, walls
+from gsedit.selecting.layers import LEVEL, SKIRT, Patch, joints_of, level_patches, numbered, walls
 from gsedit.selecting.surfaces import Surfaces
 
 GROUND_SHARE = 0.05
 """Least area of a further patch of the ground, of the largest one's."""
 GROUND_BAND = 0.04
 """Height, in radii of the place, over which such patches may differ."""
-GROUND_AREA = 0.05
-"""Least area of the ground, of that of all that is near."""
+GROUND_AREA, GROUND_LEVEL = 0.05, 0.2
+"""Least area of the ground, of that of all that is near; or of what is level there: where a street
+or trees are near, all areas together are those of noise."""
 GROUND_SEEN = 0.02
 """Least share of what is seen near the place that is of the ground."""
 AS_WIDE = 0.3
@@ -100,7 +101,11 @@ def _ground(
 
 def _is_ground(surfaces: Surfaces, patch: Patch, among: Bool[np.ndarray, " n"]) -> bool:
     """Whether a patch is wide, and most of what is seen is on it or above it."""
-    if patch.area < GROUND_AREA * surfaces.areas[among].sum():
+    level = among & surfaces.solid & (surfaces.upright > LEVEL)
+    wide = min(
+        GROUND_AREA * surfaces.areas[among].sum(), GROUND_LEVEL * surfaces.areas[level].sum()
+    )
+    if patch.area < wide:
         return False
     seen = surfaces.seen * among
     if seen[patch.rows].sum() < GROUND_SEEN * seen.sum():

@@ -137,7 +137,8 @@ def scheduler(solver: str, spacing: str) -> Any:
 def assert_equal(found: torch.Tensor, expected: torch.Tensor) -> None:
     """Compare latents by their size: networks are in float64, sigmas of diffusers in float32."""
     apart = (found - expected).abs().amax() / expected.abs().amax()
-    assert found.dtype == torch.float64 and apart < SIGMAS
+    assert found.dtype == torch.float64
+    assert apart < SIGMAS
 
 
 @pytest.mark.parametrize(

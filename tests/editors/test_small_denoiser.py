@@ -178,9 +178,3 @@ def test_where_the_subject_is_can_be_told(small):
     left = torch.zeros(2, 16, 32)
     left[:, :, :16] = 1
     assert (edited(left) - edited(1 - left)).abs().max() > 1e-3
-
-
-def test_the_subject_is_predicted_in_pictures_of_any_size(small):
-    for sides in ((16, 16), (18, 31)):
-        probability = small.capabilities.predict_subject("as gold", pictures(3, *sides))
-        assert probability is None or probability.shape == (3, *sides)

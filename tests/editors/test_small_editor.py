@@ -57,10 +57,10 @@ def test_two_looks_are_two_passes_the_subjects_first(small):
     torch.testing.assert_close(steps[-1].images, last.images)
 
 
-def test_an_instruction_about_the_scene_has_no_subject(small):
-    images = batch("").images
-    assert small.predict_subject("it snows", images) is None
-    assert small.predict_subject(TWO, images) is None
+def test_an_instruction_may_be_about_the_scene(small):
+    assert small.capabilities.is_whole("it snows")
+    assert small.capabilities.is_whole(TWO)
+    assert not small.capabilities.is_whole(LOOKS["gold"].wording)
 
 
 def test_anchored_views_stay_as_they_are_in_both_passes(small):

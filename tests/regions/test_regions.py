@@ -14,7 +14,8 @@ from research.labelled import statue
 from gsedit import View
 from gsedit.cameras.orbit import circle
 from gsedit.errors import InputError, UsageError
-from gsedit.regions.graph import connected_part, neighbors, smooth
+from gsedit.regions.drawn import find_changed, find_drawn, otsu
+from gsedit.regions.graph import neighbors, smooth
 from gsedit.regions.lift import lift
 from gsedit.regions.masks import read_masks
 from gsedit.regions.parse import All, Auto, Box, File, Sphere, parse_region
@@ -28,7 +29,6 @@ from gsedit.regions.region import (
     save_region,
     tinted,
 )
-from gsedit.regions.subject import find_changed, find_drawn, find_subject, otsu
 from rasterizer import render
 
 SIZE = 48
@@ -216,27 +216,6 @@ def test_smoothing_keeps_what_is_sure_and_fills_what_is_not(labelled):
     filled = smooth(values * ~unknown, (~unknown).float(), graph, 0.1)
     right = (filled > 0.5) == labelled.subject
     assert right[unknown].float().mean() > 0.95
-
-
-def test_one_connected_part_is_taken_and_it_is_the_one_looked_at(labelled):
-    graph = neighbors(labelled.gaussians)
-    x = labelled.gaussians.means[:, 0]
-    selected = labelled.subject | (x > 0.85)  # the wall far behind
-    score = torch.where(labelled.subject, 1.0, 0.5)
-    part = connected_part(selected, score, graph)
-    assert iou(part, labelled.subject, torch.ones(len(x))) > 0.97
-    assert not connected_part(torch.zeros_like(selected), score, graph).any()
-
-
-def test_the_subject_is_found_in_exact_pictures(labelled, cameras, pictures):
-    found = find_subject(labelled.gaussians, lift(labelled.gaussians, cameras, pictures))
-    assert found is not None
-    assert iou(found, labelled.subject, weights(labelled, cameras)) > 0.93
-
-
-def test_there_may_be_no_subject(labelled, cameras):
-    maps = [torch.full((SIZE, SIZE), 0.2) for _ in cameras]
-    assert find_subject(labelled.gaussians, lift(labelled.gaussians, cameras, maps)) is None
 
 
 def test_masks_of_two_views_select_what_no_mask_sees_too(labelled, cameras, pictures):

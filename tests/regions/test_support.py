@@ -1,4 +1,4 @@
-"""The plane that an object stands on, and the object that is whole down to it."""
+"""The plane that an object stands on, and its silhouette."""
 
 from __future__ import annotations
 
@@ -11,14 +11,8 @@ from regions_iou import iou
 from research.labelled import statue
 
 from gsedit.cameras.orbit import circle
-from gsedit.datasets.dataset import capture
-from gsedit.regions.find import border_opacity, named_region
 from gsedit.regions.lift import lift, within_silhouette
-from gsedit.regions.region import in_one_color
-from gsedit.regions.subject import find_subject
 from gsedit.regions.support import extent_of, find_support
-from rasterizer import render
-from rasterizer.numerics import AUTO
 
 SIZE = 48
 
@@ -50,45 +44,6 @@ def test_a_ball_in_a_cloud_stands_on_nothing():
     ball = np.linalg.norm(points, axis=1) < 0.5
     assert find_support(points, ball, np.ones(len(points))) is None
     assert find_support(points[ball], ball[ball], np.ones(ball.sum())) is None
-
-
-def test_feet_that_are_taken_for_ground_are_of_the_subject(labelled, cameras):
-    """A prediction that is sure of the body alone, and gives the feet as much as the block."""
-    scene, inside = labelled.gaussians, labelled.subject
-    height = scene.means[:, 2]
-    probability = torch.where(inside & (height > -0.2), 0.95, 0.0)
-    probability[(height < -0.2) & (scene.means[:, :2].norm(dim=1) < 0.6)] = 0.3
-    with torch.no_grad():
-        pictures = [
-            render(in_one_color(scene, probability), camera).color[..., 0] for camera in cameras
-        ]
-    lifted = lift(scene, cameras, pictures)
-    found = find_subject(scene, lifted)
-    assert found is not None
-    feet = inside & (height < -0.2)
-    assert iou(found, inside, lifted.weight) > 0.97
-    assert float(lifted.weight[feet & found].sum() / lifted.weight[feet].sum()) > 0.9
-
-
-def test_the_subject_without_surroundings_is_the_whole_scan(labelled, cameras):
-    scene = labelled.gaussians[labelled.subject]
-    views = capture(scene, cameras, [str(i) for i in range(len(cameras))])
-
-    def without_feet(pictures):
-        upper = torch.arange(pictures.shape[1])[:, None] < 0.6 * pictures.shape[1]
-        return torch.where(upper & (pictures.amax(-1) > 0.02), 0.95, 0.05)
-
-    found = named_region("auto", scene, views, (), AUTO, predict=without_feet)
-    assert found is not None
-    assert found.is_all
-    assert "nothing around" in found.note
-
-
-def test_the_border_of_a_picture_tells_whether_it_is_empty():
-    alpha = torch.zeros(4, 6)
-    alpha[1:3, 1:5] = 1
-    assert border_opacity([alpha]) == 0
-    assert border_opacity([alpha, torch.ones(4, 6)]) == 0.5
 
 
 def test_a_wide_gaussian_that_shows_beyond_the_silhouette_is_left_out(labelled, cameras):

@@ -7,8 +7,8 @@ import torch
 from torch.nn.functional import avg_pool2d, max_pool2d
 
 from gsedit.errors import GseditError, UsageError
+from gsedit.regions.drawn import find_drawn
 from gsedit.regions.lift import lift
-from gsedit.regions.subject import find_drawn
 from gsedit.selecting.masks import find_masked, lift_masks
 from gsedit.synthetic.staged import stage
 

@@ -63,7 +63,7 @@ class Varied:
         return Capabilities(
             defaults=SamplerDefaults(guidance_text=1.0, guidance_image=1.0),
             find_ground_truth=lambda prompt, *views: partial(parse(prompt).variant, k=0),
-            predict_subject=lambda prompt, originals: None,
+            is_whole=lambda prompt: True,
         )
 
     def check(self, prompt: str) -> None:

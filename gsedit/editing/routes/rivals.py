@@ -5,11 +5,14 @@ from __future__ import annotations
 from gsedit.errors import UsageError
 from gsedit.regions.region import Region
 from gsedit.selecting.looks import names
+from gsedit.selecting.phrase import gap
 from gsedit.selecting.segment import Segment, Segments
 from gsedit.words.phrases import DEFINITE
 
 COMPARABLE = 0.5
 """Share of the main object's pixels, or size, from which another one could be meant as well."""
+TOUCHING = 0.06
+"""Largest gap between the boxes of two objects that touch, of the larger one's size."""
 LISTED = 4
 """Most objects that the message lists."""
 
@@ -17,9 +20,9 @@ LISTED = 4
 def check_alone(noun: str, segments: Segments, subject: Region) -> None:
     """Raise UsageError where the scene has objects comparable to the one that is the subject.
 
-    That is one that fills at least half as many pixels, or that was found as a part of the subject
-    and is at least half as large; and that neither carries it, as a pedestal, nor is carried by it,
-    as a hat.
+    That is one that stands out too, so that it was found as a part of the subject, is at least half
+    as large, and is apart from it: neither carries it, as a pedestal, nor is carried by it, as a
+    hat, nor touches it, as a sweater.
     """
     objects = segments.objects
     found = {row.number: subject.inside[segments.inside(row.number)] for row in objects}
@@ -29,21 +32,32 @@ def check_alone(noun: str, segments: Segments, subject: Region) -> None:
     rivals = [
         row
         for row in objects
-        if (row.pixels >= COMPARABLE * main.pixels
-            or (row.size >= COMPARABLE * main.size and found[row.number].float().mean() > 0.5))
+        if row.number != main.number
+        and row.size >= COMPARABLE * main.size
+        and found[row.number].float().mean() > 0.5
+        and gap(row, main) > TOUCHING * main.size
         and row.number not in _chain(main, segments)
         and main.number not in _chain(row, segments)
     ]  # fmt: skip
     if not rivals:
         return
     told = names(segments)
-    first, *more = (f"'the {told[row.number]} one'" for row in (main, *rivals[: LISTED - 1]))
+    first, *more = (
+        f"'object {row.number}' ({told[row.number]}, {_where(row)})"
+        for row in (main, *rivals[: LISTED - 1])
+    )
     bare = " ".join(word for word in noun.split() if word not in DEFINITE)
     raise UsageError(
         f"{noun!r} may be any of {len(rivals) + 1} objects of the scene, as no main subject stands "
-        f"out: say {', '.join(more)} or {first}, 'it' for the one nearest to a subject, or give "
-        f"it the name with gsedit select ... --as {bare}"
+        f"out alone: say {', '.join(more)} or {first}; see their numbers with gsedit select SCENE "
+        f"--objects -o objects.png, and give one the name with --phrase 'object N' --as {bare}"
     )
+
+
+def _where(row: Segment) -> str:
+    """Which side of the middle an object is on, as the cameras see the place."""
+    x, half = row.middle[0], 0.25 * row.size
+    return "on the left" if x < -half else "on the right" if x > half else "in the middle"
 
 
 def _chain(row: Segment, segments: Segments) -> list[int]:

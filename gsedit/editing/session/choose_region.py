@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Mapping, Sequence
-from functools import partial
 
 import torch
 from jaxtyping import Float
@@ -13,14 +12,14 @@ from gsedit.cameras.around import around
 from gsedit.datasets.dataset import Dataset
 from gsedit.editing.session.request import Request, split_views
 from gsedit.editor_protocol import Editor
-from gsedit.editors import make_editor
 from gsedit.errors import UsageError
-from gsedit.regions.find import PredictSubject, named_region
+from gsedit.regions.drawn import find_changed
 from gsedit.regions.lift import lift
 from gsedit.regions.region import Region, everything
-from gsedit.regions.subject import find_changed
 from gsedit.runs.events import Event
 from gsedit.runs.stopwatch import Stopwatch
+from gsedit.selecting.find import named_region
+from gsedit.words.read import read_instruction
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
@@ -39,7 +38,7 @@ def choose_region(request: Request, stopwatch: Stopwatch) -> Generator[Event, No
             request.held_out,
             request.settings.execution,
             coarse=request.coarse,
-            predict=_predictor(request.editor, request.prompt),
+            whole=is_whole(request.editor, request.prompt),
         )
     if region is not None and region.note != "all":
         yield Event("region", stopwatch.seconds, 1, 1, note=str(region))
@@ -57,26 +56,32 @@ def find_region(
 ) -> Region:
     """The region that an edit with that `--region` may change, found before any edit.
 
-    `auto` needs the instruction, and the editor (None: `small`). Raises UsageError where that
-    editor predicts no subject, where the region is empty, or for a text that names no region;
-    InputError for a file that does not fit.
+    `auto` is the subject unless the instruction is about the whole scene, as the editor has it
+    (None: as it reads). Raises UsageError where an editor's edits have to show what it is about,
+    where the region is empty, or for a text that names no region; InputError for a file that does
+    not fit.
     """
     views, held_out = split_views(dataset or around(scene, execution=execution))
-    editor = editor or make_editor()
-    predict = _predictor(editor, prompt)
-    found = named_region(region, scene.detach(), views, held_out, execution, predict=predict)
+    whole = is_whole(editor, prompt) if prompt else False
+    found = named_region(region, scene.detach(), views, held_out, execution, whole=whole)
     if found is None:
         raise UsageError(
-            f"the {editor.name} editor does not say where its subject is before it edits: "
-            "gsedit edit finds it from the edited views, and writes region.npy"
+            f"what {prompt!r} is about is known only from its edited views: gsedit edit finds it, "
+            "and writes region.npy; or name the part with --region"
         )
     return found
 
 
-def _predictor(editor: Editor, prompt: str) -> PredictSubject | None:
-    """The editor's prediction of the instruction's subject; None where it predicts none."""
-    predict = editor.capabilities.predict_subject
-    return None if predict is None else partial(predict, prompt)
+def is_whole(editor: Editor | None, prompt: str) -> bool | None:
+    """Whether an instruction is about the whole scene, and not its subject alone; None where
+    neither the editor nor the reader of sentences can say."""
+    told = None if editor is None else editor.capabilities.is_whole
+    if told is not None:
+        return told(prompt)
+    targets = {change.target for change in read_instruction(prompt).changes}
+    if "background" in targets or not targets:
+        return None
+    return "scene" in targets
 
 
 def vote_region(

@@ -90,7 +90,8 @@ def _accept(
     stopwatch, views = session.progress.stopwatch, session.request.every_view
     edited.answers |= answers
     with stopwatch.stage("region"):
-        if edited.region is None or edited.voted:
+        first = edited.region is None
+        if first:
             originals = {i: session.unedited.condition(i) for i in edited.answers}
             cameras = [view.camera for view in views]
             execution = request.settings.execution
@@ -99,7 +100,7 @@ def _accept(
             )
             edited.voted = True
             yield Event("region", stopwatch.seconds, step, steps, note=str(edited.region))
-        for i in edited.answers if edited.voted else answers:  # a vote changes the earlier ones too
+        for i in edited.answers if first else answers:  # earlier ones had no region yet
             image = session.within_region(i, edited.answers[i])
             edited.targets[i] = View(views[i].name, views[i].camera, image)
     find_ground_truth(session, edited.answers)

@@ -36,7 +36,7 @@ from gsedit.editors.small.network import (
     to_cells,
 )
 from gsedit.editors.small.shipped import REINSTALL, WEIGHTS
-from gsedit.editors.small.subject import subject_probability, with_subject
+from gsedit.editors.small.subject import with_subject
 from gsedit.editors.small.text import MAX_WORDS, tokenise, words_of
 from gsedit.errors import InputError, UsageError
 from gsedit.storage.atomic import atomic_path
@@ -122,13 +122,13 @@ class Small:
     @property
     def capabilities(self) -> Capabilities:
         """Its own defaults and size, a remark on instructions that it can only guess at, what it
-        understands, and where it sees the subject."""
+        understands, and whether that is of the whole scene."""
         return Capabilities(
             defaults=DEFAULTS,
             with_micro_batch=lambda views: replace(self, micro_batch=views),
             coarse=cell_colors,
             advice=self.advice,
-            predict_subject=self.predict_subject,
+            is_whole=self.is_whole if self.knows_all_looks else None,
             with_subject=lambda subject: replace(self, subject=subject),
             best_size=BEST_SIZE,
             understand=looks_asked if self.knows_all_looks else None,
@@ -175,14 +175,9 @@ class Small:
         that it knows best; the instruction itself where the network reads it."""
         return looks_asked(prompt).wordings if self.knows_all_looks else (prompt,)
 
-    def predict_subject(
-        self, prompt: str, originals: Float[Tensor, "v h w 3"]
-    ) -> Float[Tensor, "v h w"] | None:
-        """Probability of the subject at each pixel, by the network; None for an instruction about
-        the scene."""
-        if self.knows_all_looks and looks_asked(prompt).scope == "scene":
-            return None
-        return subject_probability(self.network, ", ".join(self.wordings(prompt)), originals)
+    def is_whole(self, prompt: str) -> bool:
+        """Whether a look that the instruction means is one of the whole scene."""
+        return looks_asked(prompt).scope == "scene"
 
     def encode(self, images: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v c y x"]:
         """Latents in [-1, 1] of images in [0, 1]: a cell's 4x4 pixels become channels."""

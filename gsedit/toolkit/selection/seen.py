@@ -98,9 +98,9 @@ class Drawn(ThroughCameras):
     """A .png file named after its view, or a folder of them."""
 
     def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
+        from gsedit.regions.drawn import find_drawn
         from gsedit.regions.lift import lift
         from gsedit.regions.masks import read_masks
-        from gsedit.regions.subject import find_drawn
 
         views = self.views
         masks = read_masks(self.masks, views)

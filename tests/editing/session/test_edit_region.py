@@ -47,6 +47,9 @@ def data(labelled):
     return Dataset(capture(labelled.gaussians, cameras, [f"view_{i}" for i in range(9)]))
 
 
+UNREAD = "frobnicated"
+
+
 @dataclass(frozen=True)
 class Painter:
     """Paints red what is shown to it as the subject, and a little of all the rest."""
@@ -135,15 +138,15 @@ def test_looks_of_the_whole_picture_are_of_everything(labelled, data):
     assert "whole scene" in result.region.note
 
 
-def test_an_editor_that_predicts_nothing_shows_the_region_by_its_edits(labelled, data):
+def test_an_instruction_that_nobody_reads_shows_the_region_by_its_edits(labelled, data):
     editor = Painter(labelled.subject, labelled.gaussians, data)
-    result = run(labelled, data, "auto", editor)
+    result = run(labelled, data, "auto", editor, prompt=UNREAD)
     ones = [torch.ones(SIZE, SIZE)] * 9
     weight = lift(labelled.gaussians, [v.camera for v in data.views], ones).weight
     assert iou(result.region.inside, labelled.subject, weight) > 0.85
     assert not moved(result, labelled)[~result.region.inside].any()
-    with pytest.raises(UsageError, match="painter editor does not say where its subject is"):
-        find_region(labelled.gaussians, "auto", dataset=data, editor=editor, prompt="red")
+    with pytest.raises(UsageError, match="known only from its edited views"):
+        find_region(labelled.gaussians, "auto", dataset=data, editor=editor, prompt=UNREAD)
 
 
 def test_the_small_editor_finds_the_subject_and_looks_of_the_scene(labelled, data):
@@ -152,7 +155,7 @@ def test_the_small_editor_finds_the_subject_and_looks_of_the_scene(labelled, dat
     statue_only = find_region(
         scene, "auto", dataset=dataset, editor=small, prompt="turn it into a gold statue"
     )
-    assert statue_only.note == "auto: the subject"
+    assert not statue_only.is_all
     ones = [torch.ones(SIZE, SIZE)] * 9
     weight = lift(scene, [v.camera for v in data.views], ones).weight
     assert iou(statue_only.inside, labelled.subject, weight) > 0.6

@@ -1,0 +1,127 @@
+"""Measure what is found as the subject of a capture, by masks that were drawn by hand.
+
+    python -m research.measure_subjects ../shared/data bear=bear.ply garden=garden.ply ...
+
+For each capture and mask set, prints the IoU of the region's render with the masks, at the photos
+that they were drawn on, what red paint changes outside (PSNR), and seconds: for `auto` and for one click in the middle of the first mask.
+Masks are drawn on photos as the camera took them, and are undistorted as photos are.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from shutil import copyfile
+
+import torch
+from jaxtyping import Bool
+from torch import Tensor
+from torch.nn.functional import max_pool2d
+
+from gsedit import load
+from gsedit.datasets.load import load_dataset
+from gsedit.regions.region import Region, coverage
+from gsedit.selecting.click import Click, select_at
+from gsedit.selecting.subject import find_subject
+from rasterizer.camera import Camera
+from rasterizer.numerics import color_to_sh
+from rasterizer.render import render
+from rasterizer.scene import Gaussians
+
+WANTED = {"bear": ["bear"], "garden": ["table", "vase"], "dinosaur": ["dino"]}
+"""Mask sets of the subject of each capture; the subject is their union."""
+RIM = 2
+"""Pixels off the outline from which a pixel is outside: masks are off by about as much."""
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """Hand-drawn masks at the cameras of their photos."""
+
+    cameras: tuple[Camera, ...]
+    masks: tuple[Bool[Tensor, "h w"], ...]
+
+    def iou(self, region: Region, scene: Gaussians) -> list[float]:
+        """IoU of the region's render with each mask."""
+        shown = [coverage(region, scene, camera) > 0.5 for camera in self.cameras]
+        pairs = zip(shown, self.masks, strict=True)
+        return [float((a & b).sum() / (a | b).sum().clamp_min(1)) for a, b in pairs]
+
+    def leak(self, region: Region, scene: Gaussians) -> float:
+        """PSNR outside the masks, RIM pixels off them, of the scene with the region in red."""
+        red = scene.sh.clone()
+        red[region.inside] = 0
+        red[region.inside, 0] = color_to_sh(torch.tensor((1.0, 0.0, 0.0)))
+        painted, errors = replace(scene, sh=red), []
+        for camera, mask in zip(self.cameras, self.masks, strict=True):
+            grown = max_pool2d(mask[None].float(), 2 * RIM + 1, 1, RIM)[0] > 0
+            pair = [render(each, camera).color.clamp(0, 1) for each in (scene, painted)]
+            errors.append((pair[0] - pair[1]).square()[~grown].mean())
+        return float(-10 * torch.stack(errors).mean().log10())
+
+
+def read_truth(capture: Path, sets: Sequence[str]) -> Truth:
+    """The union of mask sets, undistorted by the reader of photos."""
+    with tempfile.TemporaryDirectory() as folder:
+        loaded = [_as_photos(capture, each, Path(folder)) for each in sets]
+    masks = [torch.stack(views).any(0) for views in zip(*(masks for _, masks in loaded))]
+    return Truth(loaded[0][0], tuple(masks))
+
+
+def _as_photos(
+    capture: Path, name: str, folder: Path
+) -> tuple[tuple[Camera, ...], list[Bool[Tensor, "h w"]]]:
+    """Cameras and masks of one set: a dataset whose photos are the masks."""
+    record = json.loads((capture / "transforms.json").read_text())
+    files = {each.stem: each for each in (capture / "masks" / name).glob("*.png")}
+    frames = [f for f in record["frames"] if Path(f["file_path"]).stem in files]
+    here = folder / name
+    here.mkdir()
+    for frame in frames:
+        file = files[Path(frame["file_path"]).stem]
+        frame["file_path"] = file.name
+        copyfile(file, here / file.name)
+    kept = {key: value for key, value in record.items() if key != "ply_file_path"}
+    (here / "transforms.json").write_text(json.dumps({**kept, "frames": frames}))
+    views = load_dataset(here).views
+    return tuple(v.camera for v in views), [v.image.mean(-1) > 0.5 for v in views]
+
+
+def middle(mask: Bool[Tensor, "h w"]) -> tuple[float, float]:
+    """Column and row of the pixel of a mask that is nearest to its middle."""
+    at = mask.nonzero().double()
+    best = at[(at - at.median(0).values).norm(dim=1).argmin()]
+    return float(best[1]) + 0.5, float(best[0]) + 0.5
+
+
+@torch.no_grad()
+def main(data: Path, scenes: dict[str, Path]) -> None:
+    """Print a row for each capture and way."""
+    for name, path in scenes.items():
+        scene, capture = load(path), data / name
+        cameras = [view.camera for view in load_dataset(capture).views]
+        truth = read_truth(capture, WANTED[name])
+        x, y = middle(truth.masks[0])
+        clicks = [Click(truth.cameras[0], x, y)]
+        ways = {
+            "auto": lambda scene=scene, cameras=cameras: find_subject(scene, cameras),
+            "click": lambda scene=scene, cameras=cameras: select_at(scene, clicks, cameras),
+        }
+        for way, find in ways.items():
+            start = time.perf_counter()
+            region = find()
+            seconds = time.perf_counter() - start
+            each = truth.iou(region, scene)
+            print(
+                f"{name:10} {way:6} IoU {sum(each) / len(each):.3f} least {min(each):.3f}"
+                f" outside {truth.leak(region, scene):.1f} dB {seconds:5.1f} s  {region}"
+            )
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), {k: Path(v) for k, v in (each.split("=") for each in sys.argv[2:])})
