@@ -2,6 +2,7 @@
 # make test   run the tests
 # Both start from a fresh clone: they make .venv and install everything first (make setup).
 # make check (lint, format, types, documentation) and make bench (targets) are for those who change the code.
+# make levels runs the tests with the vectors of older processors: SSE and AVX2 (twice as long as make test).
 # make docs builds the documentation as a site in site/, strictly: a broken link fails.
 # make fuzz damages 2,000 files of every kind and reads them, and runs commands on hostile input.
 # make sanitize runs the C++ files under ASan, UBSan and TSan; make bench does so too.
@@ -19,7 +20,7 @@ LIBRARIES := libusb-1.0-0 libegl1 libgl1 libgl1-mesa-dri libx11-6 libudev1 libid
 # The benchmark scene's points (gsplat's garden.npz); without them make bench leaves its targets out.
 GARDEN ?= $(or $(GSEDIT_GARDEN),../shared/data/garden_points.npz)
 
-.PHONY: setup demo test check docs bench sanitize fuzz paper wheel
+.PHONY: setup demo test levels check docs bench sanitize fuzz paper wheel
 
 setup: $(STAMP)
 
@@ -38,7 +39,12 @@ demo: setup
 test: setup
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
+levels: setup
+	for level in default avx2; do ATEN_CPU_CAPABILITY=$$level MKL_ENABLE_INSTRUCTIONS=AVX2 ONEDNN_MAX_CPU_ISA=AVX2 \
+		$(MAKE) test || exit 1; done
+
 check: docs
+	@echo 'numbers differ between processors: make levels runs the tests as on older ones'
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/basedpyright

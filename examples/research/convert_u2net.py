@@ -25,7 +25,7 @@ def in_order(network: U2Net) -> list[torch.nn.Module]:
     def of(block: Block) -> list[torch.nn.Module]:
         return [block.first, *block.down, *reversed(block.up)]
 
-    blocks = [*network.down, *reversed(network.up)]
+    blocks = [each for each in (*network.down, *reversed(network.up)) if isinstance(each, Block)]
     return [*(conv for block in blocks for conv in of(block)), *network.sides, network.joined]
 
 

@@ -1,19 +1,21 @@
 """Measure what is found as the subject of a capture, by masks that were drawn by hand.
 
-    python -m research.measure_subjects ../shared/data bear=bear.ply garden=garden.ply ...
+    python -m research.measure_subjects ../shared/data subjects.csv bear.ply garden-draft.ply ...
 
-For each capture and mask set, prints the IoU of the region's render with the masks, at the photos
-that they were drawn on, what red paint changes outside (PSNR), and seconds: for `auto` and for one click in the middle of the first mask.
+For each scene, writes the mean and least IoU of the region's render with the masks, at the photos
+that they were drawn on, what red paint changes outside (PSNR), and seconds: for `auto` and for one
+click in the middle of the first mask.
 Masks are drawn on photos as the camera took them, and are undistorted as photos are.
 """
 
 from __future__ import annotations
 
+import csv
 import json
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from shutil import copyfile
@@ -100,28 +102,35 @@ def middle(mask: Bool[Tensor, "h w"]) -> tuple[float, float]:
 
 
 @torch.no_grad()
-def main(data: Path, scenes: dict[str, Path]) -> None:
-    """Print a row for each capture and way."""
-    for name, path in scenes.items():
-        scene, capture = load(path), data / name
-        cameras = [view.camera for view in load_dataset(capture).views]
-        truth = read_truth(capture, WANTED[name])
-        x, y = middle(truth.masks[0])
-        clicks = [Click(truth.cameras[0], x, y)]
-        ways = {
-            "auto": lambda scene=scene, cameras=cameras: find_subject(scene, cameras),
-            "click": lambda scene=scene, cameras=cameras: select_at(scene, clicks, cameras),
-        }
-        for way, find in ways.items():
-            start = time.perf_counter()
-            region = find()
-            seconds = time.perf_counter() - start
-            each = truth.iou(region, scene)
-            print(
-                f"{name:10} {way:6} IoU {sum(each) / len(each):.3f} least {min(each):.3f}"
-                f" outside {truth.leak(region, scene):.1f} dB {seconds:5.1f} s  {region}"
-            )
+def rows_of(capture: Path, path: Path) -> Iterator[list[str]]:
+    """A row for each way to find the subject of a scene."""
+    scene = load(path)
+    cameras = [view.camera for view in load_dataset(capture).views]
+    truth = read_truth(capture, WANTED[capture.name])
+    clicks = [Click(truth.cameras[0], *middle(truth.masks[0]))]
+    ways = {
+        "auto": lambda: find_subject(scene, cameras),
+        "one click": lambda: select_at(scene, clicks, cameras),
+    }
+    for way, find in ways.items():
+        start = time.perf_counter()
+        region = find()
+        seconds = time.perf_counter() - start
+        each = truth.iou(region, scene)
+        numbers = (sum(each) / len(each), min(each))
+        told = [f"{x:.3f}" for x in numbers] + [f"{truth.leak(region, scene):.1f}"]
+        yield [capture.name, path.stem, way, *told, f"{seconds:.1f}", region.note]
+
+
+def main(data: Path, out: Path, scenes: Sequence[Path]) -> None:
+    """Write the table. A scene's file is named after its capture, as bear-draft.ply."""
+    with out.open("w", newline="") as file:
+        table = csv.writer(file)
+        table.writerow(("capture", "fit", "way", "IoU", "least IoU", "outside, dB", "s", "found"))
+        for path in scenes:
+            for row in rows_of(data / path.stem.split("-")[0], path):
+                table.writerow(row)
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), {k: Path(v) for k, v in (each.split("=") for each in sys.argv[2:])})
+    main(Path(sys.argv[1]), Path(sys.argv[2]), [Path(each) for each in sys.argv[3:]])

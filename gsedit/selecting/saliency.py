@@ -1,4 +1,4 @@
-"""What stands out in pictures of a scene, by a published network: U2-Net-p with its weights.
+"""Saliency of pictures, by a published network: U2-Net-p with its weights.
 
 `v` views of `h w` pixels.
 """
@@ -20,7 +20,7 @@ WEIGHTS = Path(__file__).with_name("u2net.safetensors")
 SIDE = 320
 """Sides of the square that the network looks at, pixels: it was trained on these."""
 MEAN, DEVIATION = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
-"""Of the colors of its training pictures, red, green, blue."""
+"""Mean and deviation of the colors of its training pictures: red, green, blue."""
 
 
 @torch.no_grad()

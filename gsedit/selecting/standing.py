@@ -1,4 +1,4 @@
-"""What a thing stands on, where both are one segment: a rock or plinth of the thing's own color.
+"""Blocks that things stand on, where both are one segment: rocks of the thing's own color.
 
 `n` Gaussians; world units.
 """
@@ -45,7 +45,7 @@ def block_under(surfaces: Surfaces, inside: Bool[np.ndarray, " n"]) -> Bool[np.n
         after = min(each[0] for each in girths[i : i + WITHIN])
         if girth < SOLID * hull or girths[i - 1][0] < NARROW * girth or after > NARROW * girth:
             continue
-        block = inside & (heights < edges[i])
+        block = inside & (heights < edges[i])  # a slice higher would take claws along
         seen = surfaces.seen[inside].sum()
         if surfaces.seen[inside & ~block].sum() >= SEEN * seen:
             return block

@@ -31,8 +31,9 @@ from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
-VIEWS = 16
-"""Most views in which the subject is searched."""
+VIEWS = 8
+"""Most views in which the subject is searched. On six fits of three captures, 16 change its IoU
+with masks drawn by hand by at most 0.004, and take 1.6 times as long."""
 LEAST_VOTE, OF_BEST = 0.25, 0.5
 """Least mean saliency of a segment that stands out, and least share of the largest one's."""
 SURE = 0.5
@@ -61,7 +62,7 @@ Saliency = Callable[[Float[Tensor, "v h w 3"]], Float[Tensor, "v h w"]]
 
 @dataclass(frozen=True, eq=False)
 class _Looked:
-    """What one look at a scene tells of it."""
+    """Saliency, surfaces and segments of a scene, from one look at it."""
 
     cameras: tuple[Camera, ...]
     lifted: Lifted

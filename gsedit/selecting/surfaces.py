@@ -19,6 +19,7 @@ from gsedit.cameras.around import cameras_of
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.light.place import Place, place_of
 from gsedit.regions.graph import Neighbors, nearest_of, neighbors
+from gsedit.scene.kept import kept
 from gsedit.scene.merging.groups import MAX_GAUSSIANS, MergedScene, coarsen
 from gsedit.surface.normals import estimate_normals
 from rasterizer.camera import Camera
@@ -108,6 +109,7 @@ class Surfaces:
         return total / np.maximum(count, 1)
 
 
+@kept
 @torch.no_grad()
 def look(scene: Gaussians, cameras: Sequence[Camera] = (), execution: Execution = AUTO) -> Surfaces:
     """Look at a scene's surfaces from at most VIEWS of the cameras; found ones where none are.

@@ -146,7 +146,7 @@ def test_a_block_that_a_thing_stands_on_is_told_apart(surfaces):
     legs, body = [(0.08, 0.4, 0.8, x) for x in (-0.2, 0.2)], (0.6, 0.8, 2.0, 0.0)
     made, part = standing(surfaces, [rock, *legs, body])
     block = block_under(made, np.ones(len(part), bool))
-    assert (block & (part == 0)).sum() > 0.9 * (block | (part == 0)).sum()
+    assert (block & (part == 0)).sum() > 0.8 * (block | (part == 0)).sum()  # to a slice
 
 
 def test_a_table_stands_on_no_block(surfaces):

@@ -55,7 +55,7 @@ def check_alone(noun: str, segments: Segments, subject: Region) -> None:
 
 
 def _where(row: Segment) -> str:
-    """Which side of the middle an object is on, as the cameras see the place."""
+    """Side of the middle that an object is on, as the cameras see the place."""
     x, half = row.middle[0], 0.25 * row.size
     return "on the left" if x < -half else "on the right" if x > half else "in the middle"
 
