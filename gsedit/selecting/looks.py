@@ -105,4 +105,6 @@ def _apart(rows: list[Segment], name: str) -> dict[int, str]:
     """Names of segments that would have one name."""
     if len(rows) == 2 and rows[1].size < APART * rows[0].size and rows[0].kind == "object":
         return {rows[0].number: f"large {name}", rows[1].number: f"small {name}"}
+    if rows[0].kind == "object":
+        return {row.number: f"{name} object {row.number}" for row in rows}
     return {row.number: f"{name} {i}" for i, row in enumerate(rows, 1)}

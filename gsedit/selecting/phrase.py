@@ -92,16 +92,15 @@ class _Finder:
 
     def told(self, numbers: Sequence[int]) -> str:
         """Segments by their short names."""
-        return ", ".join(
-            f"the {self.names[i]} {'one' if self.segments.rows[i].kind == 'object' else ''}".strip()
-            for i in numbers
-        )
+        rows, names = self.segments.rows, self.names
+        ones = {i for i in numbers if rows[i].kind == "object" and " object " not in names[i]}
+        return ", ".join(f"the {names[i]}{' one' if i in ones else ''}" for i in numbers)
 
     def named(self) -> list[int]:
         """The segment that the phrase names by its number, as "object 2", or its short name, as
         "the large red one"; nothing without one. Raises UsageError for a number of no segment."""
         said = self.phrase.lower().strip().removeprefix("the ").removesuffix(" one")
-        if numbered := re.fullmatch(r"(?:object|number) (\d+)", said):
+        if numbered := re.fullmatch(r"(?:.* )?object (\d+)", said):
             number = int(numbered[1])
             if number >= len(self.segments.rows):
                 raise self._refusal(f"the numbers are 0 to {len(self.segments.rows) - 1}")

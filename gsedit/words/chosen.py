@@ -78,6 +78,9 @@ def _replaced(
     for at, word in enumerate(words):
         if word in LIKE:
             break
+        if word == "object" and "".join(words[at + 1 : at + 2]).isdecimal():
+            start = at - (words[at - 1 : at] == ["the"])
+            return [*words[:start], *SUBJECT, *words[at + 2 :]], f"object {words[at + 1]}", kinds
         if word in DEFINITE and (end := _end(words, at, saved, nouns)):
             return [*words[:at], *SUBJECT, *words[end:]], " ".join(words[at:end]), kinds
     return words, "", kinds

@@ -52,6 +52,9 @@ CARRIERS = frozenset(
 """Phrases of what things are put on, which is seldom the subject."""
 DEFINITE = DETERMINERS | {"these", "those"}
 
+NUMBERED = re.compile(r"\b(?:the )?object ?(\d+)\b", re.IGNORECASE)
+"""An object by its number, as gsedit select --objects tells it."""
+
 
 def object_phrase(text: str, *, parts: bool = False) -> str | None:
     """The phrase of an object that words name, "it" for the subject; None where they name none.
@@ -59,6 +62,8 @@ def object_phrase(text: str, *, parts: bool = False) -> str | None:
     "The red one", "the chair on the left", "bear": a determiner, or a thing of the lexicon. Colors,
     lights, weather and tones are no objects, and parts of things only where `parts` may be.
     """
+    if numbered := NUMBERED.fullmatch(text.strip()):
+        return f"object {numbered[1]}"
     text = text.strip()
     if text in PRONOUNS:
         return IT

@@ -21,7 +21,7 @@ from gsedit.words.parts import (
     refuse_idle,
     refuse_parts,
 )
-from gsedit.words.phrases import IT, PRONOUNS
+from gsedit.words.phrases import IT, NUMBERED, PRONOUNS
 from gsedit.words.refusals import REASONS, Refused, first_refusal
 from gsedit.words.scan import Word, scanned
 from gsedit.words.small_looks import TONES, change_of_look, routed
@@ -82,6 +82,9 @@ def read_instruction(sentence: str, saved: Collection[str] = ()) -> Instruction:
         turned = any(c.name in ("hue", "turn") or c.kind == "light" for c in changes)
         if any(word.value == "degrees" for word in words) and not turned:
             raise Refused("nonsense")  # "turn it purple by 30 degrees"
+        told = {each for c in changes for each in (c.phrase, c.place and c.place.of)}
+        if not told.issuperset(f"object {number}" for number in NUMBERED.findall(sentence)):
+            raise Refused("part")  # an object that a number names is never another one
         looks = [change for change in changes if change.kind not in ("object", "growth")]
         if any(not -1 <= (c.amount or 0) <= MOST.get(c.kind, 0) for c in looks):
             raise Refused("amount")

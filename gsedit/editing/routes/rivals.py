@@ -41,9 +41,9 @@ def check_alone(noun: str, segments: Segments, subject: Region) -> None:
     ]  # fmt: skip
     if not rivals:
         return
-    told = names(segments)
+    colors = [name.split(" object")[0] for name in names(segments)]
     first, *more = (
-        f"'object {row.number}' ({told[row.number]}, {_where(row)})"
+        f"'object {row.number}' ({colors[row.number]}, {_where(row)})"
         for row in (main, *rivals[: LISTED - 1])
     )
     bare = " ".join(word for word in noun.split() if word not in DEFINITE)
