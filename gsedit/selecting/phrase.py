@@ -100,7 +100,7 @@ class _Finder:
         """The segment that the phrase names by its number, as "object 2", or its short name, as
         "the large red one"; nothing without one. Raises UsageError for a number of no segment."""
         said = self.phrase.lower().strip().removeprefix("the ").removesuffix(" one")
-        if numbered := re.fullmatch(r"(?:.* )?object (\d+)", said):
+        if numbered := re.fullmatch(r"object (\d+)", said):
             number = int(numbered[1])
             if number >= len(self.segments.rows):
                 raise self._refusal(f"the numbers are 0 to {len(self.segments.rows) - 1}")
