@@ -11,9 +11,9 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-import onnx
+import onnx  # pyright: ignore[reportMissingImports]
 import torch
-from onnx import numpy_helper
+from onnx import numpy_helper  # pyright: ignore[reportMissingImports]
 from safetensors.torch import save_file
 
 from gsedit.selecting.u2net import Block, U2Net
