@@ -27,10 +27,10 @@ from gsedit.datasets.cameras_json import cameras_file, read_cameras
 from gsedit.datasets.view_list_files import HELD_OUT_EVERY
 from gsedit.datasets.viewpoints import Viewpoint, rendered, same_size, thinned
 from gsedit.editing.routes.apply import apply_instruction
-from gsedit.editing.routes.subject import find_part
 from gsedit.editors import make_editor
 from gsedit.errors import GseditError
 from gsedit.formats.pictures import as_picture
+from gsedit.select.finder import Finder
 from gsedit.synthetic import demo_scene
 from gsedit.synthetic.splats import surface_gaussians
 from gsedit.words.read import read_instruction
@@ -143,7 +143,7 @@ def edits(shown: Shown, instructions: Sequence[str]) -> Iterator[Gaussians | Non
     """The scene after each instruction, as `gsedit edit` changes it directly, and the one numbered
     DRAWN as `small` draws it; None, with a line, for one that is refused. The subject is searched
     once."""
-    subject = find_part(shown.scene, shown.viewpoints)
+    subject = Finder(shown.scene, shown.viewpoints).subject
     cameras = [each.camera for each in shown.viewpoints]
     for i, text in enumerate(instructions):
         say(f"{shown.name}: {text}")

@@ -52,7 +52,7 @@ def written(*modules: str) -> tuple[Broken, ...]:
 
 def masked(module: str, *forms: str, value: str = "zeros") -> tuple[Broken, ...]:
     """Selections that find nothing, or with `ones` everything."""
-    module, statement = f"gsedit.toolkit.selection.{module}", f"return np.{value}(len(table), bool)"
+    module, statement = f"gsedit.select.{module}", f"return np.{value}(len(table), bool)"
     return tuple(Broken(f"{module}:{form}.mask", statement) for form in forms)
 
 
@@ -75,38 +75,31 @@ FEATURES: dict[str, tuple[Broken, ...]] = {
     ),
     "by value, opacity": (
         *masked("values", "Compare", value="ones"),
-        Broken("gsedit.toolkit.selection.values:Column.of"),
+        Broken("gsedit.select.values:Column.of"),
     ),
     "box, sphere": (
         *(
             Broken(
-                f"gsedit.toolkit.selection.volumes:{form}",
+                f"gsedit.select.volumes:{form}",
                 "return Inside(lambda points: np.zeros(len(points), bool))",
             )
             for form in ("box", "sphere", "oriented_box", "ellipsoid", "cylinder", "half_space")
         ),
         Broken(
-            "gsedit.toolkit.selection.volumes:_along",
+            "gsedit.select.volumes:_along",
             "return points - np.array(center, np.float32)",
         ),
     ),
     "inside a mesh": masked("inside_mesh", "InsideMesh"),
     "color near a picked one": (
         *masked("near_color", "NearColor"),
-        Broken("gsedit.toolkit.selection.near_color:_pixel", "return 0.5, 0.5, 0.5"),
+        Broken("gsedit.select.values:_pixel", "return 0.5, 0.5, 0.5"),
     ),
-    "by masks on pictures, by visibility": (
-        *masked("seen", "Drawn", value="ones"),
-        *masked("seen", "Seen", value="ones"),
-    ),
+    "by masks on pictures, by visibility": (*masked("seen", "Seen", value="ones"),),
     "clusters, grow, shrink": (
         *masked("clusters", "Clusters", value="ones"),
-        Broken(
-            "gsedit.toolkit.selection.near_selected:Grown.mask", "return self.inner.mask(table)"
-        ),
-        Broken(
-            "gsedit.toolkit.selection.near_selected:Shrunk.mask", "return self.inner.mask(table)"
-        ),
+        Broken("gsedit.select.clusters:Grown.mask", "return self.inner.mask(table)"),
+        Broken("gsedit.select.clusters:Shrunk.mask", "return self.inner.mask(table)"),
     ),
     "floaters": (
         Broken("gsedit.toolkit.find_defects:floaters", "return np.zeros(len(table), bool)"),

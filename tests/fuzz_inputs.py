@@ -24,10 +24,10 @@ from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.editing.session.folder import history_of
 from gsedit.formats.flags import read_flags, write_flags
 from gsedit.measures.against import resolve_reference
-from gsedit.regions.saved import read_named, save_named
 from gsedit.runs.journal import read_events
 from gsedit.runs.state import State, load_state, save_state
 from gsedit.scene.similarity import Similarity
+from gsedit.select.saved import read_named, save_named
 from gsedit.toolkit.similarity_files import read_similarity, write_similarity
 
 BYTES_MOST = 256 << 20

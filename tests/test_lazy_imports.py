@@ -111,7 +111,7 @@ def test_rasterizer_render_is_the_function_in_any_order_of_imports():
         "gsedit",
         "gsedit.editors",
         "gsedit.toolkit",
-        "gsedit.toolkit.selection",
+        "gsedit.select",
         "rasterizer",
     ],
 )

@@ -17,8 +17,8 @@ from gsedit.formats.usd.library import EXPANSION as USD_EXPANSION
 from gsedit.formats.usd.library import MEMORY as USD_MEMORY
 from gsedit.formats.usd.library import SECONDS as USD_SECONDS
 from gsedit.formats.validity import MAX_LOG_SCALE, MAX_NORM
+from gsedit.select.where import LONGEST
 from gsedit.storage.json_files import MAX_BYTES
-from gsedit.toolkit.selection.where import LONGEST
 from rasterizer.compiler import TIMEOUT_S
 
 PAGE = Path(__file__).parents[1] / "SECURITY.md"

@@ -27,7 +27,7 @@ def with_saved_regions(values: dict[str, Any]) -> dict[str, Any]:
     scene = current_scene.get()
     if scene is None:
         return values
-    from gsedit.regions.saved import read_named, saved_file
+    from gsedit.select.saved import read_named, saved_file
 
     told = dict(values)
     for option in ("region", "cage"):
@@ -45,11 +45,11 @@ def with_saved_regions(values: dict[str, Any]) -> dict[str, Any]:
 
 def check_region(text: str, scene: Path) -> None:
     """Raise UsageError for a text that is no region, with the names that there are."""
-    from gsedit.regions.parse import parse_region
-    from gsedit.regions.saved import saved_names
+    from gsedit.select.questions import check_region as check_text
+    from gsedit.select.saved import saved_names
 
     try:
-        parse_region(text)
+        check_text(text)
     except UsageError as error:
         if names := saved_names(scene):
             raise UsageError(f"{error}; or a name saved for {scene}: {', '.join(names)}") from None
@@ -59,7 +59,7 @@ def check_region(text: str, scene: Path) -> None:
 def with_middle(text: str, commas: int, scene: Path) -> str:
     """Return a handle with the middle of what is selected for a saved name, which stands before a
     part with so many commas."""
-    from gsedit.regions.saved import read_named, saved_file
+    from gsedit.select.saved import read_named, saved_file
 
     name, _, rest = text.partition(":")
     is_named = rest.partition(":")[0].count(",") == commas

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from jaxtyping import Float
     from torch import Tensor
 
-    from gsedit.mask_protocol import MaskProvider
+    from gsedit.select.provider import MaskProvider
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class MaskOptions:
             return None
         if phrase is None:
             raise UsageError('--masks looks for a phrase: add --phrase "the chair"')
-        from gsedit.masks.registry import make_masks
+        from gsedit.editors.masks import make_masks
 
         provider = make_masks(self.masks, **given)
         provider.check(phrase)

@@ -1,9 +1,8 @@
-"""Options that point at a thing of a scene: pixels of its views, or a phrase."""
+"""Options that point at a thing of a scene, pixels of its views or a phrase; and its finder."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,19 +10,17 @@ from typing import TYPE_CHECKING
 from gsedit.errors import UsageError
 
 from ..core.command import option
+from ..core.current import current_scene
 from .cameras import ViewOptions, resolve_cameras
+from .settings import Values
 
 if TYPE_CHECKING:
-    import torch
-
     from gsedit.datasets.viewpoints import Viewpoint
-    from gsedit.mask_protocol import MaskProvider
-    from gsedit.regions.region import Region
-    from gsedit.selecting.click import Click
+    from gsedit.select.finder import Finder
+    from gsedit.select.provider import MaskProvider
+    from gsedit.select.region import Region
     from rasterizer.scene import Gaussians
 
-PLACE = re.compile(r"(?P<out>not:)?(?P<view>.+):(?P<x>\d+(\.\d*)?),(?P<y>\d+(\.\d*)?)")
-"""A pixel of a view: [not:]VIEW:X,Y."""
 FOUND_VIEWS = 24
 """Views that are found for a scene without cameras."""
 
@@ -39,17 +36,22 @@ class AtOptions:
         "VIEW:X,Y",
     )
 
-    def check(self) -> None:
-        """Raise UsageError for a place that is none."""
-        for text in self.at or ():
-            place(text)
+    def expression(self) -> str:
+        """Return the expression of the places. Raises UsageError for one that is none."""
+        from gsedit.select.short import expression_of_clicks
 
-    def clicked(self, scene: Gaussians, views: Sequence[Viewpoint]) -> Region:
-        """Return the object at the places. Raises UsageError where nothing is there."""
-        from gsedit.objects import select_at
+        return expression_of_clicks(self.at or ())
 
-        cameras = [each.camera for each in views]
-        return select_at(scene, [click(text, views) for text in self.at or ()], cameras)
+    def in_place_of_region(self, values: Values) -> Values:
+        """Return the settings of an edit with what is pointed at as their region.
+
+        Raises UsageError for --region beside it, or a place that is none.
+        """
+        if not self.at:
+            return values
+        if ("region",) in values:
+            raise UsageError("--at and --region both say where: leave one out")
+        return {**values, ("region",): self.expression()}
 
 
 @dataclass(frozen=True)
@@ -74,57 +76,38 @@ class PointingOptions(AtOptions):
         """Raise UsageError for both ways at once, or a place that is none."""
         if self.at and self.phrase is not None:
             raise UsageError("--at and --phrase both name a thing: leave one out")
-        super().check()
-
-    def views(self, path: Path, scene: Gaussians, data: Path | None) -> tuple[Viewpoint, ...]:
-        """Return the views of --data, those recorded beside the scene, or found ones."""
-        return views_to_point_at(path, scene, ViewOptions(data=data, size=self.size))
-
-    def region(
-        self,
-        scene: Gaussians,
-        views: Sequence[Viewpoint],
-        subject: Subject | None = None,
-        masks: MaskProvider | None = None,
-    ) -> Region:
-        """Return what is pointed at. Raises UsageError where that is nothing."""
-        from gsedit.objects import find_phrase
-
         if self.at:
-            return self.clicked(scene, views)
-        cameras = [each.camera for each in views]
-        return find_phrase(self.phrase or "", scene, cameras, subject=subject, masks=masks)
+            self.expression()
+
+    def region(self, finder: Finder) -> Region:
+        """Return what is pointed at. Raises UsageError where that is nothing."""
+        return finder.select(self.expression()) if self.at else finder.named(self.phrase or "")
 
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
+def finder_in(
+    data: Path | None, size: int | None = None, masks: MaskProvider | None = None
+) -> Callable[[Gaussians], Finder]:
+    """Return the maker of a finder of the scene that the command reads, with its views and names.
 
-    Subject = Callable[[], torch.Tensor | None]
+    Views are those of `data`, of the cameras.json beside the scene, or found ones.
+    """
+
+    def finder(scene: Gaussians) -> Finder:
+        from gsedit.select.finder import Finder, Names
+        from gsedit.select.saved import saved_files
+
+        path = current_scene.get()
+        saved = {} if path is None else saved_files(path)
+        views = views_to_point_at(path, scene, ViewOptions(data=data, size=size))
+        return Finder(scene, views, names=Names(saved, masks))
+
+    return finder
 
 
-def views_to_point_at(path: Path, scene: Gaussians, options: ViewOptions) -> tuple[Viewpoint, ...]:
+def views_to_point_at(
+    path: Path | None, scene: Gaussians, options: ViewOptions
+) -> Sequence[Viewpoint]:
     """Return the views whose pixels --at names, the same for every verb."""
     from rasterizer.numerics import AUTO
 
     return resolve_cameras(path, scene, options, FOUND_VIEWS, AUTO).viewpoints
-
-
-def place(text: str) -> tuple[str, float, float, bool]:
-    """Return (view, x, y, inside) of a place. Raises UsageError."""
-    found = PLACE.fullmatch(text.strip())
-    if found is None:
-        raise UsageError(
-            f"--at {text}: give a view, a column and a row, as in --at frame_00012.jpg:130,80, or "
-            "not:... for a place that is not on it"
-        )
-    return found["view"], float(found["x"]), float(found["y"]), found["out"] is None
-
-
-def click(text: str, views: Sequence[Viewpoint]) -> Click:
-    """Return the click at a place of one of the views. Raises UsageError for no such view."""
-    from gsedit.datasets.viewpoints import view_named
-    from gsedit.objects import Click
-
-    name, x, y, inside = place(text)
-    view = view_named(views, name)
-    return Click(view.camera, x + 0.5 * x.is_integer(), y + 0.5 * y.is_integer(), inside, view.name)

@@ -20,9 +20,9 @@ from .settings import Values, with_values
 
 if TYPE_CHECKING:
     from gsedit.datasets.viewpoints import Viewpoint
-    from gsedit.editing.routes.named import Names
     from gsedit.editing.session.result import EditResult
     from gsedit.editing.session.settings import EditSettings
+    from gsedit.select.finder import Names
     from gsedit.words.instruction import Instruction
     from rasterizer.scene import Gaussians
 
@@ -43,7 +43,7 @@ def read_sentence(
     if editor != EditorOptions() or any(path[0] not in HEEDED for path in values):
         return None
     from gsedit.formats.registry import open_scene
-    from gsedit.regions.saved import saved_files
+    from gsedit.select.saved import saved_files
     from gsedit.words.called import read_called
 
     instruction = read_called(text, () if scene is None else tuple(saved_files(scene)))
@@ -58,8 +58,8 @@ def names_of(scene: Path, masks: MaskOptions, instruction: Instruction) -> Names
 
     Raises UsageError for masks that cannot look for a phrase, or that have none to look for.
     """
-    from gsedit.editing.routes.named import Names
-    from gsedit.regions.saved import saved_files
+    from gsedit.select.finder import Names
+    from gsedit.select.saved import saved_files
     from gsedit.words.phrases import IT
 
     phrases = [each.phrase for each in instruction.changes]
@@ -140,6 +140,19 @@ def run_routes(
     return result
 
 
+def own_region(values: Values, first: Path, scene: Path) -> Values:
+    """Return the settings of a step of an edit with its own flags of a saved selection.
+
+    `first` is the scene before all steps, that the region of the settings was saved for.
+    """
+    from gsedit.select.saved import folder_of
+
+    region = Path(str(values.get(("region",), "")))
+    own = folder_of(scene) / region.name
+    is_saved = region.parent == folder_of(first) and own.is_file()
+    return {**values, ("region",): str(own)} if is_saved else values
+
+
 def say_where(folder: Path) -> None:
     """Print the folder of an edit, and how to look at what is in it."""
     print_message(
@@ -152,7 +165,7 @@ def carry_beside(path: Path, scene: Gaussians, result: EditResult, folder: Path)
     """Write what lies beside the scene that was edited for the one in the folder: its saved
     selections, and the file that names its frame, which is the same."""
     from gsedit.datasets import export_frame as frames
-    from gsedit.regions.saved import carry_named
+    from gsedit.select.saved import carry_named
 
     before, after = (each.means.detach().numpy() for each in (scene, result.scene))
     origin = None if result.origin is None else result.origin.numpy()

@@ -8,16 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from gsedit.errors import UsageError
-from gsedit.regions.parse import All, Auto, Box, File, Sphere, parse_region
 
 from ..core.command import flag, option
+from ..core.console import print_message
 from ..core.current import current_scene
+from .pointing import finder_in
 
 if TYPE_CHECKING:
-    from gsedit.toolkit.selection.base import Selection
-
-ABOUT_THE_SUBJECT = "turn it into bronze"
-"""An instruction about the subject alone: the editor `small` predicts where the subject is."""
+    from gsedit.select.rules import Selection
 
 Where = Annotated[
     str | None,
@@ -37,8 +35,8 @@ class SelectionOptions:
     where: Where = None
     region: str | None = option(
         None,
-        "Select a region of gsedit edit: auto (the subject), box:X,Y,Z,X,Y,Z, sphere:X,Y,Z,R, "
-        "a .npy file of flags, or masks on photos (.png or a folder).",
+        "Select a region of gsedit edit: auto (the subject), a saved name, box:X,Y,Z,X,Y,Z, "
+        "sphere:X,Y,Z,R, a .npy file of flags, or masks on photos (.png or a folder).",
         "REGION",
     )
     data: Path | None = option(
@@ -58,12 +56,12 @@ class SelectionOptions:
 
         Raises UsageError for a text that cannot be read.
         """
-        from gsedit.toolkit.selection.base import EVERYTHING
+        from gsedit.select.rules import EVERYTHING
 
         if self.where is None:
-            return EVERYTHING if self.region is None else region_selection(self.region, self.data)
+            return EVERYTHING if self.region is None else parse_region(self.region, self.data)
         part = parse_where(self.where, self.data)
-        return part if self.region is None else region_selection(self.region, self.data) & part
+        return part if self.region is None else parse_region(self.region, self.data) & part
 
 
 def need_selection(options: SelectionOptions, verb: str) -> Selection:
@@ -81,7 +79,7 @@ def parse_where(text: str, data: Path | None) -> Selection:
 
     The functions that need cameras take those of `data`, or those beside the current scene.
     """
-    from gsedit.toolkit.selection.where import where
+    from gsedit.select.where import where
 
     try:
         return where(text, view_functions(data))
@@ -89,15 +87,25 @@ def parse_where(text: str, data: Path | None) -> Selection:
         raise UsageError(f"--where {error}") from None
 
 
+def parse_region(text: str, data: Path | None) -> Selection:
+    """Read what `--region` selects in the scene that the verb reads. Raises UsageError."""
+    from gsedit.select.questions import check_region
+    from gsedit.select.short import expression_of
+    from gsedit.select.where import where
+
+    check_region(text)
+    return where(expression_of(text), view_functions(data))
+
+
 def view_functions(data: Path | None) -> dict[str, Callable[..., Selection]]:
-    """Return the functions of an expression that look at a scene through cameras, by name.
+    """Return the functions of an expression that look at a scene, by name.
 
-    Without an argument `cameras` they take those of `data`, or those beside the current scene.
+    They look through the cameras of `data`, or those beside the current scene; what was found is
+    printed. Without an argument `cameras`, `seen` and `middle` need one of the two.
     """
-    from gsedit.toolkit.selection.middle import InTheMiddle
-    from gsedit.toolkit.selection.seen import LEAST_PIXELS, Drawn, Seen
-
-    from .subject import Subject
+    from gsedit.select.questions import questions
+    from gsedit.select.rules import Flags
+    from gsedit.select.seen import LEAST_PIXELS, InTheMiddle, Seen
 
     scene = current_scene.get()
 
@@ -107,37 +115,14 @@ def view_functions(data: Path | None) -> dict[str, Callable[..., Selection]]:
     def seen(cameras: str = "", pixels: float = LEAST_PIXELS) -> Selection:
         return Seen(cameras_of(cameras, "seen"), pixels=pixels, scene=scene)
 
-    def drawn(masks: str, cameras: str = "") -> Selection:
-        return Drawn(cameras_of(cameras, "drawn"), masks=Path(masks).expanduser(), scene=scene)
-
     def middle(within: float = 0.5, cameras: str = "") -> Selection:
         return InTheMiddle(cameras_of(cameras, "middle"), within=within, scene=scene)
 
-    def subject(instruction: str = ABOUT_THE_SUBJECT, cameras: str = "") -> Selection:
-        return Subject(instruction, scene, Path(cameras) if cameras else data)
+    def flags(path: str) -> Selection:
+        return Flags(Path(path).expanduser())  # of rows as the file has them, without a look
 
-    return {"seen": seen, "drawn": drawn, "middle": middle, "subject": subject}
-
-
-def region_selection(text: str, data: Path | None) -> Selection:
-    """Return what `--region` selects in the scene that the verb reads. Raises UsageError."""
-    from gsedit.toolkit.selection.base import EVERYTHING
-    from gsedit.toolkit.selection.saved import Flags
-    from gsedit.toolkit.selection.volumes import box, sphere
-
-    match parse_region(text):
-        case All():
-            return EVERYTHING
-        case Auto():
-            return view_functions(data)["subject"](ABOUT_THE_SUBJECT)
-        case Box(low, high):
-            return box(*low, *high)
-        case Sphere(center, radius):
-            return sphere(*center, radius)
-        case File(path) if path.suffix.lower() == ".npy":
-            return Flags(path.expanduser())
-        case File(path):
-            return view_functions(data)["drawn"](str(path))
+    asked = questions(finder_in(data), lambda found: print_message(f"region: {found}"))
+    return {**asked, "seen": seen, "middle": middle, "flags": flags}
 
 
 def recorded_cameras(asker: str, data: Path | None) -> Path:

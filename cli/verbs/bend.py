@@ -11,14 +11,14 @@ from ..core.command import flag, shows
 from ..options.numbers import numbers
 from ..options.selection import (
     SelectionOptions,
+    parse_region,
     parse_where,
     recorded_cameras,
-    region_selection,
 )
 
 if TYPE_CHECKING:
     from gsedit.objects.bending.operation import Bend, Grip, Pixel, Triple
-    from gsedit.toolkit.selection.base import Selection
+    from gsedit.select.rules import Selection
 
 Handles = Annotated[
     list[str] | None,
@@ -117,6 +117,6 @@ def radius_of(option: str, text: str) -> float:
 def cage_of(text: str, data: Path | None) -> Selection:
     """Read a region or an expression. Raises UsageError."""
     try:
-        return region_selection(text, data)
+        return parse_region(text, data)
     except UsageError:
         return parse_where(text, data)

@@ -22,8 +22,6 @@ from ..core.outputs import check_folder
 from ..core.progress import progress, result_of
 from ..core.ranks import drain, is_first, ranks
 from ..options.cameras import ViewOptions, framed_alike, load_views
-from ..options.clicked import NAME as CLICKED
-from ..options.clicked import own_region, region_at
 from ..options.common import DropInvalid, Force, Scene, Seeded, load_scene
 from ..options.edit_checks import check_apart, check_click, check_condition, check_request
 from ..options.editing import (
@@ -37,7 +35,14 @@ from ..options.editing import (
 from ..options.masks import MaskOptions
 from ..options.pointing import AtOptions
 from ..options.preview import preview_file, run_preview
-from ..options.routes import NO_MASKS, carry_beside, read_sentence, run_routes, say_where
+from ..options.routes import (
+    NO_MASKS,
+    carry_beside,
+    own_region,
+    read_sentence,
+    run_routes,
+    say_where,
+)
 from ..options.settings import Setting, SettingsGroup, Values
 
 if TYPE_CHECKING:
@@ -49,7 +54,7 @@ if TYPE_CHECKING:
 
 STEPS = "steps"
 """Folder, in that of the edit, with the folders of all edits but the last."""
-LEFTOVERS = ("metrics.unfinished.jsonl", "command", STEPS, GLIMPSES, CLICKED)
+LEFTOVERS = ("metrics.unfinished.jsonl", "command", STEPS, GLIMPSES)
 """Files of an edit that ended before its first checkpoint: alone they need no protection."""
 
 Instruction = Annotated[str, argument("INSTRUCTION", "What should change, as in 'make it snow'.")]
@@ -141,6 +146,7 @@ def edit(
     Without --data, the views are renders from the cameras.json beside the scene, or from
     viewpoints that gsedit finds. gsedit list settings edit explains every setting.
     """
+    values = pointing.in_place_of_region(values)
     load = partial(load_scene, scene, drop_invalid=own.drop_invalid)
     if own.preview or own.seeds:
         if own.explain or own.resume:
@@ -149,21 +155,15 @@ def edit(
         check_request(instruction, views, file, own.explain)
         common.apply()
         seeds = range(common.seed, common.seed + max(own.seeds, 1))
-        with region_at(pointing, values, scene, load, views, None) as known:
-            return run_preview(
-                scene, load, instruction, file, views, editor, known, seeds,
-                masks=masks, force=own.force, as_json=common.json,
-            )  # fmt: skip
+        return run_preview(
+            scene, load, instruction, file, views, editor, values, seeds,
+            masks=masks, force=own.force, as_json=common.json,
+        )  # fmt: skip
     folder = check_request(instruction, views, own.out, own.explain)
-    if pointing.at and not own.explain:
-        check_apart(scene, folder)
-        check_folder(folder, own.force or own.resume, leftovers=LEFTOVERS)
-        if own.asks_routes:
-            check_click(instruction, editor, values, scene)
-    place = None if own.explain else folder
-    with region_at(pointing, values, scene, load, views, place) as known:
-        request = scene, instruction, folder, own, views, editor, known, common
-        result = run_edit(EditCommand(*request, masks=masks))
+    if pointing.at and own.asks_routes and not own.explain:
+        check_click(instruction, editor, values, scene)
+    request = scene, instruction, folder, own, views, editor, values, common
+    result = run_edit(EditCommand(*request, masks=masks))
     if result is not None:
         print_edit(result, folder, as_json=common.json)
 

@@ -101,7 +101,7 @@ def list_editors(*, as_json: bool) -> None:
 
 def list_masks(*, as_json: bool) -> None:
     """Print every mask provider, of gsedit and of other packages."""
-    from gsedit.masks.registry import list_masks
+    from gsedit.editors.masks import list_masks
 
     for name, summary in list_masks():
         record = {"name": name, "summary": summary}

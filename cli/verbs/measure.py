@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gsedit.errors import UsageError
+from gsedit.select.short import place_of
 
 from ..core.command import option, shows
 from ..core.console import print_message, print_result
 from ..options.cameras import ViewOptions
 from ..options.common import Common, DropInvalid, Scene, load_scene
-from ..options.pointing import click, place, views_to_point_at
+from ..options.pointing import views_to_point_at
 
 if TYPE_CHECKING:
     from gsedit.datasets.viewpoints import Viewpoint
@@ -67,7 +68,7 @@ def measure(
         raise UsageError("one point: add --at for a distance, or --height for the one above ground")
     for text in points:
         if not COORDINATES.fullmatch(text):
-            place(text)
+            place_of(text)
     common.apply()
     gaussians = load_scene(scene, drop_invalid=drop_invalid).detach()
     typed = points and not own.height and all(COORDINATES.fullmatch(text) for text in points)
@@ -83,11 +84,12 @@ def point(text: str, gaussians: Gaussians, views: Sequence[Viewpoint]) -> Surfac
     """Return the point at a place. Raises UsageError."""
     import numpy as np
 
+    from gsedit.select.finder import click_on
     from gsedit.surveying.points import SurfacePoint, point_at
 
     if COORDINATES.fullmatch(text):
         return SurfacePoint(np.array([float(each) for each in text.split(",")]))
-    found = click(text, views)
+    found = click_on(views, *place_of(text))
     return point_at(gaussians, found.camera, found.x, found.y, [each.camera for each in views])
 
 
@@ -117,11 +119,11 @@ def region_volume(
     scene: Path, gaussians: Gaussians, region: str, views: Sequence[Viewpoint]
 ) -> Size:
     """Return the volume of a selection. Raises UsageError."""
-    from gsedit.editing.routes.subject import find_part
-    from gsedit.regions.saved import saved_file
+    from gsedit.select.finder import Finder
+    from gsedit.select.saved import saved_file
     from gsedit.surveying.sizes import volume
 
-    found = find_part(gaussians, views, str(saved_file(scene, region) or region))
+    found = Finder(gaussians, views, str(saved_file(scene, region) or region)).subject
     return volume(gaussians, [each.camera for each in views], found.inside)
 
 

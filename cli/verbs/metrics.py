@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from gsedit.measures.against import Reference
     from gsedit.measures.agreement import Pictures
     from gsedit.measures.evaluation_input import EvaluationInput, Texts
-    from gsedit.regions.region import Region
+    from gsedit.select.region import Region
     from rasterizer.scene import Gaussians
 
 VIEWS, WORDS = "Views", "Measures with words"
@@ -280,9 +280,21 @@ def gather(
 
 def drawn_masks(folder: Path | None, views: ViewList) -> dict[int, Tensor]:
     """The masks in a folder, by the index of the view. Raises InputError as `read_masks` does."""
-    from gsedit.regions.masks import read_masks
+    from gsedit.select.drawn import read_masks
 
     return {} if folder is None else read_masks(folder, views.viewpoints)
+
+
+def known(region: str) -> str:
+    """Return a region to measure with. Raises UsageError for one that has to be looked for."""
+    from gsedit.select.questions import Asked, check_region
+
+    if isinstance(check_region(region), Asked) and not region.lower().endswith(".npy"):
+        raise UsageError(
+            f"region {region} has to be looked for, and a region to measure with must be known: "
+            "give the region.npy that gsedit edit wrote, a box or a sphere"
+        )
+    return region
 
 
 def regions_of(
@@ -290,8 +302,8 @@ def regions_of(
 ) -> tuple[Region | None, Region | None]:
     """The region that is named, else an edit's: before, and after where it moved objects; then one
     of them may be empty."""
-    from gsedit.regions.region import Region, read_flags
-    from gsedit.selecting.find import known_region
+    from gsedit.select.finder import Finder
+    from gsedit.select.region import Region, read_flags
 
     before, after = against.region, against.edited_region
     if unedited is None and named is not None:
@@ -299,7 +311,7 @@ def regions_of(
     if unedited is None or (named is None and before is None):
         return None, None
     if named is not None or before is None or after is None:
-        return known_region(named or str(before), unedited), None
+        return Finder(unedited).select(known(named or str(before))), None
     pairs = ((before, unedited), (after, edited))
     one, other = (Region(read_flags(file, len(scene)), str(file)) for file, scene in pairs)
     return one, other

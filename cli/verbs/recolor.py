@@ -89,8 +89,8 @@ def recolor(
 
     from gsedit.toolkit import palette as palettes
     from gsedit.toolkit.grade import Grade
+    from gsedit.toolkit.on_selection import OnOnePart
     from gsedit.toolkit.recolor import Opacity, Recolor
-    from gsedit.toolkit.selection.part import OnOnePart
 
     operations: list[Operation] = []
     if grade != Grade():

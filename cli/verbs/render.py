@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from gsedit.errors import UsageError
-from gsedit.regions.parse import parse_region
 from rasterizer.numerics import Execution, Numerics
 
 from ..core.command import option, output, shows
@@ -238,7 +237,9 @@ def check_region(region: str | None, prompt: str | None, pictures: PictureOption
         if prompt is not None:
             raise UsageError("--prompt is for --region auto: add it, or leave the prompt out")
         return
-    parse_region(region)
+    from gsedit.select.questions import check_region as check_text
+
+    check_text(region)
     if region == "auto" and not (prompt or "").strip():
         raise UsageError(
             "--region auto depends on the instruction: add --prompt 'turn it into bronze'"
@@ -258,7 +259,7 @@ def tint(
     """The scene with the region tinted; what the region holds is printed."""
     from gsedit.editing.session.choose_region import find_region
     from gsedit.editors import make_editor
-    from gsedit.regions.region import tinted
+    from gsedit.select.region import tinted
 
     found = find_region(
         scene,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,18 +15,18 @@ from ..core.outputs import check_file
 from ..options.common import Common, DropInvalid, Force, Scene, load_scene
 from ..options.files import FileOptions
 from ..options.masks import MaskOptions
-from ..options.pointing import PointingOptions
+from ..options.pointing import PointingOptions, finder_in
 from ..options.selection import SelectionOptions, need_selection
 
 if TYPE_CHECKING:
     import numpy as np
-    from torch import Tensor
 
     from gsedit.datasets.viewpoints import Viewpoint
     from gsedit.formats.streams import SceneSource
-    from gsedit.mask_protocol import MaskProvider
-    from gsedit.regions.region import Region
-    from gsedit.toolkit.selection.base import Selection
+    from gsedit.select.finder import Finder
+    from gsedit.select.provider import MaskProvider
+    from gsedit.select.region import Region
+    from gsedit.select.rules import Selection
     from rasterizer.scene import Gaussians
 
 
@@ -117,11 +116,11 @@ def select_thing(
     check_thing(scene, own, pointing, selection, force)
     common.apply()
     gaussians = load_scene(scene, drop_invalid=drop_invalid).detach()
-    views = pointing.views(scene, gaussians, selection.data)
+    finder = finder_in(selection.data, pointing.size, masks)(gaussians)
+    views = finder.viewpoints
     if own.objects:
-        return list_objects(scene, gaussians, views, own.out, force, common)
-    subject = partial(subject_flags, gaussians, views)
-    found = pointing.region(gaussians, views, subject, masks)
+        return list_objects(scene, finder, own.out, force, common)
+    found = pointing.region(finder)
     print_message(f"select: {found}")
     written = [] if own.dry_run else save_thing(found, scene, gaussians, views, own, force)
     count, total = int(found.inside.sum()), len(found.inside)
@@ -138,7 +137,7 @@ def check_thing(
     force: bool,
 ) -> None:
     """Raise UsageError for options that do not go together, or a place that cannot be written."""
-    from gsedit.regions.saved import check_name, saved_file
+    from gsedit.select.saved import check_name, saved_file
 
     pointing.check()
     if selection.given or (own.objects and (pointing.given or own.name is not None)):
@@ -164,8 +163,8 @@ def save_thing(
     """Write a selection where it was asked for; return the files."""
     from gsedit.formats.pictures import save_picture
     from gsedit.pictures.segment_sheet import region_sheet
-    from gsedit.regions.region import save_region
-    from gsedit.regions.saved import save_named
+    from gsedit.select.region import save_region
+    from gsedit.select.saved import save_named
 
     written = []
     if own.out is not None and own.out.suffix.lower() == ".png":
@@ -181,23 +180,18 @@ def save_thing(
 
 
 def list_objects(
-    scene: Path,
-    gaussians: Gaussians,
-    views: Sequence[Viewpoint],
-    out: Path | None,
-    force: bool,
-    common: Common,
+    scene: Path, finder: Finder, out: Path | None, force: bool, common: Common
 ) -> None:
     """Print the segments of a scene, a line each, and draw them."""
     from gsedit.formats.pictures import save_picture
-    from gsedit.objects import segment
     from gsedit.pictures.segment_sheet import segment_sheet
-    from gsedit.selecting.looks import names
+    from gsedit.select.looks import names
 
-    segments = segment(gaussians, [each.camera for each in views])
+    segments = finder.segments
     told = names(segments)
     if out is not None:
-        save_picture(segment_sheet(gaussians, segments, told, views), out, overwrite=force)
+        sheet = segment_sheet(finder.scene, segments, told, finder.viewpoints)
+        save_picture(sheet, out, overwrite=force)
     lines, records = [], []
     for row, name in zip(segments.rows, told):
         count = int((segments.labels == row.number).sum())
@@ -208,21 +202,13 @@ def list_objects(
     print_result({"scene": scene, "output": out, "segments": records}, text, as_json=common.json)
 
 
-def subject_flags(gaussians: Gaussians, views: Sequence[Viewpoint]) -> Tensor | None:
-    """The main subject as `gsedit edit` finds it; None where nothing stands out."""
-    from gsedit.editing.routes.subject import find_part
-
-    found = find_part(gaussians, views)
-    return None if found.is_all else found.inside
-
-
 def flags_of(source: SceneSource, selection: Selection, *, drop_invalid: bool) -> np.ndarray:
     """Return a flag for each row; reads in parts unless the selection needs the whole scene."""
     import numpy as np
 
     from gsedit.formats.streams import gather
     from gsedit.formats.validity import Guard
-    from gsedit.toolkit.selection.part import masked, without_bands
+    from gsedit.toolkit.on_selection import masked, without_bands
 
     for note in source.notes:
         print_message(f"{source.path}: {note}")

@@ -76,7 +76,7 @@ def style(
     from gsedit.editing.style.style import style_steps
     from gsedit.formats.pictures import read_picture
     from gsedit.runs.events import Event
-    from gsedit.toolkit.selection.base import EVERYTHING
+    from gsedit.select.rules import EVERYTHING
 
     part = EVERYTHING if where is None else parse_where(where, views.data)
     settings = with_values(StyleSettings(), values)

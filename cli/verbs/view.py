@@ -203,7 +203,7 @@ def edited_region(scene: Path, after: Path | None) -> Path | None:
 
 def read_selection(path: Path | None, *scenes: Gaussians | None) -> Tensor | None:
     """The flags of a file, for the first of the scenes that has as many Gaussians."""
-    from gsedit.regions.region import read_flags
+    from gsedit.select.region import read_flags
 
     if path is None:
         return None

@@ -1,6 +1,6 @@
 """Write the weights of U2-Net-p, from its ONNX file, as gsedit ships them.
 
-    python -m research.convert_u2net u2netp.onnx gsedit/selecting/u2net.safetensors
+    python -m research.convert_u2net u2netp.onnx gsedit/select/u2net.safetensors
 
 The graph holds the convolutions, with their normalisations folded in, in the order in which they
 are applied. Needs onnx. In half precision masks would move by up to 0.1.
@@ -16,7 +16,7 @@ import torch
 from onnx import numpy_helper  # pyright: ignore[reportMissingImports]
 from safetensors.torch import save_file
 
-from gsedit.selecting.u2net import Block, U2Net
+from gsedit.select.saliency import Block, U2Net
 
 
 def in_order(network: U2Net) -> list[torch.nn.Module]:

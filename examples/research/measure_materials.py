@@ -35,10 +35,10 @@ from gsedit.materials.harmonics import fitted
 from gsedit.materials.material import Layer, Material
 from gsedit.materials.patterns import Ground, share_of
 from gsedit.measures.color_difference import ciede2000
-from gsedit.regions.region import Region, save_region
 from gsedit.scene.color_space import lab_of_srgb, srgb_of_hex
 from gsedit.scene.picture import render_picture
 from gsedit.scene.quaternions import even_directions
+from gsedit.select.region import Region, save_region
 from gsedit.surface.surroundings import middle
 from gsedit.synthetic import SyntheticScene, demo_scene, ring_cameras
 from gsedit.synthetic.gallery import bear_fur

@@ -30,8 +30,8 @@ from gsedit.formats.pictures import as_picture, save_picture
 from gsedit.formats.scenes import load, save
 from gsedit.measures.decibels import psnr_from_rmse
 from gsedit.measures.metrics import INSIDE, pooled_rmse, squared_error
-from gsedit.regions.masks import read_masks
 from gsedit.scene.picture import render_picture
+from gsedit.select.drawn import read_masks
 from rasterizer.numerics import sh_to_color
 from research.clocked import gsedit
 from research.command import Output, print_result, run

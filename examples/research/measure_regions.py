@@ -27,12 +27,12 @@ from gsedit.cameras.orbit import circle
 from gsedit.datasets.load import load_dataset
 from gsedit.datasets.viewpoints import Viewpoint, viewpoints_of
 from gsedit.editing.routes.apply import apply_change
-from gsedit.editing.routes.subject import find_part
 from gsedit.formats.scenes import load
 from gsedit.measures.decibels import psnr_from_rmse
 from gsedit.measures.metrics import NEAREST, pooled_rmse, squared_error
-from gsedit.regions.region import Region, coverage, in_one_color
 from gsedit.scene.picture import render_picture
+from gsedit.select.finder import Finder
+from gsedit.select.region import Region, coverage, in_one_color
 from gsedit.words.instruction import Change
 from rasterizer.camera import Camera
 from rasterizer.render import render
@@ -83,7 +83,7 @@ class Score(NamedTuple):
 def measure(case: Case) -> Score:
     """Find the subject and compare it with the masks."""
     start = process_time()
-    region = find_part(case.scene, case.viewpoints)
+    region = Finder(case.scene, case.viewpoints).subject
     seconds = process_time() - start
     painted = apply_change(case.scene, PAINT, region)
     rows, errors = [], [[] for _ in DISTANCES]

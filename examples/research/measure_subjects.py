@@ -27,9 +27,9 @@ from torch.nn.functional import max_pool2d
 
 from gsedit import load
 from gsedit.datasets.load import load_dataset
-from gsedit.regions.region import Region, coverage
-from gsedit.selecting.click import Click, select_at
-from gsedit.selecting.subject import find_subject
+from gsedit.select.click import Click, select_at
+from gsedit.select.region import Region, coverage
+from gsedit.select.subject import find_subject
 from rasterizer.camera import Camera
 from rasterizer.numerics import color_to_sh
 from rasterizer.render import render

@@ -15,9 +15,9 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
+from gsedit.cameras.place import place_of
 from gsedit.editing.routes.apply import seen_weights
 from gsedit.light.named import LIGHTS
-from gsedit.light.place import place_of
 from gsedit.light.relight import relit
 from gsedit.light.setup import LightSetup, Sun
 from gsedit.scene.color_space import LUMINANCE

@@ -15,7 +15,7 @@ from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 
 from gsedit.objects import Click, Selector
-from gsedit.regions.region import in_one_color
+from gsedit.select.region import in_one_color
 from gsedit.synthetic.staged import stages
 from rasterizer import render
 from rasterizer.camera import Camera

@@ -12,10 +12,9 @@ import torch
 from torch import Tensor
 from torch.nn.functional import avg_pool2d, max_pool2d
 
-from gsedit.regions.drawn import MIN_SEEN_PIXELS, find_drawn, smoothed
-from gsedit.regions.graph import neighbors
-from gsedit.regions.lift import lift
-from gsedit.selecting.masks import lift_masks
+from gsedit.select.graph import neighbors
+from gsedit.select.lift import MIN_SEEN_PIXELS, find_drawn, lift, smoothed
+from gsedit.select.masked import lift_masks
 from gsedit.synthetic.staged import Stage, stages
 from research.command import print_result, run
 

@@ -31,7 +31,7 @@ from gsedit.fitting import color_map
 from gsedit.fitting.optimizer import LOWEST_COLOR
 from gsedit.fitting.solve import solve_colors
 from gsedit.formats.edit_records import read_edit_record
-from gsedit.regions.region import read_flags
+from gsedit.select.region import read_flags
 from gsedit.synthetic import SyntheticScene, surface_gaussians
 from gsedit.synthetic.paint import checker, lit, mix, plain, waves
 from gsedit.synthetic.shapes import box, union

@@ -22,7 +22,7 @@ from rasterizer.numerics import DEFAULT, Numerics
 from rasterizer.scene import Gaussians
 
 if TYPE_CHECKING:
-    from gsedit.selecting.click import Selector
+    from gsedit.select.finder import Finder
 
 VIEW_PIXELS = 256
 """Longer side of the views in which edits and selections look at the scene, as the command line
@@ -58,11 +58,11 @@ class Loaded:
         return views if any(that_see((each,), self.scene) for each in thinned(views, 16)) else ()
 
     @cached_property
-    def selector(self) -> Selector:
-        """Finder of the object under a click; its segments are found once."""
-        from gsedit.selecting.click import Selector  # half a second: not before the first picture
+    def finder(self) -> Finder:
+        """Finds what is clicked and said; objects and subject are found once."""
+        from gsedit.select.finder import Finder  # half a second: not before the first picture
 
-        return Selector(self.scene, [each.camera for each in self.viewpoints])
+        return Finder(self.scene, self.viewpoints)
 
     @cached_property
     def kept(self) -> Kept:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from threading import RLock, Thread
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from torch import Tensor
 
@@ -33,12 +33,9 @@ from gsedit.app.worker import Cancelled, Worker
 from gsedit.app.works import Done, Work, Works
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.errors import GseditError, UsageError
-from gsedit.regions.saved import saved_names
+from gsedit.select.saved import saved_names
 from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians
-
-if TYPE_CHECKING:
-    from gsedit.selecting.click import Selector
 
 NOTHING_OPEN = "open a scene first: under File, by its path, or drop it on the page"
 
@@ -113,10 +110,6 @@ class Page(Audience):
     def viewpoints(self) -> tuple[Viewpoint, ...]:
         """Views recorded beside the scene, or found ones, which can take seconds."""
         return self.loaded.viewpoints
-
-    def selector(self) -> Selector:
-        """Finder of the object under a click, kept for the scene."""
-        return self.loaded.selector
 
     # -- the selection
 

@@ -19,13 +19,12 @@ from gsedit.app.memory import give_back
 from gsedit.app.reading import Reading, editor_2d, read
 from gsedit.editing.preview import SHOWN_PIXELS, preview_edited
 from gsedit.editing.routes.apply import Routed, is_exact
-from gsedit.editing.routes.finder import Finder
-from gsedit.editing.routes.named import Names
 from gsedit.editing.routes.result import FINDS_SUBJECT, change_scene
 from gsedit.editing.session.settings import EditSettings
 from gsedit.errors import GseditError
-from gsedit.regions.lift import lift
-from gsedit.regions.saved import saved_files
+from gsedit.select.finder import Finder, Names
+from gsedit.select.lift import lift
+from gsedit.select.saved import saved_files
 from rasterizer.camera import Camera
 
 EDITED_PIXELS = 256
@@ -110,10 +109,7 @@ class Previewer:
     def finder(self) -> Finder:
         """Finds what sentences name, in all views, as the edit does it."""
         loaded, settings = self.loaded, self.settings
-        return Finder(
-            loaded.scene, loaded.viewpoints, settings.region, self._names(), settings.execution,
-            segment=lambda: loaded.selector.segments,
-        )  # fmt: skip
+        return loaded.finder.in_region(settings.region, self._names())
 
     def _names(self) -> Names:
         return Names(saved_files(self.loaded.file))

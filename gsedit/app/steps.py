@@ -18,8 +18,8 @@ from gsedit.app.loaded import Loaded, read_checkpoint
 from gsedit.datasets.cameras_json import NAME as CAMERAS
 from gsedit.datasets.cameras_json import cameras_file
 from gsedit.errors import GseditError, UsageError
-from gsedit.regions.region import Region, save_region
-from gsedit.regions.saved import carry_named, folder_of, saved_names
+from gsedit.select.region import Region, save_region
+from gsedit.select.saved import carry_named, folder_of, saved_names
 from rasterizer.scene import Gaussians
 
 FOLDER_VERBS = ("edit", "make", "style")

@@ -18,7 +18,7 @@ from gsedit.app.shown import Shown, Way, depth_at, picture, tinted
 from gsedit.app.soon import Soon
 from gsedit.app.wording import on_page
 from gsedit.errors import GseditError
-from gsedit.regions.region import TINT
+from gsedit.select.region import TINT
 from rasterizer.camera import Camera
 from rasterizer.numerics import DEFAULT
 from rasterizer.scene import Gaussians

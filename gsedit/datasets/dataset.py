@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.datasets.image_ops import downscale
+from gsedit.datasets.undistort import Lens
 from gsedit.scene.picture import render_picture
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
@@ -69,6 +70,8 @@ class View:
     alpha: Float[Tensor, "h w"] | None = _ALPHA
     """Opacity of the photo, in [0, 1]; None: opaque. Where it is below 1 the scene is to be as
     transparent."""
+    lens: Lens | None = None
+    """Lens of the photo as it was taken, before its distortion was undone; None: not known."""
 
     def __repr__(self) -> str:
         return f"View({self.name!r}, {self.camera.width}x{self.camera.height})"

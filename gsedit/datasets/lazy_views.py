@@ -18,6 +18,7 @@ from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
 from gsedit.datasets.dataset import Dataset, View
+from gsedit.datasets.undistort import Lens
 from rasterizer.camera import Camera
 
 MOST_BYTES = 1 << 30
@@ -41,7 +42,9 @@ class PixelCache:
         self._planned = 0
         self._last: tuple[_Picture, _Levels] | None = None
 
-    def view(self, name: str, camera: Camera, make: Callable[[], Pixels]) -> View:
+    def view(
+        self, name: str, camera: Camera, make: Callable[[], Pixels], lens: Lens | None = None
+    ) -> View:
         """A view of which `make` returns the pixels, of the size of the camera. They are rounded to
         8 bits, whether they are kept or not."""
         size = 3 * camera.width * camera.height
@@ -54,6 +57,7 @@ class PixelCache:
             cast(Any, lambda: _unit(self._levels(picture).image)),
             cast(Any, lambda: self._levels(picture).mask),
             cast(Any, lambda: _unit_or_none(self._levels(picture).alpha)),
+            lens,
         )
 
     def resized(self, view: View, width: int, height: int) -> View:

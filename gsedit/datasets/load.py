@@ -187,7 +187,8 @@ def _views(
         camera = ideal[source.lens].camera(_moved(photo.world_to_camera, offset))
         width, height = fitted_size(camera.width, camera.height, size)
         camera = camera.resized(width, height)
-        views.append(kept.view(photo.name, camera, read_pixels(source, undo, width, height)))
+        pixels = read_pixels(source, undo, width, height)
+        views.append(kept.view(photo.name, camera, pixels, source.lens))
     return tuple(views)
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import torch
 
 from gsedit.datasets.dataset import Dataset, capture
+from gsedit.datasets.undistort import Lens
 from gsedit.errors import UsageError
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
@@ -31,11 +32,13 @@ class Viewpoint:
 
     name: str
     camera: Camera
+    lens: Lens | None = None
+    """Lens of the photo as it was taken; None: not known."""
 
 
 def viewpoints_of(dataset: Dataset) -> tuple[Viewpoint, ...]:
     """The cameras of a dataset's views, with their names."""
-    return tuple(Viewpoint(view.name, view.camera) for view in dataset.views)
+    return tuple(Viewpoint(view.name, view.camera, view.lens) for view in dataset.views)
 
 
 def view_named(views: Sequence[Viewpoint], name: str) -> Viewpoint:

@@ -12,7 +12,6 @@ from gsedit.datasets.dataset import Dataset
 from gsedit.datasets.viewpoints import viewpoints_of
 from gsedit.editing.edit import edit_steps
 from gsedit.editing.routes.apply import is_exact
-from gsedit.editing.routes.named import Names
 from gsedit.editing.routes.plan import asks_editor_2d, steps_of
 from gsedit.editing.routes.result import routed_result
 from gsedit.editing.session.actions import Strategy
@@ -21,8 +20,9 @@ from gsedit.editing.session.settings import EditSettings
 from gsedit.editor_protocol import Editor
 from gsedit.editors import make_editor
 from gsedit.errors import UsageError
-from gsedit.mask_protocol import MaskProvider
 from gsedit.measures.features import FeatureExtractor
+from gsedit.select.finder import Names
+from gsedit.select.provider import MaskProvider
 from gsedit.words.read import read_instruction
 from rasterizer.scene import Gaussians
 
@@ -45,7 +45,7 @@ def edit(
     draws what no route does. Where they take turns, the result is that of the last one. With an
     editor, a strategy, features, or a setting other than `region` and `execution`, the 2D editor
     (`small` if none is given) draws all of it: see `edit_steps`.
-    `masks` finds what sentences name ("the chair", gsedit.masks.registry); without it a noun alone
+    `masks` finds what sentences name ("the chair", gsedit.editors.masks); without it a noun alone
     is the subject. Raises UsageError for a sentence that is refused, and for masks where the 2D
     editor draws all of it.
     """
@@ -73,7 +73,7 @@ def _refuse_masks(masks: MaskProvider | None) -> None:
     if masks is not None:
         raise UsageError(
             "masks find what is changed on the Gaussians, and a 2D editor draws this: save what "
-            "gsedit.selecting.masks.find_masked finds, and name it by settings.region"
+            "gsedit.select.masked.find_masked finds, and name it by settings.region"
         )
 
 

@@ -16,15 +16,15 @@ from gsedit.datasets.image_ops import downscale
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editing.guided import carry_change
-from gsedit.editing.routes.named import Names
 from gsedit.editing.routes.result import change_scene
 from gsedit.editing.session.settings import EditSettings
 from gsedit.editing.session.unedited import edit_camera
 from gsedit.editor_protocol import EditBatch, Editor
 from gsedit.formats.pictures import fitted_size
 from gsedit.pictures.contact_sheet import contact_sheet
-from gsedit.regions.lift import lift
 from gsedit.scene.picture import render_picture
+from gsedit.select.finder import Names
+from gsedit.select.lift import lift
 from gsedit.words.instruction import Instruction
 from gsedit.words.phrases import IT
 from rasterizer.camera import Camera

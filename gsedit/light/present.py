@@ -15,7 +15,7 @@ import torch
 from jaxtyping import Float, Float64, Int64
 from torch import Tensor
 
-from gsedit.light.place import Place, place_of
+from gsedit.cameras.place import Place, place_of
 from gsedit.light.surface import Surface, surface_of
 from gsedit.scene.color_space import LUMINANCE, lab_of_srgb, linear_of_srgb
 from gsedit.scene.kept import kept

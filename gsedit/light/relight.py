@@ -15,9 +15,9 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from gsedit.cameras.place import Place
 from gsedit.light.alone import exposure, gleaming
 from gsedit.light.color_change import ColorChange, only_inside, step
-from gsedit.light.place import Place
 from gsedit.light.present import Survey, survey
 from gsedit.light.setup import Fog, Lamp, LightSetup, Sun
 from gsedit.light.shadows import SHARP, lit_share, parallel_map, spot_map, sun_directions

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.cameras.orbit import perpendicular
-from gsedit.light.place import Place
+from gsedit.cameras.place import Place
 from gsedit.scene.quaternions import even_directions
 from rasterizer.camera import Camera, look_at
 from rasterizer.numerics import AUTO, Execution

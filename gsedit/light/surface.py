@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from gsedit.light.place import Place
+from gsedit.cameras.place import Place
 from gsedit.light.shadows import (
     SMALL_SKY,
     casters,

@@ -15,7 +15,7 @@ from gsedit.measures.clip import Clip
 from gsedit.measures.interval import Interval
 from gsedit.measures.names import POINTS, WARP
 from gsedit.measures.points import Matcher, PointComparison
-from gsedit.regions.region import Region
+from gsedit.select.region import Region
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import Rendering
 from rasterizer.scene import Gaussians

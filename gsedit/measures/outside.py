@@ -13,7 +13,7 @@ from gsedit.measures.decibels import psnr_from_rmse
 from gsedit.measures.evaluation_input import Mean
 from gsedit.measures.interval import interval
 from gsedit.measures.metrics import INSIDE, NEAREST, SquaredError, pooled_rmse
-from gsedit.regions.region import Region, coverage
+from gsedit.select.region import Region, coverage
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from gsedit.objects.placing.place import place
     from gsedit.objects.placing.placement import Beside, Placement
     from gsedit.objects.removal.remove import remove
-    from gsedit.selecting.click import Click, Selector, select_at
-    from gsedit.selecting.phrase import find_phrase
-    from gsedit.selecting.segment import Segments, segment
+    from gsedit.select.click import Click, Selector, select_at
+    from gsedit.select.phrase import find_phrase
+    from gsedit.select.segment import Segments, segment
 
 make_lazy(__name__)

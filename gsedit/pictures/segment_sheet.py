@@ -15,8 +15,8 @@ from torch import Tensor
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.formats.pictures import as_picture, eight_bits
-from gsedit.regions.region import Region, tinted
-from gsedit.selecting.segment import Segments
+from gsedit.select.region import Region, tinted
+from gsedit.select.segment import Segments
 from rasterizer.camera import Camera
 from rasterizer.color_weights import color_weights
 from rasterizer.numerics import AUTO, Execution

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from jaxtyping import Float
 from torch import Tensor
 
@@ -17,3 +18,9 @@ def weighted_quantile(
     below = weights[order].cumsum(0) / weights.sum().clamp_min(1e-12)
     at = (below < share).sum(0).clamp_max(len(values) - 1)
     return ordered.gather(0, at[None])[0]
+
+
+def extent_of(points: Float[np.ndarray, "n 3"]) -> float:
+    """The diagonal of the box that holds all but the outermost 2 % of the points."""
+    low, high = np.quantile(points, (0.02, 0.98), axis=0)
+    return float(np.linalg.norm(high - low))

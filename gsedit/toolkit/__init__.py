@@ -11,6 +11,9 @@ from typing import TYPE_CHECKING
 from rasterizer.lazy import make_lazy
 
 if TYPE_CHECKING:
+    from gsedit.select.rules import Selection
+    from gsedit.select.seen import InTheMiddle
+    from gsedit.select.where import where
     from gsedit.toolkit.align import AlignLength, AlignTo, AlignToGround
     from gsedit.toolkit.check import check
     from gsedit.toolkit.clean import Clean, clean
@@ -24,9 +27,6 @@ if TYPE_CHECKING:
     from gsedit.toolkit.recolor import Opacity, Recolor, recolor
     from gsedit.toolkit.reduce_sh import ReduceSH
     from gsedit.toolkit.repair import Repair, repair
-    from gsedit.toolkit.selection.base import Selection
-    from gsedit.toolkit.selection.middle import InTheMiddle
-    from gsedit.toolkit.selection.where import where
     from gsedit.toolkit.transform import Transform, TransformAboutCenter, transform
 
 make_lazy(__name__)

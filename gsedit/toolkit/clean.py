@@ -13,11 +13,11 @@ from jaxtyping import Float, UInt8
 from gsedit.formats.flags import write_flags
 from gsedit.formats.streams import SceneHeader
 from gsedit.scene.table import SplatTable, gaussians_of
+from gsedit.select.rules import Selection
 from gsedit.toolkit.defects import UNSEEN
 from gsedit.toolkit.filter import as_selection
 from gsedit.toolkit.find_defects import KEPT, REASONS, USUAL, Limits, find_defects
 from gsedit.toolkit.operation import Say, Scene, Whole, apply, silent
-from gsedit.toolkit.selection.base import Selection
 
 if TYPE_CHECKING:
     from rasterizer.camera import Camera

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from gsedit.formats.streams import Blocks, SceneHeader
 from gsedit.scene.shapes import Bool
 from gsedit.scene.table import SplatTable, table_of
+from gsedit.select.questions import questions
+from gsedit.select.rules import Selection
+from gsedit.select.where import where
+from gsedit.toolkit.on_selection import OnSelection
 from gsedit.toolkit.operation import Say, Scene, apply
-from gsedit.toolkit.selection.base import Selection
-from gsedit.toolkit.selection.part import OnSelection
-from gsedit.toolkit.selection.where import where
+
+if TYPE_CHECKING:
+    from gsedit.select.finder import Finder
+    from rasterizer.scene import Gaussians
 
 
 @dataclass(frozen=True)
@@ -59,4 +64,10 @@ def select(scene: Any, selection: Selection | str) -> Bool[np.ndarray, " n"]:
 
 def as_selection(selection: Selection | str) -> Selection:
     """The selection itself, or that of an expression."""
-    return where(selection) if isinstance(selection, str) else selection
+    return where(selection, questions(_finder)) if isinstance(selection, str) else selection
+
+
+def _finder(scene: Gaussians) -> Finder:
+    from gsedit.select.finder import Finder  # which loads torch
+
+    return Finder(scene)

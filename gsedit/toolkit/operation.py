@@ -11,7 +11,7 @@ from typing import Any, ClassVar, TypeVar
 from gsedit.errors import UsageError
 from gsedit.formats.streams import Blocks, SceneHeader, gather, header_of, in_blocks
 from gsedit.scene.table import SplatTable, gaussians_of, table_of
-from gsedit.toolkit.selection.saved import saved_flags
+from gsedit.select.rules import saved_flags
 
 Say = Callable[[str], None]
 """Receives what an operation has to tell a person: one sentence, without the name of a file."""

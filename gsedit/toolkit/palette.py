@@ -10,11 +10,11 @@ from jaxtyping import Float32
 
 from gsedit.errors import InputError, UsageError
 from gsedit.scene.table import SplatTable
+from gsedit.select.rules import EVERYTHING, Selection
 from gsedit.toolkit.color_maps import as_table
 from gsedit.toolkit.color_transfer import color_transport, sliced_distance
 from gsedit.toolkit.operation import Say, Whole
 from gsedit.toolkit.recolor import recolored
-from gsedit.toolkit.selection.base import EVERYTHING, Selection
 
 PICTURE_SIZE = 256
 """Longer side that a picture is reduced to, pixels: its colors hardly change."""

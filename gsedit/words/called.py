@@ -20,7 +20,7 @@ WRITTEN = re.compile(r"[_-]|[a-z]\w*\d", re.IGNORECASE)
 def read_called(sentence: str, names: Collection[str]) -> Instruction:
     """The changes that a sentence asks for, in which names of saved selections are things.
 
-    Names are as `gsedit.regions.saved.key_of_name` spells them. As `read_instruction` without a
+    Names are as `gsedit.select.saved.key_of_name` spells them. As `read_instruction` without a
     name in it, and where the reading finds a name in no change.
     """
     called, found = _stood_in(sentence, names)

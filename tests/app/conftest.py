@@ -50,7 +50,7 @@ def scene(tiny, tmp_path) -> Path:
 def quick_saliency(monkeypatch):
     """All that is not black stands out: every test opens a page, which looks for its subject."""
     drawn = lambda x: (x.amax(1) > -1.7).float()  # noqa: E731 (of normalised colors)
-    monkeypatch.setattr("gsedit.selecting.saliency.load_network", lambda: drawn)
+    monkeypatch.setattr("gsedit.select.saliency.load_network", lambda: drawn)
 
 
 @pytest.fixture

@@ -18,8 +18,8 @@ from gsedit.app.receiving import receive
 from gsedit.app.worker import Cancelled, Worker
 from gsedit.errors import GseditError, UsageError
 from gsedit.formats.scenes import save
-from gsedit.regions.region import read_flags
-from gsedit.regions.saved import save_named
+from gsedit.select.region import read_flags
+from gsedit.select.saved import save_named
 
 
 class Ear:

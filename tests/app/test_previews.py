@@ -6,7 +6,7 @@ from unittest.mock import MagicMock
 
 import pytest
 import torch
-from selecting.playroom import playroom
+from playroom import playroom
 
 from gsedit.app.document import Step, applied
 from gsedit.app.loaded import Loaded
@@ -17,9 +17,9 @@ from gsedit.app.reading import read
 from gsedit.app.selections import Clicks, grown
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.errors import UsageError
-from gsedit.regions.region import Region, save_region
 from gsedit.scene.picture import render_picture
-from gsedit.selecting.click import Click, Selector
+from gsedit.select.click import Click, Selector
+from gsedit.select.region import Region, save_region
 from rasterizer.numerics import DEFAULT
 
 
@@ -139,9 +139,9 @@ def test_what_is_found_by_names_of_before_is_not_kept(room, monkeypatch):
         finder.rename(finder.names)
         return old
 
-    monkeypatch.setattr(finder, "_find", renamed_meanwhile)
+    monkeypatch.setattr(finder, "_select", renamed_meanwhile)
     assert finder.named("the paw") is old
-    monkeypatch.setattr(finder, "_find", lambda phrase: new)
+    monkeypatch.setattr(finder, "_select", lambda text: new)
     assert finder.named("the paw") is new
 
 

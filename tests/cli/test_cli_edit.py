@@ -15,9 +15,9 @@ from command_line import files, gsedit, one_line, stub_checkpoint
 from gsedit import Event, load
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.errors import GseditError
-from gsedit.regions.region import everything
-from gsedit.regions.saved import save_named
 from gsedit.runs.journal import read_events
+from gsedit.select.region import everything
+from gsedit.select.saved import save_named
 
 
 def measurements():

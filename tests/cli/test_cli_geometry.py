@@ -12,8 +12,8 @@ from command_line import gsedit, one_line
 from gsedit.datasets.cameras_json import own_file, read_cameras, write_cameras
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.formats.scenes import load
-from gsedit.regions.saved import save_named
 from gsedit.scene.quaternions import axis_rotation
+from gsedit.select.saved import save_named
 from rasterizer import Camera
 
 

@@ -12,8 +12,8 @@ from command_line import files, gsedit, one_line
 
 from gsedit import load
 from gsedit.objects.outcome import NEW, Outcome
-from gsedit.regions.region import Region
-from gsedit.regions.saved import save_named, saved_file, saved_names
+from gsedit.select.region import Region
+from gsedit.select.saved import save_named, saved_file, saved_names
 from rasterizer.scene import concatenate
 
 
@@ -137,7 +137,7 @@ def test_a_noun_taken_for_the_subject_is_told_before_the_work_and_recorded(
     monkeypatch, scene, photos, region, tmp_path
 ):
     subject = Region(torch.from_numpy(np.load(region)), "auto: the subject")
-    monkeypatch.setattr("gsedit.editing.routes.finder.find_part", lambda *_: subject)
+    monkeypatch.setattr("gsedit.select.finder.find_subject", lambda *_, **__: subject)
     done = gsedit("edit", scene, "remove the car", "--data", photos, "-o", tmp_path / "out")
     assert done.exit_code == 0, done.stderr
     note = "'the car' was taken for the main subject"

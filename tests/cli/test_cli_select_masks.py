@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 from command_line import gsedit
-from selecting.playroom import playroom
+from playroom import playroom
 
 from gsedit import save
 from gsedit.datasets.cameras_json import write_cameras

@@ -67,7 +67,7 @@ def test_a_region_of_masks_and_what_is_seen_use_the_cameras_beside_the_scene(sce
     Image.new("L", (8, 6), 255).save(mask)
     drawn, _ = counts(scene, "--region", mask, "--data", photos)
     assert drawn <= 5
-    assert counts(scene, "--where", f"drawn('{mask}')", "--data", photos)[0] == drawn
+    assert counts(scene, "--where", f"mask('{mask}')", "--data", photos)[0] == drawn
     from gsedit import load_dataset
     from gsedit.datasets.cameras_json import write_cameras
 
@@ -84,18 +84,15 @@ def test_a_region_and_an_expression_are_an_intersection(scene):
 def test_the_subject_is_an_expression_and_a_region(scene, monkeypatch):
     import torch
 
-    from gsedit.regions.region import Region
+    from gsedit.select.region import Region
 
-    asked = []
+    def find_subject(gaussians, cameras, execution, *, with_carrier):
+        return Region(torch.arange(len(gaussians)) < 2 + with_carrier, "the subject")
 
-    def find_region(gaussians, region, *, dataset, prompt):
-        asked.append((region, prompt))
-        return Region(torch.arange(len(gaussians)) < 2, "the subject")
-
-    monkeypatch.setattr("gsedit.editing.session.choose_region.find_region", find_region)
+    monkeypatch.setattr("gsedit.select.finder.find_subject", find_subject)
     assert counts(scene, "--region", "auto")[0] == 2
-    assert counts(scene, "--where", "not subject('turn it into gold')")[0] == 3
-    assert asked == [("auto", "turn it into bronze"), ("auto", "turn it into gold")]
+    assert counts(scene, "--where", "not subject()")[0] == 3
+    assert counts(scene, "--where", "subject(base=True)")[0] == 3
 
 
 def test_where_the_scene_is_is_told_if_nothing_is_selected(scene):

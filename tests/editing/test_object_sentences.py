@@ -12,12 +12,12 @@ import gsedit
 from gsedit.datasets.dataset import Dataset, capture
 from gsedit.datasets.viewpoints import Viewpoint, viewpoints_of
 from gsedit.editing.preview import preview_routed
-from gsedit.editing.routes.named import Names
 from gsedit.editing.routes.result import assumed, change_scene
 from gsedit.editing.session.settings import EditSettings
 from gsedit.objects import segment
 from gsedit.scene.picture import render_picture
-from gsedit.selecting.carrier import carrier
+from gsedit.select.finder import Names
+from gsedit.select.phrase import carrier
 from gsedit.synthetic.staged import stage
 from gsedit.words.read import read_instruction
 

@@ -8,14 +8,14 @@ from dataclasses import replace
 import pytest
 import torch
 
+from gsedit.cameras.place import light_note, place_of
 from gsedit.editing.routes.apply import apply_change, apply_instruction
 from gsedit.errors import UsageError
 from gsedit.light.direction import direction_of
 from gsedit.light.named import LIGHTS, setup_of
-from gsedit.light.place import light_note, place_of
 from gsedit.light.relight import relit
 from gsedit.light.setup import Fog, Lamp, LightSetup, Sun
-from gsedit.regions.region import Region, everything
+from gsedit.select.region import Region, everything
 from gsedit.words import direct
 from gsedit.words.instruction import Change
 from gsedit.words.read import read_instruction

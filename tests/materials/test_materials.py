@@ -19,9 +19,9 @@ from gsedit.materials.named import material_of
 from gsedit.materials.patterns import Ground, share_of
 from gsedit.materials.shading import environment_brdf
 from gsedit.materials.table import MATERIALS
-from gsedit.regions.region import Region
 from gsedit.scene.picture import render_picture
 from gsedit.scene.quaternions import even_directions
+from gsedit.select.region import Region
 from gsedit.surface.normals import rows_near
 from gsedit.synthetic import ring_cameras, scenes
 from gsedit.synthetic.reflective import Finish, LitSolid, captured, garden, plain_base

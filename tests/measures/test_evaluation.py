@@ -14,8 +14,8 @@ from gsedit.measures.evaluation_input import EvaluationInput, Texts
 from gsedit.measures.metrics import psnr
 from gsedit.measures.missing import NO_CLIP, NO_TEXT, NO_UNEDITED
 from gsedit.measures.names import METRICS, POINTS, WARP
-from gsedit.regions.region import Region, coverage
 from gsedit.scene.picture import render_picture
+from gsedit.select.region import Region, coverage
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 from gsedit.synthetic.staged import stages
 from rasterizer.numerics import SH_DC

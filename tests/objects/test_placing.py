@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import torch
 
+from gsedit.cameras.place import place_of
 from gsedit.errors import UsageError
-from gsedit.light.place import place_of
 from gsedit.objects import Beside, Placement, insert, place, remove
 from gsedit.objects.outcome import NEW, same
 from gsedit.objects.placing.arrival import main_object

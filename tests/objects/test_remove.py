@@ -15,7 +15,7 @@ from gsedit.errors import UsageError
 from gsedit.objects import remove
 from gsedit.objects.outcome import Outcome
 from gsedit.objects.removal.cells import rectangle_around
-from gsedit.regions.resting import resting_on
+from gsedit.objects.removal.resting import resting_on
 from gsedit.synthetic.staged import stage
 from rasterizer.camera import Camera
 from rasterizer.numerics import color_to_sh, sh_to_color

@@ -12,7 +12,7 @@ from gsedit.app.knobs import LEAST, Knob, knobs_of, turned
 from gsedit.app.previews import Previewer
 from gsedit.app.reading import Reading, read
 from gsedit.errors import UsageError
-from gsedit.regions.saved import saved_files
+from gsedit.select.saved import saved_files
 from gsedit.words.called import read_called
 from gsedit.words.instruction import MORE, Change
 from gsedit.words.said import sentence_of

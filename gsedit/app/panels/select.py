@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from gsedit.app.selections import BRIM, Clicks, by_words, grown
-from gsedit.editing.routes.finder import Finder
-from gsedit.editing.routes.named import Names
+from gsedit.app.selections import BRIM, Clicks, grown
 from gsedit.errors import UsageError
-from gsedit.regions.region import Region
-from gsedit.regions.saved import save_named, saved_files
-from gsedit.selecting.click import Click
+from gsedit.select.click import Click
+from gsedit.select.finder import Names
+from gsedit.select.region import Region
+from gsedit.select.saved import save_named, saved_files
 
 if TYPE_CHECKING:
     from gsedit.app.page import Page
@@ -87,30 +86,30 @@ class Select:
         held = pick.modifier or {ADDS: ADD, TAKES: TAKE}.get(self.picks.value)
         click = Click(pick.camera, pick.x, pick.y, held != TAKE, "this view")
         clicks = self.clicks.with_click(click, add=held is not None)
-        selector = self.page.loaded
-        if "selector" not in vars(selector):
+        loaded = self.page.loaded
+        if "finder" not in vars(loaded):
             self.tab.tell("looking for the objects of the scene: the first click takes a while")
 
         def then(region: Region) -> None:
             self.clicks = clicks
             self.take(region)
 
-        self.tab.soon(SELECT, lambda: clicks.region(selector.selector), then)
+        self.tab.soon(SELECT, lambda: loaded.finder.selector.at(clicks.clicks), then)
 
     def boxed(self, box: Box) -> None:
         """Select the objects in a box."""
         loaded, corners = self.page.loaded, (box.x0, box.y0, box.x1, box.y1)
-        self.tab.soon(SELECT, lambda: loaded.selector.box(box.camera, *corners), self.take)
+        self.tab.soon(SELECT, lambda: loaded.finder.selector.box(box.camera, *corners), self.take)
 
     def by_words(self) -> None:
         """Select what the words name."""
-        loaded, phrase = self.page.loaded, self.words.value
+        loaded, phrase = self.page.loaded, self.words.value.strip().lower()
+        if not phrase:
+            raise UsageError("say what to select, as in “the red one” or “the largest”")
 
         def find() -> Region:
-            names = Names(saved_files(loaded.file))
-            segments = lambda: loaded.selector.segments  # noqa: E731
-            finder = Finder(loaded.scene, loaded.viewpoints, names=names, segment=segments)
-            return by_words(finder, phrase)
+            loaded.finder.rename(Names(saved_files(loaded.file)))
+            return loaded.finder.named(phrase)
 
         self.tab.soon(SELECT, find, self.take)
 

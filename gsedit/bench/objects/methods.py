@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.bench.objects.files import Given, place_of
-from gsedit.light.place import place_of as seen_place
+from gsedit.cameras.place import place_of as seen_place
 from gsedit.light.relight import relit
 from gsedit.light.setup import LightSetup, Sun
 from gsedit.materials.apply import in_material
@@ -23,9 +23,9 @@ from gsedit.objects.placing.insert import insert
 from gsedit.objects.placing.place import place
 from gsedit.objects.placing.placement import Placement
 from gsedit.objects.removal.remove import remove
-from gsedit.regions.region import Region, coverage
 from gsedit.scene.quaternions import rotations
 from gsedit.scene.table import gaussians_of, table_of
+from gsedit.select.region import Region, coverage
 from gsedit.synthetic.daylight import GAMMA
 from rasterizer.numerics import SH_DC, color_to_sh
 from rasterizer.render import render

@@ -9,23 +9,24 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from gsedit.cameras.place import light_note, place_of
 from gsedit.datasets.dataset import evenly_spaced
-from gsedit.editing.routes.named import FindNamed, FindRegion, Names, regions_of
+from gsedit.editing.routes.named import FindNamed, FindRegion, regions_of
 from gsedit.editing.routes.objects import act, followed, key_of, runs
 from gsedit.editing.routes.tone import toned
 from gsedit.errors import UsageError
 from gsedit.formats.registry import open_scene
 from gsedit.light.named import setup_of
-from gsedit.light.place import light_note, place_of
 from gsedit.light.relight import relit
 from gsedit.materials.apply import Dressed, in_material
 from gsedit.materials.named import material_of, paint_of
 from gsedit.objects.outcome import NEW, Outcome, same
-from gsedit.regions.lift import lift
-from gsedit.regions.region import Region
 from gsedit.scene.kept import kept
 from gsedit.scene.table import table_of
 from gsedit.scenery.named import SCENERIES, in_scenery
+from gsedit.select.finder import Names
+from gsedit.select.lift import lift
+from gsedit.select.region import Region
 from gsedit.words.colors import parse_hex
 from gsedit.words.instruction import Change, Instruction
 from rasterizer.camera import Camera

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
+from collections.abc import Callable, Sequence
 
 from gsedit.editing.routes.objects import MADE, key_of
 from gsedit.errors import UsageError
-from gsedit.mask_protocol import MaskProvider
-from gsedit.regions.region import Region, everything
-from gsedit.regions.saved import key_of_name
+from gsedit.select.finder import Names
+from gsedit.select.region import Region, everything
 from gsedit.words.instruction import Change
 from gsedit.words.phrases import CARRIERS, GROUNDS, IT, is_noun
 from rasterizer.scene import Gaussians
@@ -19,24 +16,6 @@ FindRegion = Callable[[Gaussians], Region]
 """Finds the subject of a scene."""
 FindNamed = Callable[[Gaussians, str], Region]
 """Finds what a phrase names in a scene."""
-
-
-@dataclass(frozen=True, eq=False)
-class Names:
-    """Names that phrases may have, beside the colors, sizes and places that need no network."""
-
-    saved: Mapping[str, Path] = field(default_factory=dict)
-    """Files of flags (.npy) of saved selections, by `gsedit.regions.saved.key_of_name`."""
-    masks: MaskProvider | None = None
-    """Finds any noun in pictures."""
-
-    def file_of(self, phrase: str) -> Path | None:
-        """The file of the saved selection that a phrase names, with a determiner or without."""
-        return self.saved.get(key_of_name(phrase))
-
-    def knows(self, phrase: str) -> bool:
-        """Whether the noun of a phrase is known, and not only taken for the subject."""
-        return self.masks is not None or self.file_of(phrase) is not None
 
 
 def regions_of(

@@ -17,11 +17,11 @@ from gsedit import objects
 from gsedit.cameras.paths import up_of
 from gsedit.datasets.cameras_json import cameras_file, read_cameras
 from gsedit.datasets.viewpoints import that_see
-from gsedit.editing.routes.subject import find_part
 from gsedit.errors import UsageError
 from gsedit.formats.scenes import load
 from gsedit.objects.outcome import NEW, Outcome
 from gsedit.objects.placing.placement import Beside, Placement, Side
+from gsedit.select.finder import Finder
 from gsedit.words.instruction import Change, Place
 from gsedit.words.phrases import GROUNDS
 from rasterizer.camera import Camera
@@ -176,7 +176,7 @@ def _insert(
         viewpoints = that_see(read_cameras(beside), other, execution)
         if viewpoints:
             up = up_of([each.camera for each in viewpoints])
-            other = other[find_part(other, viewpoints, execution=execution).inside]
+            other = other[Finder(other, viewpoints, execution=execution).subject.inside]
     if where and where.side == "on" and where.of in GROUNDS:
         where = None  # anywhere on it, not its middle
     at = _beside(where, flags, None)

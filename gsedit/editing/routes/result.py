@@ -13,8 +13,7 @@ from gsedit.datasets.dataset import View, capture, evenly_spaced
 from gsedit.datasets.view_list_files import HELD_OUT_EVERY
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.editing.routes.apply import Routed, apply_instruction
-from gsedit.editing.routes.finder import Finder
-from gsedit.editing.routes.named import Names, taken_nouns
+from gsedit.editing.routes.named import taken_nouns
 from gsedit.editing.routes.objects import MADE
 from gsedit.editing.routes.rivals import check_alone
 from gsedit.editing.session.progress import Work
@@ -27,6 +26,7 @@ from gsedit.measures.meters import BY_TO
 from gsedit.measures.metrics import rmse, squared_error
 from gsedit.measures.outside import outside_means, pixels_outside
 from gsedit.runs.stopwatch import Stopwatch
+from gsedit.select.finder import Finder, Names
 from gsedit.words.instruction import Change, Instruction
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
@@ -58,7 +58,7 @@ def change_scene(
     `shown` as in `apply_instruction`; phrases may have these `names`.
 
     A `finder` of the scene, with the same views, region and names, keeps what it found before.
-    Raises UsageError as `apply_instruction`, `find_part` and `check_alone` do.
+    Raises UsageError as `apply_instruction`, `Finder.select` and `check_alone` do.
     """
     settings = settings or EditSettings()
     finder = finder or Finder(scene, viewpoints, settings.region, names, settings.execution)

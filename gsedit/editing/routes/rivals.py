@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from gsedit.errors import UsageError
-from gsedit.regions.region import Region
-from gsedit.selecting.looks import names
-from gsedit.selecting.phrase import gap
-from gsedit.selecting.segment import Segment, Segments
+from gsedit.select.looks import names
+from gsedit.select.phrase import gap
+from gsedit.select.region import Region
+from gsedit.select.segment import Segment, Segments
 from gsedit.words.phrases import DEFINITE
 
 COMPARABLE = 0.5

@@ -9,16 +9,16 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.cameras.around import around
-from gsedit.datasets.dataset import Dataset
+from gsedit.datasets.dataset import Dataset, View
+from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.editing.session.request import Request, split_views
 from gsedit.editor_protocol import Editor
 from gsedit.errors import UsageError
-from gsedit.regions.drawn import find_changed
-from gsedit.regions.lift import lift
-from gsedit.regions.region import Region, everything
 from gsedit.runs.events import Event
 from gsedit.runs.stopwatch import Stopwatch
-from gsedit.selecting.find import named_region
+from gsedit.select.finder import Finder
+from gsedit.select.lift import find_changed, lift
+from gsedit.select.region import Region, everything
 from gsedit.words.read import read_instruction
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
@@ -31,15 +31,15 @@ def choose_region(request: Request, stopwatch: Stopwatch) -> Generator[Event, No
     Raises UsageError where it would be empty, InputError for a file that does not fit.
     """
     with stopwatch.stage("region"):
-        region = named_region(
-            request.settings.region,
+        whole = is_whole(request.editor, request.prompt)
+        finder = Finder(
             request.scene,
-            request.views,
-            request.held_out,
-            request.settings.execution,
+            viewpoints(request.every_view),
+            request.settings.region,
+            execution=request.settings.execution,
             coarse=request.coarse,
-            whole=is_whole(request.editor, request.prompt),
         )
+        region = _found(finder, whole)
     if region is not None and region.note != "all":
         yield Event("region", stopwatch.seconds, 1, 1, note=str(region))
     return region
@@ -63,13 +63,31 @@ def find_region(
     """
     views, held_out = split_views(dataset or around(scene, execution=execution))
     whole = is_whole(editor, prompt) if prompt else False
-    found = named_region(region, scene.detach(), views, held_out, execution, whole=whole)
+    found = _found(
+        Finder(scene, viewpoints((*views, *held_out)), region, execution=execution), whole
+    )
     if found is None:
         raise UsageError(
             f"what {prompt!r} is about is known only from its edited views: gsedit edit finds it, "
             "and writes region.npy; or name the part with --region"
         )
     return found
+
+
+def viewpoints(views: Sequence[View]) -> list[Viewpoint]:
+    """The cameras and lenses of views, with their names."""
+    return [Viewpoint(view.name, view.camera, view.lens) for view in views]
+
+
+def _found(finder: Finder, whole: bool | None) -> Region | None:
+    """What a finder's region holds; `auto` is everything where an instruction is about the `whole`
+    scene, and None where that is not known."""
+    if finder.region != "auto" or whole is False:
+        return finder.subject
+    if whole is None:
+        return None
+    note = "auto: the instruction is about the whole scene"
+    return Region(everything(finder.scene).inside, note)
 
 
 def is_whole(editor: Editor | None, prompt: str) -> bool | None:

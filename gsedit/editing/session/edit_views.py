@@ -23,8 +23,8 @@ from gsedit.editing.session.unedited import UneditedRenders
 from gsedit.editing.view_plan import view_overlap
 from gsedit.editor_protocol import EditBatch
 from gsedit.errors import GseditError
-from gsedit.regions.region import coverage
 from gsedit.runs.events import Event
+from gsedit.select.region import coverage
 from rasterizer.camera import Camera
 
 WEAK_MATCH_SHARE = 0.05

@@ -26,9 +26,9 @@ from gsedit.measures.against import TARGETS_ARE
 from gsedit.measures.agreement import Pictures, UneditedViews, spread
 from gsedit.measures.evaluation import evaluate
 from gsedit.measures.evaluation_input import EvaluationInput
-from gsedit.regions.region import Region
 from gsedit.runs.events import Event
 from gsedit.scene.picture import render_picture
+from gsedit.select.region import Region
 from rasterizer.scene import Gaussians
 
 

@@ -14,10 +14,10 @@ from gsedit.errors import InputError
 from gsedit.formats.edit_records import read_edit_record
 from gsedit.formats.scenes import save
 from gsedit.measures.against import ALONE, HELD_OUT, TARGETS, UNFINISHED
-from gsedit.regions.region import save_region
 from gsedit.runs.environment import environment
 from gsedit.runs.journal import as_record
 from gsedit.runs.json_lines import write_line, write_record
+from gsedit.select.region import save_region
 from gsedit.storage.atomic import atomic_path, check_writable
 from gsedit.storage.inputs import file_inside
 from gsedit.storage.safe_names import safe_name

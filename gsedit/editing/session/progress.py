@@ -16,9 +16,9 @@ from gsedit.editor_protocol import GroundTruth
 from gsedit.fitting.crops import ExactCrops, color_crops
 from gsedit.fitting.optimizer import SceneOptimizer
 from gsedit.fitting.update import Target, rates
-from gsedit.regions.region import Region
 from gsedit.runs.stopwatch import Stopwatch
 from gsedit.scene.framing import bounds
+from gsedit.select.region import Region
 from rasterizer.blending.choose import is_compiled
 
 

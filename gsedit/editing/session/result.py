@@ -16,8 +16,8 @@ from gsedit.editing.view_plan import ViewPlan
 from gsedit.measures.evaluation_input import Evaluation
 from gsedit.pictures.contact_sheet import contact_sheet
 from gsedit.pictures.notebook import as_html, attempt, decibels, png_bytes
-from gsedit.regions.region import Region
 from gsedit.runs.events import Event
+from gsedit.select.region import Region
 from gsedit.words.instruction import Instruction
 from rasterizer.scene import Gaussians
 

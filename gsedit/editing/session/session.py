@@ -17,8 +17,8 @@ from gsedit.editing.session.request import Request
 from gsedit.editing.session.survey import SurveyedViews
 from gsedit.editing.session.unedited import UneditedRenders, render_with_depth
 from gsedit.fitting.random_crops import MIN_SHOWN_SHARE
-from gsedit.regions.region import Region, everything
 from gsedit.scene.picture import render_picture
+from gsedit.select.region import Region, everything
 from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians
 

@@ -9,7 +9,7 @@ from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editing.skip.decision import DECISIONS, DecisionName
 from gsedit.errors import UsageError
 from gsedit.fitting.settings import UpdateSettings
-from gsedit.regions.parse import parse_region
+from gsedit.select.short import expression_of
 from rasterizer.numerics import AUTO, Execution
 
 SMALLEST_EDIT_PIXELS = 16
@@ -70,7 +70,10 @@ class EditSettings:
     """How pictures are rendered; it changes the run time, not the pictures."""
 
     def __post_init__(self) -> None:
-        parse_region(self.region)
+        if expression_of(self.region) == self.region:  # no short form
+            from gsedit.select.questions import check_region  # which loads numpy
+
+            check_region(self.region)
         if unknown := self._disabled - {*DECISIONS, "all"}:
             raise UsageError(
                 f"{', '.join(sorted(unknown))}: nothing that can be disabled; give some of "

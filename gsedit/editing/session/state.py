@@ -18,9 +18,9 @@ from gsedit.editing.session.session import Session, render_edited
 from gsedit.editing.view_plan import ViewPlan
 from gsedit.errors import UsageError
 from gsedit.fitting.crops import ListedCrops
-from gsedit.regions.region import Region, everything
 from gsedit.runs.state import State, check_same, restoring, tensor_like
 from gsedit.runs.stopwatch import Stopwatch
+from gsedit.select.region import Region, everything
 
 FORMAT = 5
 """Version of an edit's state: raised when older states can no longer be restored."""

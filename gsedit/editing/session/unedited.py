@@ -10,7 +10,7 @@ from torch import Tensor
 
 from gsedit.datasets.image_ops import downscale
 from gsedit.editing.session.request import Request
-from gsedit.regions.region import Region, composite, coverage
+from gsedit.select.region import Region, composite, coverage
 from rasterizer.camera import Camera
 from rasterizer.numerics import Execution
 from rasterizer.render import Rendering, render

@@ -24,8 +24,8 @@ from gsedit.measures.features import FeatureExtractor, FilterBank
 from gsedit.runs.events import Event
 from gsedit.runs.stopwatch import Stopwatch
 from gsedit.scene.table import table_of
+from gsedit.select.rules import EVERYTHING, Selection
 from gsedit.toolkit.filter import as_selection
-from gsedit.toolkit.selection.base import EVERYTHING, Selection
 from rasterizer.scene import Gaussians
 
 MIN_PICTURE_PIXELS = 16

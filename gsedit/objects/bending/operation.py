@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gsedit.scene.table import SplatTable, gaussians_of, table_of
+from gsedit.select.rules import EVERYTHING, Selection
 from gsedit.toolkit.operation import Say, Whole
-from gsedit.toolkit.selection.base import EVERYTHING, Selection
 
 if TYPE_CHECKING:
     from gsedit.datasets.viewpoints import Viewpoint

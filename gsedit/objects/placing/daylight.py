@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from gsedit.light.place import Place
+from gsedit.cameras.place import Place
 from gsedit.light.shadows import (
     SHARP,
     SMALL_SKY,

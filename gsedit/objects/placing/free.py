@@ -12,8 +12,8 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from gsedit.cameras.place import Place
 from gsedit.datasets.dataset import evenly_spaced
-from gsedit.light.place import Place
 from gsedit.objects.placing.heights import heights_from_above
 from gsedit.objects.placing.stance import BASE, Stance, size_of
 from gsedit.surface.relief import Relief

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.cameras.orbit import perpendicular
-from gsedit.light.place import Place
+from gsedit.cameras.place import Place
 from gsedit.light.shadows import parallel_map
 from gsedit.scene.quantiles import weighted_quantile
 from gsedit.surface.relief import Relief

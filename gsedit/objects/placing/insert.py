@@ -15,8 +15,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.cameras.around import cameras_of
+from gsedit.cameras.place import Place, place_of
 from gsedit.errors import UsageError
-from gsedit.light.place import Place, place_of
 from gsedit.objects.outcome import NEW, Outcome, check_finite, same
 from gsedit.objects.placing.arrival import main_object
 from gsedit.objects.placing.balance import balanced

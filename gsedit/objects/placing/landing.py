@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.light.place import Place
+from gsedit.cameras.place import Place
 from gsedit.objects.placing.free import RANK, Ground, free_point
 from gsedit.objects.placing.heights import heights_from_above
 from gsedit.objects.placing.placement import Beside

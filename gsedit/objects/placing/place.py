@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.cameras.around import cameras_of
-from gsedit.light.place import place_of
+from gsedit.cameras.place import place_of
 from gsedit.objects.outcome import NEW, Outcome, check_finite, same
 from gsedit.objects.placing.daylight import daylight, relit_elsewhere, shaded
 from gsedit.objects.placing.free import Ground

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from gsedit.cameras.orbit import perpendicular
 from gsedit.objects.placing.heights import heights_from_above, reach
-from gsedit.regions.support import Support, find_support
+from gsedit.objects.placing.support import Support, find_support
 from gsedit.surface.relief import Relief
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.cameras.orbit import perpendicular
-from gsedit.light.place import Place
+from gsedit.cameras.place import Place
 from gsedit.light.shadows import (
     FAINT_OPACITY,
     SMALL_SKY,

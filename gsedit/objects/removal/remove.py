@@ -22,6 +22,8 @@ from gsedit.objects.removal.backdrop import backdrop, find_gap
 from gsedit.objects.removal.cells import widened
 from gsedit.objects.removal.draw import Draw
 from gsedit.objects.removal.fill import filled
+from gsedit.objects.removal.mirrored import mirrored_under
+from gsedit.objects.removal.resting import resting_on
 from gsedit.objects.removal.shade import find_shade
 from gsedit.objects.removal.sheet import Sheet
 from gsedit.objects.removal.sight import (
@@ -36,11 +38,9 @@ from gsedit.objects.removal.strays import AROUND, strays
 from gsedit.objects.removal.tidy import core_of, tidied
 from gsedit.objects.removal.uncover import Object, find_sheet, standing
 from gsedit.objects.removal.walls import SMALLEST, Plane, find_planes
-from gsedit.regions.mirrored import mirrored_under
-from gsedit.regions.resting import resting_on
-from gsedit.regions.support import extent_of
 from gsedit.scene.kept import kept
 from gsedit.scene.neighbors import k_nearest
+from gsedit.scene.quantiles import extent_of
 from gsedit.surface.normals import shortest_axes
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, SH_DC, Execution, sh_to_color

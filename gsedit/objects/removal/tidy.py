@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float
 
-from gsedit.regions.support import extent_of
 from gsedit.scene.neighbors import k_nearest
+from gsedit.scene.quantiles import extent_of
 
 NEIGHBORS = 16
 """Nearest Gaussians that vote on one."""

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Float64
 
-from gsedit.regions.support import extent_of, find_support
+from gsedit.objects.placing.support import find_support
 from gsedit.scene.planes import planes_through, refined_plane
+from gsedit.scene.quantiles import extent_of
 
 MOST_PLANES = 4
 """Planes that are looked for: a support and the walls of a corner."""

@@ -19,10 +19,10 @@ from gsedit.formats.pictures import eight_bits
 from gsedit.pictures.viewer.frustums import EDGES, frustum, frustum_length
 from gsedit.pictures.viewer.libraries import import_pyvista
 from gsedit.pictures.viewer.point_clouds import splat_colors
-from gsedit.regions.region import TINT, TINT_STRENGTH
 from gsedit.runs.environment import load_extra
 from gsedit.scene.table import table_of
-from gsedit.toolkit.selection.values import NAMED
+from gsedit.select.region import TINT, TINT_STRENGTH
+from gsedit.select.values import NAMED
 from rasterizer.camera import Camera
 from rasterizer.project import rotation_matrices
 from rasterizer.scene import Gaussians

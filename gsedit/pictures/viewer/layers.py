@@ -15,7 +15,7 @@ from torch import Tensor
 
 from gsedit.errors import UsageError
 from gsedit.pictures.viewer.point_clouds import splat_colors
-from gsedit.regions.region import TINT, TINT_STRENGTH
+from gsedit.select.region import TINT, TINT_STRENGTH
 from rasterizer.project import rotation_matrices
 from rasterizer.scene import Gaussians
 

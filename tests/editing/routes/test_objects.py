@@ -16,7 +16,7 @@ from gsedit.editing.routes.objects import act, followed, runs
 from gsedit.editing.session.settings import EditSettings
 from gsedit.errors import UsageError
 from gsedit.objects.outcome import NEW, Outcome
-from gsedit.regions.region import Region
+from gsedit.select.region import Region
 from gsedit.words.instruction import Change, Instruction, Place
 from gsedit.words.read import read_instruction
 from rasterizer.scene import Gaussians, concatenate

@@ -9,9 +9,9 @@ import torch
 from gsedit.editing.routes.apply import apply_change
 from gsedit.errors import UsageError
 from gsedit.measures.color_difference import ciede2000
-from gsedit.regions.region import Region
 from gsedit.scene.color_space import lab_of_srgb, srgb_of_hex
 from gsedit.scene.picture import render_picture
+from gsedit.select.region import Region
 from gsedit.synthetic import ring_cameras, scenes
 from gsedit.synthetic.reflective import Finish, LitSolid, captured, garden, plain_base
 from gsedit.words.instruction import Change

@@ -11,8 +11,8 @@ import torch
 from gsedit.editing.routes.apply import apply_change
 from gsedit.editing.routes.tone import TONES, tone_map
 from gsedit.errors import UsageError
-from gsedit.regions.region import Region, everything
 from gsedit.scene.color_space import LUMINANCE
+from gsedit.select.region import Region, everything
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 from gsedit.words.instruction import Change
 from rasterizer.render import render

@@ -22,8 +22,8 @@ from gsedit.editing.strategies.single_pass import SinglePass
 from gsedit.editors import Capabilities, EditProgress, make_editor
 from gsedit.errors import UsageError
 from gsedit.fitting.settings import UpdateSettings
-from gsedit.regions.lift import lift
-from gsedit.regions.region import Region, coverage, in_one_color
+from gsedit.select.lift import lift
+from gsedit.select.region import Region, coverage, in_one_color
 from rasterizer import render
 
 SIZE = 48
@@ -165,7 +165,7 @@ def test_the_small_editor_finds_the_subject_and_looks_of_the_scene(labelled, dat
 def test_empty_and_unknown_regions_are_refused(labelled, data):
     with pytest.raises(UsageError, match=r"holds no Gaussian .* whose centers are from"):
         run(labelled, data, "sphere:50,0,0,1")
-    with pytest.raises(UsageError, match="give all, auto"):
+    with pytest.raises(UsageError, match="give auto, all"):
         EditSettings(region="the bear")
 
 

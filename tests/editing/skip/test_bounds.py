@@ -22,8 +22,8 @@ from gsedit.editing.skip.invisible import (
 )
 from gsedit.editing.view_plan import survey, view_overlap
 from gsedit.fitting.random_crops import crops_needed, cut, random_patch, share_of_crops
-from gsedit.regions.parse import parse_region
-from gsedit.regions.region import Region, coverage
+from gsedit.select.finder import Finder
+from gsedit.select.region import Region, coverage
 from rasterizer import Camera, Gaussians, Rendering, render
 from rasterizer.harmonics import basis
 
@@ -117,9 +117,8 @@ def test_pairs_that_hardly_overlap_match_hardly_any_cells(exhibit):
 
 def masks(exhibit: Exhibit) -> tuple[Region, list[torch.Tensor]]:
     """A region of a part of the scene, and where it shows."""
-    spec = parse_region(exhibit.region if exhibit.region != "all" else "sphere:0,-0.5,0,0.35")
-    inside = spec.contains(exhibit.scene.means.numpy())
-    region = Region(torch.from_numpy(inside))
+    text = exhibit.region if exhibit.region != "all" else "sphere:0,-0.5,0,0.35"
+    region = Finder(exhibit.scene).select(text)
     return region, [coverage(region, exhibit.scene, each) > 1 / 255 for each in cameras(exhibit)]
 
 

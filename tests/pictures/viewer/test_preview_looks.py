@@ -13,8 +13,8 @@ from gsedit.errors import GseditError, UsageError
 from gsedit.formats.scenes import save
 from gsedit.pictures.viewer import drawing, frustums, preview
 from gsedit.pictures.viewer.drawing import Look, Panel, Surroundings
-from gsedit.regions.region import TINT
 from gsedit.scene.framing import framing_camera
+from gsedit.select.region import TINT
 from rasterizer import Camera, concatenate, look_at
 
 

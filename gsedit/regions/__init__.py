@@ -1,1 +1,0 @@
-"""Regions: the Gaussians that an edit may change, from predictions, masks, shapes or flags."""

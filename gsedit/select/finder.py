@@ -1,0 +1,243 @@
+"""Which Gaussians: the one answer to what is said, clicked, marked or measured in a scene.
+
+Sentences, phrases, clicks, `--region` and the page are translated into the expressions of
+`gsedit.select.where`; a `Finder` evaluates them in a scene, each once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from gsedit.cameras.around import FOUND_VIEWS, find_viewpoints
+from gsedit.datasets.viewpoints import Viewpoint, view_named
+from gsedit.errors import UsageError
+from gsedit.formats.flags import read_flags
+from gsedit.scene.merging.groups import MergedScene
+from gsedit.scene.table import table_of
+from gsedit.select.click import Click, Selector
+from gsedit.select.drawn import read_masks
+from gsedit.select.lift import find_drawn, lift, within_silhouette
+from gsedit.select.phrase import carrier, find_phrase
+from gsedit.select.provider import MaskProvider
+from gsedit.select.questions import Asked, questions
+from gsedit.select.region import Region, coverage
+from gsedit.select.saved import key_of_name, read_named
+from gsedit.select.segment import Segments
+from gsedit.select.short import OUTSIDE, expression_of, quoted
+from gsedit.select.subject import find_subject
+from gsedit.select.where import where
+from gsedit.words.phrases import CARRIERS, IT, PRONOUNS
+from rasterizer.camera import Camera
+from rasterizer.numerics import AUTO, Execution
+from rasterizer.scene import Gaussians
+
+VIEW_PIXELS = 256
+"""Longer side of views that are found, pixels: clicks are counted in it."""
+
+
+ALIKE = 0.05
+"""IoU by which the object under a mask may show it worse than the Gaussians in it do: on three
+captures, objects that do are nearer to the masks of other views, and the others far off."""
+
+
+@dataclass(frozen=True, eq=False)
+class Names:
+    """Names that phrases may have, beside the colors, sizes and places that need no network."""
+
+    saved: Mapping[str, Path] = field(default_factory=dict)
+    """Files of flags (.npy) of saved selections, by `gsedit.select.saved.key_of_name`."""
+    masks: MaskProvider | None = None
+    """Finds any noun in pictures."""
+
+    def file_of(self, phrase: str) -> Path | None:
+        """The file of the saved selection that a phrase names, with a determiner or without."""
+        return self.saved.get(key_of_name(phrase))
+
+    def knows(self, phrase: str) -> bool:
+        """Whether the noun of a phrase is known, and not only taken for the subject."""
+        return self.masks is not None or self.file_of(phrase) is not None
+
+
+class Finder:
+    """Finds what expressions and phrases name in one scene, each once."""
+
+    def __init__(
+        self,
+        scene: Gaussians,
+        viewpoints: Sequence[Viewpoint] = (),
+        region: str = "auto",
+        names: Names | None = None,
+        execution: Execution = AUTO,
+        coarse: MergedScene | None = None,
+    ) -> None:
+        """Keep the scene, the views in which it is looked at (none: some are found), and the
+        region that stands for the subject; nothing is computed yet. Where the scene holds the
+        groups of a large one, `coarse` maps between both."""
+        self.scene, self.region = scene.detach(), region
+        self.names, self.execution, self._coarse = names or Names(), execution, coarse
+        self._given, self._known = tuple(viewpoints), dict[str, Region]()
+
+    @cached_property
+    def viewpoints(self) -> tuple[Viewpoint, ...]:
+        """The views in which the scene is looked at."""
+        return self._given or find_viewpoints(self.scene, FOUND_VIEWS, VIEW_PIXELS)
+
+    @property
+    def cameras(self) -> list[Camera]:
+        """The cameras of these views."""
+        return [each.camera for each in self.viewpoints]
+
+    @cached_property
+    def selector(self) -> Selector:
+        """The objects of the scene, as clicks select them."""
+        return Selector(self.scene, self.cameras, self.execution)
+
+    def in_region(self, region: str, names: Names) -> Finder:
+        """A finder of the same scene with another region for its subject, and other names."""
+        other = Finder(self.scene, self.viewpoints, region, names, self.execution, self._coarse)
+        other.selector = self.selector
+        return other
+
+    @property
+    def segments(self) -> Segments:
+        """The objects of the scene."""
+        return self.selector.segments
+
+    @property
+    def subject(self) -> Region:
+        """The subject of the scene, or what the region that stands for it holds."""
+        return self.select(self.region)
+
+    def rename(self, names: Names) -> None:
+        """Take other saved selections and masks; the subject and the objects stay found."""
+        subject = self._known.get(self.region)
+        self.names, self._known = names, {} if subject is None else {self.region: subject}
+
+    def named(self, phrase: str) -> Region:
+        """Gaussians that a phrase names: the subject, a saved selection, or things."""
+        return self.select(self.expression(phrase))
+
+    def expression(self, phrase: str) -> str:
+        """The expression of a phrase: `subject()` for "it", `named('chair')` for a saved selection,
+        else `thing('the red one')`."""
+        if phrase == IT or phrase in PRONOUNS:
+            return "subject()"
+        saved = self.names.file_of(phrase) is not None
+        return f"{'named' if saved else 'thing'}({quoted(phrase)})"
+
+    def select(self, text: str) -> Region:
+        """Gaussians that an expression, or a short form of one, selects.
+
+        Raises UsageError for what is neither, names nothing or is empty; InputError for a file that
+        does not fit.
+        """
+        known = self._known  # a search that runs keeps its result in the names of its beginning
+        if text not in known:
+            known[text] = self._select(text)
+        return known[text]
+
+    def _select(self, text: str) -> Region:
+        expression = expression_of(text)
+        rule = where(expression, questions(lambda _: self))
+        if isinstance(rule, Asked):
+            found = rule.question(self)
+        else:
+            found = Region(torch.from_numpy(rule.mask(table_of(self.scene))), text)
+        if not found.inside.any():
+            raise _empty(text, self.scene)
+        return replace(found, how=expression)
+
+    def find_subject(self, *, base: bool = False) -> Region:
+        """The main subject; with its `base`, as a plinth, where that is asked for."""
+        return find_subject(self.scene, self.cameras, self.execution, with_carrier=base)
+
+    def find_clicked(self, clicks: Sequence[tuple[str, float, float]]) -> Region:
+        """The object at pixels of views; of whole numbers, in the middle of that pixel."""
+        return self.selector.at([click_on(self.viewpoints, *each) for each in clicks])
+
+    def find_thing(self, phrase: str) -> Region:
+        """The things that a phrase names."""
+        masks = self.names.masks
+        known = None if masks is not None else self.segments
+        if known is not None and phrase in CARRIERS and (found := carrier(known)):
+            return found
+        return find_phrase(
+            phrase, self.scene, self.cameras, known, self._main, masks, self.execution
+        )
+
+    def _main(self) -> Bool[Tensor, " n"] | None:
+        """Flags of the subject, for phrases that are about it; None where that is everything."""
+        return None if self.subject.is_all else self.subject.inside
+
+    def find_named(self, name: str) -> Region:
+        """A selection that was saved beside the scene."""
+        file = self.names.file_of(name)
+        if file is None:
+            names = ", ".join(self.names.saved) or "none: gsedit select ... --as NAME saves one"
+            raise UsageError(f"no selection is saved as {name!r}; there is {names}")
+        inside = torch.from_numpy(read_named(file, self._fine.means.numpy()))
+        return Region(self._grouped(inside), f"{name}, as it was saved")
+
+    def find_flags(self, path: str) -> Region:
+        """The Gaussians that a .npy file flags."""
+        inside = read_flags(Path(path).expanduser(), len(self._fine))
+        return Region(self._grouped(torch.from_numpy(inside)), path)
+
+    def find_drawn(self, path: str) -> Region:
+        """What masks show that were drawn on views: a .png named after its view, or a folder."""
+        masks = read_masks(Path(path).expanduser(), self.viewpoints)
+        cameras = [self.viewpoints[i].camera for i in masks]
+        drawn = list(masks.values())
+        lifted = lift(self.scene, cameras, drawn, self.execution)
+        inside = find_drawn(self.scene, lifted)
+        found = Region(within_silhouette(self.scene, cameras, inside, self.execution), path)
+        if len(masks) > 1:
+            return found
+        # one view sees no backs: objects go on there, where they are what was drawn
+        with suppress(UsageError):
+            object_ = self.selector.mask(cameras[0], drawn[0])
+            if (
+                self._shows(object_, cameras[0], drawn[0])
+                >= self._shows(found, cameras[0], drawn[0]) - ALIKE
+            ):
+                return replace(object_, note=f"{path}: {object_.note}")
+        return found
+
+    def _shows(self, region: Region, camera: Camera, mask: Float[Tensor, "h w"]) -> float:
+        """IoU of the picture of a region with a mask."""
+        shown, drawn = coverage(region, self.scene, camera, self.execution) > 0.5, mask > 0.5
+        return float((shown & drawn).sum() / (shown | drawn).sum().clamp_min(1))
+
+    @property
+    def _fine(self) -> Gaussians:
+        return self.scene if self._coarse is None else self._coarse.fine
+
+    def _grouped(self, inside: Bool[Tensor, " m"]) -> Bool[Tensor, " n"]:
+        return inside if self._coarse is None else self._coarse.majority(inside)
+
+
+def click_on(views: Sequence[Viewpoint], name: str, x: float, y: float) -> Click:
+    """The click at a pixel of one of the views. Raises UsageError for no such view."""
+    view = view_named(views, name.removeprefix(OUTSIDE))
+    x, y = (each + 0.5 * float(each).is_integer() for each in (x, y))
+    return Click(view.camera, x, y, not name.startswith(OUTSIDE), view.name)
+
+
+def _empty(text: str, scene: Gaussians) -> UsageError:
+    """The error for a region that holds nothing."""
+    low, high = (
+        ", ".join(f"{x:.4g}" for x in corner.tolist())
+        for corner in (scene.means.amin(0), scene.means.amax(0))
+    )
+    return UsageError(
+        f"region {text} holds no Gaussian of the scene, whose centers are from ({low}) to "
+        f"({high}): look at it with gsedit render SCENE --region ..."
+    )

@@ -1,0 +1,138 @@
+"""The Gaussians of what a phrase names, from masks in several views that a MaskProvider draws.
+
+The masks may be noisy: views that miss it, show something else, or have soft or wide borders.
+`n` Gaussians; maps of `h w` pixels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from gsedit.cameras.around import cameras_of
+from gsedit.datasets.dataset import evenly_spaced
+from gsedit.errors import GseditError, UsageError
+from gsedit.select.graph import Neighbors, neighbors, parts
+from gsedit.select.lift import MIN_SEEN_PIXELS, Lifted, lift, otsu, smoothed, within_silhouette
+from gsedit.select.provider import MaskProvider
+from gsedit.select.region import Region
+from rasterizer.camera import Camera
+from rasterizer.numerics import AUTO, Execution
+from rasterizer.render import render
+from rasterizer.scene import Gaussians
+
+MOST_VIEWS = 16
+"""Most views that a provider is asked about, evenly spaced: networks take seconds for each."""
+VIEW_PIXELS = 512
+"""Longest side of their pictures: networks see them at 352 (CLIPSeg) to 1024 pixels (SAM)."""
+SILENT = 0.5
+"""Largest value of a mask's surest pixel, of that of all masks, whose view does not vote: it shows
+nothing of what is asked for, or missed it, and may be the only one to see that side."""
+TOP = 0.9
+"""Quantile of the values that are likely inside, which counts as certainly inside."""
+BIAS = 0.55
+"""Least value inside, of that one. Of thresholds from 0.2 to 0.8, fixed and relative, the best on
+15 things of six synthetic stages under nine kinds of noise (docs/measurements/regions.md)."""
+LEAST_TOP = 0.05
+"""Least such value, of views that mostly missed it: below, nothing is inside."""
+LEAST_SURE = 0.3
+"""Least value of the surest pixel of all masks: soft ones are not 0 where nothing is. A guess."""
+ALIKE, LEAST_PART = 0.75, 0.02
+"""Least mean value of a connected part, of the largest's, and its least share of that one's pixels:
+less is something else, which some views took for it."""
+
+
+def find_masked(
+    phrase: str,
+    scene: Gaussians,
+    provider: MaskProvider,
+    cameras: Sequence[Camera] = (),
+    execution: Execution = AUTO,
+) -> Region:
+    """The Gaussians of what a provider finds in pictures of the scene, seen by these cameras.
+
+    Without cameras, viewpoints are found. Raises UsageError for a phrase that the provider cannot
+    look for, or finds in no view; GseditError for masks of another size or with NaN.
+    """
+    provider.check(phrase)
+    looked = _views(scene, cameras, execution)
+    pictures = [render(scene, each, execution=execution).color.clamp(0, 1) for each in looked]
+    made = list(provider.masks(pictures, phrase))
+    if len(made) != len(looked):
+        raise GseditError(
+            f"the masks {provider.name!r} gave {len(made)} maps for {len(looked)} pictures: "
+            "ask their authors"
+        )
+    masks = [_checked(mask, each, provider) for mask, each in zip(made, looked)]
+    inside = lift_masks(scene, looked, masks, execution)
+    best = max((float(mask.max()) for mask in masks), default=0.0)
+    if best < LEAST_SURE or not inside.any():
+        raise UsageError(
+            f"the masks {provider.name!r} find no {phrase!r} in {len(masks)} views (the surest "
+            f"pixel has {best:.2f} of 1): say it in other words"
+        )
+    shown = sum(float(mask.max()) >= LEAST_SURE for mask in masks)
+    return Region(inside, f"{phrase!r} by {provider.name}, in {shown} of {len(masks)} views")
+
+
+@torch.no_grad()
+def lift_masks(
+    scene: Gaussians,
+    cameras: Sequence[Camera],
+    masks: Sequence[Float[Tensor, "_ _"]],
+    execution: Execution = AUTO,
+) -> Bool[Tensor, " n"]:
+    """Whether each Gaussian is inside, by the vote of all views' masks (in [0, 1], a camera each).
+
+    A Gaussian's value is the mean of the masks over the pixels that it gives, smoothed over its
+    neighbors, which is the optimum of FlashSplat's linear program (Shen et al. 2024) but for the
+    bias against the background: that is relative, since masks that are missing, soft or faint
+    lower the values of all. Nothing is inside where hardly a view has a mask.
+    """
+    best = max((float(mask.max()) for mask in masks), default=0.0)
+    said = [i for i, mask in enumerate(masks) if float(mask.max()) >= SILENT * best]
+    cameras, masks = [cameras[i] for i in said], [masks[i] for i in said]
+    lifted, graph = lift(scene, cameras, masks, execution), neighbors(scene)
+    values = smoothed(lifted, graph)
+    likely = (values > otsu(values, lifted.weight)) & (lifted.weight > MIN_SEEN_PIXELS)
+    top = float(values[likely].quantile(TOP)) if likely.any() else 0.0
+    if top < LEAST_TOP:
+        return torch.zeros_like(likely)
+    inside = _alike(values > BIAS * top, values, lifted, graph)
+    return within_silhouette(scene, cameras, inside, execution)
+
+
+def _alike(
+    inside: Bool[Tensor, " n"], values: Float[Tensor, " n"], lifted: Lifted, graph: Neighbors
+) -> Bool[Tensor, " n"]:
+    """The connected parts about whose values the views agree as about the largest one's."""
+    number = parts(inside, graph) + 1
+    weight, total = (
+        torch.zeros(int(number.max()) + 1).index_add_(0, number, each.float())
+        for each in (lifted.weight, lifted.weight * values)
+    )
+    weight[0] = total[0] = 0  # of what is in no part
+    largest = total.argmax()
+    mean = total / weight.clamp_min(1e-9)
+    kept = (mean >= ALIKE * mean[largest]) & (weight >= LEAST_PART * weight[largest])
+    kept[0] = False
+    return kept[number]
+
+
+def _views(scene: Gaussians, cameras: Sequence[Camera], execution: Execution) -> list[Camera]:
+    cameras = cameras_of(scene, cameras, MOST_VIEWS, VIEW_PIXELS, execution)
+    chosen = [cameras[i] for i in evenly_spaced(len(cameras), MOST_VIEWS)]
+    return [c if max(c.width, c.height) <= VIEW_PIXELS else c.fitted(VIEW_PIXELS) for c in chosen]
+
+
+def _checked(mask: Tensor, camera: Camera, provider: MaskProvider) -> Float[Tensor, "h w"]:
+    """The mask in [0, 1]. Raises GseditError."""
+    if tuple(mask.shape) != (camera.height, camera.width) or not mask.isfinite().all():
+        raise GseditError(
+            f"the masks {provider.name!r} gave a map of {tuple(mask.shape)} for a picture of "
+            f"{camera.width}x{camera.height}, or one with NaN: ask their authors"
+        )
+    return mask.float().clamp(0, 1)

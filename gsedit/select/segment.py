@@ -1,0 +1,340 @@
+"""A scene as objects on a ground, before walls and a background: segments, told without words.
+
+`n` Gaussians; world units.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float64, Int
+from torch import Tensor
+
+from gsedit.scene.neighbors import k_nearest
+from gsedit.scene.quantiles import extent_of
+from gsedit.select.pieces import split_touching
+from gsedit.select.stacks import Stacks, find_stacks
+from gsedit.select.surfaces import Surfaces, look
+from rasterizer.camera import Camera
+from rasterizer.numerics import AUTO, Execution
+from rasterizer.scene import Gaussians
+
+Kind = Literal["object", "ground", "wall", "background", "sky"]
+
+LEAST_SEEN, LEAST_ALONE = 0.002, 0.02
+"""Least share of what is seen near the place that is an object; and where no ground is, on which
+it could stand."""
+LEAST_ROWS = 16
+"""Least Gaussians of an object."""
+RIM, RIM_SEEN = 0.5, 10.0
+"""Share of the Gaussians of a rim that are next to the ground or a wall, and most that is seen of
+one, against the least of an object."""
+FAR = 0.8
+"""Distance of a body from the middle, of the radius of the place, from which it is background."""
+TAIL = 0.02
+"""Share of the seen pixels of a segment that may lie beyond each side of its box."""
+CELLS, MOST_COLORS = 6, 24
+"""Cells of a channel, and most colors, of a palette."""
+FEET, FEET_TOUCH = 0.05, 0.1
+"""Share of an object's Gaussians that are its lowest, and of these that touch what it stands on."""
+TOUCHING = 0.15
+"""Largest distance of a touch, of the object's extent, beside two distances between neighbors: what
+no camera sees under an object has no Gaussians."""
+LOOSE = 0.25
+"""Largest gap of what hovers beside a larger object and is a part of it, of that one's extent."""
+SKY_ELEVATION, SKY_DISTANCE = 8.0, 2.5
+"""Degrees above the horizon, and distances of the cameras, from which the background may be sky."""
+SKY_LIGHT, SKY_WARMTH = 0.4, 0.04
+"""Least mean of the channels of the sky, and most that green or red is above its blue."""
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """One segment: where it is and how it looks."""
+
+    number: int
+    kind: Kind
+    pixels: float
+    """Share of all pixels of the looked-at views that it fills, in [0, 1]."""
+    low: tuple[float, float, float]
+    """Lowest corner of the box that holds nearly all of it: right, back and up as the cameras see
+    the place, world units from its middle."""
+    high: tuple[float, float, float]
+    color: tuple[float, float, float]
+    """Median sRGB in [0, 1]."""
+    palette: tuple[tuple[tuple[float, float, float], float], ...]
+    """Colors (sRGB in [0, 1]) with their shares of what is seen of it, the largest first."""
+    stands_on: int
+    """Number of the segment under it; -1: none."""
+
+    @property
+    def size(self) -> float:
+        """Diagonal of the box, world units."""
+        return float(np.linalg.norm(np.subtract(self.high, self.low)))
+
+    @property
+    def middle(self) -> tuple[float, float, float]:
+        """Middle of the box: right, back, up."""
+        x, y, z = np.add(self.low, self.high).tolist()
+        return x / 2, y / 2, z / 2
+
+
+@dataclass(frozen=True, eq=False)
+class Segments:
+    """The segments of a scene."""
+
+    labels: Int[Tensor, " n"]
+    """Number of the segment each Gaussian is in."""
+    rows: tuple[Segment, ...]
+    """The segments by number: objects from the largest to the smallest, then the rest."""
+    view: int
+    """Index of the camera as which right, left, front and back are told; 0 where none was given."""
+
+    @property
+    def objects(self) -> tuple[Segment, ...]:
+        """Segments that are objects, the largest first."""
+        return tuple(each for each in self.rows if each.kind == "object")
+
+    def inside(self, *numbers: int) -> Bool[Tensor, " n"]:
+        """Flag the Gaussians of the segments with these numbers."""
+        return torch.isin(self.labels, torch.tensor(numbers, dtype=self.labels.dtype))
+
+
+@torch.no_grad()
+def segment(
+    scene: Gaussians, cameras: Sequence[Camera] = (), execution: Execution = AUTO
+) -> Segments:
+    """Tell the objects of a scene from each other, its ground, walls, background and sky.
+
+    A scene of more than 200,000 Gaussians is told apart by groups of them. Without cameras, some
+    are found. Raises UsageError for an empty scene.
+    """
+    surfaces = look(scene.detach(), cameras, execution)
+    found = segment_surfaces(surfaces)
+    return replace(found, labels=surfaces.expanded(found.labels))
+
+
+def segment_surfaces(surfaces: Surfaces) -> Segments:
+    """The segments of a scene whose surfaces are known."""
+    away = np.linalg.norm(surfaces.points - surfaces.place.center.numpy(), axis=1)
+    near = np.full(len(surfaces), True) if surfaces.place.alone else away < surfaces.place.radius
+    stacks = find_stacks(surfaces, near)
+    kinds, labels = _kinds(surfaces, stacks, near, away)
+    labels = _with_hovering(surfaces, _filled(surfaces, labels, kinds), kinds)
+    return _ordered(surfaces, labels, kinds)
+
+
+def _kinds(
+    surfaces: Surfaces,
+    stacks: Stacks,
+    near: Bool[np.ndarray, " n"],
+    away: Float64[np.ndarray, " n"],
+) -> tuple[list[Kind], Int[np.ndarray, " n"]]:
+    """The kind of each segment, and labels of what is surely of one; -1 elsewhere."""
+    labels = np.full(len(surfaces), -1)
+    kinds: list[Kind] = []
+
+    def add(inside: Bool[np.ndarray, " n"], kind: Kind) -> None:
+        if inside.any():
+            labels[inside] = len(kinds)
+            kinds.append(kind)
+
+    sky = _sky(surfaces, near, away)
+    far = ~near & ~sky
+    least = (LEAST_SEEN if stacks.ground.any() else LEAST_ALONE) * surfaces.seen[near].sum()
+    for number in np.flatnonzero(_large(surfaces, stacks.body, least)):
+        body = stacks.body == number
+        if np.median(away[body]) > FAR * surfaces.place.radius and not surfaces.place.alone:
+            far |= body
+            continue
+        support = ~body & (stacks.ground | (stacks.body >= 0))
+        beside = stacks.ground | (stacks.wall >= 0)
+        for thing in split_touching(surfaces, body, support):
+            if _is_thing(surfaces, thing, beside, least):
+                add(thing, "object")
+    add(stacks.ground, "ground")
+    for number in range(int(stacks.wall.max()) + 1):
+        add(stacks.wall == number, "wall")
+    add(far, "background")
+    add(sky, "sky")
+    return kinds, labels
+
+
+def _large(
+    surfaces: Surfaces, number: Int[np.ndarray, " n"], least: float
+) -> Bool[np.ndarray, " b"]:
+    on = number >= 0
+    count = int(number.max()) + 1
+    seen = np.bincount(number[on], weights=surfaces.seen[on], minlength=count)
+    return (seen >= least) & (np.bincount(number[on], minlength=count) >= LEAST_ROWS)
+
+
+def _is_thing(
+    surfaces: Surfaces, inside: Bool[np.ndarray, " n"], beside: Bool[np.ndarray, " n"], least: float
+) -> bool:
+    """Whether enough is seen of it, and it is no rim of the ground or of a wall `beside` it."""
+    seen = surfaces.seen[inside].sum()
+    if seen < least or inside.sum() < LEAST_ROWS:
+        return False
+    if seen > RIM_SEEN * least:
+        return True
+    first, second = surfaces.edges.T
+    rim = np.zeros(len(inside), bool)
+    rim[first[inside[first] & beside[second]]] = True
+    rim[second[inside[second] & beside[first]]] = True
+    return bool(rim.sum() < RIM * inside.sum())
+
+
+def _sky(
+    surfaces: Surfaces, near: Bool[np.ndarray, " n"], away: Float64[np.ndarray, " n"]
+) -> Bool[np.ndarray, " n"]:
+    """Flag the Gaussians that are far and high, light, and not warmer than grey."""
+    offset = surfaces.points - surfaces.place.center.numpy()
+    elevation = np.degrees(np.arcsin((offset @ surfaces.up / np.maximum(away, 1e-12)).clip(-1, 1)))
+    red, green, blue = surfaces.colors.T
+    cool = (blue > red - SKY_WARMTH) & (blue > green - SKY_WARMTH)
+    light = surfaces.colors.mean(1) > SKY_LIGHT
+    high = (elevation > SKY_ELEVATION) & (away > SKY_DISTANCE * surfaces.place.distance)
+    return ~near & cool & light & high
+
+
+def _filled(
+    surfaces: Surfaces,
+    labels: Int[np.ndarray, " n"],
+    kinds: list[Kind],
+) -> Int[np.ndarray, " n"]:
+    """Labels of all: what has none takes that of the nearest solid one that has."""
+    known, open_ = np.flatnonzero((labels >= 0) & surfaces.solid), np.flatnonzero(labels < 0)
+    if not len(known):
+        kinds.append("object")
+        return np.full(len(labels), len(kinds) - 1)
+    if len(open_):
+        _, at = k_nearest(surfaces.points[known], surfaces.points[open_], 1)
+        labels[open_] = labels[known[at[:, 0]]]
+    return labels
+
+
+def _ordered(surfaces: Surfaces, labels: Int[np.ndarray, " n"], kinds: list[Kind]) -> Segments:
+    """The segments, objects first, by the size of their boxes."""
+    held = np.unique(labels)
+    labels, kinds = np.searchsorted(held, labels), [kinds[i] for i in held]
+    rows = [_row(surfaces, labels, i, kind) for i, kind in enumerate(kinds)]
+    order = sorted(range(len(rows)), key=lambda i: (kinds[i] != "object", -rows[i].size))
+    new = np.empty(len(rows), np.int64)
+    new[order] = np.arange(len(rows))
+    under = _standing(surfaces, labels, kinds)
+    told = []
+    for number, old in enumerate(order):
+        each = rows[old]
+        on = int(new[under[old]]) if under[old] >= 0 else -1
+        told.append(replace(each, number=number, stands_on=on))
+    return Segments(torch.from_numpy(new[labels]), tuple(told), surfaces.view)
+
+
+def _row(surfaces: Surfaces, labels: Int[np.ndarray, " n"], number: int, kind: Kind) -> Segment:
+    rows = np.flatnonzero(labels == number)
+    weight = surfaces.seen[rows] + 1e-9
+    place = surfaces.place
+    right = torch.linalg.cross(place.up, place.front)
+    axes = torch.stack((right, -place.front, place.up)).numpy()
+    local = (surfaces.points[rows] - place.center.numpy()) @ axes.T
+    low, high = _quantiles(local, weight, (TAIL, 1 - TAIL))
+    (color,) = _quantiles(surfaces.colors[rows], weight, (0.5,))
+    share = float(weight.sum() / max(surfaces.seen.sum(), 1e-9))
+    palette = _palette(surfaces.colors[rows], weight)
+    return Segment(number, kind, share, low, high, color, palette, -1)
+
+
+def _palette(
+    colors: Float64[np.ndarray, "m 3"], weights: Float64[np.ndarray, " m"]
+) -> tuple[tuple[tuple[float, float, float], float], ...]:
+    """The means of the most frequent cells of color, with their shares."""
+    cell = (colors * (CELLS - 1e-6)).astype(np.int64) @ np.array([CELLS**2, CELLS, 1])
+    total = np.bincount(cell, weights=weights, minlength=CELLS**3)
+    sums = [np.bincount(cell, weights=weights * c, minlength=CELLS**3) for c in colors.T]
+    largest = np.argsort(-total, kind="stable")[:MOST_COLORS]
+    largest = largest[total[largest] > 0]
+    means = np.stack(sums, 1)[largest] / total[largest, None]
+    shares = total[largest] / total.sum()
+    return tuple(((r, g, b), share) for (r, g, b), share in zip(means.tolist(), shares.tolist()))
+
+
+def _quantiles(
+    values: Float64[np.ndarray, "m 3"],
+    weights: Float64[np.ndarray, " m"],
+    shares: tuple[float, ...],
+) -> list[tuple[float, float, float]]:
+    """The least value of each column up to which each share of the weight lies."""
+    order = np.argsort(values, axis=0, kind="stable")
+    below = np.cumsum(weights[order], 0)
+    found = []
+    for share in shares:
+        at = (below < share * below[-1]).sum(0).clip(max=len(values) - 1)
+        x, y, z = np.take_along_axis(values, np.take_along_axis(order, at[None], 0), 0)[0].tolist()
+        found.append((x, y, z))
+    return found
+
+
+def _standing(
+    surfaces: Surfaces, labels: Int[np.ndarray, " n"], kinds: list[Kind]
+) -> Int[np.ndarray, " s"]:
+    """The segment under the lowest Gaussians of each object, that it touches; -1: none."""
+    rows = [np.flatnonzero((labels == i) & surfaces.solid) for i in range(len(kinds))]
+    bottom = [np.quantile(surfaces.heights[each], FEET) if len(each) else np.inf for each in rows]
+    under = np.full(len(kinds), -1)
+    for number in (i for i, kind in enumerate(kinds) if kind == "object"):
+        carrying = [
+            kind == "ground" or (kind == "object" and bottom[i] < bottom[number])
+            for i, kind in enumerate(kinds)
+        ]
+        own = rows[number]
+        others = np.flatnonzero(surfaces.solid & np.array(carrying)[labels])
+        if not len(own) or not len(others):
+            continue
+        feet = own[surfaces.heights[own] <= bottom[number]]
+        reach = TOUCHING * extent_of(surfaces.points[own])
+        reach += 2 * float(np.sqrt(np.median(surfaces.areas[own])))
+        near, at = _below(surfaces, feet, others, reach)
+        if near.mean() >= FEET_TOUCH:
+            under[number] = np.bincount(labels[others[at[near]]]).argmax()
+    return under
+
+
+def _below(
+    surfaces: Surfaces, feet: Int[np.ndarray, " f"], others: Int[np.ndarray, " o"], reach: float
+) -> tuple[Bool[np.ndarray, " f"], Int[np.ndarray, " f"]]:
+    """Whether the nearest of others is within reach of each foot and no higher; and its index."""
+    low = np.quantile(surfaces.heights[feet], 0.5) + reach
+    others_low = np.flatnonzero(surfaces.heights[others] <= low)
+    if not len(others_low):
+        return np.zeros(len(feet), bool), np.zeros(len(feet), np.int64)
+    distance, at = k_nearest(surfaces.points[others[others_low]], surfaces.points[feet], 1, reach)
+    near = np.isfinite(distance[:, 0])
+    return near, others_low[np.where(near, at[:, 0], 0)]
+
+
+def _with_hovering(
+    surfaces: Surfaces, labels: Int[np.ndarray, " n"], kinds: list[Kind]
+) -> Int[np.ndarray, " n"]:
+    """The labels with parts that hover beside a larger object, as a hand, made part of it."""
+    under = _standing(surfaces, labels, kinds)
+    things = [i for i, kind in enumerate(kinds) if kind == "object"]
+    rows = {i: np.flatnonzero((labels == i) & surfaces.solid) for i in things}
+    size = {i: extent_of(surfaces.points[rows[i]]) if len(rows[i]) else 0.0 for i in things}
+    for small in sorted((i for i in things if under[i] < 0), key=lambda i: size[i]):
+        gaps = {
+            large: _gap(surfaces.points[rows[small]], surfaces.points[rows[large]]) / size[large]
+            for large in things
+            if size[large] > size[small] > 0
+        }
+        if gaps and min(gaps.values()) < LOOSE:
+            labels = np.where(labels == small, min(gaps, key=lambda i: gaps[i]), labels)
+    return labels
+
+
+def _gap(first: Float64[np.ndarray, "a 3"], second: Float64[np.ndarray, "b 3"]) -> float:
+    return float(k_nearest(second, first, 1)[0].min())

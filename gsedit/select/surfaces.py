@@ -1,0 +1,178 @@
+"""Gaussians of a scene with what tells one object from another: normals, heights, neighbors.
+
+`n` Gaussians; world units.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Float64, Int, Shaped
+from scipy.sparse import coo_matrix
+from torch import Tensor
+
+from gsedit.cameras.around import cameras_of
+from gsedit.cameras.place import Place, place_of
+from gsedit.datasets.dataset import evenly_spaced
+from gsedit.scene.kept import kept
+from gsedit.scene.merging.groups import MAX_GAUSSIANS, MergedScene, coarsen
+from gsedit.select.graph import Neighbors, nearest_of, neighbors
+from gsedit.surface.normals import estimate_normals
+from rasterizer.camera import Camera
+from rasterizer.color_weights import color_weights
+from rasterizer.numerics import AUTO, Execution, sh_to_color
+from rasterizer.scene import Gaussians, concatenate
+
+VIEWS = 8
+"""Most views that the surfaces are looked at from."""
+VIEW_PIXELS = 192
+"""Longer side of their pictures."""
+SOLID_OPACITY = 0.1
+"""Gaussians fainter than this connect nothing."""
+FAR_GROUPS = 40_000
+"""Most groups of a large scene that are beyond the place, of MAX_GAUSSIANS in all."""
+WITHIN = 2.0
+"""Largest distance of a camera that looks at what is clicked, of the clicked view's."""
+LARGE = 6.0
+"""Gaussians this many times as long as is usual connect nothing: haze and sky."""
+
+
+@dataclass(frozen=True, eq=False)
+class Surfaces:
+    """The Gaussians of a scene as pieces of surfaces."""
+
+    scene: Gaussians
+    place: Place
+    """Upright axes, and the middle of what the cameras look at."""
+    points: Float64[np.ndarray, "n 3"]
+    normals: Float64[np.ndarray, "n 3"]
+    """Unit vectors that point outward."""
+    colors: Float64[np.ndarray, "n 3"]
+    """sRGB in [0, 1], without view dependence."""
+    seen: Float64[np.ndarray, " n"]
+    """Pixels that the Gaussian gives, over all looked-at views."""
+    solid: Bool[np.ndarray, " n"]
+    """Whether it is opaque and small enough to connect others."""
+    graph: Neighbors
+    view: int = 0
+    """Index of the camera that looks most along the place's front."""
+    merged: MergedScene | None = None
+    """The large scene whose groups these Gaussians are; None where they are the scene's own."""
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def expanded(self, values: Shaped[Tensor, " n"]) -> Shaped[Tensor, " m"]:
+        """Values of the groups of a large scene as values of its `m` Gaussians."""
+        return values if self.merged is None else values[self.merged.group.long()]
+
+    @cached_property
+    def up(self) -> Float64[np.ndarray, "3"]:
+        """Unit vector that points upward."""
+        return self.place.up.numpy()
+
+    @cached_property
+    def heights(self) -> Float64[np.ndarray, " n"]:
+        """Heights of the centers along `up`, from the world's origin."""
+        return self.points @ self.up
+
+    @cached_property
+    def upright(self) -> Float64[np.ndarray, " n"]:
+        """Cosine between normal and up: 1 on level ground."""
+        return self.normals @ self.up
+
+    @cached_property
+    def edges(self) -> Int[np.ndarray, "e 2"]:
+        """Pairs of neighbors that are both solid, the lower row first."""
+        upper = coo_matrix(self.graph.affinity)
+        keep = (upper.row < upper.col) & self.solid[upper.row] & self.solid[upper.col]
+        return np.stack((upper.row[keep], upper.col[keep]), 1).astype(np.int64)
+
+    @cached_property
+    def alike(self) -> Float64[np.ndarray, " e"]:
+        """Affinity of each of the edges, in [0, 1]."""
+        pairs = self.edges
+        return np.asarray(self.graph.affinity[pairs[:, 0], pairs[:, 1]]).reshape(-1)
+
+    @cached_property
+    def areas(self) -> Float64[np.ndarray, " n"]:
+        """Share of a surface that a Gaussian stands for: the square of its neighbors' distance."""
+        pairs = self.edges
+        square = np.square(self.points[pairs[:, 0]] - self.points[pairs[:, 1]]).sum(1)
+        square = np.concatenate((square, square))
+        total = np.bincount(pairs.T.reshape(-1), square, len(self))
+        count = np.bincount(pairs.T.reshape(-1), minlength=len(self))
+        return total / np.maximum(count, 1)
+
+
+@kept
+@torch.no_grad()
+def look(scene: Gaussians, cameras: Sequence[Camera] = (), execution: Execution = AUTO) -> Surfaces:
+    """Look at a scene's surfaces from at most VIEWS of the cameras; found ones where none are.
+
+    A scene of more than MAX_GAUSSIANS is looked at by groups. Raises UsageError for an empty scene.
+    """
+    some = cameras_of(scene, cameras, VIEWS, VIEW_PIXELS)
+    chosen = [some[i].fitted(VIEW_PIXELS) for i in evenly_spaced(len(some), VIEWS)]
+    seen = torch.zeros(len(scene))
+    for camera in chosen:
+        ones = torch.ones(camera.height, camera.width, 3)
+        seen += color_weights(scene, camera, execution=execution).back(ones)[:, 0]
+    place = place_of(scene, some, seen)
+    merged = _grouped(scene, place)
+    if merged is not None:
+        scene = merged.scene
+        seen = torch.zeros(len(scene)).index_add_(0, merged.group, seen)
+    near = nearest_of(scene)
+    normals = estimate_normals(scene, chosen, execution, near=torch.from_numpy(near[1])).directions
+    longest = scene.scales.amax(1)
+    solid = (scene.opacities > SOLID_OPACITY) & (longest < LARGE * longest[seen > 0].median())
+    ahead = torch.stack([camera.forward.double() for camera in some])
+    return Surfaces(
+        scene,
+        place,
+        scene.means.double().numpy(),
+        normals.double().numpy(),
+        sh_to_color(scene.sh[:, 0].double()).clamp(0, 1).numpy(),
+        seen.double().numpy(),
+        solid.numpy(),
+        neighbors(scene, normals, near),
+        int((ahead @ -place.front).argmax()),
+        merged,
+    )
+
+
+def looking_at(
+    point: Float[Tensor, "3"], camera: Camera, cameras: Sequence[Camera]
+) -> tuple[int, ...]:
+    """Indices of the cameras that have a point in their pictures and are not much farther from it
+    than `camera`; all where none is."""
+    found = []
+    reach = WITHIN * float((camera.center.double() - point).norm())
+    for i, each in enumerate(cameras):
+        (x, y), depth = each.project(point)
+        inside = 0 <= x < each.width and 0 <= y < each.height and depth > 0
+        if inside and float((each.center.double() - point).norm()) <= reach:
+            found.append(i)
+    return tuple(found) or tuple(range(len(cameras)))
+
+
+def _grouped(scene: Gaussians, place: Place) -> MergedScene | None:
+    """The groups of a large scene, few of them beyond the place; None for one that is not large."""
+    if len(scene) <= MAX_GAUSSIANS:
+        return None
+    plain = replace(scene, sh=scene.sh[:, :1])
+    near = (scene.means.double() - place.center).norm(dim=1) < place.radius
+    group, scenes, count = torch.empty(len(scene), dtype=torch.int32), [], 0
+    for part, most in ((near, MAX_GAUSSIANS - FAR_GROUPS), (~near, FAR_GROUPS)):
+        own = plain[part]
+        merged = coarsen(own, most)
+        scenes.append(own if merged is None else merged.scene)
+        own_group = torch.arange(len(own)) if merged is None else merged.group
+        group[part] = own_group.int() + count
+        count += len(scenes[-1])
+    return MergedScene(concatenate(*scenes), group, scene)
