@@ -1,4 +1,4 @@
-"""Which Gaussians: by value, volume, color, neighbors or view; said, clicked, drawn or saved.
+"""Selections of Gaussians: by value, volume, color or view; said, clicked, drawn or saved.
 
 `where("opacity > 0.1 and not sphere(0, 0, 0, 1)")` makes a selection of an expression; the classes
 and functions make the same in Python. Selections combine with `&`, `|` and `~`. A `Finder` answers

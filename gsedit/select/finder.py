@@ -1,4 +1,4 @@
-"""Which Gaussians: the one answer to what is said, clicked, marked or measured in a scene.
+"""The Gaussians that are said, clicked, marked or measured in a scene: one answer for all.
 
 Sentences, phrases, clicks, `--region` and the page are translated into the expressions of
 `gsedit.select.where`; a `Finder` evaluates them in a scene, each once.
@@ -192,7 +192,7 @@ class Finder:
         return Region(self._grouped(torch.from_numpy(inside)), path)
 
     def find_drawn(self, path: str) -> Region:
-        """What masks show that were drawn on views: a .png named after its view, or a folder."""
+        """The Gaussians in masks that were drawn on views: a .png named after its view, or a folder."""
         masks = read_masks(Path(path).expanduser(), self.viewpoints)
         cameras = [self.viewpoints[i].camera for i in masks]
         drawn = list(masks.values())

@@ -80,7 +80,7 @@ def viewpoints(views: Sequence[View]) -> list[Viewpoint]:
 
 
 def _found(finder: Finder, whole: bool | None) -> Region | None:
-    """What a finder's region holds; `auto` is everything where an instruction is about the `whole`
+    """The region of a finder; `auto` is everything where an instruction is about the `whole`
     scene, and None where that is not known."""
     if finder.region != "auto" or whole is False:
         return finder.subject
