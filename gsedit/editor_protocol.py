@@ -58,8 +58,6 @@ class EditProgress:
     evaluations: int = 0
     """Evaluations of the network for this batch so far: a view at one noise level under one
     condition is one. 0 for editors that run none."""
-    preview: Float[Tensor, "n y x 3"] | None = None
-    """Small pictures, in [0, 1], of what the views that are not anchored are becoming."""
 
 
 @dataclass(frozen=True)
