@@ -12,9 +12,8 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
-from fuzzing import Damage, in_glb, in_gzip, in_json, in_rad, in_zip, in_zstd
+from fuzzing import Damage, in_glb, in_gzip, in_json, in_zip, in_zstd
 from ksplat_files import ksplat
-from rad_files import rad
 
 from gsedit.formats.ply.records import read_ply_header
 from gsedit.formats.registry import write_scene
@@ -87,7 +86,6 @@ SUBJECTS = (
     Subject("a.sog", _write, in_zip),
     Subject("meta.json", _folder, in_json),
     Subject("lod-meta.json", _streamed, in_json),
-    Subject("a.rad", lambda path, table: rad(path, table, rows=10), in_rad),
     Subject("a.glb", _write, in_glb),
     Subject("a.gltf", _gltf, in_json),
     Subject("a.usda", _write),

@@ -76,8 +76,6 @@ FORMATS = (
     ),
 )
 KSPLAT = Kept(".ksplat", 1e-7, 1e-3, 1e-5, 1 / 500, 1 / 510 / SH_DC + 1e-6, 40)
-# scales of 254 steps and an axis and an angle of 8 bits each, SH of 7 bits and a sign
-RAD = Kept(".rad", 1e-7, 0.03, 0.05, 1 / 500, 0.02, 40)
 STEPS = {kept.suffix: kept for kept in FORMATS}
 FOREIGN = {
     "tiny.compressed.ply": STEPS[".compressed.ply"],
@@ -92,7 +90,6 @@ FOREIGN = {
     "tiny.glb": STEPS[".glb"],
     "tiny.splat": STEPS[".splat"],
     "tiny.ksplat": KSPLAT,
-    "tiny.rad": RAD,
 }
 """Files of one scene that other programs wrote (see tests/data/splats/README.md)."""
 
