@@ -95,7 +95,7 @@ class DiffusionEditor:
         counted = Counted(ready.predictor, ready.evaluations)
         steps = sample(
             counted, condition, x, settings, levels=levels, consensus=agree, share=share,
-            rescale=denoiser.capabilities.rescale, anchor=anchor, generator=generator,
+            anchor=anchor, generator=generator,
         )  # fmt: skip
         for step in steps:
             x = step.x

@@ -58,8 +58,7 @@ class Distil(RandomViews):
             x = add_noise(z, noise, level)
             condition = denoiser.condition(whole.originals, whole.prompt, generator)
             counted = Counted(with_subject_mask(denoiser, whole.subject))
-            rescale = denoiser.capabilities.rescale
-            guided = predict_guided(counted, condition, x, level, sampler, rescale)
+            guided = predict_guided(counted, condition, x, level, sampler)
             error = as_pair(denoiser.predicts, guided, x, level).eps - noise
         session.progress.work.evaluations += counted.evaluations
         weight = level.b**2
