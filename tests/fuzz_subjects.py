@@ -73,7 +73,7 @@ def _streamed(path: Path, table: SplatTable) -> None:
     write_streamed(path.parent, [table, table[::2]], antialiased=False)
 
 
-USD_CORE = ("usdc", "usdz")
+USD_CORE = ("usda", "usdc", "usdz")
 """Suffixes that usd-core reads."""
 SUBJECTS = (
     Subject("a.ply", _write),
@@ -88,7 +88,6 @@ SUBJECTS = (
     Subject("lod-meta.json", _streamed, in_json),
     Subject("a.glb", _write, in_glb),
     Subject("a.gltf", _gltf, in_json),
-    Subject("a.usda", _write),
     *(Subject(f"a.{end}", _write, share=0.02) for end in USD_CORE if find_spec("pxr")),
     Subject("a.npz", _write, in_zip),
 )
