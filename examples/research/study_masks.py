@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import torch
+from bench.staged import Stage, stages
 from torch import Tensor
 from torch.nn.functional import avg_pool2d, max_pool2d
 
@@ -16,7 +17,6 @@ from gsedit.regions.drawn import MIN_SEEN_PIXELS, find_drawn, smoothed
 from gsedit.regions.graph import neighbors
 from gsedit.regions.lift import lift
 from gsedit.selecting.masks import lift_masks
-from gsedit.synthetic.staged import Stage, stages
 from research.command import print_result, run
 
 SIZE, COUNT = 96, 6000

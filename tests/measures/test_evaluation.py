@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from bench.staged import stages
 
 from gsedit.datasets.view_list_files import ViewList
 from gsedit.datasets.viewpoints import Viewpoint
@@ -17,7 +18,6 @@ from gsedit.measures.names import METRICS, POINTS, WARP
 from gsedit.regions.region import Region, coverage
 from gsedit.scene.picture import render_picture
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
-from gsedit.synthetic.staged import stages
 from rasterizer.numerics import SH_DC
 
 SIZE = 40

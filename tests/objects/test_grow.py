@@ -5,6 +5,7 @@ from functools import cache
 
 import pytest
 import torch
+from bench.staged import stage as stage_of
 
 from gsedit.cameras.orbit import orbit
 from gsedit.errors import UsageError
@@ -16,7 +17,6 @@ from gsedit.synthetic.paint import plain
 from gsedit.synthetic.scene import SyntheticScene
 from gsedit.synthetic.shapes import cylinder, sphere, translate, union
 from gsedit.synthetic.splats import surface_gaussians
-from gsedit.synthetic.staged import stage as stage_of
 from rasterizer.camera import look_at
 from rasterizer.render import render
 from rasterizer.scene import Gaussians

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 import torch
+from bench.staged import stage
 from torch.nn.functional import avg_pool2d, max_pool2d
 
 from gsedit.errors import GseditError, UsageError
 from gsedit.regions.drawn import find_drawn
 from gsedit.regions.lift import lift
 from gsedit.selecting.masks import find_masked, lift_masks
-from gsedit.synthetic.staged import stage
 
 SIZE = 96
 

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 import torch
+from bench.staged import stage
 from selecting.playroom import playroom
 
 from gsedit.errors import UsageError
 from gsedit.objects import find_phrase, segment
 from gsedit.selecting.looks import names
 from gsedit.selecting.query import read_phrase
-from gsedit.synthetic.staged import stage
 
 PHRASES = Path(__file__).parents[1] / "data" / "phrases"
 REFUSED = "refused"

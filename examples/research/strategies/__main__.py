@@ -30,13 +30,12 @@ def main(
     """Write the folder of the edit, which `gsedit metrics` measures."""
     require_new(output)
     descent: Any = Sds(steps) if clip is None else Clip(steps, folder=clip)
-    result: EditResult = collect(
-        item
-        for item in edit_steps(
-            load(scene), sentence, editor=make_editor(editor), dataset=load_dataset(data),
-            generator=torch.Generator().manual_seed(0), strategy=descent,
-        )
-    )[-1]  # fmt: skip
+    steps_of = edit_steps(
+        load(scene), sentence, editor=make_editor(editor), dataset=load_dataset(data),
+        generator=torch.Generator().manual_seed(0), strategy=descent,
+    )  # fmt: skip
+    result = collect(steps_of)[-1]
+    assert isinstance(result, EditResult)
     write_edit(output, result, request={"scene": scene, "instruction": sentence}, overwrite=False)
     print_result(result.metrics.describe())
 

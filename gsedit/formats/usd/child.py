@@ -76,7 +76,7 @@ def read(source: Path, target: Path) -> None:
     }
     about = stage.GetRootLayer().customLayerData.get("gsedit")
     about = about if isinstance(about, dict) else {}
-    comments = about.get("comments")
+    comments: Any = about.get("comments")
     record = {
         "splats": splats, "others": others, "hidden": hidden, "units": units,
         "comments": list(comments) if isinstance(comments, _pxr("Vt").StringArray) else [],

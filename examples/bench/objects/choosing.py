@@ -13,12 +13,12 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from bench.staged import Labelled, Stage
 from gsedit.regions.region import Region, coverage
 from gsedit.scene.color_space import lab_of_srgb
 from gsedit.selecting.click import Click
 from gsedit.selecting.click import select_at as by_clicks
 from gsedit.selecting.phrase import find_phrase
-from gsedit.synthetic.staged import Labelled, Stage
 from rasterizer.camera import Camera
 from rasterizer.numerics import SH_DC
 from rasterizer.render import render
