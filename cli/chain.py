@@ -8,7 +8,7 @@ these names (`output`, `files`, `common`) is given its value.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -23,7 +23,6 @@ from .core.console import print_result
 from .core.current import current_scene
 from .core.levels import Levels
 from .core.process import Output, process
-from .core.renamed import split
 from .options.common import Common, first_scene
 from .options.files import FileOptions
 
@@ -80,6 +79,17 @@ def operation_verb(body: Callable[..., Any]) -> OperationCommand:
     return OperationCommand(body)
 
 
+def split(args: Iterable[str]) -> list[list[str]]:
+    """Split the arguments of a command at each THEN."""
+    pieces: list[list[str]] = [[]]
+    for each in args:
+        if each == THEN:
+            pieces.append([])
+        else:
+            pieces[-1].append(each)
+    return pieces
+
+
 class OperationCommand(LazyCommand):
     """A verb that may be followed by `then` and another one."""
 
@@ -90,7 +100,7 @@ class OperationCommand(LazyCommand):
 
     def make_context(self, name: str, args: list[str], *rest: Any, **options: Any) -> Any:
         """Return the context of the first verb, which holds the verbs behind `then`."""
-        first, *others = split(args, THEN)
+        first, *others = split(args)
         context = super().make_context(name, first, *rest, **options)
         context.obj = (context.parent.command if context.parent else None, others)
         return context

@@ -14,12 +14,10 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from .chain import THEN, operation_verb
-from .core.allocation import keep_freed_memory
 from .core.command import LazyCommand, lazy_verb, paragraphs
 from .core.console import print_message
 from .core.exits import FAILED, OK, USAGE, Interrupted, explain, one_line
 from .core.ranks import cause, end, leave, meet
-from .core.renamed import new_command
 from .verbs.align import align
 from .verbs.app import app as app_verb
 from .verbs.bench import bench
@@ -102,9 +100,6 @@ class Verbs(TyperGroup):
 
     def main(self, args: Any = None, *rest: Any, **options: Any) -> Any:
         arguments = sys.argv[1:] if args is None else list(args)
-        if line := new_command(arguments, THEN):
-            print_message(one_line(f"gsedit: the command line has changed; the new one: {line}"))
-            end(USAGE)
         try:
             # not standalone: typer would print its own boxes and tracebacks
             code = super().main(arguments, *rest, **{**options, "standalone_mode": False})
@@ -204,7 +199,6 @@ def main() -> None:
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
     signal.signal(signal.SIGTERM, _interrupt)
-    keep_freed_memory()
     if COMPLETION in os.environ:
         from typer._completion_classes import completion_init
 

@@ -125,13 +125,16 @@ def _value(option: Any) -> str:
 
 def _help(text: str | None) -> str:
     """Return the help of a verb, its command lines as code."""
-    from gsedit_cli.core.manual import is_example
-
     paragraphs = re.split(r"\n\s*\n", _prose(text))
     return "\n\n".join(
-        f"    {each.replace('&lt;', '<')}" if is_example(each) else _linked(each)
+        f"    {each.replace('&lt;', '<')}" if _is_example(each) else _linked(each)
         for each in paragraphs
     )  # fmt: skip
+
+
+def _is_example(paragraph: str) -> bool:
+    """Whether a paragraph of a help is a command line, and no sentence."""
+    return paragraph.startswith("gsedit ") and ". " not in paragraph
 
 
 def _linked(text: str) -> str:

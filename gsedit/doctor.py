@@ -64,7 +64,7 @@ LIBRARIES = (
     Library("av", "gsedit capture VIDEO, and render -o video.mp4", "'gsedit[video]'"),
     Library("pi_heif", "HEIC photos of iPhones in gsedit capture", "pi-heif", ("pi-heif",)),
     Library("viser", "gsedit app and view", "viser"),
-    Library("pxr", ".usdc, .usd and .usdz", "'gsedit[usd]' (Python >= 3.11)", ("usd-core",)),
+    Library("pxr", ".usda, .usdc, .usd and .usdz", "'gsedit[usd]' (Python >= 3.11)", ("usd-core",)),
     Library(
         "pyvista", "gsedit view -o a.png", "'gsedit[points]'", system="libegl1 libgl1 libx11-6"
     ),

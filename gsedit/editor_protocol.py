@@ -13,7 +13,6 @@ from torch import Tensor
 from gsedit.consistency.correspond import Correspondences
 from gsedit.datasets.padding import PadMode
 from gsedit.diffusion.guidance import Predictor
-from gsedit.diffusion.predictions import Latents
 from gsedit.diffusion.sampler import levels_of
 from gsedit.diffusion.schedules import NoiseLevel
 from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings
@@ -58,8 +57,6 @@ class EditProgress:
     evaluations: int = 0
     """Evaluations of the network for this batch so far: a view at one noise level under one
     condition is one. 0 for editors that run none."""
-    preview: Float[Tensor, "n y x 3"] | None = None
-    """Small pictures, in [0, 1], of what the views that are not anchored are becoming."""
 
 
 @dataclass(frozen=True)
@@ -143,9 +140,6 @@ class Capabilities:
     with_text_weight: Callable[[float], Denoiser] | None = None
     """Make this denoiser with the instruction's weight as an input of its network, for models that
     guidance was distilled into: then only the text's branch is predicted. None for others."""
-    rescale: Callable[[Latents, Latents], Latents] | None = None
-    """(guided prediction, prediction under text and picture) -> the prediction to step with. None:
-    the guided one."""
     measure: Callable[[EditBatch, SamplerSettings], Cost] | None = None
     """Measure what a view costs, by one evaluation for a batch. None where that is little, or
     unknown."""

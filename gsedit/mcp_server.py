@@ -69,7 +69,7 @@ class Verbs:
         return await self._run("make", words, [f"--output={self._path(output)}"])
 
     async def convert(self, scene: str, output: str) -> dict[str, Any]:
-        """Write a scene in the format of the output's ending: .ply, .spz, .sog, .usda, .glb."""
+        """Write a scene in the format of the output's ending: .ply, .spz, .sog, .glb."""
         return await self._run("convert", [self._path(scene)], [f"--output={self._path(output)}"])
 
     async def render(self, scene: str, view: int = 0, size: int = 512) -> Any:

@@ -59,7 +59,7 @@ def masked(module: str, *forms: str, value: str = "zeros") -> tuple[Broken, ...]
 PACKED = ("ply.inria", "ply.compressed", "splat", "spz.file", "sog.file", "gltf.file", "npz")
 FEATURES: dict[str, tuple[Broken, ...]] = {
     "formats in": opened(*PACKED, "ksplat", "mesh"),
-    "formats out": written(*PACKED, "csv_rows"),
+    "formats out": written(*PACKED),
     "LOD bundles, HTML and voxel export": (
         Broken("gsedit.toolkit.decimate:lod_tables", "yield from [table] * levels; return"),
         Broken("gsedit.pictures.viewer.browser:write_page", "return"),

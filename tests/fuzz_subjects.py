@@ -12,9 +12,8 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
-from fuzzing import Damage, in_glb, in_gzip, in_json, in_rad, in_zip, in_zstd
+from fuzzing import Damage, in_glb, in_gzip, in_json, in_zip, in_zstd
 from ksplat_files import ksplat
-from rad_files import rad
 
 from gsedit.formats.ply.records import read_ply_header
 from gsedit.formats.registry import write_scene
@@ -74,7 +73,7 @@ def _streamed(path: Path, table: SplatTable) -> None:
     write_streamed(path.parent, [table, table[::2]], antialiased=False)
 
 
-USD_CORE = ("usdc", "usdz")
+USD_CORE = ("usda", "usdc", "usdz")
 """Suffixes that usd-core reads."""
 SUBJECTS = (
     Subject("a.ply", _write),
@@ -87,10 +86,8 @@ SUBJECTS = (
     Subject("a.sog", _write, in_zip),
     Subject("meta.json", _folder, in_json),
     Subject("lod-meta.json", _streamed, in_json),
-    Subject("a.rad", lambda path, table: rad(path, table, rows=10), in_rad),
     Subject("a.glb", _write, in_glb),
     Subject("a.gltf", _gltf, in_json),
-    Subject("a.usda", _write),
     *(Subject(f"a.{end}", _write, share=0.02) for end in USD_CORE if find_spec("pxr")),
     Subject("a.npz", _write, in_zip),
 )

@@ -33,7 +33,6 @@ import numpy as np
 import zstandard
 from ksplat_files import near_grey
 from PIL import Image
-from rad_files import framed
 
 from gsedit.errors import GseditError
 from gsedit.formats.registry import open_scene
@@ -215,16 +214,6 @@ def in_glb(raw: bytes, rng: np.random.Generator) -> bytes:
 
 def in_json(raw: bytes, rng: np.random.Generator) -> bytes:
     return json.dumps(any_leaf(json.loads(raw), rng)).encode()
-
-
-def in_rad(raw: bytes, rng: np.random.Generator) -> bytes:
-    """Another JSON of the file or of a chunk."""
-    starts = [raw.index(b"RAD0"), *(i for i in range(len(raw)) if raw[i : i + 4] == b"RADC")]
-    at = starts[rng.integers(len(starts))]
-    (length,) = struct.unpack_from("<I", raw, at + 4)
-    end = at + 8 + -(-length // 8) * 8
-    meta = any_leaf(json.loads(raw[at + 8 : at + 8 + length]), rng)
-    return raw[:at] + framed(raw[at : at + 4], meta) + raw[end:]
 
 
 @dataclass

@@ -37,8 +37,7 @@ def noise(model: Any, images: Tensor, seed: int = 2) -> Tensor:
 
 def states(model: Any, images: Tensor, start: Tensor, settings: SamplerSettings) -> list[Tensor]:
     """The latents after every step."""
-    rescale = model.capabilities.rescale
-    return [step.x for step in run(model, images, start, settings, rescale=rescale)]
+    return [step.x for step in run(model, images, start, settings)]
 
 
 def steps_of(scheduler: Any, patch: Any) -> list[Tensor]:

@@ -55,7 +55,7 @@ ORDER = {
     ),
 }  # fmt: skip
 BELOW = {"cli": ("gsedit", "rasterizer"), "gsedit": ("rasterizer",), "rasterizer": ()}
-FOREIGN = ("unittest", "pytest", "research", "tests")
+FOREIGN = ("unittest", "pytest", "bench", "research", "tests")
 
 
 def imports(path: Path) -> list[str]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -92,11 +91,3 @@ def test_every_dependency_is_imported(pyproject):
         module = modules.get(name, name)
         used = rf'^\s*(from|import) {module}\b|load_package\("{module}[".]'
         assert re.search(used, code, re.MULTILINE), requirement
-
-
-def test_an_install_has_a_manual_page_a_verb(tmp_path):
-    words = ["setup.py", "-q", "install_data", "-d", tmp_path]
-    subprocess.run([sys.executable, *words], cwd=ROOT, capture_output=True, check=True)
-    pages = {path.name for path in (tmp_path / "share" / "man" / "man1").iterdir()}
-    verbs = {path.stem for path in (ROOT / "cli" / "verbs").glob("[!_]*.py")}
-    assert {f"gsedit-{verb}.1" for verb in verbs} <= pages

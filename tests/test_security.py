@@ -45,7 +45,7 @@ def test_limits_of_the_page_are_those_of_the_code():
     assert dict(rows[2:]) == {
         "header of a .ply": header,
         "packed scene": f"unpacks to at most {packed}",
-        "binary USD, which usd-core reads in a child process": (
+        "USD, which usd-core reads in a child process": (
             f"{usd} and {per_mb} s a MB; names no layer elsewhere"
         ),
         "picture": picture,

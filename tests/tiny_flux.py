@@ -1,4 +1,4 @@
-"""Tiny random FLUX and SD3 models in diffusers' own pipelines, with tokenizers made here."""
+"""Tiny random FLUX models in diffusers' own pipelines, with tokenizers made here."""
 
 from __future__ import annotations
 
@@ -117,104 +117,6 @@ def klein(*, distilled: bool = True, cached: bool = False) -> Any:
     }
     kind = diffusers.Flux2KleinKVPipeline if cached else diffusers.Flux2KleinPipeline
     return quiet(kind(**parts, **({} if cached else {"is_distilled": distilled})))
-
-
-def flux_transformer(*, weighted: bool = True) -> diffusers.FluxTransformer2DModel:
-    return diffusers.FluxTransformer2DModel(
-        patch_size=1,
-        in_channels=8,
-        num_layers=1,
-        num_single_layers=1,
-        attention_head_dim=16,
-        num_attention_heads=2,
-        joint_attention_dim=32,
-        pooled_projection_dim=32,
-        guidance_embeds=weighted,
-        axes_dims_rope=(4, 4, 8),
-    )
-
-
-def vae() -> diffusers.AutoencoderKL:
-    return diffusers.AutoencoderKL(
-        block_out_channels=(4, 8),
-        down_block_types=("DownEncoderBlock2D",) * 2,
-        up_block_types=("UpDecoderBlock2D",) * 2,
-        layers_per_block=1,
-        latent_channels=2,
-        norm_num_groups=1,
-        use_quant_conv=False,
-        use_post_quant_conv=False,
-        shift_factor=0.0609,
-        scaling_factor=1.5035,
-    )
-
-
-def clip_config() -> transformers.CLIPTextConfig:
-    """Its summary is at the word snow, or else at the first."""
-    return transformers.CLIPTextConfig(
-        bos_token_id=7,
-        eos_token_id=4,
-        pad_token_id=0,
-        hidden_size=32,
-        intermediate_size=37,
-        num_attention_heads=4,
-        num_hidden_layers=3,
-        vocab_size=8,
-        projection_dim=32,
-    )
-
-
-def t5(width: int = 32) -> transformers.T5EncoderModel:
-    config = transformers.T5Config(
-        d_model=width, d_ff=37, d_kv=8, num_heads=4, num_layers=2, vocab_size=8, pad_token_id=0
-    )
-    return transformers.T5EncoderModel(config)
-
-
-def kontext(*, weighted: bool = True) -> diffusers.FluxKontextPipeline:
-    """FLUX.1-Kontext; cells of 2 pixels, tokens of 4."""
-    parts: dict[str, Any] = {
-        "transformer": seeded(lambda: flux_transformer(weighted=weighted)).eval(),
-        "vae": seeded(vae).eval(),
-        "text_encoder": seeded(lambda: transformers.CLIPTextModel(clip_config())).eval(),
-        "tokenizer": word_tokenizer(model_max_length=16),
-        "text_encoder_2": seeded(t5).eval(),
-        "tokenizer_2": word_tokenizer(),
-        "scheduler": diffusers.FlowMatchEulerDiscreteScheduler(**FLOW),
-    }
-    return quiet(diffusers.FluxKontextPipeline(**parts))
-
-
-def sd3(*, shown: int = 1, with_t5: bool = True) -> diffusers.StableDiffusion3Pipeline:
-    """Stable Diffusion 3 shown so many pictures; cells of 2 pixels, patches of 2 cells."""
-
-    def transformer() -> diffusers.SD3Transformer2DModel:
-        return diffusers.SD3Transformer2DModel(
-            sample_size=32,
-            patch_size=2,
-            in_channels=2 * (1 + shown),
-            out_channels=2,
-            num_layers=2,
-            attention_head_dim=8,
-            num_attention_heads=4,
-            caption_projection_dim=32,
-            joint_attention_dim=80,
-            pooled_projection_dim=64,
-        )
-
-    kind = transformers.CLIPTextModelWithProjection
-    parts: dict[str, Any] = {
-        "transformer": seeded(transformer).eval(),
-        "vae": seeded(vae).eval(),
-        "text_encoder": seeded(lambda: kind(clip_config()), 1).eval(),
-        "tokenizer": word_tokenizer(model_max_length=16),
-        "text_encoder_2": seeded(lambda: kind(clip_config()), 2).eval(),
-        "tokenizer_2": word_tokenizer(model_max_length=16),
-        "text_encoder_3": seeded(lambda: t5(80)).eval() if with_t5 else None,
-        "tokenizer_3": word_tokenizer() if with_t5 else None,
-        "scheduler": diffusers.FlowMatchEulerDiscreteScheduler(shift=3.0),
-    }
-    return quiet(diffusers.StableDiffusion3Pipeline(**parts))
 
 
 def quiet(pipe: Any) -> Any:

@@ -83,25 +83,3 @@ def qwen3_vl(words: Any) -> transformers.Qwen3VLForConditionalGeneration:
     with torch.random.fork_rng():
         torch.manual_seed(0)
         return transformers.Qwen3VLForConditionalGeneration(config).eval()
-
-
-class KindsOfTokens(transformers.Qwen2_5_VLForConditionalGeneration):
-    """Derives the kinds of tokens as transformers 4 did: diffusers leaves them to it."""
-
-    def forward(self, input_ids: Any = None, **inputs: Any) -> Any:
-        kinds = (input_ids == self.config.image_token_id).int()
-        return super().forward(input_ids=input_ids, mm_token_type_ids=kinds, **inputs)
-
-
-KindsOfTokens.__name__ = "Qwen2_5_VLForConditionalGeneration"  # the name that is saved
-
-
-def qwen2_5_vl(words: Any) -> KindsOfTokens:
-    config = transformers.Qwen2_5_VLConfig(
-        text_config={**TEXT, "vocab_size": len(words)},
-        vision_config={**VISION, "window_size": 56, "fullatt_block_indexes": [1]},
-        **_numbers(words),
-    )
-    with torch.random.fork_rng():
-        torch.manual_seed(0)
-        return KindsOfTokens(config).eval()

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from gsedit.editors import Editor
 
 EDITOR, STRATEGY, SAMPLING, UPDATE = "2D editor", "Strategy", "Sampling", "Scene update"
-SOLVED = ("single-pass", "bulk")
-"""Strategies that take no steps on crops where colors are solved for."""
 STEPS = {
     ("update", "patches"),
     ("update", "patch"),
@@ -236,7 +234,9 @@ def resolve(preset: str, values: Values, own: Iterable[str] = ()) -> tuple[EditS
 
 def idle_options(values: Values, settings: EditSettings, own: Iterable[str]) -> list[str]:
     """Return the flags that were given and do nothing, since colors are solved for at once."""
-    if not settings.solves or values.get(("strategy",), "single-pass") not in SOLVED:
+    from gsedit.editing.strategies import DEFAULT
+
+    if not settings.solves or values.get(("strategy",), DEFAULT) != DEFAULT:
         return []
     return [each.flag for each in edit_settings(own) if each.path in STEPS & values.keys()]
 

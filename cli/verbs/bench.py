@@ -1,4 +1,4 @@
-"""`gsedit bench`: the renderer, the error of an edit, ranks, operations on objects."""
+"""`gsedit bench`: the renderer, and the error of an edit."""
 
 from __future__ import annotations
 
@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 import typer
 
 from ..core.command import VerbCommand, argument, as_command, flag
-from ..core.console import print_json, print_message, print_result
+from ..core.console import print_message, print_result
 from ..core.exits import Interrupted
 from ..core.outputs import check_folder
 from ..core.progress import progress
 from ..options.common import Common, Force
-from ..options.numbers import parse_indices
 
 if TYPE_CHECKING:
     from gsedit.runs.events import Event
@@ -32,24 +31,16 @@ Points = Annotated[
 ]
 Cache = Annotated[Path, flag("--cache", "Folder that keeps the reference's pictures.", "FOLDER")]
 Quick = Annotated[bool, flag("--quick", "A short run: fewer and smaller cases.")]
-Runs = Annotated[int, flag("--runs", "Number of runs; times are medians.", min=1)]
 Folder = Annotated[Path, flag("--output -o", "Folder for the results.", "PATH")]
 Instruction = Annotated[str, argument("INSTRUCTION", "Instruction of the editor closed-form.")]
 Strategy = Annotated[str, flag("--strategy", "How views and scene are edited.", "NAME")]
-Result = Annotated[
-    Path | None, flag("--result", "Folder of other results, to measure those.", "FOLDER")
-]
-Fitted = Annotated[
-    bool, flag("--fitted", "Fit colors to photos; right pictures are the traced ones.")
-]
-Counts = Annotated[str, flag("--ranks", "Numbers of ranks, of one thread each.", "N,N,...")]
 
 Row = TypeVar("Row")
 
 
 @bench.callback()
 def describe() -> None:
-    """Measure the renderer, an edit and several processes on this machine."""
+    """Measure the renderer and an edit on this machine."""
 
 
 def stability(
@@ -126,72 +117,12 @@ def edit(
     print_result({"folder": out, "rows": rows}, table(rows), as_json=common.json)
 
 
-def ranks(
-    out: Folder = Path("out/ranks"),
-    counts: Counts = "1,2",
-    runs: Runs = 3,
-    quick: Quick = False,
-    force: Force = False,
-    *,
-    common: Common,
-) -> None:
-    """Measure what several processes gain: 2D editor, update and fit, with torchrun.
-
-    Writes bench.jsonl and bench.md.
-
-    gsedit bench ranks -o out/ranks
-    """
-    check_folder(out, force)
-    common.apply()
-
-    from gsedit.bench import ranks
-
-    numbers = parse_indices(counts, "--ranks")
-    items = ranks.ranks_to_folder(out, ranks=numbers, runs=runs, quick=quick)
-    rows = collect(items, common, out / ranks.ROWS, print_rows=True)
-    record = {"folder": out, "rows": len(rows)}
-    print_result(record, ranks.table(rows), as_json=common.json)
-
-
-def objects(
-    out: Folder = Path("out/objects"),
-    result: Result = None,
-    fitted: Fitted = False,
-    quick: Quick = False,
-    *,
-    common: Common,
-) -> None:
-    """Measure what removes, moves, changes and selects objects, against exact truth.
-
-    Writes the scenes and their truth as files, objects.jsonl and objects.md. Files that are there
-    are used again; docs/howto/measure.md says how to measure your own results.
-
-    gsedit bench objects -o out/objects
-    """
-    from dataclasses import replace
-
-    common.apply()
-
-    from gsedit.bench.objects.run import QUICK, ROWS, Plan, objects_to_folder, table
-
-    plan = QUICK if quick else Plan()
-    plan = replace(plan, size=replace(plan.size, fitted=fitted))
-    rows = collect(objects_to_folder(out, plan, result), common, out / ROWS)
-    print_result({"folder": out, "rows": rows}, table(rows), as_json=common.json)
-
-
-for verb in (targets, stability, edit, ranks, objects):
+for verb in (targets, stability, edit):
     bench.command(cls=VerbCommand)(as_command(verb))
 
 
-def collect(
-    items: Iterator[Event | Row],
-    common: Common,
-    path: Path | None = None,
-    *,
-    print_rows: bool = False,
-) -> list[Row]:
-    """The rows of a benchmark; its events are shown meanwhile, and its rows with --json.
+def collect(items: Iterator[Event | Row], common: Common, path: Path | None = None) -> list[Row]:
+    """The rows of a benchmark; its events are shown meanwhile.
 
     `path`: where an interruption leaves the rows.
     """
@@ -203,10 +134,8 @@ def collect(
             for item in items:
                 if isinstance(item, Event):
                     show(item)
-                    continue
-                rows.append(item)
-                if print_rows and common.json:
-                    print_json("row", item)
+                else:
+                    rows.append(item)
     except KeyboardInterrupt:
         if path is None:
             raise

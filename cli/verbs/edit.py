@@ -16,7 +16,6 @@ from ..core.checkpoints import NAME, Checkpoints, Resume, load_resume_state, say
 from ..core.command import argument, option, output, own_flags, shows
 from ..core.console import print_message, print_result
 from ..core.features import load_features
-from ..core.glimpses import GLIMPSES, Glimpses
 from ..core.kernel import UPDATES, say_kernel
 from ..core.outputs import check_folder
 from ..core.progress import progress, result_of
@@ -54,7 +53,7 @@ if TYPE_CHECKING:
 
 STEPS = "steps"
 """Folder, in that of the edit, with the folders of all edits but the last."""
-LEFTOVERS = ("metrics.unfinished.jsonl", "command", STEPS, GLIMPSES)
+LEFTOVERS = ("metrics.unfinished.jsonl", "command", STEPS)
 """Files of an edit that ended before its first checkpoint: alone they need no protection."""
 
 Instruction = Annotated[str, argument("INSTRUCTION", "What should change, as in 'make it snow'.")]
@@ -369,21 +368,18 @@ def run_and_write(
 
     with checkpoints:
         journal = event_journal(out / UNFINISHED, earlier)
-        glimpses = Glimpses(out / GLIMPSES)
         with progress(as_json=as_json) as show:
 
             def write_and_show(event: Event) -> None:
                 with suppress(OSError):  # a full disk; the result lists all events
                     journal.write(event)
                 show(event)
-                glimpses.show(event)
 
             handlers = {Event: write_and_show, Checkpoint: checkpoints.keep}
             result = result_of(steps, handlers)
         write_cameras_and_views(dataset, result, out)
         carry(result, out)
         write_edit(out, result, request=request, overwrite=True)
-        glimpses.path.unlink(missing_ok=True)
     print_message(table(journal.records))
     print_message(result.metrics.describe())
     say_where(out)

@@ -169,7 +169,7 @@ def list_looks(*, as_json: bool) -> None:
             "ask in your own words, for one look of the subject, one of the scene, or both; test a "
             'sentence: gsedit list looks "SENTENCE"; draw them: gsedit list looks -o looks.png\n'
             "--editor small draws all of these. By default they are done on the Gaussians, "
-            f"{' and '.join(sorted(UNCLEAR))} are refused, and small draws only what is asked for "
+            f"{', '.join(sorted(UNCLEAR))} are refused, and small draws only what is asked for "
             "as impressionist: its watercolor, hardly seen"
         )
 

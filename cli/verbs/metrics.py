@@ -29,11 +29,10 @@ if TYPE_CHECKING:
     from gsedit.datasets.view_list_files import ViewList
     from gsedit.measures.against import Reference
     from gsedit.measures.agreement import Pictures
-    from gsedit.measures.evaluation_input import EvaluationInput, Texts
+    from gsedit.measures.evaluation_input import EvaluationInput
     from gsedit.select.region import Region
     from rasterizer.scene import Gaussians
 
-VIEWS, WORDS = "Views", "Measures with words"
 DEFAULT_SIZE = 256
 """Longer side of views that are not listed, pixels, as of `gsedit edit`."""
 
@@ -75,27 +74,6 @@ class ListedViews:
 
 
 @dataclass(frozen=True)
-class WordOptions:
-    """Texts that pictures are compared with, and the model that compares."""
-
-    clip: Path | None = option(
-        None,
-        "Folder of a CLIPModel of transformers (config.json, model.safetensors, tokenizer).",
-        "DIR",
-    )
-    instruction: str | None = option(None, "What the edit was asked for; an edit's own.")
-    source_caption: str | None = option(None, 'What the unedited scene shows: "a photo of a bear".')
-    target_caption: str | None = option(None, 'What it should show: "a photo of a bronze bear".')
-
-    def texts(self, against: Reference) -> Texts:
-        """The texts, with an edit's own instruction where none is given."""
-        from gsedit.measures.evaluation_input import Texts
-
-        wanted = self.instruction or against.instruction
-        return Texts(wanted, self.source_caption, self.target_caption)
-
-
-@dataclass(frozen=True)
 class MetricsOptions:
     """Options of `gsedit metrics` alone."""
 
@@ -122,7 +100,7 @@ class MetricsOptions:
 
 @shows(
     "--output", "--against", "--region", "--subject-masks", "--data", "--views", "--save-views",
-    "--size", "--picture", "--clip", "--instruction", "--force",
+    "--size", "--picture", "--force",
 )  # fmt: skip
 def metrics(
     scene: Scene,
@@ -131,7 +109,6 @@ def metrics(
     own: MetricsOptions,
     outputs: Outputs,
     listed: ListedViews,
-    words: WordOptions,
     values: Annotated[Values, SettingsGroup(render_settings)],
     common: Common,
 ) -> None:
@@ -158,15 +135,14 @@ def metrics(
     found = resolve_reference(reference)
     check_views(found, listed)
     execution = with_values(Execution(), values)
-    subject = gather(scene, found, own, listed, words, drop_invalid, execution)
+    subject = gather(scene, found, own, listed, drop_invalid, execution)
     if listed.save_views is not None:
         write_view_list(subject.views, listed.save_views, overwrite=outputs.force)
         print_message(f"the list of views is {listed.save_views}")
     request = {
         "scene": scene, "against": found.path, "against_is": found.kind, "region": own.region,
         "subject_masks": own.subject_masks,
-        "listed_views": listed.views, "size": listed.size, "texts": subject.texts,
-        "clip": words.clip,
+        "listed_views": listed.views, "size": listed.size,
     }  # fmt: skip
     measure_and_show(subject, found, request, outputs, as_json=common.json)
 
@@ -240,17 +216,14 @@ def gather(
     against: Reference,
     own: MetricsOptions,
     listed: ListedViews,
-    words: WordOptions,
     drop_invalid: bool,
     execution: Execution,
 ) -> EvaluationInput:
     """Read everything that is measured."""
     from gsedit.capture.matches import match_pictures
     from gsedit.measures.against import find_alone
-    from gsedit.measures.clip import load_clip
     from gsedit.measures.evaluation_input import REGION_IS, EvaluationInput
 
-    clip = None if words.clip is None else load_clip(words.clip)
     scene = load_scene(path, drop_invalid=drop_invalid)
     unedited = None
     if against.unedited is not None:
@@ -271,8 +244,6 @@ def gather(
         subject_masks=drawn_masks(own.subject_masks, views),
         matcher=match_pictures,
         edited_region=after,
-        texts=words.texts(against),
-        clip=clip,
         execution=execution,
         masks=masks,
     )

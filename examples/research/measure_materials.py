@@ -24,6 +24,15 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
+from bench.reflective import (
+    Finish,
+    LitSolid,
+    captured,
+    display,
+    garden,
+    plain_base,
+    room,
+)
 
 import gsedit
 from gsedit.datasets.dataset import Dataset, capture
@@ -42,15 +51,6 @@ from gsedit.select.region import Region, save_region
 from gsedit.surface.surroundings import middle
 from gsedit.synthetic import SyntheticScene, demo_scene, ring_cameras
 from gsedit.synthetic.gallery import bear_fur
-from gsedit.synthetic.reflective import (
-    Finish,
-    LitSolid,
-    captured,
-    display,
-    garden,
-    plain_base,
-    room,
-)
 from gsedit.synthetic.shapes import (
     box,
     capsule,

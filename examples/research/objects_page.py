@@ -9,7 +9,8 @@ import json
 import sys
 from pathlib import Path
 
-from gsedit.bench.objects.rows import Row, table
+from bench.objects.rows import Row, table
+
 from gsedit.bench.provenance import Provenance
 
 

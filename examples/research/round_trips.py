@@ -33,8 +33,8 @@ _EXACT = (".ply", ".npz")
 
 def names() -> list[str]:
     """Formats that are written and read, those that keep every bit left out."""
-    both = [each.suffix for each in FORMATS if each.reads and each.writes]
-    without = {*_EXACT, ".usd", *([] if find_spec("pxr") else USD[1:])}
+    both = [each.suffix for each in FORMATS if each.writes]
+    without = {*_EXACT, ".usd", *([] if find_spec("pxr") else USD)}
     return [name for name in both if name not in without] + [STREAMED]
 
 

@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from bench.staged import stages
 from jaxtyping import Bool
 from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 
 from gsedit.objects import Click, Selector
 from gsedit.select.region import in_one_color
-from gsedit.synthetic.staged import stages
 from rasterizer import render
 from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians

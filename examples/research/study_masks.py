@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import torch
+from bench.staged import Stage, stages
 from torch import Tensor
 from torch.nn.functional import avg_pool2d, max_pool2d
 
 from gsedit.select.graph import neighbors
 from gsedit.select.lift import MIN_SEEN_PIXELS, find_drawn, lift, smoothed
 from gsedit.select.masked import lift_masks
-from gsedit.synthetic.staged import Stage, stages
 from research.command import print_result, run
 
 SIZE, COUNT = 96, 6000

@@ -10,13 +10,12 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from gsedit.diffusion.schedules import CLEAN, NoiseLevel, Schedule
 from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings
 from gsedit.errors import InputError, UsageError
 
-Line = Literal["to one step", "to training's end"]
 CLASS = "FlowMatchEulerDiscreteScheduler"
 OTHER_LINES = (
     "use_karras_sigmas",
@@ -89,13 +88,11 @@ class FlowScheduler:
         slope = (self.max_shift - self.base_shift) / (self.max_length - self.base_length)
         return self.base_shift + slope * (tokens - self.base_length)
 
-    def levels_of(
-        self, settings: SamplerSettings, tokens: int, line: Line = "to one step"
-    ) -> list[NoiseLevel]:
+    def levels_of(self, settings: SamplerSettings, tokens: int) -> list[NoiseLevel]:
         """The levels of these settings for a picture of so many tokens. Raises UsageError."""
         check_spacing(settings)
         mu = self.mu(tokens)
-        return self.levels(settings.step_count, settings.strength, mu=mu, line=line)
+        return self.levels(settings.step_count, settings.strength, mu=mu)
 
     def levels(
         self,
@@ -103,23 +100,14 @@ class FlowScheduler:
         strength: float = 1.0,
         *,
         mu: float = 0.0,
-        line: Line = "to one step",
     ) -> list[NoiseLevel]:
         """`steps` + 1 falling levels, the last CLEAN.
 
-        The line falls from `strength` to its part `1 / steps`, as most pipelines ask, or to the
-        least s of the training, as diffusers does unasked (SD3). `mu` is not read unless `dynamic`.
+        The line falls from `strength` to its part `1 / steps`, as the pipelines ask. `mu` is not
+        read unless `dynamic`.
         """
-        last = strength / steps if line == "to one step" else min(strength, self._least)
-        gap = (strength - last) / max(steps - 1, 1)
-        bent = [self._bent(strength - gap * i, mu) for i in range(steps)]
+        bent = [self._bent(strength * (1 - i / steps), mu) for i in range(steps)]
         return [*(self._level(s) for s in self._stretched(bent)), CLEAN]
-
-    @property
-    def _least(self) -> float:
-        """The least s of the training; where the shift is fixed, diffusers has bent it already."""
-        s = 1 / self.train_steps
-        return s if self.dynamic else _shifted(s, self.shift)
 
     def _bent(self, s: float, mu: float) -> float:
         if not self.dynamic:

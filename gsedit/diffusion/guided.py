@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -17,8 +17,6 @@ from gsedit.diffusion.schedules import NoiseLevel
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.errors import UsageError
 
-Rescale = Callable[[Latents, Latents], Latents]
-"""(guided prediction, prediction under text and picture) -> the prediction to step with."""
 TEXT_ALONE = Need(True, False, False)
 
 
@@ -29,15 +27,8 @@ class Guided:
     guidance added to the prediction under text and picture is added again to the next ones.
     """
 
-    def __init__(
-        self,
-        denoiser: Predictor,
-        condition: Any,
-        settings: SamplerSettings,
-        rescale: Rescale | None = None,
-    ) -> None:
-        self._denoiser, self._condition = denoiser, condition
-        self._settings, self._rescale = settings, rescale
+    def __init__(self, denoiser: Predictor, condition: Any, settings: SamplerSettings) -> None:
+        self._denoiser, self._condition, self._settings = denoiser, condition, settings
         self._calls = 0
         self._push: Latents | None = None
 
@@ -54,8 +45,6 @@ class Guided:
             guided = text_image if push is None else text_image + push
         else:
             guided = guide(text_image, image, none, *self._settings.scales)
-            if self._rescale and text_image is not None:
-                guided = self._rescale(guided, text_image)
             self._push = None if text_image is None else guided - text_image
         name = f"{self._denoiser.name}'s prediction (in {dtype})"
         check_finite(guided, name, level, self._settings)
@@ -68,10 +57,9 @@ def predict_guided(
     x: Latents,
     level: NoiseLevel,
     settings: SamplerSettings,
-    rescale: Rescale | None = None,
 ) -> Latents:
     """One guided prediction, in the dtype of x. Raises UsageError if it is not finite."""
-    return Guided(denoiser, condition, settings, rescale)(x, level)
+    return Guided(denoiser, condition, settings)(x, level)
 
 
 def branches_of(levels: Sequence[NoiseLevel], settings: SamplerSettings) -> list[int]:

@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.diffusion.guidance import Predictor
-from gsedit.diffusion.guided import Guided, Rescale, check_finite
+from gsedit.diffusion.guided import Guided, check_finite
 from gsedit.diffusion.predictions import Latents, Pair, Prediction, as_pair, clean_of, noise_of
 from gsedit.diffusion.schedules import NoiseLevel, Schedule
 from gsedit.diffusion.settings import SamplerSettings
@@ -139,7 +139,6 @@ def sample(
     consensus: Hook | None = None,
     share: Hook | None = None,
     anchor: Anchor | None = None,
-    rescale: Rescale | None = None,
     generator: torch.Generator | None = None,
 ) -> Iterator[SamplerStep]:
     """Denoise `x`, latents at the first of the levels, to the last; yields every step.
@@ -147,16 +146,15 @@ def sample(
     `consensus` acts on `settings.target` while sigma is above t_end; with all of its strength, the
     deviation of corresponding cells then never changes its sign and never grows, whatever the
     solver. `share` acts on fresh noise, which only eta > 0, `ancestral` and `lcm` draw (from
-    `generator`, then required). `rescale` is applied to guided predictions. `condition` is that of
-    the views that are not anchored, in their order. `levels`
-    overrule the settings' steps.
+    `generator`, then required). `condition` is that of the views that are not anchored, in their
+    order. `levels` overrule the settings' steps.
     The state keeps the dtype of `x`, float32 or float64, whatever the network computes in. Raises
     UsageError, also where a number stops being finite: it names the settings that did it.
     """
     _check_start(x, settings, generator)
     levels = levels_of(denoiser.schedule, settings) if levels is None else levels
     settled = consensus if settings.consensus else None
-    guided = Guided(denoiser, condition, settings, rescale)
+    guided = Guided(denoiser, condition, settings)
     predict = partial(_predict, guided, denoiser.predicts, anchor)
     previous: PreviousStep | None = None
     steps = len(levels) - 1

@@ -165,7 +165,7 @@ def _recorded(
     for item in items:
         match item:
             case Event():
-                events.append(replace(item, picture=None))
+                events.append(item)
             case Checkpoint(state):
                 done = events[: len(events) - state.record["undone"]]
                 recorded = plain([as_record(event) for event in done])

@@ -39,10 +39,9 @@ def measure_cost(
     started = time.monotonic()
     condition = denoiser.condition(originals, prompt, torch.Generator())
     condition_s = (time.monotonic() - started) / len(x)
-    rescale = denoiser.capabilities.rescale
 
     def predict() -> Tensor:
-        return predict_guided(predictor, condition, x, levels[0], settings, rescale)
+        return predict_guided(predictor, condition, x, levels[0], settings)
 
     mirrored = originals[:1].flip(2)  # no picture that was encoded before
     encode = _seconds(lambda: denoiser.encode(mirrored))

@@ -230,13 +230,12 @@ def _fit(
     rows, columns = x.shape[2:]
     first = levels_for(denoiser, settings, (rows, columns))[0]
     condition = denoiser.condition(originals[:1], prompt, torch.Generator())
-    rescale = denoiser.capabilities.rescale
     predictions = 0
 
     def predict(predictor: Predictor) -> Tensor:
         nonlocal predictions
         predictions += 1
-        return predict_guided(predictor, condition, x[:1], first, settings, rescale)
+        return predict_guided(predictor, condition, x[:1], first, settings)
 
     is_auto = settings.precision == "auto"
     asked = denoiser if is_auto else with_precision(denoiser, predict, settings.precision)

@@ -29,7 +29,6 @@ from gsedit.editor_protocol import (
     levels_for,
 )
 from gsedit.editors.cost import measure_cost
-from gsedit.editors.glimpse import Glimpse
 from gsedit.editors.ranked import Fit, prepared, shared_out
 from gsedit.errors import UsageError
 
@@ -94,16 +93,14 @@ class DiffusionEditor:
         condition = denoiser.condition(originals, batch.prompt, generator)
         ready = prepared(denoiser, x[free], originals, batch.prompt, settings, self.known)
         counted = Counted(ready.predictor, ready.evaluations)
-        glimpse = Glimpse.fit(z0, whole.images)
         steps = sample(
             counted, condition, x, settings, levels=levels, consensus=agree, share=share,
-            rescale=denoiser.capabilities.rescale, anchor=anchor, generator=generator,
+            anchor=anchor, generator=generator,
         )  # fmt: skip
         for step in steps:
             x = step.x
             if step.step < step.steps:
-                shown = glimpse.picture(step.x0[free])
-                yield EditProgress(step.step, step.steps, None, counted.evaluations, shown)
+                yield EditProgress(step.step, step.steps, None, counted.evaluations)
         images = _completed(batch, self.denoiser.decode(x[free]))
         yield EditProgress(len(levels) - 1, len(levels) - 1, images, counted.evaluations)
 

@@ -30,7 +30,6 @@ class Format:
     """Ending of the file name, in lower case."""
     module: str
     """In gsedit.formats; imported when it is used."""
-    reads: bool = True
     writes: bool = True
     max_degree: int = 3
     """Highest SH degree that the format can hold, where it is written."""
@@ -51,7 +50,6 @@ FORMATS = (
     Format("lod-meta.json", "sog.streamed", writes=False),
     Format(".splat", "splat", max_degree=0),
     Format(".ksplat", "ksplat", writes=False),
-    Format(".rad", "rad", writes=False),
     Format(".glb", "gltf.file", keeps=frozenset(("comments", "antialiased"))),
     Format(".gltf", "gltf.file", writes=False),
     *(
@@ -65,9 +63,8 @@ FORMATS = (
         keeps=frozenset(("extra", "elements", "comments", "antialiased")),
     ),
     *(Format(suffix, "mesh", writes=False) for suffix in MESHES),
-    Format(".csv", "csv_rows", reads=False, max_degree=4, keeps=frozenset(("extra",))),
 )
-READABLE = tuple(format.suffix for format in FORMATS if format.reads)
+READABLE = tuple(format.suffix for format in FORMATS)
 WRITABLE = tuple(format.suffix for format in FORMATS if format.writes)
 
 
@@ -80,7 +77,7 @@ def open_scene(path: str | Path, options: ReadOptions = AS_SPECIFIED) -> SceneSo
     path = in_folder(path)
     existing_file(path)  # before the suffix: that the file is missing is the more useful message
     format = _format(path)
-    if format is None or not format.reads:
+    if format is None:
         raise UsageError(f"{path}: gsedit reads {', '.join(READABLE)}: name one of these")
     name = format.module
     if format.suffix.endswith(".ply"):

@@ -51,7 +51,6 @@ class Reference:
     """Folder of edited pictures of held-out views that were made without the targets."""
     views: ViewList | None = None
     """The views of an edit."""
-    instruction: str | None = None
     cost: Mapping[str, float] = field(default_factory=dict)
     """Cost of the edit, by the names of gsedit.measures.names.COST."""
 
@@ -157,7 +156,6 @@ def _edit(folder: Path) -> Reference:
     region, before = folder / "region.npy", folder / "region_before.npy"
     moved = before.is_file()
     folders = (folder / TARGETS, folder / HELD_OUT)
-    instruction = record.get("instruction")
     return Reference(
         "edit",
         folder,
@@ -168,7 +166,6 @@ def _edit(folder: Path) -> Reference:
         pictures=tuple(each for each in folders if each.is_dir() and any(each.rglob("*.png"))),
         alone=folder / ALONE if any((folder / ALONE).rglob("*.png")) else None,
         views=_views(record, folder),
-        instruction=instruction if isinstance(instruction, str) else None,
         cost=_cost(record),
     )
 

@@ -6,7 +6,7 @@ A metric that cannot be measured has no value, and a reason with the next move i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cache
 from math import sqrt
@@ -17,7 +17,6 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.datasets.dataset import evenly_spaced
-from gsedit.measures import clip as clip_measures
 from gsedit.measures.agreement import (
     COMPARED_VIEWS,
     Pairs,
@@ -63,18 +62,16 @@ class _Measured:
 
     values: dict[str, float]
     outside: SquaredError | None
-    vectors: dict[str, Float[Tensor, " d"]]
-    """CLIP's vectors of the edited and the unedited render."""
 
 
 def evaluate(subject: EvaluationInput, progress: Progress = lambda done, total: None) -> Evaluation:
     """Measure a scene at the edited and held-out views of its list, a view at a time."""
     views = subject.views
     chosen = [i for i, role in enumerate(views.roles) if role in MEASURED_ROLES]
-    words, perceptual = _vectors_of_texts(subject), _perceptual_views(subject)
+    perceptual = _perceptual_views(subject)
     of_views: dict[int, _Measured] = {}
     for done, i in enumerate(chosen, 1):
-        of_views[i] = _measure_view(subject, i, words, perceptual)
+        of_views[i] = _measure_view(subject, i, perceptual)
         progress(done, len(chosen))
     warp, points = _warp(subject), _points(subject)
     measured: dict[str, dict[Any, Mean]] = {name: {} for name in (*METRICS, *GROUND_TRUTH)}
@@ -100,10 +97,7 @@ def evaluate(subject: EvaluationInput, progress: Progress = lambda done, total: 
 
 @torch.no_grad()
 def _measure_view(
-    subject: EvaluationInput,
-    i: int,
-    words: Mapping[str, Tensor],
-    perceptual: Collection[tuple[str, int]],
+    subject: EvaluationInput, i: int, perceptual: Collection[tuple[str, int]]
 ) -> _Measured:
     """The metrics of view i; `perceptual` are the comparisons that have a perceptual distance."""
     final = _final(subject, i)
@@ -120,8 +114,7 @@ def _measure_view(
         compare(subject.edits_alone[i], "edits_alone")
     if i in subject.ground_truth:
         compare(subject.ground_truth[i], "ground_truth")
-    outside, vectors = None, {}
-    unedited = None
+    outside = None
     if subject.unedited is not None:
         unedited = _unedited(subject, subject.unedited, i)
         compare(unedited, "unedited")
@@ -129,12 +122,7 @@ def _measure_view(
         outside = _outside_region(subject, subject.unedited, i, unedited, final)
         if outside is not None:
             values["rmse_outside_region"] = sqrt(outside.total / outside.values)
-    if subject.clip is not None:
-        vectors = {"edited": subject.clip.images(final[None])[0]}
-        if unedited is not None:
-            vectors["unedited"] = subject.clip.images(unedited[None])[0]
-        values |= _clip_values(vectors, words)
-    return _Measured(values, outside, vectors)
+    return _Measured(values, outside)
 
 
 def _outside_region(
@@ -174,35 +162,6 @@ def _named(measures: Fidelity, to: str) -> dict[str, float]:
     return {f"{key}_to_{to}": value for key, value in asdict(measures).items() if value is not None}
 
 
-def _vectors_of_texts(subject: EvaluationInput) -> dict[str, Tensor]:
-    """Vectors by CLIP of the texts that were given."""
-    if subject.clip is None:
-        return {}
-    texts = {"wanted": subject.texts.wanted, "source": subject.texts.source}
-    texts["target"] = subject.texts.target
-    given = {name: text for name, text in texts.items() if text}
-    return dict(zip(given, subject.clip.texts(list(given.values())))) if given else {}
-
-
-def _clip_values(
-    vectors: Mapping[str, Float[Tensor, " d"]], words: Mapping[str, Float[Tensor, " d"]]
-) -> dict[str, float]:
-    """The values of CLIP's measures that a single view has."""
-    values = {}
-    edited, unedited = vectors["edited"], vectors.get("unedited")
-    if "wanted" in words:
-        values["clip_similarity"] = float(clip_measures.similarity(edited, words["wanted"]))
-    if unedited is not None:
-        values["clip_preservation"] = float(clip_measures.similarity(edited, unedited))
-        if "source" in words and "target" in words:
-            values["clip_direction"] = float(
-                clip_measures.direction(
-                    edited[None], unedited[None], words["target"], words["source"]
-                )[0]
-            )
-    return values
-
-
 def _means(of_views: Sequence[_Measured]) -> dict[str, Mean]:
     """Means over the views that have a value; errors outside the region are pooled over pixels."""
     names = dict.fromkeys(name for view in of_views for name in view.values)
@@ -211,15 +170,7 @@ def _means(of_views: Sequence[_Measured]) -> dict[str, Mean]:
         for name in names
     }
     outside = [view.outside for view in of_views if view.outside is not None]
-    means |= outside_means(outside, "region", "")
-    frames = [view.vectors for view in of_views if "unedited" in view.vectors]
-    if len(frames) > 1:
-        edited, unedited = (
-            torch.stack([each[name] for each in frames]) for name in ("edited", "unedited")
-        )
-        consistency = clip_measures.direction_consistency(edited, unedited)
-        means["clip_consistency"] = Mean(float(consistency.mean()), len(frames))
-    return means
+    return means | outside_means(outside, "region", "")
 
 
 def _mean(values: Sequence[float]) -> Mean:

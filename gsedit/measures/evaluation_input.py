@@ -11,7 +11,6 @@ from torch import Tensor
 
 from gsedit.datasets.view_list_files import Role, ViewList
 from gsedit.measures.agreement import Pictures, WarpComparison
-from gsedit.measures.clip import Clip
 from gsedit.measures.interval import Interval
 from gsedit.measures.names import POINTS, WARP
 from gsedit.measures.points import Matcher, PointComparison
@@ -24,23 +23,6 @@ NO_TARGETS = "there are no edited pictures: add --against with a folder of them,
 
 GIVEN = ("pictures that were given", "pictures that were given")
 REGION_IS = "the edit's own region"
-
-
-@dataclass(frozen=True)
-class Texts:
-    """Texts that pictures are compared to; None where a text was not given."""
-
-    instruction: str | None = None
-    """The change that was asked for: "turn it into bronze"."""
-    source: str | None = None
-    """A caption of the unedited scene: "a photo of a bear"."""
-    target: str | None = None
-    """A caption of the edited scene: "a photo of a bronze bear"."""
-
-    @property
-    def wanted(self) -> str | None:
-        """The text that edited pictures should match: the target's caption or the instruction."""
-        return self.target or self.instruction
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +52,6 @@ class EvaluationInput:
     edited_region: Region | None = None
     """The Gaussians of `scene` that the edit made or changed, where objects were removed, moved or
     added; None where its Gaussians are those of the unedited scene, recolored."""
-    texts: Texts = field(default_factory=Texts)
-    clip: Clip | None = None
     execution: Execution = AUTO
     masks: Mapping[int, Bool[Tensor, "h w"]] = field(default_factory=dict)
     """Masks of targets, by the index of the view: where they are False, nothing is compared."""

@@ -19,4 +19,4 @@ def measured_against(name: str, role: Role, subject: EvaluationInput) -> str:
         return subject.targets_are[role != "edited"]
     if "_outside_" in name:
         return subject.region_is
-    return BY_TO.get(to, "the given weights of CLIP")
+    return BY_TO[to]

@@ -13,8 +13,6 @@ from gsedit.measures.points import PointComparison
 
 MEASURED_ROLES: tuple[Role, ...] = ("edited", "held_out")
 NO_UNEDITED = "the unedited scene is not known: add --against SCENE, or the folder of an edit"
-NO_TEXT = "no text was given: add --target-caption, or --instruction"
-NO_CLIP = "CLIP's weights are not given: add --clip DIR, a CLIPModel folder of transformers"
 NO_EDITS_ALONE = (
     "no held-out view was edited alone: only an edit by a 2D editor that is a diffusion model has "
     "such pictures, in held_out_alone/ of its folder"
@@ -22,7 +20,6 @@ NO_EDITS_ALONE = (
 NO_MASKS = "no masks were given: add --subject-masks FOLDER, a mask for each of some views"
 NO_MATCHER = "points are matched by gsedit metrics, not during an edit: run it on the folder"
 HELD_OUT_ONLY = ("psnr_to_edits_alone", "ssim_to_edits_alone", "perceptual_to_edits_alone")
-NO_CAPTIONS = "both captions are needed: add --source-caption and --target-caption"
 
 
 def find_missing(
@@ -40,7 +37,7 @@ def find_missing(
             continue
         for role in MEASURED_ROLES:
             if role not in by_role and "all" not in by_role and name not in HELD_OUT_ONLY:
-                found[f"{name} at {role} views"] = _reason_of_role(name, role, subject)
+                found[f"{name} at {role} views"] = _reason_of_role(role, subject)
     rows = {WARP[row.pictures, row.range] for row in warp}
     found |= {name: _warp_reason(name, subject) for name in WARP.values() if name not in rows}
     for kind, name in POINTS.items():
@@ -66,8 +63,6 @@ def _reason(name: str, subject: EvaluationInput) -> str:
         return _no_perceptual()
     if "_outside_" in name:
         return _no_region(subject)
-    if name.startswith("clip"):
-        return _no_clip(name, subject)
     return "the edited and held-out views have no picture to compare with: name the views that have"
 
 
@@ -85,24 +80,10 @@ def _no_region(subject: EvaluationInput) -> str:
     return "no pixel of these views is outside the region: add views that show more"
 
 
-def _no_clip(name: str, subject: EvaluationInput) -> str:
-    if subject.clip is None:
-        return NO_CLIP
-    if name == "clip_similarity":
-        return NO_TEXT
-    if subject.unedited is None:
-        return NO_UNEDITED
-    if name == "clip_direction":
-        return NO_CAPTIONS
-    return "two views of one role are needed: add views to the list"
-
-
-def _reason_of_role(name: str, role: Role, subject: EvaluationInput) -> str:
+def _reason_of_role(role: Role, subject: EvaluationInput) -> str:
     """Why the views of that role have no value, where those of another have one."""
     if not subject.views.having(role):
         return f"no view of the list is {role.replace('_', ' ')}: give some that role"
-    if name == "clip_consistency":
-        return "two views are needed: add some to the list"
     return "none of them has a picture to compare with: add pictures named after them"
 
 

@@ -30,10 +30,6 @@ METRICS: dict[str, Metric] = {
     "psnr_outside_region": Metric("PSNR outside the region, dB", "higher", 2),
     "rmse_outside_masks": Metric("RMSE outside the given masks", "lower", 4),
     "psnr_outside_masks": Metric("PSNR outside the given masks, dB", "higher", 2),
-    "clip_similarity": Metric("CLIP similarity to the text", "higher", 4),
-    "clip_direction": Metric("CLIP direction, signed", "higher", 4),
-    "clip_consistency": Metric("CLIP direction consistency", "higher", 4),
-    "clip_preservation": Metric("CLIP similarity to the unedited", "neither", 4),
 }
 """Metrics in the order in which they are shown. `{targets}` stands for the kind of targets:
 pictures, photos."""

@@ -14,7 +14,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.models.runtime import Forward, Runtime
+from gsedit.models.runtime import Runtime
 
 MOST_REMEMBERED = 256
 """Pictures whose latents are kept: of 512 pixels, they take 20 MB."""
@@ -34,7 +34,7 @@ def picture_of(vae: Any, latents: Tensor) -> Tensor:
 
 
 def encoded(
-    run: Runtime, vae: Any, images: Float[Tensor, "v h w 3"], at_once: int, mode: Forward = mode_of
+    run: Runtime, vae: Any, images: Float[Tensor, "v h w 3"], at_once: int
 ) -> Float[Tensor, "v c y x"]:
     """The mode of the posterior, not scaled, float32; `at_once` views in a pass. Differentiable.
 
@@ -42,13 +42,13 @@ def encoded(
     """
     pixels = (2 * images - 1).movedim(-1, 1).to(vae.dtype)
     if images.requires_grad and torch.is_grad_enabled():
-        return torch.cat([run(mode, vae, part).float() for part in pixels.split(at_once)])
+        return torch.cat([run(mode_of, vae, part).float() for part in pixels.split(at_once)])
     known = _known.setdefault(vae, OrderedDict())
     keys = [_key(each) for each in images]
     new = {key: i for i, key in enumerate(keys) if key not in known}
     if new:
         parts = pixels[list(new.values())].split(at_once)
-        known |= zip(new, torch.cat([run(mode, vae, part).float() for part in parts]).unbind())
+        known |= zip(new, torch.cat([run(mode_of, vae, part).float() for part in parts]).unbind())
     latents = torch.stack([known[key] for key in keys])
     while len(known) > MOST_REMEMBERED:
         known.popitem(last=False)
@@ -68,9 +68,8 @@ def decoded(
     vae: Any,
     latents: Float[Tensor, "v c y x"],
     at_once: int,
-    picture: Forward = picture_of,
 ) -> Float[Tensor, "v h w 3"]:
     """Pictures of latents as the decoder takes them, float32, not clamped."""
     parts = latents.to(vae.dtype).split(at_once)
-    images = torch.cat([run(picture, vae, part).float() for part in parts])
+    images = torch.cat([run(picture_of, vae, part).float() for part in parts])
     return images.movedim(1, -1) / 2 + 0.5

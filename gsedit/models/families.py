@@ -21,8 +21,6 @@ class Component:
     role: Role
     classes: tuple[str, ...]
     """Classes that work; of `words`, none: any."""
-    optional: bool = False
-    """Whether the model works without it."""
 
 
 @dataclass(frozen=True)
@@ -77,9 +75,6 @@ def _scheduler(*classes: str) -> Component:
     return Component("scheduler", "scheduler", classes)
 
 
-_CLIP = _encoder("text_encoder", "CLIPTextModel")
-_PROJECTED = "CLIPTextModelWithProjection"
-
 SD = Family(
     title="InstructPix2Pix of Stable Diffusion 1.5",
     pipelines=("StableDiffusionInstructPix2PixPipeline",),
@@ -87,7 +82,7 @@ SD = Family(
     components=(
         _network("unet", "UNet2DConditionModel"),
         _network("vae", "AutoencoderKL"),
-        _CLIP,
+        _encoder("text_encoder", "CLIPTextModel"),
         *_words("tokenizer"),
         _scheduler(*VARIANCE_PRESERVING),
     ),
@@ -101,7 +96,7 @@ SDXL = Family(
     module="stable_diffusion",
     components=(
         *SD.components[:3],
-        _encoder("text_encoder_2", _PROJECTED),
+        _encoder("text_encoder_2", "CLIPTextModelWithProjection"),
         *_words("tokenizer", "tokenizer_2"),
         _scheduler(*VARIANCE_PRESERVING, "EDMEulerScheduler"),
     ),
@@ -139,55 +134,6 @@ KLEIN = Family(
     licence="4B: Apache 2.0; 9B: FLUX non-commercial",
     gigabytes=16.0,
 )
-KONTEXT = Family(
-    title="FLUX.1-Kontext",
-    pipelines=("FluxKontextPipeline",),
-    module="kontext",
-    components=(
-        _network("transformer", "FluxTransformer2DModel"),
-        _network("vae", "AutoencoderKL"),
-        _CLIP,
-        _encoder("text_encoder_2", "T5EncoderModel"),
-        *_words("tokenizer", "tokenizer_2"),
-        _scheduler(*FLOW),
-    ),
-    example="black-forest-labs/FLUX.1-Kontext-dev",
-    licence="FLUX.1 dev, non-commercial",
-    gigabytes=34.0,
-)
-ULTRAEDIT = Family(
-    title="UltraEdit of Stable Diffusion 3",
-    pipelines=("StableDiffusion3InstructPix2PixPipeline",),
-    module="ultraedit",
-    components=(
-        _network("transformer", "SD3Transformer2DModel"),
-        _network("vae", "AutoencoderKL"),
-        _encoder("text_encoder", _PROJECTED),
-        _encoder("text_encoder_2", _PROJECTED),
-        Component("text_encoder_3", "encoder", ("T5EncoderModel",), optional=True),
-        *_words("tokenizer", "tokenizer_2"),
-        Component("tokenizer_3", "words", (), optional=True),
-        _scheduler(*FLOW),
-    ),
-    example="BleachNick/SD3_UltraEdit_freeform",
-    licence="none stated; its base, Stable Diffusion 3: Stability AI's own",
-    gigabytes=16.0,
-)
-QWEN = Family(
-    title="Qwen-Image-Edit, Qwen-Image-Edit-Plus",
-    pipelines=("QwenImageEditPipeline", "QwenImageEditPlusPipeline"),
-    module="qwen",
-    components=(
-        _network("transformer", "QwenImageTransformer2DModel"),
-        _network("vae", "AutoencoderKLQwenImage"),
-        _encoder("text_encoder", "Qwen2_5_VLForConditionalGeneration"),
-        *_words("tokenizer", "processor"),
-        _scheduler(*FLOW),
-    ),
-    example="Qwen/Qwen-Image-Edit",
-    licence="Apache 2.0",
-    gigabytes=58.0,
-)
-FAMILIES = (SD, SDXL, DREAMLITE, KLEIN, ULTRAEDIT, KONTEXT, QWEN)
+FAMILIES = (SD, SDXL, DREAMLITE, KLEIN)
 PIPELINES = {name: family for family in FAMILIES for name in family.pipelines}
 """Families by the class of their pipeline."""

@@ -12,7 +12,7 @@ from typing import Any
 
 from gsedit.errors import InputError, UsageError
 from gsedit.models.families import SD, Family
-from gsedit.models.layout import INDEX, WORDS, chosen, expected, identify
+from gsedit.models.layout import INDEX, WORDS, chosen, identify
 from gsedit.models.single_file import SMALL, read_single_file, settings_beside
 from gsedit.models.weights import NO_PICKLE, PICKLES, config_of, inspect
 
@@ -183,7 +183,7 @@ def _files(
     """The files to fetch, of all names. Raises InputError where a component has no weights."""
     names = tuple(names)
     wanted = [INDEX] if index is not None else []
-    for component in expected(family, index):
+    for component in family.components:
         files = chosen(component, names)
         if component.role in ("network", "encoder") and not files.weights:
             place = f"{model}/{component.name}"

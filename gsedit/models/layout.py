@@ -72,12 +72,6 @@ def identify(place: str, read: Read) -> Kind:
     return Kind(family, pipeline, scheduler)
 
 
-def expected(family: Family, index: Mapping[str, Any] | None) -> tuple[Component, ...]:
-    """The components that a model must have: all, but optional ones that its index has not."""
-    listed = {} if index is None else index
-    return tuple(c for c in family.components if not c.optional or _listed(listed, c.name))
-
-
 def _family(place: str, index: Mapping[str, Any] | None, read: Read) -> tuple[Family, str]:
     if index is None:
         unet = read("unet/config.json")

@@ -54,10 +54,6 @@ class Parts:
         """Class of diffusers' pipeline, as in model_index.json."""
         return self.weights.kind.pipeline
 
-    def has(self, name: str) -> bool:
-        """Whether the folder holds this component."""
-        return self.weights.part(name) is not None
-
     def pipeline_config(self) -> dict[str, Any]:
         """The settings of the whole pipeline; none where the folder has no model_index.json."""
         file, path = self.weights.file, self.folder / "model_index.json"

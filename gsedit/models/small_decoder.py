@@ -45,7 +45,7 @@ def _check(model: Model, config: dict[str, Any], folder: Path) -> None:
     if config.get("_class_name") != KIND:
         raise InputError(
             f"{folder} is a {config.get('_class_name', 'network without a class')}, not an {KIND}: "
-            "give a folder such as madebyollin/taesd's (SD 1.5), taesdxl's or taef1's (Kontext)"
+            "give a folder such as madebyollin/taesd's (SD 1.5) or taesdxl's"
         )
     if not model.takes_small_decoder:
         raise UsageError(

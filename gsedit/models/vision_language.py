@@ -4,8 +4,7 @@
 
 A picture becomes the network's patches here and not in transformers' processors, which need
 torchvision for the videos that nobody edits. The kinds of tokens are always given: without them
-the network takes a picture's tokens for a line of text, as diffusers' QwenImageEdit pipelines have
-it with transformers 5 (github.com/huggingface/diffusers/issues/14194).
+the network takes a picture's tokens for a line of text.
 """
 
 from __future__ import annotations
@@ -43,8 +42,6 @@ class Reader:
     tokenizer: Any
     patches: Any
     """Image processor of transformers: a picture to normalised patches, and their grid."""
-    heading: str = ""
-    """Text before the picture."""
     most: int = 1024
     """Tokens that an instruction may have."""
 
@@ -80,7 +77,7 @@ class Reader:
         places = PICTURE * (patches // self.patches.merge_size**2)
         request = (
             f"<|im_start|>system\n{SYSTEM}<|im_end|>\n<|im_start|>user\n"
-            f"{self.heading}<|vision_start|>{places}<|vision_end|>{text}<|im_end|>\n"
+            f"<|vision_start|>{places}<|vision_end|>{text}<|im_end|>\n"
             "<|im_start|>assistant\n"
         )
         return self.tokenizer(request, return_tensors="pt").input_ids
@@ -95,7 +92,7 @@ def _picture(image: Float[Tensor, "h w 3"], size: tuple[int, int]) -> Image.Imag
     return picture.resize((width, height), Image.Resampling.LANCZOS)
 
 
-def load_reader(parts: Parts, kind: Any, *, heading: str = "", most: int) -> Reader:
+def load_reader(parts: Parts, kind: Any, *, most: int) -> Reader:
     """The text encoder of a folder, a class of transformers. Raises InputError."""
     from transformers import AutoTokenizer
     from transformers.models.qwen2_vl.image_processing_pil_qwen2_vl import Qwen2VLImageProcessorPil
@@ -104,6 +101,5 @@ def load_reader(parts: Parts, kind: Any, *, heading: str = "", most: int) -> Rea
         parts.text_encoder("text_encoder", kind).network,
         parts.tokenizer("tokenizer", AutoTokenizer),
         parts.tokenizer("processor", Qwen2VLImageProcessorPil),
-        heading,
         most,
     )

@@ -20,7 +20,6 @@ from gsedit.models.layout import (
     INDEX,
     VARIANT,
     Kind,
-    expected,
     identify,
     index_name,
     single_name,
@@ -123,7 +122,7 @@ def inspect(folder: str | Path, settings: Path | None = None) -> Weights:
         config_of(folder / "unet" / "config.json")  # the only file that tells what an old folder is
     kind = identify(str(folder), lambda name: index if name == INDEX else _settings(folder / name))
     is_sd = kind.family in (SD, SDXL)
-    used = expected(kind.family, index)
+    used = kind.family.components
     parts = [_part(folder, each) for each in used if not (is_sd and each.role == "scheduler")]
     if is_sd:
         parts[0] = _checked_channels(folder, parts[0])

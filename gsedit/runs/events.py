@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from gsedit.runs.state import State, restoring
@@ -29,8 +29,6 @@ class Event:
     """RMSE of colors in [0, 1] against what the stage aims at: held-out photos, edited targets."""
     note: str = ""
     """One human sentence, where there is something to say."""
-    picture: Any = field(default=None, compare=False, repr=False)
-    """Small pictures (v, h, w, 3) of views that are being edited, in [0, 1]; kept nowhere."""
 
 
 @dataclass(frozen=True, eq=False)

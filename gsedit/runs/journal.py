@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -15,7 +15,7 @@ Record = TypeVar("Record")
 
 def as_record(event: Event) -> dict[str, Any]:
     """The fields of an event that hold something, by name."""
-    record = asdict(replace(event, picture=None))
+    record = asdict(event)
     return {name: value for name, value in record.items() if value not in (None, "")}
 
 
@@ -24,7 +24,7 @@ def read_events(path: Path | str) -> list[Event]:
 
     Raises InputError naming the file and the line where a line is not an event.
     """
-    names = ", ".join(each.name for each in fields(Event) if each.name != "picture")
+    names = ", ".join(each.name for each in fields(Event))
     advice = f"give the metrics.jsonl of an edit, whose lines are objects of {names}"
     return read_lines(path, Event, kind="an event", advice=advice)
 

@@ -1,4 +1,4 @@
-"""Drawings in space: paper and pencil, white lines on blue, washes of color.
+"""Drawings in space: paper and pencil, washes of color.
 
 Lines are where colors of neighbors differ, and where a surface turns away from the eye: that
 depends on the view, and is spherical harmonics of degree 2. `n` Gaussians, `d` directions.
@@ -11,17 +11,14 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.light.color_change import ColorChange, step
-from gsedit.light.setup import Rgb
 from gsedit.scene.quaternions import even_directions
 from gsedit.scenery.gloss import VIEWS, added
-from gsedit.scenery.inks import spread
 from gsedit.scenery.setting import CLUMP, LEAF, Setting
 from gsedit.toolkit.grade import GAMMA
 from rasterizer.numerics import AUTO, Execution, sh_to_color
 from rasterizer.scene import Gaussians
 
 PAPER, GRAPHITE = (0.95, 0.94, 0.91), (0.16, 0.16, 0.18)
-BLUE, CHALK = (0.07, 0.22, 0.55), (0.86, 0.93, 1.0)
 """Display colors of paper and of lines."""
 RIM = 4
 """Power of 1 less the cosine to the eye, with which a line at the rim of a surface fades."""
@@ -31,14 +28,11 @@ PALE, VIVID = 0.75, 1.6
 
 def sketch(setting: Setting) -> ColorChange:
     """Pencil on paper: shade in soft tones, lines where colors change."""
-    shade = 0.42 * (1 - spread(setting)) ** 1.5
+    shade = 0.42 * (1 - _spread(setting)) ** 1.5
     grain = 1 + 0.16 * setting.noise(LEAF / 3, 31)
-    return _drawn(PAPER, GRAPHITE, (shade * grain + 0.75 * _lines(setting)).clamp(0, 1))
-
-
-def blueprint(setting: Setting) -> ColorChange:
-    """White lines on blue."""
-    return _drawn(BLUE, CHALK, (0.75 * _lines(setting)).clamp(0, 1))
+    share = (shade * grain + 0.75 * _lines(setting)).clamp(0, 1)
+    paper, graphite = (torch.tensor(each).double() for each in (PAPER, GRAPHITE))
+    return _veil(torch.lerp(paper, graphite, share[:, None]))
 
 
 def watercolor(setting: Setting) -> ColorChange:
@@ -57,22 +51,26 @@ def watercolor(setting: Setting) -> ColorChange:
 
 def penciled(setting: Setting, after: Gaussians, execution: Execution = AUTO) -> Gaussians:
     """The drawn scene with pencil lines where it turns away from the eye."""
-    return _outlined(setting, after, GRAPHITE)
-
-
-def chalked(setting: Setting, after: Gaussians, execution: Execution = AUTO) -> Gaussians:
-    """The drawn scene with white lines where it turns away from the eye."""
-    return _outlined(setting, after, CHALK)
-
-
-def _outlined(setting: Setting, after: Gaussians, ink: Rgb) -> Gaussians:
     surface = setting.found.surface
     views = torch.from_numpy(even_directions(VIEWS)).double()
-    away = torch.tensor(ink).double() - sh_to_color(after.sh[:, 0].double())
+    away = torch.tensor(GRAPHITE).double() - sh_to_color(after.sh[:, 0].double())
     sure = step(surface.confidence, 0.5, 0.9)
     rims = ((1 - (surface.normals @ view).clamp_min(0)) ** RIM for view in views)
     lines = ((sure * rim)[:, None] * away for rim in rims)
     return added(after, torch.arange(len(after)), views, lines)
+
+
+def _spread(setting: Setting) -> Float[Tensor, " n"]:
+    """Brightness from 0 for the darkest to 1 for the brightest parts of what is seen."""
+    luma = setting.found.surface.smoothed(setting.luminance) ** (1 / GAMMA)
+    weight = setting.found.seen
+    order = luma.argsort()
+    rank = weight[order].cumsum(0) / weight.sum().clamp_min(1e-12)
+    low, high = (
+        luma[order[int(torch.searchsorted(rank, share).clamp_max(len(luma) - 1))]]
+        for share in (0.02, 0.98)
+    )
+    return ((luma - low) / (high - low).clamp_min(1e-6)).clamp(0, 1)
 
 
 def _lines(setting: Setting) -> Float[Tensor, " n"]:
@@ -81,11 +79,6 @@ def _lines(setting: Setting) -> Float[Tensor, " n"]:
     near, far = surface.smoothed(setting.luminance, 1), surface.smoothed(setting.luminance, 6)
     ratio = (near + 0.005) / (far + 0.005)
     return step(ratio ** (1 / GAMMA), 0.97, 0.78)
-
-
-def _drawn(paper: Rgb, ink: Rgb, share: Float[Tensor, " n"]) -> ColorChange:
-    first, last = torch.tensor(paper).double(), torch.tensor(ink).double()
-    return _veil(first + share[:, None] * (last - first))
 
 
 def _veil(color: Float[Tensor, "n 3"]) -> ColorChange:

@@ -15,9 +15,8 @@ from gsedit.light.present import survey
 from gsedit.light.relight import relit_by
 from gsedit.light.setup import Fog, LightSetup, Sun
 from gsedit.scenery.cover import desert, frost, snow
-from gsedit.scenery.drawings import blueprint, chalked, penciled, sketch, watercolor
+from gsedit.scenery.drawings import penciled, sketch, watercolor
 from gsedit.scenery.gloss import glossy
-from gsedit.scenery.inks import polaroid, thermal
 from gsedit.scenery.seasons import autumn, spring, summer
 from gsedit.scenery.setting import Setting
 from gsedit.scenery.water import caustics, wet
@@ -57,10 +56,7 @@ SCENERIES: dict[str, Scenery] = {
     "autumn": Scenery(None, (autumn,)),
     "spring": Scenery(None, (spring,)),
     "summer": Scenery(LIGHTS["sunny"], (summer,)),
-    "thermal": Scenery(None, (thermal,)),
-    "polaroid": Scenery(None, (polaroid,)),
     "sketch": Scenery(None, (sketch,), penciled),
-    "blueprint": Scenery(None, (blueprint,), chalked),
     "watercolor": Scenery(None, (watercolor,)),
     "underwater": Scenery(LIGHTS["underwater light"], (caustics,)),
 }

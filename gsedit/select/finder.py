@@ -192,7 +192,7 @@ class Finder:
         return Region(self._grouped(torch.from_numpy(inside)), path)
 
     def find_drawn(self, path: str) -> Region:
-        """The Gaussians in masks that were drawn on views: a .png named after its view, or a folder."""
+        """The Gaussians in masks drawn on views: a .png named after its view, or a folder."""
         masks = read_masks(Path(path).expanduser(), self.viewpoints)
         cameras = [self.viewpoints[i].camera for i in masks]
         drawn = list(masks.values())

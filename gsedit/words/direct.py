@@ -15,12 +15,12 @@ LIGHTS = frozenset(
 SCENERIES = frozenset(
     (
         "snow", "frost", "rain", "wet", "desert", "autumn", "spring", "summer", "underwater",
-        "thermal", "polaroid", "sketch", "blueprint", "watercolor",
+        "sketch", "watercolor",
     )
 )  # fmt: skip
 """Names of weather, seasons and drawings in gsedit.scenery.named."""
-UNCLEAR = frozenset(("cartoon", "pop-art"))
-"""Looks of `small` that cannot be named from its pictures."""
+UNCLEAR = frozenset(("cartoon", "pop-art", "blueprint", "thermal", "polaroid"))
+"""Looks that only `small` draws, which are refused unless it is asked for by name."""
 ROUTES = {"light": ("light", LIGHTS), "look": ("scenery", SCENERIES)}
 """Route and names by kind of change."""
 

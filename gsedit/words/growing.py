@@ -1,4 +1,4 @@
-"""Clauses that ask for what lies or grows on things: snow, moss, dust, ice, leaves, puddles.
+"""Clauses that ask for what lies or grows on things: snow, moss, dust, ice, leaves.
 
 "Make it snow" is weather and "cover it in moss" a material: here are layers. Loads no torch.
 """
@@ -14,15 +14,14 @@ GROWTHS = {
     "snow": "snow",
     "moss": "moss",
     "dust": "dust",
-    "ice": "ice|icicles",
+    "ice": "ice",
     "leaves": "(?:(?:fallen|dead|dry|autumn|brown|withered) )*leaves",
-    "puddles": "puddles(?: of (?:rain ?)?water)?|(?:rain |water )puddles",
 }
 """Names of growths by gsedit.objects.growth.table, and words for each."""
 NAME = f"(?P<what>{'|'.join(GROWTHS.values())})"
-LITTER = f"(?P<what>{GROWTHS['leaves']}|dust|{GROWTHS['puddles']}|icicles)"
+LITTER = f"(?P<what>{GROWTHS['leaves']}|dust)"
 """Growths that are nothing else, whatever is said of them."""
-PLAIN = f"(?P<what>(?:fallen|dead|withered) leaves|icicles|{GROWTHS['puddles']})"
+PLAIN = "(?P<what>(?:fallen|dead|withered) leaves)"
 """Growths that need no place."""
 THICK = (
     r"(?:(?P<thick>(?:very )?(?:thick|thin|deep|heavy|dense|light|fine|delicate)|a lot of|lots of"

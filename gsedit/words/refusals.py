@@ -65,6 +65,7 @@ ODD = (
     (r"\b(?:make|paint|turn|color|dye) the sky blue(?= and\b| then\b|[,;.!]|$)", "part"),
     (r"\bcolors (?:but|except|other than|apart from)\b|\breplace the color\b", "part"),
     (r"\bgrow (?:some )?(?:grass|flowers|hair|fur|trees|plants|mushrooms|ivy|vines)\b", "geometry"),
+    (r"(?<!the )(?<!these )(?<!those )\b(?:puddles|icicles)\b", "geometry"),
     (r"\b(?:second|third|another|two|three) (?:sun|moon)s?\b", "geometry"),
     (r"\b(?:put|place|set|move) [a-z ]+ on the (?:moon|sun)\b", "geometry"),
 )  # fmt: skip

@@ -87,7 +87,7 @@ def test_interrupted_targets_say_so(tmp_path, monkeypatch):
     assert "interrupted; 1 rows are in" in done.stderr.splitlines()[-1]
 
 
-@pytest.mark.parametrize("verb", ["stability", "targets", "edit", "ranks"])
+@pytest.mark.parametrize("verb", ["stability", "targets", "edit"])
 def test_help_shows_an_example(verb):
     done = gsedit_bench(verb, "--help")
     assert done.exit_code == 0

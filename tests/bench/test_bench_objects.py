@@ -1,4 +1,4 @@
-"""`gsedit bench objects`: its files, its measures, and results of somebody else."""
+"""The benchmark of objects: its files, its measures, and results of somebody else."""
 
 from __future__ import annotations
 
@@ -8,36 +8,28 @@ import shutil
 import numpy as np
 import pytest
 import torch
-from gsedit_cli import main as cli
-from typer.testing import CliRunner
+from bench.objects import run
+from bench.objects.cases import CASES, Case
+from bench.objects.choosing import CLICKS, clicking
+from bench.objects.files import CAMERAS, Size, read_case
+from bench.objects.methods import METHODS
+from bench.objects.phrases import NAMED
+from bench.objects.rows import Row, table
+from bench.objects.scores import Truth, changes, scores, seam
+from bench.staged import stage
 
-from gsedit.bench.objects import run
-from gsedit.bench.objects.cases import CASES, Case
-from gsedit.bench.objects.choosing import CLICKS, clicking
-from gsedit.bench.objects.files import CAMERAS, Size, read_case
-from gsedit.bench.objects.methods import METHODS
-from gsedit.bench.objects.phrases import NAMED
-from gsedit.bench.objects.rows import Row, table
-from gsedit.bench.objects.scores import Truth, changes, scores, seam
 from gsedit.datasets.nerfstudio import read_nerfstudio
+from gsedit.errors import UsageError
 from gsedit.measures.metrics import NEAREST
-from gsedit.synthetic.staged import stage
 
 REMOVAL = next(case for case in CASES if case.name == "removal-glimpse")
 TINY = run.Plan(Size(gaussians=2500, side=32), (REMOVAL,), (), ())
 
 
-def bench(*words: object):
-    return CliRunner().invoke(cli.app, ["bench", "objects", *(str(word) for word in words)])
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("objects")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run, "QUICK", TINY)
-        done = bench("-o", place, "--quick", "--json")
-    assert done.exit_code == 0, done.stderr
+    list(run.objects_to_folder(place, TINY))
     return place
 
 
@@ -67,21 +59,20 @@ def test_the_files_are_read_as_photos_flags_and_scenes(folder):
     assert not (given.truth.hole & ~given.truth.changed).any()
 
 
-def test_somebodys_result_is_measured_instead(folder, tmp_path, monkeypatch):
-    monkeypatch.setattr(run, "QUICK", TINY)
+def test_somebodys_result_is_measured_instead(folder, tmp_path):
     cases, result = tmp_path / "cases", tmp_path / "result"
     shutil.copytree(folder, cases)
     result.mkdir()
     shutil.copy(folder / "cases" / REMOVAL.name / "truth.ply", result / f"{REMOVAL.name}.ply")
-    done = bench("-o", cases, "--quick", "--result", result)
-    assert done.exit_code == 0, done.stderr
+    list(run.objects_to_folder(cases, TINY, result))
     (row,) = rows_of(cases)
     assert row["method"] == run.RESULT
     assert row["measures"]["hole_psnr"] > 50  # pictures have 8 bits
     (tmp_path / "empty").mkdir()
-    assert bench("-o", cases, "--quick", "--result", tmp_path / "empty").exit_code == 2
-    monkeypatch.undo()
-    assert "another size" in bench("-o", cases).stderr
+    with pytest.raises(UsageError, match="no result of any case"):
+        list(run.objects_to_folder(cases, TINY, tmp_path / "empty"))
+    with pytest.raises(UsageError, match="another size"):
+        list(run.objects_to_folder(cases))
 
 
 def test_equal_pictures_are_nearest_and_an_error_in_the_hole_is_a_seam():

@@ -22,7 +22,7 @@ HEAVY = {
     "safetensors", "scipy", "torch", "trimesh", "viser", "zstandard",
 }  # fmt: skip
 """Modules that no help may load: a shell asks for it at every Tab; who builds a wheel has none."""
-BENCHMARKS = ("stability", "targets", "edit", "ranks", "objects")
+BENCHMARKS = ("stability", "targets", "edit")
 
 
 def test_help_loads_nothing_heavy():
@@ -106,7 +106,7 @@ def test_every_verb_is_tested():
 def test_a_wrong_choice_is_explained_in_plain_words(tmp_path):
     words = ("edit", "a.ply", "snow", "-o", tmp_path / "out", "--strategy", "throwaway")
     message = gsedit(*words).stderr
-    assert "'--strategy': 'throwaway' is not one of 'bulk', " in message
+    assert "'--strategy': 'throwaway' is not one of 'combined', " in message
     assert "Value error" not in message
 
 

@@ -74,7 +74,9 @@ def test_what_is_not_given_is_the_librarys_choice():
     assert resolve("default", {}) == (EditSettings(), SinglePass())
     paper, printed = resolve("paper", {})
     assert (paper, printed.update_steps) == (find_preset("paper").settings, 200)
-    assert resolve("paper", {("strategy",): "sds"})[1] == strategies.find_strategy("sds")()
+    assert (
+        resolve("paper", {("strategy",): "iterative"})[1] == strategies.find_strategy("iterative")()
+    )
     some, strategy = resolve(
         "paper",
         {

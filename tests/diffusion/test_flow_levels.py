@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 import torch
-from diffusers.pipelines.flux.pipeline_flux_kontext import calculate_shift
+from diffusers.pipelines.flux.pipeline_flux import calculate_shift
 from diffusers.pipelines.flux2.pipeline_flux2_klein import compute_empirical_mu
 from diffusers.schedulers.scheduling_flow_match_euler_discrete import (
     FlowMatchEulerDiscreteScheduler,
@@ -27,17 +27,15 @@ CONFIGS = {
 
 
 @pytest.mark.parametrize(("name", "steps"), itertools.product(CONFIGS, (1, 4, 28)))
-@pytest.mark.parametrize("asked", [True, False], ids=["sigmas", "own"])
-def test_levels_equal_diffusers(name, steps, asked):
+def test_levels_equal_diffusers(name, steps):
     if steps == 1 and name == "terminal":
         pytest.skip("diffusers divides by zero")
     theirs = FlowMatchEulerDiscreteScheduler(**CONFIGS[name])
     mu = calculate_shift(1000, 256, 4096, theirs.config["base_shift"], theirs.config["max_shift"])
-    sigmas = np.linspace(1.0, 1 / steps, steps).tolist() if asked else None
+    sigmas = np.linspace(1.0, 1 / steps, steps).tolist()
     theirs.set_timesteps(steps, sigmas=sigmas, mu=mu)
     ours = FlowScheduler.read(theirs.config, "scheduler_config.json")
-    line = "to one step" if asked else "to training's end"
-    levels = ours.levels(steps, mu=ours.mu(1000), line=line)
+    levels = ours.levels(steps, mu=ours.mu(1000))
     torch.testing.assert_close(torch.tensor([level.b for level in levels]), theirs.sigmas)
     times = torch.tensor([level.t for level in levels[:-1]])
     torch.testing.assert_close(times, theirs.timesteps, rtol=1e-6, atol=1e-4)
@@ -46,10 +44,9 @@ def test_levels_equal_diffusers(name, steps, asked):
 
 
 @pytest.mark.parametrize("name", CONFIGS)
-@pytest.mark.parametrize("line", ["to one step", "to training's end"])
-def test_less_strength_starts_below_the_noise_and_still_falls(name, line):
+def test_less_strength_starts_below_the_noise_and_still_falls(name):
     flow = FlowScheduler.read(CONFIGS[name], "")
-    levels = flow.levels(6, 0.5, mu=1.2, line=line)
+    levels = flow.levels(6, 0.5, mu=1.2)
     noise = [level.b for level in levels]
     assert noise == sorted(noise, reverse=True)
     assert 0.5 < noise[0] < 1

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 import torch
+from bench.staged import stage
 
 import gsedit
 from gsedit.datasets.dataset import Dataset, capture
@@ -18,7 +19,6 @@ from gsedit.objects import segment
 from gsedit.scene.picture import render_picture
 from gsedit.select.finder import Names
 from gsedit.select.phrase import carrier
-from gsedit.synthetic.staged import stage
 from gsedit.words.read import read_instruction
 
 STAGE = stage("meadow")

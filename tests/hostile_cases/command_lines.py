@@ -77,7 +77,7 @@ def full_disks() -> Iterator[Case]:
         "select": (["select", "scene.ply", "--where", "x > 0", "-o", "out/s.npy"], (0,)),
         "plot": (["info", "scene.ply", "--plot", "out/p.png"], (4,)),
         **{end: (["convert", "scene.ply", f"out/c.{end}"], (4, 8)) for end in (
-            "ply", "compressed.ply", "spz", "sog", "splat", "glb", "npz", "csv")},
+            "ply", "compressed.ply", "spz", "sog", "splat", "glb", "npz")},
     }  # fmt: skip
     for name, (words, sizes) in kinds.items():
         for size in sizes:

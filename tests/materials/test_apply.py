@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from bench.reflective import Finish, LitSolid, captured, garden, plain_base
 
 from gsedit.materials.apply import in_material
 from gsedit.materials.named import paint_of
@@ -15,7 +16,6 @@ from gsedit.materials.table import MATERIALS
 from gsedit.surface.occlusion import nothing
 from gsedit.surface.surroundings import studio
 from gsedit.synthetic import demo_scene, ring_cameras, scenes, surface_gaussians
-from gsedit.synthetic.reflective import Finish, LitSolid, captured, garden, plain_base
 from rasterizer import Camera, Gaussians, look_at
 from rasterizer.render import backproject
 

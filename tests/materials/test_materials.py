@@ -8,6 +8,7 @@ from typing import get_args
 import numpy as np
 import pytest
 import torch
+from bench.reflective import Finish, LitSolid, captured, garden, plain_base
 
 from gsedit.editing.routes.apply import apply_change, apply_instruction
 from gsedit.errors import UsageError
@@ -24,7 +25,6 @@ from gsedit.scene.quaternions import even_directions
 from gsedit.select.region import Region
 from gsedit.surface.normals import rows_near
 from gsedit.synthetic import ring_cameras, scenes
-from gsedit.synthetic.reflective import Finish, LitSolid, captured, garden, plain_base
 from gsedit.words import lexicon
 from gsedit.words.read import read_instruction
 from rasterizer.harmonics import basis

@@ -6,18 +6,18 @@ from dataclasses import replace
 
 import pytest
 import torch
+from bench.staged import stages
 
 from gsedit.datasets.view_list_files import ViewList
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.measures.evaluation import evaluate
-from gsedit.measures.evaluation_input import EvaluationInput, Texts
+from gsedit.measures.evaluation_input import EvaluationInput
 from gsedit.measures.metrics import psnr
-from gsedit.measures.missing import NO_CLIP, NO_TEXT, NO_UNEDITED
+from gsedit.measures.missing import NO_UNEDITED
 from gsedit.measures.names import METRICS, POINTS, WARP
 from gsedit.scene.picture import render_picture
 from gsedit.select.region import Region, coverage
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
-from gsedit.synthetic.staged import stages
 from rasterizer.numerics import SH_DC
 
 SIZE = 40
@@ -162,7 +162,6 @@ def test_nothing_is_missing_without_a_word(scene, views):
     assert not found.measured
     assert set(found.not_measured) == {*METRICS, *WARP.values(), *POINTS.values()}
     assert found.not_measured["rmse_to_unedited"] == NO_UNEDITED
-    assert found.not_measured["clip_direction"] == NO_CLIP
     assert all("add " in reason or ": " in reason for reason in found.not_measured.values())
     half = ViewList(views.viewpoints[1:3], ("edited", "edited"))
     found = evaluate(EvaluationInput(scene, half, unedited=scene))
@@ -172,33 +171,6 @@ def test_nothing_is_missing_without_a_word(scene, views):
     )
     assert "held-out view is needed" in found.not_measured["warp_renders_short"]
     assert "region" in found.not_measured["rmse_outside_region"]
-
-
-# ---- with words ----------------------------------------------------------------------------------
-
-
-def test_measures_with_words(scene, views, tmp_path):
-    pytest.importorskip("diffusers")
-    from tiny_clip import write_tiny_clip
-
-    from gsedit.measures.clip import direction, load_clip
-
-    clip = load_clip(write_tiny_clip(tmp_path / "clip"))
-    edited, texts = brighter(scene), Texts(source="a bear", target="a bronze bear")
-    found = evaluate(EvaluationInput(edited, views, unedited=scene, texts=texts, clip=clip))
-    names = ("clip_similarity", "clip_direction", "clip_consistency", "clip_preservation")
-    for name in names:
-        for mean in found.measured[name].values():
-            assert -1 <= mean.value <= 1
-    camera = views.viewpoints[1].camera
-    after, before = (clip.images(render_picture(each, camera)[None]) for each in (edited, scene))
-    target, source = clip.texts(["a bronze bear", "a bear"])
-    expected = direction(after, before, target, source).item()
-    assert found.views[1].values["clip_direction"] == pytest.approx(expected, abs=1e-5)
-    wordless = evaluate(EvaluationInput(edited, views, unedited=scene, clip=clip))
-    assert wordless.not_measured["clip_similarity"] == NO_TEXT
-    assert "captions" in wordless.not_measured["clip_direction"]
-    assert "clip_preservation" in wordless.measured
 
 
 def test_exact_masks_of_a_staged_scene_tell_a_right_edit_from_one_that_spills():

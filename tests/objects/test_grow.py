@@ -5,6 +5,7 @@ from functools import cache
 
 import pytest
 import torch
+from bench.staged import stage as stage_of
 
 from gsedit.cameras.orbit import orbit
 from gsedit.errors import UsageError
@@ -16,9 +17,7 @@ from gsedit.synthetic.paint import plain
 from gsedit.synthetic.scene import SyntheticScene
 from gsedit.synthetic.shapes import cylinder, sphere, translate, union
 from gsedit.synthetic.splats import surface_gaussians
-from gsedit.synthetic.staged import stage as stage_of
 from rasterizer.camera import look_at
-from rasterizer.harmonics import basis
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
@@ -94,7 +93,7 @@ def test_snow_stands_out_at_the_side_and_more_of_it_the_more():
     assert thick > usual + 0.1
 
 
-@pytest.mark.parametrize("name", ["snow", "dust", "leaves", "puddles"])
+@pytest.mark.parametrize("name", ["snow", "dust", "leaves"])
 def test_from_below_nothing_changes(name):
     below = view((0.3, -0.4, -4.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0))
     before, after = render(stage(), below), render(grown(name).scene, below)
@@ -141,14 +140,6 @@ def test_moss_grows_on_walls_and_dust_does_not():
     assert on_the_leg("dust") == 0
 
 
-def test_icicles_hang_from_the_edge_of_the_table_and_end_over_the_floor():
-    x, y, z = added(grown("ice")).means.T
-    hanging = (torch.hypot(x, y) > 0.5) & (torch.hypot(x, y) < 0.68) & (z < TABLE - 0.12)
-    hanging &= z > FLOOR + 0.1
-    assert hanging.sum() > 20
-    assert float(z.min()) > FLOOR - 0.3
-
-
 def test_leaves_lie_on_what_is_level():
     new = added(grown("leaves"))
     heights = new.means[:, 2]
@@ -156,19 +147,6 @@ def test_leaves_lie_on_what_is_level():
     ball = heights > TABLE + 1.5 * BALL
     assert bool((floor | table | ball).all())
     assert int(floor.sum()) > 500
-
-
-def test_puddles_are_level_and_mirror():
-    after = grown("puddles")
-    new = added(after)
-    assert float(new.means[:, 2].std()) < 0.01
-    assert after.scene.degree == 3
-    assert "degree 3" in after.notes[1]
-
-
-def test_more_puddles_cover_more():
-    few, usual = (len(added(grown("puddles", amount))) for amount in (0.4, 1.0))
-    assert few < 0.7 * usual
 
 
 def test_what_is_new_is_dim_in_a_dark_scene():
@@ -187,21 +165,6 @@ def test_snow_is_darker_where_it_turns_from_the_sun():
     low, high = towards.quantile(torch.tensor((0.25, 0.75)).double())
     lit, dark = new.sh[towards > high, 0].mean(), new.sh[towards < low, 0].mean()
     assert float(lit) > float(dark) + 0.3
-
-
-def test_puddles_show_what_stands_behind_them():
-    scene, eye = stage(), cameras()[0].center.float()
-
-    def redness(color):
-        sh = scene.sh.clone()
-        sh[scene.means[:, 2] > FLOOR + 0.05] = torch.tensor(color)
-        new = added(grow(replace(scene, sh=sh), "puddles", 1.0, None, cameras()))
-        near = (new.means[:, :2] * eye[:2]).sum(1) > 0.3 * eye[:2].norm()
-        ways = torch.nn.functional.normalize(new.means[near] - eye, dim=-1)
-        shown = torch.einsum("nk,nkc->nc", basis(ways, 3), new.sh[near])
-        return float((shown[:, 0] - shown[:, 1]).median())
-
-    assert redness((1.5, -1.5, -1.5)) > redness((-1.5, 1.5, -1.5)) + 0.3
 
 
 def test_only_the_part_gets_any():

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from bench.staged import stage
 
 from gsedit.cameras.place import place_of
 from gsedit.errors import UsageError
@@ -19,7 +20,6 @@ from gsedit.objects.placing.stance import stance_of
 from gsedit.objects.placing.sun import Sun, sun_of
 from gsedit.scene.similarity import IDENTITY
 from gsedit.scene.table import gaussians_of, table_of
-from gsedit.synthetic.staged import stage
 from rasterizer.numerics import sh_to_color
 from rasterizer.scene import Gaussians
 

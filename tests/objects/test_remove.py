@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 import torch
+from bench.staged import stage
 from torch import Tensor
 
 from gsedit.cameras.orbit import circle
@@ -16,7 +17,6 @@ from gsedit.objects import remove
 from gsedit.objects.outcome import Outcome
 from gsedit.objects.removal.cells import rectangle_around
 from gsedit.objects.removal.resting import resting_on
-from gsedit.synthetic.staged import stage
 from rasterizer.camera import Camera
 from rasterizer.numerics import color_to_sh, sh_to_color
 from rasterizer.render import render
@@ -38,7 +38,7 @@ class Case:
 
 @lru_cache(4)
 def case(name: str) -> Case:
-    """A set of gsedit.synthetic.staged."""
+    """A set of bench.staged."""
     set_ = stage(name)
     thing = set_.things[0].name
     labelled = set_.gaussians(COUNT)

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 import torch
+from bench.staged import stage
 from playroom import playroom
 
 from gsedit.errors import UsageError
 from gsedit.objects import find_phrase, segment
 from gsedit.select.looks import names
 from gsedit.select.query import read_phrase
-from gsedit.synthetic.staged import stage
 
 PHRASES = Path(__file__).parents[1] / "data" / "phrases"
 REFUSED = "refused"

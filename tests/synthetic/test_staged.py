@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
+from bench.staged import stage, stages
+from bench.staged.sets import FLOOR
 
 from gsedit.scene.similarity import IDENTITY, Similarity
-from gsedit.synthetic.staged import stage, stages
-from gsedit.synthetic.staged.sets import FLOOR
 from rasterizer import render
 
 COUNT, SIZE = 800, 32

@@ -210,11 +210,7 @@ def test_weather_materials_and_tones_keep_their_routes():
         ("the brightness is bad, raise it", "tone"), ("make the contrast twice as big", "tone"),
     ):  # fmt: skip
         assert [each.route for each in changes(sentence)] == [route], sentence
-    for sentence in (
-        "a thick layer of snow on it",
-        "cover the ground with fallen leaves",
-        "icicles",
-    ):
+    for sentence in ("a thick layer of snow on it", "cover the ground with fallen leaves"):
         assert [each.kind for each in changes(sentence)] == ["growth"], sentence
 
 

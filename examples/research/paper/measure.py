@@ -29,7 +29,6 @@ from gsedit.editor_protocol import Editor
 from gsedit.editors import make_editor
 from gsedit.editors.looks.recipe import parse
 from gsedit.editors.sampling import DiffusionEditor
-from gsedit.measures.clip import load_clip, similarity
 from gsedit.measures.decibels import rmse_from_psnr
 from gsedit.runs.events import Event
 from research.loss_switch import SteppedUpdate, SwitchedUpdate
@@ -37,6 +36,7 @@ from research.paper.arms import PAPER, PAPER_T_END
 from research.paper.cases import load_case
 from research.paper.runs import Case, Record, Run, read_record, write_record
 from research.paper.varied import Varied
+from research.strategies.clip import load_clip
 
 _OWN: dict[tuple[Case, str], Float[Tensor, "1 v h w 3"]] = {}
 """An editor's own pictures of held-out views, which all runs on a scene share."""
@@ -96,7 +96,7 @@ class Watching(Observer):
             clip = load_clip(self.clip)
             finals = torch.stack(list(render_edited(session, self.views).values()))
             texts = clip.texts([_object(session.request.prompt)] * len(finals))
-            self.similarity.append(float(similarity(clip.images(finals), texts).mean()))
+            self.similarity.append(float((clip.images(finals) * texts).sum(-1).mean()))
 
 
 def _object(prompt: str) -> str:

@@ -34,8 +34,8 @@ def steps_of(instruction: Instruction) -> tuple[Instruction, ...]:
     changes = instruction.changes
     if unclear := next((change.name for change in changes if change.name in UNCLEAR), None):
         raise UsageError(
-            f"{instruction.text!r}: what small makes of a {unclear} is hardly seen to be one: "
-            "--editor small draws it anyway, --editor pix2pix --model FOLDER follows any sentence"
+            f"{instruction.text!r}: there is no look {unclear!r} that is done on the Gaussians: "
+            "--editor small draws its own, --editor pix2pix --model FOLDER follows any sentence"
         )
     drawn = [each for each in changes if each.phrase and each.route not in EXACT_ROUTES]
     if drawn:

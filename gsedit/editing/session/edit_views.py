@@ -127,7 +127,7 @@ def sample_views(
     images, evaluations = None, 0
     for each in request.editor.edit(batch, sampler, request.generator):
         seconds = progress.stopwatch.seconds
-        yield Event(stage, seconds, each.step, each.steps, picture=each.preview)
+        yield Event(stage, seconds, each.step, each.steps)
         images, evaluations = each.images, each.evaluations
     if stage != MEASURE:  # what the result is compared with is no cost of the edit
         progress.work.calls += len(members) - len(anchors)

@@ -14,7 +14,7 @@ from torch import Tensor
 from gsedit.datasets.dataset import View
 from gsedit.editing.session.edit_views import find_ground_truth
 from gsedit.editing.session.progress import EditedViews, Work
-from gsedit.editing.session.session import Session, render_edited
+from gsedit.editing.session.session import Session
 from gsedit.editing.view_plan import ViewPlan
 from gsedit.errors import UsageError
 from gsedit.fitting.crops import ListedCrops
@@ -95,12 +95,8 @@ def restore(session: Session, state: State) -> None:
             value = state.record["work"][name]
             setattr(progress.work, name, index(value) if type(default) is int else float(value))
         _restore_views(session, state.record, state.tensors)
-    pictures = progress.edited.answers
-    if not pictures and progress.work.evaluations:
-        # a strategy that asks the editor's network and edits no picture, such as sds
-        pictures = render_edited(session, session.surveyed.plan.views)
-    if pictures:
-        find_ground_truth(session, pictures)
+    if progress.edited.answers:
+        find_ground_truth(session, progress.edited.answers)
 
 
 def _restore_views(

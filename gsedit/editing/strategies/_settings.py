@@ -9,8 +9,6 @@ from gsedit.errors import UsageError
 
 LEAST_NOISE, MOST_NOISE = 0.02, 0.98
 """Instruct-NeRF2NeRF's bounds of the noise level, as fractions of the schedule."""
-VOX_E_WEIGHT = 200 / (4 * 64 * 64)
-"""Vox-E has 200, beside a sum over the latents of Stable Diffusion at 512x512."""
 
 DatasetViews = Literal["all", "planned"]
 

@@ -62,7 +62,7 @@ class SmallEditor:
                     originals = progress.images
                 step, steps = progress.step + k * progress.steps, passes * progress.steps
                 evaluations = spent + progress.evaluations
-                yield EditProgress(min(step, steps - 1), steps, None, evaluations, progress.preview)
+                yield EditProgress(min(step, steps - 1), steps, None, evaluations)
             spent = evaluations
         if earlier:
             images = originals.clone()
@@ -73,7 +73,7 @@ class SmallEditor:
             step = progress.step + len(earlier) * progress.steps
             evaluations = spent + progress.evaluations
             steps = passes * progress.steps
-            yield EditProgress(step, steps, progress.images, evaluations, progress.preview)
+            yield EditProgress(step, steps, progress.images, evaluations)
 
     @cached_property
     def _sampler(self) -> DiffusionEditor:

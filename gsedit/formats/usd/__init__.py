@@ -1,1 +1,1 @@
-"""OpenUSD's ParticleField3DGaussianSplat: text by gsedit itself, binary files by usd-core."""
+"""OpenUSD's ParticleField3DGaussianSplat, read and written by usd-core in a child process."""

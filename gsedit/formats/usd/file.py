@@ -1,15 +1,19 @@
-"""OpenUSD's ParticleField3DGaussianSplat: .usda by gsedit, .usd, .usdc and .usdz through usd-core.
+"""OpenUSD's ParticleField3DGaussianSplat in .usda, .usd, .usdc and .usdz, through usd-core.
 
 Scales and opacities are linear, rotations wxyz, SH as INRIA's, row after row. A stage is y up (or z
 up, which is kept): memory's axes turned by 180 degrees about x, in the values and not as a
-transform, so that they read the same without one. Binary files are text in between, written and
-read by a child process. Reading holds one block; writing keeps each attribute in a file of its own.
+transform, so that they read the same without one. A child process runs the library; between the two
+are files of plain numbers, which are read and written a block at a time.
 Source: OpenUSD 26.11, the schemas of UsdVol; openusd.org.
 """
 
 from __future__ import annotations
 
+import json
+import shutil
+import tempfile
 from collections.abc import Iterator, Mapping
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,131 +22,115 @@ import numpy as np
 from jaxtyping import Float32
 
 from gsedit.errors import InputError
-from gsedit.formats.axes import from_axes
+from gsedit.formats.axes import from_axes, to_axes
 from gsedit.formats.quantised import LOGIT_MAX, log_scales_of, logits_of
 from gsedit.formats.streams import (
     AT_ONCE,
+    PROGRAM,
     Blocks,
     ReadOptions,
     SceneHeader,
     SceneSource,
     WriteOptions,
 )
-from gsedit.formats.usd.library import Scratch, flattened, packed
-from gsedit.formats.usd.stage import COEFFICIENTS, SCHEMA, Found, Splats, find_splats
-from gsedit.formats.usd.text import MAGIC, NeedsLibrary, Prim, read_layer
-from gsedit.formats.usd.units import Units, units_of
-from gsedit.formats.usd.writing import write_text
-from gsedit.scene.similarity import IDENTITY
+from gsedit.formats.usd.child import COEFFICIENTS, ORIENTATIONS, SCHEMA, WIDTHS
+from gsedit.formats.usd.library import Scratch, check_installed, values_of, write_folder
+from gsedit.formats.usd.units import Units, units_in, units_of
+from gsedit.scene.similarity import IDENTITY, Similarity, similarity_of
 from gsedit.scene.table import SplatTable
 
+_TEXT = b"#usda "
 _BINARY = (b"PXR-USDC", b"PK\3\4")
-"""Beginnings of a binary layer and of a package."""
+"""Beginnings of a text, and of a binary layer and a package."""
+_REACH = 3
+"""Standard deviations that the extent holds: 99.7 % of a Gaussian along an axis, as the schema's
+kernel is described."""
 
 
 def open_source(path: Path, options: ReadOptions) -> SceneSource:
     """Open a .usda, .usd, .usdc or .usdz with splats.
 
-    Raises InputError for one without, or a damaged one; UsageError where usd-core is needed and
-    missing: for binary files, and for those that are put together from others.
+    Raises InputError for one without, or a damaged one; UsageError where usd-core is missing.
     """
     with path.open("rb") as file:
         start = file.read(8)
-    is_text = start.startswith(MAGIC)
-    if not is_text and not start.startswith(_BINARY):
+    if not start.startswith((_TEXT, *_BINARY)):
         raise InputError(f"{path} is no USD file, neither text nor binary: export it again")
-    text = path if is_text else flattened(path, "it is binary")
-    try:
-        layer = read_layer(Path(text))
-    except NeedsLibrary as error:
-        text = flattened(path, str(error))
-        layer = read_layer(Path(text))
-    except InputError as error:
-        raise _named(error, text, path) from None
-    try:
-        found, units = find_splats(layer, Path(text)), units_of(layer)
-    except InputError as error:
-        raise _named(error, text, path) from None
-    if not found.splats:
+    values = values_of(path)
+    record = json.loads(values.path.with_suffix(".json").read_text(encoding="utf-8"))
+    splats, units = record["splats"], units_of(record["units"])
+    if not splats:
         raise InputError(
             f"{path} has no {SCHEMA} that is to be seen: export splats with that schema"
         )
-    about = _about(layer)
-    kept = about.get("comments")
-    comments = [c for c in kept if isinstance(c, str)] if isinstance(kept, list) else []
     header = SceneHeader(
-        max(each.degree for each in found.splats),
-        comments=(*comments, *units.comments),
-        antialiased=about.get("antialiased") in ("true", 1.0),
+        max(each["degree"] for each in splats),
+        comments=(*record["comments"], *units.comments),
+        antialiased=record["antialiased"],
     )
+    places = [_place(each, path) for each in splats]
     return SceneSource(
         path,
-        "USD text" if is_text else "USD",
+        "USD text" if start.startswith(_TEXT) else "USD",
         header,
-        sum(each.count for each in found.splats),
-        partial(_blocks, text, found.splats, units, path),
-        tuple(_notes(found, units)),
+        sum(each["count"] for each in splats),
+        partial(_blocks, values, splats, places, units, header.degree),
+        tuple(_notes(record, units)),
     )
 
 
-def _named(error: InputError, text: Path | Scratch, path: Path) -> InputError:
-    """The error with the name of the file that was given."""
-    return InputError(str(error).replace(str(text), str(path)))
+def _place(splats: Mapping[str, Any], path: Path) -> Similarity:
+    """The place of a definition's splats on the stage."""
+    matrix = np.array(splats["matrix"], np.float64)
+    try:
+        return IDENTITY if (matrix == np.eye(4)).all() else similarity_of(matrix)
+    except (ValueError, np.linalg.LinAlgError) as error:
+        raise InputError(f"{path}: {splats['name']} ({error}): export it again") from None
 
 
-def _about(layer: Prim) -> dict[str, Any]:
-    """Facts beside the splats that gsedit's writer noted: comments, antialiased."""
-    custom = layer.metadata.get("customLayerData")
-    about = custom.get("gsedit") if isinstance(custom, dict) else None
-    return about if isinstance(about, dict) else {}
-
-
-def _notes(found: Found, units: Units) -> Iterator[str]:
-    if found.others:
-        yield f"meshes, points and other shapes left out: {found.others}"
-    if found.hidden:
-        yield f"splats that the stage hides left out: {found.hidden}"
-    if len(found.splats) > 1:
-        yield f"splats merged from {len(found.splats)} definitions"
-    if any(each.linear for each in found.splats):
+def _notes(record: Mapping[str, Any], units: Units) -> Iterator[str]:
+    if record["others"]:
+        yield f"meshes, points and other shapes left out: {record['others']}"
+    if record["hidden"]:
+        yield f"splats that the stage hides left out: {record['hidden']}"
+    if len(record["splats"]) > 1:
+        yield f"splats merged from {len(record['splats'])} definitions"
+    if any(each["linear"] for each in record["splats"]):
         yield "its colors are said to be linear: read as those of a display, they look darker"
     if units.meters != 1:
         yield f"a unit is {units.meters:g} m: numbers stay as they are"
 
 
-def _blocks(text: Path | Scratch, splats: tuple[Splats, ...], units: Units, path: Path) -> Blocks:
-    """All rows; holds `text`, so that what is temporary stays until the last was read."""
-    k = (max(each.degree for each in splats) + 1) ** 2
-    for part in splats:
-        lists = {name: part.list(name) for name in part.lists}
-        for start in range(0, part.count, AT_ONCE):
-            rows = min(AT_ONCE, part.count - start)
-            try:
-                read = {n: each.take(rows * _wide(n, part)) for n, each in lists.items()}
-                table = _table(read, part, rows, k)
-            except InputError as error:
-                raise _named(error, text, path) from None
+def _blocks(
+    values: Scratch,
+    splats: list[Mapping[str, Any]],
+    places: list[Similarity],
+    units: Units,
+    degree: int,
+) -> Blocks:
+    """All rows; holds `values`, so that what is temporary stays until the last was read."""
+    numbers = np.memmap(values.path, np.float32, "r") if values.path.stat().st_size else np.empty(0)
+    for part, place in zip(splats, places):
+        for start in range(0, part["count"], AT_ONCE):
+            rows = min(AT_ONCE, part["count"] - start)
+            read = {}
+            for name, first in part["at"].items():
+                wide = WIDTHS[name] * ((part["degree"] + 1) ** 2 if name == COEFFICIENTS else 1)
+                own = numbers[first + start * wide :][: rows * wide]
+                read[name] = np.array(own, np.float32).reshape(rows, wide)
+            table = _table(read, rows, (degree + 1) ** 2)
             with np.errstate(invalid="ignore", over="ignore"):  # invalid rows are found later
-                placed = table if part.place is IDENTITY else part.place.table(table)
+                placed = table if place is IDENTITY else place.table(table)
             yield from_axes(placed, units.axes)
 
 
-def _wide(name: str, part: Splats) -> int:
-    """Entries of an attribute's list for each row."""
-    return (part.degree + 1) ** 2 if name == COEFFICIENTS else 1
-
-
-def _table(
-    read: Mapping[str, Float32[np.ndarray, "m w"]], part: Splats, rows: int, k: int
-) -> SplatTable:
+def _table(read: Mapping[str, Float32[np.ndarray, "m w"]], rows: int, k: int) -> SplatTable:
     """Some rows along the stage's axes; what is not in the file as the schema says."""
-    for name, values in read.items():
-        if len(values) < rows * _wide(name, part):
-            raise InputError(f"{part.path}: {name} of {part.name} end early: export it again")
     sh = np.zeros((rows, k, 3), np.float32)
     if COEFFICIENTS in read:
-        sh[:, : _wide(COEFFICIENTS, part)] = read[COEFFICIENTS].reshape(rows, -1, 3)
-    quats = read.get("orientations")
+        own = read[COEFFICIENTS].reshape(rows, -1, 3)
+        sh[:, : own.shape[1]] = own
+    quats = read.get(ORIENTATIONS)
     scales, opacities = read.get("scales"), read.get("opacities")
     return SplatTable(
         read["positions"],
@@ -155,8 +143,47 @@ def _table(
 
 def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions) -> int:
     """Write by the suffix: .usda as text, .usd and .usdc binary, .usdz a zip of a binary one; the
-    number of rows. Raises UsageError where usd-core is needed and missing."""
-    if path.name.lower().endswith(".usda"):
-        return write_text(path, header, blocks)
-    with packed(path) as text:
-        return write_text(text, header, blocks)
+    number of rows. Axes and unit are those of the comments. Raises UsageError without usd-core."""
+    check_installed(path)
+    units, comments = units_in(header.comments)
+    low, high = np.full(3, np.inf, np.float32), np.full(3, -np.inf, np.float32)
+    count, folder = 0, Path(tempfile.mkdtemp(prefix=".gs-usd-", dir=path.parent))
+    try:
+        with ExitStack() as stack:
+            files = {
+                name: stack.enter_context((folder / name.replace(":", ".")).open("wb"))
+                for name in WIDTHS
+            }
+            for block in blocks:
+                table = to_axes(block, units.axes)
+                for name, values in _attributes(table).items():
+                    files[name].write(np.ascontiguousarray(values, np.float32).data)
+                reach = _REACH * table.scales.max(1, keepdims=True)
+                low = np.fmin(low, np.fmin.reduce(table.means - reach))
+                high = np.fmax(high, np.fmax.reduce(table.means + reach))
+                count += len(block)
+            size = sum(file.tell() for file in files.values())
+        record = {
+            "meters": units.meters, "up": units.up, "degree": header.degree,
+            "extent": [low.tolist(), high.tolist()], "antialiased": header.antialiased,
+            "comments": [" ".join(c.split()) for c in comments if not c.startswith(PROGRAM)],
+        }  # fmt: skip
+        (folder / "record.json").write_text(json.dumps(record), encoding="utf-8")
+        if count:
+            write_folder(folder, path, size)
+    finally:
+        shutil.rmtree(folder)
+    return count
+
+
+def _attributes(table: SplatTable) -> dict[str, np.ndarray]:
+    """Rows of each attribute."""
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        quats = table.quats / np.linalg.norm(table.quats, axis=1, keepdims=True)
+    return {
+        "positions": table.means,
+        ORIENTATIONS: quats,
+        "scales": table.scales,
+        "opacities": table.opacities,
+        COEFFICIENTS: table.sh,
+    }

@@ -11,8 +11,6 @@ import subprocess
 import sys
 import tempfile
 import weakref
-from collections.abc import Iterator
-from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -21,7 +19,9 @@ from gsedit.errors import GseditError, InputError, UsageError
 from gsedit.formats.limits import ALWAYS_BYTES
 
 EXPANSION = 128
-"""Bytes of text for a byte of a binary file: lists of equal numbers are packed well."""
+"""Bytes of numbers for a byte of a file: lists of equal numbers are packed well."""
+TEXT = 8
+"""Bytes of text for a byte of numbers, at most: 17 for the 4 of a float, and brackets."""
 MEMORY = 1 << 31
 """Bytes of address space that the child may take beside what its files explain: the library
 itself maps 0.4 GB."""
@@ -44,46 +44,35 @@ class Scratch:
     __str__ = __fspath__
 
 
-def flattened(path: Path, why: str) -> Scratch:
-    """The layer that a USD file and those it names come to, as a .usda.
+def values_of(path: Path) -> Scratch:
+    """The numbers of a USD file's splats, with what they are in a .json beside them.
 
     Raises UsageError without usd-core, InputError for a file that it cannot read.
     """
-    _check_installed(f"{path}: {why}, and")
-    scratch = Scratch("flat.usda")
+    check_installed(path)
+    scratch = Scratch("values")
     size = path.stat().st_size
     most = max(ALWAYS_BYTES, EXPANSION * size)
-    reason = _run("flatten", path, scratch.path, size, most)
+    reason = _run("read", path, scratch.path, size, most)
     if reason is not None and scratch.path.exists() and scratch.path.stat().st_size >= most:
-        reason = f"it unpacks to more than {most >> 20} MB of text"
+        reason = f"it unpacks to more than {most >> 20} MB"
     if reason is not None:
         raise InputError(f"{path} cannot be read as USD ({reason}): export it again")
     return scratch
 
 
-@contextmanager
-def packed(path: Path) -> Iterator[Path]:
-    """Yield where to write a .usda; afterwards it is packed into `path`, by its suffix.
-
-    Raises UsageError without usd-core, GseditError where the library fails.
-    """
-    _check_installed(f"{path}:")
-    folder = Path(tempfile.mkdtemp(prefix=".gs-usd-", dir=path.parent))
-    try:
-        text = folder / "Splats.usda"
-        yield text
-        if text.exists():
-            size = text.stat().st_size
-            reason = _run("pack", text, path, size, ALWAYS_BYTES + size)
-            if reason is not None:
-                raise GseditError(f"{path} could not be written ({reason}): write .usda instead")
-    finally:
-        shutil.rmtree(folder)
+def write_folder(folder: Path, path: Path, size: int) -> None:
+    """Write the rows in a folder, `size` bytes, by the suffix of `path`. Raises GseditError where
+    the library fails."""
+    reason = _run("write", folder, path, size, ALWAYS_BYTES + TEXT * size)
+    if reason is not None:
+        raise GseditError(f"{path} could not be written ({reason}): write another format")
 
 
-def _check_installed(start: str) -> None:
+def check_installed(path: Path) -> None:
+    """Raise UsageError without usd-core."""
     if find_spec("pxr") is None:
-        raise UsageError(f"{start} this needs usd-core, .usda does not: {INSTALL}")
+        raise UsageError(f"{path}: USD needs usd-core: {INSTALL}")
 
 
 def _run(task: str, source: Path, target: Path, size: int, written: int) -> str | None:

@@ -3,13 +3,13 @@ comments: `metersPerUnit 0.01`, `upAxis Z`."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
+from typing import Any
 
 from gsedit.formats.axes import RUB
 from gsedit.formats.streams import SceneHeader
-from gsedit.formats.usd.text import Prim
 
 _METERS, _UP = "metersPerUnit", "upAxis"
 _AXES = {"Y": RUB, "Z": "RFU"}
@@ -36,9 +36,9 @@ class Units:
         return meters + ((f"{_UP} {self.up}",) if self.up != "Y" else ())
 
 
-def units_of(layer: Prim) -> Units:
-    """The units that a layer states; X as the axis that is up is no more in USD."""
-    meters, up = layer.metadata.get(_METERS, 1.0), layer.metadata.get(_UP, "Y")
+def units_of(stated: Mapping[str, Any]) -> Units:
+    """The units that a stage states; X as the axis that is up is no more in USD."""
+    meters, up = stated.get(_METERS, 1.0), stated.get(_UP, "Y")
     known = isinstance(meters, float) and isfinite(meters) and meters > 0
     return Units(meters if known else 1.0, up if up in ("Y", "Z") else "Y")
 

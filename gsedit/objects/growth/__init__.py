@@ -1,1 +1,1 @@
-"""Growth: new Gaussians that lie or grow on surfaces, as snow, moss, dust, ice, leaves, puddles."""
+"""Growth: new Gaussians that lie or grow on surfaces, as snow, moss, dust, ice, leaves."""

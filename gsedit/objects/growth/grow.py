@@ -15,9 +15,7 @@ from gsedit.light.present import Survey, survey
 from gsedit.light.shadows import WIDE
 from gsedit.objects.growth.bodies import hidden, layer, leaves, tufts
 from gsedit.objects.growth.buried import buried, in_colors_of
-from gsedit.objects.growth.icicles import iced
 from gsedit.objects.growth.layer import Patch, covered, thickness
-from gsedit.objects.growth.puddles import level, water
 from gsedit.objects.growth.spots import Site
 from gsedit.objects.growth.table import Growth, growth_of
 from gsedit.objects.growth.veil import unveiled
@@ -60,21 +58,18 @@ def grow(
     cameras: Sequence[Camera] = (),
     execution: Execution = AUTO,
 ) -> Outcome:
-    """The scene with snow, moss, dust, ice, leaves or puddles (GROWTHS) on the Gaussians inside.
+    """The scene with snow, moss, dust, ice or leaves (GROWTHS) on the Gaussians inside.
 
-    `amount` is a factor of the usual thickness, of leaves of their number, of puddles of the ground
-    that they cover. None is inside: all are.
+    `amount` is a factor of the usual thickness, of leaves of their number. None is inside: all are.
     Rows of the scene keep their places; new ones, at most MOST_NEW, follow. Raises UsageError for
     an unknown name, an amount out of range, or where it lies nowhere.
     """
     growth = growth_of(name, amount)
     check_finite(scene)
     found = survey(scene, cameras, None, execution)
-    site = _site(scene, found, inside, amount, cameras, execution)
+    site = _site(scene, found, inside, cameras, execution)
     patches = [] if site is None else _patches(scene, site, growth, amount, execution)
-    if growth.body == "water":
-        patches = [level(patch) for patch in patches]
-    new = _made(scene, patches, growth, amount, cameras, execution)
+    new = _made(scene, patches, growth, amount)
     if not len(new):
         raise UsageError(f"{name} lies nowhere: nothing inside {growth.nowhere}; choose more of it")
     return _grown(scene, name, growth, patches, new, cameras, execution)
@@ -90,22 +85,19 @@ def _grown(
     execution: Execution,
 ) -> Outcome:
     """The scene with what grew on it, and what that hides in its color."""
-    k = max(scene.sh.shape[1], new.sh.shape[1])
-    before, new = _of_bands(scene.detach(), k), _of_bands(new, k)
+    before, new = scene.detach(), _of_bands(new, scene.sh.shape[1])
     share = torch.zeros(len(scene), dtype=torch.float64)
     if growth.hides:
         for patch in patches:
             share = torch.maximum(share, buried(scene, patch, hidden(patch, growth), execution))
     grown = concatenate(in_colors_of(before, share, new), new)
-    if growth.hides and growth.body != "water":
+    if growth.hides:
         cleared = unveiled(grown, new, cameras, execution)
         grown = concatenate(in_colors_of(before, share, cleared), cleared)
     origin = torch.cat((torch.arange(len(scene)), torch.full((len(new),), NEW)))
     changed = torch.cat((share > 0, torch.ones(len(new), dtype=torch.bool)))
-    notes = [f"{name}: {len(new):,} Gaussians were added to {len(scene):,}"]
-    if k > scene.sh.shape[1]:
-        notes.append(f"reflections need SH of degree 3: the scene had {scene.degree}")
-    return Outcome(grown, origin, changed, tuple(notes))
+    note = f"{name}: {len(new):,} Gaussians were added to {len(scene):,}"
+    return Outcome(grown, origin, changed, (note,))
 
 
 def _of_bands(scene: Gaussians, k: int) -> Gaussians:
@@ -114,14 +106,7 @@ def _of_bands(scene: Gaussians, k: int) -> Gaussians:
     return Gaussians(**fields) if missing.shape[1] else scene
 
 
-def _made(
-    scene: Gaussians,
-    patches: list[Patch],
-    growth: Growth,
-    amount: float,
-    cameras: Sequence[Camera],
-    execution: Execution,
-) -> Gaussians:
+def _made(scene: Gaussians, patches: list[Patch], growth: Growth, amount: float) -> Gaussians:
     """New Gaussians on all patches."""
     match growth.body:
         case "layer":
@@ -130,10 +115,6 @@ def _made(
             made = [tufts(patch, growth, amount) for patch in patches]
         case "leaves":
             made = [leaves(patch, growth, amount, MOST_NEW) for patch in patches]
-        case "ice":
-            made = [iced(patch, growth, amount) for patch in patches]
-        case "water":
-            made = [water(scene, patch, growth, cameras, execution) for patch in patches]
     return concatenate(*made) if made else scene[:0]
 
 
@@ -141,7 +122,6 @@ def _site(
     scene: Gaussians,
     found: Survey,
     inside: Bool[Tensor, " n"] | None,
-    amount: float,
     cameras: Sequence[Camera],
     execution: Execution,
 ) -> Site | None:
@@ -163,7 +143,7 @@ def _site(
     size = min(float((high - low).norm()), place.distance)
     setting = Setting(scene, found, cameras, execution)
     sun = _sun(scene, inside, place.up, execution)
-    return Site(setting, rows, max(size, 1e-9), amount, sun, execution)
+    return Site(setting, rows, max(size, 1e-9), sun, execution)
 
 
 def _sun(

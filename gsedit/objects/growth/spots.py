@@ -44,8 +44,6 @@ class Site:
     """Gaussians of the part."""
     size: float
     """Its extent, world units: thicknesses are shares of it."""
-    amount: float = 1.0
-    """Factor of what is usual."""
     sun: Sun | None = None
     """Sun that is told from the shadows around it."""
     execution: Execution = AUTO

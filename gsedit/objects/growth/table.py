@@ -23,7 +23,7 @@ class Growth:
     """Something that lies or grows on surfaces; lengths are shares of what it is on."""
 
     where: Callable[[Spots], Float[Tensor, " m"]]
-    body: Literal["layer", "tufts", "leaves", "ice", "water"]
+    body: Literal["layer", "tufts", "leaves"]
     thickness: float
     """Height over the surface, far from the edges; of leaves, their length."""
     grain: float
@@ -63,16 +63,12 @@ GROWTHS: dict[str, Growth] = {
         "faces up", opacity=0.58, mottle=0.04, edge=0.1,
     ),
     "ice": Growth(
-        where.icy, "ice", 0.006, 0.004, (0.55, 0.74, 0.92), (0.88, 0.97, 1.06),
+        where.icy, "layer", 0.006, 0.004, (0.55, 0.74, 0.92), (0.88, 0.97, 1.06),
         "faces up and sees the sky", opacity=0.34, mottle=0.08, hides=False,
     ),
     "leaves": Growth(
         where.littered, "leaves", 0.045, 0.006, (0.75, 0.72, 0.72), (1.0, 1.0, 1.0),
         "is level and sees the sky", mottle=0.12, edge=0.2, hides=False,
-    ),
-    "puddles": Growth(
-        where.pooled, "water", 0.002, 0.005, (0.3, 0.3, 0.3), (0.3, 0.3, 0.3),
-        "is level", opacity=0.985, smooth=20,
     ),
 }  # fmt: skip
 """Growths by the names that sentences give them."""

@@ -9,9 +9,6 @@ from torch import Tensor
 from gsedit.light.color_change import step
 from gsedit.objects.growth.spots import Spots
 
-USUAL_POOLS, MOST_POOLS = 0.45, 0.97
-"""Share of level ground under water, usually and at most."""
-
 
 def snowy(spots: Spots) -> Float[Tensor, " m"]:
     """Snow: on places that face up and are open above."""
@@ -51,12 +48,3 @@ def littered(spots: Spots) -> Float[Tensor, " m"]:
     level = step(spots.rise, 0.7, 0.9)
     drifts = 0.75 + 0.25 * spots.noise(0.2, 6)
     return (level * step(spots.overhead, 0.1, 0.4) * drifts).clamp(0, 1) * spots.earthly
-
-
-def pooled(spots: Spots) -> Float[Tensor, " m"]:
-    """Water: on level places, in patches that are the more the larger the amount is."""
-    level = step(spots.rise, 0.9, 0.97)
-    share = torch.tensor(min(USUAL_POOLS * spots.site.amount, MOST_POOLS), dtype=torch.float64)
-    shore = float(torch.special.ndtri(1 - share))  # a share of normal deviates is above it
-    hollows = spots.noise(0.22, 7) + 0.25 * spots.noise(0.06, 8)
-    return level * step(hollows, shore - 0.2, shore + 0.2) * spots.earthly

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
+from bench.reflective import Finish, LitSolid, captured, garden, plain_base
 
 from gsedit.editing.routes.apply import apply_change
 from gsedit.errors import UsageError
@@ -13,7 +14,6 @@ from gsedit.scene.color_space import lab_of_srgb, srgb_of_hex
 from gsedit.scene.picture import render_picture
 from gsedit.select.region import Region
 from gsedit.synthetic import ring_cameras, scenes
-from gsedit.synthetic.reflective import Finish, LitSolid, captured, garden, plain_base
 from gsedit.words.instruction import Change
 from rasterizer.numerics import SH_DC
 

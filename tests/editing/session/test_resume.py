@@ -104,9 +104,8 @@ def assert_same_result(resumed: EditResult, whole: EditResult):
     assert described(resumed.events) == described(whole.events)
 
 
-# clip needs weights: its actions change the session as those of sds do
 @pytest.mark.parametrize("loss", ["mse+gram", "mse"])
-@pytest.mark.parametrize("name", [name for name in strategy_names() if name != "clip"])
+@pytest.mark.parametrize("name", strategy_names())
 def test_an_edit_stopped_at_any_checkpoint_ends_as_the_whole_one(request_, tmp_path, name, loss):
     strategy = short(name)
     settings = replace(SETTINGS, update=replace(SETTINGS.update, loss=loss))

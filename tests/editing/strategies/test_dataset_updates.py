@@ -1,4 +1,4 @@
-"""Iterative, combined and bulk: when the 2D editor is asked, for which views, and from where."""
+"""Iterative and combined: when the 2D editor is asked, for which views, and from where."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from tiny_edits import run as run_tiny
 from gsedit import Event
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editing.strategies._dataset import alone
-from gsedit.editing.strategies.bulk import Bulk
 from gsedit.editing.strategies.combined import Combined
 from gsedit.editing.strategies.iterative import Iterative
 from gsedit.editing.strategies.single_pass import SinglePass
@@ -117,17 +116,6 @@ def test_the_dataset_of_combined_holds_no_unedited_picture():
         assert not torch.equal(target.image, original.image)
 
 
-def test_bulk_edits_all_views_before_it_fits_any():
-    editor = Watched()
-    result, events = run(Bulk(edit_rounds=2, steps_between=20), editor=editor)
-    assert order(events) == ["sample", "update"] * 2
-    assert len(editor.asked) == result.work.calls == 2 * len(EDITABLE)
-    assert result.work.steps == 40
-    assert min(settings.strength for _, settings in editor.asked) >= 0.7
-    for batch, _ in editor.asked[: len(EDITABLE)]:
-        torch.testing.assert_close(batch.images, batch.originals)
-
-
 def test_a_low_noise_level_takes_as_many_steps_as_it_has_levels():
     settings = replace(SETTINGS, sampler=SamplerSettings(steps=100))
     editor = Watched()
@@ -142,8 +130,7 @@ def test_a_low_noise_level_takes_as_many_steps_as_it_has_levels():
         lambda: Iterative(total_steps=0),
         lambda: Iterative(least_noise=0.5, most_noise=0.4),
         lambda: Combined(further_steps=0),
-        lambda: Bulk(edit_rounds=0),
-        lambda: Bulk(most_noise=1.5),
+        lambda: Combined(most_noise=1.5),
     ],
 )
 def test_values_out_of_range_are_refused(wrong):

@@ -7,9 +7,7 @@ from tiny_edits import PROMPT, SETTINGS, Watched, data, scene
 
 from gsedit.editing.edit import plan_edit
 from gsedit.editing.session.strategy import uses_all_views
-from gsedit.editing.strategies.bulk import Bulk
 from gsedit.editing.strategies.iterative import Iterative
-from gsedit.editing.strategies.sds import Sds
 from gsedit.editing.strategies.single_pass import SinglePass
 
 
@@ -19,8 +17,6 @@ from gsedit.editing.strategies.single_pass import SinglePass
         (SinglePass(), False),
         (Iterative(), True),
         (Iterative(dataset_views="planned"), False),
-        (Bulk(), True),
-        (Sds(), True),
     ],
 )
 def test_a_strategy_says_whether_it_needs_more_views_than_the_plan_has(strategy, all_views):

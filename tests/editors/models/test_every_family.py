@@ -10,7 +10,6 @@ import pytest
 import tiny_dreamlite
 import tiny_flux
 import tiny_models
-import tiny_qwen_image
 import torch
 
 from gsedit.diffusion.settings import SamplerSettings
@@ -29,12 +28,6 @@ MAKE = {
     ),
     "Flux2KleinPipeline": lambda _: tiny_flux.klein(),
     "Flux2KleinKVPipeline": lambda _: tiny_flux.klein(cached=True),
-    "StableDiffusion3InstructPix2PixPipeline": lambda _: tiny_flux.sd3(),
-    "FluxKontextPipeline": lambda _: tiny_flux.kontext(),
-    "QwenImageEditPipeline": lambda _: tiny_qwen_image.tiny_qwen_image(),
-    "QwenImageEditPlusPipeline": lambda _: tiny_qwen_image.tiny_qwen_image(
-        diffusers.QwenImageEditPlusPipeline
-    ),
 }
 
 

@@ -11,18 +11,15 @@ import transformers
 
 from gsedit.errors import InputError
 from gsedit.models.families import FAMILIES, PIPELINES, SD, SDXL
-from gsedit.models.layout import chosen, expected, identify
+from gsedit.models.layout import chosen, identify
 from gsedit.models.weights import inspect
 
-COMMUNITY = "StableDiffusion3InstructPix2PixPipeline"
-"""UltraEdit's pipeline is one of diffusers' examples, built as that of Stable Diffusion 3."""
 NEVER_USED = {"safety_checker", "feature_extractor", "image_encoder"}
 
 
 @pytest.mark.parametrize("name", PIPELINES)
 def test_components_are_those_of_diffusers_pipeline(name):
-    known = "StableDiffusion3Pipeline" if name == COMMUNITY else name
-    parameters = python_inspect.signature(getattr(diffusers, known)).parameters.values()
+    parameters = python_inspect.signature(getattr(diffusers, name)).parameters.values()
     needed = {each.name for each in parameters if each.default is each.empty} - NEVER_USED
     assert {each.name for each in PIPELINES[name].components} == needed
 
@@ -115,9 +112,3 @@ def test_one_precision_is_chosen_and_no_pickle(names, weights, variant):
     assert list(found.weights) == full[:weights]
     assert found.variant == variant
     assert found.settings == ("unet/config.json",)
-
-
-def test_optional_components_are_wanted_where_the_index_lists_them():
-    for family in FAMILIES:
-        index = {c.name: ["library", "Class"] for c in family.components}
-        assert expected(family, index) == family.components

@@ -13,12 +13,12 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from bench.staged import Labelled, Stage
 from gsedit.scene.color_space import lab_of_srgb
 from gsedit.select.click import Click
 from gsedit.select.click import select_at as by_clicks
 from gsedit.select.phrase import find_phrase
 from gsedit.select.region import Region, coverage
-from gsedit.synthetic.staged import Labelled, Stage
 from rasterizer.camera import Camera
 from rasterizer.numerics import SH_DC
 from rasterizer.render import render

@@ -13,8 +13,8 @@ import torch
 from jaxtyping import Bool
 from torch import Tensor
 
-from gsedit.bench.objects.cases import CASES, CLICKED, Case, on_black
-from gsedit.bench.objects.choosing import (
+from bench.objects.cases import CASES, CLICKED, Case, on_black
+from bench.objects.choosing import (
     Selecting,
     clicking,
     iou,
@@ -22,7 +22,7 @@ from gsedit.bench.objects.choosing import (
     select_at,
     select_phrase,
 )
-from gsedit.bench.objects.files import (
+from bench.objects.files import (
     Given,
     Size,
     check_size,
@@ -32,10 +32,11 @@ from gsedit.bench.objects.files import (
     write_case,
     write_scene,
 )
-from gsedit.bench.objects.methods import METHODS, OURS, Made, drawn
-from gsedit.bench.objects.phrases import NAMED, REFUSED
-from gsedit.bench.objects.rows import Row, table
-from gsedit.bench.objects.scores import scores
+from bench.objects.methods import METHODS, OURS, Made, drawn
+from bench.objects.phrases import NAMED, REFUSED
+from bench.objects.rows import Row, table
+from bench.objects.scores import scores
+from bench.staged import Labelled, Stage
 from gsedit.bench.results import write_measurements, write_text
 from gsedit.diffusion.memory import most_bytes
 from gsedit.errors import GseditError, UsageError
@@ -43,7 +44,6 @@ from gsedit.formats.flags import read_flags
 from gsedit.formats.pictures import read_picture
 from gsedit.formats.scenes import load
 from gsedit.runs.events import Event
-from gsedit.synthetic.staged import Labelled, Stage
 from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians
 

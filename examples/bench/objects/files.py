@@ -20,8 +20,9 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.bench.objects.cases import NOON, Case, placed
-from gsedit.bench.objects.scores import Truth, changes
+from bench.objects.cases import NOON, Case, placed
+from bench.objects.scores import Truth, changes
+from bench.staged import Labelled, Stage
 from gsedit.datasets.dataset import View
 from gsedit.datasets.view_list_files import ViewList, read_view_list, write_view_list
 from gsedit.datasets.viewpoints import Viewpoint
@@ -34,7 +35,6 @@ from gsedit.runs.json_lines import write_record
 from gsedit.scene.similarity import IDENTITY, Similarity
 from gsedit.scene.table import gaussians_of, table_of
 from gsedit.storage.json_files import read_json
-from gsedit.synthetic.staged import Labelled, Stage
 from rasterizer.camera import Camera
 from rasterizer.render import render
 from rasterizer.scene import Gaussians, concatenate

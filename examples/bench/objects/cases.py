@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from bench.staged import Stage, stage
 from gsedit.scene.similarity import Similarity
 from gsedit.synthetic.daylight import Daylight
 from gsedit.synthetic.paint import plain
-from gsedit.synthetic.staged import Stage, stage
 
 BLACK = (0.0, 0.0, 0.0)
 """Background of all cases: that of a renderer where no Gaussian is."""

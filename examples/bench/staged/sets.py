@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import torch
 
+from bench.staged.stage import Rig, Stage
+from bench.staged.thing import Thing
 from gsedit.surface.noise import noise
 from gsedit.synthetic.daylight import Daylight
 from gsedit.synthetic.paint import (
@@ -32,8 +34,6 @@ from gsedit.synthetic.shapes import (
     translate,
     union,
 )
-from gsedit.synthetic.staged.stage import Rig, Stage
-from gsedit.synthetic.staged.thing import Thing
 
 AFTERNOON = Daylight((-0.5, -0.65, 0.85), (0.85, 0.8, 0.7), (0.4, 0.45, 0.52))
 MORNING = Daylight((0.7, -0.5, 0.6), (0.9, 0.78, 0.6), (0.36, 0.42, 0.55))

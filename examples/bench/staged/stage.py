@@ -14,6 +14,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from bench.staged.thing import Thing, snow_on
 from gsedit.cameras.orbit import towards
 from gsedit.datasets.dataset import Dataset, View
 from gsedit.scene.similarity import Similarity
@@ -22,7 +23,6 @@ from gsedit.synthetic.paint import OCCLUSION_REACH, Colors, Paint, mix, parts, p
 from gsedit.synthetic.scene import SyntheticScene
 from gsedit.synthetic.shapes import Points, Sdf, Triple, gradient, union
 from gsedit.synthetic.splats import surface_gaussians, surface_points
-from gsedit.synthetic.staged.thing import Thing, snow_on
 from rasterizer.camera import Camera, look_at
 from rasterizer.numerics import color_to_sh
 from rasterizer.scene import Gaussians, concatenate

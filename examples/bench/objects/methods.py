@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.bench.objects.files import Given, place_of
+from bench.objects.files import Given, place_of
 from gsedit.cameras.place import place_of as seen_place
 from gsedit.light.relight import relit
 from gsedit.light.setup import LightSetup, Sun

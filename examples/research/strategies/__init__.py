@@ -1,0 +1,1 @@
+"""Baselines of the paper as strategies: Vox-E's score distillation, NeRF-Art's losses."""

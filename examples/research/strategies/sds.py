@@ -1,0 +1,67 @@
+"""Score distillation (Poole et al. 2023), with the regularizer of Vox-E (Sella et al. 2023)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from gsedit.datasets.padding import pad_to_multiple
+from gsedit.diffusion.guided import predict_guided
+from gsedit.diffusion.predictions import as_pair
+from gsedit.diffusion.sampler import add_noise
+from gsedit.editing.session.edit_views import batch_of
+from gsedit.editing.session.session import Session
+from gsedit.editor_protocol import for_settings
+from gsedit.editors.sampling import Counted, padded, with_subject_mask
+from gsedit.errors import UsageError
+from rasterizer.camera import Camera
+from research.strategies.descent import Descent
+
+LEAST_NOISE, MOST_NOISE = 0.02, 0.98
+"""Bounds of the noise level, as fractions of the schedule."""
+MIN_LATENT_VARIANCE = 1e-12
+"""Floor of the latents' variance as a divisor: that of a picture of one color may be 0."""
+
+
+@dataclass(frozen=True)
+class Sds(Descent):
+    """Descend the denoiser's score: w (eps_hat - eps) on the latents, with w = b^2.
+
+    The denoiser is not differentiated. The gradient is divided by the number of latents and by
+    their variance. Raises UsageError where the editor is no diffusion model.
+    """
+
+    total_steps: int = 1000
+
+    def camera(self, session: Session, view: int) -> Camera:
+        """The view's camera at the size at which the view is edited."""
+        return session.unedited.edit_camera(view)
+
+    def loss(
+        self, session: Session, view: int, image: Float[Tensor, "h w 3"]
+    ) -> tuple[Float[Tensor, ""], float]:
+        """(loss with the gradient of score distillation, mean of w(t) (eps_hat - eps)^2)."""
+        request, generator = session.request, session.request.generator
+        own = request.editor.capabilities.denoiser
+        if own is None:
+            raise UsageError(f"score distillation needs a diffusion model: {request.editor.name}")
+        denoiser, sampler = for_settings(own, request.settings.sampler)
+        whole = padded(batch_of(session, (view,), start={view: image.detach()}), denoiser)
+        z = denoiser.encode(pad_to_multiple(image[None], denoiser.multiple, denoiser.padding))
+        share = LEAST_NOISE + (MOST_NOISE - LEAST_NOISE) * float(
+            torch.rand((), generator=generator)
+        )
+        level = denoiser.schedule.level(share * (len(denoiser.schedule.alphas_cumprod) - 1))
+        noise = torch.randn(z.shape, generator=generator, dtype=z.dtype)
+        with torch.no_grad():
+            x = add_noise(z, noise, level)
+            condition = denoiser.condition(whole.originals, whole.prompt, generator)
+            counted = Counted(with_subject_mask(denoiser, whole.subject))
+            guided = predict_guided(counted, condition, x, level, sampler)
+            error = as_pair(denoiser.predicts, guided, x, level).eps - noise
+        session.progress.work.evaluations += counted.evaluations
+        weight, variance = level.b**2, z.detach().var().clamp_min(MIN_LATENT_VARIANCE)
+        return weight * (error * z).mean() / variance, weight * error.square().mean().item()
