@@ -1,12 +1,9 @@
-"""How far the poses of a capture are from known ones: python pose_error.py scene/ known/
-
-Both folders are datasets of the same photos (COLMAP or transforms.json), matched by file name. The
+"""How far the poses of a capture are from known ones, matched by the photos' names. The
 capture's world is brought onto the known one by the best similarity of the camera centers.
 """
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -52,7 +49,3 @@ def poses(folder: Path) -> dict[str, np.ndarray]:
     """World-to-camera matrices of a dataset by the stem of the photo's name."""
     views = load_dataset(folder, size=16).views
     return {Path(v.name).stem: v.camera.world_to_camera.double().numpy() for v in views}
-
-
-if __name__ == "__main__":
-    print(pose_error(*(poses(Path(folder)) for folder in sys.argv[1:3])))  # noqa: T201

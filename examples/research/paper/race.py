@@ -1,14 +1,11 @@
-"""Statistics of error curves: how soon an error is reached, at any cost of the 2D editor."""
+"""How soon an error is reached: races against iterative, at any cost of the 2D editor."""
 
 from __future__ import annotations
 
 import statistics
-from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from gsedit.bench.edit import Point
-from research.paper.costs import Costs
 from research.paper.runs import Record
 
 AS_GOOD = 1.05
@@ -16,26 +13,34 @@ AS_GOOD = 1.05
 LAST = 0.1
 """The final error is the mean over this last share of the steps: single points of iterative
 fluctuate."""
+REAL_EVALUATION = 0.34
+"""Processor seconds of an evaluation of InstructPix2Pix for a view of 256 pixels: OpenVINO in
+bfloat16 on two cores of a Xeon with AMX (docs/measurements/editors.md)."""
+CONDITIONS = 3
+"""Evaluations of InstructPix2Pix a denoising step: with words and picture, with one, with none."""
 
 
-class Spread(NamedTuple):
-    """Mean, sample standard deviation (0 of a single number), median and range of some numbers."""
+@dataclass(frozen=True)
+class Costs:
+    """Seconds of an evaluation of the network; everything else is as measured."""
 
-    mean: float
-    deviation: float
-    median: float
-    low: float
-    high: float
+    evaluation: float | None = None
+    """Processor seconds; None: as measured."""
+
+    def seconds(self, point: Point) -> float:
+        """Processor seconds at these costs, since the first action."""
+        editing = (
+            point.editing_cpu if self.evaluation is None else self.evaluation * point.evaluations
+        )
+        return editing + point.cpu - point.editing_cpu
 
 
-def spread(values: Iterable[float | None]) -> Spread | None:
-    """Summarize the numbers that are not None; None where there is none."""
-    found = [float(value) for value in values if value is not None]
-    if not found:
-        return None
-    deviation = statistics.stdev(found) if len(found) > 1 else 0.0
-    return Spread(statistics.fmean(found), deviation, statistics.median(found), min(found),
-                  max(found))  # fmt: skip
+def regimes(branches: int = CONDITIONS) -> dict[str, Costs]:
+    """As measured; and with InstructPix2Pix here.
+
+    `branches`: evaluations a step of the editor that ran in the real one's place, which has three.
+    """
+    return {"measured": Costs(), "real": Costs(CONDITIONS / branches * REAL_EVALUATION)}
 
 
 def final_error(record: Record) -> float:
