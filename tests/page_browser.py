@@ -173,12 +173,6 @@ class Window:
         for kind in ("dragEnter", "dragOver", "drop"):
             self.call("Input.dispatchDragEvent", type=kind, x=x, y=y, data=data)
 
-    def keep_downloads(self, folder: Path) -> None:
-        """Keep in a folder what the page offers for download."""
-        self.call(
-            "Browser.setDownloadBehavior", behavior="allow", downloadPath=str(folder.resolve())
-        )
-
     def touch(self, *moments: tuple[tuple[float, float], ...]) -> None:
         """Put down fingers at the points of the first moment, move them over the others, and lift
         them."""
@@ -197,15 +191,6 @@ class Window:
         self.mouse("mouseMoved", x, y, modifiers, "none")
         self.mouse("mousePressed", x, y, modifiers)
         self.mouse("mouseReleased", x, y, modifiers)
-
-    def drag(self, *points: tuple[float, float], modifiers: int = 0, button: str = "left") -> None:
-        """Drag from the first point over the others."""
-        self.mouse("mouseMoved", *points[0], modifiers, "none")
-        self.mouse("mousePressed", *points[0], modifiers, button)
-        for point in points[1:]:
-            self.mouse("mouseMoved", *point, modifiers, button)
-            time.sleep(0.05)
-        self.mouse("mouseReleased", *points[-1], modifiers, button)
 
     def mouse(
         self, kind: str, x: float, y: float, modifiers: int = 0, button: str = "left"

@@ -80,13 +80,6 @@ class PageClient:
             ray_direction=(0.0, 0.0, 1.0), screen_pos=((x, y),), modifier=modifier,
         )  # fmt: skip
 
-    def drag_box(self, x0: float, y0: float, x1: float, y1: float) -> None:
-        """Draw a box with Shift held; places from 0 to 1."""
-        self.send(
-            "ScenePointerMessage", event_type="rect-select", ray_origin=None, ray_direction=None,
-            screen_pos=((x0, y0), (x1, y1)), modifier="shift",
-        )  # fmt: skip
-
     def control(self, label: str) -> dict[str, Any]:
         """The control of a label, once it is there. Raises TimeoutError."""
         return self.wait(lambda: self._labelled(label))
@@ -110,11 +103,6 @@ class PageClient:
     def _group(self, label: str) -> dict[str, Any] | None:
         groups = [each for each in list(self.controls.values()) if "ButtonGroup" in each["type"]]
         return next((each for each in groups if label in each["props"]["options"]), None)
-
-    def trigger(self, label: str) -> None:
-        """Run the command of a key, by its label."""
-        found = self.control(label)
-        self.send("CommandTriggerMessage", uuid=found["uuid"])
 
     def upload(self, label: str, name: str, content: bytes) -> None:
         """Give a file to an upload button."""

@@ -1,4 +1,4 @@
-"""A network for measurements of the sampler's cost.
+"""A network of fixed random weights, for tests of memory and precision.
 
 `v` views, `c y x` latents.
 """

@@ -68,8 +68,7 @@ def sampler(
     items = measure_sampler(quick=quick, runs=runs)
     collect(write_measurements(items, out / ROWS, rows))
     write_text(out / TABLE, table(rows))
-    axes = {"cost": "evaluations of the network", "error": "RMS error"}
-    draw_errors(lines_of(rows), out / PLOT, **axes)
+    draw_errors(lines_of(rows), out / PLOT, cost="evaluations of the network", error="RMS error")
     print_message(f"{len(rows)} measurements are in {out}; look at {out / PLOT}")
     print_result(table(rows))
 
