@@ -54,7 +54,7 @@ docs: setup
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 bench: setup sanitize
-	PYTHONPATH=examples $(BIN)/python -m research.study_editor_cost --estimate
+	PYTHONPATH=examples $(BIN)/python -m research.study_editor_cost
 	PYTHONPATH=examples $(BIN)/python -m research.renderer.targets $(if $(wildcard $(GARDEN)),--points $(GARDEN)) $(SCENES)
 
 sanitize: setup

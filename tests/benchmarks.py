@@ -1,11 +1,10 @@
-"""Fixtures of several benchmark tests: a measurement, a worker, a garden, colors."""
+"""Fixtures of several benchmark tests: a measurement, a worker, a garden."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
 from research.renderer.measurements import RenderMeasurement
 from research.renderer.worker import Worker
 
@@ -14,7 +13,7 @@ def render_measurement(**fields) -> RenderMeasurement:
     """A plausible measurement, with some fields changed."""
     values = dict(
         scene="columns", implementation="gsedit", knob="default", value="", gaussians=1000,
-        width=64, height=48, pairs=5000, evaluated=320_000, contributing=90_000, dtype="float32",
+        width=64, height=48, pairs=5000, evaluated=320_000, dtype="float32",
         threads=2, runs=5, forward_wall=0.030, forward_cpu=0.055, both_wall=0.090, both_cpu=0.160,
         yardstick=0.015, error_mean=8e-8, error_tail=2e-6, error_max=3e-4, gradient_error=2e-5,
         gradient_cosine=1 - 1e-9, peak_bytes=50_000_000, note="", commit="abc1234",
@@ -39,14 +38,3 @@ def garden_points(path: Path) -> Path:
     np.savez(path, means3d=rng.uniform(-2.5, 2.5, (400, 3)), colors=rng.integers(0, 256, (400, 3)),
              Ks=np.stack([k] * 3), viewmats=np.stack([pose] * 3), width=64, height=48)  # fmt: skip
     return path
-
-
-def rgb(path: Path) -> np.ndarray:
-    """The pixels of a picture, n 3, integers."""
-    return np.asarray(Image.open(path).convert("RGB")).reshape(-1, 3).astype(int)
-
-
-def count_near(pixels: np.ndarray, color: str) -> int:
-    """How many pixels have a color, up to what compression and blending change."""
-    wanted = np.array([int(color[i : i + 2], 16) for i in (1, 3, 5)])
-    return int((np.abs(pixels - wanted).max(1) <= 6).sum())

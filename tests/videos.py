@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageFilter
+
+from gsedit.pictures.animations import Frame, converter_flags
 
 SIZE = (96, 64)
 
@@ -68,3 +70,20 @@ def write_video(
             container.mux(stream.encode(picture))
         container.mux(stream.encode(None))
     return path
+
+
+def read_frames(path: str | Path) -> Iterator[Frame]:
+    """The frames of an MP4 that gsedit wrote, to compare with those that went in."""
+    import av
+
+    with av.open(str(path)) as container:
+        for frame in container.decode(video=0):
+            converted = frame.reformat(
+                format="rgb24",
+                src_colorspace="ITU709",
+                dst_colorspace="ITU709",
+                src_color_range="MPEG",
+                dst_color_range="JPEG",
+                interpolation=converter_flags("BICUBIC", "FULL_CHR_H_INT"),
+            )
+            yield converted.to_ndarray()

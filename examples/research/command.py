@@ -14,7 +14,6 @@ from gsedit.runs.events import Event
 
 Output = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")]
 Quick = Annotated[bool, typer.Option("--quick", help="Fewer and smaller cases.")]
-Data = Annotated[Path | None, typer.Option("--data", help="Folder of the capture's photos.")]
 Points = Annotated[
     Path | None,
     typer.Option(

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from page_browser import CTRL, browser, chromium
 from pages import make_page, served
-from research.page_browser import CTRL, browser, chromium
 
 from gsedit.app.opening import open_path
 from gsedit.app.worker import program_of

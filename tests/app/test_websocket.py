@@ -11,8 +11,8 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 import torch
+from page_client import PageClient
 from pages import make_page, served, until
-from research.page_client import PageClient
 from websockets.exceptions import InvalidStatus
 
 from gsedit.app.opening import open_path

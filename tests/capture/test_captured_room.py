@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from command_line import files, gsedit
 from PIL import Image
-from research.pose_error import pose_error, poses
+from pose_error import pose_error, poses
 
 from gsedit import load_dataset
 from gsedit.capture import child

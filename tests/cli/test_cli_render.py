@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import torch
 from command_line import files, gsedit, one_line
+from exr_files import read_exr
 from PIL import Image
-from research.exr import read_exr
-from research.videos import read_frames
+from videos import read_frames
 
 from gsedit import orbit
 from gsedit.cameras import around

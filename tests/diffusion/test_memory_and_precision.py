@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 import torch
-from research.sampler.network import untrained_network
+from untrained_network import untrained_network
 
 from gsedit.diffusion import memory
 from gsedit.diffusion.guidance import Branches, Need

@@ -6,9 +6,9 @@ import sys
 
 import numpy as np
 import pytest
+from exr_files import read_exr
 from PIL import Image
-from research.exr import read_exr
-from research.videos import read_frames
+from videos import read_frames
 
 from gsedit import write_gif, write_mp4
 from gsedit.errors import GseditError, UsageError

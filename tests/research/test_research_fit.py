@@ -77,7 +77,7 @@ def test_the_recipe_of_gsplat_grows_prunes_and_lowers(photos):
     moments = list(
         gsplat_fit(
             photos, 90.0, moments=3, clock=ticking(), generator=torch.Generator().manual_seed(0),
-            scaled=False, settings=settings,
+            settings=settings,
         )
     )  # fmt: skip
     assert [moment.seconds for moment in moments] == sorted(moment.seconds for moment in moments)
@@ -112,7 +112,7 @@ def test_a_bench_measures_all_recipes_and_writes_a_folder(photos, tmp_path):
         if isinstance(row, run.FitMeasurement)
     ]
     counts = Counter(row.recipe for row in rows)
-    assert set(counts) == {run.OURS, run.SCALED, run.PLAIN}
+    assert set(counts) == {run.OURS, run.GSPLAT}
     assert all(count >= 2 for count in counts.values())
     assert all(row.psnr > 5 and row.gaussians > POINTS for row in rows)
     assert {path.name for path in (tmp_path / "out").iterdir()} == set(run.FILES)

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 
 import pytest
 from bad_files import ply_bytes, scene_table
-from benchmarks import SameProcess, count_near, rgb
+from benchmarks import SameProcess
 from research import command
 from research.renderer import __main__ as main
-from research.renderer import plots, sweep, workloads
-from research.renderer.measurements import read_measurements
+from research.renderer import sweep, workloads
 
 
 @pytest.fixture
@@ -38,25 +38,27 @@ def measure(monkeypatch, *words: object) -> int:
 
 
 @pytest.mark.usefixtures("alone")
-def test_a_sweep_leaves_its_folder_and_compares_with_an_earlier_one(
-    scene, tmp_path, monkeypatch, capsys
-):
+def test_a_sweep_leaves_its_folder(scene, tmp_path, monkeypatch, capsys):
     out = tmp_path / "out"
     quick = (scene, "-o", out, "--quick", "--runs", 1)
     assert measure(monkeypatch, *quick, "--knobs", "stop,tile") == 0
     printed = capsys.readouterr()
     assert printed.out == f"{out / 'bench.md'}\n"
     assert "the garden is left out" in printed.err
-    rows = read_measurements(out / "bench.jsonl")
-    assert [row.label for row in rows] == ["default", "stop 0", "stop 0.01", "tile 4", "tile 32"]
-    assert {row.scene for row in rows} == {"scene, 1 in 8"}
+    rows = [json.loads(line) for line in (out / "bench.jsonl").read_text().splitlines()]
+    found = [(row["knob"], row["value"]) for row in rows]
+    assert found == [
+        ("default", ""),
+        ("stop", "0"),
+        ("stop", "0.01"),
+        ("tile", "4"),
+        ("tile", "32"),
+    ]
+    assert {row["scene"] for row in rows} == {"scene, 1 in 8"}
     assert "| tile 4 |" in (out / "bench.md").read_text()
-    for name in ("image_error.png", "gradient_error.png"):
-        assert count_near(rgb(out / name), plots.STYLES["stop"][0]) > 50
-    again = (*quick, "--knobs", "tile", "--compare", out / "bench.jsonl")
-    assert measure(monkeypatch, *again) == 0
-    assert len(capsys.readouterr().out.splitlines()) == 2 + 3 + 1
-    assert len(read_measurements(out / "bench.jsonl")) == 3
+    assert (out / "image_error.png").stat().st_size > 5000
+    assert measure(monkeypatch, *quick, "--knobs", "tile") == 0
+    assert len((out / "bench.jsonl").read_text().splitlines()) == 3
 
 
 @pytest.mark.usefixtures("alone")
@@ -66,7 +68,6 @@ def test_a_sweep_leaves_its_folder_and_compares_with_an_earlier_one(
         (["{scene}", "--knobs", "speed"], 2, "no knob 'speed'"),
         (["{broken}"], 3, "broken.ply"),
         (["{scene}", "--points", "{broken}"], 3, "not the garden's points"),
-        (["{scene}", "--compare", "{broken}"], 3, "not a measurement"),
         ([], 2, "nothing to measure"),
     ],
 )

@@ -7,14 +7,13 @@ import json
 import pytest
 import torch
 from research.curves import slope
+from research.figures import draw_errors
 from research.sampler import consensus_study, solver_study
+from research.sampler.__main__ import lines_of
 from research.sampler.measurements import SamplerMeasurement, table
 from research.sampler.mixtures import exact_solution
-from research.sampler.network import untrained_network
-from research.sampler.overlapping import crops, picture_views, texture_views
-from research.sampler.plots import sweep_plot, work_precision
+from research.sampler.overlapping import crops, texture_views
 
-from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.runs.json_lines import plain, write_line
 
@@ -28,8 +27,7 @@ def solver_rows():
 
 @pytest.fixture(scope="module")
 def consensus_rows():
-    views = texture_views(), picture_views(side=4)
-    return [*consensus_study.consensus_study(1, views, (0, 10, 50))]
+    return [*consensus_study.consensus_study(1, sweep=(0, 10, 50))]
 
 
 def test_the_solvers_rows_fall_with_their_order(solver_rows):
@@ -39,23 +37,6 @@ def test_the_solvers_rows_fall_with_their_order(solver_rows):
         points = [(float(row.evaluations), row.error or 0.0) for row in group]
         # with few steps a second-order method's error falls faster yet, so from one side only
         assert slope(points) < -order + 0.3
-
-
-def test_every_extreme_is_measured_or_says_why_not():
-    rows = [*solver_study.stiff_study((1,))]
-    assert {row.variant for row in rows} == {"ddim", "heun", "dpm++2m", "ancestral"}
-    assert any("terminal SNR 0" in row.problem for row in rows)
-    assert {
-        dtype for dtype in ("bfloat16", "float16") if any(dtype in r.problem for r in rows)
-    } == {
-        "bfloat16",
-        "float16",
-    }
-    assert all(row.error is not None or row.note for row in rows)
-    # what 20 steps and no guidance reach on narrow data is the data
-    narrow = [r for r in rows if r.problem.startswith("width 0.01, guidance 1,")]
-    assert narrow
-    assert all(row.error is not None and row.error < 0.02 for row in narrow)
 
 
 def test_agreement_comes_with_contrast_and_strength(consensus_rows):
@@ -87,13 +68,11 @@ def test_the_deviation_falls_steadily_and_keeps_its_sign(consensus_rows):
 
 
 def test_the_sweep_ends_in_agreement(consensus_rows):
-    for name in ("texture", "closed form"):
-        swept = [r for r in consensus_rows if r.problem == f"{name}, T_end"]
-        assert {row.t_end for row in swept} == {0, 10, 50}
-        xt = {r.t_end: r.disagreement for r in swept if r.variant == "xt, shared"}
-        # the state itself is averaged last; only decoding and clamping come after
-        assert xt[50.0] == pytest.approx(0, abs=1e-6)
-        assert xt[0.0] > xt[10.0]
+    swept = [r for r in consensus_rows if r.problem == "texture, T_end"]
+    assert {row.t_end for row in swept} == {0, 10, 50}
+    xt = {r.t_end: r.disagreement for r in swept if r.variant == "xt, shared"}
+    assert xt[50.0] == pytest.approx(0, abs=1e-6)  # the state itself is averaged last
+    assert xt[0.0] > xt[10.0]
 
 
 def test_disagreement_is_that_of_a_plain_loop():
@@ -114,40 +93,26 @@ def test_overlapping_crops_correspond():
     labels = crops(3, 5, 1)
     assert torch.equal(labels[0, 1:, 1:], labels[1, :-1, :-1])
     assert (labels[0, 0] == -1).all()  # its first row is seen by no other view
-    views = picture_views(side=4)
-    agreed = views.originals
-    assert views.disagreement(agreed) == pytest.approx(0, abs=1e-7)
-
-
-def test_the_network_predicts_what_is_needed():
-    model = untrained_network(channels=8, depth=1)
-    x = torch.randn(2, 4, 8, 8, generator=torch.Generator().manual_seed(0))
-    two = model.branches(x, 500.0, None, Need(True, True, False))
-    assert two.none is None
-    assert two.text_image is not None
-    assert two.text_image.shape == x.shape
-    again = untrained_network(channels=8, depth=1).branches(x, 500.0, None, Need())
-    assert again.image is not None
-    torch.testing.assert_close(again.image, two.image)
 
 
 def test_rows_as_json_and_as_a_table(solver_rows, consensus_rows, tmp_path):
     row = SamplerMeasurement(
-        "stiff", "width 1", "heun", 20, 39, 0.1, error=float("nan"), note="refused"
+        "solver", "width 1", "heun", 20, 39, 0.1, error=float("nan"), note="refused"
     )
     with (tmp_path / "rows.jsonl").open("w") as file:
         write_line(file, row)
     assert json.loads((tmp_path / "rows.jsonl").read_text())["error"] is None
-    rows = [*solver_rows, row, *consensus_rows]
+    rows = [*solver_rows, *consensus_rows]
     text = table(rows)
-    assert text.count("## ") == 3
+    assert text.count("## ") == 2
     assert "| width 0.3, guidance 1: heun |" in text
     assert "texture, T_end 10: x0, shared (default)" in text
     assert plain(solver_rows[0])["variant"] == "ddim"
-    for name in ("evaluations", "seconds"):
-        work_precision(rows, tmp_path / f"{name}.png", name)
-    sweep_plot(rows, tmp_path / "sweep.png")
-    assert len({path.stat().st_size for path in tmp_path.glob("*.png")}) == 3
+    panels = lines_of(rows)
+    assert {name: len(lines) for name, lines in panels.items()} == {"width 0.3, guidance 1": 3}
+    draw_errors(panels, tmp_path / "a.png", cost="evaluations", error="RMS error")
+    draw_errors({}, tmp_path / "b.png", cost="evaluations", error="RMS error")
+    assert (tmp_path / "a.png").stat().st_size > 2 * (tmp_path / "b.png").stat().st_size
     assert table([]) == "Nothing was measured.\n"
 
 

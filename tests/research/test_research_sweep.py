@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import torch
 from benchmarks import SameProcess, render_measurement
-from research.renderer import peers, settings, sweep
+from research.renderer import settings, sweep
 from research.renderer.measurements import RenderMeasurement
 from research.renderer.workloads import cloud
 from scenes import camera, random_cloud
@@ -81,22 +81,17 @@ def fog() -> speed.Workload:
     return replace(one, scene=thick)
 
 
-def test_a_sweep_yields_measurements_and_events(tmp_path, monkeypatch):
-    monkeypatch.setattr(
-        peers, "PEER_TABLE", {"no_such_renderer": peers.Peer("no_such_renderer", print)}
-    )
-    items = list(sweep.sweep([fog()], plan("stop", "dtype", "peers"), tmp_path))
+def test_a_sweep_yields_measurements_and_events(tmp_path):
+    items = list(sweep.sweep([fog()], plan("stop", "dtype"), tmp_path))
     events = [item for item in items if isinstance(item, Event)]
     rows = {item.label: item for item in items if isinstance(item, RenderMeasurement)}
-    assert "not installed: no_such_renderer" in events[0].note
-    assert events[1].note == "reference in float64"
+    assert events[0].note == "reference in float64"
     assert (events[-1].step, events[-1].steps) == (6, 6)
     assert list(rows) == [
         "default", "stop 0", "stop 0.0001", "stop 0.001", "stop 0.01", "dtype float64",
     ]  # fmt: skip
     default = rows["default"]
     assert (default.gaussians, default.width, default.height) == (600, 24, 16)
-    assert default.contributing <= default.evaluated
     assert default.forward_wall > 0
     assert default.both_wall > default.forward_wall / 10
     assert (default.runs, default.threads) == (1, torch.get_num_threads())
@@ -105,7 +100,6 @@ def test_a_sweep_yields_measurements_and_events(tmp_path, monkeypatch):
     assert default.gradient_error < 2e-4
     assert default.gradient_cosine > 0.999999
     assert rows["stop 0.01"].error_mean > rows["stop 0"].error_mean
-    assert rows["stop 0.01"].contributing < default.contributing
     assert rows["dtype float64"].dtype == "float64"
     if Path("/proc/self/clear_refs").exists():
         assert all(row.peak_bytes is not None for row in rows.values())

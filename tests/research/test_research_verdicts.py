@@ -91,10 +91,3 @@ def test_factors_are_judged_by_their_order_alone():
     assert not judge_factors(effects(*[[x] for x in logs[1:]]), log(5)).has_interval  # five
     ten = judge_factors(effects(*[[log(x)] for x in (1.1, 6, 6, 7, 7, 8, 8, 9, 9, 90)]), log(5))
     assert (ten.low, ten.high, ten.verdict) == (log(6), log(9), "reproduced")
-
-
-def test_a_run_that_was_stopped_is_not_against_a_claim():
-    got, most = effects(*[[-inf]] * 8), effects(*[[log(3)]] * 8)
-    assert judge_factors(got, log(2)).verdict == "opposite"
-    assert judge_factors(got, log(2), most).verdict == "not decided"
-    assert judge_factors(got, log(4), most).verdict == "less than half"

@@ -14,38 +14,26 @@ from research.fit.run import PLOT, BenchSettings, table, to_folder
 
 Datasets = Annotated[
     list[Path] | None,
-    typer.Argument(
-        metavar="DATASET",
-        show_default=False,
-        help="Folders of posed photos to fit as well: nerfstudio (transforms.json) or COLMAP.",
-    ),
+    typer.Argument(metavar="DATASET", help="Folders of posed photos with points to fit as well."),
 ]
-Seconds = Annotated[
-    float, typer.Option("--seconds", min=0.1, help="Budget of each fit; measuring takes none.")
-]
-Synthetic = Annotated[
-    int, typer.Option("--synthetic", min=0, max=2, help="Number of synthetic captures.")
-]
-Quality = Annotated[str, typer.Option("--quality", help="Preset of gsedit fit, but its budget.")]
-Moments = Annotated[
-    int, typer.Option("--moments", min=1, help="How many times each fit is measured.")
-]
-Size = Annotated[int, typer.Option("--size", min=1, help="Longer side of the photos, pixels.")]
+AtLeast1 = Annotated[int, typer.Option(min=1)]
 
 
 def fit(
     datasets: Datasets = None,
     out: Output = Path("out/fit"),
-    seconds: Seconds = 90.0,
-    size: Size = 256,
-    synthetic: Synthetic = 2,
-    moments: Moments = 5,
-    quality: Quality = "draft",
+    seconds: Annotated[float, typer.Option(min=0.1)] = 90.0,
+    size: AtLeast1 = 256,
+    synthetic: Annotated[int, typer.Option(min=0, max=2)] = 2,
+    moments: AtLeast1 = 5,
+    quality: str = "draft",
     quick: Quick = False,
 ) -> None:
     """Compare gsedit's recipe with gsplat's default one, both with gsedit's renderer.
 
-    Writes fit.jsonl, fit.md and fit.png, and keeps the photos of the synthetic captures.
+    Each fit has so many `seconds` and is measured at `moments`; photos have a longer side of
+    `size`; at most two `synthetic` captures. Writes fit.jsonl, fit.md and fit.png, and keeps the
+    photos of the synthetic captures.
     """
     require_new(out)
     if quality not in QUALITIES:

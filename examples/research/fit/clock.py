@@ -1,10 +1,13 @@
-"""Seconds that a measurement can stop, so that what it measures does not pay for it."""
+"""Seconds that a measurement can stop, and what both recipes give at a moment."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import NamedTuple
+
+from rasterizer.scene import Gaussians
 
 
 class Clock:
@@ -25,3 +28,12 @@ class Clock:
             yield
         finally:
             self._began += self._read() - stopped
+
+
+class Moment(NamedTuple):
+    """A fit in progress. It shows the scene as it is: measure it before the fit goes on."""
+
+    seconds: float
+    """That the fit took so far."""
+    steps: int
+    scene: Gaussians

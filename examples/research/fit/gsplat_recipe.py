@@ -27,7 +27,7 @@ from rasterizer.numerics import AUTO, Execution
 from rasterizer.project import rotation_matrices
 from rasterizer.render import render
 from rasterizer.scene import Gaussians, concatenate
-from research.fit.moments import Moment
+from research.fit.clock import Moment
 
 RATES = {"means": 1.6e-4, "log_scales": 5e-3, "quats": 1e-3, "logit_opacities": 5e-2, "sh": 2.5e-3}
 """That of positions times the scene's extent; view-dependent color 1/20 of "sh"."""
@@ -81,21 +81,16 @@ def gsplat_fit(
     moments: int,
     clock: Callable[[], float],
     generator: torch.Generator,
-    scaled: bool,
     execution: Execution = AUTO,
     settings: GsplatSettings = GsplatSettings(),
 ) -> Iterator[Moment]:
     """Fit to the training photos for so many of the clock's seconds; the scene at evenly spaced
     moments, the last at the end. The dataset must have points.
-
-    `scaled`: step s of the recipe's 30,000 comes at s / 30,000 of the budget, as gsplat's
-    `steps_scaler` does where the number of steps is known; otherwise each step is one of them.
     """
     run = _Run(data, generator, execution, settings)
     step, due = 0, 1
-    while (spent := clock()) < seconds:
-        now = int(settings.steps * spent / seconds) if scaled else step
-        run.step(now)
+    while clock() < seconds:
+        run.step(step)
         step += 1
         if (spent := clock()) >= due * seconds / moments and spent < seconds:
             due = int(spent * moments / seconds) + 1

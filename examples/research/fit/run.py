@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import torch
 
-from gsedit.bench.provenance import provenance
+from gsedit.bench.provenance import Provenance, provenance
 from gsedit.bench.results import markdown_table, write_measurements, write_text
 from gsedit.datasets.dataset import Dataset, View
 from gsedit.datasets.load import load_dataset
@@ -27,15 +27,29 @@ from gsedit.runs.events import Checkpoint, Event
 from gsedit.scene.picture import render_picture
 from rasterizer.numerics import Execution
 from rasterizer.scene import Gaussians
+from research.figures import draw_errors
 from research.fit import captures
-from research.fit.clock import Clock
+from research.fit.clock import Clock, Moment
 from research.fit.gsplat_recipe import gsplat_fit
-from research.fit.moments import FitMeasurement, Moment
-from research.fit.plot import error_against_seconds
 
 ROWS, TABLE, PLOT = "fit.jsonl", "fit.md", "fit.png"
 FILES = (ROWS, TABLE, PLOT)
-OURS, SCALED, PLAIN = "gsedit", "gsplat, steps scaled to the budget", "gsplat, its own steps"
+OURS, GSPLAT = "gsedit", "gsplat, its own steps"
+
+
+@dataclass(frozen=True)
+class FitMeasurement:
+    """Result of a recipe on a capture at a moment."""
+
+    capture: str
+    recipe: str
+    seconds: float
+    steps: int
+    gaussians: int
+    psnr: float
+    ssim: float
+    perceptual: float | None
+    provenance: Provenance
 
 
 class Quality(NamedTuple):
@@ -108,12 +122,6 @@ def our_fit(data: Dataset, settings: BenchSettings, clock: Callable[[], float]) 
             yield Moment(clock(), item.steps, item.scene)
 
 
-def recipes(first: bool) -> tuple[str, ...]:
-    """Those that a capture is fitted by. gsplat's own steps lead in short budgets; scaled ones
-    densify on the gradients of few photos: only the `first` capture shows those too."""
-    return (OURS, PLAIN, SCALED) if first else (OURS, PLAIN)
-
-
 def fits(
     name: str,
     data: Dataset,
@@ -135,7 +143,6 @@ def fits(
             moments=settings.moments,
             clock=clock,
             generator=torch.Generator().manual_seed(settings.seed),
-            scaled=recipe == SCALED,
             execution=settings.execution,
         )
     for moment in steps:
@@ -173,7 +180,11 @@ def to_folder(
     rows: list[FitMeasurement] = []
     yield from write_measurements(_all(settings, folder, read), folder / ROWS, rows)
     write_text(folder / TABLE, table(rows) + "\n")
-    error_against_seconds(rows, folder / PLOT)
+    panels: dict[str, dict[str, list[tuple[float, float]]]] = {}
+    for row in rows:
+        line = panels.setdefault(row.capture, {}).setdefault(row.recipe, [])
+        line.append((row.seconds, row.psnr))
+    draw_errors(panels, folder / PLOT, cost="seconds", error="PSNR, dB", logarithmic=False)
 
 
 def _all(
@@ -181,8 +192,8 @@ def _all(
 ) -> Iterator[Event | FitMeasurement]:
     began = time.monotonic()
     yield Event("photos", 0.0, note="synthetic photos are traced where they are not there yet")
-    for i, (name, data) in enumerate(load_captures(settings, folder / "captures")):
-        for recipe in recipes(first=i == 0):
+    for name, data in load_captures(settings, folder / "captures"):
+        for recipe in (OURS, GSPLAT):
             for row in fits(name, data, recipe, settings, read):
                 yield row
                 note = f"{name}, {recipe}: {row.psnr:.2f} dB at {row.seconds:.0f} s"

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from itertools import product
 from typing import Any
 
 from gsedit.measures.perceptual import is_installed
 from research.paper.runs import Arm
 
-PAPER, DEFAULT, ITERATIVE, COMBINED = "paper", "default", "iterative", "combined"
-SHARED_ITERATIVE = "iterative, shared noise"
+PAPER, DEFAULT, ITERATIVE = "paper", "default", "iterative"
 SAME_VIEWS: dict[str, dict[str, Any]] = {PAPER: {"batches": 3}, DEFAULT: {"batches": 4}}
 """Twelve views for both: batches of 4 as printed, of 3 by default."""
 IN2N_STEPS = 20
@@ -54,14 +52,6 @@ BASES = {
     f"{DEFAULT}: Adam, 30 Gram": f"{DEFAULT}: Adam",
 }
 """Arms that differ in one thing from another arm than their preset."""
-FACTORS: dict[str, Mapping[str, Any]] = {
-    "consensus": {"sampler.consensus": False},
-    "shared noise": {"sampler.noise": "independent"},
-    "planned views": {"view_plan": "random"},
-    "solve": {"update.stepped": True},
-}
-"""Parts of the default, by the settings that leave them out. Without consensus nothing is
-harmonised or tied to finished views either."""
 
 
 def base_of(label: str) -> str | None:
@@ -79,16 +69,14 @@ def preset_arms(preset: str) -> Iterator[Arm]:
             yield Arm(f"{preset}: {label}", preset, settings={**same, **settings})
 
 
-def baseline_arms(steps: int, further: int) -> list[Arm]:
-    """Instruct-NeRF2NeRF's update, the same with noise that all edits share, and the combination.
+def baseline_arms(steps: int) -> list[Arm]:
+    """Instruct-NeRF2NeRF's update.
 
     The loss and everything else is as the paper's method has it.
     """
     edits = {"sampler.steps": IN2N_STEPS}
     return [
         Arm(ITERATIVE, PAPER, "iterative", {"total_steps": steps}, edits),
-        Arm(SHARED_ITERATIVE, PAPER, "iterative-shared", {"total_steps": steps}, edits),
-        Arm(COMBINED, PAPER, "combined", {"further_steps": further}, SAME_VIEWS[PAPER]),
     ]
 
 
@@ -104,17 +92,3 @@ def t_end_arms() -> list[Arm]:
 def t_end_label(steps: int) -> str:
     """Label of the arm with averaging in so many steps."""
     return PAPER if steps == PAPER_T_END else f"{PAPER}: T_end = {steps}"
-
-
-def factorial_arms() -> Iterator[Arm]:
-    """Every combination of FACTORS in the default."""
-    for on in product((True, False), repeat=len(FACTORS)):
-        settings: dict[str, Any] = dict(SAME_VIEWS[DEFAULT])
-        for used, changed in zip(on, FACTORS.values()):
-            settings |= {} if used else changed
-        yield Arm(corner_label(on), DEFAULT, settings=settings)
-
-
-def corner_label(on: tuple[bool, ...]) -> str:
-    """Label of the combination with these factors."""
-    return "with " + (", ".join(f for f, used in zip(FACTORS, on) if used) or "none")

@@ -8,7 +8,7 @@ from math import exp, inf, log
 from typing import Any
 
 from gsedit.bench.results import markdown_table
-from research.paper.arms import COMBINED, DEFAULT, ITERATIVE, PAPER, PERCEPTUAL, t_end_label
+from research.paper.arms import DEFAULT, ITERATIVE, PAPER, PERCEPTUAL, t_end_label
 from research.paper.summary import Row
 from research.paper.verdicts import Effects, Judgement, by_editor, judge, judge_factors
 
@@ -39,16 +39,11 @@ class Claim:
     """An effect in words."""
     is_factor: bool = False
     """Whether the effects are logarithms of factors, -inf of a run that does not get there."""
-    most: Callable[[Summary], Effects] | None = None
-    """Upper bounds of such effects, where runs were stopped before they could tell."""
 
     def judge(self, summary: Summary, editor: str | None = None) -> Judgement | None:
         """Judge the effect with one editor, or with all; None where none was measured."""
         found = of_editor(self.effects(summary), editor)
-        if not self.is_factor:
-            return judge(found, self.half)
-        most = of_editor(self.most(summary), editor) if self.most else None
-        return judge_factors(found, self.half, most)
+        return judge_factors(found, self.half) if self.is_factor else judge(found, self.half)
 
 
 def of_editor(effects: Effects, editor: str | None) -> Effects:
@@ -140,26 +135,6 @@ def _speed(arm: str, regime: str) -> Callable[[Summary], Effects]:
     return found
 
 
-def _further(*, is_stopped: bool) -> Callable[[Summary], Effects]:
-    """Steps from scratch over further steps after the single pass; of runs that do not get there,
-    nothing, or what they would have if they got there at the next step (`is_stopped`)."""
-
-    def factor(race: Row) -> float:
-        steps = race["further_steps"]
-        if steps is None:
-            steps = race["further_most"] if is_stopped else inf
-        return log_factor(race["steps_from_scratch"] / max(steps, 1))
-
-    def found(summary: Summary) -> Effects:
-        races = (
-            race for race in summary["races"]
-            if race["arm"] == COMBINED and race["further_most"] is not None
-        )  # fmt: skip
-        return gathered((race["scene"], race["editor"], factor(race)) for race in races)
-
-    return found
-
-
 TEN_TIMES = "10 times: 5"
 ONE_DB = f"no size given; {LEAST_DB:g} dB: {LEAST_DB / 2:g}"
 A_FIFTH = f"no size given; {LEAST_SHARPNESS:g} of the exact edit's gradient energy: 0.1"
@@ -176,7 +151,6 @@ def _faster(arm: str, regime: str, note: str) -> Claim:
 
 CLAIMS: Sequence[Claim] = (
     _faster(PAPER, "real", "as printed, at the cost of InstructPix2Pix here"),
-    _faster(PAPER, "paper", "as printed, at the paper's costs"),
     _faster(PAPER, "measured", "as printed, as measured"),
     _faster(DEFAULT, "real", "gsedit's default, at the cost of InstructPix2Pix here"),
     Claim("... with comparable quality in the end", "abstract, section 5.1",
@@ -197,9 +171,6 @@ CLAIMS: Sequence[Claim] = (
     Claim("... and it is sharper than with the LPIPS loss of Instruct-NeRF2NeRF",
           "figure 11, section 5.2", pairs(PAPER, f"{PAPER}: {PERCEPTUAL}", _nearer),
           LEAST_SHARPNESS / 2, NEARER, _number),
-    Claim("After the single pass, combined needs 800 further steps for what iterative does in 3000",
-          "section 5.2, figure 10", _further(is_stopped=False), log(3.75 / 2),
-          "3.75 times fewer: 1.9", _factor, is_factor=True, most=_further(is_stopped=True)),
 )  # fmt: skip
 
 

@@ -90,8 +90,6 @@ class Record:
     """Gradient energy of the edited pictures, over that of the exact edit (else the unedited)."""
     sharpness: float
     """Gradient energy of the edited scene at held-out cameras, over that of the reference."""
-    similarity: tuple[float, ...]
-    """CLIP's similarity to the text of the result at each point of the curve; empty without it."""
     cpu: float
     """Processor seconds of the whole run, its measurements included."""
     threads: int
@@ -117,8 +115,7 @@ def read_record(path: Path) -> Record:
     try:
         fields = read_json(path)["record"]
         curve = [Point(**{**p, "errors": tuple(p["errors"])}) for p in fields["curve"]]
-        similarity = tuple(fields["similarity"])
-        return Record(**{**fields, "curve": tuple(curve), "similarity": similarity})
+        return Record(**{**fields, "curve": tuple(curve)})
     except (InputError, ValueError, TypeError, KeyError) as error:
         raise InputError(
             f"{path}: not a run of research.paper ({error}); delete it, and it is run again"

@@ -7,18 +7,15 @@ from dataclasses import asdict
 from typing import Any
 
 from gsedit.measures.decibels import psnr_from_rmse
-from research.paper.arms import ITERATIVE, PAPER
-from research.paper.costs import PAPER_EVALUATION, PAPER_STEP, Costs, regimes
+from research.paper.arms import ITERATIVE
+from research.paper.race import AS_GOOD, REAL_EVALUATION, final_error, race, regimes
 from research.paper.runs import Record, Run
-from research.paper.statistics import AS_GOOD, Race, final_error, race
-from research.paper.studies import BRANCHES, Size, Study, distinct, estimate
+from research.paper.studies import BRANCHES, Size, Study, distinct
 
 Records = Mapping[str, Record]
 """By the key of the run."""
 Row = Mapping[str, Any]
 """A run of a summary: arm, editor, scene, seed, and each of METRICS."""
-RATIOS = tuple(10 ** (k / 4) for k in range(-12, 17))
-"""Costs of an evaluation in fitting steps, from a thousandth to ten thousand."""
 
 METRICS: dict[str, Callable[[Record], float | None]] = {
     "final_db": lambda record: psnr_from_rmse(final_error(record)),
@@ -29,22 +26,16 @@ METRICS: dict[str, Callable[[Record], float | None]] = {
     "target_sharpness": lambda record: record.target_sharpness,
     "sharpness": lambda record: record.sharpness,
     "matched": lambda record: record.matched,
-    "calls": lambda record: record.curve[-1].calls,
-    "evaluations": lambda record: record.curve[-1].evaluations,
-    "steps": lambda record: record.curve[-1].steps,
-    "seconds": lambda record: record.curve[-1].seconds,
     "cpu": lambda record: record.curve[-1].cpu,
-    "editing_cpu": lambda record: record.curve[-1].editing_cpu,
-    "similarity": lambda record: record.similarity[-1] if record.similarity else None,
 }
 
 
 def summarise(
-    size: Size, studies: Sequence[Study], records: Records, real: float, failed: Mapping[str, str]
+    size: Size, studies: Sequence[Study], records: Records, failed: Mapping[str, str]
 ) -> dict[str, Any]:
     """The numbers of all runs that are done, and what is not.
 
-    `real`: seconds of an evaluation of a real editor. `failed`: errors by the key of the run.
+    `failed`: errors by the key of the run.
     """
     runs = distinct(studies)
     done = [records[key] for key in runs if key in records]
@@ -64,14 +55,11 @@ def summarise(
         "dates": [min((r.date for r in done), default=""), max((r.date for r in done), default="")],
         "cpu_hours": sum(record.cpu for record in done) / 3600,
         "costs": {
-            "real_evaluation_seconds": real,
-            "paper_step_seconds": PAPER_STEP,
-            "paper_evaluation_seconds": PAPER_EVALUATION,
+            "real_evaluation_seconds": REAL_EVALUATION,
             "as_good_factor": AS_GOOD,
         },
-        "plan": estimate(studies, records),
         "rows": [row for study in studies for row in _rows(study, records)],
-        "races": list(_races(studies, records, real)),
+        "races": list(_races(studies, records)),
     }
 
 
@@ -90,37 +78,22 @@ def _rows(study: Study, records: Records) -> Iterator[dict[str, Any]]:
             }  # fmt: skip
 
 
-def _races(studies: Sequence[Study], records: Records, real: float) -> Iterator[dict[str, Any]]:
-    """Every arm's race against iterative on its scene, editor and seed, and the processor seconds
-    of an evaluation and of a step there."""
+def _races(studies: Sequence[Study], records: Records) -> Iterator[dict[str, Any]]:
+    """Every arm's race against iterative on its scene, editor and seed."""
     runs = [run for study in studies for run in study.runs if run.key in records]
     of = {(r.arm.label, r.case, r.editor, r.seed): records[r.key] for r in runs}
     for (label, case, editor, seed), record in of.items():
         against = of.get((ITERATIVE, case, editor, seed))
         if against is None or record is against:
             continue
-        found, alone = race(record, against), of.get((PAPER, case, editor, seed))
+        found = race(record, against)
         half = race(record, against, share=0.5)
-        begun, end = alone.curve[-1].steps if alone else None, against.curve[-1]
-        costs = regimes(real, BRANCHES[editor])
+        costs = regimes(BRANCHES[editor])
         yield {
             "arm": label, "editor": editor, "scene": case.name, "seed": seed,
             **{name: found.speed_up(each) for name, each in costs.items()},
             **{f"half_{name}": half.speed_up(each) for name, each in costs.items()},
-            "by_ratio": [found.speed_up(Costs("", ratio, 1.0)) for ratio in RATIOS],
-            "steps_from_scratch": found.iterative.steps,
-            "further_steps": _further(found, begun),
-            "further_most": None if begun is None else record.curve[-1].steps - begun,
-            "evaluation_s": end.editing_cpu / max(end.evaluations, 1),
-            "step_s": (end.cpu - end.editing_cpu) / max(end.steps, 1),
         }  # fmt: skip
-
-
-def _further(found: Race, begun: int | None) -> int | None:
-    """Steps after those of the single pass; None where the error is not reached."""
-    if found.own is None or begun is None:
-        return None
-    return max(0, found.own.steps - begun)
 
 
 def _decibels(error: float | None) -> float | None:

@@ -1,28 +1,23 @@
-"""Tables of the report and of docs/measurements/paper.md, from summary.json alone."""
+"""Tables of the report, from the summary alone."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import chain, combinations, product
+from collections.abc import Callable, Mapping, Sequence
+from itertools import chain, product
 from math import exp, inf
-from pathlib import Path
-from statistics import fmean, median
+from statistics import fmean, median, stdev
 from typing import Any
 
-from gsedit.bench.results import markdown_table, write_text
+from gsedit.bench.results import markdown_table
 from research.paper.arms import (
-    COMBINED,
     DEFAULT,
-    FACTORS,
     ITERATIVE,
     PAPER,
     T_END_STEPS,
     base_of,
-    corner_label,
     t_end_label,
 )
-from research.paper.claims import difference, gathered, in_words, log_factor, of_editor
-from research.paper.statistics import spread
+from research.paper.claims import difference, in_words, log_factor, of_editor
 from research.paper.summary import Row
 from research.paper.verdicts import Judgement, judge
 
@@ -39,13 +34,12 @@ COLUMNS: dict[str, tuple[str, int]] = {
 }
 """Title and digits of the columns of arms."""
 NOT_RUN = "Not run."
-WITH_OTHERS = ", the others there"
 EFFECTS = ("final_db", "residual_db", "disagreement", "sharpness")
 """Metrics whose change by each arm is shown."""
 
 
 def tables(summary: Numbers) -> dict[str, str]:
-    """Markdown by the name that docs/measurements/paper.md has between its markers."""
+    """Tables in Markdown, by the names of the sections."""
     labels = list(dict.fromkeys(row["arm"] for row in summary["rows"]))
     t_end = [t_end_label(steps) for steps in T_END_STEPS]
     changed = {
@@ -54,24 +48,13 @@ def tables(summary: Numbers) -> dict[str, str]:
     }
     found = {
         "conditions": conditions(summary),
-        "plan": summary["plan"],
         "paper-arms": changes_table(summary, changed["paper"]),
         "default-arms": changes_table(summary, changed["default"]),
-        "strategies": arms_table(summary, [PAPER, DEFAULT, ITERATIVE, *_baselines(labels)]),
-        "repeats": arms_table(_of_study(summary, "repeats"), [PAPER, ITERATIVE]),
+        "strategies": arms_table(summary, [PAPER, DEFAULT, ITERATIVE]),
         "speed-up": speed_up_table(summary),
         "t-end": arms_table(summary, t_end),
-        "factorial": factorial_table(summary),
     }
     return {name: text or NOT_RUN for name, text in found.items()}
-
-
-def _of_study(summary: Numbers, study: str) -> Numbers:
-    return {**summary, "rows": [row for row in summary["rows"] if row["study"] == study]}
-
-
-def _baselines(labels: Sequence[str]) -> list[str]:
-    return [each for each in labels if each in (COMBINED, f"{ITERATIVE}, shared noise")]
 
 
 def conditions(summary: Numbers) -> str:
@@ -82,8 +65,7 @@ def conditions(summary: Numbers) -> str:
         f"{summary['runs']} of {summary['planned']} runs of `python -m research.paper{quick}`, "
         f"{summary['cpu_hours']:.2f} processor hours: synthetic scenes of {size['gaussians']} "
         f"Gaussians, {size['views']} views of {size['pixels']} pixels, every eighth held out; "
-        f"{size['iterative_steps']} steps of iterative, {size['further_steps']} further ones of "
-        f"combined (the paper: 3000 and 800). {'; '.join(summary['machines'])}; "
+        f"{size['iterative_steps']} steps of iterative. {'; '.join(summary['machines'])}; "
         f"{', '.join(map(str, summary['threads']))} thread a run; "
         f"{' to '.join(summary['dates'])}; commit {', '.join(summary['commits'])}. "
         f"InstructPix2Pix takes {costs['real_evaluation_seconds']:g} s an evaluation; an error is "
@@ -137,57 +119,6 @@ def change(summary: Numbers, label: str, base: str, editor: str, name: str) -> J
     return judge(of_editor(difference(label, base, name)(summary), editor), 0.0)
 
 
-def factorial_effects(summary: Numbers, name: str) -> dict[str, Judgement]:
-    """The effect on a metric of each factor: on average over all combinations of the others, with
-    all the others there, and of each two together beyond both alone.
-
-    Only scenes and seeds that have every combination count.
-    """
-    corners = list(product((True, False), repeat=len(FACTORS)))
-    labels = {corner_label(on): on for on in corners}
-    places: dict[tuple[str, str, int], dict[tuple[bool, ...], float]] = {}
-    for row in summary["rows"]:
-        if row["study"] == "factorial" and row["arm"] in labels:
-            place = row["scene"], row["editor"], row["seed"]
-            places.setdefault(place, {})[labels[row["arm"]]] = row[name]
-    whole = {place: found for place, found in places.items() if len(found) == len(corners)}
-    factors = list(FACTORS)
-    named = {factor: _contrasts(whole, [k]) for k, factor in enumerate(factors)}
-    named |= {f"{factor}{WITH_OTHERS}": _simple(whole, k) for k, factor in enumerate(factors)}
-    named |= {
-        f"{factors[i]} and {factors[k]}": _contrasts(whole, [i, k])
-        for i, k in combinations(range(len(factors)), 2)
-    }
-    judged = {effect: judge(gathered(found), 0.0) for effect, found in named.items()}
-    return {effect: found for effect, found in judged.items() if found}
-
-
-def _contrasts(places: Mapping[Any, Any], factors: Sequence[int]) -> Iterator[Any]:
-    """(scene, editor, contrast): the mean of the corners, with the sign of the factors' product,
-    times 2 a factor."""
-    for (scene, editor, _), corners in places.items():
-        signed = [value * (-1) ** sum(not on[k] for k in factors) for on, value in corners.items()]
-        yield scene, editor, 2 ** len(factors) * sum(signed) / len(signed)
-
-
-def _simple(places: Mapping[Any, Any], factor: int) -> Iterator[Any]:
-    """(scene, editor, effect of the factor where all the others are there)."""
-    for (scene, editor, _), corners in places.items():
-        rest = tuple(k != factor for k in range(len(FACTORS)))
-        yield scene, editor, corners[(True,) * len(FACTORS)] - corners[rest]
-
-
-def factorial_table(summary: Numbers) -> str:
-    """A row an effect."""
-    found = {name: factorial_effects(summary, name) for name in EFFECTS}
-    rows = [
-        (effect, *(in_words(found[name][effect], _digits(name)) for name in EFFECTS))
-        for effect in found["final_db"]
-    ]
-    head = ("with, less without", *(COLUMNS[name][0] for name in EFFECTS))
-    return markdown_table(head, rows) if rows else ""
-
-
 def _digits(name: str) -> Callable[[float], str]:
     return lambda x: f"{x:+.{COLUMNS[name][1] + 1}f}"
 
@@ -195,17 +126,17 @@ def _digits(name: str) -> Callable[[float], str]:
 def speed_up_table(summary: Numbers) -> str:
     """How much sooner each arm reaches iterative's errors; a row an editor and arm."""
     rows = []
-    shown = (PAPER, DEFAULT, COMBINED, f"{ITERATIVE}, shared noise")
+    shown = (PAPER, DEFAULT)
     for editor, label in product(_editors(summary), shown):
         group = [r for r in summary["races"] if (r["editor"], r["arm"]) == (editor, label)]
         if group:
             cells = []
-            for names in (("half_real",), ("real", "measured", "paper")):
+            for names in (("half_real",), ("real", "measured")):
                 reached = sum(race[names[0]] > 0 for race in group)
                 cells += [f"{reached} of {len(group)}", *(_times(group, name) for name in names)]
             rows.append((f"{editor}: {label}", *cells))
     head = ("editor: arm", "half of the way: reached", "InstructPix2Pix here", "all: reached",
-            "InstructPix2Pix here", "as measured", "paper's costs")  # fmt: skip
+            "InstructPix2Pix here", "as measured")  # fmt: skip
     return markdown_table(head, rows) if rows else ""
 
 
@@ -231,29 +162,8 @@ def _spread(rows: Sequence[Row], name: str, digits: int) -> str:
         if row[name] is not None:
             by_scene.setdefault(row["scene"], []).append(row[name])
     scenes = list(by_scene.values())
-    if not (numbers := spread(map(fmean, scenes) if len(scenes) > 1 else chain(*scenes))):
+    numbers = [*(map(fmean, scenes) if len(scenes) > 1 else chain(*scenes))]
+    if not numbers:
         return ""
-    text = f"{numbers.mean:.{digits}f}"
-    return f"{text} ± {numbers.deviation:.{digits}f}" if numbers.deviation and digits else text
-
-
-def write_tables(text: str, found: Mapping[str, str]) -> str:
-    """The text with what stands between each pair of markers replaced by the table of that name.
-
-    A pair is `<!-- NAME -->` and `<!-- end NAME -->`, each on a line of its own.
-    """
-    for name, table in found.items():
-        text = _replaced(text, name, table)
-    return text
-
-
-def write_page(page: Path, found: Mapping[str, str]) -> None:
-    """Replace the tables of a page, as `write_tables` does."""
-    write_text(page, write_tables(page.read_text(encoding="utf-8"), found))
-
-
-def _replaced(text: str, name: str, table: str) -> str:
-    begin, end = f"<!-- {name} -->\n", f"<!-- end {name} -->"
-    head, found, rest = text.partition(begin)
-    _, closed, tail = rest.partition(end)
-    return f"{head}{begin}\n{table}\n\n{end}{tail}" if found and closed else text
+    text, deviation = f"{fmean(numbers):.{digits}f}", stdev(numbers) if len(numbers) > 1 else 0.0
+    return f"{text} ± {deviation:.{digits}f}" if deviation and digits else text

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain
 from math import inf, sqrt
 from typing import Literal, NamedTuple
@@ -69,21 +69,18 @@ def judge(effects: Effects, half: float) -> Judgement | None:
     return _judged(effects, effect, (low, high), half)
 
 
-def judge_factors(effects: Effects, half: float, most: Effects | None = None) -> Judgement | None:
+def judge_factors(effects: Effects, half: float) -> Judgement | None:
     """Judge logarithms of factors, -inf of a run that does not get there; None without runs.
 
     The effect is the median over an editor's and scene's seeds, then over all editors and scenes.
     The interval is of order statistics, so it asks only which are larger; fewer than six tell none.
-    `most`: upper bounds of the same runs, where a run was stopped before it could tell.
     """
     found = _medians(effects)
     if not found:
         return None
-    rank, bounds = _rank(len(found)), _medians(most or effects)
-    ends = (found[rank - 1], bounds[-rank]) if rank else (-inf, inf)
-    judged = _judged(effects, statistics.median(found), ends, half)
-    against = _judged(effects, statistics.median(bounds), ends, half).verdict
-    return replace(judged, verdict=against) if judged.high < 0 else judged
+    rank = _rank(len(found))
+    ends = (found[rank - 1], found[-rank]) if rank else (-inf, inf)
+    return _judged(effects, statistics.median(found), ends, half)
 
 
 def by_editor(effects: Effects) -> dict[str, list[Sequence[float]]]:

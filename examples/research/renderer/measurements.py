@@ -1,14 +1,12 @@
-"""Measurements of renderers: read from JSON lines, as a Markdown table, against earlier ones."""
+"""Measurements of the renderer: as records and a Markdown table."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import groupby
-from pathlib import Path
 
 from gsedit.bench.results import markdown_table
-from gsedit.runs.json_lines import read_lines
 
 OURS = "gsedit"
 
@@ -22,7 +20,7 @@ class RenderMeasurement:
 
     scene: str
     implementation: str
-    """gsedit, a baseline, or a peer with its version."""
+    """gsedit or a baseline."""
     knob: str
     """The setting that differs from the defaults; "default" where none does."""
     value: str
@@ -33,8 +31,6 @@ class RenderMeasurement:
     """Number of (tile, Gaussian) pairs."""
     evaluated: int
     """Pixel-pairs in those tiles."""
-    contributing: int
-    """Pixel-pairs that change the picture. All three counts are gsedit's, for peers too."""
     dtype: str
     threads: int
     runs: int
@@ -74,15 +70,6 @@ class RenderMeasurement:
         return "default" if self.knob == "default" else f"{self.knob} {self.value}"
 
 
-def read_measurements(path: Path) -> list[RenderMeasurement]:
-    """The measurements of a bench.jsonl; an unfinished last line is left out.
-
-    Raises InputError naming the file and the line where a line is not a measurement.
-    """
-    advice = "give a bench.jsonl of python -m research.renderer"
-    return read_lines(path, RenderMeasurement, kind="a measurement", advice=advice)
-
-
 HEAD = (
     "", "fwd ms", "Y", "CPU Y", "both ms", "Y", "CPU Y", "mean error", "99.9 %", "max",
     "gradients", "1 - cos", "peak MB", "n",
@@ -110,10 +97,10 @@ _LEGEND = (
 
 
 def _heading(scene: str, row: RenderMeasurement) -> str:
-    pairs = " / ".join(_millions(n) for n in (row.pairs, row.evaluated, row.contributing))
+    pairs = " / ".join(_millions(n) for n in (row.pairs, row.evaluated))
     return (
         f"## {scene}\n\n{row.gaussians:,} Gaussians, {row.width}x{row.height}, {row.dtype}; "
-        f"{pairs} million pairs tiled / evaluated / contributing; {row.threads} "
+        f"{pairs} million pairs tiled / evaluated; {row.threads} "
         f"thread{'s' * (row.threads > 1)} of {row.machine}; commit {row.commit}, {row.date[:10]}"
     )
 
@@ -143,28 +130,4 @@ def _cells(row: RenderMeasurement) -> list[str]:
         error(row.gradient_error), error(gap),
         "" if row.peak_bytes is None else f"{row.peak_bytes / 1e6:.0f}",
         str(row.runs) if row.runs else "",
-    ]  # fmt: skip
-
-
-def comparison(new: Iterable[RenderMeasurement], old: Iterable[RenderMeasurement]) -> str:
-    """Markdown: new medians over old ones, in yardsticks, of the rows that both have."""
-    earlier = {(row.scene, row.label): row for row in old}
-    lines = [
-        [f"{row.scene}: {row.label}", *_ratios(row, earlier[row.scene, row.label])]
-        for row in new
-        if (row.scene, row.label) in earlier
-    ]
-    return markdown_table(("new / old", "forward", "both", "mean error", "peak memory"), lines)
-
-
-def _ratios(new: RenderMeasurement, old: RenderMeasurement) -> list[str]:
-    def ratio(name: str, *, timed: bool = False) -> str:
-        a, b = getattr(new, name), getattr(old, name)
-        if timed and a and b and new.yardstick and old.yardstick:
-            a, b = a / new.yardstick, b / old.yardstick
-        return f"{a / b:.2f}" if a and b else ""
-
-    return [
-        ratio("forward_wall", timed=True), ratio("both_wall", timed=True),
-        ratio("error_mean"), ratio("peak_bytes"),
     ]  # fmt: skip

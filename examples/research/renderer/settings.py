@@ -17,7 +17,7 @@ from rasterizer import Camera, Execution, Gaussians, Numerics, render
 from rasterizer.numerics import AUTO, DEFAULT
 from rasterizer.reference import render_reference
 
-BASELINE, PEERS = "baseline", "peers"
+BASELINE = "baseline"
 TORCH = replace(AUTO, kernel="torch")
 
 
@@ -82,9 +82,8 @@ KNOBS: dict[str, Callable[[], list[Setting]]] = {
     "degree": lambda: [Setting("degree", str(n), degree=n) for n in range(4)],
     "resolution": _resolutions,
     BASELINE: lambda: [Setting(BASELINE, "textbook conic", textbook=True)],
-    PEERS: list,
 }
-"""Values to try, by knob; peers are listed in peers.py."""
+"""Values to try, by knob."""
 
 
 def parse_knobs(text: str) -> tuple[str, ...]:

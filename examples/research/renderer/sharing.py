@@ -11,7 +11,6 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from math import inf
 from typing import Any, NamedTuple
 
 import torch
@@ -19,8 +18,6 @@ import torch
 from gsedit.datasets.dataset import Dataset
 from gsedit.fitting.fit import fit_steps
 from gsedit.fitting.settings import FitSettings
-from gsedit.runs import step_threads
-from gsedit.runs.step_threads import LEAST_WAITING
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians, traced_dataset
 from rasterizer.numerics import AUTO, Kernel
 from rasterizer.scene import Gaussians
@@ -55,12 +52,9 @@ class Sharing:
     """One beside a loop that keeps one processor."""
 
 
-def measure_sharing(kernel: Kernel, runs: int, seconds: float, *, watched: bool = True) -> Sharing:
-    """Medians over runs that take turns, each of so many seconds a case.
-
-    Not `watched`: all threads are taken whatever other programs do.
-    """
-    count = partial(count_steps, kernel, watched=watched)
+def measure_sharing(kernel: Kernel, runs: int, seconds: float) -> Sharing:
+    """Medians over runs that take turns, each of so many seconds a case."""
+    count = partial(count_steps, kernel)
     with (
         Worker() as first,
         Worker() as second,
@@ -89,14 +83,8 @@ def _turn(
     return spinning / alone, two / alone, busy / alone
 
 
-def count_steps(
-    kernel: Kernel, seconds: float, size: FitSize = FIT_SIZE, *, watched: bool = True
-) -> float:
-    """Steps in a second of a fit that begins, and knows of no other program; 0 seconds: none.
-
-    `watched`: see `measure_sharing`.
-    """
-    step_threads.LEAST_WAITING = LEAST_WAITING if watched else inf
+def count_steps(kernel: Kernel, seconds: float, size: FitSize = FIT_SIZE) -> float:
+    """Steps in a second of a fit that begins, and knows of no other program; 0 seconds: none."""
     steps = _fit(kernel, size)
     began, count = time.perf_counter(), 0
     while (spent := time.perf_counter() - began) < seconds:

@@ -18,13 +18,11 @@ from gsedit.bench.renderer.accuracy import Drawn, Errors, differentiate, errors,
 from gsedit.bench.renderer.speed import Workload
 from gsedit.runs.events import Event
 from gsedit.runs.stopwatch import Stopwatch
-from rasterizer import Gaussians, Numerics
+from rasterizer import Gaussians
 from rasterizer.blending.choose import choose_backend, is_compiled
-from research.renderer import peers
-from research.renderer.contributing import contributing_pairs
 from research.renderer.measurements import OURS, RenderMeasurement
 from research.renderer.pairs import listed_pairs
-from research.renderer.settings import PEERS, Setting, draw, reduced, settings_of
+from research.renderer.settings import Setting, draw, reduced, settings_of
 from research.renderer.worker import Worker, WorkerError, peak_memory
 
 
@@ -50,36 +48,29 @@ def sweep(
     `cache`: folder that keeps the reference's pictures and gradients between runs.
     """
     stopwatch = Stopwatch()
-    installed, absent = peers.installed() if PEERS in plan.knobs else ([], [])
-    if absent:
-        yield Event("peers", 0.0, note=f"left out, not installed: {', '.join(absent)}")
     with Worker() as worker:
         for workload in workloads:
             settings = settings_of(plan.knobs, workload.scene.degree, quick=plan.quick)
-            steps = len(settings) + len(installed)
 
             def event(step: int, note: str) -> Event:
-                return Event(workload.name, stopwatch.seconds, step, steps, note=note)  # noqa: B023
+                return Event(workload.name, stopwatch.seconds, step, len(settings), note=note)  # noqa: B023
 
             yield event(0, "reference in float64")
             reference = reference_of(workload.scene, workload.camera, cache)
             bench = _WorkloadBench(workload, plan, worker, reference)
-            jobs = [partial(bench.measure, setting) for setting in settings]
-            jobs += [partial(bench.measure_peer, peer) for peer in installed]
-            for step, job in enumerate(jobs, start=1):
-                measurement = job()
+            for step, setting in enumerate(settings, start=1):
+                measurement = bench.measure(setting)
                 yield measurement
                 yield event(step, measurement.label)
 
 
 class _WorkloadBench:
-    """Measures one workload; holds its reference and the counts that several settings share."""
+    """Measures one workload; holds its reference."""
 
     def __init__(
         self, workload: Workload, plan: SweepPlan, worker: Worker, reference: Drawn
     ) -> None:
         self.workload, self.plan, self.worker, self.reference = workload, plan, worker, reference
-        self.contributing: dict[tuple[Numerics, float], int] = {}
 
     def measure(self, setting: Setting) -> RenderMeasurement:
         """Measure one way of drawing; an error becomes the measurement's note."""
@@ -124,17 +115,6 @@ class _WorkloadBench:
         except WorkerError as error:
             return None, f"peak memory: {error}"
 
-    def measure_peer(self, peer: peers.Peer) -> RenderMeasurement:
-        """Measure another renderer in the worker's process, which it may end."""
-        fields = self.fields(Setting(), peer.title(), PEERS, peer.name)
-        args = (self.workload, self.plan.runs, self.plan.budget, self.plan.pieces)
-        try:
-            result: peers.PeerResult = self.worker.call(peers.measure_peer, peer.name, *args)
-        except WorkerError as error:
-            return _measurement(fields, note=str(error))
-        wrong = errors(result.drawn, self.reference)
-        return _measurement(fields, result.forward, result.both, wrong, note=peer.remark)
-
     def fields(
         self, setting: Setting, implementation: str, knob: str, value: str
     ) -> dict[str, object]:
@@ -143,9 +123,6 @@ class _WorkloadBench:
         camera = reduced(self.workload.camera, setting.resolution)
         numerics = setting.numerics
         tiled, evaluated = listed_pairs(scene, camera, numerics, setting.execution)
-        key = (numerics, setting.resolution)
-        if key not in self.contributing:
-            self.contributing[key] = contributing_pairs(scene, camera, numerics)
         return {
             "scene": self.workload.name,
             "implementation": implementation,
@@ -156,7 +133,6 @@ class _WorkloadBench:
             "height": camera.height,
             "pairs": tiled,
             "evaluated": evaluated,
-            "contributing": self.contributing[key],
             "dtype": setting.dtype_name,
             **asdict(provenance()),
         }

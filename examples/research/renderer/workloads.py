@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from math import tan
 from pathlib import Path
 
@@ -21,17 +20,10 @@ def standard_workloads(
 ) -> list[Workload]:
     """The garden at two sizes where its points are given, scene files, and synthetic scenes.
 
-    A measurement is identified by its scene's name, so files of one name get their paths as names.
     `quick`: every 8th Gaussian and pixel. Raises InputError for a file that cannot be read,
     UsageError where nothing is left to measure.
     """
-    paths = list(dict.fromkeys(scenes))
-    files = [fitted(path) for path in paths]
-    names = [one.name for one in files]
-    files = [
-        replace(one, name=str(path)) if names.count(one.name) > 1 else one
-        for one, path in zip(files, paths)
-    ]
+    files = [fitted(path) for path in dict.fromkeys(scenes)]
     gardens = [] if points is None else [garden(scale, points) for scale in (0.25, 1.0)]
     workloads = [*gardens, *files, *synthetic()]
     if not workloads:

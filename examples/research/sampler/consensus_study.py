@@ -14,7 +14,7 @@ from gsedit.diffusion.sampler import levels_of
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.runs.stopwatch import Stopwatch
 from research.sampler.measurements import SamplerMeasurement, rms
-from research.sampler.overlapping import OverlappingViews, picture_views, texture_views
+from research.sampler.overlapping import OverlappingViews, texture_views
 
 VARIANTS: dict[str, dict[str, object]] = {
     "none, independent noise": {"consensus": False, "noise": "independent"},
@@ -40,7 +40,7 @@ def consensus_study(
 ) -> Iterator[SamplerMeasurement]:
     """Every variant of consensus at 20 steps, then the sweep of T_end; means over seeds."""
     sweep = tuple(sweep)
-    for views in groups or (texture_views(), picture_views()):
+    for views in groups or (texture_views(),):
         alone = _measurement(views, {"consensus": False, "noise": "independent"}, seeds, None)
         for variant, options in VARIANTS.items():
             yield _measurement(views, {"steps": 20, **options}, seeds, alone, variant)
@@ -83,5 +83,5 @@ def _measurement(
         disagreement=sum(views.disagreement(x) for x in results) / seeds,
         deviation=sum(map(views.deviation, results, free)) / seeds,
         contrast=contrast / alone.contrast if alone and alone.contrast else contrast,
-        strength=sum(rms(x - views.originals) for x in results) / seeds,
+        strength=sum(rms(x) for x in results) / seeds,
     )

@@ -14,7 +14,7 @@ from torch import Tensor
 from gsedit.bench.provenance import commit, machine
 from gsedit.bench.results import markdown_table
 
-Study = Literal["solver", "stiff", "consensus", "cost"]
+Study = Literal["solver", "consensus"]
 
 
 @dataclass(frozen=True)
@@ -24,12 +24,10 @@ class SamplerMeasurement:
     study: Study
     problem: str
     variant: str
-    """The solver, the variant of consensus, or what was timed."""
+    """The solver, or the variant of consensus."""
     steps: int
     evaluations: int
     seconds: float
-    yardstick: float | None = None
-    """Seconds of a pass of the yardstick (see measure.py), between the same runs."""
     error: float | None = None
     disagreement: float | None = None
     """RMS difference of corresponding cells from their mean, in the units of the result."""
@@ -42,8 +40,6 @@ class SamplerMeasurement:
     """RMS difference from the unedited views."""
     t_end: float | None = None
     """Number of steps with consensus."""
-    overhead: float | None = None
-    """The sampler's seconds over those of the bare network calls, less 1."""
     note: str = ""
     threads: int = 0
     commit: str = ""
@@ -51,15 +47,11 @@ class SamplerMeasurement:
     date: str = ""
 
 
-COLUMNS = {
-    "consensus": ("disagreement", "deviation", "contrast", "strength", "seconds"),
-    "cost": ("seconds", "overhead", "error", "note"),
-}
+COLUMNS = ("disagreement", "deviation", "contrast", "strength", "seconds")
+"""Columns of the table of consensus."""
 TITLES = {
     "solver": "Error against the exact path, standard deviations of the data",
-    "stiff": "Extremes, float32: distance from the nearest component, standard deviations",
     "consensus": "Agreement, contrast kept and edit strength",
-    "cost": "Cost",
 }
 
 
@@ -73,11 +65,8 @@ def table(rows: Iterable[SamplerMeasurement]) -> str:
             case "solver":
                 parts.append(_across(group, "evaluations"))
                 parts.append("Columns: evaluations of the network, each of all branches at once.")
-            case "stiff":
-                parts.append(_across(group, "steps"))
-                parts.append("Columns: steps. !: the result has left the data.")
             case _:
-                parts.append(_plain(group, COLUMNS[study]))
+                parts.append(_plain(group))
     if not parts:
         return "Nothing was measured.\n"
     threads = torch.get_num_threads()
@@ -102,11 +91,9 @@ def _error(row: SamplerMeasurement) -> str:
     return row.note if row.error is None else f"{row.error:.1e}" + "!" * bool(row.note)
 
 
-def _plain(rows: list[SamplerMeasurement], columns: tuple[str, ...]) -> str:
-    head = ("", "steps", *columns)
-    return markdown_table(
-        head, [[_name(row), str(row.steps), *_values(row, columns)] for row in rows]
-    )
+def _plain(rows: list[SamplerMeasurement]) -> str:
+    lines = [[_name(row), str(row.steps), *_values(row)] for row in rows]
+    return markdown_table(("", "steps", *COLUMNS), lines)
 
 
 def _name(row: SamplerMeasurement) -> str:
@@ -114,11 +101,11 @@ def _name(row: SamplerMeasurement) -> str:
     return f"{row.problem}{at}: {row.variant}"
 
 
-def _values(row: SamplerMeasurement, columns: tuple[str, ...]) -> list[str]:
+def _values(row: SamplerMeasurement) -> list[str]:
     def cell(value: object) -> str:
         return "" if value is None else f"{value:.3g}" if isinstance(value, float) else str(value)
 
-    return [cell(getattr(row, column)) for column in columns]
+    return [cell(getattr(row, column)) for column in COLUMNS]
 
 
 def rms(x: Float[Tensor, ...]) -> float:

@@ -15,15 +15,11 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from gsedit.consistency.consensus import consensus, share_noise
-from gsedit.consistency.correspond import Correspondences
 from gsedit.diffusion.guidance import Branches, Need
 from gsedit.diffusion.predictions import Prediction
 from gsedit.diffusion.sampler import add_noise, levels_of, sample
 from gsedit.diffusion.schedules import Schedule
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editor_protocol import EditBatch
-from gsedit.editors.closed_form import CELL_PIXELS, ClosedForm
-from gsedit.editors.sampling import DiffusionEditor
 from research.sampler.measurements import rms
 
 VIEWS = 4
@@ -34,18 +30,15 @@ class OverlappingViews:
     """Views of one picture that overlap, with exact correspondences."""
 
     name: str
-    originals: Float[Tensor, "v ..."]
     clusters: Int[Tensor, "v y x"]
     """Labels of corresponding cells of the result; -1: in no other view."""
-    cell: int
-    """Pixels of the result per cell."""
     schedule: Schedule
     """Noise schedule of the editor."""
     edit: Callable[[SamplerSettings, int], Float[Tensor, "v ..."]]
-    """The edited views, [v h w c], for settings and a seed."""
+    """The edited views, [v h w c], for settings and a seed; the unedited ones are zero."""
 
     def disagreement(self, views: Float[Tensor, "v h w c"]) -> float:
-        """RMS difference of corresponding pixels from their mean."""
+        """RMS difference of corresponding cells from their mean."""
         return rms(self._differences(views))
 
     def deviation(self, views: Float[Tensor, "v h w c"], alone: Float[Tensor, "v h w c"]) -> float:
@@ -60,9 +53,7 @@ class OverlappingViews:
 
     def _differences(self, views: Float[Tensor, "v h w c"]) -> Float[Tensor, "m p"]:
         """Corresponding cells less the mean of their cluster; `m` cells of `p` numbers."""
-        side = self.cell
-        cells = views.unfold(1, side, side).unfold(2, side, side).flatten(3)  # v y x (c s s)
-        flat, labels = cells.flatten(0, 2), self.clusters.flatten()
+        flat, labels = views.flatten(0, 2), self.clusters.flatten()
         shared = labels >= 0
         flat, labels = flat[shared], labels[shared].long()
         count = int(labels.max()) + 1
@@ -104,9 +95,7 @@ def texture_views(side: int = 24, shift: int = 2) -> OverlappingViews:
         )  # fmt: skip
         return state.x.movedim(1, -1)
 
-    return OverlappingViews(
-        "texture", torch.zeros(shape).movedim(1, -1), labels, 1, model.schedule, edit
-    )
+    return OverlappingViews("texture", labels, model.schedule, edit)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,33 +113,3 @@ class Texture:
         level = self.schedule.level(t)
         x0 = self.bias + level.a / (level.a**2 + level.b**2) * (x - level.a * self.bias)
         return Branches(*(x0 if needed else None for needed in need))
-
-
-PROMPT = "turn it into bronze"
-
-
-def picture_views(
-    side: int = 12, shift: int = 1, denoiser: ClosedForm | None = None
-) -> OverlappingViews:
-    """Crops of one painted picture, edited by the closed-form editor (None: as it is by default),
-    which perturbs light, tint and place of each view as 2D editors do.
-    """
-    cell, wide = CELL_PIXELS, side + VIEWS * shift
-    labels = crops(VIEWS, side, shift)
-    y, x = torch.meshgrid(torch.arange(wide * cell), torch.arange(wide * cell), indexing="ij")
-    waves = [torch.sin(x / 9 + 0.7), torch.sin(y / 7 + x / 31), torch.sin((x + y) / 5)]
-    full = torch.stack(waves, -1) * 0.25 + 0.5
-    step = shift * cell
-    views = torch.stack(
-        [full[v * step :, v * step :][: side * cell, : side * cell] for v in range(VIEWS)]
-    )
-    editor = DiffusionEditor(denoiser or ClosedForm())
-    matches = Correspondences(labels, torch.ones(VIEWS, VIEWS), cell)
-
-    def edit(settings: SamplerSettings, seed: int) -> Tensor:
-        batch = EditBatch(views, views, PROMPT, matches, None, seed)
-        *_, progress = editor.edit(batch, settings, torch.Generator().manual_seed(seed))
-        assert progress.images is not None
-        return progress.images
-
-    return OverlappingViews("closed form", views, labels, cell, editor.denoiser.schedule, edit)

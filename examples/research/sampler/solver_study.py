@@ -1,4 +1,4 @@
-"""Errors of solvers: against the exact path of the ODE, and in extreme settings.
+"""Errors of solvers against the exact path of the ODE.
 
 `v` views, `c y x` latents. Errors are in units of the data's standard deviation.
 """
@@ -16,11 +16,10 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.bench.measure import timed
-from gsedit.diffusion.sampler import levels_of, sample
+from gsedit.diffusion.sampler import sample
 from gsedit.diffusion.schedules import NoiseLevel, Schedule, karras_sigmas
 from gsedit.diffusion.settings import SamplerSettings, Solver
 from gsedit.errors import UsageError
-from gsedit.runs.stopwatch import Stopwatch
 from research.sampler.measurements import SamplerMeasurement, rms
 from research.sampler.mixtures import (
     MixtureProblem,
@@ -34,8 +33,6 @@ WIDTHS = (1.0, 1e-1, 1e-2, 1e-3, 1e-4)
 GUIDANCE = (1.0, 7.5, 30.0)
 STEPS = (5, 10, 20, 40, 80, 160, 320)
 FIRST = Schedule.scaled_linear().level(999).sigma
-TOO_FAR = 10.0
-"""Standard deviations of the data: a result farther from every component has left the data."""
 
 
 def fine_schedule(last: float, steps: int = 1000) -> Schedule:
@@ -80,7 +77,6 @@ def solver_study(
                 many,
                 evaluations=many * (2 if solver == "heun" else 1),
                 seconds=timing.wall,
-                yardstick=timing.yardstick,
                 error=None if result is None else rms(result / levels[-1].a - exact),
             )
 
@@ -105,49 +101,3 @@ def _result(
     except UsageError:
         return None
     return state.x
-
-
-def stiff_study(steps: Iterable[int]) -> Iterator[SamplerMeasurement]:
-    """Each solver in extreme settings on Stable Diffusion's own levels, in float32.
-
-    The error is the distance from the nearest component of the data; a sample of the data has at
-    most a few widths.
-    """
-    plain, terminal = Schedule.scaled_linear(), Schedule.scaled_linear().zero_terminal_snr()
-    solvers: tuple[Solver, ...] = (*SOLVERS, "ancestral")
-    for count, width, scale, solver in product(steps, WIDTHS[::2], GUIDANCE, solvers):
-        yield _stiff_measurement(count, solver, width, scale, plain)
-    for scale, solver in product(GUIDANCE, solvers):
-        yield _stiff_measurement(20, solver, 1e-2, scale, terminal)
-    for dtype, scale, solver in product((torch.bfloat16, torch.float16), GUIDANCE, solvers):
-        yield _stiff_measurement(20, solver, 1e-2, scale, plain, dtype)
-
-
-def _stiff_measurement(
-    count: int,
-    solver: Solver,
-    width: float,
-    scale: float,
-    schedule: Schedule,
-    dtype: torch.dtype | None = None,
-) -> SamplerMeasurement:
-    terminal = schedule.alpha(999) == 0
-    model = mixture_problem(
-        width, schedule=schedule, dtype=dtype, predicts="v" if terminal else "eps"
-    )
-    settings = replace(_settings(scale), steps=count, solver=solver, spacing="trailing")
-    levels = levels_of(schedule, settings)
-    x = noised_draw(model, levels[0], dtype=torch.float32)
-    stopwatch = Stopwatch()
-    result = _result(model, x, settings, levels)
-    seconds = stopwatch.seconds
-    rounding = "" if dtype is None else f", {str(dtype).removeprefix('torch.')} network"
-    name = f"width {width:g}, guidance {scale:g}{', terminal SNR 0' * terminal}{rounding}"
-    evaluations = 2 * count - 1 if solver == "heun" else count
-    measurement = SamplerMeasurement("stiff", name, solver, count, evaluations, seconds)
-    if result is None:
-        return replace(measurement, note="refused")
-    offsets = model.text_image.offsets
-    distance = (result.double() - offsets).flatten(2).square().mean(-1).sqrt().amin(0)
-    error = float(distance.max())
-    return replace(measurement, error=error, note="left the data" if error > TOO_FAR else "")

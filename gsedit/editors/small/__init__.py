@@ -1,1 +1,1 @@
-"""The learned editor: a small InstructPix2Pix, trained by examples/research/train_small."""
+"""The learned editor: a small InstructPix2Pix, its training is in the model card."""

@@ -69,7 +69,7 @@ def schedule() -> Schedule:
     Neighboring pixels and cells are alike: their mean is visible through noise that hides each of
     them, the more so the larger the image (Hoogeboom et al. 2023, section 2.1). The default steps
     start at sigma 37, where a render's mean color is still visible; the training accounts for
-    that (see research.train_small.loss.noisy_targets).
+    that (research.train_small.loss.noisy_targets at commit d3b2212).
     """
     t = torch.arange(1, STEPS + 1, dtype=torch.float64) / (STEPS + 1)
     return Schedule(1 / (1 + sigma_at(t) ** 2))

@@ -171,7 +171,7 @@ def repeated(x: Float[Tensor, "b ..."], rows: int) -> Float[Tensor, "n ..."]:
 CELL_PIXELS = 4
 CHANNELS = 3 * CELL_PIXELS * CELL_PIXELS
 PRIOR_STD = 0.15  # of values in [-1, 1]: about the error of the network's mean where it is unsure
-TRAINED_SIGMAS = (0.02, 360.0)  # the range of sigma in research.train_small.loss
+TRAINED_SIGMAS = (0.02, 360.0)  # the range of sigma of its training
 INPUT_NOISE_SCALE = 4.0  # the denoiser's input x_t is divided by 1 + sigma / INPUT_NOISE_SCALE
 GEOMETRY_CHANNELS = 3  # of every pixel: subject, depth, height of the normal
 FREQUENCIES = 16  # of the noise level's embedding

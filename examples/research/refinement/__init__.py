@@ -1,1 +1,0 @@
-"""Stiff and extreme inputs of the refinement, the fitting of a scene to edited views."""

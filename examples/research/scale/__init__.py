@@ -1,1 +1,0 @@
-"""Seconds, memory and error of an edit against the number of Gaussians."""

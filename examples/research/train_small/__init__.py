@@ -1,2 +1,0 @@
-"""How the weights of the editor `small` were made: pictures, prompts, target edits, training,
-evaluation. README.md has the commands."""

@@ -1,1 +1,0 @@
-"""How gsedit/words/words.safetensors was made; not part of the installed package."""
