@@ -7,6 +7,7 @@ from dataclasses import replace
 import model_laws
 import pytest
 import torch
+from closeness import NETWORK, assert_near
 from tiny_flux import kontext, saved, trace, views
 
 from gsedit.diffusion.guidance import Need
@@ -58,7 +59,7 @@ def theirs(pipe, **options) -> list[torch.Tensor]:
 
 def same(steps, expected) -> None:
     for step, theirs in zip(steps, expected, strict=True):
-        torch.testing.assert_close(packed(step.x), theirs, **model_laws.CLOSE)
+        assert_near(packed(step.x), theirs, NETWORK)
 
 
 SETTINGS = SamplerSettings(steps=3, strength=1.0, consensus=False)
@@ -106,10 +107,10 @@ def test_encode_and_decode_equal_the_pipelines(both):
     pictures = views(2, 16, 24)
     latents = model.encode(pictures)
     pixels = 2 * pictures.movedim(-1, 1) - 1
-    torch.testing.assert_close(latents, pipe._encode_vae_image(pixels, torch.Generator()))
+    assert_near(latents, pipe._encode_vae_image(pixels, torch.Generator()), NETWORK)
     plain = latents / pipe.vae.config.scaling_factor + pipe.vae.config.shift_factor
     expected = pipe.vae.decode(plain).sample.movedim(1, -1) / 2 + 0.5
-    torch.testing.assert_close(model.decode(latents), expected)
+    assert_near(model.decode(latents), expected, NETWORK)
 
 
 def test_packing_is_the_pipelines(both):

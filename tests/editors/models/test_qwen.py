@@ -7,6 +7,7 @@ from dataclasses import replace
 import diffusers
 import pytest
 import torch
+from closeness import NETWORK, assert_near
 from diffusers.pipelines.qwenimage import pipeline_qwenimage_edit, pipeline_qwenimage_edit_plus
 from model_laws import (
     PROMPT,
@@ -15,7 +16,6 @@ from model_laws import (
     views_do_not_mix,
 )
 from model_runs import (
-    ROUNDING,
     as_files,
     assert_deviations_shrink,
     assert_same_steps,
@@ -116,7 +116,7 @@ def test_pictures_equal_those_of_diffusers(plain, monkeypatch):
     [expected] = theirs(plain, images, monkeypatch, "pt", num_inference_steps=2)
     *_, x = states(model, images, noise(model, images), replace(ALONE, steps=2))
     shown = expected.movedim(1, -1)
-    torch.testing.assert_close(model.decode(x).clamp(0, 1), shown, **ROUNDING)
+    assert_near(model.decode(x).clamp(0, 1), shown, NETWORK)
 
 
 def test_encoding_equals_that_of_diffusers(plain):
@@ -125,9 +125,9 @@ def test_encoding_equals_that_of_diffusers(plain):
     pixels = (2 * x - 1).movedim(-1, 1)[:, :, None]
     expected = plain._encode_vae_image(pixels, torch.Generator())[:, :, 0]
     found = model.encode(x)
-    torch.testing.assert_close(found, expected)
+    assert_near(found, expected, NETWORK)
     slopes = [torch.autograd.grad(latents.sum(), x)[0] for latents in (found, expected)]
-    torch.testing.assert_close(*slopes)
+    assert_near(*slopes, NETWORK)
 
 
 @pytest.mark.parametrize("kind", ["plain", "plus"])
@@ -141,7 +141,7 @@ def test_text_is_read_as_diffusers_reads_it(kind, request):
         for text, found in ((PROMPT, condition.text), (" ", condition.null)):
             expected, mask = pipe.encode_prompt(text, picture, torch.device("cpu"))
             assert mask is None
-            torch.testing.assert_close(found[view], expected[0], rtol=0, atol=1e-5)
+            assert_near(found[view], expected[0], NETWORK)
     assert not torch.equal(condition.text[0], condition.text[1])
 
 

@@ -11,6 +11,7 @@ from dataclasses import replace
 import model_laws
 import pytest
 import torch
+from closeness import NETWORK, assert_near
 from tiny_flux import saved, sd3, views
 
 from gsedit.diffusion.guidance import Need
@@ -87,7 +88,7 @@ def test_every_step_equals_diffusers(both, s_T, s_I):
     )
     steps = list(model_laws.run(model, views(2, 16, 24), noise(), settings))
     for step, expected in zip(steps, theirs(pipe, s_T, s_I, own=model.own), strict=True):
-        torch.testing.assert_close(step.x, expected, **model_laws.CLOSE)
+        assert_near(step.x, expected, NETWORK)
 
 
 @torch.no_grad()
@@ -111,11 +112,11 @@ def test_decode_undoes_encode_as_the_pipelines_do(both):
     x = noise()
     plain = x / config.scaling_factor + (0 if model.own else config.shift_factor)
     expected = pipe.vae.decode(plain).sample.movedim(1, -1) / 2 + 0.5
-    torch.testing.assert_close(model.decode(x), expected)
+    assert_near(model.decode(x), expected, NETWORK)
     pictures = views(2, 16, 24)
     mode = pipe.vae.encode(2 * pictures.movedim(-1, 1) - 1).latent_dist.mode()
     shift = 0 if model.own else config.shift_factor
-    torch.testing.assert_close(model.encode(pictures), (mode - shift) * config.scaling_factor)
+    assert_near(model.encode(pictures), (mode - shift) * config.scaling_factor, NETWORK)
 
 
 def test_sides_and_a_long_instruction(both):
