@@ -94,6 +94,6 @@ def test_an_editor_without_a_diffusion_model_is_refused(tmp_path):
             "as bronze",
             editor=Command("true {input} {output}", folder=tmp_path),
             dataset=data(),
-            settings=SETTINGS,
+            settings=replace(SETTINGS, region="all"),
             strategy=Sds(),
         )
