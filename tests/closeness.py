@@ -12,6 +12,10 @@ from rasterizer import Gaussians
 
 EPS32 = float(np.finfo(np.float32).eps)
 
+NETWORK = 500 * EPS32
+"""Share of the largest value by which two runs of a float32 network may differ that sum in another
+order: tiny networks, sampled with guidance, differ by 5 to 70 roundings (SSE, AVX2, AVX-512)."""
+
 INPUTS = ("means", "quats", "log_scales", "logit_opacities", "sh")
 
 
@@ -29,6 +33,12 @@ def relative(found: Tensor, wanted: Tensor) -> float:
     scale = wanted.double().norm()
     difference = (found.double() - wanted.double()).norm()
     return float(difference / scale) if scale > 0 else float(difference)
+
+
+def assert_near(found: Tensor, wanted: Tensor, share: float) -> None:
+    """No value is further off than this share of the largest of `wanted`."""
+    largest = float(wanted.detach().abs().max())
+    torch.testing.assert_close(found, wanted, rtol=0, atol=share * largest)
 
 
 def weights_like(picture: Tensor, seed: int = 0) -> Tensor:

@@ -6,15 +6,13 @@ from typing import Any
 
 import torch
 from biased_views import WIDTHS, Biased, assert_converges, sweep
+from closeness import NETWORK, assert_near
 from model_laws import run
 from PIL import Image
 from torch import Tensor
 
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editor_protocol import levels_for
-
-ROUNDING = {"rtol": 0.0, "atol": 1e-4}
-"""Differences of networks in float32, of latents of order 1."""
 
 
 def pictures(views: int, height: int = 16, width: int = 24) -> Tensor:
@@ -56,7 +54,7 @@ def steps_of(scheduler: Any, patch: Any) -> list[Tensor]:
 def assert_same_steps(ours: list[Tensor], theirs: list[Tensor]) -> None:
     assert len(ours) == len(theirs)
     for x, expected in zip(ours, theirs):
-        torch.testing.assert_close(x, expected, **ROUNDING)
+        assert_near(x, expected, NETWORK)
 
 
 def assert_deviations_shrink(model: Any, steps: int) -> None:

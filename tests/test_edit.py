@@ -22,7 +22,9 @@ from gsedit.synthetic import demo_scene, ring_cameras, scenes, surface_gaussians
 from rasterizer import concatenate
 
 PROMPT = "turn the bear into a bronze statue"
-SMALL = EditSettings(update=UpdateSettings(patches=3, patch=32), views_per_batch=3, batches=2)
+SMALL = EditSettings(
+    update=UpdateSettings(patches=3, patch=32), views_per_batch=3, batches=2, region="all"
+)
 STEPPED = replace(SMALL, update=replace(SMALL.update, loss="mse+gram"))
 """By these settings the scene is fitted in steps."""
 
@@ -86,7 +88,7 @@ def test_held_out_views_are_never_edited(scene, data):
 
 def test_later_batches_are_anchored_by_finished_views_as_they_are(scene, data):
     editor = Swapped()
-    result = run(scene, data, editor, replace(SMALL, region="all"))[-1]
+    result = run(scene, data, editor)[-1]
     batch = editor.batch
     assert batch.anchored.tolist() == [False] * 3 + [True] * (len(batch.anchored) - 3)
     assert batch.anchored.any()

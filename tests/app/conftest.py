@@ -19,7 +19,16 @@ from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 
 
 @pytest.fixture(scope="session", autouse=True)
-def ended() -> Iterator[None]:
+def quick_saliency() -> Iterator[None]:
+    """All that is not black stands out: every test opens a page, which looks for its subject."""
+    drawn = lambda x: (x.amax(1) > -1.7).float()  # noqa: E731 (of normalised colors)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("gsedit.selecting.saliency.load_network", lambda: drawn)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def ended(quick_saliency) -> Iterator[None]:
     """Wait for what tabs that are closed still prepare: the interpreter cannot end inside C++."""
     yield
     for each in threads():
@@ -44,13 +53,6 @@ def tiny(tmp_path_factory) -> Path:
 def scene(tiny, tmp_path) -> Path:
     """The tiny scene in a folder of its own."""
     return Path(copytree(tiny, tmp_path / "scenes")) / "bear.ply"
-
-
-@pytest.fixture(autouse=True)
-def quick_saliency(monkeypatch):
-    """All that is not black stands out: every test opens a page, which looks for its subject."""
-    drawn = lambda x: (x.amax(1) > -1.7).float()  # noqa: E731 (of normalised colors)
-    monkeypatch.setattr("gsedit.select.saliency.load_network", lambda: drawn)
 
 
 @pytest.fixture

@@ -136,7 +136,10 @@ def test_a_run_that_kept_nothing_is_repeated_without_force(monkeypatch, scene, t
 def test_a_program_that_failed_does_not_stop_the_next_edit(scene, tmp_path):
     out = tmp_path / "out"
     run = f"{sys.executable} -c 'raise SystemExit(3)' {{input}} {{output}}"
-    again = ("edit", scene, "as gold", "-o", out, "--size", 16, "--editor", "command", "--run", run)
+    again = (
+        "edit", scene, "as gold", "-o", out, "--size", 16, "--region", "all",
+        "--editor", "command", "--run", run,
+    )  # fmt: skip
     for _ in range(2):
         failed = gsedit(*again)
         assert failed.exit_code == 1

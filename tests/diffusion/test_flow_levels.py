@@ -7,6 +7,7 @@ import itertools
 import numpy as np
 import pytest
 import torch
+from closeness import EPS32, assert_near
 from diffusers.pipelines.flux.pipeline_flux import calculate_shift
 from diffusers.pipelines.flux2.pipeline_flux2_klein import compute_empirical_mu
 from diffusers.schedulers.scheduling_flow_match_euler_discrete import (
@@ -38,7 +39,7 @@ def test_levels_equal_diffusers(name, steps):
     levels = ours.levels(steps, mu=ours.mu(1000))
     torch.testing.assert_close(torch.tensor([level.b for level in levels]), theirs.sigmas)
     times = torch.tensor([level.t for level in levels[:-1]])
-    torch.testing.assert_close(times, theirs.timesteps, rtol=1e-6, atol=1e-4)
+    assert_near(times, theirs.timesteps, 10 * EPS32)
     assert all(level.a == 1 - level.b for level in levels)
     assert levels[-1] == CLEAN
 

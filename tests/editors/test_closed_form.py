@@ -6,6 +6,7 @@ import math
 
 import pytest
 import torch
+from closeness import EPS32, assert_near
 
 from gsedit.consistency.correspond import Correspondences
 from gsedit.diffusion.guidance import Need, guide
@@ -297,9 +298,8 @@ def test_most_looks_are_pointwise(name):
     image = picture()
     shuffled = image.flatten(0, 1)[torch.randperm(SIZE * SIZE, generator=generator())]
     direct = parse(name).variants(shuffled.reshape(1, SIZE, SIZE, 3))
-    torch.testing.assert_close(
-        direct.flatten(2, 3).sum(2), parse(name).variants(image[None]).flatten(2, 3).sum(2)
-    )
+    sums = (each.flatten(2, 3).sum(2) for each in (direct, parse(name).variants(image[None])))
+    assert_near(*sums, SIZE * EPS32)  # of SIZE x SIZE values, added in another order
 
 
 def test_composition_applies_looks_in_order():

@@ -24,7 +24,10 @@ from gsedit.editors.sampling import DiffusionEditor
 
 pytestmark = pytest.mark.usefixtures("offline")
 SETTINGS = replace(
-    tiny_edits.SETTINGS, sampler=SamplerSettings(steps=3, precision="float32"), held_out_edits=1
+    tiny_edits.SETTINGS,
+    sampler=SamplerSettings(steps=3, precision="float32"),
+    held_out_edits=1,
+    region="all",
 )
 COST = Cost(20, 60, 2.0, 5.0, 5.0, 4_000_000_000, "float32")
 

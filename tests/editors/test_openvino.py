@@ -9,6 +9,7 @@ from importlib.util import find_spec
 
 import pytest
 import torch
+from closeness import NETWORK, assert_near
 from tiny_models import tiny_unet, tiny_vae
 
 from gsedit.diffusion.memory import peak_bytes
@@ -53,7 +54,7 @@ def linear(network: torch.nn.Module, x: torch.Tensor) -> torch.Tensor:
 
 
 def close(a: torch.Tensor, b: torch.Tensor) -> None:
-    torch.testing.assert_close(a, b, rtol=1e-4, atol=1e-4)
+    assert_near(a, b, NETWORK)
 
 
 def test_equal_to_torch_whatever_the_number_of_rows(unet, monkeypatch):

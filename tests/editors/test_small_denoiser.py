@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from closeness import NETWORK, assert_near
 from small_networks import random_network
 
 from gsedit.diffusion.guidance import Need
@@ -58,7 +59,7 @@ def test_only_the_branches_in_need_are_predicted(small, need):
     for wanted, expected, predicted in zip(need, every, some):
         assert (predicted is not None) == wanted
         if predicted is not None:
-            torch.testing.assert_close(predicted, expected, atol=1e-4, rtol=1e-4)
+            assert_near(predicted, expected, NETWORK)
 
 
 def test_micro_batches_change_nothing():
@@ -72,7 +73,7 @@ def test_micro_batches_change_nothing():
             predict_guided(model, condition, x, model.schedule.level(500), SamplerSettings())
         )
     for other in predictions[1:]:
-        torch.testing.assert_close(other, predictions[0], atol=1e-3, rtol=1e-3)
+        assert_near(other, predictions[0], NETWORK)
 
 
 def test_words_are_counted_as_they_are_read(small):
@@ -167,14 +168,14 @@ def test_where_the_subject_is_can_be_told(small):
     def edited(subject):
         *_, last = DiffusionEditor(small).edit(
             replace(batch, subject=subject),
-            SamplerSettings(steps=2),
+            SamplerSettings(steps=2, precision="float32"),
             torch.Generator().manual_seed(0),
         )
         return last.images
 
     told = with_subject(own).condition(originals, "as gold", generator).shown.subject
-    torch.testing.assert_close(told, own.flatten(1), atol=1e-3, rtol=0)
-    torch.testing.assert_close(edited(own), edited(None), atol=1e-3, rtol=0)
+    assert_near(told, own.flatten(1), NETWORK)
+    assert_near(edited(own), edited(None), NETWORK)
     left = torch.zeros(2, 16, 32)
     left[:, :, :16] = 1
     assert (edited(left) - edited(1 - left)).abs().max() > 1e-3

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 import torch
+from closeness import NETWORK, assert_near
 from small_networks import TINY, random_network
 
 from gsedit.editors.small.denoiser import Small
@@ -80,11 +81,11 @@ def test_instructions_of_one_pass_are_as_apart(small):
     together = network.denoise(x, 2 * ones, prepared, text).chunk(2)
     for each, sentence in zip(together, ("as gold", "")):
         apart = predict(network, x, 2.0, picture, sentence=sentence)
-        torch.testing.assert_close(each, apart, atol=1e-4, rtol=1e-4)
+        assert_near(each, apart, NETWORK)
 
 
 def test_views_do_not_influence_each_other(small):
     x, picture = noise(3, CHANNELS, 8, 8), noise(3, CHANNELS, 8, 8, seed=1)
     together = predict(small.network, x, 1.0, picture)
     alone = [predict(small.network, x[i : i + 1], 1.0, picture[i : i + 1]) for i in range(3)]
-    torch.testing.assert_close(together, torch.cat(alone), atol=1e-4, rtol=1e-4)
+    assert_near(together, torch.cat(alone), NETWORK)

@@ -6,6 +6,7 @@ import zlib
 
 import pytest
 import torch
+from closeness import NETWORK, assert_near
 from small_networks import random_network
 
 from gsedit.editors.small.denoiser import Small
@@ -46,7 +47,7 @@ def test_a_sentence_does_not_depend_on_its_neighbors(small):
     sentences = ["make it snow", "as a bronze statue in the middle of the night", ""]
     together = small.network.text_encoder(tokenise(sentences))
     alone = torch.cat([small.network.text_encoder(tokenise([each])) for each in sentences])
-    torch.testing.assert_close(together, alone, atol=1e-5, rtol=1e-5)
+    assert_near(together, alone, NETWORK)
 
 
 def test_the_order_of_words_matters(small):

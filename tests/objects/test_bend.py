@@ -74,7 +74,8 @@ def test_a_rigid_motion_of_the_handles_is_transform(handles):
     assert torch.allclose(after.means, expected.means, atol=1e-5)
     sizes = covariances(expected).flatten(1).norm(dim=1)[:, None, None]
     assert ((covariances(after) - covariances(expected)) / sizes).abs().max() < 1e-5
-    ways = torch.nn.functional.normalize(torch.randn(50, 3), dim=-1)
+    ways = torch.randn(50, 3, generator=torch.Generator().manual_seed(0))
+    ways = torch.nn.functional.normalize(ways, dim=-1)
     shown = basis(ways, 2)
     assert torch.allclose(
         torch.einsum("vk,nkc->nvc", shown, after.sh),

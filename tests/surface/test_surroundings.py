@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
+from closeness import EPS32, assert_near
 
 from gsedit.scene.color_space import linear_of_srgb
 from gsedit.scene.quaternions import even_directions
@@ -118,7 +119,8 @@ def test_filters_keep_a_constant_light():
         torch.full((64, 128), 9.0),
         torch.ones(64, 128),
     )
-    torch.testing.assert_close(light.prefiltered(even), torch.full((7, 64, 128, 3), 0.4))
+    # means of 8192 cells: a random walk of their roundings is 90 long
+    assert_near(light.prefiltered(even), torch.full((7, 64, 128, 3), 0.4), 900 * EPS32)
 
 
 def test_rougher_reflections_vary_less(found):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
+from closeness import EPS32, assert_near
 
 from gsedit.errors import UsageError
 from gsedit.formats.scenes import save
@@ -61,7 +62,8 @@ def test_the_picture_stays_when_the_camera_moves_along(steps, degree):
     if similarity.mirrors:
         after = after.flip(1)
     assert before.amax() > 0.5
-    assert (before - after).abs().max() < 1e-5
+    # positions of the size of 10 are rounded, and shown at tens of pixels a unit
+    assert_near(after, before, 500 * EPS32)
 
 
 def test_open3d_turns_the_harmonics_wrongly(tmp_path):
@@ -98,9 +100,8 @@ def test_a_part_is_moved_and_the_rest_stays():
 def test_center_and_pivot():
     table = glossy()
     center = np.median(table.means, 0)
-    np.testing.assert_allclose(
-        np.median(transform(table, center=True).means, 0), np.zeros(3), atol=1e-6
-    )
+    moved = np.median(transform(table, center=True).means, 0)
+    np.testing.assert_allclose(moved, np.zeros(3), atol=4 * EPS32 * np.abs(table.means).max())
     for pivot in ("center", center.tolist()):
         scaled = transform(table, scale=2.0, pivot=pivot)
         np.testing.assert_allclose(np.median(scaled.means, 0), center, atol=1e-5)

@@ -27,7 +27,7 @@ def masked() -> Dataset:
 
 def test_the_render_is_edited_where_the_photo_is_masked():
     sampler = replace(SETTINGS.sampler, precision="float32")  # fewer bits make much of rounding
-    settings = replace(SETTINGS, condition="photo", batches=1, sampler=sampler)
+    settings = replace(SETTINGS, condition="photo", batches=1, sampler=sampler, region="all")
     strategy, results = SinglePass(1), []
     for dataset in (masked(), data()):
         results.append(

@@ -144,7 +144,7 @@ class Failing:
 
 def test_an_editor_that_fails_loses_nothing_that_was_done(request_, tmp_path):
     """No checkpoint was due: the last one is from before the editor was asked."""
-    settings = replace(SETTINGS, checkpoint_seconds=1000.0)
+    settings = replace(SETTINGS, checkpoint_seconds=1000.0, region="all")
     with pytest.raises(RuntimeError, match="the network is gone"):
         write(request_.steps(editor=Failing(), settings=settings), tmp_path)
     (kept,) = tmp_path.iterdir()

@@ -9,6 +9,7 @@ from inspect import signature
 import diffusers
 import pytest
 import torch
+from closeness import NETWORK, assert_near
 from model_laws import (
     PROMPT,
     consensus_law_holds,
@@ -107,7 +108,7 @@ def test_pictures_equal_those_of_diffusers(mobile):
     expected = mobile(PROMPT, image=as_files(images)[0], generator=generator, output_type="pt")
     *_, x = states(model, images, noise(model, images), ALONE)
     shown = expected.images.movedim(1, -1)
-    torch.testing.assert_close(model.decode(x).clamp(0, 1), shown, rtol=0, atol=1e-4)
+    assert_near(model.decode(x).clamp(0, 1), shown, NETWORK)
 
 
 def test_text_is_read_as_diffusers_reads_it(base):
@@ -119,20 +120,20 @@ def test_text_is_read_as_diffusers_reads_it(base):
             "edit", ["", INSTRUCTION.format(PROMPT)], torch.device("cpu"), torch.float32, picture
         )
         null, text = (row[seen.bool()] for row, seen in zip(expected, mask))
-        torch.testing.assert_close(condition.null[view], null, rtol=0, atol=1e-5)
-        torch.testing.assert_close(condition.text[view], text, rtol=0, atol=1e-5)
+        assert_near(condition.null[view], null, NETWORK)
+        assert_near(condition.text[view], text, NETWORK)
     assert not torch.equal(condition.text[0], condition.text[1])
 
 
 def test_the_condition_is_not_scaled_and_the_start_is(base):
     images, model = pictures(2), ours(base)
     shown = model.condition(images, PROMPT, torch.Generator()).images
-    torch.testing.assert_close(shown, _encoded(base, images))
-    torch.testing.assert_close(model.encode(images), (shown - 0.1) * 0.7)
+    assert_near(shown, _encoded(base, images), NETWORK)
+    assert_near(model.encode(images), (shown - 0.1) * 0.7, NETWORK)
     x = images.clone().requires_grad_()
     latents = (model.encode(x), 0.7 * _encoded(base, x))
     slope, expected = (torch.autograd.grad(z.sum(), x)[0] for z in latents)
-    torch.testing.assert_close(slope, expected)
+    assert_near(slope, expected, NETWORK)
 
 
 def _encoded(pipe, images: torch.Tensor) -> torch.Tensor:
@@ -158,7 +159,7 @@ def test_every_branch_is_the_same_alone(base):
     together = model.branches(x, 300.0, condition, Need())
     for index in range(3):
         alone = model.branches(x, 300.0, condition, Need(*(index == i for i in range(3))))
-        torch.testing.assert_close(alone[index], together[index], rtol=0, atol=1e-5)
+        assert_near(alone[index], together[index], NETWORK)
 
 
 def test_any_size_is_edited(mobile):

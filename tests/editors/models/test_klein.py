@@ -5,6 +5,7 @@ from __future__ import annotations
 import model_laws
 import pytest
 import torch
+from closeness import NETWORK, assert_near
 from tiny_flux import klein, picture, saved, trace, views
 from torch.nn.functional import pixel_unshuffle
 
@@ -64,7 +65,7 @@ def test_every_step_equals_diffusers(both):
     steps = list(model_laws.run(model, pictures, start, settings))
     assert len(steps) == 3
     for step, theirs in zip(steps, zip(*expected)):
-        torch.testing.assert_close(packed(step.x), torch.cat(theirs), **model_laws.CLOSE)
+        assert_near(packed(step.x), torch.cat(theirs), NETWORK)
 
 
 def needed(model: Klein) -> Need:
@@ -94,13 +95,13 @@ def test_encode_and_decode_equal_the_pipelines(both):
     pixels = 2 * pictures.movedim(-1, 1) - 1
     theirs = pipe._encode_vae_image(pixels, torch.Generator())
     ours = model.encode(pictures)
-    torch.testing.assert_close(pixel_unshuffle(ours, 2), theirs)
+    assert_near(pixel_unshuffle(ours, 2), theirs, NETWORK)
     mean, variance = (
         each.view(1, -1, 1, 1) for each in (pipe.vae.bn.running_mean, pipe.vae.bn.running_var)
     )
     latents = theirs * (variance + pipe.vae.config.batch_norm_eps).sqrt() + mean
     expected = pipe.vae.decode(pipe._unpatchify_latents(latents)).sample
-    torch.testing.assert_close(model.decode(ours), expected.movedim(1, -1) / 2 + 0.5)
+    assert_near(model.decode(ours), expected.movedim(1, -1) / 2 + 0.5, NETWORK)
 
 
 def test_sides_and_defaults(both):

@@ -10,7 +10,7 @@ from pathlib import Path
 import diffusers
 import pytest
 import torch
-from closeness import slope_error
+from closeness import NETWORK, assert_near, slope_error
 from tiny_models import PROMPT, SD
 
 from gsedit.consistency.correspond import Correspondences
@@ -58,8 +58,7 @@ def test_sampling_equals_diffusers(pipeline, model, steps, s_T, s_I):
         steps=steps, guidance_text=s_T, guidance_image=s_I, strength=1.0, consensus=False
     )
     expected = theirs(pipeline, settings)
-    # float32 networks, and betas that diffusers sums in float32; latents are of order 1 to 10
-    torch.testing.assert_close(ours(model, settings), expected, rtol=1e-5, atol=1e-4)
+    assert_near(ours(model, settings), expected, NETWORK)
 
 
 @pytest.mark.parametrize("zeros", [True, False])
@@ -92,7 +91,7 @@ def test_xl_sampling_equals_diffusers(xl_pipeline, xl_folder, tmp_path, zeros):
     condition = model.condition(pictures, PROMPT, torch.Generator())
     request = SamplerSettings(steps=4, strength=1.0, consensus=False)
     *_, state = sample(model, condition, start, request)
-    torch.testing.assert_close(state.x, expected, rtol=1e-5, atol=1e-4)
+    assert_near(state.x, expected, NETWORK)
     assert condition.text.tokens.shape == (77, 64)
     assert condition.text.pooled.shape == (32,)
     assert bool((condition.null.tokens == 0).all()) == zeros
@@ -135,21 +134,19 @@ def test_v_prediction_equals_diffusers(pipeline, folder, tmp_path):
     )
     pipe.set_progress_bar_config(disable=True)
     expected = theirs(pipe, settings)
-    torch.testing.assert_close(
-        ours(load_model(tmp_path / "v"), settings), expected, rtol=1e-5, atol=1e-4
-    )
+    assert_near(ours(load_model(tmp_path / "v"), settings), expected, NETWORK)
 
 
 def test_micro_batches_change_nothing(folder, model):
     together = load_model(folder, micro_batch=3)
     settings = SamplerSettings(steps=2)
     # a batch of another size may take another convolution kernel: roundings only
-    torch.testing.assert_close(ours(together, settings), ours(model, settings), rtol=0, atol=1e-4)
+    assert_near(ours(together, settings), ours(model, settings), NETWORK)
 
 
 def test_condition_is_unscaled_and_start_is_scaled(model):
     condition = model.condition(images(), PROMPT, torch.Generator())
-    torch.testing.assert_close(condition.images * 0.18215, model.encode(images()))
+    assert_near(condition.images * 0.18215, model.encode(images()), NETWORK)
     assert condition.text.tokens.shape == condition.null.tokens.shape == (77, 32)
     assert not torch.equal(condition.text.tokens, condition.null.tokens)
     assert condition.text.pooled is None
@@ -159,7 +156,7 @@ def test_decode_undoes_the_scaling(pipeline, model):
     z = noise()
     with torch.no_grad():
         expected = pipeline.vae.decode(z / 0.18215).sample.movedim(1, -1) / 2 + 0.5
-        torch.testing.assert_close(model.decode(z), expected)
+        assert_near(model.decode(z), expected, NETWORK)
 
 
 def test_encode_is_differentiable_and_the_weights_take_no_gradient(model):
@@ -175,7 +172,7 @@ def test_anchored_view_costs_no_pass_and_stays(model):
         model, condition, noise(), SamplerSettings(steps=2), anchor=Anchor(known, start)
     )
     *_, state = states
-    torch.testing.assert_close(state.x0[0], start[0], rtol=0, atol=1e-5)
+    assert_near(state.x0[0], start[0], NETWORK)
 
 
 def test_the_whole_editor(folder):

@@ -11,6 +11,7 @@ import diffusers
 import model_laws
 import pytest
 import torch
+from closeness import NETWORK, assert_near
 from tiny_models import PROMPT, SD
 
 from gsedit.diffusion.sampler import sample
@@ -96,8 +97,8 @@ def test_cosxl_edit_equals_diffusers(xl_pipeline, xl_folder, tmp_path, spacing):
     expected = theirs(pipe, settings, height=2 * CELLS, width=2 * CELLS)
     found = ours(folder, settings)
     assert len(found) == len(expected) == 4
-    for x, y in zip(found, expected):  # sigma falls from 120: their float32 sums start there
-        torch.testing.assert_close(x, y, rtol=1e-4, atol=1e-4)
+    for x, y in zip(found, expected):
+        assert_near(x, y, NETWORK)
 
 
 @pytest.mark.parametrize("steps", [1, 4])
@@ -116,7 +117,7 @@ def test_consistency_models_equal_diffusers(pipeline, folder, tmp_path, steps):
     times = [int(t) for t in scheduler.timesteps]
     scales = level or [float(scheduler.alphas_cumprod[t] ** 0.5) for t in times[1:]] + [1.0]
     for x, y, a in zip(found, expected, scales):
-        torch.testing.assert_close(x, y / a, rtol=1e-4, atol=2e-4)
+        assert_near(x, y / a, NETWORK)
 
 
 def test_a_consistency_model_has_only_so_many_levels(folder, tmp_path):
@@ -136,7 +137,7 @@ def test_the_last_level_is_the_scheduler_s(pipeline, folder, tmp_path, alpha):
     settings = settings_of(2)
     found = ours(copy, settings)[-1]
     a = float(scheduler.final_alpha_cumprod**0.5)
-    torch.testing.assert_close(found * a, theirs(pipe, settings)[-1], rtol=1e-4, atol=1e-4)
+    assert_near(found * a, theirs(pipe, settings)[-1], NETWORK)
 
 
 def test_trailing_steps_are_the_scheduler_s(folder, tmp_path):

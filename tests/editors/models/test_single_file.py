@@ -13,6 +13,7 @@ import diffusers
 import pytest
 import torch
 import transformers
+from closeness import NETWORK, assert_near
 from gsedit_cli.main import app
 from ldm_checkpoints import checkpoint_of
 from safetensors.torch import save_file
@@ -74,7 +75,7 @@ def test_a_file_is_equal_to_its_folder(name, tmp_path, request):
     pipe = request.getfixturevalue(name)
     pipe.save_pretrained(tmp_path / "whole")
     file, _ = saved(pipe, tmp_path)
-    torch.testing.assert_close(seen(load_model(file)), seen(load_model(tmp_path / "whole")))
+    assert_near(seen(load_model(file)), seen(load_model(tmp_path / "whole")), NETWORK)
 
 
 def test_cosxl_is_told_and_has_its_own_noise(two_sizes, tmp_path):
@@ -98,7 +99,7 @@ def test_averaged_weights_are_taken_where_the_file_has_them(pipeline, tmp_path):
     }
     spoilt = {name: 0 * value for name, value in held.items() if name.startswith(begin)}
     save_file(held | spoilt | averaged, file)
-    torch.testing.assert_close(seen(load_model(file)), plain)
+    assert_near(seen(load_model(file)), plain, NETWORK)
 
 
 def test_the_doctor_on_a_file(pipeline, tmp_path):
