@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import islice
 
 import numpy as np
 import torch
@@ -16,10 +17,10 @@ from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 
 from gsedit.errors import UsageError
-from gsedit.scene.neighbors import k_nearest
 from gsedit.scene.quantiles import extent_of, weighted_quantile
 from gsedit.select.graph import Neighbors, smooth
 from gsedit.select.layers import level_patches
+from gsedit.select.parts import followed, parts
 from gsedit.select.pieces import pieces
 from gsedit.select.region import Region
 from gsedit.select.segment import Segments, segment_surfaces
@@ -44,8 +45,6 @@ STRENGTH = 10.0
 """Weight of a neighbor's value in the random walker."""
 SEEDS = 0.1
 """Least part of a Gaussian in a click, of the one with the largest, that is a seed."""
-ABOVE = 3.0
-"""Height above a level patch from which something stands on it, of its roughness."""
 AROUND = 1.5
 """Distance from a further click that it changes, of the click's distance from the border of the
 selection: a person clicks in the middle of what is wrong."""
@@ -55,6 +54,8 @@ MANY = 0.5
 """Least share of the cameras that look at what is clicked for the scene to be of one place."""
 MOSTLY = 0.6
 """Least share of what a view shows of an object that is inside a box or mask that selects it."""
+SAME_PLACE = 0.01
+"""Largest distance of clicks at one place, of the view's width: a hand moves a pixel or two."""
 PART = 0.1
 """Least share of a box or a mask that an object fills."""
 
@@ -110,6 +111,7 @@ class Selector:
     def at(self, clicks: Sequence[Click]) -> Region:
         """Select the object under the clicks that are inside, without what is under the others.
 
+        A first click given twice takes the part of the object there, three times a smaller one.
         Raises UsageError without a click inside, for one beside its picture, on nothing or on the
         background, and where nothing or everything would be selected.
         """
@@ -119,14 +121,17 @@ class Selector:
         return self._around(first)._at(clicks, first)
 
     def _at(self, clicks: Sequence[Click], first: Click) -> Region:
-        label = self._label(self._seeds_of(first))
-        row = self._found.rows[label]
-        inside = self._labels == label
-        for click in clicks:
-            if click is not first:
-                inside = self._without_support(inside, click, first)
-                inside = self._refined(inside, click)
-        return self._region(inside, f"{row.kind} {row.number} at {_told(clicks)}")
+        seeds = self._seeds_of(first)
+        row = self._found.rows[self._label(seeds)]
+        again = [click for click in clicks if _at_one_place(click, first)]
+        found = parts(self._surfaces, self._labels == row.number, seeds)
+        *larger, inside = islice(found, len(again))
+        for click in (each for each in clicks if each not in again):
+            inside = self._without_support(inside, click, first)
+            inside = self._refined(inside, click)
+        name = f"part {len(larger)} of " * bool(larger) + f"{row.kind} {row.number}"
+        least = ", which has no smaller part there" * (len(larger) + 1 < len(again))
+        return self._region(inside, f"{name} at {_told(clicks)}{least}")
 
     def _around(self, click: Click) -> Selector:
         """The selector with the cameras that look at what is clicked, where these are few of all:
@@ -233,9 +238,8 @@ class Selector:
         first_at = np.average(points, axis=0, weights=self._seeds_of(first))[None]
         for patch in level_patches(self._surfaces, inside):
             hit = weights[patch.rows].sum() > 0.5 * weights.sum()
-            above = patch.heights(first_at) > ABOVE * patch.rough
-            if hit and above[0] and patch.over(first_at)[0]:
-                return inside & (patch.heights(points) > ABOVE * patch.rough)
+            if hit and patch.above(first_at)[0] and patch.over(first_at)[0]:
+                return inside & patch.above(points)
         return inside
 
     def _hit(
@@ -247,7 +251,8 @@ class Selector:
             return self._labels == label if self._is_thing(label) else None
         piece = pieces(self._surfaces, inside & self._surfaces.solid)
         number = _piece_of(piece, weights)
-        return None if number < 0 else self._followed(inside, piece == number)
+        solid = self._surfaces.solid
+        return None if number < 0 else followed(self._surfaces, inside, solid, piece == number)
 
     def _reach(
         self, inside: Bool[np.ndarray, " n"], click: Click, middle: Float64[np.ndarray, "3"]
@@ -263,18 +268,6 @@ class Selector:
         pixels = float(np.asarray(distance_transform_edt(np.pad(same, 1)))[y + 1, x + 1])
         depth = float(camera.project(torch.from_numpy(middle))[1])
         return pixels / camera.fx * (depth if camera.model == "pinhole" else 1.0)
-
-    def _followed(
-        self, inside: Bool[np.ndarray, " n"], kept: Bool[np.ndarray, " n"]
-    ) -> Bool[np.ndarray, " n"]:
-        """The kept Gaussians with the faint ones that are nearest to them."""
-        points, solid = self._surfaces.points, self._surfaces.solid
-        sure, faint = np.flatnonzero(inside & solid), np.flatnonzero(inside & ~solid)
-        out = kept & solid
-        if len(sure) and len(faint):
-            _, at = k_nearest(points[sure], points[faint], 1)
-            out[faint] = kept[sure[at[:, 0]]]
-        return out
 
     def _solved(
         self,
@@ -358,6 +351,15 @@ class Selector:
     @cached_property
     def _labels(self) -> Int[np.ndarray, " n"]:
         return self._found.labels.numpy()
+
+
+def _at_one_place(click: Click, first: Click) -> bool:
+    """Whether both are inside, within SAME_PLACE of each other in one view."""
+    one, other = click.camera, first.camera
+    if not click.inside or (one.width, one.height) != (other.width, other.height):
+        return False
+    near = np.hypot(click.x - first.x, click.y - first.y) <= SAME_PLACE * one.width
+    return bool(near and torch.equal(one.world_to_camera, other.world_to_camera))
 
 
 def _piece_of(piece: Int[np.ndarray, " n"], weights: Float64[np.ndarray, " n"]) -> int:

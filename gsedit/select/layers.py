@@ -30,6 +30,8 @@ COPLANAR = 0.01
 """Height between two patches in one plane, of the square root of the larger one's area."""
 SEEN = 1e-3
 """Least pixels that a Gaussian of a patch gives: the backs of things have no sure normals."""
+ABOVE = 3.0
+"""Height above a patch from which something stands on it, of its roughness."""
 HULL_MARGIN = 0.1
 """Width around the hull of a patch that counts as over it, of the square root of its area."""
 
@@ -73,11 +75,18 @@ class Patch:
         """Signed distances from the plane, positive above."""
         return points @ self.normal - self.offset
 
-    def over(self, points: Float64[np.ndarray, "k 3"]) -> Bool[np.ndarray, " k"]:
-        """Flag the points over or under the hull of the patch, with a margin."""
+    def above(self, points: Float64[np.ndarray, "k 3"]) -> Bool[np.ndarray, " k"]:
+        """Flag the points that are no more of the patch, but of what is above it."""
+        return self.heights(points) > ABOVE * self.rough
+
+    def over(
+        self, points: Float64[np.ndarray, "k 3"], margin: float = HULL_MARGIN
+    ) -> Bool[np.ndarray, " k"]:
+        """Flag the points over or under the hull of the patch, with a margin; without the rim
+        where it is negative."""
         flat = points @ self.axes.T
         beyond = flat @ self.outline[:, :2].T + self.outline[:, 2]
-        return beyond.max(1, initial=-np.inf) <= HULL_MARGIN * np.sqrt(self.area)
+        return beyond.max(1, initial=-np.inf) <= margin * np.sqrt(self.area)
 
 
 def level_patches(surfaces: Surfaces, among: Bool[np.ndarray, " n"]) -> list[Patch]:

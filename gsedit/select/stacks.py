@@ -125,9 +125,9 @@ def _bodies(
     within = pairs[loose[pairs[:, 0]] & loose[pairs[:, 1]]]
     through = np.full(len(within), -1)
     for i, each in enumerate(patches):
-        through[_crossing(surfaces, within, each)] = i
+        through[crossing(surfaces, within, each, each.heights(surfaces.points) > each.rough)] = i
     body = numbered(linked(within[through < 0], len(surfaces)), loose)
-    through[~_flush(surfaces, within)] = -1
+    through[~flush(surfaces, within)] = -1
     links = _links(surfaces, body, patch, patches, within[through >= 0], through[through >= 0])
     count = int(body.max()) + 1
     held = (body >= 0) | (patch >= 0)
@@ -136,17 +136,16 @@ def _bodies(
     return numbered(joined[np.where(held, one, 0)], held)
 
 
-def _crossing(
-    surfaces: Surfaces, pairs: Int[np.ndarray, "e 2"], patch: Patch
+def crossing(
+    surfaces: Surfaces, pairs: Int[np.ndarray, "e 2"], patch: Patch, side: Bool[np.ndarray, " n"]
 ) -> Int[np.ndarray, " c"]:
-    """The pairs that cross the plane of a patch over its hull."""
-    side = patch.heights(surfaces.points) > patch.rough
+    """The pairs over the hull of a patch that go from one side of its plane to the other."""
     across = np.flatnonzero(side[pairs[:, 0]] != side[pairs[:, 1]])
     middles = surfaces.points[pairs[across]].mean(1)
     return across[patch.over(middles)] if len(across) else across
 
 
-def _flush(surfaces: Surfaces, pairs: Int[np.ndarray, "e 2"]) -> Bool[np.ndarray, " e"]:
+def flush(surfaces: Surfaces, pairs: Int[np.ndarray, "e 2"]) -> Bool[np.ndarray, " e"]:
     """Flag the pairs on one smooth surface: it goes on from one to the other."""
     first, second = pairs.T
     apart = surfaces.points[first] - surfaces.points[second]
@@ -169,7 +168,7 @@ def _links(
     pairs = surfaces.edges
     both = np.concatenate((pairs, pairs[:, ::-1]))
     both = both[(body[both[:, 0]] >= 0) & (patch[both[:, 1]] >= 0)]
-    smooth = _flush(surfaces, both)
+    smooth = flush(surfaces, both)
     for i, each in enumerate(patches):
         on = patch[both[:, 1]] == i
         touching = both[on, 0]
