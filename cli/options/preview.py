@@ -12,7 +12,7 @@ from ..core.console import print_message, print_result
 from .cameras import ViewOptions
 from .editing import EditorOptions, at_size, what_it_understood
 from .masks import MaskOptions
-from .routes import names_of, prepare, read_sentence
+from .routes import OBJECTS, names_of, numbered, prepare, read_sentence
 from .settings import Values
 
 if TYPE_CHECKING:
@@ -66,7 +66,8 @@ def run_preview(
         assert read is not None
         print_message(f"understood as: {read}")
         names = names_of(scene, masks, read)
-        found = preview_routed(given, read, viewpoints, settings, names)
+        with numbered(path.with_name(OBJECTS), ready):
+            found = preview_routed(given, read, viewpoints, settings, names)
         for note in found.notes:
             print_message(note)
     else:

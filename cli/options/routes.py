@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 
 
 NO_MASKS = MaskOptions()
+OBJECTS = "objects.png"
+"""Picture of the numbers of objects, where a sentence may mean several."""
 
 
 def read_sentence(
@@ -94,6 +97,24 @@ def prepare(
     return Prepared(gaussians, same_size(resolved.viewpoints, views.pixels), settings)
 
 
+@contextmanager
+def numbered(file: Path, ready: Prepared) -> Iterator[None]:
+    """Draw the numbers of a scene's objects into a file where a sentence may mean several."""
+    from gsedit.editing.routes.rivals import SeveralObjects
+    from gsedit.formats.pictures import save_picture
+    from gsedit.pictures.segment_sheet import segment_sheet
+    from gsedit.select.looks import names
+
+    try:
+        yield
+    except SeveralObjects as error:
+        told = names(error.segments)
+        sheet = segment_sheet(ready.scene, error.segments, told, ready.viewpoints)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        save_picture(sheet, file, overwrite=True)
+        raise UsageError(f"{error}; their numbers are drawn in {file}") from None
+
+
 def run_routes(
     scene: Path,
     load: Callable[[], Gaussians],
@@ -126,7 +147,10 @@ def run_routes(
             for note in (told := assumed(instruction, ready.settings, names)):
                 print_message(note)
         viewpoints = ready.viewpoints
-        result = routed_result(ready.scene, instruction, viewpoints, ready.settings, watch, names)
+        with numbered(folder / OBJECTS, ready):
+            result = routed_result(
+                ready.scene, instruction, viewpoints, ready.settings, watch, names
+            )
         found = () if result.region.is_all else (f"region: {result.region.note}",)
         for note in (*found, *result.notes[len(told) :]):
             print_message(note)

@@ -36,6 +36,7 @@ from ..options.pointing import AtOptions
 from ..options.preview import preview_file, run_preview
 from ..options.routes import (
     NO_MASKS,
+    OBJECTS,
     carry_beside,
     own_region,
     read_sentence,
@@ -53,7 +54,7 @@ if TYPE_CHECKING:
 
 STEPS = "steps"
 """Folder, in that of the edit, with the folders of all edits but the last."""
-LEFTOVERS = ("metrics.unfinished.jsonl", "command", STEPS)
+LEFTOVERS = ("metrics.unfinished.jsonl", "command", STEPS, OBJECTS)
 """Files of an edit that ended before its first checkpoint: alone they need no protection."""
 
 Instruction = Annotated[str, argument("INSTRUCTION", "What should change, as in 'make it snow'.")]

@@ -29,11 +29,13 @@ from gsedit.select.phrase import carrier, find_phrase
 from gsedit.select.provider import MaskProvider
 from gsedit.select.questions import Asked, questions
 from gsedit.select.region import Region, coverage
+from gsedit.select.remembered import remembered_region, remembered_segments
 from gsedit.select.saved import key_of_name, read_named
 from gsedit.select.segment import Segments
 from gsedit.select.short import OUTSIDE, expression_of, quoted
 from gsedit.select.subject import find_subject
 from gsedit.select.where import where
+from gsedit.words.based import BASED
 from gsedit.words.phrases import CARRIERS, IT, PRONOUNS
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
@@ -106,10 +108,10 @@ class Finder:
         other.selector = self.selector
         return other
 
-    @property
+    @cached_property
     def segments(self) -> Segments:
         """The objects of the scene."""
-        return self.selector.segments
+        return remembered_segments(self.scene, self.cameras, lambda: self.selector.segments)
 
     @property
     def subject(self) -> Region:
@@ -126,8 +128,10 @@ class Finder:
         return self.select(self.expression(phrase))
 
     def expression(self, phrase: str) -> str:
-        """The expression of a phrase: `subject()` for "it", `named('chair')` for a saved selection,
-        else `thing('the red one')`."""
+        """The expression of a phrase: `subject()` for "it", `subject(base=True)` for that with what
+        it stands on, `named('chair')` for a saved selection, else `thing('the red one')`."""
+        if phrase == BASED:
+            return "subject(base=True)"
         if phrase == IT or phrase in PRONOUNS:
             return "subject()"
         saved = self.names.file_of(phrase) is not None
@@ -157,7 +161,13 @@ class Finder:
 
     def find_subject(self, *, base: bool = False) -> Region:
         """The main subject; with its `base`, as a plinth, where that is asked for."""
-        return find_subject(self.scene, self.cameras, self.execution, with_carrier=base)
+        name = "subject with base" if base else "subject"
+        return remembered_region(
+            name,
+            self.scene,
+            self.cameras,
+            lambda: find_subject(self.scene, self.cameras, self.execution, with_carrier=base),
+        )
 
     def find_clicked(self, clicks: Sequence[tuple[str, float, float]]) -> Region:
         """The object at pixels of views; of whole numbers, in the middle of that pixel."""

@@ -14,7 +14,7 @@ from difflib import get_close_matches
 from gsedit.words.chosen import parted
 from gsedit.words.deeds import change_of
 from gsedit.words.instruction import Change
-from gsedit.words.phrases import DEFINITE, IT, NUMBERED, PRONOUNS, object_phrase
+from gsedit.words.phrases import DEFINITE, IT, NUMBERED, PRONOUNS, in_letters, object_phrase
 from gsedit.words.places import side_of
 from gsedit.words.refusals import Refused
 from gsedit.words.scan import scanned
@@ -89,7 +89,7 @@ def actions_of(sentence: str) -> list[Change | Looks] | None:
     Raises Refused for an action beside what is denied, or for one that cannot be done.
     """
     sentence = re.sub(r"[<>]", " ", sentence)  # stand for files below
-    sentence = NUMBERED.sub(r"the object\1", sentence)  # one word, that no amount is taken from
+    sentence = NUMBERED.sub(lambda found: f"the {in_letters(found[1])}", sentence)
     files = [name.strip("\"'") for name in FILE.findall(sentence)]
     numbered = iter(range(len(files)))
     text = " ".join(map(_spelt, tokens(FILE.sub(lambda _: f" <{next(numbered)}> ", sentence))))

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 
 from gsedit.words.actions import Looks, actions_of
 from gsedit.words.amounts import amount_of
+from gsedit.words.based import with_base, without_base
 from gsedit.words.chosen import DENIALS, looks_of
 from gsedit.words.clauses import CONTENT, TARGETS, Clause, clauses
 from gsedit.words.instruction import MOST, Change, Instruction, Target
@@ -70,6 +71,8 @@ def read_instruction(sentence: str, saved: Collection[str] = ()) -> Instruction:
     encoder is loaded only where no word of the sentence names a change. Raises InputError where its
     files are missing or damaged.
     """
+    if (bare := without_base(sentence)) != sentence:
+        return with_base(read_instruction(bare, saved), sentence)
     words = scanned(sentence)
     try:
         if kind := first_refusal(sentence, words):

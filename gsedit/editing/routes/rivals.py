@@ -17,8 +17,17 @@ LISTED = 4
 """Most objects that the message lists."""
 
 
+class SeveralObjects(UsageError):
+    """A noun may be any of several objects of a scene."""
+
+    def __init__(self, message: str, segments: Segments) -> None:
+        """Keep the segments, for a picture of their numbers."""
+        super().__init__(message)
+        self.segments = segments
+
+
 def check_alone(noun: str, segments: Segments, subject: Region) -> None:
-    """Raise UsageError where the scene has objects comparable to the one that is the subject.
+    """Raise SeveralObjects where the scene has objects comparable to the one that is the subject.
 
     That is one that stands out too, so that it was found as a part of the subject, is at least half
     as large, and is apart from it: neither carries it, as a pedestal, nor is carried by it, as a
@@ -47,10 +56,11 @@ def check_alone(noun: str, segments: Segments, subject: Region) -> None:
         for row in (main, *rivals[: LISTED - 1])
     )
     bare = " ".join(word for word in noun.split() if word not in DEFINITE)
-    raise UsageError(
+    raise SeveralObjects(
         f"{noun!r} may be any of {len(rivals) + 1} objects of the scene, as no main subject stands "
-        f"out alone: say {', '.join(more)} or {first}; see their numbers with gsedit select SCENE "
-        f"--objects -o objects.png, and give one the name with --phrase 'object N' --as {bare}"
+        f"out alone: say {', '.join(more)} or {first}, or give one the name with gsedit select "
+        f"SCENE --phrase 'object N' --as {bare}",
+        segments,
     )
 
 

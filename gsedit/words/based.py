@@ -1,0 +1,35 @@
+"""The subject with what it stands on: "the statue and its base". Loads no torch."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+from gsedit.words.instruction import Change, Instruction
+from gsedit.words.phrases import IT, is_noun
+
+BASED = "it with its base"
+"""Phrase of the subject with what it stands on."""
+_BASE = r"(?:base|plinth|pedestal|stand|socle|slab|rock|stone|support)"
+WITH_BASE = re.compile(
+    rf",? (?:and|with|plus|including|along with|together with) (?:its|his|her|their) {_BASE}\b"
+    rf"|,? (?:with|including|along with|together with) the {_BASE}\b",
+    re.IGNORECASE,
+)
+
+
+def without_base(sentence: str) -> str:
+    """The sentence without words that add to the subject what it stands on."""
+    return WITH_BASE.sub("", sentence)
+
+
+def with_base(read: Instruction, sentence: str) -> Instruction:
+    """What was read of `without_base(sentence)`, of the subject with what it stands on."""
+    changes = tuple(map(_based, read.changes))
+    why = "; ".join(map(str, changes)) if read.known else read.why
+    return replace(read, text=sentence, why=why, changes=changes)
+
+
+def _based(change: Change) -> Change:
+    is_subject = change.phrase in ("", IT) or is_noun(change.phrase)
+    return replace(change, phrase=BASED) if change.target == "subject" and is_subject else change
