@@ -31,8 +31,9 @@ class AtOptions:
 
     at: list[str] | None = option(
         None,
-        "Select the object at a pixel, as in frame_00012.jpg:130,80 or 3:130,80; repeatable. "
-        "not:VIEW:X,Y takes away what is there. Column and row of the view at --size.",
+        "Select the object at a pixel, as in frame_00012.jpg:130,80 or 3:130,80; repeatable: the "
+        "same place again is the part of it there, and then a smaller one. not:VIEW:X,Y takes "
+        "away what is there. Column and row of the view at --size.",
         "VIEW:X,Y",
     )
 

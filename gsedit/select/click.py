@@ -81,8 +81,9 @@ def select_at(
 ) -> Region:
     """Select the object at a click, as more clicks inside and outside refine it.
 
-    The first click takes the whole object that stands on its support; a click outside takes away
-    the part of one color that it hits, a further one inside adds what it hits. Without `cameras`,
+    The first click takes the whole object that stands on its support, the same place again a part
+    of it, and then a smaller one; a click outside takes away the part of one color that it hits, a
+    further one inside adds what it hits. Without `cameras`,
     those of the clicks look at the scene. Raises UsageError as `Selector.at` does.
     """
     looked = cameras or [click.camera for click in clicks]

@@ -37,13 +37,16 @@ AMID = 0.5
 underside, and a chair a back."""
 CLEAR = log(1.4)
 """Least rise of the border on both sides, as a logarithm: 0.4 longer. Noise reaches it for
-9 of 1,920 clicks on plain and checkered balls, boxes and rods."""
+5 of 1,920 clicks on plain and checkered balls, boxes and rods."""
 FEWEST = 8
 """Least groups of a part: the borders of fewer are noise."""
 AS_CLEAR = 0.5
 """Least rise of further parts that are told with the clearest one, of its rise."""
 LARGER = 1.5
 """Least area of a part, of the next smaller one's: less is the same with a rim."""
+SHORT = 0.6
+"""Longest border of a part, of that of a small compact patch, both of the root of the area: where a
+plain surface is patchy, borders rise that are as long as any."""
 LASTS = 1.1
 """Growth in area over which a rise has to last: single rough spots are no rise."""
 
@@ -69,7 +72,8 @@ def parts(
     """Yield the object inside, then ever smaller parts of it that hold most of the seeds; at most
     LEVELS in all, each found when it is asked for."""
     yield inside
-    whole = _Whole(surfaces, inside, seeds, LEAST * float(surfaces.seen[inside].sum()))
+    whole = _Whole(surfaces, inside, seeds)
+    whole = replace(whole, least=LEAST * float(surfaces.seen[whole.sure].sum()))
     count, smaller = 1, _smaller(whole)
     while count < LEVELS and smaller:
         yield (part := smaller.pop(0))
@@ -99,7 +103,7 @@ class _Whole:
     surfaces: Surfaces
     inside: Bool[np.ndarray, " n"]
     seeds: Float64[np.ndarray, " n"]
-    least: float
+    least: float = 0.0
     """Least pixels of a part."""
 
     @cached_property
@@ -158,6 +162,12 @@ class _Groups:
     borders: Float64[np.ndarray, " j"]
     """Length of the border of two groups, less what creases and colors hold back."""
 
+    @property
+    def border(self) -> float:
+        """Median length of the border of a group, of the root of its area."""
+        around = np.bincount(self.joints.reshape(-1), np.repeat(self.borders, 2), len(self.areas))
+        return float(np.median(around / np.sqrt(self.areas)))
+
 
 def _filled(whole: _Whole) -> list[Bool[np.ndarray, " n"]]:
     """Return what fills together from the seeds, within a clear border, the largest first."""
@@ -169,7 +179,9 @@ def _filled(whole: _Whole) -> list[Bool[np.ndarray, " n"]]:
     area = np.cumsum(groups.areas[order])
     seen = np.cumsum(groups.seen[order])
     able = (seen >= whole.least) & (seen <= MOST * seen[-1]) & (np.arange(len(seen)) >= FEWEST)
-    rises = _rises(_lengths(groups, rank) / np.sqrt(area), area, able)
+    border = _lengths(groups, rank) / np.sqrt(area)
+    able &= border <= SHORT * groups.border
+    rises = _rises(border, area, able)
     clear = rises >= max(CLEAR, AS_CLEAR * float(rises.max(initial=0)))
     chosen: list[int] = []
     for i in np.argsort(-rises, kind="stable")[: int(clear.sum())].tolist():
