@@ -147,18 +147,15 @@ def run_routes(
             for note in (told := assumed(instruction, ready.settings, names)):
                 print_message(note)
         viewpoints = ready.viewpoints
+        asked = ready.scene, instruction, viewpoints, ready.settings, watch, names
         with numbered(folder / OBJECTS, ready):
-            result = routed_result(
-                ready.scene, instruction, viewpoints, ready.settings, watch, names
-            )
-        found = () if result.region.is_all else (f"region: {result.region.note}",)
-        for note in (*found, *result.notes[len(told) :]):
-            print_message(note)
-        request = {"scene": scene, **asdict(views), "editor": {"editor": AUTO}, **history_of(scene)}
+            result = routed_result(*asked)
+        say_found(result, len(told))
+        request = {"scene": scene, **asdict(views), "editor": {"editor": AUTO}}
         write_cameras(viewpoints, folder / "cameras.json", overwrite=True)
         write_view_list(by_edit(viewpoints, ()), folder / "views.json", overwrite=True)
         carry_beside(scene, ready.scene, result, folder)
-        write_edit(folder, result, request={**request, **more}, overwrite=True)
+        write_edit(folder, result, request={**request, **history_of(scene), **more}, overwrite=True)
     print_message(f"{result.metrics.describe()}; {result.timings['total']:.1f} s")
     say_where(folder)
     return result
@@ -175,6 +172,13 @@ def own_region(values: Values, first: Path, scene: Path) -> Values:
     own = folder_of(scene) / region.name
     is_saved = region.parent == folder_of(first) and own.is_file()
     return {**values, ("region",): str(own)} if is_saved else values
+
+
+def say_found(result: EditResult, told: int) -> None:
+    """Print the region of an edit and its notes but for the first ones, which were told."""
+    found = () if result.region.is_all else (f"region: {result.region.note}",)
+    for note in (*found, *result.notes[told:]):
+        print_message(note)
 
 
 def say_where(folder: Path) -> None:

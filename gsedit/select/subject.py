@@ -131,7 +131,11 @@ def _standing_out(looked: _Looked, *, with_carrier: bool) -> tuple[Bool[Tensor, 
     inside = torch.isin(looked.labels, torch.tensor(chosen, dtype=torch.long))
     held = float(weight[sure & inside].sum() / weight[sure].sum().clamp_min(1e-9))
     if chosen and (held >= COVERED or not sure.any()):
-        if not with_carrier:
+        rows = looked.segments.rows
+        if with_carrier:
+            under = {rows[i].stands_on for i in chosen}
+            chosen += [row.number for row in looked.segments.objects if row.number in under]
+        else:
             chosen = _without_carriers(looked.segments, chosen)
         return _outlined(looked, chosen, with_carrier=with_carrier), "auto: the subject"
     if float(weight[sure].sum()) < LEAST_PIXELS * float(weight.sum()):

@@ -18,7 +18,7 @@ from gsedit.formats.scenes import save
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 
 
-@pytest.fixture(scope="session", autouse=True)
+@pytest.fixture(scope="module", autouse=True)
 def quick_saliency() -> Iterator[None]:
     """All that is not black stands out: every test opens a page, which looks for its subject."""
     drawn = lambda x: (x.amax(1) > -1.7).float()  # noqa: E731 (of normalised colors)
@@ -27,7 +27,7 @@ def quick_saliency() -> Iterator[None]:
         yield
 
 
-@pytest.fixture(scope="session", autouse=True)
+@pytest.fixture(scope="module", autouse=True)
 def ended(quick_saliency) -> Iterator[None]:
     """Wait for what tabs that are closed still prepare: the interpreter cannot end inside C++."""
     yield

@@ -24,7 +24,7 @@ def test_a_region_is_tinted(scene, tmp_path):
     [
         (["--region", "auto"], "add --prompt"),
         (["--prompt", "as gold"], "--prompt is for --region auto"),
-        (["--region", "bear"], "give all, auto, box"),
+        (["--region", "bear"], "give auto, all, box"),
         (["--region", "box:1,2,3"], "give 6 finite numbers"),
         (["--region", "sphere:1e7,0,0,1"], "holds no Gaussian"),
     ],
@@ -46,5 +46,5 @@ def test_a_region_of_another_scene_is_unreadable(scene, tmp_path):
 def test_an_edit_refuses_a_region_before_it_begins(scene, tmp_path):
     result = gsedit("edit", scene, "as gold", "--region", "here", "-o", tmp_path / "out")
     assert result.exit_code == 2
-    assert "give all, auto, box" in result.stderr
+    assert "give auto, all, box" in result.stderr
     assert not (tmp_path / "out").exists()

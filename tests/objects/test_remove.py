@@ -16,6 +16,7 @@ from gsedit.errors import UsageError
 from gsedit.objects import remove
 from gsedit.objects.outcome import Outcome
 from gsedit.objects.removal.cells import rectangle_around
+from gsedit.objects.removal.mirrored import mirrored_under
 from gsedit.objects.removal.resting import resting_on
 from rasterizer.camera import Camera
 from rasterizer.numerics import color_to_sh, sh_to_color
@@ -208,6 +209,16 @@ def test_its_mirror_image_in_a_glossy_floor_goes_along():
     dropped = remove(scene, inside, each.cameras).dropped(len(scene))
     deep = scene.means[:, 2] < floor - 0.1
     assert dropped[rows & deep].float().mean() > 0.95
+
+
+def test_what_is_full_of_points_below_a_thing_is_no_mirror_image_of_it():
+    random, up = np.random.default_rng(0), np.array((0.0, 0.0, 1.0))
+    thing = random.uniform((-0.2, -0.5, 0.0), (0.2, 0.5, 1.0), (3000, 3))
+    ground = random.uniform((-3, -3, -1.2), (3, 3, -0.1), (40_000, 3))
+    assert not mirrored_under(thing, ground, up, 0.0).any()
+    image = thing * (1, 1, -1)
+    flags = mirrored_under(thing, image, up, 0.0)
+    assert flags[image[:, 2] < -0.1].all()
 
 
 @pytest.mark.parametrize(("beside", "count"), [(1.5, 1), (0.6, 0), (0.0, 1)])

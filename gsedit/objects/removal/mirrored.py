@@ -16,6 +16,10 @@ LOW = 0.5
 """Share of the object's height whose image is asked for: that of its top is seen least."""
 SHARE = 0.6
 """Share of those points that have one: less is a leg of the table, or the soil."""
+ASIDE, ALONE = 0.75, 0.5
+"""Shift to four sides, of the extent, and the largest share of points that are found there, of
+those found below: where all is full of points, as of ground below the top of a rock, none is an
+image."""
 CLEAR = 0.05
 """Depth under the plane from which there is an image, of the extent: less is the surface itself."""
 
@@ -40,7 +44,17 @@ def mirrored_under(
         return flags
     images = others[under] - 2 * heights[under, None] * normal
     some = asked[:: 1 + len(asked) // ASKED]
-    if np.isfinite(k_nearest(images, some, 1, NEAR * extent)[0]).mean() < SHARE:
+    share = _share(images, some, extent)
+    across = np.linalg.svd(normal[None])[2][1:] * ASIDE * extent
+    beside = [_share(images, some + way, extent) for way in (*across, *-across)]
+    if share < SHARE or np.median(beside) > ALONE * share:
         return flags
     flags[under] = np.isfinite(k_nearest(thing, images, 1, NEAR * extent)[0][:, 0])
     return flags
+
+
+def _share(
+    images: Float[np.ndarray, "m 3"], points: Float[np.ndarray, "k 3"], extent: float
+) -> float:
+    """Share of points that have an image near them."""
+    return float(np.isfinite(k_nearest(images, points, 1, NEAR * extent)[0]).mean())

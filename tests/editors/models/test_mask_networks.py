@@ -7,11 +7,11 @@ import json
 import pytest
 import tiny_segmenters as tiny
 import torch
-from gsedit.masks import networks
 from PIL import Image
 
 from gsedit.editors.masks import make_masks
 from gsedit.errors import InputError, UsageError
+from gsedit.models import mask_networks as networks
 
 PHRASE = "the red chair"
 
