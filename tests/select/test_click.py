@@ -11,7 +11,7 @@ from playroom import playroom
 from gsedit.errors import UsageError
 from gsedit.objects import Click, Selector, select_at
 from gsedit.select import surfaces
-from gsedit.select.region import in_one_color
+from gsedit.select.region import Region, coverage, in_one_color
 from gsedit.synthetic.paint import plain
 from gsedit.synthetic.scene import SyntheticScene
 from gsedit.synthetic.shapes import box, cylinder, smooth_union, translate, union
@@ -91,7 +91,9 @@ def test_a_click_outside_on_what_the_clicked_thing_grows_from_leaves_the_thing(r
     selector, tall = Selector(scene, room.cameras), scene.means[:, 2]
     assert iou(selector.at([on_post, on_side]).inside, tall > -0.1) > 0.9
     found = selector.at([on_post, on_side, replace(on_top, inside=False)])
-    assert iou(found.inside, tall > 0.1) > 0.8
+    for camera in room.cameras[:4]:  # as pictures show it: wide Gaussians of its rim are cut off
+        shown = [coverage(each, scene, camera) > 0.5 for each in (found, Region(tall > 0.1))]
+        assert iou(*shown) > 0.8
 
 
 def test_a_click_outside_beside_the_object_changes_nothing(room, selector):
