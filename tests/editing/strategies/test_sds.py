@@ -64,14 +64,15 @@ def test_the_regulariser_keeps_the_structure(free):
 
 
 def test_the_correlation_is_pearsons_and_forgives_gain_and_offset():
-    hidden = torch.linspace(-2, 2, len(scene()))
-    original = replace(scene(), logit_opacities=hidden)
+    whole = scene().to(torch.float64)
+    hidden = torch.linspace(-2, 2, len(whole), dtype=torch.float64)
+    original = replace(whole, logit_opacities=hidden)
     assert float(correlation_loss(original, original, ALL)) == pytest.approx(0, abs=1e-5)
     brighter = replace(original, sh=1.7 * original.sh + 0.2)
     assert float(correlation_loss(brighter, original, ALL)) == pytest.approx(0, abs=1e-5)
     inverted = replace(original, sh=-original.sh)
     assert float(correlation_loss(inverted, original, ALL)) == pytest.approx(2, abs=1e-5)
-    flat = scene()  # all opacities are equal: no structure that could be kept
+    flat = whole  # all opacities are equal: no structure that could be kept
     faded = replace(flat, logit_opacities=hidden)
     assert float(correlation_loss(faded, flat, ALL)) == pytest.approx(0, abs=1e-5)
     some = ALL.clone()
