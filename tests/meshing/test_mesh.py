@@ -20,6 +20,8 @@ from gsedit.synthetic import ring_cameras, scenes, surface_gaussians
 from rasterizer.scene import Gaussians, concatenate
 
 COUNT = 4000
+EVERY = 1_000_000
+"""More faces than are found: none is taken away, which takes most of the time."""
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +35,7 @@ def ball():
 
 @pytest.fixture(scope="module")
 def fused(ball):
-    return mesh(*ball, faces=4000)
+    return mesh(*ball, faces=EVERY)
 
 
 def floaters(scene: Gaussians) -> Gaussians:
@@ -50,13 +52,12 @@ def test_a_mesh_lies_on_the_exact_surface_and_faces_outwards(fused):
     assert np.abs(radii - 1).mean() < 0.01 * 2  # a hundredth of the diameter
     facing = (fused.normals * fused.vertices / radii[:, None]).sum(1)
     assert np.median(facing) > 0.98
-    assert len(fused.faces) <= 4000
     assert 0 <= fused.colors.min() <= fused.colors.max() <= 1
 
 
 def test_floaters_become_no_triangles(ball):
     discs, cameras = ball
-    found = mesh(concatenate(discs, floaters(discs)), cameras, faces=4000)
+    found = mesh(concatenate(discs, floaters(discs)), cameras, faces=EVERY)
     assert np.linalg.norm(found.vertices, axis=1).max() < 1.1
 
 
@@ -76,7 +77,7 @@ def before_a_wall(scene: Gaussians, color: float) -> Gaussians:
 
 def test_a_backdrop_of_one_color_becomes_no_triangles(ball, fused):
     discs, cameras = ball
-    found = mesh(before_a_wall(discs, 0.97), cameras, faces=4000)
+    found = mesh(before_a_wall(discs, 0.97), cameras, faces=EVERY)
     assert np.linalg.norm(found.vertices, axis=1).max() < 1.1
     assert found.areas.sum() == pytest.approx(fused.areas.sum(), rel=0.08)
 
@@ -85,7 +86,7 @@ def test_what_has_the_color_of_the_backdrop_inside_the_object_stays(ball):
     discs, cameras = ball
     cap = discs.means[:, 2] > 0.97  # not at the outline of views from above
     sh = torch.where(cap[:, None, None], (0.97 - 0.5) / 0.28209479, discs.sh)
-    found = mesh(before_a_wall(replace(discs, sh=sh), 0.97), cameras, faces=4000)
+    found = mesh(before_a_wall(replace(discs, sh=sh), 0.97), cameras, faces=EVERY)
     middles = found.corners.mean(1)
     covered = found.areas[middles[:, 2] > 0.9].sum()
     assert covered == pytest.approx(2 * pi * 0.1, rel=0.2)  # 0.3 of it is the patch
@@ -94,7 +95,7 @@ def test_what_has_the_color_of_the_backdrop_inside_the_object_stays(ball):
 def test_an_object_of_the_color_of_its_backdrop_is_not_lost(ball):
     discs, cameras = ball
     plain = replace(discs, sh=torch.full_like(discs.sh, (0.97 - 0.5) / 0.28209479))
-    assert len(mesh(before_a_wall(plain, 0.97), cameras, faces=4000).faces)
+    assert len(mesh(before_a_wall(plain, 0.97), cameras, faces=EVERY).faces)
 
 
 def test_a_watertight_mesh_is_closed_and_has_the_volume(ball):
@@ -118,7 +119,7 @@ def test_units_are_those_of_the_scene(ball, fused):
         pose = camera.world_to_camera.clone()
         pose[:3, 3] *= 50
         moved.append(replace(camera, world_to_camera=pose))
-    found = mesh(larger, moved, faces=4000)
+    found = mesh(larger, moved, faces=EVERY)
     assert np.ptp(found.vertices, axis=0) == pytest.approx(
         50 * np.ptp(fused.vertices, axis=0), 0.03
     )
@@ -128,6 +129,7 @@ def test_only_what_is_selected_becomes_triangles(ball):
     discs, cameras = ball
     found = mesh(discs, cameras, inside=discs.means[:, 2] > 0, faces=2000)
     assert found.vertices[:, 2].min() > -0.15
+    assert len(found.faces) <= 2000
 
 
 def test_a_scene_without_a_surface_is_refused(ball):
@@ -204,5 +206,5 @@ def test_a_view_that_sees_nearly_nothing_takes_nothing_away(ball, fused):
     pose[0, 3] += 100.0  # beside the sphere
     blind = replace(cameras[0], world_to_camera=pose)
     speck = cameras[0].resized(3, 3)
-    found = mesh(discs, [*cameras, blind, speck], faces=4000)
+    found = mesh(discs, [*cameras, blind, speck], faces=EVERY)
     assert np.ptp(found.vertices, axis=0) == pytest.approx(np.ptp(fused.vertices, axis=0), rel=0.03)
