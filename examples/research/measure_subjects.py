@@ -3,8 +3,9 @@
     python -m research.measure_subjects ../shared/data subjects.csv bear.ply garden-draft.ply ...
 
 For each scene, writes the mean and least IoU of the region's render with the masks, at the photos
-that they were drawn on, what red paint changes outside (PSNR), and seconds: for `auto` and for one
-click in the middle of the first mask.
+that they were drawn on; the shares of the rim, RIM pixels on either side of the outline, that are
+bare inside and spilt on outside; what red paint changes outside (PSNR), and seconds: for `auto`,
+for one click in the middle of the first mask, and for a phrase.
 Masks are drawn on photos as the camera took them, and are undistorted as photos are.
 """
 
@@ -27,7 +28,9 @@ from torch.nn.functional import max_pool2d
 
 from gsedit import load
 from gsedit.datasets.load import load_dataset
+from gsedit.datasets.viewpoints import viewpoints_of
 from gsedit.select.click import Click, select_at
+from gsedit.select.finder import Finder
 from gsedit.select.region import Region, coverage
 from gsedit.select.subject import find_subject
 from rasterizer.camera import Camera
@@ -37,6 +40,8 @@ from rasterizer.scene import Gaussians
 
 WANTED = {"bear": ["bear"], "garden": ["table", "vase"], "dinosaur": ["dino"]}
 """Mask sets of the subject of each capture; the subject is their union."""
+PHRASES = {"bear": "the bear", "garden": "the table", "dinosaur": "the dinosaur"}
+"""Phrases of a sentence for it."""
 RIM = 2
 """Pixels off the outline from which a pixel is outside: masks are off by about as much."""
 
@@ -54,6 +59,17 @@ class Truth:
         pairs = zip(shown, self.masks, strict=True)
         return [float((a & b).sum() / (a | b).sum().clamp_min(1)) for a, b in pairs]
 
+    def rim(self, region: Region, scene: Gaussians) -> tuple[float, float]:
+        """(bare, spilt): shares of the pixels up to RIM inside and outside of the outlines that the
+        region does not show, and shows."""
+        bare, spilt = [], []
+        for camera, mask in zip(self.cameras, self.masks, strict=True):
+            shown = coverage(region, scene, camera) > 0.5
+            inner, outer = mask & grown(~mask), ~mask & grown(mask)
+            bare.append(float((inner & ~shown).sum() / inner.sum().clamp_min(1)))
+            spilt.append(float((outer & shown).sum() / outer.sum().clamp_min(1)))
+        return sum(bare) / len(bare), sum(spilt) / len(spilt)
+
     def leak(self, region: Region, scene: Gaussians) -> float:
         """PSNR outside the masks, RIM pixels off them, of the scene with the region in red."""
         red = scene.sh.clone()
@@ -61,10 +77,14 @@ class Truth:
         red[region.inside, 0] = color_to_sh(torch.tensor((1.0, 0.0, 0.0)))
         painted, errors = replace(scene, sh=red), []
         for camera, mask in zip(self.cameras, self.masks, strict=True):
-            grown = max_pool2d(mask[None].float(), 2 * RIM + 1, 1, RIM)[0] > 0
             pair = [render(each, camera).color.clamp(0, 1) for each in (scene, painted)]
-            errors.append((pair[0] - pair[1]).square()[~grown].mean())
+            errors.append((pair[0] - pair[1]).square()[~grown(mask)].mean())
         return float(-10 * torch.stack(errors).mean().log10())
+
+
+def grown(mask: Bool[Tensor, "h w"]) -> Bool[Tensor, "h w"]:
+    """The mask and all within RIM pixels of it."""
+    return max_pool2d(mask[None].float(), 2 * RIM + 1, 1, RIM)[0] > 0
 
 
 def read_truth(capture: Path, sets: Sequence[str]) -> Truth:
@@ -105,19 +125,22 @@ def middle(mask: Bool[Tensor, "h w"]) -> tuple[float, float]:
 def rows_of(capture: Path, path: Path) -> Iterator[list[str]]:
     """A row for each way to find the subject of a scene."""
     scene = load(path)
-    cameras = [view.camera for view in load_dataset(capture).views]
+    viewpoints = viewpoints_of(load_dataset(capture))
+    cameras = [each.camera for each in viewpoints]
     truth = read_truth(capture, WANTED[capture.name])
     clicks = [Click(truth.cameras[0], *middle(truth.masks[0]))]
+    phrase = PHRASES[capture.name]
     ways = {
         "auto": lambda: find_subject(scene, cameras),
         "one click": lambda: select_at(scene, clicks, cameras),
+        phrase: lambda: Finder(scene, viewpoints).named(phrase),
     }
     for way, find in ways.items():
         start = time.perf_counter()
         region = find()
         seconds = time.perf_counter() - start
         each = truth.iou(region, scene)
-        numbers = (sum(each) / len(each), min(each))
+        numbers = (sum(each) / len(each), min(each), *truth.rim(region, scene))
         told = [f"{x:.3f}" for x in numbers] + [f"{truth.leak(region, scene):.1f}"]
         yield [capture.name, path.stem, way, *told, f"{seconds:.1f}", region.note]
 
@@ -126,7 +149,20 @@ def main(data: Path, out: Path, scenes: Sequence[Path]) -> None:
     """Write the table. A scene's file is named after its capture, as bear-draft.ply."""
     with out.open("w", newline="") as file:
         table = csv.writer(file)
-        table.writerow(("capture", "fit", "way", "IoU", "least IoU", "outside, dB", "s", "found"))
+        table.writerow(
+            (
+                "capture",
+                "fit",
+                "way",
+                "IoU",
+                "least IoU",
+                "bare",
+                "spilt",
+                "outside, dB",
+                "s",
+                "found",
+            )
+        )
         for path in scenes:
             for row in rows_of(data / path.stem.split("-")[0], path):
                 table.writerow(row)
