@@ -10,8 +10,9 @@ from torch import Tensor
 
 from gsedit.errors import UsageError
 from gsedit.scene.table import table_of
-from gsedit.select.click import Click
+from gsedit.select.click import SMALLEST, Click, Selector, at_one_place
 from gsedit.select.clusters import Grown, Shrunk
+from gsedit.select.region import Region
 from gsedit.select.rules import Given
 from rasterizer.scene import Gaussians
 
@@ -26,13 +27,23 @@ class Clicks:
     clicks: tuple[Click, ...] = ()
 
     def with_click(self, click: Click, *, add: bool) -> Clicks:
-        """With one more click; a plain one begins anew. Raises UsageError for a first one
-        outside."""
+        """With one more click; a plain one begins anew, but at the same place takes the part there.
+        Raises UsageError for a first one outside."""
         if not add:
-            return Clicks((click,))
+            again = self.clicks and all(at_one_place(click, each) for each in self.clicks)
+            return replace(self, clicks=(*self.clicks, click)) if again else Clicks((click,))
         if not self.clicks and not click.inside:
             raise UsageError("click on the object first; then take parts away")
         return replace(self, clicks=(*self.clicks, click))
+
+    def selected(self, selector: Selector) -> tuple[Clicks, Region]:
+        """What the clicks select; where there is no smaller part, the whole object again, as with
+        the last click alone. Raises UsageError as `Selector.at` does."""
+        region = selector.at(self.clicks)
+        if not region.note.endswith(SMALLEST):
+            return self, region
+        whole = Clicks(self.clicks[-1:])
+        return whole, selector.at(whole.clicks)
 
 
 def grown(scene: Gaussians, flags: Bool[Tensor, " n"], radius: float) -> Bool[Tensor, " n"]:

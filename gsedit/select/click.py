@@ -61,6 +61,8 @@ MOSTLY = 0.6
 """Least share of what a view shows of an object that is inside a box or mask that selects it."""
 SAME_PLACE = 0.01
 """Largest distance of clicks at one place, of the view's width: a hand moves a pixel or two."""
+SMALLEST = "which has no smaller part there"
+"""What is said where a place is clicked again, and the selection stays as it is."""
 PART = 0.1
 """Least share of a box or a mask that an object fills."""
 
@@ -129,14 +131,14 @@ class Selector:
     def _at(self, clicks: Sequence[Click], first: Click) -> Region:
         seeds = self._seeds_of(first)
         row = self._found.rows[self._label(seeds)]
-        again = [click for click in clicks if _at_one_place(click, first)]
+        again = [click for click in clicks if at_one_place(click, first)]
         found = parts(self._surfaces, self._labels == row.number, seeds)
         *larger, inside = islice(found, len(again))
         for click in (each for each in clicks if each not in again):
             inside = self._without_support(inside, click, first)
             inside = self._refined(inside, click)
         name = f"part {len(larger)} of " * bool(larger) + f"{row.kind} {row.number}"
-        least = ", which has no smaller part there" * (len(larger) + 1 < len(again))
+        least = f", {SMALLEST}" * (len(larger) + 1 < len(again))
         return self._region(inside, f"{name} at {_told(clicks)}{least}")
 
     def _around(self, click: Click) -> Selector:
@@ -362,7 +364,7 @@ class Selector:
         return self._found.labels.numpy()
 
 
-def _at_one_place(click: Click, first: Click) -> bool:
+def at_one_place(click: Click, first: Click) -> bool:
     """Whether both are inside, within SAME_PLACE of each other in one view."""
     one, other = click.camera, first.camera
     if not click.inside or (one.width, one.height) != (other.width, other.height):

@@ -101,7 +101,19 @@ def test_a_plain_click_begins_anew_and_a_further_one_refines(room):
     two = one.with_click(Click(camera, 40.0, 48.0), add=True)
     assert len(two.clicks) == 2
     assert two.with_click(click, add=False) == one
-    assert isinstance(Selector(room.scene, [camera]), Selector)
+
+
+def test_a_plain_click_at_the_same_place_takes_the_part_there_and_at_last_the_whole_again(room):
+    camera = playroom().cameras[0]
+    x, y = camera.project(room.scene.means[playroom().of("red ball")].mean(0))[0].tolist()
+    selector, clicks, taken = Selector(room.scene, playroom().cameras), Clicks(), []
+    for _ in range(6):
+        clicks, region = clicks.with_click(Click(camera, x, y), add=False).selected(selector)
+        taken.append((len(clicks.clicks), int(region.inside.sum())))
+        if len(taken) > 1 and len(clicks.clicks) == 1:
+            break
+    assert taken[-1] == taken[0]
+    assert [count for count, _ in taken[:-1]] == list(range(1, len(taken)))
 
 
 def test_grow_and_shrink_go_by_a_radius(room):

@@ -90,11 +90,11 @@ class Select:
         if "finder" not in vars(loaded):
             self.tab.tell("looking for the objects of the scene: the first click takes a while")
 
-        def then(region: Region) -> None:
-            self.clicks = clicks
+        def then(found: tuple[Clicks, Region]) -> None:
+            self.clicks, region = found
             self.take(region)
 
-        self.tab.soon(SELECT, lambda: loaded.finder.selector.at(clicks.clicks), then)
+        self.tab.soon(SELECT, lambda: clicks.selected(loaded.finder.selector), then)
 
     def boxed(self, box: Box) -> None:
         """Select the objects in a box."""
@@ -150,4 +150,7 @@ class Select:
         page.notify("selection")
 
 
-_HOW = "Click on an object. Ctrl-click adds, Alt-click takes away, a drag with Shift draws a box."
+_HOW = (
+    "Click on an object; again at the same place, for the part there. Ctrl-click adds, Alt-click "
+    "takes away, a drag with Shift draws a box."
+)
