@@ -16,7 +16,7 @@ from rasterizer.blending import cpp_backend
 TORCH, COMPILED = Execution(kernel="torch"), Execution(kernel="compiled")
 WHOLE_SUM = Numerics(transmittance_min=0.0)
 LEFT_OUT = 0.2 * Numerics().transmittance_min
-"""Most that passes a closed block of pixels, however wide the vectors are."""
+"""Most that passes a closed block of pixels (CLOSED in kernel.cpp), of vectors of any width."""
 OPACITY_BAR = 2 * LEFT_OUT / (1 - Numerics().alpha_max)
 """Relative error of an opacity's gradient: the part left out, divided by what a disc lets through.
 Twice that, since blocks of narrow vectors close sooner (1.0e-4 at 512 bits, 2.6e-4 at 128)."""
