@@ -204,6 +204,8 @@ class Finder:
     def find_drawn(self, path: str) -> Region:
         """The Gaussians in masks drawn on views: a .png named after its view, or a folder."""
         masks = read_masks(Path(path).expanduser(), self.viewpoints)
+        if not any((mask > 0.5).any() for mask in masks.values()):
+            raise UsageError(f"{path} is black: draw white where the object is")
         cameras = [self.viewpoints[i].camera for i in masks]
         drawn = list(masks.values())
         lifted = lift(self.scene, cameras, drawn, self.execution)
