@@ -16,12 +16,11 @@ from jaxtyping import Bool, Float, Float64, Int
 from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 
-from gsedit.datasets.dataset import evenly_spaced
 from gsedit.errors import UsageError
 from gsedit.scene.quantiles import extent_of, weighted_quantile
 from gsedit.select.graph import Neighbors, smooth
 from gsedit.select.layers import level_patches
-from gsedit.select.lift import within_silhouette
+from gsedit.select.lift import cut_out
 from gsedit.select.parts import followed, parts
 from gsedit.select.pieces import pieces
 from gsedit.select.region import Region
@@ -32,9 +31,6 @@ from rasterizer.color_weights import color_weights
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
-CUT_PIXELS = 320
-"""Longer side of views in which a selection is cut at its silhouette: what sticks out of it would
-show far outside (24 dB instead of 39 on the bear)."""
 FROM_AFAR = 1e-5
 """Relative residual of values that follow few clicked Gaussians from afar."""
 LEAST_AFFINITY = 0.05
@@ -346,10 +342,7 @@ class Selector:
                 "the selection is the whole scene, which has no ground or background to tell it "
                 "from: add clicks outside, or leave the selection out"
             )
-        some = [self.cameras[i] for i in evenly_spaced(len(self.cameras), VIEWS)]
-        views = [each.fitted(CUT_PIXELS) for each in some]
-        cut = within_silhouette(self.scene, views, flags, self.execution)
-        return Region(cut if cut.any() else flags, note)
+        return Region(cut_out(self.scene, self.cameras, flags, self.execution), note)
 
     @cached_property
     def _surfaces(self) -> Surfaces:

@@ -24,7 +24,7 @@ from gsedit.scene.merging.groups import MergedScene
 from gsedit.scene.table import table_of
 from gsedit.select.click import Click, Selector
 from gsedit.select.drawn import read_masks
-from gsedit.select.lift import find_drawn, lift, within_silhouette
+from gsedit.select.lift import cut_out, find_drawn, lift, within_silhouette
 from gsedit.select.phrase import carrier, find_phrase
 from gsedit.select.provider import MaskProvider
 from gsedit.select.questions import Asked, questions
@@ -36,7 +36,7 @@ from gsedit.select.short import OUTSIDE, expression_of, quoted
 from gsedit.select.subject import find_subject
 from gsedit.select.where import where
 from gsedit.words.based import BASED
-from gsedit.words.phrases import CARRIERS, IT, PRONOUNS
+from gsedit.words.phrases import CARRIERS, IT, PRONOUNS, is_noun
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
@@ -128,13 +128,15 @@ class Finder:
         return self.select(self.expression(phrase))
 
     def expression(self, phrase: str) -> str:
-        """The expression of a phrase: `subject()` for "it", `subject(base=True)` for that with what
-        it stands on, `named('chair')` for a saved selection, else `thing('the red one')`."""
+        """The expression of a phrase: `subject()` for "it" or a noun alone, `subject(base=True)`
+        with what that stands on, `named('chair')` for a saved one, else `thing('the red one')`."""
         if phrase == BASED:
             return "subject(base=True)"
         if phrase == IT or phrase in PRONOUNS:
             return "subject()"
         saved = self.names.file_of(phrase) is not None
+        if is_noun(phrase) and phrase not in CARRIERS and not self.names.knows(phrase):
+            return "subject()"
         return f"{'named' if saved else 'thing'}({quoted(phrase)})"
 
     def select(self, text: str) -> Region:
@@ -179,8 +181,13 @@ class Finder:
         known = None if masks is not None else self.segments
         if known is not None and phrase in CARRIERS and (found := carrier(known)):
             return found
-        return find_phrase(
+        found = find_phrase(
             phrase, self.scene, self.cameras, known, self._main, masks, self.execution
+        )
+        if known is None or known.labels[found.inside].max() >= len(known.objects):
+            return found  # the ground and what is behind have no outline of their own
+        return replace(
+            found, inside=cut_out(self.scene, self.cameras, found.inside, self.execution)
         )
 
     def _main(self) -> Bool[Tensor, " n"] | None:

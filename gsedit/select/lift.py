@@ -16,6 +16,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from gsedit.datasets.dataset import evenly_spaced
 from gsedit.select.graph import Neighbors, neighbors, smooth
 from rasterizer.camera import Camera
 from rasterizer.color_weights import color_weights
@@ -72,6 +73,23 @@ def within_silhouette(
         shown = (weights.picture(colors)[..., :1] > SILHOUETTE).to(sums)
         sums += weights.back(torch.cat((shown, torch.ones_like(shown), shown), -1))
     return inside & (sums[:, 0] >= SILHOUETTE * sums[:, 1])
+
+
+CUT_VIEWS, CUT_PIXELS = 8, 320
+"""Most views in which objects are cut out, and their longer side, pixels."""
+
+
+def cut_out(
+    scene: Gaussians,
+    cameras: Sequence[Camera],
+    inside: Bool[Tensor, " n"],
+    execution: Execution = AUTO,
+) -> Bool[Tensor, " n"]:
+    """An object without what sticks out of its silhouette in some of the views, which would show
+    far outside of it: 24 dB instead of 39 on the bear. All of it where nothing else is left."""
+    some = [cameras[i].fitted(CUT_PIXELS) for i in evenly_spaced(len(cameras), CUT_VIEWS)]
+    cut = within_silhouette(scene, some, inside, execution)
+    return cut if cut.any() else inside
 
 
 SMOOTHING_WEIGHT = 10.0
