@@ -37,7 +37,7 @@ class Clicks:
         return replace(self, clicks=(*self.clicks, click))
 
     def selected(self, selector: Selector) -> tuple[Clicks, Region]:
-        """What the clicks select; where there is no smaller part, the whole object again, as with
+        """The region of the clicks; where there is no smaller part, the whole object again, as with
         the last click alone. Raises UsageError as `Selector.at` does."""
         region = selector.at(self.clicks)
         if not region.note.endswith(SMALLEST):

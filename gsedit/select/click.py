@@ -58,7 +58,7 @@ MOSTLY = 0.6
 SAME_PLACE = 0.01
 """Largest distance of clicks at one place, of the view's width: a hand moves a pixel or two."""
 SMALLEST = "which has no smaller part there"
-"""What is said where a place is clicked again, and the selection stays as it is."""
+"""Words of a note where a place is clicked again, and the selection stays as it is."""
 PART = 0.1
 """Least share of a box or a mask that an object fills."""
 

@@ -1,4 +1,4 @@
-"""What a finder keeps, and what it says where a noun may be any of several objects."""
+"""Records of a finder on disk, and its refusal where a noun may be any of several objects."""
 
 from __future__ import annotations
 
