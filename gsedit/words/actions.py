@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 
+from gsedit.formats.table import READABLE
 from gsedit.words.chosen import parted
 from gsedit.words.deeds import change_of
 from gsedit.words.instruction import Change
@@ -20,7 +21,7 @@ from gsedit.words.refusals import Refused
 from gsedit.words.scan import scanned
 from gsedit.words.tokens import tokens
 
-SUFFIX = r"\.(?:ply|splat|spz|sog|ksplat|glb|gltf)\b"
+SUFFIX = rf"(?:{'|'.join(map(re.escape, READABLE))})\b"
 FILE = re.compile(rf"\"[^\"]+{SUFFIX}\"|'[^']+{SUFFIX}'|[^\s\"',;]+{SUFFIX}", re.IGNORECASE)
 """A scene's file in a sentence; one with spaces in its name is in quotes."""
 BREAK = re.compile(
