@@ -6,6 +6,7 @@ import math
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 
+from gsedit.words import lexicon
 from gsedit.words.actions import Looks, actions_of
 from gsedit.words.amounts import amount_of
 from gsedit.words.based import with_base, without_base
@@ -142,7 +143,9 @@ def _parsed(words: list[Word]) -> list[Change]:
         raise Refused("negation")
     if reading.unsaid:
         raise Refused("direction")
-    return _merged(_limited(reading.changes, reading))
+    emits = lexicon.sets()["emits"]
+    merged = _merged(_limited(reading.changes, reading))
+    return sorted(merged, key=lambda change: bool(emits & set(change.name.split())))
 
 
 def _read_clause(clause: Clause, reading: Reading) -> None:
