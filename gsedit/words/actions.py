@@ -74,8 +74,8 @@ class Clause:
 
 
 @dataclass(frozen=True)
-class Looks:
-    """Clauses between actions, which say something else."""
+class OtherClauses:
+    """Text between actions on objects, left to the reader of looks."""
 
     text: str
     it: str
@@ -84,7 +84,7 @@ class Looks:
     """Whether they only say what else it becomes: "make it bigger and brighter"."""
 
 
-def actions_of(sentence: str) -> list[Change | Looks] | None:
+def actions_of(sentence: str) -> list[Change | OtherClauses] | None:
     """Changes of objects in order, with the clauses between them; None for no action.
 
     Raises Refused for an action beside what is denied, or for one that cannot be done.
@@ -183,12 +183,12 @@ def _refuse_others(found: list[Change | str]) -> None:
             raise Refused("negation")  # "remove the bear and the fog"
 
 
-def _linked(found: list[Change | str]) -> Iterator[Change | Looks]:
+def _linked(found: list[Change | str]) -> Iterator[Change | OtherClauses]:
     """Changes in which "it" is what was named or made last."""
     last = IT
     for before, each in zip([None, *found], found):
         if isinstance(each, str):
-            yield Looks(each, last, _goes_on(before, each))
+            yield OtherClauses(each, last, _goes_on(before, each))
             last = next((phrase for _, phrase in reversed(parted(each, nouns=True))), "") or last
             continue
         change = replace(each, phrase=last) if each.phrase == IT else each

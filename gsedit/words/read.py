@@ -7,7 +7,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 
 from gsedit.words import lexicon
-from gsedit.words.actions import Looks, actions_of
+from gsedit.words.actions import OtherClauses, actions_of
 from gsedit.words.amounts import amount_of
 from gsedit.words.based import with_base, without_base
 from gsedit.words.chosen import DENIALS, looks_of
@@ -53,7 +53,7 @@ class Reading:
     part: str | None = None
     """Kind of part that a clause named last."""
     others: set[int] = field(default_factory=set)
-    """Places of the changes of all that no other word of the sentence is about."""
+    """Indices of changes that apply to "everything else"."""
     limits: list[Word] = field(default_factory=list)
     direction: int = 0
     denied: bool = False
@@ -98,7 +98,7 @@ def read_instruction(sentence: str, saved: Collection[str] = ()) -> Instruction:
     return Instruction(sentence, True, "; ".join(map(str, changes)), tuple(changes))
 
 
-def _between(each: Change | Looks, saved: Collection[str]) -> list[Change]:
+def _between(each: Change | OtherClauses, saved: Collection[str]) -> list[Change]:
     """An action, or the changes of clauses between actions. Raises Refused."""
     if isinstance(each, Change):
         return [each]

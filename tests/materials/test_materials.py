@@ -68,6 +68,7 @@ def test_what_glows_is_brighter_than_without_its_glow(ball, name):
     """As much as it sends by itself, less what display colors clip."""
     _, scene, own, cameras = ball
     material = material_of(name)
+    assert material is not None
     bare = replace(
         material, glow=0.0, layers=tuple(replace(each, glow=0.0) for each in material.layers)
     )
