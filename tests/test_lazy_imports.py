@@ -24,6 +24,7 @@ def python(code: str) -> subprocess.CompletedProcess[str]:
         "gsedit.diffusion.settings",
         "gsedit.editing.session.settings",
         "gsedit.fitting.settings",
+        "gsedit.formats.table",
         "rasterizer.numerics",
         "gsedit_cli.main",
     ],

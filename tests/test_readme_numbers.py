@@ -35,7 +35,7 @@ WITH_UNIT = re.compile(
 WITH_EXPONENT = re.compile(r"(?<![\w.,])(\d+(?:\.\d+)?e-?\d+)()")
 LINK = re.compile(r"\]\(docs/measurements/([\w-]+\.md)")
 EXEMPT = {
-    "99 materials": "not measured: counted in the code, see below",
+    "100 materials": "not measured: counted in the code, see below",
     "three minutes": "the name of a page",
 }
 """Numbers that no results file holds, each with the reason."""

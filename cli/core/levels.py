@@ -88,7 +88,7 @@ class Levels:
 
 def stem(scene: Path) -> str:
     """Return the name of a scene without its suffix."""
-    from gsedit.formats.registry import INDICES, READABLE
+    from gsedit.formats.table import INDICES, READABLE
 
     if scene.name in INDICES:
         return scene.absolute().parent.name

@@ -102,7 +102,7 @@ def check_scene(scene: Path, source: SceneSource, checks: CheckOptions, *, as_js
 
 def bytes_of(path: Path) -> int:
     """Return the size of a file, or of the folder of a SOG scene that it is the index of."""
-    from gsedit.formats.registry import INDICES
+    from gsedit.formats.table import INDICES
 
     files = path.parent.rglob("*") if path.name in INDICES else [path]
     return sum(file.stat().st_size for file in files if file.is_file())

@@ -15,8 +15,8 @@ from gsedit.datasets.cameras_json import cameras_file, read_cameras
 from gsedit.datasets.near import viewpoints_near
 from gsedit.datasets.viewpoints import Viewpoint, same_size, that_see, thinned
 from gsedit.formats.scenes import read_scene
+from gsedit.scene.cache import SceneCache
 from gsedit.scene.framing import Bounds, bounds, framing_camera, guess_up
-from gsedit.scene.kept import Kept
 from rasterizer.camera import Camera
 from rasterizer.numerics import DEFAULT, Numerics
 from rasterizer.scene import Gaussians
@@ -65,13 +65,13 @@ class Loaded:
         return Finder(self.scene, self.viewpoints)
 
     @cached_property
-    def kept(self) -> Kept:
+    def cache(self) -> SceneCache:
         """Results about the scene that previews need alike."""
-        return Kept(self.scene)
+        return SceneCache(self.scene)
 
     def forget(self) -> None:
         """Drop these results: they take more memory than the scene, and another one is shown."""
-        self.__dict__.pop("kept", None)
+        self.__dict__.pop("cache", None)
 
     def first_camera(self) -> Camera:
         """The camera of the first picture: of a recorded view, or one that frames the bulk."""

@@ -11,7 +11,7 @@ from gsedit.capture.folder import PICTURES
 from gsedit.capture.frames import is_video
 from gsedit.errors import GseditError, UsageError
 from gsedit.formats.edit_records import read_edit_record
-from gsedit.formats.registry import READABLE
+from gsedit.formats.table import READABLE
 
 if TYPE_CHECKING:
     from gsedit.app.page import Page

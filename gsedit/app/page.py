@@ -15,6 +15,7 @@ from torch import Tensor
 from gsedit.app import document as documents
 from gsedit.app import undone
 from gsedit.app.document import Document, Eye, Pending, Step
+from gsedit.app.jobs import Done, JobRunner, Work
 from gsedit.app.listeners import Audience
 from gsedit.app.loaded import Loaded
 from gsedit.app.places import Places, free
@@ -30,7 +31,6 @@ from gsedit.app.steps import (
 )
 from gsedit.app.undone import Undone
 from gsedit.app.worker import Cancelled, Worker
-from gsedit.app.works import Done, Work, Works
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.errors import GseditError, UsageError
 from gsedit.select.saved import saved_names
@@ -56,7 +56,7 @@ class Page(Audience):
         """How the selection was found."""
         self.growing: Loaded | None = None
         """The scene that the command in hand has made so far, where it tells."""
-        self._works = Works(worker, lambda: self.notify("busy"))
+        self._jobs = JobRunner(worker, lambda: self.notify("busy"))
         self._scenes = Scenes()
         self._lock = RLock()
         self._session = ExitStack()
@@ -205,7 +205,7 @@ class Page(Audience):
         self._move(1, "there is nothing to redo: this is the last step")
 
     def _move(self, steps: int, nowhere: str) -> None:
-        self._works.check_idle()
+        self._jobs.check_idle()
         position = self.document.position + steps
         if not 0 <= position < len(self.document.steps):
             raise UsageError(nowhere)
@@ -213,7 +213,7 @@ class Page(Audience):
 
     def go_to(self, position: int) -> None:
         """Show the scene of a step of the history, the nearest that there is."""
-        self._works.check_idle()
+        self._jobs.check_idle()
         found = documents.moved(self.document, position)
         if found.position >= 0:
             self.load(self.file_of(found.position))  # a damaged file changes nothing
@@ -225,7 +225,7 @@ class Page(Audience):
 
     def discard_undone(self) -> None:
         """Remove them for good. Raises UsageError where a command is in hand."""
-        self._works.check_idle()
+        self._jobs.check_idle()
         found = self.undone()
         self.change(undone.without(self.document))  # first: no step names a scene that is gone
         for each in found.folders:
@@ -241,7 +241,7 @@ class Page(Audience):
 
     def _enter(self, folder: Path) -> None:
         """Leave the session, and take another's folder for this process alone."""
-        self._works.check_idle()
+        self._jobs.check_idle()
         if folder == self.folder:
             return
         taken = ExitStack()
@@ -259,7 +259,7 @@ class Page(Audience):
     @property
     def busy(self) -> Work | None:
         """The command in hand; None where there is none."""
-        return self._works.busy
+        return self._jobs.busy
 
     def step(
         self, verb: str, *arguments: str, title: str, after: Callable[[], None] | None = None
@@ -302,7 +302,7 @@ class Page(Audience):
 
     def cancel(self) -> None:
         """End the command in hand; what was done before is kept."""
-        self._works.cancel()
+        self._jobs.cancel()
 
     def _begin(self, pending: Pending, after: Callable[[], None] | None) -> None:
         done = self._ended(partial(self._stepped, pending, after))
@@ -315,11 +315,11 @@ class Page(Audience):
         """Begin a command, and note in the document what goes on where it is killed, until it
         fails. None: what waits there goes on to wait."""
         with self._lock:
-            self._works.check_idle()
+            self._jobs.check_idle()
             if pending not in (None, self.document.pending):
                 self.document = replace(self.document, pending=pending)
                 self.save()
-            self._works.begin(command, title, done, partial(self._failed, pending))
+            self._jobs.begin(command, title, done, partial(self._failed, pending))
 
     def _watch(self, checkpoint: Path) -> None:
         """Show the scene of a checkpoint while the command in hand lasts."""
@@ -373,11 +373,11 @@ class Page(Audience):
 
     def warm(self) -> None:
         """Prepare the process of the first command."""
-        self._works.worker.warm()
+        self._jobs.worker.warm()
 
     def close(self) -> None:
         """End the work and leave the session, which can be opened again where it is."""
         self._closed = True
-        self._works.worker.close()
+        self._jobs.worker.close()
         self.save()
         self._session.close()

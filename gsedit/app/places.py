@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gsedit.errors import UsageError
-from gsedit.formats.registry import READABLE
+from gsedit.formats.table import READABLE
 
 SHOWN = 80
 """Characters of a wrong path that are told."""

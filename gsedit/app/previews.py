@@ -65,7 +65,7 @@ class Previewer:
             ones = torch.ones(camera.height, camera.width)
             shown = lift(scene, [camera], [ones], self.settings.execution).weight > SHOWN_PIXELS
         views, finder = self.finder.viewpoints, self.finder
-        with self.loaded.kept.used():
+        with self.loaded.cache.used():
             return change_scene(scene, reading.first, views, self.settings, shown, finder=finder)
 
     def picture(self, reading: Reading, camera: Camera) -> UInt8[np.ndarray, "h w 3"]:
@@ -78,8 +78,8 @@ class Previewer:
         return (found.after[0].image.clamp(0, 1) * 255 + 0.5).byte().numpy()
 
     def prepare(self, wanted: Callable[[], bool] = lambda: True) -> None:
-        """Find out what previews will ask for: the subject, and of a scene that is not large what
-        the sentences PREPARED need, as long as that is `wanted`."""
+        """Warm the caches: the subject; for small scenes also what the sentences PREPARED need.
+        Stop when it is not `wanted`."""
         with suppress(GseditError):  # the preview that needs it will tell
             _ = self.finder.subject
         small = len(self.loaded.scene) <= SMALL_SCENE

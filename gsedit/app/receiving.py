@@ -10,7 +10,7 @@ from gsedit.app.places import free
 from gsedit.capture.folder import PICTURES
 from gsedit.capture.frames import SUFFIXES, is_video
 from gsedit.errors import GseditError, UsageError
-from gsedit.formats.registry import READABLE
+from gsedit.formats.table import READABLE
 from gsedit.storage.safe_names import safe_name
 
 if TYPE_CHECKING:

@@ -12,10 +12,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from gsedit.app.display import DisplayState, Way, depth_at, picture, tinted
 from gsedit.app.eyes import camera_of, eye_of, handle_eye, height_of, point_of, widened
 from gsedit.app.frames import RESTING_QUALITY, Painter
-from gsedit.app.shown import Shown, Way, depth_at, picture, tinted
-from gsedit.app.soon import Soon
+from gsedit.app.latest_only import LatestOnlyWorker
 from gsedit.app.wording import on_page
 from gsedit.errors import GseditError
 from gsedit.select.region import TINT
@@ -68,14 +68,14 @@ class Tab:
         self.closed = False
         self.pointer_name: str | None = None
         self._faced: tuple[Path | None, bool] = (None, False)
-        self._shown = Shown()
+        self._shown = DisplayState()
         self._preview: Gaussians | None = None
         self._tint: tuple[Tensor, tuple[float, float, float]] | None = None
         self._plain: Tensor | None = None
         self.give_back: Callable[[], None] = lambda: None
         """Called by what has had the pointer: clicks select again, if they did."""
         self._pointers: list[tuple[str, Callable[[Any], None]]] = []
-        self._soon = Soon(self.fail)
+        self._latest = LatestOnlyWorker(self.fail)
         self._painter = Painter(self.camera, self.draw, self._send, self._count, self.fail).start()
         self._notice: Any = None
 
@@ -248,11 +248,11 @@ class Tab:
 
     def drop(self, key: str) -> None:
         """Do not wait for the short work of a key any more: its result is not shown."""
-        self._soon.drop(key)
+        self._latest.drop(key)
 
     def soon(self, key: str, work: Callable[[], Any], then: Callable[[Any], None]) -> None:
         """Do short work in the tab's thread; a newer request of the same key replaces this one."""
-        self._soon.ask(key, work, then)
+        self._latest.ask(key, work, then)
 
     def safely(self, function: Callable[..., Any]) -> Callable[..., None]:
         """Wrap a callback: what it raises becomes a notice."""
@@ -302,7 +302,7 @@ class Tab:
         """End the tab's threads; the browser has closed it."""
         self.closed = True
         self._painter.end()
-        self._soon.end()
+        self._latest.end()
 
     # -- pictures
 

@@ -1,1 +1,1 @@
-"""Views: datasets, cameras around a scene, sizes of pictures, and which views an edit needs."""
+"""Cameras: orbits, paths, and viewpoints found for a scene without any."""

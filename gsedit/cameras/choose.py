@@ -208,7 +208,8 @@ def pick(views: Candidates, count: int) -> list[int]:
 
 @torch.no_grad()
 def score_render(scene: Gaussians, camera: Camera, execution: Execution = AUTO) -> ScoredView:
-    """The score of a view from a small render: as in `look`, less the spread of depths in rays."""
+    """The score of a view from a small render: as in `score_panorama`, less
+    the spread of depths in rays."""
     radius = ((scene.log_scales.sum(-1) - scene.log_scales.amin(-1)) / 2).exp()
     distance = (scene.means - camera.center.to(scene.means)).norm(dim=-1)
     with torch.enable_grad():

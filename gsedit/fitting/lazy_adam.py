@@ -1,7 +1,7 @@
-"""Adam (Kingma and Ba 2015) of which a step touches some rows, and the others move all the same.
+"""Lazy Adam (Kingma and Ba 2015): a step updates the given rows; skipped rows catch up when used.
 
 A row without a gradient still moves under Adam, by its momentum, which fades. Here such a row is
-left alone until it is needed, and then makes up for the steps that it missed in one: over k steps
+left alone until it is next used, and then makes all the steps that it skipped at once: over k steps
 without a gradient its moments are m b1^j and v b2^j, so that it moves by
 
     m / sqrt(v) * sum_j rate_j sqrt(1 - b2^t_j) / (1 - b1^t_j) (b1 / sqrt(b2))^j,
@@ -53,8 +53,11 @@ def step(
     *,
     compiled: bool = False,
 ) -> None:
-    """One step; `rate` over the bias of the first moments, root of that of the second. Without a
-    gradient it is zero. `shares`: of the rate, that each of a row's values has."""
+    """Apply one Adam step in place, to all rows or the given ones.
+
+    At step t, `rate` = lr / (1 - b1^t) and `bias_2` = sqrt(1 - b2^t). Without a gradient, it is
+    zero. `shares` are factors of the rate for each value of a row.
+    """
     if compiled and _accepts(moving, gradient, rows):
         return _run("step", moving, gradient, rows, shares, rate=rate, bias_2=bias_2)
     if rows is None:
@@ -73,8 +76,8 @@ def settle(
     *,
     compiled: bool = False,
 ) -> None:
-    """Move rows by `missed` times their m / sqrt(v), and fade their moments by so many steps.
-    `shares`: of `missed`, that each of a row's values has."""
+    """Let rows catch up: move them by `missed` times their m / sqrt(v), fade their moments by
+    `steps`. `shares` are factors of `missed` for each value of a row."""
     like = moving.value
     missed = missed.to(like)
     powers = torch.arange(int(steps.max()) + 1 if len(steps) else 0, dtype=torch.float64)

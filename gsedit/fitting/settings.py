@@ -92,8 +92,8 @@ class FitSettings:
     prune_opacity: float = 0.005
     """Gaussians below this opacity are removed when the scene is densified."""
     opacity_decay: float = 0.004
-    """By how much every opacity falls when the scene is densified, by half at most; the photos
-    raise those that they need again, and the others are removed."""
+    """Opacity subtracted from every Gaussian at each densification, at most half of its own;
+    training restores what the photos need, and the rest is removed."""
     report_every: int = 10
     """Steps between progress events."""
     evaluations: int = 10

@@ -1,8 +1,7 @@
-"""The formats of scene files: which there are, which one a path means, and what each can hold."""
+"""Open and write scene files by their format: which one a path means, and what it cannot hold."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
@@ -18,54 +17,9 @@ from gsedit.formats.streams import (
     SceneSource,
     WriteOptions,
 )
+from gsedit.formats.table import FORMATS, INDICES, READABLE, WRITABLE, Format
 from gsedit.storage.atomic import atomic_path
 from gsedit.storage.inputs import existing_file
-
-
-@dataclass(frozen=True)
-class Format:
-    """One kind of scene file."""
-
-    suffix: str
-    """Ending of the file name, in lower case."""
-    module: str
-    """In gsedit.formats; imported when it is used."""
-    writes: bool = True
-    max_degree: int = 3
-    """Highest SH degree that the format can hold, where it is written."""
-    keeps: frozenset[str] = frozenset()
-    """Fields of `SceneHeader` that the format can hold beside the splats."""
-
-
-MESHES = (".obj", ".stl", ".off")
-USD = (".usda", ".usdc", ".usd", ".usdz")
-INDICES = ("meta.json", "lod-meta.json")
-"""Names of files that stand for their folder: those of SOG."""
-FORMATS = (
-    Format(".ply", "ply.inria", max_degree=4, keeps=frozenset(("extra", "elements", "comments"))),
-    Format(".compressed.ply", "ply.compressed"),
-    Format(".spz", "spz.file", max_degree=4, keeps=frozenset(("antialiased",))),
-    Format(".sog", "sog.file", keeps=frozenset(("antialiased",))),
-    Format("meta.json", "sog.file", writes=False),
-    Format("lod-meta.json", "sog.streamed", writes=False),
-    Format(".splat", "splat", max_degree=0),
-    Format(".ksplat", "ksplat", writes=False),
-    Format(".glb", "gltf.file", keeps=frozenset(("comments", "antialiased"))),
-    Format(".gltf", "gltf.file", writes=False),
-    *(
-        Format(suffix, "usd.file", max_degree=4, keeps=frozenset(("comments", "antialiased")))
-        for suffix in USD
-    ),
-    Format(
-        ".npz",
-        "npz",
-        max_degree=4,
-        keeps=frozenset(("extra", "elements", "comments", "antialiased")),
-    ),
-    *(Format(suffix, "mesh", writes=False) for suffix in MESHES),
-)
-READABLE = tuple(format.suffix for format in FORMATS)
-WRITABLE = tuple(format.suffix for format in FORMATS if format.writes)
 
 
 def open_scene(path: str | Path, options: ReadOptions = AS_SPECIFIED) -> SceneSource:

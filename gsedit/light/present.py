@@ -17,8 +17,8 @@ from torch import Tensor
 
 from gsedit.cameras.place import Place, place_of
 from gsedit.light.surface import Surface, surface_of
+from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.color_space import LUMINANCE, lab_of_srgb, linear_of_srgb
-from gsedit.scene.kept import kept
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution, sh_to_color
 from rasterizer.scene import Gaussians
@@ -60,7 +60,7 @@ class Survey:
         return light.clamp(float(self.light.min()), float(self.light.max()))
 
 
-@kept
+@cached_per_scene
 def survey(
     scene: Gaussians,
     cameras: Sequence[Camera],

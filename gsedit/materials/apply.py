@@ -33,9 +33,9 @@ from gsedit.materials.shading import (
     rays_of,
     reflectance,
 )
+from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.color_space import srgb_of_linear
 from gsedit.scene.framing import guess_up
-from gsedit.scene.kept import kept
 from gsedit.scene.quaternions import even_directions, turn_between
 from gsedit.surface.directions import FAINT
 from gsedit.surface.normals import estimate_normals, rows_near
@@ -142,7 +142,7 @@ def in_material(
     return Dressed(replace(scene, sh=sh), notes)
 
 
-@kept
+@cached_per_scene
 def study(
     scene: Gaussians,
     inside: Bool[Tensor, " n"],

@@ -47,7 +47,7 @@ class Material:
     transmission: float = 0.0
     """Share of what comes through from behind, as in glass, against the base color."""
     glow: float = 0.0
-    """Light that it sends out itself, against white."""
+    """Light that it sends out itself, against white; it may be above 1."""
     specular: float = USUAL_SPECULAR
     """Reflectance head on of what is no metal."""
     layers: tuple[Layer, ...] = ()

@@ -31,6 +31,7 @@ FINISHES: dict[str, dict[str, float]] = {
     "metallic": {"metalness": 1.0, "roughness": 0.35},
     "translucent": {"translucency": 0.7},
     "frosted": {"roughness": 0.6, "coat": 0.0},
+    "glowing": {"glow": MATERIALS["glow"].glow},
 }
 """Parameters that a word for a finish sets."""
 BRUSHED = Layer("grain", "#000000", 0.5, 0.02, 1.0, 0.5)

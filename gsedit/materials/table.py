@@ -185,6 +185,13 @@ EARTH = {
     "snow": _soft("#f4f8fb", 0.3),
     "mud": _stone("#5f4630", 0.7, Layer("patches", "#463220", 0.4, 0.3, 0.0, 0.6)),
 }
+LIT = {
+    "glow": Material(
+        "#ffd84a", roughness=1.0, glow=1.2, layers=(
+        Layer("crevices", "#ff9a1e", 0.35, 0.2, 0.0, 1.0, 0.9),)
+    ),
+}  # fmt: skip
+"""Materials that send light, less and deeper in hollows, or their shape would not show."""
 TIMBERS = {
     "oak": "#b08954", "walnut": "#6a4a38", "pine": "#d9b382", "mahogany": "#6e2c18",
     "teak": "#a0703c", "ebony": "#332720", "birch": "#d8c3a0", "cherry wood": "#7a3b22",
@@ -192,7 +199,7 @@ TIMBERS = {
 }  # fmt: skip
 """Woods that are as wood is, in another color."""
 WOODS = {name: recolored(GROWN["wood"], color) for name, color in TIMBERS.items()}
-MATERIALS: dict[str, Material] = WOODS | METALS | STONES | GEMS | GROWN | MADE | FOOD | EARTH
+MATERIALS: dict[str, Material] = WOODS | METALS | STONES | GEMS | GROWN | MADE | FOOD | EARTH | LIT
 """All materials by name."""
 OVERS: dict[str, tuple[Layer, ...]] = {
     "patina": (_VERDIGRIS, Layer("patches", "#7ab8a4", 0.3, 0.3)),

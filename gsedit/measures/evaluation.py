@@ -29,7 +29,6 @@ from gsedit.measures.agreement import (
 )
 from gsedit.measures.evaluation_input import Evaluation, EvaluationInput, Mean, ViewMeasures
 from gsedit.measures.interval import mean_interval
-from gsedit.measures.meters import measured_against
 from gsedit.measures.metrics import (
     INSIDE,
     Fidelity,
@@ -47,6 +46,7 @@ from gsedit.measures.points import (
     compare_points,
     matchable,
 )
+from gsedit.measures.references import measured_against
 from gsedit.scene.picture import render_picture
 from rasterizer.camera import Camera
 from rasterizer.render import Rendering, render

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from gsedit.objects.growth.grow import grow
     from gsedit.objects.placing.insert import insert
     from gsedit.objects.placing.place import place
-    from gsedit.objects.placing.placement import Beside, Placement
+    from gsedit.objects.placing.placement import Placement, RelativePlace
     from gsedit.objects.removal.remove import remove
     from gsedit.select.click import Click, Selector, select_at
     from gsedit.select.phrase import find_phrase

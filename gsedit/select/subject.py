@@ -16,7 +16,7 @@ from torch import Tensor
 
 from gsedit.cameras.around import cameras_of
 from gsedit.datasets.dataset import evenly_spaced
-from gsedit.scene.kept import kept
+from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.neighbors import linked
 from gsedit.scene.quantiles import weighted_quantile
 from gsedit.select.layers import numbered
@@ -101,7 +101,7 @@ def find_subject(
     return Region(within_silhouette(scene, looked.cameras, inside, execution), note)
 
 
-@kept
+@cached_per_scene
 @torch.no_grad()
 def _look(
     scene: Gaussians, cameras: tuple[Camera, ...], execution: Execution, saliency: Saliency

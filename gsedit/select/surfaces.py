@@ -18,7 +18,7 @@ from torch import Tensor
 from gsedit.cameras.around import cameras_of
 from gsedit.cameras.place import Place, place_of
 from gsedit.datasets.dataset import evenly_spaced
-from gsedit.scene.kept import kept
+from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.merging.groups import MAX_GAUSSIANS, MergedScene, coarsen
 from gsedit.select.graph import Neighbors, nearest_of, neighbors
 from gsedit.surface.normals import estimate_normals
@@ -109,7 +109,7 @@ class Surfaces:
         return total / np.maximum(count, 1)
 
 
-@kept
+@cached_per_scene
 @torch.no_grad()
 def look(scene: Gaussians, cameras: Sequence[Camera] = (), execution: Execution = AUTO) -> Surfaces:
     """Look at a scene's surfaces from at most VIEWS of the cameras; found ones where none are.

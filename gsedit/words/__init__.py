@@ -1,1 +1,1 @@
-"""Reader of instructions: a sentence to the looks that the editor `small` knows."""
+"""A reader of instructions: a sentence to changes, each with target, kind, amount and route."""

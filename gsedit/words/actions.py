@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 
+from gsedit.formats.table import READABLE
 from gsedit.words.chosen import parted
 from gsedit.words.deeds import change_of
 from gsedit.words.instruction import Change
@@ -20,7 +21,7 @@ from gsedit.words.refusals import Refused
 from gsedit.words.scan import scanned
 from gsedit.words.tokens import tokens
 
-SUFFIX = r"\.(?:ply|splat|spz|sog|ksplat|glb|gltf)\b"
+SUFFIX = rf"(?:{'|'.join(map(re.escape, READABLE))})\b"
 FILE = re.compile(rf"\"[^\"]+{SUFFIX}\"|'[^']+{SUFFIX}'|[^\s\"',;]+{SUFFIX}", re.IGNORECASE)
 """A scene's file in a sentence; one with spaces in its name is in quotes."""
 BREAK = re.compile(
@@ -73,8 +74,8 @@ class Clause:
 
 
 @dataclass(frozen=True)
-class Looks:
-    """Clauses between actions, which say something else."""
+class OtherClauses:
+    """Text between actions on objects, left to the reader of looks."""
 
     text: str
     it: str
@@ -83,7 +84,7 @@ class Looks:
     """Whether they only say what else it becomes: "make it bigger and brighter"."""
 
 
-def actions_of(sentence: str) -> list[Change | Looks] | None:
+def actions_of(sentence: str) -> list[Change | OtherClauses] | None:
     """Changes of objects in order, with the clauses between them; None for no action.
 
     Raises Refused for an action beside what is denied, or for one that cannot be done.
@@ -182,12 +183,12 @@ def _refuse_others(found: list[Change | str]) -> None:
             raise Refused("negation")  # "remove the bear and the fog"
 
 
-def _linked(found: list[Change | str]) -> Iterator[Change | Looks]:
+def _linked(found: list[Change | str]) -> Iterator[Change | OtherClauses]:
     """Changes in which "it" is what was named or made last."""
     last = IT
     for before, each in zip([None, *found], found):
         if isinstance(each, str):
-            yield Looks(each, last, _goes_on(before, each))
+            yield OtherClauses(each, last, _goes_on(before, each))
             last = next((phrase for _, phrase in reversed(parted(each, nouns=True))), "") or last
             continue
         change = replace(each, phrase=last) if each.phrase == IT else each

@@ -24,7 +24,7 @@ def without_base(sentence: str) -> str:
 
 
 def with_base(read: Instruction, sentence: str) -> Instruction:
-    """The reading of `without_base(sentence)`, of the subject with what it stands on."""
+    """The reading of `without_base(sentence)`, for the subject with what it stands on."""
     changes = tuple(map(_based, read.changes))
     why = "; ".join(map(str, changes)) if read.known else read.why
     return replace(read, text=sentence, why=why, changes=changes)

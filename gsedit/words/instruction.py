@@ -79,6 +79,8 @@ class Change:
             case "paint":
                 mixed = "a color " * self.name.startswith("between ")
                 return f"{part} painted {mixed}{self.name}{color}"
+            case "material" if self.name == "glow":
+                return f"{part} glowing{color}"
             case "material":
                 return f"{part} made of {self.name}{color}"
             case "object":

@@ -49,7 +49,7 @@ def _rows() -> list[tuple[str, str, list[str]]]:
 
 SETS = (
     "tinge", "thing", "time", "adj", "trim", "paint", "made", "foreign", "too", "lack", "mend",
-    "act", "drawn", "flaw", "cure", "shade",
+    "act", "drawn", "flaw", "cure", "shade", "emits",
 )  # fmt: skip
 """Kinds that tell more of a phrase, whatever else it means."""
 

@@ -55,7 +55,7 @@ DEFINITE = DETERMINERS | {"these", "those"}
 NUMBERED = re.compile(r"\b(?:the )?object ?(\d+)\b", re.IGNORECASE)
 """An object by its number, as gsedit select --objects tells it."""
 LETTERED = re.compile(r"\b(?:the )?objectnumber([a-j]+)\b")
-"""That object in one word: a number beside it would be taken for an amount."""
+"""NUMBERED as one word: a number beside it would be taken for an amount."""
 
 
 def in_letters(number: str) -> str:

@@ -6,7 +6,8 @@ import math
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 
-from gsedit.words.actions import Looks, actions_of
+from gsedit.words import lexicon
+from gsedit.words.actions import OtherClauses, actions_of
 from gsedit.words.amounts import amount_of
 from gsedit.words.based import with_base, without_base
 from gsedit.words.chosen import DENIALS, looks_of
@@ -52,7 +53,7 @@ class Reading:
     part: str | None = None
     """Kind of part that a clause named last."""
     others: set[int] = field(default_factory=set)
-    """Places of the changes of all that no other word of the sentence is about."""
+    """Indices of changes that apply to "everything else"."""
     limits: list[Word] = field(default_factory=list)
     direction: int = 0
     denied: bool = False
@@ -97,7 +98,7 @@ def read_instruction(sentence: str, saved: Collection[str] = ()) -> Instruction:
     return Instruction(sentence, True, "; ".join(map(str, changes)), tuple(changes))
 
 
-def _between(each: Change | Looks, saved: Collection[str]) -> list[Change]:
+def _between(each: Change | OtherClauses, saved: Collection[str]) -> list[Change]:
     """An action, or the changes of clauses between actions. Raises Refused."""
     if isinstance(each, Change):
         return [each]
@@ -142,7 +143,9 @@ def _parsed(words: list[Word]) -> list[Change]:
         raise Refused("negation")
     if reading.unsaid:
         raise Refused("direction")
-    return _merged(_limited(reading.changes, reading))
+    emits = lexicon.sets()["emits"]
+    merged = _merged(_limited(reading.changes, reading))
+    return sorted(merged, key=lambda change: bool(emits & set(change.name.split())))
 
 
 def _read_clause(clause: Clause, reading: Reading) -> None:

@@ -30,6 +30,10 @@ THINNER = frozenset(("thinner", "sparser", "lighter"))
 DENSER = frozenset(("denser", "thicker", "heavier"))
 UNSIDED = frozenset(("fog", "cloudy", "storm", "blue hour"))
 """Lights without a sun or lamp."""
+GLOW = "glow"
+"""Material of any color."""
+SHINES = ("shine", "shines", "shining")
+"""Words for a finish by day, and for a glow at night."""
 STRENGTHS = frozenset(("strength", "power", "intensity", "force"))
 AMOUNTS = ("fraction", "factor", "unit")
 """Kinds of words that end an amount."""
@@ -47,9 +51,11 @@ def solids(clause: Clause) -> Solids:
         word = words[at]
         tinge = word.color and (word.has("tinge") or painted) and not made
         shaded = at + 1 < len(words) and words[at + 1].text in colors.PLAIN
-        if word.kind == "material" and shaded:
+        if word.kind == "material" and shaded and word.value != GLOW:
             at += 1  # "stone gray" is a gray
             continue
+        if word.text in SHINES and any(each.value == "night" for each in words[at:]):
+            found.append((at, routed(Change("subject", "material", GLOW, None, None, ""))))
         solid = word.kind == "look" and made and word.value in lexicon.materials()
         if (word.kind == "material" and not tinge) or solid:
             change, end = _material(words, at)
@@ -66,8 +72,11 @@ def solids(clause: Clause) -> Solids:
 
 
 def _add_color(words: list[Word], at: int, finish: str | None, found: Solids) -> None:
-    """Add a paint, or the color of veins to the material before."""
+    """Add a paint, or a color to the glow or the veins of the material before."""
     word, last = words[at], found[-1] if found else None
+    if last and last[1].name == GLOW:
+        found[-1] = (last[0], replace(last[1], color=word.color))  # "glow red"
+        return
     trims = any(each.has("trim") for each in words[at + 1 : at + 2])
     if last and last[1].kind == "material" and trims:
         name = f"{last[1].name} with {word.text} {words[at + 1].text}"
@@ -104,6 +113,8 @@ def _made(clause: Clause) -> bool:
 
 def _leads(words: list[Word], at: int) -> bool:
     """Whether a color stands before a light, look or material that it belongs to."""
+    if at and words[at - 1].value == GLOW:
+        return False  # "glow green in the dark"
     near = words[at + 1 : at + 2]
     return any(word.kind in ("light", "look", "material") or word.value == "light" for word in near)
 
@@ -152,7 +163,8 @@ def scenes(clause: Clause) -> list[Change]:
         if idle or not (shines or word.kind in ("light", "look")):
             continue
         name, before = "lamp" if shines else word.value, clause.words[at - 1] if at else word
-        color = before.color if before.kind == "color" else None
+        led = before.kind == "color" and _leads(clause.words, at - 1)
+        color = before.color if led else None
         change = Change("scene", "light", name, color, _strength(clause), "")
         if word.kind == "look":
             change = Change("scene", "look", name, None, None, "")

@@ -11,10 +11,10 @@ import pytest
 import torch
 from closeness import EPS32, assert_near
 
+from gsedit.app.display import LINE, DisplayState, depth_at, picture, tinted
 from gsedit.app.eyes import camera_of, eye_of
 from gsedit.app.frames import FAST, LEAST_SIDE, SLOW, Painter, next_side, wanted_seconds
-from gsedit.app.shown import LINE, Shown, depth_at, picture, tinted
-from gsedit.app.soon import Soon
+from gsedit.app.latest_only import LatestOnlyWorker
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 from rasterizer.numerics import DEFAULT
 
@@ -96,23 +96,23 @@ def test_a_painter_goes_on_after_an_error(camera):
 
 def test_a_wipe_shows_each_scene_on_its_side(scene, camera):
     red = tinted(scene, torch.ones(len(scene), dtype=torch.bool), (1.0, 0.0, 0.0))
-    one, other = (picture(Shown(each), camera) for each in (scene, red))
-    both = picture(Shown(red, before=scene, wipe=0.4), camera)
+    one, other = (picture(DisplayState(each), camera) for each in (scene, red))
+    both = picture(DisplayState(red, before=scene, wipe=0.4), camera)
     assert (both[:, :30] == one[:, :30]).all()
     assert (both[:, 34:] == other[:, 34:]).all()
     assert (both[:, 32] == LINE).all()
-    assert (picture(Shown(red, before=scene, wipe=0.0), camera) == other).all()
-    assert (picture(Shown(red, before=scene, wipe=1.0), camera) == one).all()
+    assert (picture(DisplayState(red, before=scene, wipe=0.0), camera) == other).all()
+    assert (picture(DisplayState(red, before=scene, wipe=1.0), camera) == one).all()
 
 
 def test_two_scenes_beside_each_other_are_seen_from_one_place(scene, camera):
-    both = picture(Shown(scene, before=scene, way="beside"), camera)
+    both = picture(DisplayState(scene, before=scene, way="beside"), camera)
     assert both.shape == (64, 80, 3)
     assert np.abs(both[:, 2:38].astype(int) - both[:, 42:78]).max() <= 1
 
 
 def test_without_a_scene_there_is_a_background(camera):
-    assert picture(Shown(), camera).std() < 10
+    assert picture(DisplayState(), camera).std() < 10
 
 
 def test_the_depth_under_a_pixel_is_that_of_the_surface(scene, camera):
@@ -137,22 +137,22 @@ def test_a_viser_camera_is_the_renderers(camera):
 
 def test_of_short_work_only_the_newest_of_a_key_counts():
     gate, begun, got, errors = Event(), Event(), [], []
-    soon = Soon(errors.append)
+    worker = LatestOnlyWorker(errors.append)
 
     def first():
         begun.set()
         gate.wait(5)
         return "old"
 
-    soon.ask("say", first, got.append)
+    worker.ask("say", first, got.append)
     begun.wait(5)
-    soon.ask("say", lambda: "middle", got.append)
-    soon.ask("say", lambda: "new", got.append)
-    soon.ask("other", lambda: 1 / 0, got.append)
-    soon.ask("last", lambda: "last", got.append)
+    worker.ask("say", lambda: "middle", got.append)
+    worker.ask("say", lambda: "new", got.append)
+    worker.ask("other", lambda: 1 / 0, got.append)
+    worker.ask("last", lambda: "last", got.append)
     gate.set()
     while "last" not in got:
         time.sleep(0.01)
-    soon.end()
+    worker.end()
     assert got == ["new", "last"]
     assert [type(each) for each in errors] == [ZeroDivisionError]

@@ -9,6 +9,7 @@ import tiny_edits
 import torch
 
 import gsedit
+from gsedit.datasets.dataset import capture
 from gsedit.datasets.viewpoints import viewpoints_of
 from gsedit.editing.routes.plan import steps_of
 from gsedit.editing.routes.result import routed_result
@@ -50,6 +51,20 @@ def test_routes_take_turns_in_the_order_of_the_sentence(monkeypatch):
     assert torch.allclose(given.sh[:, 1:], 1.2 * scene.sh[:, 1:], atol=1e-5)
     gray = result.held_out.finals[0].image
     assert float((gray - gray.mean(-1, keepdim=True)).abs().mean()) < 0.02
+
+
+def test_views_that_are_found_are_not_rendered_for_their_cameras(monkeypatch):
+    scene, rendered = tiny_edits.scene(), []
+
+    def counted(scene, cameras, *rest):
+        rendered.append(len(cameras))
+        return capture(scene, cameras, *rest)
+
+    for module in ("datasets.viewpoints", "editing.routes.result"):
+        monkeypatch.setattr(f"gsedit.{module}.capture", counted)
+    result = gsedit.edit(scene, "make it 20% brighter, then in black and white")
+    assert rendered  # the held-out views that are measured and shown
+    assert all(count == len(result.held_out.finals) for count in rendered)
 
 
 def test_a_look_that_nothing_draws_is_told_and_not_what_stands_beside_it():

@@ -16,7 +16,7 @@ from gsedit.editing.preview import preview_routed
 from gsedit.editing.routes.result import assumed, change_scene
 from gsedit.editing.session.settings import EditSettings
 from gsedit.objects import segment
-from gsedit.scene.kept import Kept
+from gsedit.scene.cache import SceneCache
 from gsedit.scene.picture import render_picture
 from gsedit.select.finder import Names
 from gsedit.select.phrase import carrier
@@ -31,7 +31,7 @@ def meadow():
     labelled = STAGE.gaussians(2500)
     cameras = STAGE.training(64)
     views = Dataset(capture(labelled.scene, cameras, [str(i) for i in range(len(cameras))]))
-    with Kept(labelled.scene).used():  # its subject is looked for once
+    with SceneCache(labelled.scene).used():  # its subject is looked for once
         yield labelled, views
 
 

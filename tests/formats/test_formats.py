@@ -12,10 +12,10 @@ from bad_files import PLY_COLUMNS, ply_bytes, scene_table
 from shared_data import DATA
 
 from gsedit.errors import InputError, UsageError
-from gsedit.formats import registry as formats
+from gsedit.formats import table as formats
 from gsedit.formats.ply import compressed as compressed_ply
 from gsedit.formats.ply.records import read_ply_header
-from gsedit.formats.registry import open_scene, write_scene
+from gsedit.formats.registry import lost, open_scene, write_scene
 from gsedit.formats.streams import SceneHeader, in_blocks
 from gsedit.scene.table import SPLAT_FIELDS, SplatTable
 
@@ -304,10 +304,10 @@ def test_npz_bomb_is_refused(tmp_path):
 def test_what_a_format_cannot_hold_is_named():
     header = SceneHeader(3, {"label": np.dtype("u1")}, ("mine",), {"camera": np.zeros(1)}, True)
     by_suffix = {format.suffix: format for format in formats.FORMATS}
-    told = " ".join(formats.lost(header, by_suffix[".splat"]))
+    told = " ".join(lost(header, by_suffix[".splat"]))
     assert all(word in told for word in ("SH", "label", "mine", "camera", "antialiased"))
-    assert formats.lost(header, by_suffix[".npz"]) == []
-    assert formats.lost(header, by_suffix[".ply"]) == []
+    assert lost(header, by_suffix[".npz"]) == []
+    assert lost(header, by_suffix[".ply"]) == []
 
 
 @pytest.mark.parametrize("kind", ["U3", "complex64"])

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from point_clouds import ball
 
-from gsedit.formats import registry as formats
-from gsedit.formats.registry import open_scene, write_scene
+from gsedit.formats import table as formats
+from gsedit.formats.registry import lost, open_scene, writable_format, write_scene
 from gsedit.formats.streams import SceneHeader
 from gsedit.scene.table import table_of
 
@@ -24,7 +24,7 @@ def test_units_and_frame_survive_or_are_named_as_lost(suffix, tmp_path):
     header = SceneHeader(table.degree, comments=told, antialiased=True)
     write_scene(path, header, iter((table,)))
     again = open_scene(path).header
-    named = " ".join(formats.lost(header, formats.writable_format(path)))
+    named = " ".join(lost(header, writable_format(path)))
     for text in told:
         assert (text in again.comments) != (text in named)
     assert again.antialiased != ("antialiased" in named)

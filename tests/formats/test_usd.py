@@ -13,8 +13,9 @@ from splat_tables import random_table
 
 from gsedit.errors import InputError, UsageError
 from gsedit.formats.axes import RUB, from_axes
-from gsedit.formats.registry import USD, open_scene, write_scene
+from gsedit.formats.registry import open_scene, write_scene
 from gsedit.formats.streams import SceneHeader, in_blocks
+from gsedit.formats.table import USD
 from gsedit.scene.similarity import similarity_of
 from gsedit.scene.table import SplatTable, concatenate_tables
 from gsedit.toolkit.align import AlignLength

@@ -8,7 +8,7 @@ from math import inf, nan
 
 import torch
 
-from gsedit.formats.registry import WRITABLE
+from gsedit.formats.table import WRITABLE
 from hostile_cases.base import (
     EDIT,
     Case,

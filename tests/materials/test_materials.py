@@ -57,6 +57,26 @@ def test_every_material_of_the_lexicon_is_in_the_table():
     assert len(MATERIALS) >= 40
 
 
+def test_every_material_that_sends_light_is_made_last():
+    sends = {n for n, each in MATERIALS.items() if any(p.glow for p in (each, *each.layers))}
+    assert "glow" in sends
+    assert sends <= lexicon.sets()["emits"]
+
+
+@pytest.mark.parametrize("name", ["glow", "glowing jade"])
+def test_what_glows_is_brighter_than_without_its_glow(ball, name):
+    """As much as it sends by itself, less what display colors clip."""
+    _, scene, own, cameras = ball
+    material = material_of(name)
+    assert material is not None
+    bare = replace(
+        material, glow=0.0, layers=tuple(replace(each, glow=0.0) for each in material.layers)
+    )
+    lit, dull = (in_material(scene, own, each, cameras).scene for each in (material, bare))
+    assert (lit.sh[own, 0] >= dull.sh[own, 0] - 1e-4).all()
+    assert (lit.sh[own, 0] - dull.sh[own, 0]).mean() * SH_DC > 0.1
+
+
 def test_every_material_has_parameters_in_range():
     for name, material in MATERIALS.items():
         shares = [material.metalness, material.roughness, material.coat, material.translucency]

@@ -12,7 +12,7 @@ from bench.staged import stage
 
 from gsedit.cameras.place import place_of
 from gsedit.errors import UsageError
-from gsedit.objects import Beside, Placement, insert, place, remove
+from gsedit.objects import Placement, RelativePlace, insert, place, remove
 from gsedit.objects.outcome import NEW, same
 from gsedit.objects.placing.arrival import main_object
 from gsedit.objects.placing.daylight import daylight, shaded
@@ -131,7 +131,7 @@ def test_what_is_not_flagged_keeps_its_bits(labelled, right):
 
 
 def test_only_colors_change_outside(labelled, ball, cameras):
-    outcome = place(labelled.scene, ball, Placement(to=Beside("left"), copy=True), cameras)
+    outcome = place(labelled.scene, ball, Placement(to=RelativePlace("left"), copy=True), cameras)
     count = len(labelled.scene)
     assert torch.equal(outcome.scene.means[:count], labelled.scene.means)
     assert (outcome.origin[count:] == NEW).all()
@@ -177,7 +177,7 @@ def test_copy_beside_stands_whole_on_what_it_finds(pedestal):
     labelled, cameras = pedestal
     statue, scene = labelled.of("orange statue"), labelled.scene
     for side in ("left", "beside"):
-        outcome = place(scene, statue, Placement(to=Beside(side), copy=True), cameras)
+        outcome = place(scene, statue, Placement(to=RelativePlace(side), copy=True), cameras)
         assert not any("over the edge" in note or "reaches" in note for note in outcome.notes)
         assert any("from where it stood" in note for note in outcome.notes)
 
@@ -186,7 +186,7 @@ def test_copy_of_a_lone_object_stands_as_high_as_it(pedestal):
     labelled, cameras = pedestal
     lone = labelled.scene[labelled.of("orange statue")]
     everything = torch.ones(len(lone), dtype=torch.bool)
-    outcome = place(lone, everything, Placement(to=Beside("beside"), copy=True), cameras)
+    outcome = place(lone, everything, Placement(to=RelativePlace("beside"), copy=True), cameras)
     way = outcome.scene.means[len(lone) :] - lone.means
     assert abs(float(way[:, 2].mean())) < 0.05
     assert float(way[:, :2].norm(dim=-1).min()) > 0.3
@@ -195,7 +195,7 @@ def test_copy_of_a_lone_object_stands_as_high_as_it(pedestal):
 def test_on_the_table_is_where_nothing_stands(pedestal):
     labelled, cameras = pedestal
     scene, floor = labelled.scene, labelled.of("tiled floor")
-    small = Placement(0.5, to=Beside("on", floor), copy=True)
+    small = Placement(0.5, to=RelativePlace("on", floor), copy=True)
     outcome = place(scene, labelled.of("orange statue"), small, cameras)
     copy = outcome.scene.means[len(scene) :]
     assert float(copy[:, 2].min()) == pytest.approx(-0.45, abs=0.05)
@@ -246,7 +246,7 @@ def lone_statue(factor=1.0):
 
 
 def test_inserted_scale_does_not_matter(labelled, ball, cameras, ground):
-    at = Beside("left", ball)
+    at = RelativePlace("left", ball)
     once, again = (
         insert(labelled.scene, lone_statue(f), at, cameras, up=-SECOND) for f in (1.0, 1000.0)
     )
@@ -285,7 +285,7 @@ def test_ground_of_another_scene_is_left_out(labelled):
         (None, Placement(scale=float("nan"))),
         (None, Placement(turn=float("inf"))),
         (None, Placement(to=(0.0, float("nan"), 0.0))),
-        (None, Placement(to=Beside("left", torch.zeros(3, dtype=torch.bool)))),
+        (None, Placement(to=RelativePlace("left", torch.zeros(3, dtype=torch.bool)))),
     ],
 )
 def test_what_cannot_be_placed_is_refused_in_a_line(labelled, ball, cameras, inside, placement):

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from gsedit.formats.table import READABLE
 from gsedit.words.instruction import Change, Place
 from gsedit.words.phrases import is_noun, object_phrase
 from gsedit.words.read import read_instruction
@@ -158,6 +159,13 @@ def test_an_amount_is_a_share_of_its_size_or_of_a_circle(sentence, name, amount)
 )  # fmt: skip
 def test_a_place_is_a_way_to_go_or_a_side_of_something(sentence, place):
     assert changes(sentence)[-1].place == place
+
+
+@pytest.mark.parametrize("suffix", READABLE)
+def test_a_file_of_every_format_that_is_read_can_be_put_in(suffix):
+    name = f"Things/Vase{suffix}" if suffix.startswith(".") else f"Things/Vase/{suffix}"
+    (change,) = changes(f"put {name} on the table")
+    assert (change.name, change.phrase, change.place) == ("insert", name, Place("on", "the table"))
 
 
 @pytest.mark.parametrize(

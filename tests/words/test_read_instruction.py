@@ -19,6 +19,13 @@ from gsedit.words.small_looks import look_of
 DATA = Path(__file__).parents[1] / "data" / "sentences"
 
 
+def made(sentence: str) -> list[tuple[str, str, str | None]]:
+    """Target, name and color of each change."""
+    read = read_instruction(sentence)
+    assert read.known, read.why
+    return [(change.target, change.name, change.color) for change in read.changes]
+
+
 def only(sentence: str) -> Change:
     read = read_instruction(sentence)
     assert read.known, read.why
@@ -396,3 +403,45 @@ def test_what_is_named_is_all_that_changes(sentence, names):
     changes = read_instruction(sentence).changes
     assert [change.name for change in changes] == names
     assert all(change.target != "scene" or change.kind == "tone" for change in changes)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "color"),
+    [
+        ("make the bear glow", None), ("make it glowing", None), ("glowing", None),
+        ("give the bear a glow", None), ("make it glow in green", "#15b01a"),
+        ("make it glow red", "#e50000"), ("a glowing red bear", "#e50000"),
+    ],
+)  # fmt: skip
+def test_what_glows_is_the_subject_in_a_material_of_any_color(sentence, color):
+    assert made(sentence) == [("subject", "glow", color)]
+
+
+@pytest.mark.parametrize(
+    ("sentence", "name", "color"),
+    [
+        ("let it shine in the dark", "glow", None), ("make it glow in the dark", "glow", None),
+        ("make the bear shine at night", "glow", None), ("a lava bear at night", "lava", None),
+        ("glow in the dark bear", "glow", None), ("make it glow and make it night", "glow", None),
+        ("make it glow green in the dark", "glow", "#15b01a"),
+    ],
+)  # fmt: skip
+def test_what_sends_light_in_the_dark_is_made_after_the_night(sentence, name, color):
+    assert made(sentence) == [("scene", "night", None), ("subject", name, color)]
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "remove the glow", "no glow", "less glow", "reduce the glow", "do not let it glow",
+        "stop it glowing", "it glows too much", "make it glow less", "remove the glow from it",
+        "do not make it shine in the dark", "it should not shine in the dark", "make it shine",
+    ],
+)  # fmt: skip
+def test_less_of_a_glow_is_never_more_of_it(sentence):
+    assert not read_instruction(sentence).known
+
+
+def test_a_glow_of_the_picture_is_no_material():
+    assert made("neon glow") == [("scene", "neon", None)]
+    assert made("give it a warm glow") == [("scene", "warmth", None)]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from PIL import Image
 
 from gsedit.formats.pictures import save_picture
-from gsedit.formats.registry import WRITABLE
+from gsedit.formats.table import WRITABLE
 
 if TYPE_CHECKING:
     from gsedit.app.page import Page

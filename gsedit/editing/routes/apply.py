@@ -12,7 +12,7 @@ from torch import Tensor
 from gsedit.cameras.place import light_note, place_of
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.editing.routes.named import FindNamed, FindRegion, regions_of
-from gsedit.editing.routes.objects import act, followed, key_of, runs
+from gsedit.editing.routes.objects import apply_objects, carry_masks, group_placements, key_of
 from gsedit.editing.routes.tone import toned
 from gsedit.errors import UsageError
 from gsedit.formats.registry import open_scene
@@ -21,7 +21,7 @@ from gsedit.light.relight import relit
 from gsedit.materials.apply import Dressed, in_material
 from gsedit.materials.named import material_of, paint_of
 from gsedit.objects.outcome import NEW, Outcome, same
-from gsedit.scene.kept import kept
+from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.table import table_of
 from gsedit.scenery.named import SCENERIES, in_scenery
 from gsedit.select.finder import Names
@@ -63,7 +63,7 @@ def is_exact(instruction: Instruction) -> bool:
     return instruction.known and bool(changes) and all(c.route in EXACT_ROUTES for c in changes)
 
 
-@kept
+@cached_per_scene
 def seen_weights(
     scene: Gaussians, cameras: Sequence[Camera], execution: Execution = AUTO
 ) -> Float[Tensor, " n"] | None:
@@ -165,7 +165,7 @@ def apply_instruction(
     phrases name (None: each is what `find_region` finds), `names` tell which nouns it knows; all is
     found before anything is changed.
     Raises UsageError where a change has no exact route, InputError for a file that is no scene, and
-    as `apply_change`, `act`, `find_region` do.
+    as `apply_change`, `apply_objects`, `find_region` do.
     """
     if not is_exact(instruction):
         raise UsageError(f"{instruction} has no exact route: edit with --editor small")
@@ -179,11 +179,11 @@ def apply_instruction(
     seeing = any(change.route in SEEING_ROUTES for change in changes)
     first = seen = seen_weights(scene, cameras, execution) if seeing else None
     total = same(scene)
-    for change, *more in runs(changes):
+    for change, *more in group_placements(changes):
         now = total.scene
         if change.route == "object":
-            outcome = act(now, (change, *more), flags, cameras, execution)
-            flags, seen = followed(flags, change, outcome), None
+            outcome = apply_objects(now, (change, *more), flags, cameras, execution)
+            flags, seen = carry_masks(flags, change, outcome), None
         else:
             if seen is None and seeing:
                 seen = seen_weights(now, cameras, execution)

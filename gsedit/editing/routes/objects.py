@@ -20,7 +20,7 @@ from gsedit.datasets.viewpoints import that_see
 from gsedit.errors import UsageError
 from gsedit.formats.scenes import load
 from gsedit.objects.outcome import NEW, Outcome
-from gsedit.objects.placing.placement import Beside, Placement, Side
+from gsedit.objects.placing.placement import Placement, RelativePlace, Side
 from gsedit.select.finder import Finder
 from gsedit.words.instruction import Change, Place
 from gsedit.words.phrases import GROUNDS
@@ -58,8 +58,8 @@ def key_of(change: Change) -> str:
     return change.target if alone else change.phrase
 
 
-def runs(changes: Sequence[Change]) -> Iterator[tuple[Change, ...]]:
-    """Changes by what is done at once: what is moved, turned and scaled leaves one hole."""
+def group_placements(changes: Sequence[Change]) -> Iterator[tuple[Change, ...]]:
+    """Group changes that are done at once: what is moved, turned and scaled leaves one hole."""
     run: tuple[Change, ...] = ()
     for change in changes:
         if run and not _joins(run, change):
@@ -81,14 +81,14 @@ def _joins(run: Sequence[Change], change: Change) -> bool:
     return change.name in ways - names and key_of(change) == made and not placed
 
 
-def act(
+def apply_objects(
     scene: Gaussians,
     run: Sequence[Change],
     flags: Flags,
     cameras: Sequence[Camera] = (),
     execution: Execution = AUTO,
 ) -> Outcome:
-    """The scene after one of the `runs` of the route "object".
+    """Apply one group of changes of objects, see `group_placements`.
 
     Raises UsageError where what changes is empty or the whole scene, and as the operations do;
     InputError for a file that holds no scene.
@@ -149,13 +149,13 @@ def _placed(placement: Placement, change: Change, flags: Flags, own: str) -> Pla
     return replace(placement, offset=(right, back, up), unit=1.0 if to.units else None)
 
 
-def _beside(place: Place | None, flags: Flags, own: str | None) -> Beside | None:
+def _beside(place: Place | None, flags: Flags, own: str | None) -> RelativePlace | None:
     """The place as `gsedit.objects.placing` has it; `own` is the key of what is placed."""
     if place is None:
         return None
     of = "subject" if place.of == "it" else place.of
     side = cast("Side", place.side)  # a place of something is no mere way
-    return Beside(side, None if of == own else flags[of])
+    return RelativePlace(side, None if of == own else flags[of])
 
 
 def _insert(
@@ -183,8 +183,8 @@ def _insert(
     return objects.insert(scene, other, at, cameras, execution, turn=turn, up=up)
 
 
-def followed(flags: Flags, change: Change, outcome: Outcome) -> dict[str, Bool[Tensor, " m"]]:
-    """The flags after a change: what was put in place of an object is background, and what was
+def carry_masks(flags: Flags, change: Change, outcome: Outcome) -> dict[str, Bool[Tensor, " m"]]:
+    """Carry flags over a change: what was put in place of an object is background, and what was
     copied or inserted is found by its own name."""
     new = outcome.origin == NEW
     rows = outcome.origin.clamp_min(0)

@@ -22,9 +22,9 @@ from gsedit.editing.session.settings import EditSettings
 from gsedit.editing.view_plan import ViewPlan
 from gsedit.measures.evaluation_input import REGION_IS, Evaluation, Mean
 from gsedit.measures.interval import mean_interval
-from gsedit.measures.meters import BY_TO
 from gsedit.measures.metrics import rmse, squared_error
 from gsedit.measures.outside import outside_means, pixels_outside
+from gsedit.measures.references import BY_TO
 from gsedit.runs.stopwatch import Stopwatch
 from gsedit.select.finder import Finder, Names
 from gsedit.words.instruction import Change, Instruction

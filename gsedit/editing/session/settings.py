@@ -32,9 +32,8 @@ class EditSettings:
     coverage: float = 0.95
     """Stop after the batch that covers this share of what the camera set sees, in (0, 1]."""
     overlap: float = 0.5
-    """How much of what a view shows the other views of its batch should show as well, on average,
-    in [0, 1]: with more of it the views agree better, and more batches are needed to cover as
-    much."""
+    """Target overlap of the views of a batch, in [0, 1]: the mean share of what one view shows
+    that the others show too. With more, views agree better, and more batches cover as much."""
     view_plan: Literal["covering", "random"] = "covering"
     """Choice of the views that are edited: those that see most of the scene and each other, or
     batches drawn at random, as many as may be edited."""

@@ -71,7 +71,9 @@ def grow(
     patches = [] if site is None else _patches(scene, site, growth, amount, execution)
     new = _made(scene, patches, growth, amount)
     if not len(new):
-        raise UsageError(f"{name} lies nowhere: nothing inside {growth.nowhere}; choose more of it")
+        raise UsageError(
+            f"{name} lies nowhere: nothing inside {growth.requirement}; choose more of it"
+        )
     return _grown(scene, name, growth, patches, new, cameras, execution)
 
 

@@ -32,8 +32,8 @@ class Growth:
     """Display color in the shade, for a light of 1; above 1 it outshines haze before it."""
     lit: Rgb
     """Display color in the light."""
-    nowhere: str
-    """Kind of surface that it needs, for a person who has none."""
+    requirement: str
+    """Surface that it needs, as the error says it: "nothing inside ..."."""
     opacity: float = 0.985
     mottle: float = 0.02
     """Standard deviation of the brightness from Gaussian to Gaussian."""

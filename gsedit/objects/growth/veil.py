@@ -1,6 +1,7 @@
-"""Haze before what grew: faint Gaussians in front of surfaces, which captures are full of.
+"""Compensate new Gaussians for the haze of faint floaters in front of them.
 
-A capture's own colors make up for it; new ones have to, or they are dull. `m` new Gaussians.
+A capture's own colors were fitted through that haze; without compensation, new ones look dull.
+`m` new Gaussians.
 """
 
 from __future__ import annotations

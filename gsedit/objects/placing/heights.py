@@ -23,7 +23,7 @@ CELLS = 192
 """Cells along the side of a map: of an object that fills half of it, one is 1 % of its width."""
 
 SEEN_ABOVE = 0.54
-"""Height of a surface over the centers of the discs that draw it, in their standard deviation:
+"""Offset of the rendered surface above Gaussian centers, in their standard deviation (sigmas):
 discs are drawn wider and nearer than they are (gsedit.synthetic.splats.SINK over DISC)."""
 MOST_ABOVE = 0.16
 """Largest standard deviation that counts for it, of the radius: wider ones are haze."""

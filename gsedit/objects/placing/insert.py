@@ -25,7 +25,7 @@ from gsedit.objects.placing.free import Ground, free_point
 from gsedit.objects.placing.landing import extent, ground_near
 from gsedit.objects.placing.motion import motion_of, moved
 from gsedit.objects.placing.place import added, notes_of
-from gsedit.objects.placing.placement import Beside, Placement, Triple, check_target
+from gsedit.objects.placing.placement import Placement, RelativePlace, Triple, check_target
 from gsedit.objects.placing.stance import Stance, size_of, stance_of
 from gsedit.objects.placing.sun import sun_of
 from gsedit.scene.framing import framing_camera, guess_up
@@ -49,7 +49,7 @@ NEAR = 1.2
 def insert(
     scene: Gaussians,
     other: Gaussians,
-    at: Triple | Beside | None = None,
+    at: Triple | RelativePlace | None = None,
     cameras: Sequence[Camera] = (),
     execution: Execution = AUTO,
     *,
@@ -83,7 +83,7 @@ def insert(
         middle = ground_near(ground, around.distance / 2)
         free = free_point(body, stance, middle, reach, ground)
         target = tuple((middle if free is None else free).tolist())
-    beside = scene[at.of] if isinstance(at, Beside) and at.of is not None else None
+    beside = scene[at.of] if isinstance(at, RelativePlace) and at.of is not None else None
     placement = Placement(turn=turn, to=target)
     motion = motion_of(body, stance, placement, beside, ground)
     there = with_degree(moved(body, motion.similarity), scene.degree)
@@ -98,7 +98,7 @@ def insert(
 def _check(
     scene: Gaussians,
     other: Gaussians,
-    at: Triple | Beside | None,
+    at: Triple | RelativePlace | None,
     height: float | int | None,
     scale: float | int | None,
     turn: float | int,
@@ -108,7 +108,7 @@ def _check(
     check_finite(scene)
     check_finite(other)
     check_target(at, len(scene))
-    if isinstance(at, Beside) and at.of is None:
+    if isinstance(at, RelativePlace) and at.of is None:
         raise UsageError("beside what: give the Gaussians of what it is to be inserted beside")
     if height is not None and scale is not None:
         raise UsageError("a height and a scale contradict: give one of them")
@@ -123,7 +123,7 @@ def _factor(
     scene: Gaussians,
     body: Gaussians,
     stance: Stance,
-    at: Triple | Beside | None,
+    at: Triple | RelativePlace | None,
     height: float | int | None,
     scale: float | int | None,
     place: Place,
@@ -135,7 +135,7 @@ def _factor(
         factor = height / stance.height
     elif scale is not None:
         factor = scale
-    elif isinstance(at, Beside) and at.of is not None and at.side != "on":
+    elif isinstance(at, RelativePlace) and at.of is not None and at.side != "on":
         like = scene[at.of]
         low, high = extent(like.means, place.up)
         factor = min(size_of(like) / own, (high - low) / stance.height)

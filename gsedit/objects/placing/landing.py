@@ -14,7 +14,7 @@ from torch import Tensor
 from gsedit.cameras.place import Place
 from gsedit.objects.placing.free import RANK, Ground, free_point
 from gsedit.objects.placing.heights import heights_from_above
-from gsedit.objects.placing.placement import Beside
+from gsedit.objects.placing.placement import RelativePlace
 from gsedit.objects.placing.stance import BASE, STEP, Stance, carrier, map_around, size_of
 from gsedit.surface.relief import Relief
 from rasterizer.numerics import AUTO, Execution
@@ -57,7 +57,7 @@ def extent(points: Float[Tensor, "m 3"], direction: Float[Tensor, "3"]) -> tuple
 
 
 def point_beside(
-    body: Gaussians, stance: Stance, other: Gaussians, beside: Beside, ground: Ground
+    body: Gaussians, stance: Stance, other: Gaussians, beside: RelativePlace, ground: Ground
 ) -> Float[Tensor, "3"]:
     """The point where the middle of an object comes to stand beside another; not yet on a surface.
 

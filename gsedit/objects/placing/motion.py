@@ -14,7 +14,7 @@ from torch import Tensor
 
 from gsedit.objects.placing.free import Ground
 from gsedit.objects.placing.landing import Landing, directions, land, point_beside
-from gsedit.objects.placing.placement import Beside, Placement, Triple
+from gsedit.objects.placing.placement import Placement, RelativePlace, Triple
 from gsedit.objects.placing.stance import STEP, Stance
 from gsedit.scene.quaternions import axis_rotation, turn_between
 from gsedit.scene.similarity import IDENTITY, Similarity
@@ -98,7 +98,7 @@ def _no_deeper(
     landing: Landing | None,
     ground: Ground,
 ) -> float:
-    """A way up or down, downwards no farther than to the surface under an object."""
+    """A vertical shift, clamped so that the object does not sink below its surface."""
     if rise >= 0 or stance.stands or (landing is not None and landing.found):
         return max(rise, 0.0)
     ceiling = float(target @ stance.up)
@@ -115,14 +115,14 @@ def _shift(way: Float[Tensor, "3"]) -> Similarity:
     return replace(IDENTITY, translation=way.double().numpy())
 
 
-def _on_top(to: Triple | Beside | None) -> bool:
-    return isinstance(to, Beside) and to.side == "on"
+def _on_top(to: Triple | RelativePlace | None) -> bool:
+    return isinstance(to, RelativePlace) and to.side == "on"
 
 
 def _asked(
     body: Gaussians,
     stance: Stance,
-    to: Triple | Beside | None,
+    to: Triple | RelativePlace | None,
     other: Gaussians | None,
     ground: Ground,
 ) -> tuple[Float[Tensor, "3"], float]:
@@ -130,12 +130,12 @@ def _asked(
     climb = CLIMB * stance.height
     if to is None:
         return stance.foot, float(stance.foot @ stance.up) + climb
-    if isinstance(to, Beside):
+    if isinstance(to, RelativePlace):
         beside = body if other is None else other
         point = point_beside(body, stance, beside, to, ground)
     else:
         point = torch.tensor(to, dtype=torch.float64)
-    if _on_top(to) or not isinstance(to, Beside):
+    if _on_top(to) or not isinstance(to, RelativePlace):
         climb = STEP * stance.height
     return point, float(point @ stance.up) + climb
 

@@ -20,7 +20,7 @@ from gsedit.objects.placing.daylight import daylight, relit_elsewhere, shaded
 from gsedit.objects.placing.free import Ground
 from gsedit.objects.placing.landing import carried
 from gsedit.objects.placing.motion import Motion, motion_of, moved
-from gsedit.objects.placing.placement import Beside, Placement, check_placement
+from gsedit.objects.placing.placement import Placement, RelativePlace, check_placement
 from gsedit.objects.placing.stance import middle_of, size_of, stance_of
 from gsedit.objects.placing.sun import sun_of
 from gsedit.objects.removal.remove import remove
@@ -59,7 +59,7 @@ def place(
         return replace(same(scene), notes=(RESTS,))
     gone = same(scene) if placement.copy else remove(scene, asked, seen_from, execution)
     to = placement.to
-    other = scene[to.of] if isinstance(to, Beside) and to.of is not None else body
+    other = scene[to.of] if isinstance(to, RelativePlace) and to.of is not None else body
     ground = Ground(gone.scene, around, seen_from, execution)
     motion = motion_of(body, stance, placement, other, ground)
     there = moved(body, motion.similarity)

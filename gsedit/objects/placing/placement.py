@@ -22,8 +22,8 @@ LARGEST = 1000.0
 
 
 @dataclass(frozen=True, eq=False)
-class Beside:
-    """A place that is told by another object, as the cameras see it."""
+class RelativePlace:
+    """A side of a reference object, as the cameras see it."""
 
     side: Side = "beside"
     """A side of it; "on" its top, at the middle, or at a free place near the middle of what is much
@@ -49,7 +49,7 @@ class Placement:
     """Way to the right, back and up; left, forward and down are negative."""
     unit: float | int | None = None
     """World units of 1 in the offset; None: the object's height after scaling."""
-    to: Triple | Beside | None = None
+    to: Triple | RelativePlace | None = None
     """World point that it stands at, or below; or a place beside something. None: where it is."""
     copy: bool = False
     """Whether the original stays where it is."""
@@ -93,9 +93,9 @@ def check_placement(placement: Placement, inside: Bool[Tensor, " n"], count: int
     check_target(placement.to, count)
 
 
-def check_target(to: Triple | Beside | None, count: int) -> None:
+def check_target(to: Triple | RelativePlace | None, count: int) -> None:
     """Raise UsageError for a place that is none in a scene of `count` Gaussians."""
-    if isinstance(to, Beside):
+    if isinstance(to, RelativePlace):
         if to.side not in get_args(Side):
             raise UsageError(f"side '{to.side}': one of {', '.join(get_args(Side))}")
         if to.of is not None:

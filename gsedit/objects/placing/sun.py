@@ -22,8 +22,8 @@ from gsedit.light.shadows import (
     sun_directions,
 )
 from gsedit.objects.placing.stance import Stance, spread
+from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.color_space import LUMINANCE
-from gsedit.scene.kept import kept
 from gsedit.scene.merging.groups import coarsen
 from gsedit.scene.quaternions import even_directions
 from gsedit.surface.normals import shortest_axes
@@ -106,7 +106,7 @@ class _Ground:
         return root * (values - known @ found)
 
 
-@kept
+@cached_per_scene
 def sun_of(scene: Gaussians, stance: Stance, execution: Execution = AUTO) -> Sun | None:
     """The sun whose shadows what stands around an object casts on the surface there.
 

@@ -38,7 +38,7 @@ from gsedit.objects.removal.strays import AROUND, strays
 from gsedit.objects.removal.tidy import core_of, tidied
 from gsedit.objects.removal.uncover import Object, find_sheet, standing
 from gsedit.objects.removal.walls import SMALLEST, Plane, find_planes
-from gsedit.scene.kept import kept
+from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.neighbors import k_nearest
 from gsedit.scene.quantiles import extent_of
 from gsedit.surface.normals import shortest_axes
@@ -67,7 +67,7 @@ MOST_GAPS = 3
 """Views in which what lies on no plane is continued."""
 
 
-@kept
+@cached_per_scene
 @torch.no_grad()
 def remove(
     scene: Gaussians,

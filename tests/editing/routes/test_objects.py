@@ -12,7 +12,7 @@ import torch
 
 import gsedit
 from gsedit.editing.routes.apply import apply_instruction
-from gsedit.editing.routes.objects import act, followed, runs
+from gsedit.editing.routes.objects import apply_objects, carry_masks, group_placements
 from gsedit.editing.session.settings import EditSettings
 from gsedit.errors import UsageError
 from gsedit.objects.outcome import NEW, Outcome
@@ -121,11 +121,11 @@ def test_new_background_is_background_and_a_copy_is_not():
     scene = tiny_edits.scene()
     known = {"subject": flags(SUBJECT), "background": ~flags(SUBJECT), "scene": flags(slice(None))}
     change = Change("subject", "object", "remove", None, None, "object", "it")
-    after = followed(known, change, act(scene, [change], known))
+    after = carry_masks(known, change, apply_objects(scene, [change], known))
     assert after["background"].all()
     assert not after["subject"].any()
     copy = replace(change, name="copy", place=Place("beside", "it"))
-    after = followed(known, copy, act(scene, [copy], known))
+    after = carry_masks(known, copy, apply_objects(scene, [copy], known))
     assert not after["background"][1000:].any()
     assert after["the copy"][1000:].all()
     assert after["scene"].all()
@@ -137,7 +137,7 @@ def test_new_background_is_background_and_a_copy_is_not():
 def test_what_is_empty_or_all_is_no_object(inside, words):
     change = Change("subject", "object", "remove", None, None, "object", "it")
     with pytest.raises(UsageError, match=words):
-        act(tiny_edits.scene(), [change], {"subject": flags(inside)})
+        apply_objects(tiny_edits.scene(), [change], {"subject": flags(inside)})
 
 
 @pytest.mark.parametrize(
@@ -152,7 +152,7 @@ def test_what_is_empty_or_all_is_no_object(inside, words):
 )  # fmt: skip
 def test_what_places_one_object_is_done_at_once(sentence, done):
     changes = read_instruction(sentence).changes
-    grouped = list(runs(changes))
+    grouped = list(group_placements(changes))
     assert [each for run in grouped for each in run] == list(changes)
     assert [len(run) for run in grouped] == done
 

@@ -31,7 +31,7 @@ Way = Literal["wipe", "beside"]
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class DisplayState:
     """One or two scenes as a tab shows them."""
 
     scene: Gaussians | None = None
@@ -58,7 +58,7 @@ class Shown:
 
 
 @torch.no_grad()
-def picture(shown: Shown, camera: Camera) -> UInt8[np.ndarray, "h w 3"]:
+def picture(shown: DisplayState, camera: Camera) -> UInt8[np.ndarray, "h w 3"]:
     """Draw what is shown; without a scene the background."""
     height, width = camera.height, camera.width
     if shown.scene is None:
@@ -102,7 +102,9 @@ def depth_at(scene: Gaussians, camera: Camera, x: float, y: float, numerics: Num
     return float(drawn.median_depth)
 
 
-def _drawn(shown: Shown, scene: Gaussians, camera: Camera, box: Box) -> Float[Tensor, "h w 3"]:
+def _drawn(
+    shown: DisplayState, scene: Gaussians, camera: Camera, box: Box
+) -> Float[Tensor, "h w 3"]:
     background = torch.tensor(BACKGROUND).to(scene.means)
     return render(scene, camera, background=background, crop=box, numerics=shown.numerics).color
 

@@ -1,8 +1,8 @@
-"""Results about one scene that many edits of it need alike, kept between them.
+"""A cache of results about one scene, for functions that many edits of it call alike.
 
 Functions that find out something of a scene, as the light that it was captured in, are marked with
-`kept`. Where a `Kept` of that scene is in use, they answer from it what they were asked before:
-the same result, sooner. Anywhere else they compute.
+`cached_per_scene`. Where a `SceneCache` of that scene is in use, they answer from it what they were
+asked before: the same result, sooner. Anywhere else they compute.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 
-class Kept:
-    """Results about one scene, whose values nobody changes in place."""
+class SceneCache:
+    """Cache of results about one scene, whose values nobody changes in place."""
 
     def __init__(self, scene: Gaussians) -> None:
         """Begin with nothing for this scene."""
@@ -71,10 +71,10 @@ class Kept:
         return promised.result()
 
 
-def kept(
+def cached_per_scene(
     function: Callable[Concatenate[Gaussians, P], T],
 ) -> Callable[Concatenate[Gaussians, P], T]:
-    """Let a function of a scene, its first argument, answer from the `Kept` in use."""
+    """Let a function of a scene, its first argument, answer from the `SceneCache` in use."""
 
     @wraps(function)
     def called(scene: Gaussians, *arguments: P.args, **more: P.kwargs) -> T:
@@ -87,7 +87,7 @@ def kept(
     return called
 
 
-_in_use: ContextVar[Kept | None] = ContextVar("kept", default=None)
+_in_use: ContextVar[SceneCache | None] = ContextVar("scene cache", default=None)
 
 
 def _place_of(scene: Gaussians) -> tuple[tuple[int, ...], ...]:

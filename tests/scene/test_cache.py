@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from gsedit.light.present import survey
-from gsedit.scene.kept import EACH, Kept, kept
+from gsedit.scene.cache import EACH, SceneCache, cached_per_scene
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 from rasterizer.scene import Gaussians
 
@@ -24,7 +24,7 @@ class Counted:
     def __init__(self):
         self.times = 0
 
-        @kept
+        @cached_per_scene
         def function(scene: Gaussians, factor: Any = 1.0) -> Any:
             self.times += 1
             return (scene.means.sum() * factor).sum()
@@ -33,7 +33,7 @@ class Counted:
 
 
 def test_the_same_question_of_the_same_scene_is_computed_once(scene):
-    count, place = Counted(), Kept(scene)
+    count, place = Counted(), SceneCache(scene)
     with place.used():
         first = count.function(scene, 2.0)
         assert count.function(scene.detach(), 2.0) is first  # another name of the same memory
@@ -46,7 +46,7 @@ def test_the_same_question_of_the_same_scene_is_computed_once(scene):
 def test_another_scene_is_computed_and_not_kept(scene, field):
     count = Counted()
     other = replace(scene, **{field: getattr(scene, field) + 1})
-    with Kept(scene).used():
+    with SceneCache(scene).used():
         count.function(scene)
         count.function(other)
         count.function(other)
@@ -54,7 +54,7 @@ def test_another_scene_is_computed_and_not_kept(scene, field):
 
 
 def test_a_scene_that_was_written_to_is_another(scene):
-    count, place = Counted(), Kept(scene)
+    count, place = Counted(), SceneCache(scene)
     with place.used():
         first = count.function(scene)
         scene.means.add_(1.0)
@@ -63,7 +63,7 @@ def test_a_scene_that_was_written_to_is_another(scene):
 
 def test_arguments_are_told_apart_by_what_they_hold(scene):
     count, flags = Counted(), torch.zeros(3, dtype=torch.bool)
-    with Kept(scene).used():
+    with SceneCache(scene).used():
         count.function(scene, flags)
         count.function(scene, flags.clone())
         assert count.times == 1
@@ -74,7 +74,7 @@ def test_arguments_are_told_apart_by_what_they_hold(scene):
 
 def test_only_the_latest_results_are_kept(scene):
     count = Counted()
-    with Kept(scene).used():
+    with SceneCache(scene).used():
         for factor in range(EACH + 1):
             count.function(scene, float(factor))
         count.function(scene, float(EACH))
@@ -84,18 +84,18 @@ def test_only_the_latest_results_are_kept(scene):
 
 
 def test_what_fails_is_asked_again(scene):
-    @kept
+    @cached_per_scene
     def fails(scene):
         raise ValueError("no")
 
-    with Kept(scene).used():
+    with SceneCache(scene).used():
         for _ in range(2):
             with pytest.raises(ValueError, match="no"):
                 fails(scene)
 
 
 def test_two_threads_that_ask_at_once_compute_once(scene):
-    count, place, start = Counted(), Kept(scene), Barrier(2)
+    count, place, start = Counted(), SceneCache(scene), Barrier(2)
 
     def ask():
         with place.used():
@@ -113,7 +113,7 @@ def test_two_threads_that_ask_at_once_compute_once(scene):
 def test_a_kept_survey_is_that_which_is_made_anew(scene):
     cameras = ring_cameras(demo_scene(), 4, 32)
     anew = survey(scene, cameras)
-    with Kept(scene).used():
+    with SceneCache(scene).used():
         first, second = survey(scene, cameras), survey(scene, list(cameras))
     assert second is first
     assert torch.equal(first.light, anew.light)

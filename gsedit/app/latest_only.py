@@ -1,4 +1,4 @@
-"""Short work in a thread, of which only the newest of each kind counts."""
+"""A thread for short work, in which only the latest request of each kind counts."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from threading import Condition, Thread
 from typing import Any
 
 
-class Soon:
+class LatestOnlyWorker:
     """A thread that does short pieces of work, one at a time.
 
     A newer request of a key replaces one that waits, and drops the result of one that runs.
@@ -21,7 +21,7 @@ class Soon:
         self._number = 0
         self._ended = False
         self._changed = Condition()
-        Thread(target=self._run, daemon=True, name="soon").start()
+        Thread(target=self._run, daemon=True, name="latest only").start()
 
     def ask(self, key: str, work: Callable[[], Any], then: Callable[[Any], None]) -> None:
         """Do `work`, then give what it returns to `then`, both in the thread."""

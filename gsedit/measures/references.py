@@ -1,4 +1,4 @@
-"""The meter of each metric: the pictures, region or masks that its numbers were measured by."""
+"""References of metrics: the pictures, region or masks that each metric is compared with."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ BY_TO = {
 
 
 def measured_against(name: str, role: Role, subject: EvaluationInput) -> str:
-    """The meter of a metric of views of that role, as its record tells it."""
+    """The reference of a metric at views of that role, as its record names it."""
     _, _, to = name.partition("_to_")
     if to == "targets":
         return subject.targets_are[role != "edited"]

@@ -1,4 +1,4 @@
-"""The one command in hand: begun, watched, cancelled."""
+"""Commands of the page as jobs, one at a time: begun, watched, cancelled."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Work:
         return f"{self.title}: {stage}{count}, {self.watch.seconds:.0f} s".replace(": ,", ",")
 
 
-class Works:
+class JobRunner:
     """Runs commands of the worker one at a time, in a thread."""
 
     def __init__(self, worker: Worker, tell: Callable[[], None]) -> None:

@@ -1,0 +1,51 @@
+"""Scene formats: their suffixes, the modules that read them, what each can hold. Loads no numpy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Format:
+    """One kind of scene file."""
+
+    suffix: str
+    """Ending of the file name, in lower case."""
+    module: str
+    """In gsedit.formats; imported when it is used."""
+    writes: bool = True
+    max_degree: int = 3
+    """Highest SH degree that the format can hold, where it is written."""
+    keeps: frozenset[str] = frozenset()
+    """Fields of `SceneHeader` that the format can hold beside the splats."""
+
+
+MESHES = (".obj", ".stl", ".off")
+USD = (".usda", ".usdc", ".usd", ".usdz")
+INDICES = ("meta.json", "lod-meta.json")
+"""Names of files that stand for their folder: those of SOG."""
+FORMATS = (
+    Format(".ply", "ply.inria", max_degree=4, keeps=frozenset(("extra", "elements", "comments"))),
+    Format(".compressed.ply", "ply.compressed"),
+    Format(".spz", "spz.file", max_degree=4, keeps=frozenset(("antialiased",))),
+    Format(".sog", "sog.file", keeps=frozenset(("antialiased",))),
+    Format("meta.json", "sog.file", writes=False),
+    Format("lod-meta.json", "sog.streamed", writes=False),
+    Format(".splat", "splat", max_degree=0),
+    Format(".ksplat", "ksplat", writes=False),
+    Format(".glb", "gltf.file", keeps=frozenset(("comments", "antialiased"))),
+    Format(".gltf", "gltf.file", writes=False),
+    *(
+        Format(suffix, "usd.file", max_degree=4, keeps=frozenset(("comments", "antialiased")))
+        for suffix in USD
+    ),
+    Format(
+        ".npz",
+        "npz",
+        max_degree=4,
+        keeps=frozenset(("extra", "elements", "comments", "antialiased")),
+    ),
+    *(Format(suffix, "mesh", writes=False) for suffix in MESHES),
+)
+READABLE = tuple(format.suffix for format in FORMATS)
+WRITABLE = tuple(format.suffix for format in FORMATS if format.writes)
