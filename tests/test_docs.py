@@ -207,3 +207,9 @@ def test_every_claim_of_the_toolkit_names_tests_that_exist(row):
         assert found, test
         path, name = found.groups()
         assert re.search(rf"^def {name}\(", (ROOT / path).read_text(), re.MULTILINE)
+
+
+def test_every_place_of_the_architecture_exists():
+    named = re.findall(r"`((?:gsedit|cli|tests)/[^`]+)`", TEXT["docs/concepts/architecture.md"])
+    assert len(named) > 20
+    assert [each for each in named if not (ROOT / each).exists()] == []
