@@ -135,7 +135,8 @@ class Selector:
             inside = self._refined(inside, click)
         name = f"part {len(larger)} of " * bool(larger) + f"{row.kind} {row.number}"
         least = f", {SMALLEST}" * (len(larger) + 1 < len(again))
-        return self._region(inside, f"{name} at {_told(clicks)}{least}")
+        region = self._region(inside, f"{name} at {_told(clicks)}{least}")
+        return replace(region, sure=float(seeds[inside].sum() / seeds.sum()))
 
     def _around(self, click: Click) -> Selector:
         """The selector with the cameras that look at what is clicked, where these are few of all:

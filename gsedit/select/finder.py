@@ -217,7 +217,10 @@ class Finder:
         drawn = list(masks.values())
         lifted = lift(self.scene, cameras, drawn, self.execution)
         inside = find_drawn(self.scene, lifted)
-        found = Region(within_silhouette(self.scene, cameras, inside, self.execution), path)
+        shown = lifted.weight[inside]
+        sure = float((lifted.mean[inside] * shown).sum() / shown.sum().clamp_min(1e-9))
+        cut = within_silhouette(self.scene, cameras, inside, self.execution)
+        found = Region(cut, path, sure=sure)
         if len(masks) > 1:
             return found
         # one view sees no backs: objects go on there, where they are what was drawn

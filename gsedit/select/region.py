@@ -34,7 +34,7 @@ class Region:
     how: str = ""
     """The expression that finds it again (gsedit.select.where)."""
     sure: float = 1.0
-    """How sure that is, in [0, 1]: the share of what was seen or drawn that agrees."""
+    """Share of what was seen, drawn or clicked that says so, in [0, 1]."""
 
     def __str__(self) -> str:
         return f"{self.note}; {int(self.inside.sum()):,} of {len(self.inside):,} Gaussians"
@@ -47,7 +47,7 @@ class Region:
 
 def everything(scene: Gaussians) -> Region:
     """The region of all Gaussians."""
-    return Region(torch.ones(len(scene), dtype=torch.bool), "all")
+    return Region(torch.ones(len(scene), dtype=torch.bool), "all", "all()")
 
 
 @torch.no_grad()

@@ -95,10 +95,11 @@ def find_subject(
     inside, note = _standing_out(looked, with_carrier=with_carrier)
     weight = looked.lifted.weight
     if inside is None or weight[inside].sum() < LEAST_PIXELS * weight.sum():
-        return Region(everything(scene).inside, "auto: no subject stands out, so it is all")
+        return Region(everything(scene).inside, "auto: no subject stands out, so it is all", sure=0)
     if weight[inside].sum() > ALONE * weight.sum() and looked.border < EMPTY:
         return Region(everything(scene).inside, "auto: the subject, with nothing around it")
-    return Region(within_silhouette(scene, looked.cameras, inside, execution), note)
+    sure = float((looked.lifted.mean * weight)[inside].sum() / weight[inside].sum())
+    return Region(within_silhouette(scene, looked.cameras, inside, execution), note, sure=sure)
 
 
 @cached_per_scene

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -203,8 +204,10 @@ def _routed(
 ) -> Routed:
     """The outcome of all changes of a scene, with the regions that they were in."""
     keys = dict.fromkeys(key_of(change) for change in changes if change.name != "insert")
-    named = dict.fromkeys(regions[key].note for key in keys if key in regions)
-    found = Region(total.changed, "; ".join(named) or "what is new")
+    known = [regions[key] for key in keys if key in regions]
+    notes, hows = (dict.fromkeys(map(attrgetter(name), known)) for name in ("note", "how"))
+    sure = min((each.sure for each in known), default=1.0)
+    found = Region(total.changed, "; ".join(notes) or "what is new", " or ".join(hows), sure)
     moved = any(change.route == "object" for change in changes)
     if not moved:
         return Routed(total.scene, found, total.notes)

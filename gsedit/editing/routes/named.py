@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from gsedit.editing.routes.objects import MADE, key_of
 from gsedit.errors import UsageError
@@ -40,7 +41,7 @@ def regions_of(
         subject = find_region(scene)
         found["subject"] = subject
         found["background"] = _others(subject)
-        found |= {each: Region(subject.inside, f"{each} ({subject.note})") for each in meant}
+        found |= {each: replace(subject, note=f"{each} ({subject.note})") for each in meant}
     for phrase in phrases:
         if phrase not in (IT, *meant) and find_named is not None:
             if phrase in firsts:
@@ -80,7 +81,8 @@ def _unknown(phrase: str) -> UsageError:
 
 
 def _others(region: Region) -> Region:
-    return Region(~region.inside, f"all but {region.note}")
+    how = f"not ({region.how})" if region.how else ""
+    return Region(~region.inside, f"all but {region.note}", how, region.sure)
 
 
 def _phrases(changes: Sequence[Change]) -> list[str]:

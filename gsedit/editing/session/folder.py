@@ -119,6 +119,8 @@ def edit_record(result: EditResult) -> dict[str, Any]:
         "gaussians": len(result.scene),
         "region": {
             "found": result.region.note,
+            "expression": result.region.how,
+            "sure": round(result.region.sure, 3),
             "gaussians": int(result.region.inside.sum()),
         },
         **_objects(result),

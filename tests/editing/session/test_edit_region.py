@@ -104,7 +104,12 @@ def test_what_is_outside_a_sphere_stays(labelled, data, tmp_path):
     gsedit.write_edit(tmp_path / "out", result)
     assert np.array_equal(np.load(tmp_path / "out" / "region.npy"), inside.numpy())
     record = json.loads((tmp_path / "out" / "edit.json").read_text())
-    assert record["region"] == {"found": "sphere:0,0,0,0.2", "gaussians": int(inside.sum())}
+    assert record["region"] == {
+        "found": "sphere:0,0,0,0.2",
+        "expression": "sphere(0.0, 0.0, 0.0, 0.2)",
+        "sure": 1.0,
+        "gaussians": int(inside.sum()),
+    }
     assert record["settings"]["region"] == "sphere:0,0,0,0.2"
     shared = run(labelled, data, str(tmp_path / "out" / "region.npy"))
     assert torch.equal(shared.region.inside, inside)
