@@ -42,14 +42,14 @@ def around(
     if up is not None and not (up.isfinite().all() and up.any()):
         raise UsageError(f"up {up.tolist()} is no direction: three finite numbers, not all 0")
     wish = ViewConstraints(up, look_at, eye)
-    found = find_viewpoints(scene, FOUND_VIEWS, size, wish=wish, execution=execution)
+    found = find_viewpoints(scene, size=size, wish=wish, execution=execution)
     return rendered(scene, found, execution)
 
 
 def find_viewpoints(
     scene: Gaussians,
-    count: int,
-    size: int,
+    count: int = FOUND_VIEWS,
+    size: int = FOUND_SIZE_PIXELS,
     *,
     wish: ViewConstraints | None = None,
     rings: Sequence[float] = (ELEVATION,),

@@ -7,9 +7,9 @@ from typing import Any
 
 import torch
 
-from gsedit.cameras.around import FOUND_SIZE_PIXELS, FOUND_VIEWS, find_viewpoints
+from gsedit.cameras.around import find_viewpoints
 from gsedit.datasets.dataset import Dataset
-from gsedit.datasets.viewpoints import Viewpoint, viewpoints_of
+from gsedit.datasets.viewpoints import viewpoints_of
 from gsedit.editing.edit import edit_steps
 from gsedit.editing.routes.apply import is_exact
 from gsedit.editing.routes.plan import asks_editor_2d, steps_of
@@ -24,7 +24,6 @@ from gsedit.measures.features import FeatureExtractor
 from gsedit.select.finder import Names
 from gsedit.select.provider import MaskProvider
 from gsedit.words.read import read_instruction
-from rasterizer.numerics import AUTO
 from rasterizer.scene import Gaussians
 
 
@@ -61,18 +60,12 @@ def edit(
     for step in steps:
         now = scene if result is None else result.scene
         if is_exact(step):
-            viewpoints = viewpoints_of(dataset) if dataset else _found(now, settings)
+            viewpoints = viewpoints_of(dataset) if dataset else find_viewpoints(now)
             result = routed_result(now, step, viewpoints, settings, names=Names(masks=masks))
         else:
             result = _drawn(now, step.text, **request)
     assert result is not None  # a known instruction has changes
     return result
-
-
-def _found(scene: Gaussians, settings: EditSettings | None) -> tuple[Viewpoint, ...]:
-    """Viewpoints found for a scene without a dataset: a route needs no pictures from them."""
-    execution = settings.execution if settings else AUTO
-    return find_viewpoints(scene, FOUND_VIEWS, FOUND_SIZE_PIXELS, execution=execution)
 
 
 def _refuse_masks(masks: MaskProvider | None) -> None:

@@ -24,8 +24,11 @@ MESHES = (".obj", ".stl", ".off")
 USD = (".usda", ".usdc", ".usd", ".usdz")
 INDICES = ("meta.json", "lod-meta.json")
 """Names of files that stand for their folder: those of SOG."""
+TABLE = frozenset(("extra", "elements", "comments"))
+NOTES = frozenset(("comments", "antialiased"))
+"""Fields that tables keep beside the splats, and that files with free text keep."""
 FORMATS = (
-    Format(".ply", "ply.inria", max_degree=4, keeps=frozenset(("extra", "elements", "comments"))),
+    Format(".ply", "ply.inria", max_degree=4, keeps=TABLE),
     Format(".compressed.ply", "ply.compressed"),
     Format(".spz", "spz.file", max_degree=4, keeps=frozenset(("antialiased",))),
     Format(".sog", "sog.file", keeps=frozenset(("antialiased",))),
@@ -33,18 +36,10 @@ FORMATS = (
     Format("lod-meta.json", "sog.streamed", writes=False),
     Format(".splat", "splat", max_degree=0),
     Format(".ksplat", "ksplat", writes=False),
-    Format(".glb", "gltf.file", keeps=frozenset(("comments", "antialiased"))),
+    Format(".glb", "gltf.file", keeps=NOTES),
     Format(".gltf", "gltf.file", writes=False),
-    *(
-        Format(suffix, "usd.file", max_degree=4, keeps=frozenset(("comments", "antialiased")))
-        for suffix in USD
-    ),
-    Format(
-        ".npz",
-        "npz",
-        max_degree=4,
-        keeps=frozenset(("extra", "elements", "comments", "antialiased")),
-    ),
+    *(Format(suffix, "usd.file", max_degree=4, keeps=NOTES) for suffix in USD),
+    Format(".npz", "npz", max_degree=4, keeps=TABLE | NOTES),
     *(Format(suffix, "mesh", writes=False) for suffix in MESHES),
 )
 READABLE = tuple(format.suffix for format in FORMATS)

@@ -406,28 +406,22 @@ def test_what_is_named_is_all_that_changes(sentence, names):
 
 
 @pytest.mark.parametrize(
-    ("sentence", "color"),
+    ("sentence", "night", "name", "color"),
     [
-        ("make the bear glow", None), ("make it glowing", None), ("glowing", None),
-        ("give the bear a glow", None), ("make it glow in green", "#15b01a"),
-        ("make it glow red", "#e50000"), ("a glowing red bear", "#e50000"),
+        ("make the bear glow", False, "glow", None), ("make it glowing", False, "glow", None),
+        ("glowing", False, "glow", None), ("give the bear a glow", False, "glow", None),
+        ("make it glow red", False, "glow", "#e50000"),
+        ("a glowing red bear", False, "glow", "#e50000"),
+        ("let it shine in the dark", True, "glow", None),
+        ("make it glow in the dark", True, "glow", None),
+        ("make it glow green in the dark", True, "glow", "#15b01a"),
+        ("make it glow and make it night", True, "glow", None),
+        ("make the bear shine at night", True, "glow", None),
+        ("a lava bear at night", True, "lava", None),
     ],
 )  # fmt: skip
-def test_what_glows_is_the_subject_in_a_material_of_any_color(sentence, color):
-    assert made(sentence) == [("subject", "glow", color)]
-
-
-@pytest.mark.parametrize(
-    ("sentence", "name", "color"),
-    [
-        ("let it shine in the dark", "glow", None), ("make it glow in the dark", "glow", None),
-        ("make the bear shine at night", "glow", None), ("a lava bear at night", "lava", None),
-        ("glow in the dark bear", "glow", None), ("make it glow and make it night", "glow", None),
-        ("make it glow green in the dark", "glow", "#15b01a"),
-    ],
-)  # fmt: skip
-def test_what_sends_light_in_the_dark_is_made_after_the_night(sentence, name, color):
-    assert made(sentence) == [("scene", "night", None), ("subject", name, color)]
+def test_what_glows_does_so_in_any_color_and_after_the_night(sentence, night, name, color):
+    assert made(sentence) == [("scene", "night", None)] * night + [("subject", name, color)]
 
 
 @pytest.mark.parametrize(
