@@ -51,11 +51,3 @@ def test_the_sheet_shows_every_look(monkeypatch, tmp_path):
     assert gsedit("list", "looks", "-o", path).exit_code == 0
     assert Image.open(path).size[0] > 1000
     assert gsedit("list", "looks", "-o", path).exit_code == 2
-
-
-def test_an_edit_says_what_it_understood_and_refuses_what_it_does_not(scene, tmp_path):
-    hat = gsedit("edit", scene, "give it a hat", "-o", tmp_path / "out")
-    assert hat.exit_code == 2
-    assert "this would make or reshape something" in hat.stderr
-    assert "--editor pix2pix" in hat.stderr
-    assert not (tmp_path / "out").exists()

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from types import SimpleNamespace
 
 import pytest
 from command_line import gsedit, one_line
 from gsedit_cli.core.exits import Interrupted
+from gsedit_cli.options.common import Seeded
 from gsedit_cli.verbs import make as verb
+from gsedit_cli.verbs.capture import settings_from
 from PIL import Image
 
 from gsedit.errors import InputError
@@ -90,14 +91,6 @@ def test_an_interrupted_stage_goes_on_with_the_same_command(photos, out, stages,
     assert stages.ran[2:] == [("fit", True), ("edit", False)]
 
 
-def test_a_failing_stage_ends_in_its_own_line(photos, out, stages):
-    stages.end["capture"] = InputError("photos have too little texture: ...")
-    ended = make(photos, out)
-    assert ended.exit_code == 3
-    assert ended.stderr.endswith("gsedit: photos have too little texture: ...\n")
-    assert make(photos, out).exit_code == 0  # nothing needs to be removed first
-
-
 def test_photos_may_be_added_after_a_capture_that_failed(photos, out, stages):
     stages.end["capture"] = InputError("too little overlap: take photos in between")
     make(photos, out)
@@ -152,39 +145,6 @@ def test_photos_with_poses_are_not_captured(photos, out, stages):
     assert f"--data {photos}" in done.stderr
 
 
-@pytest.mark.parametrize(
-    ("instruction", "message"),
-    [
-        ("give it a hat", "make or reshape"),
-        (" ", "the instruction is empty"),
-        ("remove the snow", "what must not be"),
-    ],
-)
-def test_what_cannot_be_done_is_said_before_the_work(photos, out, stages, instruction, message):
-    refused = make(photos, out, instruction=instruction)
-    assert refused.exit_code == 2
-    assert message in refused.stderr
-    assert not stages.ran
-    assert not out.exists()
-
-
-def test_missing_photos_and_folders_of_others_are_refused(photos, out, stages, tmp_path):
-    assert "does not exist" in make(tmp_path / "none", out).stderr
-    out.mkdir()
-    (out / "letter.txt").write_text("mine")
-    refused = make(photos, out)
-    assert refused.exit_code == 2
-    assert "has files in it already" in refused.stderr
-    assert not stages.ran
-
-
-def test_the_folder_of_the_photos_is_refused(photos, out, stages):
-    refused = make(photos, photos, "-f")
-    assert refused.exit_code == 2
-    assert f"-o {photos} is where the photos are" in refused.stderr
-    assert not stages.ran
-
-
 @pytest.mark.parametrize("posed", [False, True])
 def test_only_what_is_read_of_the_photos_counts(photos, out, stages, tmp_path, monkeypatch, posed):
     monkeypatch.chdir(tmp_path)
@@ -205,20 +165,6 @@ def test_a_damaged_record_is_named(photos, out, stages):
     assert "make.json is damaged: remove it, and add -f" in refused.stderr
 
 
-def test_the_result_as_json(photos, out, stages):
-    last = json.loads(make(photos, out, "--json").stdout.splitlines()[-1])
-    assert last["type"] == "result"
-    assert last["edited"] == str(out / "edit" / "scene.ply")
-    assert last["dataset"] == str(out / "capture")
-
-
-def test_options_that_would_change_nothing_are_refused(photos, out, stages):
-    frames = make(photos, out, "--frames", 9)
-    assert frames.exit_code == 2
-    assert f"{photos} is a folder of photos, of which all are used" in frames.stderr
-    (photos / "transforms.json").write_text("{}")
-    posed = make(photos, out, "--focal", 26, "--lens", "fisheye")
-    assert posed.exit_code == 2
-    assert one_line(posed.stderr)
-    assert "has poses already, and --lens and --focal would change nothing" in posed.stderr
-    assert not stages.ran
+@pytest.mark.parametrize("seed", [0, 7, -1, 2**40 + 7])
+def test_any_seed_is_one_that_colmap_takes(seed):
+    assert settings_from({}, Seeded(seed=seed)).seed == seed % 2**31

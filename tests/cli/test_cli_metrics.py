@@ -6,7 +6,7 @@ import json
 
 import pytest
 import torch
-from command_line import gsedit, one_line
+from command_line import gsedit
 from PIL import Image
 
 import gsedit as library
@@ -38,29 +38,6 @@ def record_of(*words):
     assert done.exit_code == 0, done.stderr
     lines = [json.loads(line) for line in done.stdout.splitlines()]
     return next(line for line in lines if line["type"] == "metrics")
-
-
-def test_the_folder_of_an_edit_gives_the_numbers_of_its_record(folder):
-    record = record_of(folder / "out")
-    edit = json.loads((folder / "out" / "edit.json").read_text())
-    measured, own = record["measured"], edit["measured"]
-    for name, tolerance in (
-        ("rmse_to_unedited", 1e-5),
-        ("psnr_to_unedited", 1e-2),
-        ("psnr_to_targets", 0.1),  # the pictures in the folder have 8 bits
-    ):
-        for role, mean in measured[name].items():
-            assert mean["value"] == pytest.approx(own[name][role]["value"], abs=tolerance), name
-            assert mean["views"] == own[name][role]["views"]
-    for range_ in ("short", "long"):
-        row = f"warp_renders_{range_}"
-        for name in ("unedited", "edited", "excess", "compared"):
-            assert measured[row][name] == pytest.approx(own[row][name], abs=1e-3)
-    for kinds in (measured, own):
-        by = {role: mean["against"] for role, mean in kinds["psnr_to_targets"].items()}
-        assert by["edited"] == "the edits that the scene was fitted to"
-    assert measured["seconds"] == edit["timings"]["total"]
-    assert measured["evaluations"] == edit["work"]["network_evaluations"] > 0
 
 
 def test_masks_that_the_edit_did_not_know(folder, tmp_path):
@@ -111,48 +88,6 @@ def test_photos_of_a_dataset(folder, photos, tmp_path):
     assert record["against_is"] == "photos"
     assert record["views"] == {"edited": 2, "held_out": 1}
     assert set(record["measured"]["ssim_to_targets"]) == {"edited", "held_out"}
-
-
-def test_the_table_fits_80_columns_and_the_files_are_written(folder, tmp_path):
-    out, picture = tmp_path / "record.json", tmp_path / "sheet.png"
-    done = gsedit("metrics", folder / "out", "-o", out, "--picture", picture)
-    assert done.exit_code == 0, done.stderr
-    assert max(map(len, done.stdout.splitlines())) <= 80
-    for words in ("PSNR to the edited views", "excess", "network evaluations", "not measured:"):
-        assert words in done.stdout
-    assert json.loads(out.read_text())["measured"]["rmse_to_unedited"]
-    assert picture.stat().st_size > 1000
-    assert gsedit("metrics", folder / "out", "-o", out).exit_code == 2
-
-
-@pytest.mark.parametrize(
-    ("words", "code", "message"),
-    [
-        ((), 2, "nothing to compare with: add --against"),
-        (("--against", "gone.ply"), 3, "gone.ply cannot be read"),
-        (("--against", "{empty}"), 3, "is no folder of an edit (edit.json), of photos"),
-        (("--against", "{pictures}"), 2, "nothing says from where the pictures in"),
-        (("--against", "{edit}", "--data", "x"), 2, "already says which views: leave out --data"),
-        (("--against", "{demo}", "-o", "x.txt"), 2, "x.txt: name a .json file"),
-        (("--against", "{edit}/views.json"), 3, "is a list of views: give it with --views"),
-        (("--against", "{edit}", "--region", "auto"), 2, "must be known: give the region.npy"),
-    ],
-)
-def test_what_cannot_be_compared_is_said_in_a_line(folder, tmp_path, words, code, message):
-    places = {
-        "empty": tmp_path, "pictures": folder / "out" / "targets", "edit": folder / "out",
-        "demo": folder / "demo.ply",
-    }  # fmt: skip
-    done = gsedit("metrics", folder / "demo.ply", *(word.format(**places) for word in words))
-    assert done.exit_code == code
-    assert message in done.stderr
-    assert one_line(done.stderr)
-
-
-def test_a_folder_that_is_no_edit_is_no_scene(tmp_path):
-    done = gsedit("metrics", tmp_path)
-    assert done.exit_code == 2
-    assert "is no folder of an edit (no edit.json): name a scene file" in done.stderr
 
 
 def test_an_edit_whose_unedited_scene_is_gone(folder, tmp_path):

@@ -5,15 +5,9 @@ from __future__ import annotations
 import sys
 
 import pytest
-from gsedit_cli.core.progress import NOTEBOOK, plain_line, progress
+from gsedit_cli.core.progress import NOTEBOOK, progress
 
 from gsedit import Event
-
-
-def test_the_time_left_is_from_the_pace_so_far():
-    line = plain_line(Event("fit", 30.0, 20, 40, 0.5), Event("fit", 10.0, 10, 40))
-    assert "20/40" in line
-    assert "about 40 s left" in line  # 2 seconds a step, 20 steps
 
 
 def test_a_log_is_a_line_a_stage_and_now_and_then(capsys):

@@ -10,13 +10,10 @@ from command_line import gsedit, one_line
 from gsedit_cli.options.editing import edit_settings, resolve
 
 from gsedit import EditSettings
-from gsedit.diffusion.settings import SamplerDefaults
 from gsedit.editing import strategies
 from gsedit.editing.session.presets import find_preset
 from gsedit.editing.strategies.single_pass import SinglePass
-from gsedit.editors.small.denoiser import DEFAULTS
 from gsedit.errors import UsageError
-from gsedit.fitting.settings import UpdateSettings
 
 FLAGS = (
     "--steps --guidance --image-guidance --temperature --consensus --solver --memory --precision "
@@ -101,32 +98,6 @@ def test_flags_are_those_that_users_know_and_no_two_are_equal():
     assert len(flags) == len(set(flags))
 
 
-def test_the_listed_defaults_are_the_librarys():
-    listed = settings_of_edit()
-    update, edit = UpdateSettings(), EditSettings()
-    for flag, value in {
-        "--patches": update.patches,
-        "--patch": update.patch,
-        "--loss": update.loss,
-        "--views": edit.views_per_batch,
-        "--batches": edit.batches,
-        "--coverage": edit.coverage,
-        "--geometry": edit.geometry,
-        "--condition": edit.condition,
-    }.items():
-        assert listed[flag]["default"] == str(value)
-    for flag, text in {
-        "--steps": f"({SamplerDefaults().steps}; small {DEFAULTS.steps},",
-        "--spacing": f"({SamplerDefaults().spacing}; small {DEFAULTS.spacing})",
-        "--guidance": f"({SamplerDefaults().guidance_text}; small {DEFAULTS.guidance_text:g})",
-        "--temperature": f"({SamplerDefaults().temperature:g}; small {DEFAULTS.temperature:g})",
-    }.items():
-        assert text in listed[flag]["default"]
-    assert listed["--steps"]["name"] == "sampler.steps"
-    assert "proportional" in listed["--steps"]["meaning"]
-    assert gsedit("list", "settings", "nothing").exit_code == 2
-
-
 @pytest.mark.parametrize("verb", ["fit", "render", "style", "capture"])
 def test_other_verbs_list_their_settings(verb):
     done = gsedit("list", "settings", verb)
@@ -164,14 +135,6 @@ def test_strategies_share_an_option_only_if_its_type_is_the_same(add_strategy):
     add_strategy("throw-away", "Edit nothing.", "update_steps: float = 1.0")
     with pytest.raises(TypeError, match=r"--update-steps of .* update_steps \(float\), .* \(int\)"):
         edit_settings()
-
-
-def test_strategies_may_share_choices(add_strategy):
-    choice = "from typing import Literal; mode: Literal['a', 'b'] = 'a'"
-    add_strategy("throw-away", "Edit nothing.", choice)
-    add_strategy("throw-again", "Edit nothing again.", choice)
-    (mode,) = (setting for setting in edit_settings() if setting.flag == "--mode")
-    assert "throw-again, throw-away" in mode.meaning
 
 
 def test_an_option_of_another_strategy_is_refused(another_strategy, tmp_path):

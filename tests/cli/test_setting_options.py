@@ -14,7 +14,6 @@ from gsedit_cli.options.settings import (
     Layout,
     SettingsGroup,
     field_docs,
-    meaning_and_default,
     settings_of,
     with_values,
 )
@@ -152,23 +151,6 @@ def test_a_wrong_set_is_refused_and_names_the_nearest(run, words, message):
     assert values == {}
 
 
-def test_a_new_field_is_a_new_option_without_another_change():
-    before = {setting.flag for setting in settings_of(Outer(), LAYOUT)}
-
-    @dataclass(frozen=True)
-    class Grown(Outer):
-        color: str = "red"
-        """Color of the result."""
-
-    (new,) = (each for each in settings_of(Grown(), LAYOUT) if each.flag not in before)
-    assert (new.flag, new.type, new.meaning, new.default) == (
-        "--color",
-        str,
-        "Color of the result.",
-        "red",
-    )
-
-
 def test_only_what_is_given_replaces_the_records_values(run):
     result, values = run("me")
     assert result.exit_code == 0, result.output
@@ -211,21 +193,6 @@ def test_docstrings_are_read_from_the_source_and_from_bases():
     docs = field_docs(Derived)
     assert docs == {**field_docs(Inner), "more": "More of the same."}
     assert field_docs(type("Made", (), {})) == {}  # no source
-
-
-@pytest.mark.parametrize(
-    ("doc", "default", "shown"),
-    [
-        ("Share, in (0, 1].", 0.5, ("Share, in (0, 1].", "0.5")),
-        ("Seconds. None: for ever.", None, ("Seconds.", "for ever")),
-        ("Seconds; None: for ever.", None, ("Seconds.", "for ever")),
-        ("Seconds. None: for ever.", 3, ("Seconds.", "3")),
-        ("Seconds.", None, ("Seconds.", "")),
-        ("Be quick", False, ("Be quick.", "")),
-    ],
-)
-def test_help_is_the_docstring_and_the_default(doc, default, shown):
-    assert meaning_and_default(doc, default) == shown
 
 
 def test_a_listed_verb_makes_its_options_when_it_is_asked_for(monkeypatch):
