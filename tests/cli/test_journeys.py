@@ -1,4 +1,4 @@
-"""What users do with a scene, from end to end: the files, and what --json says of them."""
+"""Six journeys with a scene from end to end: the files, and the JSON of --json."""
 
 from __future__ import annotations
 

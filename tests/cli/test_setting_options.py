@@ -13,7 +13,6 @@ from gsedit_cli.core.command import LazyCommand, VerbCommand, as_command, lazy_v
 from gsedit_cli.options.settings import (
     Layout,
     SettingsGroup,
-    field_docs,
     settings_of,
     with_values,
 )
@@ -72,19 +71,6 @@ def verb(
     A second paragraph.
     """
     GIVEN.append(settings)
-
-
-@dataclass(frozen=True)
-class Fast:
-    fast: bool = field(default=False, metadata={"flag": "--quick"})
-
-
-def two_quick(
-    quick: Annotated[bool, typer.Option("--quick", "-q")] = False,
-    *,
-    settings: Annotated[Any, SettingsGroup(lambda: settings_of(Fast(), Layout("Panel")))],
-) -> None:
-    """Do it to nothing."""
 
 
 @pytest.fixture
@@ -166,33 +152,9 @@ def test_only_what_is_given_replaces_the_records_values(run):
         with_values(base, {("steps",): 0})
 
 
-@pytest.mark.parametrize(
-    "words", [("--mode", "loud"), ("--steps", "many"), ("--library-only", "1")]
-)
-def test_what_no_option_can_hold_is_refused(run, words):
-    assert run("me", *words)[0].exit_code == 2
-
-
 def test_a_field_that_no_option_can_hold_is_an_error_with_its_name():
     with pytest.raises(TypeError, match=r"library_only: no option can hold a tuple\[int, \.\.\.\]"):
         settings_of(Outer(), Layout("Panel"))
-
-
-def test_two_options_with_the_same_flag_are_an_error_that_names_both():
-    with pytest.raises(TypeError, match="quick and fast have the same flag, --quick"):
-        as_command(two_quick)
-
-
-def test_docstrings_are_read_from_the_source_and_from_bases():
-    @dataclass(frozen=True)
-    class Derived(Inner):
-        more: int = 1
-        """More of the same."""
-        """Not this."""
-
-    docs = field_docs(Derived)
-    assert docs == {**field_docs(Inner), "more": "More of the same."}
-    assert field_docs(type("Made", (), {})) == {}  # no source
 
 
 def test_a_listed_verb_makes_its_options_when_it_is_asked_for(monkeypatch):
