@@ -60,14 +60,6 @@ def test_single_pictures_in_every_format_agree(shot, tmp_path):
     np.testing.assert_allclose(srgb_of_linear(color), numbers, atol=1e-5)
 
 
-def test_a_folder_in_numbers(shot, tmp_path):
-    out = tmp_path / "out"
-    words = ["--format", "npy", "--show", "normals,alpha", "--views", "1"]
-    assert gsedit("render", shot, "--size", 24, *words, "-o", out).exit_code == 0
-    assert sorted(p.name for p in files(out)) == ["001_shot1.alpha.npy", "001_shot1.normals.npy"]
-    assert np.load(out / "001_shot1.normals.npy").shape == (24, 24, 3)
-
-
 def test_an_antialiased_scene_is_rendered_as_it_was_trained(shot, tmp_path):
     marked = tmp_path / "marked.npz"
     table = table_of(load(shot))

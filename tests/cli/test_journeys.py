@@ -115,6 +115,10 @@ def test_a_scene_is_drawn_and_shown(place, tmp_path):
     for path in ("turntable", "orbit", "spline"):
         answer("render", scene, "--path", path, "--frames", 2, *small, tmp_path / path)
         assert names(tmp_path / path) == {"frame_0000.png", "frame_0001.png"}
+    maps = ("--format", "npy", "--show", "normals,alpha", "--views", "1")
+    answer("render", scene, *maps, *small, tmp_path / "maps")
+    assert names(tmp_path / "maps") == {"001_view_1.alpha.npy", "001_view_1.normals.npy"}
+    assert np.load(tmp_path / "maps/001_view_1.normals.npy").shape == (24, 24, 3)
     turn = tmp_path / "turn.gif"
     shape = ("--resolution", "31x23", "--show", "color,depth")
     told = answer("render", scene, "--frames", 3, *shape, "-o", turn)

@@ -32,8 +32,12 @@ REFUSED = """
 
 2 | fit photos | -o
 2 | fit photos -o a.ply --steps many | --steps
-2 | fit photos -o a.ply --quality best | best
+2 | fit photos -o a.ply --quality best | draft
 2 | fit photos -o taken.ply | -f
+2 | fit photos -o a.ply --set stpes=3 | steps
+2 | fit photos -o a.ply --set nothing-like-it=3 | --help-all
+2 | fit photos -o a.ply --set steps | NAME=VALUE
+2 | fit photos -o a.ply --set steps=many | --steps
 2 | fit photos -o scene.ply/a.ply | scene.ply
 3 | fit none -o a.ply | none
 
@@ -58,17 +62,17 @@ REFUSED = """
 3 | merge scene.ply bad.ply -o a.ply | bad.ply
 2 | merge scene.ply room/room.ply then filter --where seen(pixels=1) --dry-run | --data
 2 | decimate scene.ply half -o a.ply | 50%
-2 | decimate scene.ply 0 -o a.ply | 1
+2 | decimate scene.ply 0 -o a.ply | at least 1
 2 | decimate scene.ply 1000 --levels 2 -o b | share
 2 | decimate scene.ply 50% --levels 2 --method random -o b | --method
-2 | decimate scene.ply 50% --levels 2 --format jpg -o b | jpg
+2 | decimate scene.ply 50% --levels 2 --format jpg -o b | .compressed.ply
 2 | decimate scene.ply 50% --levels 2 -o taken | taken
 2 | decimate scene.ply 50% --levels 2 then convert -o b | --levels
 
 2 | transform scene.ply -o a.ply | name what to do
 2 | transform scene.ply --translate 1,2 -o a.ply | --translate
 2 | transform scene.ply --scale two -o a.ply | --scale
-2 | transform scene.ply --scale 2 --scale 3 -o a.ply | then
+2 | transform scene.ply --scale 2 --scale 3 -o a.ply | --scale
 2 | transform scene.ply --mirror w -o a.ply | x, y and z
 2 | transform scene.ply --up z -o a.ply | z,-y
 2 | transform scene.ply --pivot middle --scale 2 -o a.ply | --pivot
@@ -80,7 +84,7 @@ REFUSED = """
 2 | align scene.ply --to-ground --length 0,0,0,1,1,1=2 -o a.ply | --length
 2 | align scene.ply --length 1,2=3 -o a.ply | --length
 3 | align scene.ply --to none.ply -o a.ply | none.ply
-2 | align scene.ply --to-ground --up w -o a.ply | w
+2 | align scene.ply --to-ground --up w -o a.ply | axis w
 2 | align scene.ply --to-ground --save a.txt -o a.ply | .json
 2 | bend scene.ply -o a.ply | what to move
 2 | bend scene.ply --handle 1,2,3 -o a.ply | DX,DY,DZ
@@ -160,6 +164,9 @@ REFUSED = """
 2 | EDIT -o out --seed -1 | --seed
 2 | EDIT -o out --seed 1180591620717411303424 | --seed
 2 | EDIT -o out --geometry none | --geometry
+2 | EDIT -o out --set geometry=none | --geometry
+2 | EDIT -o out --set sampler.stps=3 | sampler.steps
+2 | EDIT -o out --set sampler.consensus=perhaps | on or off
 2 | EDIT -o out --strategy throwaway | single-pass
 2 | EDIT -o out --region there | region
 2 | EDIT -o out --region hat5 | hat
@@ -195,7 +202,7 @@ REFUSED = """
 2 | render scene.ply -o link/below | link
 2 | render scene.ply -o out --views 0,8 | cameras.json
 2 | render scene.ply -o out --data photos --views 0,eight | eight
-2 | render scene.ply -o out --data photos --views 3 | 3
+2 | render scene.ply -o out --data photos --views 3 | 0 to 2
 2 | render scene.ply -o out --from 1,2 | --from
 2 | render scene.ply -o out --from 0,0,nan | --from
 2 | render scene.ply -o out --look-at a,b,c | --look-at
@@ -219,7 +226,7 @@ REFUSED = """
 2 | render none.ply -o out --format exr --background transparent | --format
 2 | render none.ply -o out --show alpha --background transparent | color
 2 | render none.ply -o a.png --depth --background transparent | folder
-2 | render none.ply -o a.gif --fps 60 | 50
+2 | render none.ply -o a.gif --fps 60 | at most 50
 2 | render none.ply -o out --frames 9 | --path
 2 | render none.ply -o a.png --arc 90 | --arc
 2 | render none.ply -o a.gif --path spline --elevation 9 | spline
@@ -230,7 +237,7 @@ REFUSED = """
 2 | render none.ply -o out --wipe b.ply --region all | --wipe
 2 | render none.ply -o out --path circle | circle
 2 | view scene.ply -o a.jpg | a.jpg
-2 | view scene.ply -o a.png --up w | w
+2 | view scene.ply -o a.png --up w | up axis
 2 | view scene.ply -o taken.png | -f
 
 3 | diff scene.ply none.ply | none.ply
@@ -240,7 +247,7 @@ REFUSED = """
 2 | measure scene.ply --at 0,0,0 | --height
 2 | measure scene.ply --at 0,0,0 --at nowhere | a column and a row
 2 | measure scene.ply --at 0,0,0 --region auto | --at
-2 | measure scene.ply --at 1,1,1 --at 1,1,1 | one
+2 | measure scene.ply --at 1,1,1 --at 1,1,1 | two places
 2 | metrics scene.ply | --against
 3 | metrics scene.ply --against gone.ply | gone.ply
 3 | metrics scene.ply --against empty | empty
