@@ -1,62 +1,69 @@
-"""Running `gsedit` in a test, and what stands in for the long work behind it."""
+"""Running `gsedit` in a test, and ending its long work early."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
-import torch
+import pytest
 from gsedit_cli import main as cli
 from typer.testing import CliRunner
 
-from gsedit import Checkpoint, Event, FitResult
-from gsedit.fitting.fit import RATES
-from gsedit.fitting.optimizer import SceneOptimizer
-from gsedit.runs.state import State
-from rasterizer import Gaussians
+from gsedit import Checkpoint
+
+FIT = ("--steps", 40, "--max-gaussians", 300, "--checkpoint-every", 0)
+"""Options of a fit of a second."""
+EDIT = (
+    "as bronze", "--editor", "closed-form", "--size", 32, "--batches", 1, "--views", 2,
+    "--steps", 2, "--update-steps", 4, "--patch", 16, "--loss", "mse+gram", "--overlap", 1,
+    "--coverage", 1, "--checkpoint-every", 0,
+)  # fmt: skip
+"""Sentence and options of an edit of a second, whose update is in steps."""
 
 
 def gsedit(*words: object):
     return CliRunner().invoke(cli.app, [str(word) for word in words])
 
 
+def answer(*words: object) -> dict[str, Any]:
+    """Run a command that must succeed; return the last line of what it prints with --json."""
+    done = gsedit(*words, "--json")
+    assert done.exit_code == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
 def files(folder: Path) -> dict[Path, bytes]:
     return {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def names(folder: Path) -> set[str]:
+    """Return the places of all files, relative to the folder."""
+    return {path.relative_to(folder).as_posix() for path in files(folder)}
 
 
 def one_line(text: str) -> bool:
     return text.count("\n") == 1 and text.endswith("\n")
 
 
-def stub_fit(monkeypatch, *, end: BaseException | None = None, checkpoints: int = 1):
-    """Replace the fit by one that yields an event, checkpoints, and then a result or an error."""
-    given = {}
-
-    def fit_steps(dataset, settings, *, generator, start=None, resume=None, ranks=None):
-        given.update(dataset=dataset, settings=settings, start=start, resume=resume)
-        given["seed"] = generator.initial_seed()
-        result = stub_scene()
-        yield Event("fit", 1.0, 1, 2, 0.5, 0.1)
-        for step in range(1, checkpoints + 1):
-            yield stub_checkpoint(10 * step)
-        if end is not None:
-            raise end
-        yield FitResult(result, 20.0, 2, 2.0, ((2.0, 20.0),))
-
+@contextmanager
+def ended_early(work: str, end: BaseException, checkpoints: int = 1) -> Iterator[None]:
+    """End every "fit" or "edit" inside by an exception, after so many checkpoints."""
     # not by dotted name: gsedit.fit is also the function of that name
-    monkeypatch.setattr(import_module("gsedit.fitting.fit"), "fit_steps", fit_steps)
-    return given
+    module = import_module({"fit": "gsedit.fitting.fit", "edit": "gsedit.editing.edit"}[work])
+    whole = getattr(module, f"{work}_steps")
 
+    def steps(*words: Any, **options: Any) -> Iterator[Any]:
+        kept = 0
+        for item in whole(*words, **options):
+            if kept == checkpoints:
+                raise end
+            yield item
+            kept += isinstance(item, Checkpoint)
 
-def stub_checkpoint(step: int) -> Checkpoint:
-    """Checkpoint of a fit in which all of `stub_scene` moves."""
-    state = SceneOptimizer(stub_scene(), RATES).state()
-    tensors = {f"optimizer.{name}": each for name, each in state.items()}
-    return Checkpoint(State({"events": []}, tensors), step, 1.5, stub_scene)
-
-
-def stub_scene():
-    n = 3
-    quats = torch.tensor([1.0, 0, 0, 0]).repeat(n, 1)
-    zeros = torch.zeros(n, 3)
-    return Gaussians(zeros, quats, zeros, torch.zeros(n), torch.zeros(n, 1, 3))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, f"{work}_steps", steps)
+        yield

@@ -1,4 +1,4 @@
-"""Help, version, and requests that make no sense."""
+"""Help, version, and what light commands load."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ import subprocess
 import sys
 from typing import Any
 
+import numpy as np
 import pytest
 import typer
-from command_line import files, gsedit, one_line
+from command_line import answer, gsedit
 from gsedit_cli.main import app
 
 VERBS = (
@@ -103,44 +104,43 @@ def test_every_verb_is_tested():
     assert set(every_command()) == {*VERBS, "bench", *(f"bench {name}" for name in BENCHMARKS)}
 
 
-def test_a_wrong_choice_is_explained_in_plain_words(tmp_path):
-    words = ("edit", "a.ply", "snow", "-o", tmp_path / "out", "--strategy", "throwaway")
-    message = gsedit(*words).stderr
-    assert "'--strategy': 'throwaway' is not one of 'combined', " in message
-    assert "Value error" not in message
-
-
 def test_version():
     assert re.fullmatch(r"gsedit \d+\.\d+\.\d+\S*\n", gsedit("--version").stdout)
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["nonsense"],
-        ["--nonsense"],
-        ["info"],
-        ["info", "a.ply", "b.ply"],
-        ["fit", "photos"],
-        ["fit", "photos", "-o", "a.ply", "--steps", "many"],
-        ["edit", "a.ply", "make it snow", "-o", "out", "--geometry", "none"],
-        ["render", "a.ply", "-o", "out", "--views", "0,8"],
-        ["render", "a.ply", "-o", "out", "--data", "d", "--views", "0,eight"],
-        ["view", "a.ply", "-o", "a.jpg"],
-        ["view", "a.ply", "-o", "a.png", "--up", "w"],
-    ],
-    ids=" ".join,
-)
-def test_a_request_that_makes_no_sense_is_one_line_and_2(words, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    result = gsedit(*words)
-    assert result.exit_code == 2
-    assert one_line(result.stderr)
-    assert result.stdout == ""
-    assert not files(tmp_path)
 
 
 def test_no_verb_shows_the_help_and_is_2():
     result = gsedit()
     assert result.exit_code == 2
     assert "view" in result.output
+
+
+LIGHT = (
+    ("info", "scene.ply"),
+    ("convert", "scene.ply", "--sh-degree", "0", "-o", "a.ply"),
+    ("convert", "scene.ply", "a.compressed.ply"),
+    ("filter", "scene.ply", "--region", "all.npy", "--where",
+     "z < 99 and (opacity > 0 or near(#a08050, 10))", "-o", "a.ply"),
+)  # fmt: skip
+"""Commands that start in a fraction of a second."""
+
+
+@pytest.mark.parametrize("words", LIGHT, ids=lambda words: words[0])
+def test_light_commands_load_nothing_heavy(words, scene, tmp_path):
+    np.save(tmp_path / "all.npy", np.ones(5, bool))
+    heavy = {"torch", "scipy", "numba", "matplotlib", "gsply", "PIL", "trimesh", "open3d"}
+    code = (
+        "import sys; from gsedit_cli.main import app\n"
+        "try: app()\nexcept SystemExit as end: assert not end.code, end.code\n"
+        f"sys.exit(', '.join({heavy} & set(sys.modules)) or 0)"
+    )
+    command = [sys.executable, "-c", code, *words]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_core_commands_do_without_the_viewers(scene, tmp_path, monkeypatch):
+    for name in ("open3d", "pyvista", "vtk"):
+        monkeypatch.setitem(sys.modules, name, None)
+    for words in (("info",), ("render", "--count", 1, "--size", 16, "-o", tmp_path / "out")):
+        answer(words[0], scene, *words[1:])
+    assert (tmp_path / "out/view_000.png").exists()

@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 from shared_data import DATA
 
 from gsedit import orbit
-from gsedit.formats.registry import open_scene, write_scene
+from gsedit.formats.registry import USD, WRITABLE, open_scene, write_scene
 from gsedit.formats.streams import ReadOptions, SceneHeader, WriteOptions, in_blocks
 from gsedit.measures.metrics import psnr
 from gsedit.scene.quaternions import rotations
@@ -28,7 +28,7 @@ SPLATS = DATA / "splats"
 TINY = Path(__file__).parents[1] / "data" / "splats"
 SOURCES = (
     "tiny.ply", "biker.spz", "biker.compressed.ply", "guitar.compressed.ply", "banana.splat",
-    "playbot/3_0", "playbot/4_0",
+    "playbot/3_0", "playbot/4_0", "tiny.ply of degree 0", "tiny.ply of degree 1",
 )  # fmt: skip
 ROWS = 4000
 
@@ -117,13 +117,19 @@ def again(table: SplatTable, kept: Kept, folder: Path) -> SplatTable:
 def source(request) -> SplatTable:
     if not SPLATS.is_dir() and not request.param.startswith("tiny"):
         pytest.skip("needs ../shared/data/splats")
-    return sample(request.param)
+    name, _, degree = request.param.partition(" of degree ")
+    table = sample(name)
+    return within(table, int(degree)) if degree else table
 
 
 @pytest.mark.parametrize("kept", FORMATS, ids=lambda kept: f"{kept.suffix[1:]}{kept.version}")
 def test_there_and_back(kept: Kept, source: SplatTable, tmp_path):
     table = within(source, min(source.degree, kept.degree))
     assert_kept(kept, table, again(table, kept, tmp_path))
+
+
+def test_every_format_that_is_written_is_here():
+    assert set(WRITABLE) - set(USD) <= set(STEPS)
 
 
 @pytest.mark.parametrize("name", FOREIGN)

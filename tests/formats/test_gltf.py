@@ -90,15 +90,6 @@ def by_hand(table: SplatTable, *, degree: int = 0, rotation: str = "<f4") -> tup
     return scene, rows.tobytes()
 
 
-@pytest.mark.parametrize("degree", range(4))
-def test_what_is_written_is_read(degree, tmp_path):
-    table = random_table(degree=degree)
-    source = open_scene(write(tmp_path / "a.glb", table))
-    assert (source.count, source.header.degree, source.notes) == (300, degree, ())
-    assert_near(source.table(), table, **EXACT, sh=1e-6)
-    assert holds_splats(tmp_path / "a.glb")
-
-
 def test_what_is_written_follows_the_specification(tmp_path):
     table = random_table(degree=1)
     scene, data = written(tmp_path, table)
@@ -163,14 +154,6 @@ def test_nodes_place_their_splats(tmp_path):
     again = open_scene(glb(tmp_path / "a.glb", scene, data)).table()
     placed = Similarity(turn, 2.0, np.array([1.0, 2, 8])).table(to_axes(table, LUF))
     assert_near(to_axes(again, LUF), placed, **{**EXACT, "means": 1e-5, "opacities": 1e-5}, sh=1e-5)
-
-
-def test_a_node_without_a_place_costs_nothing(tmp_path, monkeypatch):
-    """As every writer of single scenes has it: no turn by the identity."""
-    table = random_table(50, 2)
-    monkeypatch.delattr(Similarity, "table")
-    again = open_scene(write(tmp_path / "a.glb", table)).table()
-    assert_near(again, table, **EXACT, sh=1e-6)
 
 
 def test_without_scenes_every_node_that_is_nobodys_child_is_shown_once(tmp_path):

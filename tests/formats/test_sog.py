@@ -12,7 +12,6 @@ import gsply.sog_reader
 import numpy as np
 import pytest
 from PIL import Image
-from shared_data import DATA
 from splat_tables import assert_near, random_table
 
 from gsedit.errors import InputError
@@ -22,8 +21,6 @@ from gsedit.formats.sog.pictures import lossless_webp, picture_size
 from gsedit.formats.streams import SceneHeader, in_blocks
 from gsedit.scene.morton import morton_order
 from gsedit.scene.table import SplatTable
-
-PLAYBOT = DATA / "splats" / "playbot"
 
 
 def write(path: Path, table: SplatTable) -> Path:
@@ -81,16 +78,6 @@ def test_what_is_written_is_read_within_its_steps(degree, tmp_path, monkeypatch)
         assert error < 0.15  # 256 entries for 300 rows that have nothing in common
         theirs = by_gsply(tmp_path / "a.sog", monkeypatch)
         assert_near(theirs, again, **dict.fromkeys((*bounds, "colors", "sh"), 1e-3))
-
-
-@pytest.mark.skipif(not PLAYBOT.is_dir(), reason="needs ../shared/data/splats")
-def test_a_folder_is_read_as_gsply_reads_it(monkeypatch):
-    source = open_scene(PLAYBOT / "4_0")
-    assert source.format == "SOG folder version 2"
-    assert (source.count, source.header.degree) == (8406, 2)
-    theirs = by_gsply(PLAYBOT / "4_0", monkeypatch)
-    names = ("means", "angle", "log_scales", "opacities", "colors", "sh")
-    assert_near(source.table(), theirs, **dict.fromkeys(names, 1e-3))
 
 
 def test_version_1_has_ranges_where_version_2_has_codebooks(tmp_path):

@@ -11,9 +11,7 @@ import gsply
 import numpy as np
 import pytest
 import torch
-from scipy.spatial import cKDTree
-from shared_data import DATA
-from splat_tables import angles, assert_near, random_table
+from splat_tables import assert_near, random_table
 
 from gsedit.errors import InputError, UsageError
 from gsedit.formats.axes import axes_matrix, from_axes, sh_signs, to_axes
@@ -96,28 +94,6 @@ def test_gsply_reads_what_we_write(version, tmp_path):
     assert_near(from_axes(theirs, "RUB"), table, **BOUNDS)
 
 
-@pytest.mark.parametrize("version", [3, 4])
-def test_we_read_what_gsply_writes(version, tmp_path):
-    table = random_table()
-    stored = to_axes(table, "RUB")
-    fields = (stored.means, stored.log_scales, stored.quats, stored.logit_opacities)
-    sh = (np.ascontiguousarray(stored.sh[:, 0]), np.ascontiguousarray(stored.sh[:, 1:]))
-    data = gsply.GSData.from_arrays(*fields, *sh, format="ply")
-    gsply.write_spz(tmp_path / "a.spz", data, version=version)
-    assert_near(open_scene(tmp_path / "a.spz").table(), table, **BOUNDS)
-
-
-@pytest.mark.parametrize("version", [3, 4])
-def test_open3d_reads_what_we_write(version, tmp_path):
-    """It knows RUB too and turns to RDF, so it needs no help of ours."""
-    o3d = pytest.importorskip("open3d")
-    table = random_table()
-    path = write(tmp_path / "a.spz", table, spz_version=version)
-    cloud = o3d.t.io.read_point_cloud(str(path))
-    means = cloud.point.positions.numpy()
-    assert min(np.abs(means * s - table.means).max() for s in ([1, 1, 1], [1, -1, -1])) < 2**-12
-
-
 def test_versions_1_and_2_by_hand(tmp_path):
     """Version 1 has positions of float16; both have x, y, z of the quaternion as bytes."""
     for version, positions in (
@@ -134,21 +110,6 @@ def test_versions_1_and_2_by_hand(tmp_path):
         np.testing.assert_allclose(table.log_scales, [[0, -1, -2]])
         np.testing.assert_allclose(np.abs(table.quats), [[0, 1, 0, 0]], atol=0.01)
         assert table.opacities[0] > 0.999
-
-
-def test_biker_is_one_scene_in_one_frame():
-    """PlayCanvas' example as .spz (RUB) and as .compressed.ply."""
-    folder = DATA / "splats"
-    if not folder.is_dir():
-        pytest.skip("needs ../shared/data/splats")
-    spz = open_scene(folder / "biker.spz").table()
-    ply = open_scene(folder / "biker.compressed.ply").table()
-    assert len(spz) == len(ply) == 152746
-    near, row = cKDTree(ply.means).query(spz.means[::10])
-    assert near.max() < 3e-4  # half a step of both formats, in space
-    assert np.median(np.abs(spz.log_scales[::10] - ply.log_scales[row])) < 1 / 16
-    # a .compressed.ply keeps 10 bits of a component, an .spz 10: the same ellipsoids
-    assert np.median(angles(spz.quats[::10], ply.quats[row])) < 5e-3
 
 
 def test_positions_are_as_fine_as_the_extent_allows(tmp_path):
