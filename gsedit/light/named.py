@@ -2,14 +2,39 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 from jaxtyping import Float64
 
 from gsedit.errors import UsageError
-from gsedit.light.direction import direction_of
 from gsedit.light.setup import LEAST, MOST, Fog, Lamp, LightSetup, Sun
 from gsedit.scene.color_space import linear_of_srgb
 from gsedit.words.direct import light_of
+
+SIDES: dict[str, tuple[float | None, float | None]] = {
+    r"behind (?:me|us|the camera)|over my shoulder": (0.0, None),
+    r"left": (-75.0, None),
+    r"right": (75.0, None),
+    r"behind|back": (170.0, None),
+    r"front": (0.0, None),
+    r"above|over|overhead|top": (None, 80.0),
+    r"below|beneath|under(?:neath)?": (None, -35.0),
+    r"low": (None, 8.0),
+}
+"""Azimuth and elevation, degrees (see gsedit.light.setup), by the words that say them; None: as
+the light has it. The first that is found counts."""
+
+
+def direction_of(words: str) -> tuple[float | None, float | None]:
+    """Azimuth and elevation that words give a light; None where they say nothing of it."""
+    azimuth = elevation = None
+    for pattern, (turn, rise) in SIDES.items():
+        if re.search(rf"\b(?:{pattern})\b", words.lower()):
+            azimuth = turn if azimuth is None else azimuth
+            elevation = rise if elevation is None else elevation
+    return azimuth, elevation
+
 
 LOW_SUN = (1.0, 0.52, 0.2)
 WARM = (1.0, 0.72, 0.42)

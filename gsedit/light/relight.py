@@ -10,13 +10,13 @@ trusted, far from the subject, the factor is one tone for all, the mean of what 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.cameras.place import Place
-from gsedit.light.alone import exposure, gleaming
 from gsedit.light.color_change import ColorChange, only_inside, step
 from gsedit.light.present import Survey, survey
 from gsedit.light.setup import Fog, Lamp, LightSetup, Sun
@@ -26,8 +26,38 @@ from gsedit.scene.color_space import LUMINANCE
 from gsedit.scene.quantiles import weighted_quantile
 from gsedit.toolkit.grade import GAMMA
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution, sh_to_color
+from rasterizer.numerics import AUTO, SH_DC, Execution, sh_to_color
 from rasterizer.scene import Gaussians
+
+MIDDLE = 0.14
+"""Mean linear luminance of a picture that is exposed well: of a display, 0.41."""
+ADAPTED = 0.5
+"""Power of what is missing to it that the exposure makes up: a night stays darker than a day."""
+GLEAM = 0.05
+"""Share of the light that is added which any surface throws back, whatever its color."""
+
+
+def exposure(found: Survey, scene: Gaussians, ratio: Float[Tensor, "n 3"]) -> float:
+    """Factor, at least 1, of the light on an object that is alone; 1 where something is around it.
+
+    `ratio` is new light over present light. Stronger light stays brighter.
+    """
+    if not found.place.alone:
+        return 1.0
+    linear = sh_to_color(scene.sh[:, 0].detach().double()).clamp(0, 1) ** GAMMA * ratio
+    seen = found.seen / found.seen.sum().clamp_min(1e-12)
+    mean = float(seen @ (linear @ torch.from_numpy(LUMINANCE / LUMINANCE.sum())))
+    return max(1.0, MIDDLE / max(mean, 1e-6)) ** ADAPTED
+
+
+def gleaming(scene: Gaussians, light: Float[Tensor, "n 3"]) -> Gaussians:
+    """The scene with the dull shine that shows the shape of what is black."""
+    sh = scene.sh.detach().clone()
+    color = sh_to_color(sh[:, 0].double())
+    lit = (color.clamp_min(0) ** GAMMA + GLEAM * light) ** (1 / GAMMA)
+    sh[:, 0] += ((lit - color.clamp_min(0)) / SH_DC).to(sh)
+    return replace(scene, sh=sh)
+
 
 SUN_REACH = 1.2
 """Distance, in the radius, over which a sun's shadow falls."""

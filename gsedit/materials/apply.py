@@ -18,7 +18,6 @@ from gsedit.cameras.paths import up_of
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.errors import UsageError
 from gsedit.materials.carving import carved, engraved, visible_area
-from gsedit.materials.harmonics import fitted
 from gsedit.materials.material import Material
 from gsedit.materials.patterns import Ground, coverage
 from gsedit.materials.present import USUAL_ALBEDO, Received, are_too_dark, as_shaded
@@ -48,8 +47,34 @@ from gsedit.surface.surroundings import (
     with_studio,
 )
 from rasterizer.camera import Camera
+from rasterizer.harmonics import basis
 from rasterizer.numerics import AUTO, SH_DC, Execution
 from rasterizer.scene import Gaussians
+
+RIDGE = (0.0, 1e-3, 2e-3, 4e-3)
+"""Penalty of the squared coefficients of each degree, against the squared error of colors."""
+
+
+def fitted(
+    colors: Float[Tensor, "n v 3"],
+    directions: Float[Tensor, "v 3"],
+    weights: Float[Tensor, "n v"],
+    degree: int,
+) -> Float[Tensor, "n k 3"]:
+    """Coefficients with the least weighted squared error to display colors less 0.5.
+
+    `directions` are unit vectors from cameras to Gaussians. Weights need not sum to 1; a row of
+    zeros has coefficients of zero.
+    """
+    harmonics = basis(directions, degree)
+    k = harmonics.shape[1]
+    share = weights / weights.sum(1, keepdim=True).clamp_min(1e-9)
+    products = (harmonics[:, :, None] * harmonics[:, None]).reshape(len(directions), k * k)
+    penalty = torch.tensor([RIDGE[band] for band in range(degree + 1) for _ in range(2 * band + 1)])
+    matrix = (share @ products).reshape(-1, k, k) + torch.diag(penalty.to(share) + 1e-6)
+    right = torch.einsum("nv,vk,nvc->nkc", share, harmonics, colors - 0.5)
+    return torch.cholesky_solve(right, torch.linalg.cholesky(matrix))
+
 
 DEGREE = 3
 """SH degree of what reflects."""

@@ -5,24 +5,90 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
 import torch
 from jaxtyping import Bool, Float
+from scipy.ndimage import label
 from torch import Tensor
 
 from gsedit.cameras.around import FOUND_SIZE_PIXELS, find_viewpoints
 from gsedit.cameras.paths import common_point
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.errors import UsageError
-from gsedit.meshing.backdrop import backdrop_color, before_backdrop
 from gsedit.meshing.close import closed
 from gsedit.meshing.fuse import Ball, fuse
 from gsedit.meshing.paint import painted
-from gsedit.meshing.tidy import decimated, smoothed, without_crumbs
-from gsedit.meshing.triangles import Mesh
+from gsedit.meshing.triangles import Mesh, from_open3d, to_open3d
 from gsedit.surface.depth import SeenSurface, seen_surface
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
+
+CRUMB = 0.01
+"""Area of a part, in that of the largest one, below which it is dropped: floaters."""
+ROUNDS = 5
+"""Rounds of Taubin's smoothing, which keeps volumes: noise of single voxels goes."""
+
+
+def without_crumbs(mesh: Mesh) -> Mesh:
+    """The mesh without the parts that are small beside its largest one."""
+    if not len(mesh.faces):
+        return mesh
+    part = mesh.components
+    area = np.bincount(part, mesh.areas)
+    return mesh.kept(area[part] >= CRUMB * area.max())
+
+
+def smoothed(mesh: Mesh) -> Mesh:
+    """The mesh after Taubin's smoothing (1995)."""
+    return from_open3d(to_open3d(mesh).filter_smooth_taubin(ROUNDS))
+
+
+def decimated(mesh: Mesh, faces: int) -> Mesh:
+    """The mesh with at most `faces` faces, by quadric errors (Garland and Heckbert 1997)."""
+    if len(mesh.faces) <= faces:
+        return mesh
+    return from_open3d(to_open3d(mesh).simplify_quadric_decimation(faces))
+
+
+LEAST = 0.05
+"""Share of the pixels from which what is behind a scene may be a backdrop."""
+EVEN, ALIKE = 0.9, 0.04
+"""Share of what is behind that has the backdrop's color, and the largest difference of a channel,
+ten levels of 256: fits of even backdrops stay below a fourth of it."""
+
+
+def backdrop_color(surfaces: Sequence[SeenSurface], ball: Ball) -> Float[Tensor, "3"] | None:
+    """The one color, in [0, 1], of all that is seen outside of the ball; None where it has several,
+    or is hardly seen."""
+    behind = [s.seen & ~ball.holds(s.points, s.spread) for s in surfaces]
+    colors = torch.cat([_shown(s)[some] for s, some in zip(surfaces, behind)])
+    if len(colors) < max(1.0, LEAST * sum(s.depth.numel() for s in surfaces)):
+        return None
+    color = colors.median(0).values
+    even = _alike(colors, color).double().mean()
+    return color if float(even) >= EVEN else None
+
+
+def before_backdrop(surface: SeenSurface, color: Float[Tensor, "3"], ball: Ball) -> SeenSurface:
+    """The surface without the backdrop, of whose rays nothing is known then: all that has its color
+    and goes on to what is behind the ball."""
+    alike = _alike(_shown(surface), color) & surface.seen
+    behind = alike & ~ball.holds(surface.points, surface.spread)
+    parts = np.zeros(alike.shape, np.int32)
+    label(alike.numpy(), output=parts)  # 0 where not alike
+    gone = torch.from_numpy(np.isin(parts, np.unique(parts[behind.numpy()])))
+    return replace(surface, depth=surface.depth.masked_fill(gone, 0))
+
+
+def _shown(surface: SeenSurface) -> Float[Tensor, "h w 3"]:
+    """Colors without what shines through."""
+    return surface.color / surface.alpha[..., None].clamp_min(0.5)
+
+
+def _alike(colors: Float[Tensor, "*b 3"], color: Float[Tensor, "3"]) -> Bool[Tensor, "*b"]:
+    return (colors - color).abs().amax(-1) < ALIKE
+
 
 FACES = 200_000
 """Faces of a mesh: what a browser or a game shows at ease."""

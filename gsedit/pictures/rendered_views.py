@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import torch
@@ -15,14 +15,44 @@ from torch import Tensor
 from gsedit.errors import UsageError
 from gsedit.formats.pictures import as_picture, eight_bits, save_picture
 from gsedit.pictures.depth_pictures import depth_picture
-from gsedit.pictures.exr import write_exr
 from gsedit.pictures.frames import normal_colors, panels
 from gsedit.pictures.maps import MapName, Maps, render_maps
+from gsedit.runs.environment import load_extra
 from gsedit.scene.color_space import linear_of_srgb
 from gsedit.storage.atomic import atomic_path
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, DEFAULT, Execution, Numerics
 from rasterizer.scene import Gaussians
+
+Channels = Mapping[str, Float[np.ndarray, "h w"]]
+
+
+def write_exr(
+    channels: Channels, path: str | Path, *, comments: str = "", overwrite: bool = False
+) -> None:
+    """Write channels of one size, float32, whole or not at all. Raises what `atomic_path` raises,
+    GseditError without the package OpenEXR.
+    """
+    openexr = _import()
+    header: dict[str, Any] = {
+        "compression": openexr.ZIP_COMPRESSION,
+        "type": openexr.scanlineimage,
+    }
+    if comments:
+        header["comments"] = comments
+    arrays = {
+        name: np.ascontiguousarray(values, dtype=np.float32) for name, values in channels.items()
+    }
+    with atomic_path(path, overwrite=overwrite) as temporary:
+        try:
+            openexr.File(header, arrays).write(str(temporary))
+        except RuntimeError as error:  # a full disk too
+            raise OSError(str(error)) from error
+
+
+def _import() -> Any:
+    return load_extra("OpenEXR", "an EXR file", "write .npy")
+
 
 Format = Literal["png", "exr", "npy"]
 Shown = Sequence[MapName]

@@ -8,8 +8,7 @@ import torch
 from closeness import EPS32, assert_near
 
 from gsedit.datasets.dataset import View
-from gsedit.fitting.color_map import fit_color_map
-from gsedit.fitting.solve import solve_colors
+from gsedit.fitting.solve import fit_color_map, solve_colors
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 from rasterizer.color_weights import color_weights
 from rasterizer.numerics import SH_DC, Execution, color_to_sh, sh_to_color

@@ -11,8 +11,7 @@ import torch
 from gsedit.cameras.place import light_note, place_of
 from gsedit.editing.routes.apply import apply_change, apply_instruction
 from gsedit.errors import UsageError
-from gsedit.light.direction import direction_of
-from gsedit.light.named import LIGHTS, setup_of
+from gsedit.light.named import LIGHTS, direction_of, setup_of
 from gsedit.light.relight import relit
 from gsedit.light.setup import Fog, Lamp, LightSetup, Sun
 from gsedit.select.region import Region, everything

@@ -12,9 +12,8 @@ from bench.reflective import Finish, LitSolid, captured, garden, plain_base
 
 from gsedit.editing.routes.apply import apply_change, apply_instruction
 from gsedit.errors import UsageError
-from gsedit.materials.apply import displayed, in_material
+from gsedit.materials.apply import displayed, fitted, in_material
 from gsedit.materials.carving import Relief, engraved
-from gsedit.materials.harmonics import fitted
 from gsedit.materials.material import Layer, Material, PatternName, recolored
 from gsedit.materials.named import material_of
 from gsedit.materials.patterns import Ground, share_of

@@ -12,7 +12,7 @@ from videos import read_frames
 
 from gsedit import write_gif, write_mp4
 from gsedit.errors import GseditError, UsageError
-from gsedit.pictures.exr import write_exr
+from gsedit.pictures.rendered_views import write_exr
 from gsedit.scene.color_space import linear_of_srgb, srgb_of_linear
 
 

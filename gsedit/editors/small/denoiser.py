@@ -36,13 +36,23 @@ from gsedit.editors.small.network import (
     to_cells,
 )
 from gsedit.editors.small.shipped import REINSTALL, WEIGHTS
-from gsedit.editors.small.subject import with_subject
 from gsedit.editors.small.text import MAX_WORDS, tokenise, words_of
 from gsedit.errors import InputError, UsageError
 from gsedit.storage.atomic import atomic_path
 from gsedit.words.asked import looks_asked
 from gsedit.words.looks import LOOKS
 from gsedit.words.understanding import not_understood
+
+LOG_ODDS = 6.0
+"""Log-odds of the subject where it is told, about those of the network where it is sure."""
+
+
+def with_subject(encoded: EncodedImage, subject: Float[Tensor, "v h w"]) -> EncodedImage:
+    """Features of these views with the subject replaced by a given probability."""
+    log_odds = torch.logit(subject.clamp(0, 1), eps=1e-6).clamp(-LOG_ODDS, LOG_ODDS)
+    told = log_odds[:, None].to(encoded.pixels)
+    return encoded._replace(pixels=torch.cat((told, encoded.pixels[:, 1:]), 1))
+
 
 MODEL_HINT = (
     "leave --model out for the weights that come with gsedit; "

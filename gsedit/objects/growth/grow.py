@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import sqrt
 
 import torch
@@ -10,6 +11,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.cameras.orbit import perpendicular
+from gsedit.datasets.dataset import evenly_spaced
 from gsedit.errors import UsageError
 from gsedit.light.present import Survey, survey
 from gsedit.light.shadows import WIDE
@@ -18,15 +20,51 @@ from gsedit.objects.growth.buried import buried, in_colors_of
 from gsedit.objects.growth.layer import Patch, covered, thickness
 from gsedit.objects.growth.spots import Site
 from gsedit.objects.growth.table import Growth, growth_of
-from gsedit.objects.growth.veil import unveiled
 from gsedit.objects.outcome import NEW, Outcome, check_finite
 from gsedit.objects.placing.stance import stance_of
 from gsedit.objects.placing.sun import Sun, sun_of
 from gsedit.scenery.setting import Setting
 from gsedit.surface.relief import relief_of
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution
+from rasterizer.numerics import AUTO, Execution, color_to_sh, sh_to_color
+from rasterizer.render import render
 from rasterizer.scene import Gaussians, concatenate
+
+VIEWS, VIEW_PIXELS = 6, 128
+"""Cameras that haze is measured from, and the longer side of their pictures."""
+SEEN, SOLID = 0.5, 0.9
+"""Least part of new Gaussians in a pixel that tells, and least opacity of them alone there."""
+FEWEST = 20
+"""Pixels below which nothing is told."""
+LEAST, MOST = 0.95, 1.25
+"""Range of the factor: beyond it, something stands before them that is no haze."""
+
+
+def unveiled(
+    grown: Gaussians, new: Gaussians, cameras: Sequence[Camera], execution: Execution = AUTO
+) -> Gaussians:
+    """New Gaussians, the last of a grown scene, in colors that show as they are through what is
+    before them: a factor a channel, the mean over the cameras."""
+    marks = torch.arange(len(grown)) >= len(grown) - len(new)
+    shown, wanted, count = torch.zeros(3).double(), torch.zeros(3).double(), 0
+    for i in evenly_spaced(len(cameras), VIEWS):
+        camera = cameras[i].fitted(VIEW_PIXELS)
+        whole = render(grown, camera, marked=marks, execution=execution)
+        alone = render(new, camera, execution=execution)
+        assert whole.marked is not None
+        told = (whole.marked > SEEN) & (alone.alpha > SOLID)
+        color = (alone.color[told] / alone.alpha[told][:, None]).double()
+        part = whole.marked[told][:, None] * color
+        shown += part.sum(0)
+        wanted += (color - (whole.color[told] - part)).sum(0)
+        count += int(told.sum())
+    if count < FEWEST:
+        return new
+    gain = (wanted / shown.clamp_min(1e-9)).clamp(LEAST, MOST)
+    sh = new.sh.clone()
+    sh[:, 0] = color_to_sh(sh_to_color(sh[:, 0].double()) * gain).to(sh)
+    return replace(new, sh=sh)
+
 
 MOST_NEW = 100_000
 """Gaussians that are added at most."""
