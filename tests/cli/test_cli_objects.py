@@ -68,6 +68,14 @@ def test_a_removal_is_measured_compared_edited_further_and_undone(removed, scene
     assert not (again / "region_before.npy").exists()
 
 
+def test_a_scene_without_its_background_is_measured(scene, photos, region, tmp_path):
+    out = tmp_path / "alone"
+    words = ("edit", scene, "delete the background", "--data", photos, "--region", region)
+    answer(*words, "-o", out)
+    assert len(load(out / "scene.ply")) == 3
+    assert answer("metrics", out)["measured"]
+
+
 def test_names_follow_an_edit_and_each_step_of_a_sentence(scene, photos, tmp_path):
     means = load(scene).means.numpy()
     save_named(np.arange(5) == 1, means, scene, "Left_Leg-2")
