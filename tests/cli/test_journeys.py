@@ -139,6 +139,10 @@ def test_a_scene_is_drawn_and_shown(place, tmp_path):
     assert not np.array_equal(drawn["plain"], drawn["tinted"])
     assert (drawn["wiped"][:, 11:13] == 255).all()  # the line between the two
     assert (drawn["clear"][0, 0, 3], drawn["clear"][..., 3].max() > 200) == (0, True)
+
+
+def test_a_scene_without_cameras_is_drawn_and_shown_on_a_page(place, tmp_path):
+    scene = place / "room.ply"
     (place / "cameras.json").unlink()
     answer("render", scene, "--count", 2, "--size", 16, "-o", tmp_path / "found")
     assert names(tmp_path / "found") == {"view_000.png", "view_001.png"}
@@ -178,6 +182,11 @@ def test_photos_become_a_scene_that_is_edited_and_measured(place, tmp_path):
     assert (own["instruction"], own["settings"]["batches"]) == ("as bronze", 1)
     assert set(own) >= {"seed", "versions", "threads", "timings", "platform", "python"}
 
+    measure_and_go_on(out, scene, own, tmp_path)
+
+
+def measure_and_go_on(out, scene, own, tmp_path):
+    """The rest of that journey: what the edit measured is measured again, and it is edited."""
     measured = answer("metrics", out, "-o", tmp_path / "record.json")["measured"]
     assert json.loads((tmp_path / "record.json").read_text())["measured"] == measured
     assert measured["seconds"] == own["timings"]["total"]
