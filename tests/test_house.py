@@ -13,7 +13,7 @@ LONGEST_FUNCTION = 40
 """Lines, the docstring not counted."""
 MOST = {
     "product": (("gsedit", "cli", "rasterizer"), 80_080, 619),
-    "tests": (("tests",), 44043, 357),
+    "tests": (("tests",), 44_044, 357),
     "examples": (("examples",), 8_271, 75),
 }
 """Lines and files of Python of the whole house: whoever wants a line finds one to give. These

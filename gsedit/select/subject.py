@@ -7,7 +7,7 @@ cannot tell, as in a capture from one side, the saliency alone decides. `n` Gaus
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -93,11 +93,11 @@ def find_subject(
     """
     looked = _look(scene.detach(), tuple(cameras), execution, saliency)
     inside, note = _standing_out(looked, with_carrier=with_carrier)
-    weight = looked.lifted.weight
+    weight, every = looked.lifted.weight, everything(scene)
     if inside is None or weight[inside].sum() < LEAST_PIXELS * weight.sum():
-        return Region(everything(scene).inside, "auto: no subject stands out, so it is all", sure=0)
+        return replace(every, note="auto: no subject stands out, so it is all", sure=0.0)
     if weight[inside].sum() > ALONE * weight.sum() and looked.border < EMPTY:
-        return Region(everything(scene).inside, "auto: the subject, with nothing around it")
+        return replace(every, note="auto: the subject, with nothing around it")
     sure = float((looked.lifted.mean * weight)[inside].sum() / weight[inside].sum())
     return Region(within_silhouette(scene, looked.cameras, inside, execution), note, sure=sure)
 

@@ -16,8 +16,9 @@ from scipy.spatial import cKDTree
 from shared_data import DATA
 
 from gsedit import orbit
-from gsedit.formats.registry import USD, WRITABLE, open_scene, write_scene
+from gsedit.formats.registry import WRITABLE, open_scene, write_scene
 from gsedit.formats.streams import ReadOptions, SceneHeader, WriteOptions, in_blocks
+from gsedit.formats.table import USD
 from gsedit.measures.metrics import psnr
 from gsedit.scene.quaternions import rotations
 from gsedit.scene.table import SplatTable, gaussians_of
