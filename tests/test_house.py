@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[1]
 LONGEST_FUNCTION = 40
 """Lines, the docstring not counted."""
 MOST = {
-    "product": (("gsedit", "cli", "rasterizer"), 80_080, 619),
+    "product": (("gsedit", "cli", "rasterizer"), 80_079, 619),
     "tests": (("tests",), 44_044, 357),
     "examples": (("examples",), 8_271, 75),
 }

@@ -225,10 +225,8 @@ class Finder:
         # one view sees no backs: objects go on there, where they are what was drawn
         with suppress(UsageError):
             object_ = self.selector.mask(cameras[0], drawn[0])
-            if (
-                self._shows(object_, cameras[0], drawn[0])
-                >= self._shows(found, cameras[0], drawn[0]) - ALIKE
-            ):
+            own, given = (self._shows(r, cameras[0], drawn[0]) for r in (object_, found))
+            if own >= given - ALIKE:
                 return replace(object_, note=f"{path}: {object_.note}")
         return found
 

@@ -136,4 +136,5 @@ def _load(path: Path, modified_ns: int) -> U2Net:
     with torch.random.fork_rng():  # initial weights would take numbers from the global generator
         network = U2Net()
     network.load_state_dict(load_file(path))
-    return network.to(memory_format=torch.channels_last).eval().requires_grad_(False)
+    as_last = nn.utils.convert_conv2d_weight_memory_format
+    return as_last(network.eval().requires_grad_(False), torch.channels_last)
