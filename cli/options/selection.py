@@ -90,11 +90,8 @@ def parse_where(text: str, data: Path | None) -> Selection:
 def parse_region(text: str, data: Path | None) -> Selection:
     """Read what `--region` selects in the scene that the verb reads. Raises UsageError."""
     from gsedit.select.questions import check_region
-    from gsedit.select.short import expression_of
-    from gsedit.select.where import where
 
-    check_region(text)
-    return where(expression_of(text), view_functions(data))
+    return check_region(text, view_functions(data))
 
 
 def view_functions(data: Path | None) -> dict[str, Callable[..., Selection]]:

@@ -16,7 +16,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.cameras.around import FOUND_VIEWS, find_viewpoints
+from gsedit.cameras.around import find_viewpoints
 from gsedit.datasets.viewpoints import Viewpoint, view_named
 from gsedit.errors import UsageError
 from gsedit.formats.flags import read_flags
@@ -40,10 +40,6 @@ from gsedit.words.phrases import CARRIERS, IT, PRONOUNS, is_noun
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
-
-VIEW_PIXELS = 256
-"""Longer side of views that are found, pixels: clicks are counted in it."""
-
 
 ALIKE = 0.05
 """IoU by which the object under a mask may show it worse than the Gaussians in it do: on three
@@ -90,7 +86,7 @@ class Finder:
     @cached_property
     def viewpoints(self) -> tuple[Viewpoint, ...]:
         """The views in which the scene is looked at."""
-        return self._given or find_viewpoints(self.scene, FOUND_VIEWS, VIEW_PIXELS)
+        return self._given or find_viewpoints(self.scene)
 
     @property
     def cameras(self) -> list[Camera]:

@@ -5,7 +5,7 @@ Loads no torch: what they ask is answered by a `gsedit.select.finder.Finder` of 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
@@ -104,10 +104,15 @@ def _clicks(*told: str | float) -> list[tuple[str, float, float]]:
     return found
 
 
-def check_region(text: str) -> Selection:
-    """The rule of an expression or a short form, before any file is read. Raises UsageError."""
+def check_region(
+    text: str, functions: Mapping[str, Callable[..., Selection]] | None = None
+) -> Selection:
+    """The rule of an expression or a short form, before any file is read. Raises UsageError.
+
+    `functions` look at a scene; without them the rule is only checked, never asked.
+    """
     try:
-        return where(expression_of(text), questions(_unasked))
+        return where(expression_of(text), functions or questions(_unasked))
     except UsageError as error:
         if "(" in text or text.partition(":")[0] in NUMBERS:
             said = str(error)

@@ -9,9 +9,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.cameras.around import around
-from gsedit.datasets.dataset import Dataset, View
-from gsedit.datasets.viewpoints import Viewpoint
-from gsedit.editing.session.request import Request, split_views
+from gsedit.datasets.dataset import Dataset
+from gsedit.datasets.viewpoints import viewpoints_of
+from gsedit.editing.session.request import Request
 from gsedit.editor_protocol import Editor
 from gsedit.errors import UsageError
 from gsedit.runs.events import Event
@@ -34,7 +34,7 @@ def choose_region(request: Request, stopwatch: Stopwatch) -> Generator[Event, No
         whole = is_whole(request.editor, request.prompt)
         finder = Finder(
             request.scene,
-            viewpoints(request.every_view),
+            viewpoints_of(Dataset(request.every_view)),
             request.settings.region,
             execution=request.settings.execution,
             coarse=request.coarse,
@@ -61,22 +61,15 @@ def find_region(
     where the region is empty, or for a text that names no region; InputError for a file that does
     not fit.
     """
-    views, held_out = split_views(dataset or around(scene, execution=execution))
+    dataset = dataset or around(scene, execution=execution)
     whole = is_whole(editor, prompt) if prompt else False
-    found = _found(
-        Finder(scene, viewpoints((*views, *held_out)), region, execution=execution), whole
-    )
+    found = _found(Finder(scene, viewpoints_of(dataset), region, execution=execution), whole)
     if found is None:
         raise UsageError(
             f"what {prompt!r} is about is known only from its edited views: gsedit edit finds it, "
             "and writes region.npy; or name the part with --region"
         )
     return found
-
-
-def viewpoints(views: Sequence[View]) -> list[Viewpoint]:
-    """The cameras and lenses of views, with their names."""
-    return [Viewpoint(view.name, view.camera, view.lens) for view in views]
 
 
 def _found(finder: Finder, whole: bool | None) -> Region | None:
